@@ -1,0 +1,84 @@
+//! The one error type of the crate. Every message is a single line that says what, where and what to do.
+
+use std::path::{Path, PathBuf};
+
+/// Shorthand for results of this crate.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// Everything that can go wrong, by who can mend it.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A file or folder is not what it should be: the user can mend the input.
+    #[error("{}: {what}", path.display())]
+    Input {
+        /// The offending file or folder.
+        path: PathBuf,
+        /// What is wrong, at which place in the file, and what to do about it, in one line.
+        what: String,
+    },
+    /// A request makes no sense as asked (an inverted box, zero views, no point in sight of the region).
+    #[error("{0}")]
+    Request(String),
+    /// The file system refused.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder that was read or written.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// No usable Vulkan device, or not the one asked for.
+    #[error("{0}")]
+    NoDevice(String),
+    /// A plan or a buffer does not fit the device.
+    #[error("{what} needs {wanted} bytes of device memory and {available} are free; {remedy}")]
+    OutOfMemory {
+        /// What was to be allocated.
+        what: String,
+        /// Bytes wanted.
+        wanted: u64,
+        /// Bytes there are.
+        available: u64,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// The device was lost while running a stage.
+    #[error("the device was lost; the last stage that started was `{stage}`")]
+    DeviceLost {
+        /// The stage's name, as in `--profile`.
+        stage: String,
+    },
+    /// A Vulkan call failed in a way that none of the above explains.
+    #[error("Vulkan: {what}: {code:?}")]
+    Vulkan {
+        /// The call.
+        what: &'static str,
+        /// What the driver returned.
+        code: ash::vk::Result,
+    },
+}
+
+impl Error {
+    /// An [`Error::Input`] for `path`.
+    pub fn input(path: impl AsRef<Path>, what: impl Into<String>) -> Self {
+        Self::Input { path: path.as_ref().to_path_buf(), what: what.into() }
+    }
+
+    /// An [`Error::Io`] for `path`.
+    pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
+        Self::Io { path: path.as_ref().to_path_buf(), source }
+    }
+
+    /// An [`Error::Request`].
+    pub fn request(what: impl Into<String>) -> Self {
+        Self::Request(what.into())
+    }
+
+    /// Process exit code: 2 where the user's input or request is at fault, 1 otherwise.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::DeviceLost { .. } | Self::Vulkan { .. } => 1,
+            _ => 2,
+        }
+    }
+}

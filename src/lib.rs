@@ -1,0 +1,22 @@
+//! camsplat answers one question: where should the cameras stand?
+//!
+//! Given a rough surface of an object or a room, it places N cameras at once by gradient descent, so that a radiance
+//! field trained on their photos is as good as it can be. Cameras are Gaussians ("camera splats"), points on the surface
+//! look back at them ("point cameras"), and the picture they see must come out evenly bright.
+//!
+//! The layers look down only: [`cli`] and [`report`] sit on [`plan`], which sits on [`metrics`], [`visibility`] and
+//! [`scene`], then [`io`], [`primitives`] and [`vulkan`].
+
+pub mod error;
+pub mod io;
+pub mod metrics;
+pub mod plan;
+pub mod primitives;
+pub mod report;
+pub mod scene;
+pub mod visibility;
+pub mod vulkan;
+
+pub mod cli;
+
+pub use error::{Error, Result};

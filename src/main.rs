@@ -1,0 +1,5 @@
+//! The `camsplat` command.
+
+fn main() -> std::process::ExitCode {
+    camsplat::cli::main()
+}

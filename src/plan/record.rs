@@ -1,0 +1,106 @@
+//! What a plan leaves behind: the contents of `plan.json`, from which the report is drawn as well.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::metrics::Metrics;
+use crate::scene::camera::Camera;
+use crate::scene::region::Region;
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// All iterations ran.
+    Complete,
+    /// The user stopped the run; the plan is that of the last finished iteration.
+    Interrupted,
+}
+
+/// The surface that was planned for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SurfaceRecord {
+    /// Path as the user gave it.
+    pub path: String,
+    /// "mesh", "points", ...
+    pub kind: String,
+    /// Triangles or discs that block rays.
+    pub primitives: usize,
+    /// Lowest corner of the bounds.
+    pub min: DVec3,
+    /// Highest corner of the bounds.
+    pub max: DVec3,
+}
+
+/// One iteration of the optimiser.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct IterationRecord {
+    /// Iteration, from 0.
+    pub iteration: u32,
+    /// Weighted sum of all terms.
+    pub loss: f32,
+    /// Image (or nearest-view) term.
+    pub image: f32,
+    /// Coverage regulariser, unweighted.
+    pub reg: f32,
+    /// Region term, unweighted.
+    pub bound: f32,
+    /// Scale of the splats.
+    pub scale: f32,
+}
+
+/// Held-out metrics at an iteration.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CheckpointRecord {
+    /// Iterations done.
+    pub iteration: u32,
+    /// Metrics over the held-out points.
+    pub metrics: Metrics,
+    /// Mean Voronoi cell area (steradians) over the third of seen points with the lowest score; absent where all
+    /// scores are equal.
+    pub voronoi_low_vds: Option<f64>,
+    /// The same over the third with the highest score.
+    pub voronoi_high_vds: Option<f64>,
+}
+
+/// A control: another way to place the same number of cameras, scored on the same points.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ControlRecord {
+    /// "random", "fibonacci", ...
+    pub name: String,
+    /// Its metrics.
+    pub metrics: Metrics,
+}
+
+/// Everything about a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanRecord {
+    /// Version of camsplat that made the plan.
+    pub version: String,
+    /// How the run ended.
+    pub status: Status,
+    /// The surface.
+    pub surface: SurfaceRecord,
+    /// Device name and driver.
+    pub device: String,
+    /// Seed of every random number.
+    pub seed: u64,
+    /// The planner's configuration, as it ran.
+    pub config: serde_json::Value,
+    /// Where cameras may stand.
+    pub region: Region,
+    /// The planned cameras, then the kept ones.
+    pub cameras: Vec<Camera>,
+    /// How many of `cameras`, at the end of the list, were kept from before.
+    pub kept: usize,
+    /// Loss by iteration.
+    pub history: Vec<IterationRecord>,
+    /// Held-out metrics by iteration.
+    pub checkpoints: Vec<CheckpointRecord>,
+    /// Held-out metrics of the plan.
+    pub metrics: Metrics,
+    /// Controls on the same points.
+    pub controls: Vec<ControlRecord>,
+    /// Wall time of the optimisation, seconds.
+    pub seconds: f64,
+}

@@ -1,0 +1,84 @@
+//! Cameras: a pose (world-from-camera, OpenCV axes) and pinhole intrinsics.
+
+use glam::{DMat3, DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// Pinhole intrinsics in pixels; pixel (0, 0) is the top-left corner of the image, so its centre is (0.5, 0.5).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Intrinsics {
+    /// Image width in pixels.
+    pub width: u32,
+    /// Image height in pixels.
+    pub height: u32,
+    /// Focal lengths in pixels (x, y).
+    pub focal: [f64; 2],
+    /// Principal point in pixels (x, y).
+    pub principal: [f64; 2],
+}
+
+impl Intrinsics {
+    /// Square pixels and a centred principal point, from the image size and the horizontal field of view in radians.
+    pub fn from_fov(width: u32, height: u32, fov_x: f64) -> Self {
+        let f = 0.5 * width as f64 / (0.5 * fov_x).tan();
+        Self { width, height, focal: [f, f], principal: [0.5 * width as f64, 0.5 * height as f64] }
+    }
+
+    /// Full horizontal and vertical fields of view in radians.
+    pub fn fov(&self) -> [f64; 2] {
+        let full = |size: u32, f: f64, c: f64| (c / f).atan() + ((size as f64 - c) / f).atan();
+        [
+            full(self.width, self.focal[0], self.principal[0]),
+            full(self.height, self.focal[1], self.principal[1]),
+        ]
+    }
+
+    /// Full angle in radians of the widest cone about the optical axis that lies inside the image.
+    pub fn inscribed_cone(&self) -> f64 {
+        let [fx, fy] = self.focal;
+        let [cx, cy] = self.principal;
+        let half = [cx / fx, (self.width as f64 - cx) / fx, cy / fy, (self.height as f64 - cy) / fy];
+        2.0 * half.into_iter().fold(f64::INFINITY, f64::min).max(0.0).atan()
+    }
+}
+
+/// A pose, world-from-camera: `x_world = rotation * x_camera + position`, camera axes X right, Y down, Z forward.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Pose {
+    /// Camera centre in the world.
+    pub position: DVec3,
+    /// World-from-camera rotation, unit length.
+    pub rotation: DQuat,
+}
+
+impl Pose {
+    /// The pose at `position` that looks along `direction` with the image's up as close to `up` as it can be.
+    /// Where the two are parallel, an arbitrary but fixed roll is taken.
+    pub fn looking(position: DVec3, direction: DVec3, up: DVec3) -> Self {
+        let z = direction.normalize();
+        let side = z.cross(up);
+        let x = if side.length_squared() > 1e-12 { side.normalize() } else { z.any_orthonormal_vector() };
+        let y = z.cross(x);
+        Self { position, rotation: DQuat::from_mat3(&DMat3::from_cols(x, y, z)).normalize() }
+    }
+
+    /// Unit viewing direction in the world.
+    pub fn forward(&self) -> DVec3 {
+        self.rotation * DVec3::Z
+    }
+
+    /// Unit direction of the image's up in the world.
+    pub fn up(&self) -> DVec3 {
+        self.rotation * DVec3::NEG_Y
+    }
+}
+
+/// A camera: pose, intrinsics and a name (the image's file name where it has one).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Camera {
+    /// Name, unique in its set.
+    pub name: String,
+    /// Where it stands and looks.
+    pub pose: Pose,
+    /// How it maps directions to pixels.
+    pub intrinsics: Intrinsics,
+}

@@ -1,0 +1,55 @@
+//! A surface as a file holds it, before anything is derived from it.
+
+use glam::DVec3;
+
+/// A surface read from a file, in the file's own frame and units.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Surface {
+    /// Triangles.
+    Mesh(Mesh),
+    /// Points without connectivity: a scan, a sparse model, the centres of a trained splat.
+    Points(Points),
+}
+
+/// Triangles with optional attributes per vertex.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Vertex positions.
+    pub positions: Vec<DVec3>,
+    /// Vertex indices of each triangle, counter-clockwise from outside; always within `positions`.
+    pub triangles: Vec<[u32; 3]>,
+    /// Colour per triangle, 8-bit sRGB; empty, or as long as `triangles`.
+    pub colours: Vec<[u8; 3]>,
+    /// View dependency score per vertex in [1, 2]; empty, or as long as `positions`.
+    pub scores: Vec<f32>,
+}
+
+/// Points with optional attributes; each attribute is empty or as long as `positions`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Points {
+    /// Positions.
+    pub positions: Vec<DVec3>,
+    /// Unit normals (zero where a file gives none for that point).
+    pub normals: Vec<DVec3>,
+    /// Radius of the disc that stands for the point, in the file's units.
+    pub radii: Vec<f32>,
+    /// 8-bit sRGB colours.
+    pub colours: Vec<[u8; 3]>,
+    /// View dependency scores in [1, 2].
+    pub scores: Vec<f32>,
+    /// Whether the normals' sign can be trusted (from a scan with normals or a reconstruction's cameras, not from the
+    /// shape of a splat).
+    pub oriented: bool,
+    /// Mean direction from each point to the cameras that saw it (unit length, zero where unknown).
+    pub toward_cameras: Vec<DVec3>,
+}
+
+impl Surface {
+    /// Number of points, or of vertices.
+    pub fn positions(&self) -> &[DVec3] {
+        match self {
+            Self::Mesh(mesh) => &mesh.positions,
+            Self::Points(points) => &points.positions,
+        }
+    }
+}
