@@ -1,1 +1,1 @@
-//! TBD
+//! Files: parse, validate, write.

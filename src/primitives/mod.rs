@@ -1,1 +1,1 @@
-//! TBD
+//! Parallel primitives: scan, radix sort, reduce. Nothing here knows of splats.

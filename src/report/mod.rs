@@ -1,1 +1,1 @@
-//! TBD
+//! The report: one self-contained page per plan.

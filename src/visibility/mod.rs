@@ -1,1 +1,1 @@
-//! TBD
+//! Who sees what: ray casting against the proxy.

@@ -1,1 +1,22 @@
-//! TBD
+//! The Vulkan layer: context, memory, stages, commands, timestamps, capture. All of the crate's `unsafe` is here.
+//!
+//! A stage is one compute shader and one host declaration of the same name ([`stage`]); the build holds the two against
+//! each other. A [`recorder::Recorder`] writes stages into a command buffer, its own or a host application's, and is the
+//! one place where barriers are inserted.
+
+pub mod buffer;
+pub mod capture;
+pub mod context;
+pub mod host;
+pub mod instance;
+pub mod physical;
+pub mod pipeline;
+pub mod profile;
+pub mod recorder;
+pub mod shaders;
+pub mod stage;
+
+pub use buffer::Buffer;
+pub use context::{Context, Options};
+pub use pipeline::Pipeline;
+pub use recorder::Recorder;

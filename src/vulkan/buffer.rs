@@ -1,0 +1,195 @@
+//! Buffers: named, sized, allocated once; uploads and downloads through a staging buffer.
+
+use std::ffi::CString;
+use std::sync::Arc;
+
+use ash::vk;
+use bytemuck::{AnyBitPattern, NoUninit};
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+
+use super::context::{Context, lock};
+use super::recorder::Recorder;
+use crate::{Error, Result};
+
+/// A storage buffer on the device.
+pub struct Buffer {
+    pub(super) raw: vk::Buffer,
+    allocation: Option<Allocation>,
+    size: u64,
+    name: String,
+    context: Arc<Context>,
+}
+
+impl Buffer {
+    /// A buffer of `size` bytes in device memory, contents undefined.
+    ///
+    /// # Errors
+    /// Where the device has not that much memory left, or no shader could see so large a buffer.
+    pub fn device(context: &Arc<Context>, name: &str, size: u64) -> Result<Self> {
+        Self::new(context, name, size, MemoryLocation::GpuOnly)
+    }
+
+    /// A buffer of `size` bytes that the host can read and write while the device does.
+    ///
+    /// # Errors
+    /// As for [`Buffer::device`].
+    pub fn host(context: &Arc<Context>, name: &str, size: u64) -> Result<Self> {
+        Self::new(context, name, size, MemoryLocation::GpuToCpu)
+    }
+
+    /// A device buffer that holds `data`.
+    ///
+    /// # Errors
+    /// As for [`Buffer::device`].
+    pub fn from_slice<T: NoUninit>(context: &Arc<Context>, name: &str, data: &[T]) -> Result<Self> {
+        let buffer = Self::device(context, name, size_of_val(data) as u64)?;
+        buffer.upload(data)?;
+        Ok(buffer)
+    }
+
+    fn new(context: &Arc<Context>, name: &str, size: u64, location: MemoryLocation) -> Result<Self> {
+        // Vulkan has no empty buffers; a stage that sees none of its elements may still be bound to one.
+        let size = size.max(16);
+        let physical = context.physical();
+        let limit = physical.storage_range.min(physical.allocation);
+        let out_of_memory = |available| Error::OutOfMemory {
+            what: format!("the buffer `{name}`"),
+            wanted: size,
+            available,
+            remedy: "plan fewer views or probes, or take a larger device".into(),
+        };
+        if size > limit {
+            return Err(out_of_memory(limit));
+        }
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_SRC
+            | vk::BufferUsageFlags::TRANSFER_DST
+            | vk::BufferUsageFlags::INDIRECT_BUFFER;
+        let info = vk::BufferCreateInfo::default().size(size).usage(usage);
+        // SAFETY: `info` is valid for this device, whose limits were checked above.
+        let raw = unsafe { context.device.create_buffer(&info, None) }
+            .map_err(|code| context.failure("vkCreateBuffer", code))?;
+        // SAFETY: `raw` is live.
+        let requirements = unsafe { context.device.get_buffer_memory_requirements(raw) };
+        let allocated = lock(&context.allocator).allocate(&AllocationCreateDesc {
+            name,
+            requirements,
+            location,
+            linear: true,
+            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+        });
+        let allocation = match allocated {
+            Ok(allocation) => allocation,
+            Err(_) => {
+                // SAFETY: nothing uses the buffer yet.
+                unsafe { context.device.destroy_buffer(raw, None) };
+                return Err(out_of_memory(context.memory_available()));
+            }
+        };
+        let buffer = Self { raw, allocation: Some(allocation), size, name: name.to_owned(), context: context.clone() };
+        if let Some(allocation) = &buffer.allocation {
+            // SAFETY: the allocation was made for this buffer's requirements and is bound once. On failure dropping
+            // `buffer` frees both.
+            unsafe { context.device.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) }
+                .map_err(|code| context.failure("vkBindBufferMemory", code))?;
+        }
+        if let Ok(label) = CString::new(name) {
+            context.name(raw, &label);
+        }
+        Ok(buffer)
+    }
+
+    /// Size in bytes.
+    pub fn size(&self) -> u64 {
+        self.size
+    }
+
+    /// Name, as capture tools show it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub(super) fn handle(&self) -> vk::Buffer {
+        self.raw
+    }
+
+    /// The bytes of a host buffer (empty for a device buffer). What the device has written is there once the
+    /// submission that wrote it has been waited for.
+    pub fn mapped(&self) -> &[u8] {
+        let bytes = self.allocation.as_ref().and_then(Allocation::mapped_slice).unwrap_or_default();
+        &bytes[..bytes.len().min(self.size as usize)]
+    }
+
+    /// Reads one `u32` of a host buffer while the device may be writing it; `None` outside the buffer.
+    pub fn peek(&self, index: usize) -> Option<u32> {
+        let pointer = self.word(index)?;
+        // SAFETY: `word` points at an aligned word of this buffer's mapping.
+        Some(unsafe { pointer.read_volatile() })
+    }
+
+    /// Writes one `u32` of a host buffer while the device may be reading it; does nothing outside the buffer.
+    pub fn poke(&self, index: usize, value: u32) {
+        if let Some(pointer) = self.word(index) {
+            // SAFETY: as in `peek`.
+            unsafe { pointer.write_volatile(value) };
+        }
+    }
+
+    fn word(&self, index: usize) -> Option<*mut u32> {
+        let pointer = self.allocation.as_ref()?.mapped_ptr()?.as_ptr().cast::<u32>();
+        // SAFETY: the word lies inside the mapping, whose size is at least `self.size`.
+        ((index as u64 + 1) * 4 <= self.size).then(|| unsafe { pointer.add(index) })
+    }
+
+    /// Copies `data` to the start of the buffer and waits for it.
+    ///
+    /// # Errors
+    /// Where `data` is larger than the buffer, or the device fails.
+    pub fn upload<T: NoUninit>(&self, data: &[T]) -> Result<()> {
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        if bytes.len() as u64 > self.size {
+            return Err(Error::Request(format!("{} bytes do not fit the buffer `{}`", bytes.len(), self.name)));
+        }
+        if bytes.is_empty() {
+            return Ok(());
+        }
+        let mut staging = Self::new(&self.context, "staging", bytes.len() as u64, MemoryLocation::CpuToGpu)?;
+        if let Some(target) = staging.allocation.as_mut().and_then(Allocation::mapped_slice_mut) {
+            target[..bytes.len()].copy_from_slice(bytes);
+        }
+        let mut commands = Recorder::new(&self.context)?;
+        commands.copy(&staging, self, bytes.len() as u64);
+        commands.submit_and_wait()
+    }
+
+    /// Copies the first `count` elements back and waits for them.
+    ///
+    /// # Errors
+    /// Where the buffer holds fewer elements, or the device fails.
+    pub fn download<T: AnyBitPattern + NoUninit>(&self, count: usize) -> Result<Vec<T>> {
+        let bytes = (count * size_of::<T>()) as u64;
+        if bytes > self.size {
+            return Err(Error::Request(format!("{bytes} bytes are more than the buffer `{}` holds", self.name)));
+        }
+        if count == 0 {
+            return Ok(Vec::new());
+        }
+        let staging = Self::new(&self.context, "staging", bytes, MemoryLocation::GpuToCpu)?;
+        let mut commands = Recorder::new(&self.context)?;
+        commands.copy(self, &staging, bytes);
+        commands.submit_and_wait()?;
+        Ok(bytemuck::pod_collect_to_vec(&staging.mapped()[..bytes as usize]))
+    }
+}
+
+impl Drop for Buffer {
+    fn drop(&mut self) {
+        // SAFETY: recorders wait for their submissions before they let go of the buffers that they use.
+        unsafe { self.context.device.destroy_buffer(self.raw, None) };
+        if let Some(allocation) = self.allocation.take() {
+            // A failure to free cannot be acted on in a destructor; the device's memory goes with the context.
+            let _ = lock(&self.context.allocator).free(allocation);
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! The context: one device and one queue, our own or a host application's.
+
+use std::mem::ManuallyDrop;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use ash::vk;
+use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+
+use super::instance::Instance;
+use super::physical::Physical;
+use crate::{Error, Result};
+
+/// How to make a context.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Index or part of the name of the device; the best one where absent.
+    pub device: Option<String>,
+    /// Run the validation layers (core and synchronisation); their messages are collected, see [`Context::messages`].
+    pub validation: bool,
+    /// Wait after every stage, so that a lost device names the stage that lost it.
+    pub debug_sync: bool,
+}
+
+/// A device, its compute queue and its memory. Shared by everything that lives on the device.
+pub struct Context {
+    pub(super) device: ash::Device,
+    pub(super) allocator: ManuallyDrop<Mutex<Allocator>>,
+    pub(super) push_descriptor: ash::khr::push_descriptor::Device,
+    pub(super) debug_utils: Option<ash::ext::debug_utils::Device>,
+    pub(super) checkpoints: Option<ash::nv::device_diagnostic_checkpoints::Device>,
+    pub(super) command_pool: Mutex<vk::CommandPool>,
+    pub(super) debug_sync: bool,
+    queue: vk::Queue,
+    queue_lock: Arc<Mutex<()>>,
+    physical: Physical,
+    owned: bool,
+    instance: Instance,
+}
+
+/// What [`Context::adopt`](super::host) and [`Context::new`] have in common.
+pub(super) struct Parts {
+    pub instance: Instance,
+    pub physical: Physical,
+    pub device: ash::Device,
+    pub queue: vk::Queue,
+    pub queue_lock: Arc<Mutex<()>>,
+    pub checkpoints: bool,
+    pub debug_sync: bool,
+    pub owned: bool,
+}
+
+impl Context {
+    /// Makes an instance and a device of our own.
+    ///
+    /// # Errors
+    /// No loader, no driver, no such device, or a device that lacks what the engine needs.
+    pub fn new(options: &Options) -> Result<Arc<Self>> {
+        let instance = Instance::new(options.validation)?;
+        let physical = Physical::choose(&instance, options.device.as_deref())?;
+        let queue_info =
+            [vk::DeviceQueueCreateInfo::default().queue_family_index(physical.queue_family).queue_priorities(&[1.0])];
+        let mut extensions = vec![ash::khr::push_descriptor::NAME.as_ptr()];
+        if physical.checkpoints {
+            extensions.push(ash::nv::device_diagnostic_checkpoints::NAME.as_ptr());
+        }
+        if physical.memory_budget {
+            extensions.push(ash::ext::memory_budget::NAME.as_ptr());
+        }
+        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queue_info).enabled_extension_names(&extensions);
+        // SAFETY: the physical device belongs to this instance and lists every extension that is enabled.
+        let device = unsafe { instance.raw.create_device(physical.raw, &info, None) }
+            .map_err(|code| Error::Vulkan { what: "vkCreateDevice", code })?;
+        // SAFETY: the device was made with one queue of this family.
+        let queue = unsafe { device.get_device_queue(physical.queue_family, 0) };
+        let checkpoints = physical.checkpoints;
+        Self::assemble(Parts {
+            instance,
+            physical,
+            device,
+            queue,
+            queue_lock: Arc::default(),
+            checkpoints,
+            debug_sync: options.debug_sync,
+            owned: true,
+        })
+    }
+
+    pub(super) fn assemble(parts: Parts) -> Result<Arc<Self>> {
+        let Parts { instance, physical, device, queue, queue_lock, checkpoints, debug_sync, owned } = parts;
+        let mut debug_settings = gpu_allocator::AllocatorDebugSettings::default();
+        debug_settings.log_leaks_on_shutdown = false;
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: instance.raw.clone(),
+            device: device.clone(),
+            physical_device: physical.raw,
+            debug_settings,
+            buffer_device_address: false,
+            allocation_sizes: gpu_allocator::AllocationSizes::default(),
+        })
+        .map_err(|e| Error::NoDevice(format!("{}: {e}", physical.name)))?;
+        let pool_info = vk::CommandPoolCreateInfo::default()
+            .queue_family_index(physical.queue_family)
+            .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
+        // SAFETY: the device is live and has this queue family.
+        let pool = unsafe { device.create_command_pool(&pool_info, None) }
+            .map_err(|code| Error::Vulkan { what: "vkCreateCommandPool", code })?;
+        Ok(Arc::new(Self {
+            allocator: ManuallyDrop::new(Mutex::new(allocator)),
+            push_descriptor: ash::khr::push_descriptor::Device::new(&instance.raw, &device),
+            debug_utils: instance.debug_utils.then(|| ash::ext::debug_utils::Device::new(&instance.raw, &device)),
+            checkpoints: checkpoints
+                .then(|| ash::nv::device_diagnostic_checkpoints::Device::new(&instance.raw, &device)),
+            command_pool: Mutex::new(pool),
+            debug_sync,
+            queue,
+            queue_lock,
+            physical,
+            owned,
+            device,
+            instance,
+        }))
+    }
+
+    /// What the device is and can do.
+    pub fn physical(&self) -> &Physical {
+        &self.physical
+    }
+
+    /// Messages of the validation layers so far. Empty where they are off, and must be empty where they are on.
+    pub fn messages(&self) -> Vec<String> {
+        lock(&self.instance.messages).clone()
+    }
+
+    /// Bytes of device memory that can still be taken.
+    pub fn memory_available(&self) -> u64 {
+        if !self.physical.memory_budget {
+            return self.physical.heap;
+        }
+        let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+        let mut memory = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut budget);
+        // SAFETY: the device lists the memory-budget extension, whose struct is chained.
+        unsafe { self.instance.raw.get_physical_device_memory_properties2(self.physical.raw, &mut memory) };
+        let heaps = memory.memory_properties;
+        let free = |i: usize| budget.heap_budget[i].saturating_sub(budget.heap_usage[i]);
+        (0..heaps.memory_heap_count as usize)
+            .filter(|&i| heaps.memory_heaps[i].flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))
+            .map(free)
+            .max()
+            .unwrap_or(self.physical.heap)
+    }
+
+    /// Submits command buffers and signals `fence` when they have run. An adopted queue is locked for the call.
+    pub(super) fn submit(&self, commands: &[vk::CommandBuffer], fence: vk::Fence) -> Result<()> {
+        let submit = [vk::SubmitInfo::default().command_buffers(commands)];
+        let _guard = lock(&self.queue_lock);
+        // SAFETY: the command buffers are recorded and of this device; the lock makes the queue ours for the call.
+        unsafe { self.device.queue_submit(self.queue, &submit, fence) }
+            .map_err(|code| self.failure("vkQueueSubmit", code))
+    }
+
+    /// The error for a failed call; a lost device names the last stage that started, where the driver can tell.
+    pub(super) fn failure(&self, what: &'static str, code: vk::Result) -> Error {
+        match code {
+            vk::Result::ERROR_DEVICE_LOST => Error::DeviceLost { stage: self.last_checkpoint() },
+            code => Error::Vulkan { what, code },
+        }
+    }
+
+    fn last_checkpoint(&self) -> String {
+        let Some(functions) = &self.checkpoints else {
+            return "unknown; run again with --debug-sync".into();
+        };
+        // SAFETY: the extension is enabled; every marker set by the recorder points at a stage's static label.
+        unsafe {
+            let count = functions.get_queue_checkpoint_data_len(self.queue);
+            let mut data = vec![vk::CheckpointDataNV::default(); count];
+            functions.get_queue_checkpoint_data(self.queue, &mut data);
+            let top = data.iter().find(|entry| entry.stage == vk::PipelineStageFlags::TOP_OF_PIPE);
+            match top.or(data.first()) {
+                Some(entry) if !entry.p_checkpoint_marker.is_null() => {
+                    std::ffi::CStr::from_ptr(entry.p_checkpoint_marker.cast()).to_string_lossy().into_owned()
+                }
+                _ => "unknown".into(),
+            }
+        }
+    }
+
+    pub(super) fn name<T: vk::Handle>(&self, handle: T, name: &std::ffi::CStr) {
+        if let Some(functions) = &self.debug_utils {
+            let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(name);
+            // SAFETY: the handle is live and of this device. A name that could not be set is not worth an error.
+            let _ = unsafe { functions.set_debug_utils_object_name(&info) };
+        }
+    }
+}
+
+/// Locks a mutex; what it guards stays valid whatever a panicking thread did.
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Drop for Context {
+    fn drop(&mut self) {
+        // SAFETY: buffers, pipelines and recorders hold an `Arc` of this context, so none is left; each waited for its
+        // own work. The allocator goes before the device, the device before the instance (the last field).
+        unsafe {
+            self.device.destroy_command_pool(*lock(&self.command_pool), None);
+            ManuallyDrop::drop(&mut self.allocator);
+            if self.owned {
+                self.device.destroy_device(None);
+            }
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! A compute pipeline made from a stage.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::context::Context;
+use super::stage::Stage;
+use crate::Result;
+
+/// A stage, compiled for a device.
+pub struct Pipeline {
+    pub(super) raw: vk::Pipeline,
+    pub(super) layout: vk::PipelineLayout,
+    pub(super) stage: &'static Stage,
+    set_layout: vk::DescriptorSetLayout,
+    module: vk::ShaderModule,
+    context: Arc<Context>,
+}
+
+impl Pipeline {
+    /// Compiles `stage` with its specialisation constants 0, 1, ... set to `constants`.
+    ///
+    /// # Errors
+    /// Where the driver refuses.
+    pub fn new(context: &Arc<Context>, stage: &'static Stage, constants: &[u32]) -> Result<Self> {
+        let mut pipeline = Self {
+            raw: vk::Pipeline::null(),
+            layout: vk::PipelineLayout::null(),
+            stage,
+            set_layout: vk::DescriptorSetLayout::null(),
+            module: vk::ShaderModule::null(),
+            context: context.clone(),
+        };
+        let failure = |what| move |code| context.failure(what, code);
+        let bindings: Vec<_> = (0..stage.bindings.len() as u32)
+            .map(|slot| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(slot)
+                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .descriptor_count(1)
+                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            })
+            .collect();
+        let set_info = vk::DescriptorSetLayoutCreateInfo::default()
+            .flags(vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR)
+            .bindings(&bindings);
+        // SAFETY: all create infos are valid for the device and outlive the calls; what was made before a failure is
+        // destroyed when `pipeline` is dropped.
+        unsafe {
+            let device = &context.device;
+            pipeline.set_layout =
+                device.create_descriptor_set_layout(&set_info, None).map_err(failure("vkCreateDescriptorSetLayout"))?;
+            let sets = [pipeline.set_layout];
+            let push =
+                [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(stage.push_size)];
+            let mut layout_info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
+            if stage.push_size > 0 {
+                layout_info = layout_info.push_constant_ranges(&push);
+            }
+            pipeline.layout =
+                device.create_pipeline_layout(&layout_info, None).map_err(failure("vkCreatePipelineLayout"))?;
+            let code: Vec<u32> = bytemuck::pod_collect_to_vec(stage.code);
+            let module_info = vk::ShaderModuleCreateInfo::default().code(&code);
+            pipeline.module =
+                device.create_shader_module(&module_info, None).map_err(failure("vkCreateShaderModule"))?;
+            let entries: Vec<_> = (0..constants.len() as u32)
+                .map(|id| vk::SpecializationMapEntry::default().constant_id(id).offset(4 * id).size(4))
+                .collect();
+            let special = vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
+            let shader = vk::PipelineShaderStageCreateInfo::default()
+                .stage(vk::ShaderStageFlags::COMPUTE)
+                .module(pipeline.module)
+                .name(c"main")
+                .specialization_info(&special);
+            let info = [vk::ComputePipelineCreateInfo::default().stage(shader).layout(pipeline.layout)];
+            let made = device.create_compute_pipelines(vk::PipelineCache::null(), &info, None);
+            pipeline.raw = made.map_err(|(_, code)| context.failure("vkCreateComputePipelines", code))?[0];
+        }
+        context.name(pipeline.raw, stage.label);
+        Ok(pipeline)
+    }
+
+    /// The stage that this was made from.
+    pub fn stage(&self) -> &'static Stage {
+        self.stage
+    }
+}
+
+impl Drop for Pipeline {
+    fn drop(&mut self) {
+        // SAFETY: recorders wait for their submissions; destroying a null handle does nothing.
+        unsafe {
+            let device = &self.context.device;
+            device.destroy_pipeline(self.raw, None);
+            device.destroy_shader_module(self.module, None);
+            device.destroy_pipeline_layout(self.layout, None);
+            device.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}
