@@ -1,6 +1,6 @@
 // Plots as inline SVG: they print, scale, and take their colours from the style sheet in either colour scheme.
 
-const WIDTH = 520, HEIGHT = 250;
+const HEIGHT = 240;
 const MARGIN = { left: 58, right: 14, top: 10, bottom: 42 };
 
 function drawCharts(plan) {
@@ -18,14 +18,14 @@ function drawCharts(plan) {
 
   const percent = (values) => values.map((v) => (v === null ? null : 100 * v));
   lineChart("chart-coverage", checkpoints.iteration, [
-    line("reachable at all", percent(checkpoints.reachable), 4, "dashed"),
-    line("three views or more", percent(checkpoints.coverage_3), 2),
-    line("one view or more", percent(checkpoints.coverage_1), 1),
+    line("reachable", percent(checkpoints.reachable), 4, "dashed"),
+    line("≥ 3 views", percent(checkpoints.coverage_3), 2),
+    line("≥ 1 view", percent(checkpoints.coverage_1), 1),
   ], { y: "points (%)", top: 100 });
   lineChart("chart-gap", checkpoints.iteration, [line("mean gap", checkpoints.gap, 1)], { y: "gap (degrees)" });
   const byScore = [
-    line("low-score third", checkpoints.voronoi_low, 2),
-    line("high-score third", checkpoints.voronoi_high, 1),
+    line("low scores", checkpoints.voronoi_low, 2),
+    line("high scores", checkpoints.voronoi_high, 1),
   ];
   const voronoi = byScore.every((s) => s.y.some((v) => v !== null)) ? byScore : [line("all points", checkpoints.voronoi, 1)];
   lineChart("chart-voronoi", checkpoints.iteration, voronoi, { y: "area (steradians)" });
@@ -70,7 +70,7 @@ function format(value) {
   if (value === null || !Number.isFinite(value)) return "–";
   if (value === 0) return "0";
   const size = Math.abs(value);
-  return size >= 1e5 || size < 1e-3 ? value.toExponential(1).replace("e+", "e") : String(Number(value.toPrecision(4)));
+  return size >= 1e5 || size < 0.01 ? value.toExponential(1).replace(".0", "").replace("e+", "e") : String(Number(value.toPrecision(4)));
 }
 
 /* ---- drawing ---- */
@@ -94,10 +94,16 @@ function html(name, className, text, parent) {
   return node;
 }
 
+/** Width to draw at: that of the figure, so that text is as large as it should be. */
+function innerWidth(figure) {
+  const style = getComputedStyle(figure);
+  return Math.max(240, figure.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight));
+}
+
 /** An SVG with axes. `x` and `y` map values to the picture; returns it with the place to draw in. */
-function frame(figure, x, y, xTicks, yTicks, names, description) {
-  const svg = element("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": description });
-  const right = WIDTH - MARGIN.right, bottom = HEIGHT - MARGIN.bottom;
+function frame(figure, width, x, y, xTicks, yTicks, names, description) {
+  const svg = element("svg", { viewBox: `0 0 ${width} ${HEIGHT}`, role: "img", "aria-label": description });
+  const right = width - MARGIN.right, bottom = HEIGHT - MARGIN.bottom;
   for (const tick of yTicks) {
     element("line", { class: "grid", x1: MARGIN.left, x2: right, y1: y(tick), y2: y(tick) }, svg);
     label(svg, format(tick), { x: MARGIN.left - 8, y: y(tick) + 4, "text-anchor": "end" });
@@ -135,7 +141,8 @@ function lineChart(id, iterations, series, { y: yName, log = false, top = Infini
     high = high <= top ? Math.min(top, high + air) : high + air;
   }
   const first = iterations[0], last = Math.max(iterations[iterations.length - 1], first + 1);
-  const x = (v) => MARGIN.left + ((v - first) / (last - first)) * (WIDTH - MARGIN.left - MARGIN.right);
+  const width = innerWidth(figure);
+  const x = (v) => MARGIN.left + ((v - first) / (last - first)) * (width - MARGIN.left - MARGIN.right);
   const unit = log ? (v) => Math.log(v / low) / Math.log(high / low) : (v) => (v - low) / (high - low);
   const y = (v) => HEIGHT - MARGIN.bottom - unit(v) * (HEIGHT - MARGIN.top - MARGIN.bottom);
 
@@ -143,13 +150,13 @@ function lineChart(id, iterations, series, { y: yName, log = false, top = Infini
   const readings = series.slice().reverse().map((s) => {
     const key = html("span", "", "", keys);
     const stroke = `stroke:var(--series-${s.colour})`;
-    const swatch = element("svg", { viewBox: "0 0 18 8", style: "display:inline-block;width:18px;height:8px;margin-right:6px", "aria-hidden": "true" }, key);
-    element("path", { d: "M1 4H17", class: `series ${s.style}`, style: stroke }, swatch);
+    const swatch = element("svg", { viewBox: "0 0 14 8", style: "display:inline-block;width:14px;height:8px;margin-right:5px", "aria-hidden": "true" }, key);
+    element("path", { d: "M1 4H13", class: `series ${s.style.replace("fine", "")}`, style: stroke }, swatch);
     key.append(`${s.name} `);
     return { series: s, text: html("b", "", "", key) };
   });
   const description = `${series.map((s) => s.name).join(", ")} by iteration; last value of ${yName} ${format(series[series.length - 1].y.findLast(usable))}`;
-  const svg = frame(figure, x, y, ticks(first, last, 6).filter(Number.isInteger), log ? logTicks(low, high) : ticks(low, high, 5),
+  const svg = frame(figure, width, x, y, ticks(first, last, width / 70).filter(Number.isInteger), log ? logTicks(low, high) : ticks(low, high, 5),
     { x: "iteration", y: yName }, description);
   for (const s of series) {
     let path = "", pen = "M";
@@ -180,7 +187,7 @@ function lineChart(id, iterations, series, { y: yName, log = false, top = Infini
   };
   svg.addEventListener("pointermove", (event) => {
     const box = svg.getBoundingClientRect();
-    const at = ((event.clientX - box.left) / box.width) * WIDTH;
+    const at = ((event.clientX - box.left) / box.width) * width;
     let best = 0;
     iterations.forEach((v, i) => { if (Math.abs(x(v) - at) < Math.abs(x(iterations[best]) - at)) best = i; });
     read(best);
@@ -195,12 +202,13 @@ function barChart(id, { start, step, counts }, { x: xName, unit }) {
   const total = counts.reduce((a, b) => a + b, 0);
   if (total === 0) return empty(figure);
   const high = Math.max(...counts) * 1.06, end = start + step * counts.length;
-  const x = (v) => MARGIN.left + ((v - start) / (end - start)) * (WIDTH - MARGIN.left - MARGIN.right);
+  const width = innerWidth(figure);
+  const x = (v) => MARGIN.left + ((v - start) / (end - start)) * (width - MARGIN.left - MARGIN.right);
   const y = (v) => HEIGHT - MARGIN.bottom - (v / high) * (HEIGHT - MARGIN.top - MARGIN.bottom);
   // A whole number stands in the middle of its bar, a limit between two.
   const whole = unit === "" && step === 1;
   const keys = html("div", "keys", "", figure);
-  const svg = frame(figure, (v) => x(whole ? v + 0.5 : v), y, ticks(start, whole ? end - 1 : end, 8).filter((v) => !whole || Number.isInteger(v)),
+  const svg = frame(figure, width, (v) => x(whole ? v + 0.5 : v), y, ticks(start, whole ? end - 1 : end, width / 60).filter((v) => !whole || Number.isInteger(v)),
     ticks(0, high, 5).filter(Number.isInteger), { x: xName, y: "points" }, `Histogram of ${total} points by ${xName}`);
   counts.forEach((count, i) => {
     const from = start + i * step;

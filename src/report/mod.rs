@@ -2,7 +2,7 @@
 //! there, and a 3D view of the cameras around the surface. The page asks nothing of any network.
 //!
 //! Text and the table are made here; plots and the 3D view are drawn in the browser, from numbers embedded as JSON and
-//! geometry embedded as base64 (see [`data`]).
+//! geometry embedded as base64.
 
 mod data;
 mod geometry;
@@ -76,7 +76,7 @@ pub fn html(record: &PlanRecord, scene: &ReportScene) -> Result<String> {
         "charts" => include_str!("charts.js").into(),
         "vectors" => include_str!("vectors.js").into(),
         "scene3d" => include_str!("scene3d.js").into(),
-        "data" => data.clone(),
-        slot => text::slot(slot, record),
+        "data" => data.as_str().into(),
+        slot => text::slot(slot, record).into(),
     }))
 }

@@ -1,8 +1,6 @@
 // The 3D view: WebGL2 by hand. Positions are relative to the plan's origin; a frame is drawn only when something changed.
 
 const FIELD_OF_VIEW = (40 * Math.PI) / 180;
-const NO_VALUE = [150, 152, 156];
-const UNSEEN = [214, 40, 57];
 
 // What stands between the eye and the bulk of the surface is left out, so that a room shows its inside from any side,
 // whichever way its triangles are wound; a cut along the up axis does the same by hand.
@@ -121,35 +119,12 @@ function vertexArray(gl, attributes) {
   };
 }
 
-/** Colours of the points for a choice of the form, and the legend that explains them. */
-function pointColours(points, choice) {
-  const colours = new Uint8Array(3 * points.count);
-  if (choice === "own") return { colours: points.colours, legend: null };
-  const values = points[choice];
-  const finite = (q) => quantile(values, q);
-  const score = choice === "score";
-  const low = score ? finite(0) : 0, high = finite(score ? 1 : 0.98);
-  for (let i = 0; i < points.count; i++) {
-    const value = values[i];
-    const none = !Number.isFinite(value) || (!score && !Number.isFinite(points.gap[i]));
-    const unseen = !none && !score && points.views[i] === 0;
-    colours.set(none ? NO_VALUE : unseen ? UNSEEN : viridis((value - low) / (high - low || 1)), 3 * i);
-  }
-  const unit = choice === "gap" ? "°" : "";
-  const keys = [];
-  if (!score && points.gap.some((g, i) => Number.isFinite(g) && points.views[i] === 0)) keys.push(["unseen", UNSEEN]);
-  if (points.gap.some((g) => !Number.isFinite(g))) keys.push(["out of reach", NO_VALUE]);
-  const title = { gap: "Mean angle to the nearest view", views: "Views that see a point", score: "View dependency score" }[choice];
-  return { colours, legend: { title, low: `${round(low)}${unit}`, high: `${round(high)}${unit}${score ? "" : " or more"}`, keys } };
-}
-
-const round = (value) => (Number.isFinite(value) ? String(Number(value.toPrecision(3))) : "–");
-
 function drawScene(plan) {
   const root = document.getElementById("scene");
   const stage = root.querySelector(".stage"), canvas = root.querySelector("canvas"), form = root.querySelector("form");
   const [tip, outline, box] = [".tip", ".frame", ".legend"].map((name) => stage.querySelector(name));
-  const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
+  // The buffer is kept so that the picture is there when the page is printed.
+  const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
   const unavailable = (text) => {
     stage.textContent = "";
     html("p", "unavailable", text, stage);
@@ -179,18 +154,33 @@ function drawScene(plan) {
   const room = region.kind === "box";
   const bulkSize = length(sub(bulk[1], bulk[0]));
   const radius = room ? 0.5 * Math.max(bulkSize, length(sub(region.max, region.min))) : region.r_max;
-  const home = () => ({
-    target: room ? scale(add(bulk[0], bulk[1]), 0.5) : region.centre,
-    distance: (radius * (room ? 0.86 : 0.98)) / Math.sin(FIELD_OF_VIEW / 2), yaw: room ? 1.0 : 0.6, pitch: room ? 0.75 : 0.35,
-  });
-  let orbit = home(), chosen = null, hovered = null, through = null;
   const [east, north] = horizontal(up);
-  // Heights the cut runs through: all corners of the surface's bulk and of the region's bounding box.
-  const reach = region.kind === "shell" ? [bulk] : [bulk, [region.min, region.max]];
-  const heights = reach.flatMap((b) => [...Array(8).keys()].map((i) => dot(up, [0, 1, 2].map((k) => b[(i >> k) & 1][k]))));
+  const regionOutline = regionLines(region, up);
+  const corners = [...Array(8).keys()].map((i) => [0, 1, 2].map((k) => bulk[(i >> k) & 1][k]));
+  const extremes = [...corners, ...regionOutline.flat(), ...cameras.map((c) => c.position)];
+  /** A view from above and aside, as near as it can be with everything in the picture. */
+  function home() {
+    const [low, high] = [Math.min, Math.max].map((f) => [0, 1, 2].map((k) => extremes.reduce((v, p) => f(v, p[k]), extremes[0][k])));
+    orbit = { target: scale(add(low, high), 0.5), distance: 1, yaw: room ? 1.0 : 0.6, pitch: room ? 0.8 : 0.3 };
+    const { axes: [right, down, forward] } = currentView();
+    const half = Math.tan(FIELD_OF_VIEW / 2), aspect = canvas.clientWidth / canvas.clientHeight || 1;
+    // Perspective draws what is near larger, so the middle of the picture is found in a few rounds.
+    for (let round = 0; round < 6; round++) {
+      const seen = extremes.map((p) => sub(p, orbit.target)).map((at) => [dot(at, right), dot(at, down), dot(at, forward)]);
+      orbit.distance = 1.06 * seen.reduce((d, [x, y, z]) => Math.max(d, Math.max(Math.abs(x) / aspect, Math.abs(y)) / half - z), 0.01 * radius);
+      for (const [k, axis] of [right, down].entries()) {
+        const places = seen.map((at) => at[k] / (orbit.distance + at[2]));
+        const middle = 0.5 * (places.reduce((a, b) => Math.min(a, b)) + places.reduce((a, b) => Math.max(a, b)));
+        orbit.target = add(orbit.target, scale(axis, middle * orbit.distance));
+      }
+    }
+  }
+  let orbit = null, chosen = null, hovered = null, through = null;
+  // Heights the cut runs through.
+  const heights = [...corners, ...(room ? regionOutline.flat() : [])].map((p) => dot(p, up));
   const lowest = Math.min(...heights), highest = Math.max(...heights) + 0.01 * radius;
-  const margin = scale(sub(bulk[1], bulk[0]), 0.02);
-  const cameraDepth = () => radius * Math.min(0.14, 0.42 / Math.cbrt(cameras.length + 1)) * 0.8 * 2 ** Number(form.size.value);
+  const margin = scale(sub(bulk[1], bulk[0]), 0.015);
+  const cameraDepth = () => radius * Math.min(0.12, 0.62 / Math.sqrt(cameras.length + 1)) * 2 ** Number(form.size.value);
 
   /* ---- GPU state ---- */
 
@@ -250,11 +240,10 @@ function drawScene(plan) {
         colours.push(...colour, alpha);
       }
     };
-    if (form.region.checked) push(regionLines(region, up), styleColour("--region"), 150);
+    if (form.region.checked) push(regionOutline, styleColour("--region"), 150);
     if (form.cameras.checked) {
       const [planned, kept, marked] = ["--camera", "--kept", "--chosen"].map(styleColour);
       cameras.forEach((camera, i) => {
-        if (i === through) return;
         const marks = i === chosen || i === hovered;
         push(frustum(camera, cameraDepth() * (marks ? 1.35 : 1)), marks ? marked : camera.kept ? kept : planned, 255);
       });
@@ -317,12 +306,23 @@ function drawScene(plan) {
       gl.drawArrays(gl.TRIANGLES, 0, 3 * mesh.count);
     } else {
       // As wide as the points are apart, about.
-      const diameter = (1.3 * bulkSize) / Math.sqrt(points.count + 1);
+      const diameter = (1.7 * bulkSize) / Math.sqrt(points.count + 1);
       surface.set("diameter", "1f", 0.5 * diameter * view.focal * height);
       pointArray.bind();
       gl.drawArrays(gl.POINTS, 0, points.count);
     }
 
+    // Through a camera one sees what its photo would show: the surface alone.
+    if (through === null) drawLines(view, width, height, ratio);
+
+    outline.hidden = !view.part;
+    if (view.part) {
+      const [w, h] = view.part.map((p) => 100 * p);
+      outline.style.cssText = `left:${50 - w / 2}%;top:${50 - h / 2}%;width:${w}%;height:${h}%`;
+    }
+  }
+
+  function drawLines(view, width, height, ratio) {
     linesProgram.use();
     linesProgram.set("clipFromWorld", "Matrix4fv", false, view.clip);
     linesProgram.set("pixels", "2f", width, height);
@@ -333,12 +333,6 @@ function drawScene(plan) {
     lineArray.bind();
     gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, lineCount);
     gl.disable(gl.BLEND);
-
-    outline.hidden = !view.part;
-    if (view.part) {
-      const [w, h] = view.part.map((p) => 100 * p);
-      outline.style.cssText = `left:${50 - w / 2}%;top:${50 - h / 2}%;width:${w}%;height:${h}%`;
-    }
   }
 
   let pending = false;
@@ -352,11 +346,10 @@ function drawScene(plan) {
 
   /** Index of the camera drawn nearest to a place on the canvas, within a finger's breadth. */
   function pick(x, y, within) {
-    if (!form.cameras.checked) return null;
+    if (!form.cameras.checked || through !== null) return null;
     const { clip } = currentView();
     let best = null, nearest = within;
     cameras.forEach((camera, i) => {
-      if (i === through) return;
       const p = add(camera.position, scale(camera.axes[2], 0.5 * cameraDepth()));
       const [cx, cy, , cw] = [0, 1, 2, 3].map((r) => clip[r] * p[0] + clip[4 + r] * p[1] + clip[8 + r] * p[2] + clip[12 + r]);
       if (cw <= 0) return;
@@ -474,7 +467,7 @@ function drawScene(plan) {
     choose(form.camera.value === "" ? null : Number(form.camera.value));
   });
   form.look.addEventListener("click", () => look(through === null ? chosen : null));
-  form.elements.namedItem("reset").addEventListener("click", () => move(() => { orbit = home(); }));
+  form.elements.namedItem("reset").addEventListener("click", () => move(home));
   form.addEventListener("submit", (event) => event.preventDefault());
   form.addEventListener("input", (event) => {
     if (event.target.name === "colour") recolour();
@@ -490,6 +483,7 @@ function drawScene(plan) {
 
   form.open.checked = room;
   document.getElementById("surface-choice").hidden = !mesh;
+  home();
   showCut();
   recolour();
   rebuildLines();

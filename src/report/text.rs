@@ -1,5 +1,6 @@
 //! The parts of the page that are text: heading, summary, figures and the table of metrics.
 
+use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -9,7 +10,7 @@ use crate::scene::region::{Region, Shape};
 
 /// Replaces each `{{slot}}` of `template` by what `value` gives for it. What is put in is not searched for slots again,
 /// so a path named `{{data}}` stays a path.
-pub fn fill(template: &str, value: impl Fn(&str) -> String) -> String {
+pub fn fill<'a>(template: &str, value: impl Fn(&str) -> Cow<'a, str>) -> String {
     let mut page = String::with_capacity(template.len());
     let mut rest = template;
     while let Some((before, after)) = rest.split_once("{{") {
@@ -157,104 +158,54 @@ struct Row {
     note: &'static str,
     unit: &'static str,
     better: Better,
-    /// What the value is shown in: percent for a fraction, else 1.
-    factor: f64,
+    /// Digits after the point; four significant digits where the scale is the scene's own.
+    decimals: Option<usize>,
+    /// The value in `unit`.
     get: fn(&Metrics) -> f64,
 }
 
+const fn row(
+    name: &'static str,
+    note: &'static str,
+    unit: &'static str,
+    better: Better,
+    decimals: Option<usize>,
+    get: fn(&Metrics) -> f64,
+) -> Row {
+    Row { name, note, unit, better, decimals, get }
+}
+
 const ROWS: [Row; 10] = [
-    Row {
-        name: "Seen by one view or more",
-        note: "of all points",
-        unit: "%",
-        better: Better::Higher,
-        factor: 100.0,
-        get: |m| m.coverage_1,
-    },
-    Row {
-        name: "Seen by three views or more",
-        note: "of all points",
-        unit: "%",
-        better: Better::Higher,
-        factor: 100.0,
-        get: |m| m.coverage_3,
-    },
-    Row {
-        name: "Angular gap, mean",
-        note: "from a reachable direction to the nearest view",
-        unit: "°",
-        better: Better::Lower,
-        factor: 1.0,
-        get: |m| m.gap_mean_deg,
-    },
-    Row {
-        name: "Angular gap, 95th percentile",
-        note: "over points",
-        unit: "°",
-        better: Better::Lower,
-        factor: 1.0,
-        get: |m| m.gap_p95_deg,
-    },
-    Row {
-        name: "Voronoi cell area, mean",
-        note: "of the views around a point",
-        unit: " sr",
-        better: Better::Lower,
-        factor: 1.0,
-        get: |m| m.voronoi_mean,
-    },
-    Row {
-        name: "Voronoi cell area, deviation",
-        note: "how uneven the cells are",
-        unit: " sr",
-        better: Better::Lower,
-        factor: 1.0,
-        get: |m| m.voronoi_deviation,
-    },
-    Row {
-        name: "Views per point, mean",
-        note: "over reachable points",
-        unit: "",
-        better: Better::Higher,
-        factor: 1.0,
-        get: |m| m.views_mean,
-    },
-    Row {
-        name: "Views per point, variation",
-        note: "deviation over mean",
-        unit: "",
-        better: Better::Lower,
-        factor: 1.0,
-        get: |m| m.views_variation,
-    },
-    Row {
-        name: "Triangulation angle, mean",
-        note: "largest angle between two views",
-        unit: "°",
-        better: Better::Higher,
-        factor: 1.0,
-        get: |m| m.triangulation_mean_deg,
-    },
-    Row {
-        name: "Ground sampling distance, mean",
-        note: "world units per pixel",
-        unit: "",
-        better: Better::Neither,
-        factor: 1.0,
-        get: |m| m.sampling_distance_mean,
-    },
+    row("Seen by one view or more", "of all points", "%", Better::Higher, Some(1), |m| 100.0 * m.coverage_1),
+    row("Seen by three views or more", "of all points", "%", Better::Higher, Some(1), |m| 100.0 * m.coverage_3),
+    row("Angular gap, mean", "from a reachable direction to the nearest view", "°", Better::Lower, Some(1), |m| {
+        m.gap_mean_deg
+    }),
+    row("Angular gap, 95th percentile", "over points", "°", Better::Lower, Some(1), |m| m.gap_p95_deg),
+    row("Voronoi cell area, mean", "of the views around a point", " sr", Better::Lower, Some(3), |m| m.voronoi_mean),
+    row("Voronoi cell area, deviation", "how uneven the cells are", " sr", Better::Lower, Some(3), |m| {
+        m.voronoi_deviation
+    }),
+    row("Views per point, mean", "over reachable points", "", Better::Higher, Some(1), |m| m.views_mean),
+    row("Views per point, variation", "deviation over mean", "", Better::Lower, Some(2), |m| m.views_variation),
+    row("Triangulation angle, mean", "largest angle between two views", "°", Better::Higher, Some(1), |m| {
+        m.triangulation_mean_deg
+    }),
+    row("Ground sampling distance, mean", "world units per pixel", "", Better::Neither, None, |m| {
+        m.sampling_distance_mean
+    }),
 ];
 
 impl Row {
     fn value(&self, metrics: &Metrics) -> Option<f64> {
-        Some((self.get)(metrics) * self.factor).filter(|v| v.is_finite())
+        Some((self.get)(metrics)).filter(|v| v.is_finite())
     }
 
     fn text(&self, value: Option<f64>) -> String {
-        match value {
-            Some(v) if self.unit == "%" || self.unit == "°" => format!("{v:.1}{}", self.unit),
-            Some(v) => format!("{}{}", number(v), self.unit),
-            None => "–".into(),
+        match (value, self.decimals) {
+            (Some(v), Some(decimals)) => format!("{v:.decimals$}{}", self.unit),
+            (Some(v), None) => format!("{}{}", number(v), self.unit),
+            (None, _) => "–".into(),
         }
     }
 
@@ -274,8 +225,7 @@ impl Row {
             return None;
         }
         let better = (difference > 0.0) == higher;
-        let sign = if difference > 0.0 { '+' } else { '−' };
-        Some((better, format!("{sign}{shown} {unit}")))
+        Some((better, format!("{shown} {unit} {}", if difference > 0.0 { "higher" } else { "lower" })))
     }
 }
 
@@ -290,7 +240,7 @@ fn figures(record: &PlanRecord) -> String {
                 .filter_map(|c| row.value(&c.metrics).map(|v| (v, c.name.as_str())))
                 .reduce(|a, b| if (b.0 > a.0) == (row.better == Better::Higher) { b } else { a });
             let beside = match best {
-                Some((value, name)) => format!("{}: {}", escape(name), row.text(Some(value))),
+                Some((value, name)) => format!("best control: {} ({})", row.text(Some(value)), escape(name)),
                 None => row.note.into(),
             };
             format!(
@@ -328,8 +278,8 @@ fn metrics_table(record: &PlanRecord) -> String {
         for (control, verdict) in record.controls.iter().zip(verdicts) {
             let _ = write!(html, "<td>{}", row.text(row.value(&control.metrics)));
             if let Some((better, difference)) = verdict {
-                let (class, mark, word) = if better { ("better", '▲', "better") } else { ("worse", '▼', "worse") };
-                let _ = write!(html, "<small class=\"{class}\">{mark} plan {word}, {difference}</small>");
+                let (class, mark) = if better { ("better", '✓') } else { ("worse", '✗') };
+                let _ = write!(html, "<small class=\"{class}\">{mark} plan {difference}</small>");
             }
             html.push_str("</td>");
         }
@@ -343,7 +293,7 @@ fn metrics_table(record: &PlanRecord) -> String {
         if record.controls.is_empty() {
             "No controls were scored."
         } else {
-            "Small print under a control says how the plan compares with it."
+            "Small print compares the plan with the control: ✓ better, ✗ worse."
         }
     );
     html
@@ -405,7 +355,7 @@ mod tests {
     #[test]
     fn numbers_read_as_a_person_would_write_them() {
         let cases =
-            [(0.0, "0"), (2.5, "2.5"), (12345.6, "12346"), (0.012345, "0.01234"), (-3.0, "-3"), (f64::NAN, "–")];
+            [(0.0, "0"), (2.5, "2.5"), (12345.6, "12346"), (0.012346, "0.01235"), (-3.0, "-3"), (f64::NAN, "–")];
         for (value, text) in cases {
             assert_eq!(number(value), text);
         }
@@ -416,9 +366,9 @@ mod tests {
     /// Lower gap, higher coverage: both must read as better.
     #[test]
     fn a_verdict_knows_which_way_is_better() {
-        assert_eq!(ROWS[0].verdict(Some(95.1), Some(91.6)), Some((true, "+3.5 pt".into())));
-        assert_eq!(ROWS[2].verdict(Some(13.8), Some(27.6)), Some((true, "−50.0 %".into())));
-        assert_eq!(ROWS[2].verdict(Some(27.6), Some(13.8)), Some((false, "+100.0 %".into())));
+        assert_eq!(ROWS[0].verdict(Some(95.1), Some(91.6)), Some((true, "3.5 pt higher".into())));
+        assert_eq!(ROWS[2].verdict(Some(13.8), Some(27.6)), Some((true, "50.0 % lower".into())));
+        assert_eq!(ROWS[2].verdict(Some(27.6), Some(13.8)), Some((false, "100.0 % higher".into())));
         assert_eq!(ROWS[2].verdict(Some(1.0), Some(0.0)), None);
         assert_eq!(ROWS[0].verdict(None, Some(1.0)), None);
     }

@@ -50,6 +50,9 @@ const VIRIDIS = [
   [68, 1, 84], [71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37],
 ];
 
+const NO_VALUE = [150, 152, 156];
+const UNSEEN = [226, 61, 148];
+
 /** Colour of t in [0, 1]. */
 function viridis(t) {
   const at = Math.min(Math.max(t, 0), 1) * (VIRIDIS.length - 1);
@@ -62,6 +65,31 @@ function quantile(values, q) {
   const sorted = Float64Array.from(values).filter(Number.isFinite).sort();
   return sorted.length ? sorted[Math.round(q * (sorted.length - 1))] : NaN;
 }
+
+/** Colours of the points for a choice of the form, and the legend that explains them. */
+function pointColours(points, choice) {
+  const colours = new Uint8Array(3 * points.count);
+  if (choice === "own") return { colours: points.colours, legend: null };
+  const values = points[choice];
+  const score = choice === "score";
+  // The gap of an unseen point is pi by definition; it has a colour of its own and must not stretch the ramp.
+  const ranked = score ? values : values.filter((_, i) => points.views[i] > 0);
+  const low = score ? quantile(ranked, 0) : 0, high = quantile(ranked, score ? 1 : 0.98);
+  for (let i = 0; i < points.count; i++) {
+    const value = values[i];
+    const none = !Number.isFinite(value) || (!score && !Number.isFinite(points.gap[i]));
+    const unseen = !none && !score && points.views[i] === 0;
+    colours.set(none ? NO_VALUE : unseen ? UNSEEN : viridis((value - low) / (high - low || 1)), 3 * i);
+  }
+  const unit = choice === "gap" ? "°" : "";
+  const keys = [];
+  if (!score && points.gap.some((g, i) => Number.isFinite(g) && points.views[i] === 0)) keys.push(["unseen", UNSEEN]);
+  if (points.gap.some((g) => !Number.isFinite(g))) keys.push(["out of reach", NO_VALUE]);
+  const title = { gap: "Mean angle to the nearest view", views: "Views that see a point", score: "View dependency score" }[choice];
+  return { colours, legend: { title, low: `${round(low)}${unit}`, high: `${round(high)}${unit}${score ? "" : " or more"}`, keys } };
+}
+
+const round = (value) => (Number.isFinite(value) ? String(Number(value.toPrecision(3))) : "–");
 
 /** A style sheet's colour as red, green, blue from 0 to 255. */
 function styleColour(name) {
