@@ -14,7 +14,7 @@ function drawCharts(plan) {
   // The nearest-view objective may go below zero, where a logarithm has nothing to show.
   const log = history.loss.every((v) => v === null || v > 0);
   lineChart("chart-loss", history.iteration, terms.reverse(), { y: "loss", log });
-  lineChart("chart-scale", history.iteration, [line("scale s", history.scale, 1)], { y: "scale s (radians)" });
+  lineChart("chart-scale", history.iteration, [line("scale s", history.scale, 1)], { y: "scale s" });
 
   const percent = (values) => values.map((v) => (v === null ? null : 100 * v));
   lineChart("chart-coverage", checkpoints.iteration, [
@@ -32,11 +32,13 @@ function drawCharts(plan) {
 
   barChart("chart-views", histograms.views, { x: "views that see a point", unit: "" });
   barChart("chart-gaps", histograms.gap, { x: "gap (degrees)", unit: "°" });
-  if (histograms.unreachable > 0) {
-    for (const note of document.querySelectorAll(".note")) {
-      note.textContent = `without ${histograms.unreachable} points that the region cannot see`;
-    }
-  }
+  const note = (id, parts) => {
+    const missing = parts.filter(([count]) => count > 0).map(([count, what]) => `${count} ${what}`);
+    if (missing.length > 0) document.querySelector(`#${id} .note`).textContent = `without ${missing.join(" and ")}`;
+  };
+  const unreachable = [histograms.unreachable, "out of reach"];
+  note("chart-views", [unreachable]);
+  note("chart-gaps", [[histograms.unseen, "unseen"], unreachable]);
 }
 
 /* ---- scales and ticks ---- */
@@ -179,7 +181,7 @@ function lineChart(id, iterations, series, { y: yName, log = false, top = Infini
   const where = html("span", "", "", keys);
   const read = (index) => {
     for (const { series: s, text } of readings) {
-      text.textContent = format(index === null ? s.y.findLast(usable) ?? null : s.y[index]);
+      text.textContent = format(index === null ? s.y.findLast((v) => v !== null) ?? null : s.y[index]);
     }
     where.textContent = index === null ? "" : `at ${iterations[index]}`;
     cursor.setAttribute("visibility", index === null ? "hidden" : "visible");

@@ -67,6 +67,8 @@ struct Histograms {
     gap: Histogram,
     /// Points that no feasible position sees, in neither histogram.
     unreachable: usize,
+    /// Points that could be seen and are not; their gap is pi by definition, so that histogram leaves them out.
+    unseen: usize,
 }
 
 #[derive(Serialize)]
@@ -184,12 +186,13 @@ fn checkpoints(record: &PlanRecord) -> Checkpoints {
 /// Histograms over the points that can be reached at all, as the metrics are.
 fn histograms(points: &[SurfacePoint]) -> Histograms {
     let reached = || points.iter().filter(|p| p.gap.is_finite());
-    let unreachable = points.len() - reached().count();
+    let seen = || reached().filter(|p| p.views > 0);
     Histograms {
         // Views are whole numbers, so a step is one too.
         views: histogram(reached().map(|p| f64::from(p.views)), |step| step.ceil().max(1.0)),
-        gap: histogram(reached().map(|p| f64::from(p.gap).to_degrees()), |step| step),
-        unreachable,
+        gap: histogram(seen().map(|p| f64::from(p.gap).to_degrees()), |step| step),
+        unreachable: points.len() - reached().count(),
+        unseen: reached().count() - seen().count(),
     }
 }
 

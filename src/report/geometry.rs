@@ -117,6 +117,24 @@ mod tests {
         assert!(sources.iter().all(|s| *s < 2));
     }
 
+    /// Were a stray point enough to move the bounds, a room's walls would hide its inside.
+    #[test]
+    fn strays_do_not_move_the_robust_bounds() {
+        let mut points: Vec<SurfacePoint> = (0..=100)
+            .map(|i| SurfacePoint {
+                position: DVec3::splat(f64::from(i).clamp(10.0, 90.0)),
+                colour: [0; 3],
+                gap: 0.0,
+                views: 0,
+                score: 1.0,
+            })
+            .collect();
+        points[50].position = DVec3::splat(1e6);
+        points[51].position = DVec3::NAN;
+        assert_eq!(robust_bounds(&points), Some((DVec3::splat(10.0), DVec3::splat(90.0))));
+        assert_eq!(robust_bounds(&[]), None);
+    }
+
     #[test]
     fn splitting_stops_at_what_a_page_can_hold() {
         let huge = [[DVec3::ZERO, DVec3::X, DVec3::Y]];

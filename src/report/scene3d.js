@@ -1,5 +1,6 @@
 // The 3D view: WebGL2 by hand. Positions are relative to the plan's origin; a frame is drawn only when something changed.
 
+const NO_CAMERA = "Choose a camera here or click one to see where it stands.";
 const FIELD_OF_VIEW = (40 * Math.PI) / 180;
 
 // What stands between the eye and the bulk of the surface is left out, so that a room shows its inside from any side,
@@ -194,7 +195,7 @@ function drawScene(plan) {
 
   function recolour() {
     const choice = form.colour.value;
-    const { colours, legend } = pointColours(points, choice);
+    const { colours, keys, ramp } = pointColours(points, choice);
     pointArray.update(1, colours);
     if (mesh) {
       const out = new Uint8Array(9 * mesh.count).fill(170);
@@ -204,19 +205,18 @@ function drawScene(plan) {
       }
       meshArray.update(1, out);
     }
-    drawLegend(legend);
+    drawLegend(keys, ramp);
     redraw();
   }
 
-  function drawLegend(legend) {
+  function drawLegend(swatches, ramp) {
     box.textContent = "";
-    const swatches = legend ? [...legend.keys] : [];
-    if (legend) {
-      html("div", "", legend.title, box);
+    if (ramp) {
+      html("div", "", ramp.title, box);
       html("div", "ramp", "", box).style.background = `linear-gradient(90deg, ${VIRIDIS.map((c) => `rgb(${c})`).join()})`;
       const ends = html("div", "ends", "", box);
-      html("span", "", legend.low, ends);
-      html("span", "", legend.high, ends);
+      html("span", "", ramp.low, ends);
+      html("span", "", ramp.high, ends);
     }
     if (form.cameras.checked) {
       const kept = cameras.filter((c) => c.kept).length;
@@ -229,7 +229,7 @@ function drawScene(plan) {
       html("i", "", "", key).style.background = `rgb(${colour})`;
       key.append(text);
     }
-    box.hidden = !legend && swatches.length === 0;
+    box.hidden = !ramp && swatches.length === 0;
   }
 
   function rebuildLines() {
@@ -383,7 +383,8 @@ function drawScene(plan) {
     form.look.textContent = through === null ? "Look through" : "Leave the camera";
     const camera = cameras[index];
     root.querySelector(".detail").textContent = camera
-      ? `At ${place(camera)}, looking along (${camera.axes[2].map((v) => v.toFixed(2)).join(", ")}), ${camera.size.join(" × ")} pixels` : "";
+      ? `At ${place(camera)}, looking along (${camera.axes[2].map((v) => v.toFixed(2)).join(", ")}), ${camera.size.join(" × ")} pixels`
+      : NO_CAMERA;
     rebuildLines();
   }
 
@@ -449,7 +450,9 @@ function drawScene(plan) {
   canvas.addEventListener("pointerleave", () => hover(null));
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
-    move(() => zoom(Math.exp(Math.sign(event.deltaY) * Math.min(Math.abs(event.deltaY), 120) * 0.0012)));
+    // A browser counts in pixels or in lines; a notch is about a hundred of the one or three of the other.
+    const turned = event.deltaY * (event.deltaMode === 1 ? 33 : 1);
+    move(() => zoom(Math.exp(Math.min(Math.max(turned, -120), 120) * 0.0012)));
   }, { passive: false });
   canvas.addEventListener("keydown", (event) => {
     const keys = {
@@ -470,8 +473,7 @@ function drawScene(plan) {
   form.elements.namedItem("reset").addEventListener("click", () => move(home));
   form.addEventListener("submit", (event) => event.preventDefault());
   form.addEventListener("input", (event) => {
-    if (event.target.name === "colour") recolour();
-    if (event.target.name === "cameras") recolour();
+    if (["colour", "cameras"].includes(event.target.name)) recolour();
     if (["cameras", "region", "size"].includes(event.target.name)) rebuildLines();
     showCut();
     redraw();
@@ -484,9 +486,9 @@ function drawScene(plan) {
   form.open.checked = room;
   document.getElementById("surface-choice").hidden = !mesh;
   home();
+  choose(null);
   showCut();
   recolour();
-  rebuildLines();
   const restyle = () => { recolour(); rebuildLines(); };
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", restyle);
   new ResizeObserver(redraw).observe(canvas);

@@ -71,7 +71,15 @@ fn heading(record: &PlanRecord) -> String {
     if record.kept > 0 {
         let _ = write!(html, ": {} planned, {} kept", grouped(planned), grouped(record.kept));
     }
-    html.push_str("</p>");
+    let line = format!(
+        "{}; {}; seed {}; {}; camsplat {}",
+        region(&record.region),
+        record.device,
+        record.seed,
+        duration(record.seconds),
+        record.version
+    );
+    let _ = write!(html, "</p>\n<p class=\"line\">{}</p>", escape(&line));
     if record.status == Status::Interrupted {
         let _ = write!(
             html,
@@ -130,9 +138,9 @@ fn region(region: &Region) -> String {
     let vector = |v: glam::DVec3| format!("({}, {}, {})", number(v.x), number(v.y), number(v.z));
     let mut text = match region.shape {
         Shape::Shell { centre, r_min, r_max } => {
-            format!("shell around {}, radius {} to {}", vector(centre), number(r_min), number(r_max))
+            format!("Shell around {}, radius {} to {}", vector(centre), number(r_min), number(r_max))
         }
-        Shape::Box { min, max } => format!("box from {} to {}", vector(min), vector(max)),
+        Shape::Box { min, max } => format!("Box from {} to {}", vector(min), vector(max)),
     };
     if let Some(floor) = region.floor {
         let _ = write!(text, ", at or above height {}", number(floor));

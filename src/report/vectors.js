@@ -66,10 +66,10 @@ function quantile(values, q) {
   return sorted.length ? sorted[Math.round(q * (sorted.length - 1))] : NaN;
 }
 
-/** Colours of the points for a choice of the form, and the legend that explains them. */
+/** Colours of the points for a choice of the form, and what explains them: keys of a name and a colour, and the ends of the ramp. */
 function pointColours(points, choice) {
   const colours = new Uint8Array(3 * points.count);
-  if (choice === "own") return { colours: points.colours, legend: null };
+  if (choice === "own") return { colours: points.colours, keys: [], ramp: null };
   const values = points[choice];
   const score = choice === "score";
   // The gap of an unseen point is pi by definition; it has a colour of its own and must not stretch the ramp.
@@ -86,7 +86,8 @@ function pointColours(points, choice) {
   if (!score && points.gap.some((g, i) => Number.isFinite(g) && points.views[i] === 0)) keys.push(["unseen", UNSEEN]);
   if (points.gap.some((g) => !Number.isFinite(g))) keys.push(["out of reach", NO_VALUE]);
   const title = { gap: "Mean angle to the nearest view", views: "Views that see a point", score: "View dependency score" }[choice];
-  return { colours, legend: { title, low: `${round(low)}${unit}`, high: `${round(high)}${unit}${score ? "" : " or more"}`, keys } };
+  const ramp = Number.isFinite(high) ? { title, low: `${round(low)}${unit}`, high: `${round(high)}${unit}${score ? "" : " or more"}` } : null;
+  return { colours, keys, ramp };
 }
 
 const round = (value) => (Number.isFinite(value) ? String(Number(value.toPrecision(3))) : "–");
