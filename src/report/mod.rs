@@ -1,1 +1,82 @@
-//! The report: one self-contained page per plan.
+//! One self-contained HTML page per plan: what was planned, how good it is beside the controls, how the optimiser got
+//! there, and a 3D view of the cameras around the surface. The page asks nothing of any network.
+//!
+//! Text and the table are made here; plots and the 3D view are drawn in the browser, from numbers embedded as JSON and
+//! geometry embedded as base64.
+
+mod data;
+mod geometry;
+mod text;
+
+use glam::DVec3;
+
+use crate::plan::record::PlanRecord;
+use crate::{Error, Result};
+
+/// A held-out point of the surface and what the plan gives it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// Position in the world.
+    pub position: DVec3,
+    /// Own colour, 8-bit sRGB.
+    pub colour: [u8; 3],
+    /// Mean angle in radians from a reachable direction to the nearest view that sees the point: pi where no view does,
+    /// NaN where the region does not reach the point at all.
+    pub gap: f32,
+    /// Cameras that see the point.
+    pub views: u32,
+    /// View dependency score in [1, 2].
+    pub score: f32,
+}
+
+/// The surface as loose triangles, for display only: decimate it to 60,000 or fewer to keep the page under 4 MB.
+#[derive(Clone, Copy, Debug)]
+pub struct Triangles<'a> {
+    /// Corners of each triangle, counter-clockwise from outside.
+    pub corners: &'a [[DVec3; 3]],
+    /// Colour of each triangle, 8-bit sRGB; empty where the mesh has none.
+    pub colours: &'a [[u8; 3]],
+}
+
+/// Geometry the page draws. Triangles take their heat from the nearest point, so points should lie densely on them.
+#[derive(Clone, Copy, Debug)]
+pub struct ReportScene<'a> {
+    /// Held-out points; all of them enter the histograms, some 20,000 at most are embedded.
+    pub points: &'a [SurfacePoint],
+    /// The surface, if it is a mesh.
+    pub triangles: Option<Triangles<'a>>,
+}
+
+/// The page of a plan.
+///
+/// # Errors
+/// [`Error::Request`] if the triangles' colours are neither absent nor as many as the triangles, or if more cameras are
+/// kept than there are.
+pub fn html(record: &PlanRecord, scene: &ReportScene) -> Result<String> {
+    if let Some(triangles) = scene.triangles
+        && !triangles.colours.is_empty()
+        && triangles.colours.len() != triangles.corners.len()
+    {
+        return Err(Error::request(format!(
+            "the report got {} colours for {} triangles; give one each or none",
+            triangles.colours.len(),
+            triangles.corners.len()
+        )));
+    }
+    if record.kept > record.cameras.len() {
+        return Err(Error::request(format!(
+            "the plan claims {} kept cameras among {}",
+            record.kept,
+            record.cameras.len()
+        )));
+    }
+    let data = data::json(record, scene)?;
+    Ok(text::fill(include_str!("page.html"), |slot| match slot {
+        "css" => include_str!("page.css").into(),
+        "charts" => include_str!("charts.js").into(),
+        "vectors" => include_str!("vectors.js").into(),
+        "scene3d" => include_str!("scene3d.js").into(),
+        "data" => data.as_str().into(),
+        slot => text::slot(slot, record).into(),
+    }))
+}
