@@ -26,10 +26,7 @@ impl Intrinsics {
     /// Full horizontal and vertical fields of view in radians.
     pub fn fov(&self) -> [f64; 2] {
         let full = |size: u32, f: f64, c: f64| (c / f).atan() + ((size as f64 - c) / f).atan();
-        [
-            full(self.width, self.focal[0], self.principal[0]),
-            full(self.height, self.focal[1], self.principal[1]),
-        ]
+        [full(self.width, self.focal[0], self.principal[0]), full(self.height, self.focal[1], self.principal[1])]
     }
 
     /// Full angle in radians of the widest cone about the optical axis that lies inside the image.

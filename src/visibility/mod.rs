@@ -1,1 +1,4 @@
-//! TBD
+//! Who sees what: the bounding volume hierarchy over the proxy's primitives and rays through it.
+
+pub mod bvh;
+pub mod raycast;
