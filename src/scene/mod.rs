@@ -3,6 +3,19 @@
 //! Internal frame: right-handed; cameras in OpenCV axes (X right, Y down, Z forward); poses stored world-from-camera;
 //! radians inside, degrees on the command line.
 
+pub mod baselines;
+pub mod bounding_sphere;
 pub mod camera;
+mod discs;
+mod distance_transform;
+pub mod free_space;
+mod morton;
+mod orientation;
+pub mod proxy;
+pub mod random;
 pub mod region;
+pub mod samples;
+mod sampling;
+pub mod similarity;
 pub mod surface;
+mod voxels;

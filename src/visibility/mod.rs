@@ -1,1 +1,4 @@
-//! Who sees what: ray casting against the proxy.
+//! Who sees what: the bounding volume hierarchy over the proxy's primitives and rays through it.
+
+pub mod bvh;
+pub mod raycast;

@@ -1,0 +1,338 @@
+//! Free space: where a camera can stand without touching anything, as a field of distances on a voxel grid.
+
+use glam::{DVec3, Vec3};
+
+use super::distance_transform::nearest_sites;
+use super::proxy::Occluder;
+use super::random;
+use super::region::Region;
+pub use super::voxels::Grid;
+use super::voxels::touched;
+use crate::{Error, Result};
+
+/// Default number of voxels along the region's longest side.
+pub const RESOLUTION: u32 = 96;
+/// Most voxels of a grid: a gigabyte of scratch.
+const MOST_VOXELS: f64 = 6.4e7;
+
+/// The voxels where a camera may stand, and the distance of every voxel to them, in the frame of the occluder it was made
+/// from.
+///
+/// A voxel is free where its centre is within the region and above the floor, the surface does not touch it, its
+/// centre is at least the clearance away from the centre of every voxel that the surface touches, and it is connected
+/// (through faces) to the largest such set, which leaves out the insides of closed furniture and what lies behind a
+/// wall. Any point of a free voxel is at least clearance - sqrt(3) cells away from the surface.
+#[derive(Clone, Debug)]
+pub struct FreeSpace {
+    /// The voxel grid; it reaches beyond the region by the clearance.
+    pub grid: Grid,
+    /// Distance from each voxel's centre to the nearest free voxel, zero for free ones; x runs fastest.
+    pub distance: Vec<f32>,
+    /// Fraction of the voxels within the region that are free.
+    pub free_fraction: f64,
+    /// The region.
+    pub region: Region,
+    /// Index of the free voxel nearest to each voxel.
+    nearest: Vec<u32>,
+    /// Indices of the free voxels.
+    free: Vec<u32>,
+}
+
+impl FreeSpace {
+    /// The free space of a region around a surface in the same frame, with `resolution` voxels along the region's longest
+    /// side.
+    ///
+    /// # Errors
+    /// [`Error::Request`] where no voxel is free, or the grid would be too large or too coarse.
+    pub fn new(occluder: &Occluder, region: &Region, resolution: u32) -> Result<Self> {
+        let grid = grid_around(region, resolution)?;
+        let occupied = touched(&grid, occluder);
+        let surface = nearest_sites(grid.dims, |i| occupied[i]);
+        let clearance = region.clearance / grid.cell;
+        let (mut within, mut open) = (0, vec![false; grid.voxels()]);
+        for (i, open) in open.iter_mut().enumerate() {
+            let voxel = grid.coordinates(i);
+            if region.contains(grid.centre(voxel)) {
+                within += 1;
+                *open = !occupied[i]
+                    && (surface[i] == u32::MAX
+                        || offset(voxel, grid.coordinates(surface[i] as usize)).length() >= clearance);
+            }
+        }
+        let free = largest_component(&grid, &open);
+        if free.is_empty() {
+            return Err(Error::request(format!(
+                "region: no free space; every position is within {} of the surface: enlarge the region or lower --clearance",
+                region.clearance
+            )));
+        }
+        let mut is_free = vec![false; grid.voxels()];
+        for i in &free {
+            is_free[*i as usize] = true;
+        }
+        let nearest = nearest_sites(grid.dims, |i| is_free[i]);
+        let to_box = |(i, site): (usize, &u32)| {
+            let centres = offset(grid.coordinates(i), grid.coordinates(*site as usize));
+            ((centres.abs() - 0.5).max(DVec3::ZERO).length() * grid.cell) as f32
+        };
+        let distance = nearest.iter().enumerate().map(to_box).collect();
+        let free_fraction = free.len() as f64 / f64::from(within);
+        Ok(Self { grid, distance, free_fraction, region: *region, nearest, free })
+    }
+
+    /// Distance from `p` to free space and its gradient, interpolated trilinearly between voxel centres: zero where all
+    /// eight voxels around are free. Outside the grid the distance to the grid is added. In f32, as on the device.
+    pub fn violation(&self, p: Vec3) -> (f32, Vec3) {
+        let cell = self.grid.cell as f32;
+        let scaled = (p - self.grid.origin.as_vec3()) / cell - 0.5;
+        let last = Vec3::from_array(self.grid.dims.map(|n| (n - 1) as f32));
+        let held = scaled.clamp(Vec3::ZERO, last);
+        // The lower voxel of the pair along each axis; every axis has at least two voxels.
+        let low = held.floor().min(last - 1.0);
+        let t = held - low;
+        let [x, y, z] = low.to_array().map(|v| v as u32);
+        let at = |dx, dy, dz| self.distance[self.grid.index([x + dx, y + dy, z + dz])];
+        let lerp = |a: f32, b: f32, t: f32| a + (b - a) * t;
+        let along_x = |dy, dz| lerp(at(0, dy, dz), at(1, dy, dz), t.x);
+        let along_xy = |dz| lerp(along_x(0, dz), along_x(1, dz), t.y);
+        let slope_x = |dy, dz| at(1, dy, dz) - at(0, dy, dz);
+        let slope_y = |dz| along_x(1, dz) - along_x(0, dz);
+        let value = lerp(along_xy(0), along_xy(1), t.z);
+        let gradient = Vec3::new(
+            lerp(lerp(slope_x(0, 0), slope_x(1, 0), t.y), lerp(slope_x(0, 1), slope_x(1, 1), t.y), t.z),
+            lerp(slope_y(0), slope_y(1), t.z),
+            along_xy(1) - along_xy(0),
+        ) / cell;
+        let outside = (scaled - held) * cell;
+        let beyond = outside.length();
+        if beyond == 0.0 {
+            return (value, gradient);
+        }
+        let within = Vec3::select(outside.cmpeq(Vec3::ZERO), gradient, Vec3::ZERO);
+        (value + beyond, within + outside / beyond)
+    }
+
+    /// Whether `p` lies in a free voxel.
+    pub fn is_free(&self, p: DVec3) -> bool {
+        let cell = ((p - self.grid.origin) / self.grid.cell).floor();
+        let dims = DVec3::from_array(self.grid.dims.map(f64::from));
+        let voxel = self.grid.index(self.grid.voxel(p));
+        cell.cmpge(DVec3::ZERO).all() && cell.cmplt(dims).all() && self.nearest[voxel] as usize == voxel
+    }
+
+    /// A free position near `p`: `p` itself where it is free, else the nearest position of the free voxel nearest to
+    /// `p`'s voxel.
+    pub fn project(&self, p: DVec3) -> DVec3 {
+        if self.is_free(p) {
+            return p;
+        }
+        let site = self.nearest[self.grid.index(self.grid.voxel(p))];
+        let centre = self.grid.centre(self.grid.coordinates(site as usize));
+        // A little inside, so that rounding cannot put it into the neighbour.
+        let half = 0.499 * self.grid.cell;
+        p.clamp(centre - half, centre + half)
+    }
+
+    /// A position that is free and within the region, uniform over free space but for voxels cut by the region's
+    /// boundary, whose outer part is not drawn.
+    pub fn sample(&self, seed: u64, stream: u32, index: u32) -> DVec3 {
+        let mut words = random::bits(seed, stream, index);
+        // At most as many voxels as fit 32 bits.
+        let site = self.free[random::below(words[0], self.free.len() as u32) as usize];
+        let centre = self.grid.centre(self.grid.coordinates(site as usize));
+        for _ in 0..8 {
+            let [_, x, y, z] = words.map(|word| f64::from(random::uniform(word)) - 0.5);
+            let p = centre + self.grid.cell * DVec3::new(x, y, z);
+            if self.is_free(p) && self.region.contains(p) {
+                return p;
+            }
+            words = random::pcg4d(words);
+        }
+        centre
+    }
+}
+
+/// The grid over the region's bounds, widened by the clearance and a voxel so that surfaces just outside count.
+fn grid_around(region: &Region, resolution: u32) -> Result<Grid> {
+    let (min, max) = region.bounds();
+    let cell = (max - min).max_element() / f64::from(resolution.max(1));
+    let margin = (region.clearance / cell).ceil() + 1.0;
+    let dims = ((max - min) / cell).map(|n| (n - 1e-9).ceil().max(1.0)) + 2.0 * margin;
+    if resolution == 0 || dims.element_product() > MOST_VOXELS {
+        return Err(Error::request(format!(
+            "region: {resolution} voxels along its longest side make a grid of {dims}; give a number between 1 and 300, or a smaller clearance"
+        )));
+    }
+    let size = cell * dims;
+    // Below MOST_VOXELS voxels, so each side fits.
+    let dims = dims.to_array().map(|n| n as u32);
+    Ok(Grid { origin: 0.5 * (min + max) - 0.5 * size, cell, dims })
+}
+
+/// From voxel `b` to voxel `a`, in voxels.
+fn offset(a: [u32; 3], b: [u32; 3]) -> DVec3 {
+    DVec3::from_array(a.map(f64::from)) - DVec3::from_array(b.map(f64::from))
+}
+
+/// Indices of the largest set of open voxels connected through faces, in rising order; of equals the first.
+fn largest_component(grid: &Grid, open: &[bool]) -> Vec<u32> {
+    let [nx, ny, nz] = grid.dims.map(|n| n as usize);
+    let mut unseen = open.to_vec();
+    let mut largest: Vec<u32> = Vec::new();
+    for start in 0..open.len() {
+        if !unseen[start] {
+            continue;
+        }
+        unseen[start] = false;
+        let mut component = vec![start as u32];
+        let mut next = 0;
+        while next < component.len() {
+            let i = component[next] as usize;
+            next += 1;
+            let (x, y, z) = (i % nx, i / nx % ny, i / (nx * ny));
+            for (there, j) in [
+                (x > 0, i.wrapping_sub(1)),
+                (x + 1 < nx, i + 1),
+                (y > 0, i.wrapping_sub(nx)),
+                (y + 1 < ny, i + nx),
+                (z > 0, i.wrapping_sub(nx * ny)),
+                (z + 1 < nz, i + nx * ny),
+            ] {
+                if there && unseen[j] {
+                    unseen[j] = false;
+                    component.push(j as u32);
+                }
+            }
+        }
+        if component.len() > largest.len() {
+            largest = component;
+        }
+    }
+    largest.sort_unstable();
+    largest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::proxy::{Orientation, Proxy};
+    use crate::scene::region::Shape;
+    use crate::scene::samples;
+
+    fn spot(i: u32) -> DVec3 {
+        let [x, y, z, _] = random::uniforms(3, 0, i);
+        DVec3::new(x, y, z)
+    }
+
+    /// A unit cube in a box around it: free outside the cube by the clearance.
+    fn around_cube(resolution: u32) -> FreeSpace {
+        let proxy = Proxy::new(&samples::cube(), Orientation::Trusted).unwrap();
+        let shape = Shape::Box { min: DVec3::splat(-1.5), max: DVec3::splat(1.5) };
+        let region = Region { shape, up: DVec3::Z, floor: None, clearance: 0.2 };
+        FreeSpace::new(&proxy.occluder, &region, resolution).unwrap()
+    }
+
+    fn to_cube(p: DVec3) -> f64 {
+        (p.abs() - 0.5).max(DVec3::ZERO).length()
+    }
+
+    /// Cameras must keep the clearance, to the promised rule, must not stand inside a closed piece, and must not be kept
+    /// from where there is room.
+    #[test]
+    fn free_space_keeps_the_clearance_and_no_more() {
+        let space = around_cube(48);
+        let diagonal = 3f64.sqrt() * space.grid.cell;
+        for i in 0..4000 {
+            let p = 3.0 * spot(i) - 1.5;
+            if space.is_free(p) {
+                assert!(to_cube(p) >= 0.2 - diagonal, "{p} is too near");
+            } else {
+                assert!(to_cube(p) <= 0.2 + diagonal, "{p} has room");
+            }
+        }
+        let expected = 1.0 - (1.0 + 6.0 * 0.2 + 3.0 * std::f64::consts::PI * 0.04 + 4.2 * 0.008) / 27.0;
+        assert!((space.free_fraction - expected).abs() < 0.02, "{} of {expected}", space.free_fraction);
+    }
+
+    /// The field drives cameras back: it must vanish in the open, be the distance elsewhere, and point the shortest way.
+    #[test]
+    fn the_field_is_the_distance_to_free_space() {
+        let space = around_cube(48);
+        for i in 0..4000 {
+            let p = 4.4 * spot(i) - 2.2;
+            let (value, gradient) = space.violation(p.as_vec3());
+            let truth = (p.abs() - 1.5).max(DVec3::ZERO).length();
+            let inside = if truth > 0.0 { truth } else { (0.7 - p.abs().max_element()).max(0.0) };
+            // Rounded corners of the clearance apart, the distance is known.
+            if to_cube(p) == 0.0 || truth > 0.0 {
+                assert!((f64::from(value) - inside).abs() < 2.0 * space.grid.cell, "{value} for {inside} at {p}");
+            }
+            if value > 0.0 {
+                let shorter = space.violation(p.as_vec3() - 0.2 * space.grid.cell as f32 * gradient).0;
+                assert!(shorter <= value + 1e-6);
+            }
+        }
+        assert_eq!(space.violation(Vec3::new(1.1, 0.0, 0.3)), (0.0, Vec3::ZERO));
+    }
+
+    /// The gradient must be that of the interpolated value, inside the grid and out.
+    #[test]
+    fn the_gradient_is_that_of_finite_differences() {
+        let space = around_cube(24);
+        let h = 1e-3;
+        for i in 0..500 {
+            let p = (4.4 * spot(i) - 2.2).as_vec3();
+            let step = |d: Vec3| (space.violation(p + d).0 - space.violation(p - d).0) / (2.0 * h);
+            let difference = Vec3::new(step(Vec3::X * h), step(Vec3::Y * h), step(Vec3::Z * h));
+            let scaled = (p - space.grid.origin.as_vec3()) / space.grid.cell as f32 - 0.5;
+            // Kinks of the interpolation lie on the planes through voxel centres.
+            if (scaled - scaled.round()).abs().min_element() > 0.02 {
+                assert!((difference - space.violation(p).1).length() < 5e-3, "{p}");
+            }
+        }
+    }
+
+    /// What the planner draws and repairs must be free, or cameras start inside furniture.
+    #[test]
+    fn samples_and_projections_are_free() {
+        let space = around_cube(32);
+        let mut mean = DVec3::ZERO;
+        for i in 0..2000 {
+            let p = space.sample(1, 0, i);
+            assert!(space.is_free(p) && space.region.contains(p));
+            mean += p / 2000.0;
+            let q = 6.0 * spot(i) - 3.0;
+            let projected = space.project(q);
+            assert!(space.is_free(projected), "{q} -> {projected}");
+            assert!(projected.distance(q) <= f64::from(space.violation(q.as_vec3()).0) + 1.8 * space.grid.cell);
+        }
+        assert!(mean.length() < 0.1, "samples lean toward {mean}");
+    }
+
+    /// The sealed inside of a larger piece of furniture is no place to stand, and neither is outside the walls.
+    #[test]
+    fn sealed_rooms_are_left_out() {
+        let Occluder::Triangles(cube) = Proxy::new(&samples::cube(), Orientation::Trusted).unwrap().occluder else {
+            unreachable!()
+        };
+        let walls = cube.iter().map(|t| t.map(|p| 4.0 * p));
+        let occluder = Occluder::Triangles(cube.iter().copied().chain(walls).collect());
+        let shape = Shape::Box { min: DVec3::splat(-2.2), max: DVec3::splat(2.2) };
+        let region = Region { shape, up: DVec3::Z, floor: None, clearance: 0.05 };
+        let space = FreeSpace::new(&occluder, &region, 64).unwrap();
+        assert!(!space.is_free(DVec3::ZERO) && !space.is_free(DVec3::splat(2.15)));
+        assert!(space.is_free(DVec3::ONE));
+    }
+
+    /// A clearance larger than the room must end with advice, not with cameras nowhere.
+    #[test]
+    fn no_free_space_is_an_error_that_says_what_to_change() {
+        let proxy = Proxy::new(&samples::cube(), Orientation::Trusted).unwrap();
+        let shape = Shape::Box { min: DVec3::splat(-0.4), max: DVec3::splat(0.4) };
+        let region = Region { shape, up: DVec3::Z, floor: None, clearance: 0.6 };
+        let message = FreeSpace::new(&proxy.occluder, &region, 16).unwrap_err().to_string();
+        assert!(message.contains("--clearance") && !message.contains('\n'), "{message}");
+        assert!(FreeSpace::new(&proxy.occluder, &region, 0).is_err());
+        assert!(FreeSpace::new(&proxy.occluder, &region, 100_000).is_err());
+    }
+}

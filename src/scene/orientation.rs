@@ -1,0 +1,135 @@
+//! Which parts of a mesh are inside out.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+use super::proxy::Orientation;
+
+/// Indices of the triangles whose winding contradicts the orientation.
+///
+/// Parts are the triangles connected through vertices at equal positions. A part around the centre of a room shows it
+/// its inner side (it may have holes: windows, a missing ceiling); every other closed part shows its outer side. An
+/// open part can be meant either way and keeps its winding.
+pub(super) fn inside_out(triangles: &[[DVec3; 3]], orientation: Orientation) -> Vec<usize> {
+    let room = match orientation {
+        Orientation::Trusted => return Vec::new(),
+        Orientation::Outward(_) => None,
+        Orientation::Inward(centre) => Some(centre),
+    };
+    parts(triangles)
+        .into_iter()
+        .filter(|part| {
+            let of_part = || part.iter().map(|i| &triangles[*i]);
+            let turns = room.map_or(0.0, |centre| of_part().map(|t| solid_angle(t, centre)).sum::<f64>() / SPHERE);
+            if turns.abs() > 0.5 {
+                return turns > 0.0;
+            }
+            let reference = triangles[part[0]][0];
+            let (mut area, mut flux, mut volume) = (0.0, DVec3::ZERO, 0.0);
+            for &[a, b, c] in of_part() {
+                let twice = (b - a).cross(c - a);
+                area += twice.length();
+                flux += twice;
+                volume += twice.dot(a - reference);
+            }
+            let closed = flux.length() < 1e-6 * area;
+            closed && volume < 0.0
+        })
+        .flatten()
+        .collect()
+}
+
+/// Steradians of the whole sphere.
+const SPHERE: f64 = 4.0 * std::f64::consts::PI;
+
+/// Signed solid angle of a triangle seen from `eye`, positive where its back is seen (outward winding, from inside).
+/// Van Oosterom and Strackee, "The Solid Angle of a Plane Triangle" (1983).
+fn solid_angle(triangle: &[DVec3; 3], eye: DVec3) -> f64 {
+    let [a, b, c] = triangle.map(|p| p - eye);
+    let [la, lb, lc] = [a.length(), b.length(), c.length()];
+    2.0 * a.dot(b.cross(c)).atan2(la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
+}
+
+/// The triangles of each connected part, parts ordered by their first triangle.
+fn parts(triangles: &[[DVec3; 3]]) -> Vec<Vec<usize>> {
+    // A forest over triangles: each points at an earlier one of its part, roots at themselves.
+    let mut parent: Vec<usize> = (0..triangles.len()).collect();
+    let root = |parent: &mut Vec<usize>, mut i: usize| {
+        while parent[i] != i {
+            parent[i] = parent[parent[i]];
+            i = parent[i];
+        }
+        i
+    };
+    let mut first_at: HashMap<[u64; 3], usize> = HashMap::new();
+    for (i, corners) in triangles.iter().enumerate() {
+        for corner in corners {
+            // Adding zero makes both zeros one.
+            let other = *first_at.entry((*corner + DVec3::ZERO).to_array().map(f64::to_bits)).or_insert(i);
+            let (a, b) = (root(&mut parent, i), root(&mut parent, other));
+            parent[a.max(b)] = a.min(b);
+        }
+    }
+    let mut index = HashMap::new();
+    let mut parts: Vec<Vec<usize>> = Vec::new();
+    for i in 0..triangles.len() {
+        let slot = *index.entry(root(&mut parent, i)).or_insert(parts.len());
+        if slot == parts.len() {
+            parts.push(Vec::new());
+        }
+        parts[slot].push(i);
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::surface::Surface;
+    use crate::scene::{proxy::Occluder, proxy::Proxy, samples};
+
+    fn corners(surface: &Surface) -> Vec<[DVec3; 3]> {
+        match Proxy::new(surface, Orientation::Trusted).unwrap().occluder {
+            Occluder::Triangles(triangles) => triangles,
+            Occluder::Discs(_) => unreachable!(),
+        }
+    }
+
+    fn turned(triangles: &[[DVec3; 3]]) -> Vec<[DVec3; 3]> {
+        triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect()
+    }
+
+    /// An object file with inverted winding would have its probes look into its inside.
+    #[test]
+    fn an_inverted_object_is_turned_and_a_right_one_left() {
+        let right = corners(&samples::sphere(1.0, 12));
+        assert!(inside_out(&right, Orientation::Outward(DVec3::ZERO)).is_empty());
+        let wrong = turned(&right);
+        assert_eq!(inside_out(&wrong, Orientation::Outward(DVec3::ZERO)).len(), wrong.len());
+        assert!(inside_out(&wrong, Orientation::Trusted).is_empty());
+    }
+
+    /// Walls must face in and furniture out, whatever the file says about either, and even with a window missing.
+    #[test]
+    fn walls_face_in_and_furniture_faces_out() {
+        let furniture: Vec<[DVec3; 3]> =
+            corners(&samples::cube()).iter().map(|t| t.map(|p| 0.2 * p + DVec3::new(0.5, 0.0, 0.0))).collect();
+        let mut walls: Vec<[DVec3; 3]> = corners(&samples::cube()).iter().map(|t| t.map(|p| 3.0 * p)).collect();
+        walls.truncate(walls.len() - 2);
+        let n = furniture.len();
+        let room = Orientation::Inward(DVec3::ZERO);
+        let wrong = inside_out(&[furniture.clone(), walls.clone()].concat(), room);
+        assert_eq!(wrong, (n..n + walls.len()).collect::<Vec<_>>());
+        let wrong = inside_out(&[turned(&furniture), turned(&walls)].concat(), room);
+        assert_eq!(wrong, (0..n).collect::<Vec<_>>());
+    }
+
+    /// A sheet is open: there is no telling its sides apart, so the file's word stands.
+    #[test]
+    fn an_open_sheet_keeps_its_winding() {
+        let sheet = corners(&samples::plane(1.0, 4));
+        assert!(inside_out(&sheet, Orientation::Outward(DVec3::Z)).is_empty());
+        assert!(inside_out(&turned(&sheet), Orientation::Outward(DVec3::Z)).is_empty());
+    }
+}
