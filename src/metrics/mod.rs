@@ -1,5 +1,7 @@
 //! How good a set of cameras is, measured on points that no optimiser has used (hard gate, exact occlusion).
 
+pub mod score_point;
+
 use serde::{Deserialize, Serialize};
 
 /// What one surface point gets from a set of cameras. Angles in radians, areas in steradians.

@@ -1,3 +1,13 @@
 //! Planning: from a surface and a region to the camera poses that sample it best.
 
+pub mod config;
+pub mod dense;
+pub mod footprint;
+pub mod planner;
 pub mod record;
+pub mod relocate;
+pub mod shared;
+pub mod snapshot;
+pub mod start;
+pub mod tally;
+pub mod update;

@@ -10,6 +10,7 @@ mod discs;
 mod distance_transform;
 pub mod free_space;
 mod morton;
+pub mod octahedral;
 mod orientation;
 pub mod proxy;
 pub mod random;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use glam::{DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::similarity::Similarity;
@@ -122,6 +122,40 @@ impl Region {
             }
         }
         Ok(valid)
+    }
+
+    /// The point of the shape, above the floor, nearest to `p` (nearly so where shape and floor meet).
+    pub fn nearest(&self, p: DVec3) -> DVec3 {
+        let within = |p: DVec3| match self.shape {
+            Shape::Shell { centre, r_min, r_max } => {
+                let out = p - centre;
+                let r = out.length();
+                if r > 0.0 { centre + out * (r.clamp(r_min, r_max) / r) } else { centre + r_min * self.up }
+            }
+            Shape::Box { min, max } => p.clamp(min, max),
+        };
+        let p = within(p);
+        match self.floor {
+            Some(floor) if p.dot(self.up) < floor => {
+                let raised = within(p + (floor - p.dot(self.up)) * self.up);
+                raised + (floor - raised.dot(self.up)).max(0.0) * self.up
+            }
+            _ => p,
+        }
+    }
+
+    /// From the user's world to the planner's frame: the shape's bounding sphere becomes the unit sphere, `up` +Z. An up
+    /// along an axis turns the axes into one another, so that boxes stay aligned.
+    pub fn to_planner_frame(&self) -> Similarity {
+        let (centre, radius) = self.bounding_sphere();
+        let up = self.up;
+        // The world axis most across `up` that comes next after it in cyclic order becomes X.
+        let largest = up.abs().max_position();
+        let heading = [DVec3::Y, DVec3::Z, DVec3::X][largest];
+        let x = (heading - heading.dot(up) * up).normalize();
+        let rotation = DQuat::from_mat3(&DMat3::from_cols(x, up.cross(x), up).transpose()).normalize();
+        let scale = 1.0 / radius;
+        Similarity { rotation, scale, translation: -scale * (rotation * centre) }
     }
 
     /// Centre and radius of the shape's bounding sphere: the unit of length inside the planner.

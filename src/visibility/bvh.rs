@@ -31,26 +31,26 @@ const LEAF_SIZE: u32 = 4;
 /// Most primitives that the encoding can address.
 const MOST_PRIMITIVES: usize = 1 << COUNT_SHIFT;
 
-/// Two children with their boxes: four vec4 of std430.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub struct Node {
-    /// Lowest corner of the first child.
-    pub lo0: [f32; 3],
-    /// The first child.
-    pub child0: u32,
-    /// Highest corner of the first child.
-    pub hi0: [f32; 3],
-    /// The second child.
-    pub child1: u32,
-    /// Lowest corner of the second child.
-    pub lo1: [f32; 3],
-    /// Padding, zero.
-    pub pad0: u32,
-    /// Highest corner of the second child.
-    pub hi1: [f32; 3],
-    /// Padding, zero.
-    pub pad1: u32,
+crate::gpu_struct! {
+    /// Two children with their boxes: four vec4 of std430.
+    pub struct Node {
+        /// Lowest corner of the first child.
+        pub lo0: [f32; 3],
+        /// The first child.
+        pub child0: u32,
+        /// Highest corner of the first child.
+        pub hi0: [f32; 3],
+        /// The second child.
+        pub child1: u32,
+        /// Lowest corner of the second child.
+        pub lo1: [f32; 3],
+        /// Padding, zero.
+        pub pad0: u32,
+        /// Highest corner of the second child.
+        pub hi1: [f32; 3],
+        /// Padding, zero.
+        pub pad1: u32,
+    }
 }
 
 /// A triangle: three vec4 of std430.

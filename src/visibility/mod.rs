@@ -1,4 +1,6 @@
 //! Who sees what: the bounding volume hierarchy over the proxy's primitives and rays through it.
 
 pub mod bvh;
+pub mod device_scene;
+pub mod probe_depth;
 pub mod raycast;

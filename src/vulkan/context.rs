@@ -126,6 +126,11 @@ impl Context {
         &self.physical
     }
 
+    /// Whether every stage is waited for.
+    pub fn debug_sync(&self) -> bool {
+        self.debug_sync
+    }
+
     /// Messages of the validation layers so far. Empty where they are off, and must be empty where they are on.
     pub fn messages(&self) -> Vec<String> {
         lock(&self.instance.messages).clone()

@@ -1,0 +1,90 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// Relocation: a workgroup for each of the tenth of splats with the least utility. One under a fifth of the median is put
+// where light is missing: a probe and a direction are drawn with probability proportional to the squared deficit, the
+// camera stands at a uniform distance on the feasible, unblocked part of that ray and looks back.
+#include "shared/plan.glsl"
+#include "shared/random.glsl"
+layout(local_size_x = 256) in;
+
+layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
+layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
+layout(binding = 2, std430) buffer Splats { Splat splats[]; };
+layout(binding = 3, std430) readonly buffer Probes { Probe probes[]; };
+layout(binding = 4, std430) readonly buffer Directions { vec4 directions[]; };
+layout(binding = 5, std430) readonly buffer Depth { float depth[]; };
+layout(binding = 6, std430) readonly buffer Deficit { float deficit[]; };
+layout(binding = 7, std430) buffer MomentsBlock { Moments moments[]; };
+layout(binding = 8, std430) readonly buffer Order { uint order[]; };
+#include "shared/region_types.glsl"
+layout(binding = 9, std430) readonly buffer RegionBlock { DeviceRegion region[]; };
+layout(binding = 10, std430) readonly buffer FreeDistance { float free_distance[]; };
+#include "shared/region.glsl"
+
+shared float strip_sums[256];
+
+// Index in [0, count) drawn with probability proportional to the deficit; each thread sums a strip, the strips are
+// walked in order. Returns `count` where all of it is zero.
+uint draw(uint count, float uniform_) {
+    uint thread = gl_LocalInvocationIndex;
+    uint strip = (count + 255) / 256;
+    uint first = min(thread * strip, count), last = min(first + strip, count);
+    float mine = 0.0;
+    for (uint k = first; k < last; ++k) mine += deficit[k];
+    barrier();
+    strip_sums[thread] = mine;
+    barrier();
+    float all = 0.0;
+    for (uint t = 0; t < 256; ++t) all += strip_sums[t];
+    if (!(all > 0.0)) return count;
+    float aim = uniform_ * all;
+    uint t = 0;
+    while (t < 255 && aim >= strip_sums[t]) aim -= strip_sums[t++];
+    uint k = min(t * strip, count - 1), end = min(k + strip, count);
+    while (k + 1 < end && aim >= deficit[k]) aim -= deficit[k++];
+    return k;
+}
+
+void main() {
+    Settings s = settings[0];
+    uint thread = gl_LocalInvocationIndex;
+    uint iteration = control[0].iteration;
+    if (control[0].halt != 0 || iteration == 0 || iteration % s.relocate_every != 0 || iteration > s.relocate_until) return;
+    uint planned = s.splats - s.kept;
+    uint j = order[gl_WorkGroupID.x];
+    float median = moments[order[planned / 2]].utility;
+    if (!(moments[j].utility < 0.2 * max(median, 0.0))) return;
+
+    // One draw over all probes' texels of the last batch.
+    vec4 random = random4(s.seed, 0x72656c6fu, iteration, j);
+    uint texels = s.probes * TEXELS;
+    uint drawn = draw(texels, random.x);
+    if (drawn >= texels || thread != 0) return;
+    uint probe = drawn / TEXELS, texel = drawn % TEXELS;
+    uint index = ((iteration - 1) * s.probes + probe) % s.pool;
+    vec3 from = probes[index].position, w = directions[texel].xyz;
+    float reach = min(abs(depth[index * TEXELS + texel]), 2.0 + length(from));
+
+    // The k-th of the feasible steps along the ray, k uniform.
+    const uint STEPS = 128;
+    uint feasible = 0;
+    for (uint k = 0; k < STEPS; ++k) {
+        if (region_contains(from + w * (reach * (float(k) + random.z) / float(STEPS)))) ++feasible;
+    }
+    if (feasible == 0) return;
+    uint pick = min(uint(random.y * float(feasible)), feasible - 1);
+    vec3 stand = from;
+    for (uint k = 0; k < STEPS; ++k) {
+        vec3 at = from + w * (reach * (float(k) + random.z) / float(STEPS));
+        if (region_contains(at)) {
+            if (pick == 0) {
+                stand = at;
+                break;
+            }
+            --pick;
+        }
+    }
+    splats[j].centre = stand;
+    splats[j].direction = -w;
+    moments[j] = Moments(vec3(0.0), 0, vec3(0.0), 0, vec3(0.0), 0, vec3(0.0), median);
+}

@@ -1,0 +1,34 @@
+// Rays through the bounding volume hierarchy of src/visibility/bvh.rs. Twin, with the same formulae in the same
+// precision: src/visibility/raycast.rs. Needs the bindings `nodes` (of Node) and `primitives` (vec4: three to a triangle,
+// two to a disc).
+
+layout(constant_id = 5) const uint DISCS = 0;  // 1: the primitives are discs
+
+const uint LEAF = 0x80000000u;
+const uint COUNT_SHIFT = 27;
+const uint STACK = 48;
+const float MISS = 1e30;
+
+struct Node {
+    vec3 lo0;
+    uint child0;
+    vec3 hi0;
+    uint child1;
+    vec3 lo1;
+    uint pad0;
+    vec3 hi1;
+    uint pad1;
+};
+
+float inverse_slope(float slope) {
+    return 1.0 / (abs(slope) < 1e-12 ? (slope < 0.0 ? -1e-12 : 1e-12) : slope);
+}
+
+// Distance at which the ray enters a box, MISS where it does not. Far ends are widened so that rounding loses no box.
+float enter_box(vec3 origin, vec3 inverse, float t_min, float t_max, vec3 lo, vec3 hi) {
+    vec3 a = (lo - origin) * inverse, b = (hi - origin) * inverse;
+    vec3 near = min(a, b), far = max(a, b);
+    float enter = max(max(max(near.x, near.y), near.z), t_min);
+    float leave = min(min(min(far.x, far.y), far.z) * 1.0000004, t_max);
+    return enter <= leave ? enter : MISS;
+}

@@ -1,0 +1,184 @@
+// What the stages of the planner share: structs (twins in src/plan/shared.rs), specialisation constants, and the
+// formulae of gate, kernel and region. Lengths are in units of the region's bounding radius.
+
+layout(constant_id = 0) const uint RESOLUTION = 16;  // texels of a point camera along a side
+layout(constant_id = 1) const uint OBJECTIVE = 0;    // 0 splat, 1 nearest
+layout(constant_id = 2) const uint GATE = 1;         // 0 hard cone, 1 soft cone, 2 hard frustum, 3 soft frustum
+layout(constant_id = 3) const uint KERNEL = 0;       // 0 angular, 1 metric
+layout(constant_id = 4) const uint OCCLUSION = 1;    // 0 everything is seen through
+
+const uint TEXELS = RESOLUTION * RESOLUTION;
+const uint NONE = 0xffffffffu;
+
+// A kernel is cut off where its exponent passes this: exp(-8) = 0.0003 of its peak.
+const float KERNEL_CUTOFF = 8.0;
+// A soft gate that lets less than this through is closed.
+const float GATE_CUTOFF = 1e-4;
+// Below this a nearest-view sum counts as empty: exp(-2 / 0.03) is about 1e-29.
+const float NEAREST_FLOOR = 1e-32;
+
+struct Settings {
+    uint splats;          // kept and planned
+    uint kept;            // the first so many never move
+    uint probes;          // point cameras a step
+    uint pool;            // point cameras in all
+    uint capacity;        // visible splats that a probe has room for
+    uint iterations;
+    uint round_length;    // iterations a view in the iterative variant, 0 in the joint one
+    uint seed;
+    uint relocate_every;  // 0 for never
+    uint relocate_until;
+    uint weighted;        // 0: every target is 1 (no VDS)
+    float alpha;
+    float gate_cos;
+    float gate_softness;
+    float tan_x;
+    float tan_y;
+    float rate_centre;
+    float rate_direction;
+    float rate_scale;
+    float decay;          // of the rates, over the whole run
+    float lambda_reg;
+    float lambda_bound;
+    float lambda_scale;
+    float scale_floor;
+    float nearest_tau;
+};
+
+// What changes from one iteration to the next; written by `tally` alone.
+struct Control {
+    uint iteration;
+    uint halt;        // nothing is done any more
+    uint first;       // splats [first, live) move, [0, live) are seen
+    uint live;
+    uint step;        // of Adam, from 1
+    float rate;       // factor on the learning rates
+    float log_scale;
+    float scale_mean; // Adam's moments of log_scale
+    float scale_square;
+};
+
+struct Splat {
+    vec3 centre;
+    uint spare0;
+    vec3 direction;
+    uint spare1;
+};
+
+struct Probe {
+    vec3 position;
+    float score;
+};
+
+// Gradient of the loss by a splat's pose, of one probe or of all.
+struct Gradient {
+    vec3 centre;
+    float log_scale;
+    vec3 direction;
+    float utility;    // rise of the loss if the splat were not there
+};
+
+// What one probe contributes.
+struct Tally {
+    float image;      // its part of the image loss
+    float weight;     // w_i, the coverage weight
+    float log_scale;  // gradient by log s
+    uint visible;     // splats that it sees, also past the capacity
+};
+
+// Adam's first and second moments of a splat's pose.
+struct Moments {
+    vec3 centre_mean;
+    uint spare0;
+    vec3 centre_square;
+    uint spare1;
+    vec3 direction_mean;
+    uint spare2;
+    vec3 direction_square;
+    float utility;    // running mean, decay 0.9
+};
+
+// What a splat adds to the loss, unweighted.
+struct Terms {
+    float reg;
+    float bound;
+};
+
+struct Gate {
+    float open;       // m in [0, 1]
+    vec3 by_view;     // gradient of log m by the unit direction from the camera to the probe
+    vec3 by_direction;// gradient of log m by the camera's viewing direction
+};
+
+float sigmoid(float x) {
+    return 1.0 / (1.0 + exp(-x));
+}
+
+// Does a camera looking along `r` see what lies along unit direction `v` from it?
+Gate gate(vec3 v, vec3 r, Settings s) {
+    Gate g = Gate(0.0, vec3(0.0), vec3(0.0));
+    if (GATE < 2) {
+        float margin = dot(r, v) - s.gate_cos;
+        if (GATE == 0) {
+            g.open = margin >= 0.0 ? 1.0 : 0.0;
+            return g;
+        }
+        g.open = sigmoid(margin / s.gate_softness);
+        float slope = (1.0 - g.open) / s.gate_softness;
+        g.by_view = slope * r;
+        g.by_direction = slope * v;
+        return g;
+    }
+    // Image axes of a camera whose roll keeps the scene's up (+Z here) upright.
+    vec3 up = vec3(0.0, 0.0, 1.0);
+    vec3 side = cross(r, up);
+    float k = length(side);
+    vec3 x_axis = k > 1e-4 ? side / k : vec3(1.0, 0.0, 0.0);
+    vec3 y_axis = cross(r, x_axis);
+    float x = dot(v, x_axis), y = dot(v, y_axis), z = dot(v, r);
+    // Sines of the angles to the frustum's nearest side planes.
+    float norm_x = inversesqrt(1.0 + s.tan_x * s.tan_x), norm_y = inversesqrt(1.0 + s.tan_y * s.tan_y);
+    float margin_x = (s.tan_x * z - abs(x)) * norm_x, margin_y = (s.tan_y * z - abs(y)) * norm_y;
+    if (GATE == 2) {
+        g.open = min(margin_x, margin_y) >= 0.0 ? 1.0 : 0.0;
+        return g;
+    }
+    float open_x = sigmoid(margin_x / s.gate_softness), open_y = sigmoid(margin_y / s.gate_softness);
+    g.open = open_x * open_y;
+    float slope_x = norm_x * (1.0 - open_x) / s.gate_softness, slope_y = norm_y * (1.0 - open_y) / s.gate_softness;
+    float by_x = x < 0.0 ? slope_x : -slope_x, by_y = y < 0.0 ? slope_y : -slope_y;
+    float by_z = s.tan_x * slope_x + s.tan_y * slope_y;
+    g.by_view = by_x * x_axis + by_y * y_axis + by_z * r;
+    // x and y turn with r through the axes: d x_axis = (I - x x^T)(dr x up)/k, d y_axis = dr x x_axis + r x d x_axis.
+    vec3 turn = by_x * v + by_y * cross(v, r);
+    turn -= dot(turn, x_axis) * x_axis;
+    g.by_direction = by_z * v + by_y * cross(x_axis, v) + cross(up, turn) / max(k, 1e-4);
+    return g;
+}
+
+// Exponent of the kernel of a splat at distance `d` along unit direction `n`, seen along `w`; the kernel is exp(-x).
+float kernel_exponent(vec3 w, vec3 n, float d, float inverse_scale_square) {
+    if (KERNEL == 0 || OBJECTIVE == 1) {
+        // 1 - w.n cancels in float32; half the squared chord does not.
+        vec3 chord = w - n;
+        return 0.5 * dot(chord, chord) * inverse_scale_square;
+    }
+    float h = dot(w, n);
+    vec3 off = n - h * w;
+    return h > 0.0 ? 0.5 * d * d * dot(off, off) * inverse_scale_square : 1e30;
+}
+
+// Gradient of the loss by the splat's centre and direction, from the sums over texels: `moment` is the sum of
+// (dL/da) a w, `total` that of (dL/da) a; with the metric kernel `moment` carries a factor w.(u - p).
+Gradient splat_gradient(vec3 n, float d, Gate g, vec3 moment, float total, float inverse_scale_square) {
+    Gradient grad = Gradient(vec3(0.0), 0.0, vec3(0.0), 0.0);
+    vec3 by_n = -total * g.by_view;
+    if (KERNEL == 0 || OBJECTIVE == 1) {
+        by_n += moment * inverse_scale_square;
+        grad.centre = (by_n - dot(by_n, n) * n) / d;
+    } else {
+        grad.centre = (by_n - dot(by_n, n) * n) / d - inverse_scale_square * (total * d * n - moment);
+    }
+    grad.direction = total * g.by_direction;
+    return grad;
+}

@@ -1,0 +1,63 @@
+// Traversal proper: included after the bindings that bvh.glsl names.
+
+// Distance along the ray to a primitive, from either side; MISS where there is none in [t_min, t_max].
+float intersect(uint slot, vec3 origin, vec3 direction, float t_min, float t_max) {
+    float t;
+    if (DISCS != 0) {
+        vec4 disc = primitives[2 * slot];
+        vec3 normal = primitives[2 * slot + 1].xyz;
+        float slope = dot(normal, direction);
+        vec3 to_centre = disc.xyz - origin;
+        t = dot(normal, to_centre) / slope;
+        vec3 off = t * direction - to_centre;
+        if (slope == 0.0 || !(dot(off, off) <= disc.w * disc.w)) return MISS;
+    } else {
+        // Moeller and Trumbore 1997.
+        vec3 v0 = primitives[3 * slot].xyz, e1 = primitives[3 * slot + 1].xyz, e2 = primitives[3 * slot + 2].xyz;
+        vec3 p = cross(direction, e2);
+        float determinant = dot(e1, p);
+        if (determinant == 0.0) return MISS;
+        vec3 s = origin - v0;
+        float u = dot(s, p) / determinant;
+        vec3 q = cross(s, e1);
+        float v = dot(direction, q) / determinant;
+        t = dot(e2, q) / determinant;
+        if (!(u >= -1e-6 && v >= -1e-6 && u + v <= 1.000001)) return MISS;
+    }
+    return t >= t_min && t <= t_max ? t : MISS;
+}
+
+// Distance to the closest hit in [t_min, t_max], or MISS; with `any_hit` the first hit that is met will do.
+float trace(vec3 origin, vec3 direction, float t_min, float t_max, bool any_hit) {
+    vec3 inverse = vec3(inverse_slope(direction.x), inverse_slope(direction.y), inverse_slope(direction.z));
+    uint stack[STACK];
+    uint size = 0, child = 0;
+    float best = MISS;
+    while (true) {
+        if ((child & LEAF) != 0) {
+            uint first = child & ((1u << COUNT_SHIFT) - 1u), count = (child ^ LEAF) >> COUNT_SHIFT;
+            for (uint k = 0; k < count; ++k) {
+                float t = intersect(first + k, origin, direction, t_min, t_max);
+                if (t < MISS) {
+                    best = t;
+                    t_max = t;
+                    if (any_hit) return best;
+                }
+            }
+        } else {
+            Node node = nodes[child];
+            float enter0 = enter_box(origin, inverse, t_min, t_max, node.lo0, node.hi0);
+            float enter1 = enter_box(origin, inverse, t_min, t_max, node.lo1, node.hi1);
+            bool hit0 = enter0 < MISS, hit1 = enter1 < MISS;
+            if (hit0 || hit1) {
+                bool first = hit0 && (!hit1 || enter0 <= enter1);
+                if (hit0 && hit1) stack[size++] = first ? node.child1 : node.child0;
+                child = first ? node.child0 : node.child1;
+                continue;
+            }
+        }
+        if (size == 0) break;
+        child = stack[--size];
+    }
+    return best;
+}

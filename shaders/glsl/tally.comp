@@ -1,0 +1,72 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// One workgroup, at the end of an iteration: sums the losses, steps the shared scale, writes the history and sets up the
+// next iteration. Twin: src/plan/tally.rs.
+#include "shared/plan.glsl"
+layout(local_size_x = 256) in;
+
+struct Record {
+    float image;
+    float reg;
+    float bound;
+    float log_scale;
+};
+
+layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
+layout(binding = 1, std430) buffer ControlBlock { Control control[]; };
+layout(binding = 2, std430) readonly buffer Tallies { Tally tallies[]; };
+layout(binding = 3, std430) readonly buffer TermsBlock { Terms terms[]; };
+layout(binding = 4, std430) writeonly buffer History { Record history[]; };
+// Host-visible: [0] the host asks to stop; [1] iterations done; [2] most splats that a probe saw.
+layout(binding = 5, std430) buffer Mailbox { uint mailbox[]; };
+
+shared vec4 sums[256];
+shared uint most[256];
+
+void main() {
+    Settings s = settings[0];
+    Control c = control[0];
+    uint thread = gl_LocalInvocationIndex;
+    if (c.halt != 0) return;
+    vec4 sum = vec4(0.0);
+    uint seen = 0;
+    for (uint i = thread; i < s.probes; i += 256) {
+        sum.x += tallies[i].image;
+        sum.w += tallies[i].log_scale;
+        seen = max(seen, tallies[i].visible);
+    }
+    for (uint j = thread; j < c.live; j += 256) sum.yz += vec2(terms[j].reg, terms[j].bound);
+    sums[thread] = sum;
+    most[thread] = seen;
+    for (uint half_ = 128; half_ > 0; half_ >>= 1) {
+        barrier();
+        if (thread < half_) {
+            sums[thread] += sums[thread + half_];
+            most[thread] = max(most[thread], most[thread + half_]);
+        }
+    }
+    if (thread != 0) return;
+    history[c.iteration] = Record(sums[0].x, sums[0].y, sums[0].z, c.log_scale);
+
+    if (OBJECTIVE == 0 && s.rate_scale > 0.0) {
+        float gradient = sums[0].w + 2.0 * s.lambda_scale * exp(2.0 * c.log_scale);
+        c.scale_mean = mix(gradient, c.scale_mean, 0.9);
+        c.scale_square = mix(gradient * gradient, c.scale_square, 0.999);
+        float m = c.scale_mean / (1.0 - pow(0.9, float(c.step)));
+        float v = c.scale_square / (1.0 - pow(0.999, float(c.step)));
+        c.log_scale = max(c.log_scale - s.rate_scale * c.rate * m / (sqrt(v) + 1e-10), log(s.scale_floor));
+    }
+    c.iteration += 1;
+    c.step += 1;
+    uint length_ = s.round_length != 0 ? s.round_length : s.iterations;
+    if (s.round_length != 0 && c.iteration % s.round_length == 0) {
+        c.first += 1;
+        c.live = min(c.live + 1, s.splats);
+        c.step = 1;
+    }
+    c.rate = pow(s.decay, float(c.step - 1) / float(length_));
+    if (c.iteration >= s.iterations || mailbox[0] != 0) c.halt = 1;
+    control[0] = c;
+    mailbox[1] = c.iteration;
+    mailbox[2] = max(mailbox[2], most[0]);
+}

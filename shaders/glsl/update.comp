@@ -1,0 +1,100 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// A workgroup per camera splat: sums what the probes say of it in fixed order, adds the coverage regulariser and the
+// region's pull, and takes one Adam step (Kingma and Ba 2015). Twin: src/plan/update.rs.
+#include "shared/octahedral.glsl"
+#include "shared/plan.glsl"
+layout(local_size_x = 64) in;
+
+layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
+layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
+layout(binding = 2, std430) buffer Splats { Splat splats[]; };
+layout(binding = 3, std430) readonly buffer Probes { Probe probes[]; };
+layout(binding = 4, std430) readonly buffer Depth { float depth[]; };
+layout(binding = 5, std430) readonly buffer Slots { uint slots[]; };
+layout(binding = 6, std430) readonly buffer Partials { Gradient partials[]; };
+layout(binding = 7, std430) readonly buffer Tallies { Tally tallies[]; };
+layout(binding = 8, std430) buffer MomentsBlock { Moments moments[]; };
+layout(binding = 9, std430) writeonly buffer TermsBlock { Terms terms[]; };
+layout(binding = 10, std430) writeonly buffer Gradients { Gradient gradients[]; };
+#include "shared/region_types.glsl"
+layout(binding = 11, std430) readonly buffer RegionBlock { DeviceRegion region[]; };
+layout(binding = 12, std430) readonly buffer FreeDistance { float free_distance[]; };
+#include "shared/region.glsl"
+
+shared vec4 sums[64];
+shared vec4 more_sums[64];
+
+void adam(inout vec3 mean, inout vec3 square, vec3 gradient, uint step, out vec3 change) {
+    mean = mix(gradient, mean, 0.9);
+    square = mix(gradient * gradient, square, 0.999);
+    vec3 m = mean / (1.0 - pow(0.9, float(step)));
+    vec3 v = square / (1.0 - pow(0.999, float(step)));
+    change = m / (sqrt(v) + 1e-10);
+}
+
+void main() {
+    Settings s = settings[0];
+    Control c = control[0];
+    uint j = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x, thread = gl_LocalInvocationIndex;
+    if (c.halt != 0 || j >= s.splats) return;
+    Splat splat = splats[j];
+    Gradient sum = Gradient(vec3(0.0), 0.0, vec3(0.0), 0.0);
+    float reg = 0.0;
+    float share = 1.0 / (float(s.probes) * float(c.live));
+    for (uint i = thread; i < s.probes; i += 64) {
+        uint slot = slots[i * s.splats + j];
+        if (slot != NONE) {
+            Gradient part = partials[slot];
+            sum.centre += part.centre;
+            sum.direction += part.direction;
+            sum.utility += part.utility;
+        }
+        if (OBJECTIVE == 0 && j < c.live) {
+            uint index = (c.iteration * s.probes + i) % s.pool;
+            vec3 ray = splat.centre - probes[index].position;
+            float d = max(length(ray), 1e-6);
+            vec3 n = ray / d;
+            if (OCCLUSION == 0 || d < abs(depth[index * TEXELS + octahedral_texel(n, RESOLUTION)])) {
+                float weight = tallies[i].weight * share;
+                float turned = 1.0 + dot(splat.direction, n);  // 1 - c
+                reg += weight * turned;
+                sum.direction += s.lambda_reg * weight * n;
+                sum.centre += s.lambda_reg * weight / d * (splat.direction - dot(splat.direction, n) * n);
+            }
+        }
+    }
+    sums[thread] = vec4(sum.centre, reg);
+    more_sums[thread] = vec4(sum.direction, sum.utility);
+    for (uint half_ = 32; half_ > 0; half_ >>= 1) {
+        barrier();
+        if (thread < half_) {
+            sums[thread] += sums[thread + half_];
+            more_sums[thread] += more_sums[thread + half_];
+        }
+    }
+    if (thread != 0) return;
+
+    vec3 by_centre = sums[0].xyz, by_direction = more_sums[0].xyz, outward;
+    float bound = 0.0;
+    bool moves = j >= c.first && j < c.live;
+    if (moves) {
+        bound = region_violation(splat.centre, outward);
+        by_centre += s.lambda_bound * outward;
+    }
+    terms[j] = Terms(sums[0].w, bound);
+    gradients[j] = Gradient(by_centre, 0.0, by_direction, more_sums[0].w);
+    if (!moves) return;
+
+    Moments m = moments[j];
+    vec3 change;
+    adam(m.centre_mean, m.centre_square, by_centre, c.step, change);
+    splat.centre -= s.rate_centre * c.rate * change;
+    // Only the part across the direction turns it; the part along it would only feed the moments.
+    by_direction -= dot(by_direction, splat.direction) * splat.direction;
+    adam(m.direction_mean, m.direction_square, by_direction, c.step, change);
+    splat.direction = normalize(splat.direction - s.rate_direction * c.rate * change);
+    m.utility = mix(more_sums[0].w, m.utility, 0.9);
+    splats[j] = splat;
+    moments[j] = m;
+}

@@ -1,0 +1,216 @@
+//! Held-out metrics on the device (`score_point.comp`): hard gate, exact occlusion, points that no optimiser has used.
+
+use std::sync::Arc;
+
+use super::{Metrics, PointMetrics};
+use crate::Result;
+use crate::scene::camera::Camera;
+use crate::scene::proxy::SurfacePoint;
+use crate::visibility::bvh::Node;
+use crate::visibility::device_scene::DeviceScene;
+use crate::visibility::probe_depth::{Probe, ProbeMaps};
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+
+crate::gpu_struct! {
+    /// Push constants of `score_point`.
+    pub struct ScorePush {
+        /// Point of the first workgroup.
+        pub first: u32,
+        /// Cameras.
+        pub views: u32,
+        /// Texels along a side.
+        pub resolution: u32,
+        /// 1: the rectangular image, 0: the cone inscribed in it.
+        pub frustum: u32,
+    }
+}
+
+crate::gpu_struct! {
+    /// A camera: position and image axes, the latter over the tangents of the half fields of view.
+    pub struct View {
+        /// Position.
+        pub position: [f32; 3],
+        /// Focal length in pixels.
+        pub focal: f32,
+        /// Unit viewing direction.
+        pub forward: [f32; 3],
+        /// Cosine of half the inscribed cone.
+        pub cone_cos: f32,
+        /// The image's x axis.
+        pub right: [f32; 3],
+        /// Unused.
+        pub spare0: f32,
+        /// The image's y axis.
+        pub down: [f32; 3],
+        /// Unused.
+        pub spare1: f32,
+    }
+}
+
+crate::gpu_struct! {
+    /// What a point gets, in the planner's lengths.
+    pub struct Score {
+        /// Cameras that see it.
+        pub views: u32,
+        /// Solid angle of its reachable directions.
+        pub reachable: f32,
+        /// Mean angle from those to the nearest view.
+        pub gap: f32,
+        /// Mean Voronoi cell area.
+        pub voronoi_mean: f32,
+        /// Deviation of the cell areas.
+        pub voronoi_deviation: f32,
+        /// Widest angle between two views.
+        pub triangulation: f32,
+        /// Smallest distance over focal length.
+        pub sampling_distance: f32,
+        /// Unused.
+        pub spare0: f32,
+    }
+}
+
+crate::stage!(
+    /// A workgroup per held-out point.
+    pub SCORE_POINT = score_point(ScorePush) {
+        read nodes, read primitives, read probes, read depth, read cameras, write rays, write cells, write scores,
+    } with [Node, Probe, View, Score]
+);
+
+/// Texels along a side of the maps that the gap is averaged over: 7.5 degrees wide.
+pub const RESOLUTION: u32 = 24;
+/// Bytes of the list of directions; larger camera sets take the points in several dispatches.
+const RAYS_BYTES: u64 = 64 << 20;
+
+/// How a camera's field of view is tested.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Field {
+    /// The cone inscribed in the image.
+    Cone,
+    /// The image itself.
+    Frustum,
+}
+
+/// Held-out points, ready to score camera sets.
+pub struct Scorer<'a> {
+    context: Arc<Context>,
+    scene: &'a DeviceScene,
+    maps: ProbeMaps,
+    pipeline: Pipeline,
+}
+
+impl<'a> Scorer<'a> {
+    /// Prepares to score on `points`, given in the user's world.
+    ///
+    /// # Errors
+    /// Where device memory runs out or the device fails.
+    pub fn new(context: &Arc<Context>, scene: &'a DeviceScene, points: &[SurfacePoint]) -> Result<Self> {
+        Ok(Self {
+            context: context.clone(),
+            scene,
+            maps: ProbeMaps::new(context, scene, points, RESOLUTION)?,
+            pipeline: Pipeline::new(context, &SCORE_POINT, &[0, 0, 0, 0, 0, scene.discs()])?,
+        })
+    }
+
+    /// Scores cameras, given in the user's world; one result per point.
+    ///
+    /// # Errors
+    /// Where device memory runs out or the device fails.
+    pub fn score(&self, cameras: &[Camera], field: Field) -> Result<Vec<PointMetrics>> {
+        let views: Vec<View> = cameras.iter().map(|camera| view(self.scene, camera)).collect();
+        let points = self.maps.probes.len();
+        let rows = ((RAYS_BYTES / (16 * views.len().max(1) as u64)) as usize).clamp(1, points.max(1));
+        let camera_buffer = Buffer::from_slice(&self.context, "cameras", &views)?;
+        let rays = Buffer::device(&self.context, "rays", (16 * rows * views.len()) as u64)?;
+        let cells = Buffer::device(&self.context, "cells", (4 * rows * views.len()) as u64)?;
+        let scores = Buffer::device(&self.context, "scores", (size_of::<Score>() * points) as u64)?;
+        let mut commands = Recorder::new(&self.context)?;
+        for first in (0..points).step_by(rows) {
+            let (scene, maps) = (self.scene, &self.maps);
+            commands
+                .stage(&self.pipeline)
+                .bind(&[
+                    &scene.nodes,
+                    &scene.primitives,
+                    &maps.probe_buffer,
+                    &maps.depth,
+                    &camera_buffer,
+                    &rays,
+                    &cells,
+                    &scores,
+                ])
+                .push(&ScorePush {
+                    first: first as u32,
+                    views: views.len() as u32,
+                    resolution: maps.resolution,
+                    frustum: (field == Field::Frustum) as u32,
+                })
+                .groups([rows.min(points - first) as u32, 1, 1]);
+        }
+        commands.submit_and_wait()?;
+        drop(commands);
+        let world = 1.0 / self.scene.to_internal.scale as f32;
+        let scores: Vec<Score> = scores.download(points)?;
+        Ok(scores
+            .into_iter()
+            .map(|s| PointMetrics {
+                views: s.views,
+                reachable: s.reachable,
+                gap: s.gap,
+                voronoi_mean: s.voronoi_mean,
+                voronoi_deviation: s.voronoi_deviation,
+                triangulation: s.triangulation,
+                sampling_distance: s.sampling_distance * world,
+            })
+            .collect())
+    }
+}
+
+fn view(scene: &DeviceScene, camera: &Camera) -> View {
+    let pose = scene.to_internal.pose(&camera.pose);
+    let rotation = pose.rotation;
+    let intrinsics = &camera.intrinsics;
+    let [fov_x, fov_y] = intrinsics.fov();
+    let axis = |axis: glam::DVec3, fov: f64| (rotation * axis / (0.5 * fov).tan()).as_vec3().to_array();
+    View {
+        position: pose.position.as_vec3().to_array(),
+        focal: (0.5 * (intrinsics.focal[0] + intrinsics.focal[1])) as f32,
+        forward: pose.forward().as_vec3().to_array(),
+        cone_cos: (0.5 * intrinsics.inscribed_cone()).cos() as f32,
+        right: axis(glam::DVec3::X, fov_x),
+        down: axis(glam::DVec3::Y, fov_y),
+        ..View::default()
+    }
+}
+
+/// Metrics over points (method.md, Metrics). Points that no feasible position sees count in the coverage alone.
+pub fn aggregate(points: &[PointMetrics]) -> Metrics {
+    let all = points.len().max(1) as f64;
+    let reachable: Vec<&PointMetrics> = points.iter().filter(|point| point.reachable > 0.0).collect();
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let of = |keep: &dyn Fn(&PointMetrics) -> bool, value: &dyn Fn(&PointMetrics) -> f32| -> Vec<f64> {
+        reachable.iter().filter(|point| keep(point)).map(|point| value(point) as f64).collect()
+    };
+    let every = |_: &PointMetrics| true;
+    let seen = |point: &PointMetrics| point.views > 0;
+    let views = of(&every, &|point| point.views as f32);
+    let views_mean = mean(&views);
+    let variance = mean(&views.iter().map(|v| (v - views_mean).powi(2)).collect::<Vec<_>>());
+    let mut gaps = of(&every, &|point| point.gap.to_degrees());
+    gaps.sort_unstable_by(f64::total_cmp);
+    let at_least = |n| points.iter().filter(|point| point.views >= n).count() as f64 / all;
+    Metrics {
+        points: points.len(),
+        reachable: reachable.len() as f64 / all,
+        coverage_1: at_least(1),
+        coverage_3: at_least(3),
+        views_mean,
+        views_variation: if views_mean > 0.0 { variance.sqrt() / views_mean } else { 0.0 },
+        gap_mean_deg: mean(&gaps),
+        gap_p95_deg: gaps.get((0.95 * gaps.len() as f64) as usize).copied().unwrap_or(0.0),
+        voronoi_mean: mean(&of(&seen, &|point| point.voronoi_mean)),
+        voronoi_deviation: mean(&of(&seen, &|point| point.voronoi_deviation)),
+        triangulation_mean_deg: mean(&of(&|point| point.views > 1, &|point| point.triangulation.to_degrees())),
+        sampling_distance_mean: mean(&of(&seen, &|point| point.sampling_distance)),
+    }
+}

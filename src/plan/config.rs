@@ -1,0 +1,239 @@
+//! What can be chosen about a plan.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Error, Result};
+
+/// What is minimised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Objective {
+    /// The picture of a point camera must come out evenly bright (the paper).
+    Splat,
+    /// The soft minimum of the angle from a direction to the nearest view that sees the point.
+    Nearest,
+}
+
+/// How a camera's field of view is tested while optimising. Metrics always use the hard gate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Gate {
+    /// The cone inscribed in the image, yes or no (the paper).
+    Hard,
+    /// The same cone with a soft edge, so that directions get a gradient.
+    Soft,
+    /// The rectangular image itself, with a soft edge and a roll that keeps the image upright.
+    Pinhole,
+    /// The rectangular image, yes or no.
+    PinholeHard,
+}
+
+impl Gate {
+    /// Whether the edge is soft.
+    pub fn soft(self) -> bool {
+        matches!(self, Self::Soft | Self::Pinhole)
+    }
+
+    /// Whether the rectangular image is tested.
+    pub fn pinhole(self) -> bool {
+        matches!(self, Self::Pinhole | Self::PinholeHard)
+    }
+}
+
+/// How a splat looks to a probe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Kernel {
+    /// The same apparent size at any distance.
+    Angular,
+    /// A Gaussian in space, at its closest approach to the ray.
+    Metric,
+}
+
+/// Which scene the defaults are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Preset {
+    /// Something seen from around it: cameras start on a sphere and look in.
+    Object,
+    /// A space seen from inside: cameras start anywhere and look anywhere.
+    Room,
+}
+
+/// Where the cameras are before the first iteration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Start {
+    /// At random, as the preset says.
+    Random,
+    /// All in one place, but for a seeded jitter.
+    Identical,
+}
+
+/// The way through the splat pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Pass {
+    /// By estimated cost.
+    Auto,
+    /// A workgroup per probe.
+    Dense,
+    /// Sorted into tiles.
+    Binned,
+}
+
+/// The planner's configuration. [`Config::new`] gives the defaults of a preset.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Config {
+    /// Cameras to place.
+    pub views: u32,
+    /// Which scene the start is for.
+    pub preset: Preset,
+    /// Seed of every random number.
+    pub seed: u64,
+    /// Iterations.
+    pub iterations: u32,
+    /// Point cameras a step.
+    pub probes: u32,
+    /// Point cameras in all, from which each step takes the next few.
+    pub pool: u32,
+    /// Texels of a point camera along a side, a multiple of 8; by the start scale where absent.
+    pub resolution: Option<u32>,
+    /// What is minimised.
+    pub objective: Objective,
+    /// Field-of-view test while optimising.
+    pub gate: Gate,
+    /// Softness of the gate.
+    pub gate_softness: f32,
+    /// Kernel of the splats.
+    pub kernel: Kernel,
+    /// Opacity of a splat.
+    pub alpha: f32,
+    /// Whether surfaces hide splats and unreachable directions are left out.
+    pub occlusion: bool,
+    /// Whether scores of the surface weigh the target.
+    pub vds: bool,
+    /// Weight of the coverage regulariser.
+    pub lambda_reg: f32,
+    /// Weight of the region term.
+    pub lambda_bound: f32,
+    /// Pressure on s squared.
+    pub lambda_scale: f32,
+    /// Softness of the nearest-view minimum.
+    pub nearest_tau: f32,
+    /// Learning rate of positions, in radii of the region.
+    pub rate_centre: f32,
+    /// Learning rate of directions.
+    pub rate_direction: f32,
+    /// Learning rate of log s; 0 holds s where it starts.
+    pub rate_scale: f32,
+    /// What the rates have fallen to at the end.
+    pub decay: f32,
+    /// Start scale; by the number of splats that a probe sees where absent.
+    pub scale: Option<f32>,
+    /// Iterations between relocations; 0 for never.
+    pub relocate_every: u32,
+    /// Part of the run during which splats are relocated.
+    pub relocate_until: f32,
+    /// Where the cameras are at first.
+    pub start: Start,
+    /// Add the views one at a time, earlier ones fixed.
+    pub iterative: bool,
+    /// The way through the splat pass.
+    pub pass: Pass,
+    /// Held-out points for the metrics.
+    pub held_out: u32,
+    /// Iterations between checkpoints of the metrics.
+    pub checkpoint_every: u32,
+}
+
+impl Config {
+    /// Checks that the numbers make sense together.
+    ///
+    /// # Errors
+    /// One line that names the option.
+    pub fn validate(&self) -> Result<()> {
+        let resolution = self.resolution.unwrap_or(16);
+        let positive = [
+            ("--alpha", self.alpha),
+            ("--gate-softness", self.gate_softness),
+            ("--nearest-tau", self.nearest_tau),
+            ("--decay", self.decay),
+            ("--scale", self.scale.unwrap_or(1.0)),
+        ];
+        let not_negative = [
+            ("--lambda-reg", self.lambda_reg),
+            ("--lambda-bound", self.lambda_bound),
+            ("--lambda-scale", self.lambda_scale),
+            ("--rate-centre", self.rate_centre),
+            ("--rate-direction", self.rate_direction),
+            ("--rate-scale", self.rate_scale),
+            ("--relocate-until", self.relocate_until),
+        ];
+        let counts = [
+            ("--views", self.views),
+            ("--iterations", self.iterations),
+            ("--probes", self.probes),
+            ("--pool", self.pool),
+            ("--held-out", self.held_out),
+        ];
+        let bad = |name: &str, value: &dyn std::fmt::Display, want: &str| {
+            Err(Error::request(format!("{name} is {value}; give {want}")))
+        };
+        if let Some((name, value)) = counts.iter().find(|(_, value)| *value == 0) {
+            return bad(name, value, "at least 1");
+        }
+        if let Some((name, value)) = positive.iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
+            return bad(name, value, "a positive number");
+        }
+        if let Some((name, value)) = not_negative.iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0)) {
+            return bad(name, value, "zero or a positive number");
+        }
+        if self.alpha >= 0.5 {
+            return bad("--alpha", &self.alpha, "less than 0.5, so that a score of 2 stays below full brightness");
+        }
+        if !resolution.is_multiple_of(8) || !(16..=128).contains(&resolution) {
+            return bad("--resolution", &resolution, "a multiple of 8 between 16 and 128");
+        }
+        Ok(())
+    }
+
+    /// The defaults of a preset.
+    pub fn new(preset: Preset, views: u32) -> Self {
+        Self {
+            views,
+            preset,
+            seed: 0,
+            iterations: 1000,
+            probes: 20,
+            pool: 2048,
+            resolution: None,
+            objective: Objective::Splat,
+            gate: Gate::Soft,
+            gate_softness: 0.005,
+            kernel: Kernel::Angular,
+            alpha: 0.1,
+            occlusion: true,
+            vds: true,
+            lambda_reg: match preset {
+                Preset::Object => 10.0,
+                Preset::Room => 1.0,
+            },
+            lambda_bound: 10.0,
+            lambda_scale: 0.01,
+            nearest_tau: 0.03,
+            rate_centre: 0.0065,
+            rate_direction: 0.02,
+            rate_scale: 0.005,
+            decay: 0.05,
+            scale: None,
+            relocate_every: 50,
+            relocate_until: 0.7,
+            start: Start::Random,
+            iterative: false,
+            pass: Pass::Auto,
+            held_out: 1000,
+            checkpoint_every: 50,
+        }
+    }
+}

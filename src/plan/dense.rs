@@ -1,0 +1,191 @@
+//! The splat pass without binning (`dense.comp`), and its twin in float64: the reference for every other pass.
+
+use glam::DVec3;
+
+use super::config::{Gate, Kernel, Objective};
+use super::shared::{Control, Gradient, Settings, Splat, Tally};
+use crate::visibility::probe_depth::Probe;
+
+crate::stage!(
+    /// Loss and gradient partials, a workgroup per point camera.
+    pub DENSE = dense(()) {
+        read settings, read control, read splats, read probes, read directions, read depth,
+        write visible, write slots, write partials, write tallies, write deficit,
+    } with [Settings, Control, Splat, Probe, Gradient, Tally]
+);
+
+/// Where a kernel is cut off: its exponent there.
+pub const KERNEL_CUTOFF: f64 = 8.0;
+/// A soft gate that lets less than this through is closed.
+pub const GATE_CUTOFF: f64 = 1e-4;
+/// Below this a nearest-view sum counts as empty.
+pub const NEAREST_FLOOR: f64 = 1e-32;
+
+/// One batch of the optimisation as the twin sees it, in float64 and the planner's frame.
+pub struct Batch<'a> {
+    /// Numbers of the run; `splats`, `probes` and `pool` are not read.
+    pub settings: &'a Settings,
+    /// What is minimised.
+    pub objective: Objective,
+    /// The gate.
+    pub gate: Gate,
+    /// The kernel.
+    pub kernel: Kernel,
+    /// Whether surfaces hide splats.
+    pub occlusion: bool,
+    /// Centres and unit viewing directions.
+    pub splats: &'a [(DVec3, DVec3)],
+    /// Position and score of each probe.
+    pub probes: &'a [(DVec3, f64)],
+    /// Texel directions, unit length.
+    pub directions: &'a [DVec3],
+    /// Signed depth, `probes x texels`; negative where the ray misses the region.
+    pub depth: &'a [f64],
+    /// Logarithm of the shared scale.
+    pub log_scale: f64,
+}
+
+/// Loss and gradient of the image (or nearest-view) term.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Image {
+    /// The term.
+    pub loss: f64,
+    /// Its gradient by each splat's centre.
+    pub by_centre: Vec<DVec3>,
+    /// Its gradient by each splat's direction, as if the direction were a free vector.
+    pub by_direction: Vec<DVec3>,
+    /// Its gradient by log s.
+    pub by_log_scale: f64,
+    /// Rise of the term without each splat.
+    pub utility: Vec<f64>,
+    /// Coverage weight of each probe.
+    pub weights: Vec<f64>,
+}
+
+/// How open the gate is, and the gradients of its logarithm by the unit direction from the camera to the probe and by
+/// the camera's viewing direction.
+pub fn gate(batch: &Batch<'_>, v: DVec3, r: DVec3) -> (f64, DVec3, DVec3) {
+    let s = batch.settings;
+    let softness = s.gate_softness as f64;
+    let sigmoid = |x: f64| 1.0 / (1.0 + (-x).exp());
+    let hard = |margin: f64| (if margin >= 0.0 { 1.0 } else { 0.0 }, DVec3::ZERO, DVec3::ZERO);
+    if !batch.gate.pinhole() {
+        let margin = r.dot(v) - s.gate_cos as f64;
+        if !batch.gate.soft() {
+            return hard(margin);
+        }
+        let open = sigmoid(margin / softness);
+        let slope = (1.0 - open) / softness;
+        return (open, slope * r, slope * v);
+    }
+    let side = r.cross(DVec3::Z);
+    let k = side.length();
+    let x_axis = if k > 1e-4 { side / k } else { DVec3::X };
+    let y_axis = r.cross(x_axis);
+    let (x, y, z) = (v.dot(x_axis), v.dot(y_axis), v.dot(r));
+    let (tan_x, tan_y) = (s.tan_x as f64, s.tan_y as f64);
+    let (norm_x, norm_y) = (1.0 / tan_x.hypot(1.0), 1.0 / tan_y.hypot(1.0));
+    let (margin_x, margin_y) = ((tan_x * z - x.abs()) * norm_x, (tan_y * z - y.abs()) * norm_y);
+    if !batch.gate.soft() {
+        return hard(margin_x.min(margin_y));
+    }
+    let (open_x, open_y) = (sigmoid(margin_x / softness), sigmoid(margin_y / softness));
+    let (slope_x, slope_y) = (norm_x * (1.0 - open_x) / softness, norm_y * (1.0 - open_y) / softness);
+    let (by_x, by_y) = (-x.signum() * slope_x, -y.signum() * slope_y);
+    let by_z = tan_x * slope_x + tan_y * slope_y;
+    let turn = by_x * v + by_y * v.cross(r);
+    let turn = turn - turn.dot(x_axis) * x_axis;
+    let by_direction = by_z * v + by_y * x_axis.cross(v) + DVec3::Z.cross(turn) / k.max(1e-4);
+    (open_x * open_y, by_x * x_axis + by_y * y_axis + by_z * r, by_direction)
+}
+
+fn exponent(batch: &Batch<'_>, w: DVec3, n: DVec3, d: f64, inverse: f64) -> f64 {
+    if batch.kernel == Kernel::Angular || batch.objective == Objective::Nearest {
+        return 0.5 * (w - n).length_squared() * inverse;
+    }
+    let h = w.dot(n);
+    if h > 0.0 { 0.5 * d * d * (n - h * w).length_squared() * inverse } else { f64::INFINITY }
+}
+
+/// Image loss, gradients, utilities and coverage weights of a batch (method.md, Losses and Nearest-view objective).
+pub fn dense(batch: &Batch<'_>) -> Image {
+    let s = batch.settings;
+    let nearest = batch.objective == Objective::Nearest;
+    let texels = batch.directions.len();
+    let share = 1.0 / (texels as f64 * batch.probes.len() as f64);
+    let tau = s.nearest_tau as f64;
+    let inverse = if nearest { 1.0 / tau } else { (-2.0 * batch.log_scale).exp() };
+    let resolution = (texels as f64).sqrt() as u32;
+    let count = batch.splats.len();
+    let mut image = Image {
+        by_centre: vec![DVec3::ZERO; count],
+        by_direction: vec![DVec3::ZERO; count],
+        utility: vec![0.0; count],
+        ..Image::default()
+    };
+    for (i, &(position, score)) in batch.probes.iter().enumerate() {
+        let depth = &batch.depth[i * texels..(i + 1) * texels];
+        let goal = s.alpha as f64 * score;
+        let mut seen = Vec::new();
+        for (j, &(centre, direction)) in batch.splats.iter().enumerate() {
+            let ray = centre - position;
+            let d = ray.length().max(1e-6);
+            let n = ray / d;
+            let (open, by_view, by_direction) = gate(batch, -n, direction);
+            let texel = crate::scene::octahedral::texel(n, resolution) as usize;
+            let hidden = nearest && batch.occlusion && d >= depth[texel].abs();
+            if open >= GATE_CUTOFF && !hidden {
+                seen.push((j, n, d, open, by_view, by_direction));
+            }
+        }
+        // a_j of a texel; zero where the kernel is cut off or a surface is in the way.
+        let opacity = |t: usize, n: DVec3, d: f64, open: f64| {
+            let x = exponent(batch, batch.directions[t], n, d, inverse);
+            if nearest {
+                return (open * (-x).exp(), x);
+            }
+            let blocked = batch.occlusion && d >= depth[t].abs();
+            if x < KERNEL_CUTOFF && !blocked { (s.alpha as f64 * open * (-x).exp(), x) } else { (0.0, x) }
+        };
+        let (mut short_fall, mut sky) = (0.0, 0.0);
+        for t in (0..texels).filter(|&t| depth[t] > 0.0) {
+            let w = batch.directions[t];
+            let parts: Vec<_> = seen.iter().map(|&(_, n, d, open, ..)| opacity(t, n, d, open)).collect();
+            sky += 1.0;
+            let sum: f64 = parts.iter().map(|part| part.0).sum::<f64>().max(NEAREST_FLOOR);
+            let rest: f64 = parts.iter().map(|part| 1.0 - part.0).product();
+            let difference = 1.0 - rest - goal;
+            if nearest {
+                image.loss -= share * score * tau * sum.ln();
+            } else {
+                image.loss += share * difference * difference;
+                short_fall += (-difference).max(0.0).powi(2);
+            }
+            for (&(j, n, d, _, by_view, by_direction), &(a, x)) in seen.iter().zip(&parts) {
+                if a == 0.0 {
+                    continue;
+                }
+                let by_a = if nearest {
+                    let empty = sum <= NEAREST_FLOOR;
+                    image.utility[j] -= share * score * tau * (1.0 - a / sum).max(1e-6).ln();
+                    if empty { 0.0 } else { -share * score * tau * a / sum }
+                } else {
+                    let without = 1.0 - rest / (1.0 - a);
+                    image.utility[j] += share * ((without - goal).powi(2) - difference * difference);
+                    image.by_log_scale += 2.0 * x * 2.0 * share * difference * rest * a / (1.0 - a);
+                    2.0 * share * difference * rest * a / (1.0 - a)
+                };
+                let across = |g: DVec3| (g - g.dot(n) * n) / d;
+                image.by_centre[j] -= across(by_a * by_view);
+                image.by_direction[j] += by_a * by_direction;
+                image.by_centre[j] += if batch.kernel == Kernel::Angular || nearest {
+                    across(by_a * inverse * w)
+                } else {
+                    -by_a * inverse * d * (n - w.dot(n) * w)
+                };
+            }
+        }
+        image.weights.push(if nearest { 0.0 } else { short_fall / f64::max(sky, 1.0) });
+    }
+    image
+}

@@ -1,0 +1,101 @@
+//! How much device memory a plan takes, known before anything is allocated.
+
+use std::sync::Arc;
+
+use super::config::Config;
+use super::planner::element_sizes;
+use super::shared::{Control, Settings};
+use super::tally::mailbox;
+use crate::vulkan::Context;
+use crate::vulkan::physical::Physical;
+use crate::{Error, Result};
+
+/// Depth maps of the pool take at most this much.
+const POOL_BYTES: u64 = 64 << 20;
+
+/// Buffers by name and size, in bytes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Footprint {
+    /// Name and bytes of every buffer.
+    pub buffers: Vec<(&'static str, u64)>,
+}
+
+impl Footprint {
+    /// The buffers of a plan; `scene` is the size of surface and region on the device.
+    pub fn new(s: &Settings, config: &Config, resolution: u32, scene: u64) -> Self {
+        let (splats, probes, texels) = (s.splats as u64, s.probes as u64, (resolution * resolution) as u64);
+        let slots = probes * s.capacity as u64;
+        let snapshots = (s.iterations.div_ceil(config.checkpoint_every.min(s.relocate_every.max(1)).max(1)) + 1) as u64;
+        let [splat, gradient, tally, moments, terms, record] = element_sizes();
+        let buffers = vec![
+            ("surface and region", scene),
+            ("probes", 16 * s.pool as u64),
+            ("depth", 4 * s.pool as u64 * texels),
+            ("directions", 16 * texels),
+            ("settings", size_of::<Settings>() as u64),
+            ("control", size_of::<Control>() as u64),
+            ("splats", splat * splats),
+            ("visible", 4 * slots),
+            ("slots", 4 * probes * splats),
+            ("partials", gradient * slots),
+            ("tallies", tally * probes),
+            ("deficit", 4 * probes * texels),
+            ("moments", moments * splats),
+            ("terms", terms * splats),
+            ("gradients", gradient * splats),
+            ("order", 4 * splats),
+            ("history", record * s.iterations as u64),
+            ("snapshots", splat * splats * snapshots),
+            ("mailbox", 4 * mailbox::WORDS as u64),
+        ];
+        Self { buffers }
+    }
+
+    /// Bytes of a buffer; zero for a name that is not in the list.
+    pub fn bytes_of(&self, name: &str) -> u64 {
+        self.buffers.iter().find(|buffer| buffer.0 == name).map_or(0, |buffer| buffer.1)
+    }
+
+    /// Bytes of all buffers.
+    pub fn total(&self) -> u64 {
+        self.buffers.iter().map(|buffer| buffer.1).sum()
+    }
+
+    /// Checks the footprint against the device.
+    ///
+    /// # Errors
+    /// Where the whole does not fit the memory that is free, or one buffer is larger than the device allows.
+    pub fn check(&self, context: &Arc<Context>) -> Result<()> {
+        let remedy = "plan fewer views, or use fewer probes (--probes) or texels (--resolution)";
+        let physical = context.physical();
+        let limit = physical.storage_range.min(physical.allocation);
+        let free = context.memory_available();
+        let (what, wanted, available) = match self.buffers.iter().find(|buffer| buffer.1 > limit) {
+            Some((name, bytes)) => (format!("the plan's buffer `{name}`"), *bytes, limit),
+            None if self.total() > free => ("the plan".to_owned(), self.total(), free),
+            None => return Ok(()),
+        };
+        Err(Error::OutOfMemory { what, wanted, available, remedy: remedy.into() })
+    }
+
+    /// The table that `--dry-run` prints.
+    pub fn table(&self) -> String {
+        let mut text = String::new();
+        for (name, bytes) in &self.buffers {
+            text += &format!("{name:<20} {:>10.2} MiB\n", *bytes as f64 / f64::from(1 << 20));
+        }
+        text + &format!("{:<20} {:>10.2} MiB\n", "all", self.total() as f64 / f64::from(1 << 20))
+    }
+}
+
+/// How many of `points` probes have room for their depth maps; never fewer than one step needs.
+pub(super) fn pool(points: usize, probes: u32, resolution: u32, physical: &Physical) -> usize {
+    let bytes = POOL_BYTES.min(physical.storage_range) / (4 * (resolution * resolution) as u64);
+    points.min((bytes as usize).max(probes as usize))
+}
+
+/// Splats that a probe has room for: all of them, or as many as one buffer of partials can hold.
+pub(super) fn capacity(splats: u32, probes: u32, physical: &Physical) -> u32 {
+    let limit = physical.storage_range.min(physical.allocation).min(physical.heap / 4);
+    (splats as u64).min(limit / (32 * probes.max(1) as u64)).max(1) as u32
+}

@@ -1,0 +1,504 @@
+//! The planner: device state, the recording of iterations, and the run.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use glam::{DVec3, Vec3};
+
+use super::config::{Config, Objective};
+use super::dense::DENSE;
+use super::record::{IterationRecord, Status};
+use super::relocate::{RANK, RELOCATE};
+use super::shared::{Control, Gradient, Moments, Record, Settings, Splat, Tally, Terms};
+use super::snapshot::{SNAPSHOT, SnapshotPush};
+use super::tally::{TALLY, mailbox};
+use super::update::UPDATE;
+use super::{footprint, start};
+use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::octahedral;
+use crate::scene::proxy::Proxy;
+use crate::scene::random;
+use crate::visibility::device_scene::DeviceScene;
+use crate::visibility::probe_depth::ProbeMaps;
+use crate::vulkan::profile::Profile;
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::{Error, Result};
+
+/// Stream of the surface's samples that probes stand on; held-out points take another.
+pub const PROBE_STREAM: u32 = 0;
+
+/// A plan in the making: all device state of one run.
+pub struct Planner<'a> {
+    context: Arc<Context>,
+    scene: &'a DeviceScene,
+    config: Config,
+    settings: Settings,
+    start: Vec<Splat>,
+    start_scale: f32,
+    maps: ProbeMaps,
+    pipelines: Pipelines,
+    buffers: Buffers,
+}
+
+struct Pipelines {
+    dense: Pipeline,
+    update: Pipeline,
+    tally: Pipeline,
+    rank: Pipeline,
+    relocate: Pipeline,
+    snapshot: Pipeline,
+}
+
+/// Everything that lives as long as the run, allocated once.
+struct Buffers {
+    settings: Buffer,
+    control: Buffer,
+    splats: Buffer,
+    directions: Buffer,
+    visible: Buffer,
+    slots: Buffer,
+    partials: Buffer,
+    tallies: Buffer,
+    deficit: Buffer,
+    moments: Buffer,
+    terms: Buffer,
+    gradients: Buffer,
+    order: Buffer,
+    history: Buffer,
+    snapshots: Buffer,
+    mailbox: Buffer,
+}
+
+/// What a run leaves.
+pub struct Outcome {
+    /// Planned poses in the user's world, kept cameras left out.
+    pub poses: Vec<Pose>,
+    /// Loss by iteration.
+    pub history: Vec<IterationRecord>,
+    /// Planned poses by iteration, from the start on.
+    pub snapshots: Vec<(u32, Vec<Pose>)>,
+    /// Whether all iterations ran.
+    pub status: Status,
+    /// Wall time of the iterations.
+    pub seconds: f64,
+}
+
+impl<'a> Planner<'a> {
+    /// Sets a run up: probes drawn from the surface, their depth maps, start poses, and all device memory.
+    ///
+    /// # Errors
+    /// A request that makes no sense, a surface that no camera can see from the region, or a plan that is larger than
+    /// the device's memory.
+    pub fn new(
+        context: &Arc<Context>,
+        scene: &'a DeviceScene,
+        proxy: &Proxy,
+        intrinsics: &Intrinsics,
+        kept: &[Camera],
+        config: Config,
+    ) -> Result<Self> {
+        config.validate()?;
+        let cone = intrinsics.inscribed_cone();
+        let gate_cos = (0.5 * cone).cos() as f32;
+        let mut points = proxy.sample(config.pool as usize, config.seed, PROBE_STREAM);
+        random::shuffle(&mut points, config.seed, PROBE_STREAM);
+
+        let kept_splats = kept.iter().map(|camera| {
+            let pose = scene.to_internal.pose(&camera.pose);
+            Splat {
+                centre: pose.position.as_vec3().to_array(),
+                direction: pose.forward().as_vec3().normalize().to_array(),
+                ..Splat::default()
+            }
+        });
+        let start: Vec<Splat> = kept_splats.chain(start::splats(&config, scene)).collect();
+        let lifted = |p: &crate::scene::proxy::SurfacePoint| scene.to_internal.point(p.position + p.lift * p.normal);
+        let few: Vec<_> = points
+            .iter()
+            .take(256)
+            .map(|p| crate::visibility::probe_depth::Probe { position: lifted(p).as_vec3().to_array(), score: p.score })
+            .collect();
+        let start_scale =
+            config.scale.unwrap_or_else(|| start::scale(start::mean_visible(&start, &few, gate_cos, scene)));
+        let resolution = config.resolution.unwrap_or_else(|| start::resolution(start_scale));
+        points.truncate(footprint::pool(points.len(), config.probes, resolution, context.physical()));
+
+        let rounds = config.views;
+        let [fov_x, fov_y] = intrinsics.fov();
+        let (splats, probes) = (start.len() as u32, config.probes.min(points.len() as u32));
+        let settings = Settings {
+            splats,
+            kept: kept.len() as u32,
+            probes,
+            pool: points.len() as u32,
+            capacity: footprint::capacity(splats, probes, context.physical()),
+            iterations: if config.iterative { (config.iterations / rounds).max(1) * rounds } else { config.iterations },
+            round_length: if config.iterative { (config.iterations / rounds).max(1) } else { 0 },
+            seed: (config.seed ^ (config.seed >> 32)) as u32,
+            relocate_every: if config.iterative { 0 } else { config.relocate_every },
+            relocate_until: (config.relocate_until * config.iterations as f32) as u32,
+            weighted: config.vds as u32,
+            alpha: config.alpha,
+            gate_cos,
+            gate_softness: config.gate_softness,
+            tan_x: (0.5 * fov_x).tan() as f32,
+            tan_y: (0.5 * fov_y).tan() as f32,
+            rate_centre: config.rate_centre,
+            rate_direction: config.rate_direction,
+            rate_scale: if config.iterative { 0.0 } else { config.rate_scale },
+            decay: config.decay,
+            lambda_reg: config.lambda_reg,
+            lambda_bound: config.lambda_bound,
+            lambda_scale: config.lambda_scale,
+            scale_floor: 0.5 * start_scale,
+            nearest_tau: config.nearest_tau,
+        };
+        footprint::Footprint::new(&settings, &config, resolution, scene.bytes).check(context)?;
+
+        let maps = ProbeMaps::new(context, scene, &points, resolution)?;
+        let constants = [
+            resolution,
+            config.objective as u32,
+            match config.gate {
+                super::config::Gate::Hard => 0,
+                super::config::Gate::Soft => 1,
+                super::config::Gate::PinholeHard => 2,
+                super::config::Gate::Pinhole => 3,
+            },
+            config.kernel as u32,
+            config.occlusion as u32,
+        ];
+        let pipeline = |stage| Pipeline::new(context, stage, &constants);
+        let pipelines = Pipelines {
+            dense: pipeline(&DENSE)?,
+            update: pipeline(&UPDATE)?,
+            tally: pipeline(&TALLY)?,
+            rank: pipeline(&RANK)?,
+            relocate: pipeline(&RELOCATE)?,
+            snapshot: pipeline(&SNAPSHOT)?,
+        };
+        let buffers = Buffers::new(context, &settings, &config, resolution)?;
+        let planner =
+            Self { context: context.clone(), scene, config, settings, start, start_scale, maps, pipelines, buffers };
+        planner.check_reachable()?;
+        planner.reset()?;
+        Ok(planner)
+    }
+
+    /// Some direction of some probe must meet the region, or no camera can see anything.
+    fn check_reachable(&self) -> Result<()> {
+        let depth = self.maps.download()?;
+        if depth.iter().any(|depth| *depth > 0.0) {
+            return Ok(());
+        }
+        Err(Error::request(
+            "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance)",
+        ))
+    }
+
+    /// Puts everything back to the start of the run.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn reset(&self) -> Result<()> {
+        let b = &self.buffers;
+        let s = &self.settings;
+        b.settings.upload(&[*s])?;
+        b.splats.upload(&self.start)?;
+        b.control.upload(&[Control {
+            first: s.kept,
+            live: if s.round_length > 0 { s.kept + 1 } else { s.splats },
+            step: 1,
+            rate: 1.0,
+            log_scale: self.start_scale.ln(),
+            ..Control::default()
+        }])?;
+        let mut commands = Recorder::new(&self.context)?;
+        commands.fill(&b.moments, 0);
+        commands.fill(&b.mailbox, 0);
+        commands.fill(&b.deficit, 0);
+        commands.submit_and_wait()
+    }
+
+    /// What the run is set to.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Probes and depth maps of the run.
+    pub fn maps(&self) -> &ProbeMaps {
+        &self.maps
+    }
+
+    /// Scale at the start.
+    pub fn start_scale(&self) -> f32 {
+        self.start_scale
+    }
+
+    /// Iterations between snapshots, which is also the length of a block of commands.
+    pub fn block(&self) -> u32 {
+        let every = self.settings.relocate_every;
+        let wanted = self.config.checkpoint_every.max(1);
+        if every > 0 && !wanted.is_multiple_of(every) { every } else { wanted }
+    }
+
+    /// Records one block: a snapshot, a relocation where it is time, then [`Planner::block`] iterations. The device
+    /// counts the iterations, so a block can be submitted again and again; once the run is over it does nothing.
+    pub fn record_block(&'a self, commands: &mut Recorder<'a>) {
+        let (b, p, s) = (&self.buffers, &self.pipelines, &self.settings);
+        commands
+            .stage(&p.snapshot)
+            .bind(&[&b.settings, &b.control, &b.splats, &b.snapshots])
+            .push(&SnapshotPush { interval: self.block() })
+            .linear(s.splats.div_ceil(64));
+        for iteration in 0..self.block() {
+            if s.relocate_every > 0 && iteration % s.relocate_every == 0 {
+                self.record_relocation(commands);
+            }
+            self.record_iteration(commands);
+        }
+    }
+
+    fn record_relocation(&'a self, commands: &mut Recorder<'a>) {
+        let (b, p, s, scene, maps) = (&self.buffers, &self.pipelines, &self.settings, self.scene, &self.maps);
+        let least = ((s.splats - s.kept) / 10).max(1);
+        commands.stage(&p.rank).bind(&[&b.settings, &b.moments, &b.order]).linear(s.splats.div_ceil(64));
+        commands
+            .stage(&p.relocate)
+            .bind(&[
+                &b.settings,
+                &b.control,
+                &b.splats,
+                &maps.probe_buffer,
+                &b.directions,
+                &maps.depth,
+                &b.deficit,
+                &b.moments,
+                &b.order,
+                &scene.region_buffer,
+                &scene.free_distance,
+            ])
+            .groups([least, 1, 1]);
+    }
+
+    /// Records one iteration: splat pass, update, tally.
+    pub fn record_iteration(&'a self, commands: &mut Recorder<'a>) {
+        let (b, p, s, scene, maps) = (&self.buffers, &self.pipelines, &self.settings, self.scene, &self.maps);
+        commands
+            .stage(&p.dense)
+            .bind(&[
+                &b.settings,
+                &b.control,
+                &b.splats,
+                &maps.probe_buffer,
+                &b.directions,
+                &maps.depth,
+                &b.visible,
+                &b.slots,
+                &b.partials,
+                &b.tallies,
+                &b.deficit,
+            ])
+            .groups([s.probes, 1, 1]);
+        commands
+            .stage(&p.update)
+            .bind(&[
+                &b.settings,
+                &b.control,
+                &b.splats,
+                &maps.probe_buffer,
+                &maps.depth,
+                &b.slots,
+                &b.partials,
+                &b.tallies,
+                &b.moments,
+                &b.terms,
+                &b.gradients,
+                &scene.region_buffer,
+                &scene.free_distance,
+            ])
+            .linear(s.splats);
+        commands
+            .stage(&p.tally)
+            .bind(&[&b.settings, &b.control, &b.tallies, &b.terms, &b.history, &b.mailbox])
+            .groups([1, 1, 1]);
+    }
+
+    /// Iterations done so far; may be called while a run goes on.
+    pub fn done(&self) -> u32 {
+        self.buffers.mailbox.peek(mailbox::DONE).unwrap_or(0)
+    }
+
+    /// Runs all iterations. `observe` is called every few milliseconds with the number of iterations done and may break
+    /// the run off after the one that is running. With a profile every stage is timed.
+    ///
+    /// # Errors
+    /// Where the device fails, or a probe saw more splats than there was room for.
+    pub fn run(
+        &'a self,
+        mut profile: Option<&mut Profile>,
+        mut observe: impl FnMut(u32) -> ControlFlow<()>,
+    ) -> Result<Outcome> {
+        let started = Instant::now();
+        let blocks = self.settings.iterations.div_ceil(self.block());
+        if profile.is_some() || self.context.debug_sync() {
+            for _ in 0..blocks {
+                let stages = 3 * self.block() + 1 + 2 * self.block().div_ceil(self.settings.relocate_every.max(1));
+                let mut commands = match profile {
+                    Some(_) => Recorder::timed(&self.context, stages)?,
+                    None => Recorder::new(&self.context)?,
+                };
+                self.record_block(&mut commands);
+                let submitted = Instant::now();
+                commands.submit_and_wait()?;
+                if let Some(profile) = profile.as_deref_mut() {
+                    profile.device(submitted, &commands.timings()?);
+                }
+                if observe(self.done()).is_break() {
+                    self.buffers.mailbox.poke(mailbox::STOP, 1);
+                }
+            }
+        } else {
+            let mut commands = Recorder::new(&self.context)?;
+            self.record_block(&mut commands);
+            for _ in 0..blocks {
+                commands.submit()?;
+            }
+            while commands.pending() > 0 {
+                std::thread::sleep(Duration::from_millis(2));
+                if observe(self.done()).is_break() {
+                    self.buffers.mailbox.poke(mailbox::STOP, 1);
+                }
+            }
+            commands.wait()?;
+        }
+        let seconds = started.elapsed().as_secs_f64();
+        self.outcome(seconds)
+    }
+
+    fn outcome(&self, seconds: f64) -> Result<Outcome> {
+        let done = self.done();
+        let most = self.buffers.mailbox.peek(mailbox::MOST_VISIBLE).unwrap_or(0);
+        if most > self.settings.capacity {
+            return Err(Error::request(format!(
+                "a point camera saw {most} cameras and there was room for {}; plan with fewer probes (--probes) or on a larger device",
+                self.settings.capacity
+            )));
+        }
+        let history: Vec<Record> = self.buffers.history.download(done as usize)?;
+        let history = history.iter().zip(0..).map(|(record, iteration)| self.iteration(iteration, record)).collect();
+        let poses = self.poses(&self.splats()?, true);
+        let rows = done.div_ceil(self.block()) as usize;
+        let all: Vec<Splat> = self.buffers.snapshots.download(rows * self.settings.splats as usize)?;
+        let mut snapshots: Vec<_> = all
+            .chunks_exact(self.settings.splats as usize)
+            .zip(0..)
+            .map(|(splats, row)| (row * self.block(), self.poses(splats, false)))
+            .collect();
+        snapshots.push((done, poses.clone()));
+        let status = if done >= self.settings.iterations { Status::Complete } else { Status::Interrupted };
+        Ok(Outcome { poses, history, snapshots, status, seconds })
+    }
+
+    fn iteration(&self, iteration: u32, record: &Record) -> IterationRecord {
+        let s = &self.settings;
+        let scale = record.log_scale.exp();
+        let splat = self.config.objective == Objective::Splat;
+        let weighed = if splat { s.lambda_reg * record.reg + s.lambda_scale * scale * scale } else { 0.0 };
+        IterationRecord {
+            iteration,
+            loss: record.image + s.lambda_bound * record.bound + weighed,
+            image: record.image,
+            reg: record.reg,
+            bound: record.bound,
+            scale,
+        }
+    }
+
+    /// The splats as they are now, kept ones first.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn splats(&self) -> Result<Vec<Splat>> {
+        self.buffers.splats.download(self.settings.splats as usize)
+    }
+
+    /// Gradient of the whole loss by each splat's pose and its utility, as of the last iteration.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn gradients(&self) -> Result<Vec<Gradient>> {
+        self.buffers.gradients.download(self.settings.splats as usize)
+    }
+
+    /// What each probe contributed to the last iteration.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn tallies(&self) -> Result<Vec<Tally>> {
+        self.buffers.tallies.download(self.settings.probes as usize)
+    }
+
+    /// Poses in the user's world of the planned splats. The region's pull is soft, so a camera may end a little outside;
+    /// `settle` moves it to the nearest feasible place.
+    fn poses(&self, splats: &[Splat], settle: bool) -> Vec<Pose> {
+        let back = self.scene.to_internal.inverse();
+        splats[self.settings.kept as usize..]
+            .iter()
+            .map(|splat| {
+                let mut position = Vec3::from(splat.centre).as_dvec3();
+                if settle {
+                    position = self.scene.settle(position);
+                }
+                let direction = Vec3::from(splat.direction).as_dvec3();
+                back.pose(&Pose::looking(position, direction, DVec3::Z))
+            })
+            .collect()
+    }
+}
+
+impl Buffers {
+    fn new(context: &Arc<Context>, s: &Settings, config: &Config, resolution: u32) -> Result<Self> {
+        let directions: Vec<[f32; 4]> =
+            octahedral::directions(resolution).iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect();
+        let plan = footprint::Footprint::new(s, config, resolution, 0);
+        let device = |name: &str| Buffer::device(context, name, plan.bytes_of(name));
+        Ok(Self {
+            settings: device("settings")?,
+            control: device("control")?,
+            splats: device("splats")?,
+            directions: Buffer::from_slice(context, "directions", &directions)?,
+            visible: device("visible")?,
+            slots: device("slots")?,
+            partials: device("partials")?,
+            tallies: device("tallies")?,
+            deficit: device("deficit")?,
+            moments: device("moments")?,
+            terms: device("terms")?,
+            gradients: device("gradients")?,
+            order: device("order")?,
+            history: device("history")?,
+            snapshots: device("snapshots")?,
+            mailbox: Buffer::host(context, "mailbox", plan.bytes_of("mailbox"))?,
+        })
+    }
+}
+
+/// Bytes of one element of the buffers whose structs are the planner's own.
+pub(super) fn element_sizes() -> [u64; 6] {
+    [
+        size_of::<Splat>(),
+        size_of::<Gradient>(),
+        size_of::<Tally>(),
+        size_of::<Moments>(),
+        size_of::<Terms>(),
+        size_of::<Record>(),
+    ]
+    .map(|size| size as u64)
+}

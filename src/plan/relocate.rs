@@ -1,0 +1,26 @@
+//! Relocation of splats that do little (`rank.comp`, `relocate.comp`; method.md, Optimisation).
+
+use super::shared::{Control, Moments, Settings, Splat};
+use crate::visibility::device_scene::DeviceRegion;
+use crate::visibility::probe_depth::Probe;
+
+crate::stage!(
+    /// Splats by utility, least first.
+    pub RANK = rank(()) { read settings, read moments, write order } with [Settings, Moments]
+);
+
+crate::stage!(
+    /// A workgroup for each of the tenth of splats with the least utility.
+    pub RELOCATE = relocate(()) {
+        read settings, read control, write splats, read probes, read directions, read depth, read deficit,
+        write moments, read order, read region, read free_distance,
+    } with [Settings, Control, Splat, Probe, Moments, DeviceRegion]
+);
+
+/// The splats in the order of their utility, least first, kept ones last: the twin of `rank`.
+pub fn rank(utility: &[f32], kept: usize) -> Vec<u32> {
+    let mut order: Vec<u32> = (kept as u32..utility.len() as u32).collect();
+    order.sort_by(|&a, &b| utility[a as usize].total_cmp(&utility[b as usize]));
+    order.extend(0..kept as u32);
+    order
+}

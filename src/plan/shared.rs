@@ -1,0 +1,174 @@
+//! The structs that the planner's stages share, as `shaders/glsl/shared/plan.glsl` declares them.
+//!
+//! Lengths are in units of the region's bounding radius, in the planner's own frame (see
+//! [`crate::scene::similarity`]): up is +Z and a shell is centred on the origin.
+
+use crate::gpu_struct;
+
+gpu_struct! {
+    /// Everything that does not change during a run.
+    pub struct Settings {
+        /// Splats, kept and planned.
+        pub splats: u32,
+        /// The first so many never move.
+        pub kept: u32,
+        /// Point cameras a step.
+        pub probes: u32,
+        /// Point cameras in all.
+        pub pool: u32,
+        /// Visible splats that a probe has room for.
+        pub capacity: u32,
+        /// Iterations of the run.
+        pub iterations: u32,
+        /// Iterations a view in the iterative variant, 0 in the joint one.
+        pub round_length: u32,
+        /// Seed of every random number.
+        pub seed: u32,
+        /// Relocate every so many iterations; 0 for never.
+        pub relocate_every: u32,
+        /// Last iteration that relocates.
+        pub relocate_until: u32,
+        /// 0: every target is the same.
+        pub weighted: u32,
+        /// Opacity of a splat.
+        pub alpha: f32,
+        /// Cosine of half the cone angle.
+        pub gate_cos: f32,
+        /// Softness of the gate, in cosines (cone) or sines (frustum).
+        pub gate_softness: f32,
+        /// Tangent of half the horizontal field of view.
+        pub tan_x: f32,
+        /// Tangent of half the vertical field of view.
+        pub tan_y: f32,
+        /// Learning rate of positions.
+        pub rate_centre: f32,
+        /// Learning rate of directions.
+        pub rate_direction: f32,
+        /// Learning rate of log s.
+        pub rate_scale: f32,
+        /// What the rates have fallen to at the end.
+        pub decay: f32,
+        /// Weight of the coverage regulariser.
+        pub lambda_reg: f32,
+        /// Weight of the region term.
+        pub lambda_bound: f32,
+        /// Pressure on s squared.
+        pub lambda_scale: f32,
+        /// Smallest s.
+        pub scale_floor: f32,
+        /// Softness of the nearest-view minimum.
+        pub nearest_tau: f32,
+    }
+}
+
+gpu_struct! {
+    /// What changes from one iteration to the next; written by the stage `tally` alone.
+    pub struct Control {
+        /// Iterations done.
+        pub iteration: u32,
+        /// Non-zero: nothing is done any more.
+        pub halt: u32,
+        /// Splats `first..live` move.
+        pub first: u32,
+        /// Splats `0..live` are seen.
+        pub live: u32,
+        /// Adam's step, from 1.
+        pub step: u32,
+        /// Factor on the learning rates.
+        pub rate: f32,
+        /// Logarithm of the shared scale s.
+        pub log_scale: f32,
+        /// Adam's first moment of log s.
+        pub scale_mean: f32,
+        /// Adam's second moment of log s.
+        pub scale_square: f32,
+    }
+}
+
+gpu_struct! {
+    /// A camera splat: where it stands and looks (unit length).
+    pub struct Splat {
+        /// Centre.
+        pub centre: [f32; 3],
+        /// Unused.
+        pub spare0: u32,
+        /// Unit viewing direction.
+        pub direction: [f32; 3],
+        /// Unused.
+        pub spare1: u32,
+    }
+}
+
+gpu_struct! {
+    /// Gradient of the loss by a splat's pose.
+    pub struct Gradient {
+        /// By its centre.
+        pub centre: [f32; 3],
+        /// By log s.
+        pub log_scale: f32,
+        /// By its viewing direction.
+        pub direction: [f32; 3],
+        /// Rise of the image loss if the splat were not there.
+        pub utility: f32,
+    }
+}
+
+gpu_struct! {
+    /// What one probe contributes.
+    pub struct Tally {
+        /// Its part of the image loss.
+        pub image: f32,
+        /// The coverage weight w_i.
+        pub weight: f32,
+        /// Gradient by log s.
+        pub log_scale: f32,
+        /// Splats that it sees, also past the capacity.
+        pub visible: u32,
+    }
+}
+
+gpu_struct! {
+    /// Adam's moments of a splat's pose, and its utility.
+    pub struct Moments {
+        /// First moment of the centre.
+        pub centre_mean: [f32; 3],
+        /// Unused.
+        pub spare0: u32,
+        /// Second moment of the centre.
+        pub centre_square: [f32; 3],
+        /// Unused.
+        pub spare1: u32,
+        /// First moment of the direction.
+        pub direction_mean: [f32; 3],
+        /// Unused.
+        pub spare2: u32,
+        /// Second moment of the direction.
+        pub direction_square: [f32; 3],
+        /// Running mean of the utility, decay 0.9.
+        pub utility: f32,
+    }
+}
+
+gpu_struct! {
+    /// What a splat adds to the loss, unweighted.
+    pub struct Terms {
+        /// Its part of the regulariser.
+        pub reg: f32,
+        /// Its squared distance outside the region.
+        pub bound: f32,
+    }
+}
+
+gpu_struct! {
+    /// The loss at an iteration.
+    pub struct Record {
+        /// Image (or nearest-view) term.
+        pub image: f32,
+        /// Regulariser, unweighted.
+        pub reg: f32,
+        /// Region term, unweighted.
+        pub bound: f32,
+        /// Logarithm of s.
+        pub log_scale: f32,
+    }
+}

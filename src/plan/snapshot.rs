@@ -1,0 +1,17 @@
+//! Splats kept by iteration (`snapshot.comp`).
+
+use super::shared::{Control, Settings, Splat};
+
+crate::gpu_struct! {
+    /// Push constants of `snapshot`.
+    pub struct SnapshotPush {
+        /// Iterations between snapshots.
+        pub interval: u32,
+    }
+}
+
+crate::stage!(
+    /// Copies the splats into row `iteration / interval`.
+    pub SNAPSHOT = snapshot(SnapshotPush) { read settings, read control, read splats, write snapshots }
+    with [Settings, Control, Splat]
+);

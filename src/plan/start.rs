@@ -1,0 +1,92 @@
+//! Where the splats are before the first iteration, and how large.
+
+use glam::{DVec3, Vec3};
+
+use super::config::{Config, Preset, Start};
+use super::shared::Splat;
+use crate::scene::random;
+use crate::scene::region::Shape;
+use crate::visibility::device_scene::DeviceScene;
+use crate::visibility::probe_depth::Probe;
+use crate::visibility::raycast::Ray;
+
+/// Streams of random numbers, apart from those of controls and samples.
+const POSITIONS: u32 = 0x5354_0001;
+const DIRECTIONS: u32 = 0x5354_0002;
+const JITTER: u32 = 0x5354_0003;
+
+/// Jitter of an identical start, in radii of the region: enough to tell the splats apart.
+const SPREAD: f64 = 0.01;
+
+/// Start poses of `config.views` splats in the planner's frame: for an object uniform on a sphere (or in the box) and
+/// looking in, for a room uniform in free space with uniform directions; or all near the first of these.
+pub fn splats(config: &Config, scene: &DeviceScene) -> Vec<Splat> {
+    (0..config.views)
+        .map(|j| {
+            let source = if config.start == Start::Identical { 0 } else { j };
+            let (mut position, mut direction) = pose(config, scene, source);
+            if config.start == Start::Identical {
+                let [a, b, c, _] = random::uniforms(config.seed, JITTER, 2 * j);
+                let [d, e, f, _] = random::uniforms(config.seed, JITTER, 2 * j + 1);
+                position += SPREAD * (2.0 * DVec3::new(a, b, c) - 1.0);
+                direction = (direction + SPREAD * (2.0 * DVec3::new(d, e, f) - 1.0)).normalize();
+            }
+            Splat {
+                centre: position.as_vec3().to_array(),
+                direction: direction.as_vec3().normalize().to_array(),
+                ..Splat::default()
+            }
+        })
+        .collect()
+}
+
+fn pose(config: &Config, scene: &DeviceScene, j: u32) -> (DVec3, DVec3) {
+    let [u, v, ..] = random::uniforms(config.seed, DIRECTIONS, j);
+    let uniform = random::direction(u, v);
+    match (config.preset, scene.region.shape) {
+        (Preset::Object, Shape::Shell { centre, r_min, r_max }) => {
+            let radius = 0.5 * (r_min + r_max);
+            // Uniform over the part of the sphere above the floor: height is uniform on a sphere (Archimedes).
+            let lowest = scene.region.floor.map_or(-1.0, |floor| ((floor - centre.z) / radius).clamp(-1.0, 1.0));
+            let height = lowest + (1.0 - lowest) * u;
+            let (sin, cos) = (std::f64::consts::TAU * v).sin_cos();
+            let flat = (1.0 - height * height).max(0.0).sqrt();
+            let outward = DVec3::new(flat * cos, flat * sin, height);
+            let position = scene.free.project(centre + radius * outward);
+            (position, (centre - position).normalize_or(DVec3::NEG_X))
+        }
+        (Preset::Object, Shape::Box { min, max }) => {
+            let position = scene.free.sample(config.seed, POSITIONS, j);
+            (position, (0.5 * (min + max) - position).normalize_or(uniform))
+        }
+        (Preset::Room, _) => (scene.free.sample(config.seed, POSITIONS, j), uniform),
+    }
+}
+
+/// Mean number of splats that a probe sees (cone gate and occlusion), over the first probes of the pool.
+pub fn mean_visible(splats: &[Splat], probes: &[Probe], gate_cos: f32, scene: &DeviceScene) -> f64 {
+    let few = (100_000 / splats.len().max(1)).clamp(16, 256).min(probes.len());
+    let mut seen = 0usize;
+    for probe in &probes[..few] {
+        let origin = Vec3::from(probe.position);
+        for splat in splats {
+            let ray = Vec3::from(splat.centre) - origin;
+            let distance = ray.length();
+            let direction = ray / distance.max(1e-6);
+            let inside = -direction.dot(Vec3::from(splat.direction)) >= gate_cos;
+            seen += (inside && !scene.bvh.any_hit(&Ray { origin, direction, t_min: 0.0, t_max: distance })) as usize;
+        }
+    }
+    seen as f64 / few.max(1) as f64
+}
+
+/// The start scale `0.8 / sqrt(splats that a probe sees)` (method.md, Optimisation), at most half a radian.
+pub fn scale(mean_visible: f64) -> f32 {
+    (0.8 / mean_visible.max(1.0).sqrt()).min(0.5) as f32
+}
+
+/// Texels along a side so that one is about as wide as the scale: `3.5 / s`, a multiple of 8 between 16 and 128.
+pub fn resolution(scale: f32) -> u32 {
+    let texels = (3.5 / scale / 8.0).ceil() as u32 * 8;
+    texels.clamp(16, 128)
+}

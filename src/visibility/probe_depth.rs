@@ -1,0 +1,99 @@
+//! Depth maps of point cameras, ray-cast once on the device (`probe_depth.comp`).
+
+use std::sync::Arc;
+
+use super::bvh::Node;
+use super::device_scene::{DeviceRegion, DeviceScene};
+use crate::Result;
+use crate::scene::proxy::SurfacePoint;
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+
+crate::gpu_struct! {
+    /// A point camera, lifted off the surface, in the planner's frame.
+    pub struct Probe {
+        /// Where it is.
+        pub position: [f32; 3],
+        /// View dependency score in [1, 2].
+        pub score: f32,
+    }
+}
+
+crate::gpu_struct! {
+    /// Push constants of `probe_depth`.
+    pub struct ProbeDepthPush {
+        /// Probe of the first row.
+        pub first: u32,
+        /// Rays of this dispatch.
+        pub rays: u32,
+        /// Texels along a side.
+        pub resolution: u32,
+    }
+}
+
+crate::stage!(
+    /// A ray per texel of each probe.
+    pub PROBE_DEPTH = probe_depth(ProbeDepthPush) {
+        read nodes, read primitives, read probes, read region, read free_distance, write depth,
+    } with [Node, Probe, DeviceRegion]
+);
+
+/// Rays of one dispatch: short enough that no watchdog minds.
+const RAYS: u32 = 1 << 20;
+
+/// Probes and what each sees of the surface.
+pub struct ProbeMaps {
+    /// The probes.
+    pub probes: Vec<Probe>,
+    /// Texels along a side.
+    pub resolution: u32,
+    pub(crate) probe_buffer: Buffer,
+    pub(crate) depth: Buffer,
+}
+
+impl ProbeMaps {
+    /// Casts `resolution` squared rays from each of `points` (given in the user's world).
+    ///
+    /// # Errors
+    /// Where device memory runs out or the device fails.
+    pub fn new(context: &Arc<Context>, scene: &DeviceScene, points: &[SurfacePoint], resolution: u32) -> Result<Self> {
+        let probes: Vec<Probe> = points
+            .iter()
+            .map(|point| {
+                let lifted = point.position + point.lift * point.normal;
+                Probe { position: scene.to_internal.point(lifted).as_vec3().to_array(), score: point.score }
+            })
+            .collect();
+        let texels = resolution * resolution;
+        let probe_buffer = Buffer::from_slice(context, "probes", &probes)?;
+        let depth = Buffer::device(context, "depth", 4 * probes.len() as u64 * texels as u64)?;
+        let pipeline = Pipeline::new(context, &PROBE_DEPTH, &[0, 0, 0, 0, 0, scene.discs()])?;
+        let rows = (RAYS / texels).max(1);
+        let mut commands = Recorder::new(context)?;
+        for first in (0..probes.len() as u32).step_by(rows as usize) {
+            let rays = rows.min(probes.len() as u32 - first) * texels;
+            commands
+                .stage(&pipeline)
+                .bind(&[
+                    &scene.nodes,
+                    &scene.primitives,
+                    &probe_buffer,
+                    &scene.region_buffer,
+                    &scene.free_distance,
+                    &depth,
+                ])
+                .push(&ProbeDepthPush { first, rays, resolution })
+                .linear(rays.div_ceil(64));
+        }
+        commands.submit_and_wait()?;
+        drop(commands);
+        Ok(Self { probes, resolution, probe_buffer, depth })
+    }
+
+    /// The signed depths, row by row; negative where the ray misses the feasible region.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn download(&self) -> Result<Vec<f32>> {
+        self.depth.download(self.probes.len() * (self.resolution * self.resolution) as usize)
+    }
+}
