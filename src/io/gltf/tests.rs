@@ -108,3 +108,44 @@ fn faults_are_named() {
     let short = parse(Path::new("a.glb"), b"glTF\x02\0\0\0\xff\0\0\0", &mut Vec::new()).unwrap_err().to_string();
     assert!(short.contains("announces 255 bytes and has 12"), "{short}");
 }
+
+/// If this failed, triangles would be painted from another place of their texture, or with another curve than sRGB.
+#[test]
+fn a_texture_is_sampled_at_the_middle_of_a_triangle() {
+    // Four texels: red, green / blue, white.
+    let mut image = image::RgbImage::new(2, 2);
+    for (i, colour) in [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255; 3]].into_iter().enumerate() {
+        image.put_pixel(i as u32 % 2, i as u32 / 2, image::Rgb(colour));
+    }
+    let mut png = Vec::new();
+    image.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png).unwrap();
+    png.resize(png.len().next_multiple_of(3), 0);
+    // The positions' x and y serve as texture coordinates: the first triangle's middle is (1/3, 1/3), the red texel.
+    let painted = |transform: &str, node: &str| {
+        let part = r#"{"attributes": {"POSITION": 0, "TEXCOORD_0": 3}, "material": 0}"#;
+        let uv = r#", {"bufferView": 3, "componentType": 5126, "count": 4, "type": "VEC2"}"#;
+        let material = format!(
+            r#""materials": [{{"pbrMetallicRoughness": {{"baseColorFactor": [1, 0.5, 1, 1], "baseColorTexture":
+                {{"index": 0 {transform}}}}}}}], "textures": [{{"source": 0}}],
+                "images": [{{"uri": "data:image/png;base64,{}"}}],"#,
+            encode(&png)
+        );
+        let view = r#", {"buffer": 0, "byteLength": 44, "byteStride": 12}],
+            "accessors""#;
+        let text = scene(node, part, uv).replace("\"meshes\"", &format!("{material} \"meshes\""));
+        let end = text.find("\"accessors\"").unwrap();
+        let text = format!(
+            "{}{view}{}",
+            text[..end].trim_end().trim_end_matches(',').trim_end_matches(']'),
+            &text[end + 11..]
+        );
+        read(&text).unwrap().colours
+    };
+    assert_eq!(painted("", r#"{"mesh": 0}"#), [[255, 0, 0]]);
+    let moved = r#", "extensions": {"KHR_texture_transform": {"offset": [0.5, 1]}}"#;
+    // Half of linear green is 188 in sRGB.
+    assert_eq!(painted(moved, r#"{"mesh": 0}"#), [[0, 188, 0]]);
+    // A quarter turn takes (1/3, 1/3) to (1/3, -1/3), which repeats at (1/3, 2/3): the blue texel.
+    let turned = r#", "extensions": {"KHR_texture_transform": {"rotation": 1.5707963}}"#;
+    assert_eq!(painted(turned, r#"{"mesh": 0}"#), [[0, 0, 255]]);
+}
