@@ -1,1 +1,183 @@
-//! Files: parse, validate, write.
+//! Files: surfaces and cameras in, plans out.
+//!
+//! Reading refuses what cannot be planned with, in one line that names the file, the place in it and the remedy; no
+//! file makes it panic or allocate memory beyond what the file's own size accounts for. Nothing is moved, scaled or
+//! turned: frames and units are those of the file.
+//!
+//! | file | surface | cameras |
+//! |---|---|---|
+//! | PLY points, meshes, trained and packed splats | [`ply`] | |
+//! | OBJ | [`obj`] | |
+//! | glTF 2.0 (.glb, .gltf) | [`gltf`] | |
+//! | COLMAP model, text or binary | [`colmap`] | [`colmap`] |
+//! | transforms.json of nerfstudio, instant-ngp, Blender | | [`transforms`] |
+//! | plan.json | | [`plan_json`] |
+
+mod binary;
+mod checks;
+pub mod colmap;
+mod colour;
+pub mod export;
+pub mod folder;
+pub mod gltf;
+pub mod obj;
+pub mod plan_json;
+pub mod ply;
+pub mod transforms;
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use serde::de::{DeserializeOwned, IgnoredAny};
+
+pub use self::colour::viridis;
+use crate::error::{Error, Result};
+use crate::scene::camera::Camera;
+use crate::scene::surface::Surface;
+
+/// Reads a surface: a .ply, .obj, .glb or .gltf file, a COLMAP model folder, or a capture folder with a model under
+/// `sparse/0`. Frame and units are the file's.
+///
+/// # Errors
+/// See [`read_surface_with_notes`].
+pub fn read_surface(path: &Path) -> Result<Surface> {
+    Ok(read_surface_with_notes(path)?.0)
+}
+
+/// Reads a surface as [`read_surface`] does, and says in a few lines what was understood or left out on the way, for the
+/// user to check.
+///
+/// # Errors
+/// [`Error::Io`] where the system refuses; [`Error::Input`] where the file is of no known kind, damaged, cut short, or
+/// no surface: fewer than two distinct points, positions that are not finite, indices out of range.
+pub fn read_surface_with_notes(path: &Path) -> Result<(Surface, Vec<String>)> {
+    let mut notes = Vec::new();
+    if path.is_dir() {
+        let Some(folder) = colmap::model_folder(path) else {
+            return Err(Error::input(
+                path,
+                "the folder holds no COLMAP model (cameras and images as .bin or .txt, here or in sparse/0); give the \
+                 surface's file instead",
+            ));
+        };
+        let surface = colmap::surface(&folder, &mut notes)?;
+        return Ok((surface, notes));
+    }
+    let bytes = read_file(path)?;
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    // What the first bytes say is surer than the name.
+    let surface = if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") || extension == "ply" {
+        ply::parse(path, &bytes, &mut notes)?
+    } else if bytes.starts_with(b"glTF") || extension == "gltf" || extension == "glb" {
+        gltf::parse(path, &bytes, &mut notes)?
+    } else if extension == "obj" {
+        obj::parse(path, &bytes, &mut notes)?
+    } else {
+        return Err(Error::input(
+            path,
+            "this is no surface that can be read; give a .ply, .obj, .glb or .gltf file or a COLMAP folder",
+        ));
+    };
+    Ok((surface, notes))
+}
+
+/// Reads cameras: a COLMAP model folder, a capture folder with a model under `sparse/0` (or else a transforms.json), a
+/// transforms.json of any dialect, or a plan.json. Poses are world-from-camera with OpenCV axes in the file's own world
+/// frame; lens distortion is left out.
+///
+/// # Errors
+/// See [`read_cameras_with_notes`].
+pub fn read_cameras(path: &Path) -> Result<Vec<Camera>> {
+    Ok(read_cameras_with_notes(path)?.0)
+}
+
+/// Reads cameras as [`read_cameras`] does, and says in a few lines what was understood or left out on the way, for the
+/// user to check.
+///
+/// # Errors
+/// [`Error::Io`] where the system refuses; [`Error::Input`] where the file is of no known kind, damaged, cut short, or
+/// holds a camera that cannot be: no rotation, no image size, no focal length, a name taken twice.
+pub fn read_cameras_with_notes(path: &Path) -> Result<(Vec<Camera>, Vec<String>)> {
+    let mut notes = Vec::new();
+    if path.is_dir()
+        && let Some(folder) = colmap::model_folder(path)
+    {
+        let cameras = colmap::cameras(&folder, &mut notes)?;
+        return Ok((cameras, notes));
+    }
+    let file = json_file(path)?;
+    let bytes = read_file(&file)?;
+    /// The entry that tells the kinds apart.
+    #[derive(Deserialize)]
+    struct Kind {
+        frames: Option<IgnoredAny>,
+        cameras: Option<IgnoredAny>,
+    }
+    let kind: Kind = json(&file, &bytes)?;
+    let cameras = match kind {
+        Kind { frames: Some(_), .. } => transforms::parse(&file, &bytes, &mut notes)?,
+        Kind { cameras: Some(_), .. } => plan_json::parse(&file, &bytes)?,
+        _ => {
+            let what = "it has neither `frames`, as transforms.json, nor `cameras`, as plan.json; give one of these";
+            return Err(Error::input(file, what));
+        }
+    };
+    Ok((cameras, notes))
+}
+
+/// `path` itself, or the file with cameras in the folder `path`.
+fn json_file(path: &Path) -> Result<PathBuf> {
+    if !path.is_dir() {
+        return Ok(path.to_owned());
+    }
+    let names = ["plan.json", "transforms.json", "transforms_train.json"];
+    names.iter().map(|name| path.join(name)).find(|file| file.is_file()).ok_or_else(|| {
+        Error::input(
+            path,
+            "the folder holds no COLMAP model, no plan.json and no transforms.json; give the poses' file",
+        )
+    })
+}
+
+/// The bytes of a file, of which there must be some.
+fn read_file(path: &Path) -> Result<Vec<u8>> {
+    let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
+    if bytes.is_empty() {
+        return Err(Error::input(path, "the file is empty; export it again"));
+    }
+    Ok(bytes)
+}
+
+/// Parses JSON; the message has the line and column.
+fn json<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T> {
+    // A mark of byte order, which some editors leave, is no part of JSON.
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    serde_json::from_slice(bytes).map_err(|e| Error::input(path, format!("{e}; mend or export the file again")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a wrong path or file would be met with a message that leaves the user no way on.
+    #[test]
+    fn what_cannot_be_read_is_refused_with_a_way_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            path
+        };
+        let surface = |path: &Path| read_surface(path).unwrap_err().to_string();
+        let cameras = |path: &Path| read_cameras(path).unwrap_err().to_string();
+        assert!(surface(folder.path()).contains("holds no COLMAP model"));
+        assert!(surface(&folder.path().join("none.ply")).contains("none.ply"));
+        assert!(surface(&file("a.txt", "hello")).contains("give a .ply, .obj"));
+        assert!(surface(&file("a.ply", "")).contains("the file is empty"));
+        assert!(cameras(&file("a.json", "{}")).contains("neither `frames`"));
+        assert!(cameras(&file("b.json", "{\n  oops")).contains("line 2"));
+        let empty = folder.path().join("empty");
+        std::fs::create_dir(&empty).unwrap();
+        assert!(cameras(&empty).contains("no plan.json"));
+    }
+}

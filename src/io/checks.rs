@@ -1,0 +1,140 @@
+//! What every surface and every set of cameras must hold to, whichever file it came from.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+use crate::scene::camera::Camera;
+use crate::scene::surface::Surface;
+
+/// Largest coordinate: its square is still finite in the single precision that devices compute with.
+const LARGEST: f64 = 1e18;
+
+/// Whether `p` can be computed with.
+fn usable(p: DVec3) -> bool {
+    p.is_finite() && p.abs().max_element() <= LARGEST
+}
+
+/// Refuses positions that are not finite, with their count and the first one; `what` names one ("vertex").
+pub(crate) fn finite(path: &Path, positions: &[DVec3], what: &str) -> Result<()> {
+    let bad = positions.iter().filter(|p| !usable(**p)).count();
+    match positions.iter().position(|p| !usable(*p)) {
+        None => Ok(()),
+        Some(first) => Err(Error::input(
+            path,
+            format!(
+                "{bad} of {} positions are not finite (or beyond {LARGEST:e}); first at {what} {first}; remove them",
+                positions.len()
+            ),
+        )),
+    }
+}
+
+/// Passes a surface on when it can be planned for: two distinct finite positions or more, indices in range, scores in
+/// [1, 2], and triangles where it is a mesh.
+pub(crate) fn surface(path: &Path, surface: Surface) -> Result<Surface> {
+    let refuse = |what: String| Err(Error::input(path, what));
+    let (what, scores) = match &surface {
+        Surface::Mesh(mesh) => ("vertex", &mesh.scores),
+        Surface::Points(points) => ("point", &points.scores),
+    };
+    let positions = surface.positions();
+    match positions {
+        [] => return refuse("it holds no points; export the surface again".into()),
+        [_] => return refuse("it holds only one point; a surface needs two distinct points or more".into()),
+        _ => finite(path, positions, what)?,
+    }
+    if positions.iter().all(|p| *p == positions[0]) {
+        return refuse(format!("all {} points are equal; a surface needs some extent", positions.len()));
+    }
+    if let Some(i) = scores.iter().position(|s| !(1.0..=2.0).contains(s)) {
+        return refuse(format!(
+            "{what} {i} has the view dependency score {}; scores lie between 1 and 2, so rescale them",
+            scores[i]
+        ));
+    }
+    if let Surface::Mesh(mesh) = &surface {
+        if mesh.triangles.is_empty() {
+            return refuse("it holds no triangles; export the mesh with its faces".into());
+        }
+        let outside = |t: &[u32; 3]| t.iter().any(|&v| v as usize >= positions.len());
+        if let Some(i) = mesh.triangles.iter().position(outside) {
+            return refuse(format!(
+                "triangle {i} refers to the vertices {:?} and there are only {}; export the mesh again",
+                mesh.triangles[i],
+                positions.len()
+            ));
+        }
+    }
+    Ok(surface)
+}
+
+/// Passes cameras on when there is at least one, names are unique, poses are finite with unit rotations, and images and
+/// focal lengths have a size.
+pub(crate) fn cameras(path: &Path, cameras: Vec<Camera>) -> Result<Vec<Camera>> {
+    if cameras.is_empty() {
+        return Err(Error::input(path, "it holds no cameras; export the poses again"));
+    }
+    let mut seen = HashMap::with_capacity(cameras.len());
+    for (i, camera) in cameras.iter().enumerate() {
+        let refuse = |what: String| Err(Error::input(path, format!("camera {i} ({:?}) {what}", camera.name)));
+        let k = &camera.intrinsics;
+        if !usable(camera.pose.position) || !camera.pose.rotation.is_finite() {
+            return refuse("has a pose that is not finite; remove it".into());
+        }
+        if (camera.pose.rotation.length() - 1.0).abs() > 1e-3 {
+            return refuse("has a rotation that is not of unit length; normalise it".into());
+        }
+        if k.width == 0 || k.height == 0 {
+            return refuse(format!("has an image of {} x {} pixels; give its size", k.width, k.height));
+        }
+        if !k.focal.iter().all(|f| f.is_finite() && *f > 0.0) || !k.principal.iter().all(|c| c.is_finite()) {
+            return refuse(format!(
+                "has the focal lengths {:?} and the principal point {:?}; give both in pixels",
+                k.focal, k.principal
+            ));
+        }
+        if let Some(first) = seen.insert(&camera.name, i) {
+            return refuse(format!("has the name of camera {first}; names must differ"));
+        }
+    }
+    Ok(cameras)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::surface::{Mesh, Points};
+
+    fn points(positions: Vec<DVec3>) -> Result<Surface> {
+        surface(Path::new("a"), Surface::Points(Points { positions, ..Points::default() }))
+    }
+
+    /// If this failed, a NaN would travel into the planner and poison every camera without a word.
+    #[test]
+    fn positions_that_are_not_finite_are_counted() {
+        let mut positions = vec![DVec3::ZERO; 10];
+        positions[3].x = f64::NAN;
+        positions[7].y = f64::INFINITY;
+        let message = points(positions).unwrap_err().to_string();
+        assert!(message.contains("2 of 10 positions are not finite") && message.contains("at point 3"), "{message}");
+    }
+
+    /// If this failed, surfaces without extent would be planned for, with a region of size zero.
+    #[test]
+    fn surfaces_without_extent_are_refused() {
+        assert!(points(vec![]).unwrap_err().to_string().contains("no points"));
+        assert!(points(vec![DVec3::ONE]).unwrap_err().to_string().contains("only one point"));
+        assert!(points(vec![DVec3::ONE; 3]).unwrap_err().to_string().contains("all 3 points are equal"));
+        assert!(points(vec![DVec3::ONE, DVec3::ZERO]).is_ok());
+    }
+
+    /// If this failed, a triangle could index past its vertices and panic far from the file that caused it.
+    #[test]
+    fn triangles_out_of_range_are_refused() {
+        let mesh = Mesh { positions: vec![DVec3::ZERO, DVec3::X], triangles: vec![[0, 1, 2]], ..Mesh::default() };
+        assert!(surface(Path::new("a"), Surface::Mesh(mesh)).unwrap_err().to_string().contains("triangle 0"));
+    }
+}

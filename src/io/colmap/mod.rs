@@ -1,0 +1,228 @@
+//! COLMAP sparse models: cameras, images and points3D, as text or little-endian binary.
+//!
+//! COLMAP stores camera-from-world rotations and translations in OpenCV axes; here poses are world-from-camera. The
+//! world frame and its arbitrary scale are left as they are. Files of rigs and frames, which newer versions add, are
+//! not needed: images.txt and images.bin hold every pose as well.
+
+pub mod binary;
+pub mod text;
+pub mod write;
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
+
+use glam::{DQuat, DVec3};
+
+use super::checks;
+use crate::error::{Error, Result};
+use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::surface::{Points, Surface};
+
+/// A camera model: what the parameters mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Projection {
+    /// Number in binary files.
+    pub id: u32,
+    /// Name in text files.
+    pub name: &'static str,
+    /// Number of parameters.
+    pub parameters: usize,
+    /// Whether one focal length serves both axes: f cx cy ... instead of fx fy cx cy ...
+    pub one_focal: bool,
+}
+
+/// Every model that COLMAP knows.
+pub const PROJECTIONS: [Projection; 12] = [
+    projection(0, "SIMPLE_PINHOLE", 3, true),
+    projection(1, "PINHOLE", 4, false),
+    projection(2, "SIMPLE_RADIAL", 4, true),
+    projection(3, "RADIAL", 5, true),
+    projection(4, "OPENCV", 8, false),
+    projection(5, "OPENCV_FISHEYE", 8, false),
+    projection(6, "FULL_OPENCV", 12, false),
+    projection(7, "FOV", 5, false),
+    projection(8, "SIMPLE_RADIAL_FISHEYE", 4, true),
+    projection(9, "RADIAL_FISHEYE", 5, true),
+    projection(10, "THIN_PRISM_FISHEYE", 12, false),
+    projection(11, "RAD_TAN_THIN_PRISM_FISHEYE", 16, false),
+];
+
+const fn projection(id: u32, name: &'static str, parameters: usize, one_focal: bool) -> Projection {
+    Projection { id, name, parameters, one_focal }
+}
+
+/// Intrinsics that images share.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lens {
+    /// How the parameters were read.
+    pub projection: Projection,
+    /// The pinhole part.
+    pub intrinsics: Intrinsics,
+    /// The parameters after the pinhole part, in COLMAP's order. [`Camera`] has no place for them: a plan treats every
+    /// camera as a pinhole.
+    pub distortion: Vec<f64>,
+}
+
+impl Lens {
+    /// Splits COLMAP's parameters into the pinhole part and the distortion; none where their number is wrong.
+    fn new(projection: Projection, [width, height]: [u32; 2], parameters: &[f64]) -> Option<Self> {
+        if parameters.len() != projection.parameters {
+            return None;
+        }
+        let (focal, rest) = match *parameters {
+            [f, ref rest @ ..] if projection.one_focal => ([f, f], rest),
+            [fx, fy, ref rest @ ..] => ([fx, fy], rest),
+            _ => return None,
+        };
+        let (&principal, distortion) = rest.split_first_chunk::<2>()?;
+        Some(Self {
+            projection,
+            intrinsics: Intrinsics { width, height, focal, principal },
+            distortion: distortion.to_vec(),
+        })
+    }
+}
+
+/// A posed image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Number that tracks refer to.
+    pub id: u32,
+    /// Number of its lens.
+    pub lens: u32,
+    /// World-from-camera pose.
+    pub pose: Pose,
+    /// File name, relative to the image folder.
+    pub name: String,
+}
+
+/// A reconstructed point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Point {
+    /// Position in the world.
+    pub position: DVec3,
+    /// 8-bit sRGB.
+    pub colour: [u8; 3],
+    /// Mean reprojection error in pixels.
+    pub error: f64,
+    /// Numbers of the images it was seen in.
+    pub track: Vec<u32>,
+}
+
+/// World-from-camera pose of a camera-from-world quaternion (w, x, y, z) and translation; none where the quaternion has
+/// no length or a number is not finite.
+fn pose([w, x, y, z]: [f64; 4], translation: [f64; 3]) -> Option<Pose> {
+    let rotation = DQuat::from_xyzw(x, y, z, w);
+    let length = rotation.length();
+    if !(length.is_finite() && length > 1e-9) {
+        return None;
+    }
+    let rotation = rotation.normalize().conjugate();
+    let position = -(rotation * DVec3::from_array(translation));
+    position.is_finite().then_some(Pose { position, rotation })
+}
+
+/// The folder in or under `path` that holds a model: itself, `sparse/0`, `sparse` or `colmap/sparse/0`.
+pub fn model_folder(path: &Path) -> Option<PathBuf> {
+    ["", "sparse/0", "sparse", "colmap/sparse/0"]
+        .iter()
+        .map(|below| path.join(below))
+        .find(|folder| file(folder, "cameras").is_some() && file(folder, "images").is_some())
+}
+
+/// The binary or text file of that name in a model folder; the binary one where there are both, as COLMAP does.
+fn file(folder: &Path, name: &str) -> Option<PathBuf> {
+    ["bin", "txt"].iter().map(|extension| folder.join(name).with_extension(extension)).find(|path| path.is_file())
+}
+
+/// A parser of one of the model's files.
+type Parser<T> = fn(&Path, &[u8]) -> Result<T>;
+
+/// Reads one of the model's files with the parser of its encoding.
+fn read<T>(folder: &Path, name: &str, binary: Parser<T>, text: Parser<T>) -> Result<(PathBuf, T)> {
+    let path = file(folder, name).ok_or_else(|| {
+        Error::input(folder, format!("it holds no {name}.bin and no {name}.txt; export the model again"))
+    })?;
+    let bytes = super::read_file(&path)?;
+    let parse = if path.extension().is_some_and(|e| e == "bin") { binary } else { text };
+    let value = parse(&path, &bytes)?;
+    Ok((path, value))
+}
+
+/// Reads the cameras of a model folder, ordered by name, for COLMAP's own order changes from run to run.
+pub fn cameras(folder: &Path, notes: &mut Vec<String>) -> Result<Vec<Camera>> {
+    let (_, lenses) = read(folder, "cameras", binary::cameras, text::cameras)?;
+    let (path, images) = read(folder, "images", binary::images, text::images)?;
+    join(&path, &lenses, images, notes)
+}
+
+/// Gives every image its lens; `path` is for messages only.
+pub fn join(
+    path: &Path,
+    lenses: &BTreeMap<u32, Lens>,
+    mut images: Vec<Image>,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Camera>> {
+    images.sort_by(|a, b| a.name.cmp(&b.name));
+    let mut distorted = 0;
+    let mut cameras = Vec::with_capacity(images.len());
+    for image in images {
+        let Some(lens) = lenses.get(&image.lens) else {
+            return Err(Error::input(
+                path,
+                format!(
+                    "image {} ({:?}) was taken with camera {}, which is not among the {} cameras of the model; export \
+                     the model again",
+                    image.id,
+                    image.name,
+                    image.lens,
+                    lenses.len()
+                ),
+            ));
+        };
+        distorted += usize::from(lens.distortion.iter().any(|&k| k != 0.0));
+        cameras.push(Camera { name: image.name, pose: image.pose, intrinsics: lens.intrinsics });
+    }
+    if distorted > 0 {
+        notes.push(format!(
+            "{distorted} of {} images have lens distortion, which is left out: their cameras are taken as pinholes",
+            cameras.len()
+        ));
+    }
+    checks::cameras(path, cameras)
+}
+
+/// Reads the points of a model folder.
+pub fn surface(folder: &Path, notes: &mut Vec<String>) -> Result<Surface> {
+    let (path, points) = read(folder, "points3D", binary::points, text::points)?;
+    let (_, images) = read(folder, "images", binary::images, text::images)?;
+    let centres = images.iter().map(|image| (image.id, image.pose.position)).collect();
+    let surface = points_surface(&path, &points, &centres)?;
+    let error = points.iter().map(|p| p.error).sum::<f64>() / points.len() as f64;
+    notes.push(format!(
+        "COLMAP model of {} images and {} points, mean reprojection error {error:.2} pixels",
+        images.len(),
+        points.len()
+    ));
+    Ok(surface)
+}
+
+/// The points as a surface, with the mean direction to the cameras of each point's track; `centres` are the camera
+/// centres by image number.
+pub fn points_surface(path: &Path, points: &[Point], centres: &HashMap<u32, DVec3>) -> Result<Surface> {
+    let mut surface = Points::default();
+    for (i, point) in points.iter().enumerate() {
+        let mut toward = DVec3::ZERO;
+        for image in &point.track {
+            let Some(centre) = centres.get(image) else {
+                let what = format!("point {i} was seen in image {image}, which the model lacks; export it again");
+                return Err(Error::input(path, what));
+            };
+            toward += (*centre - point.position).normalize_or_zero();
+        }
+        surface.positions.push(point.position);
+        surface.colours.push(point.colour);
+        surface.toward_cameras.push(toward.normalize_or_zero());
+    }
+    checks::surface(path, Surface::Points(surface))
+}

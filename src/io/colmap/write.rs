@@ -1,0 +1,158 @@
+//! COLMAP binary models that camsplat writes: one PINHOLE camera per image size and lens, and coloured points.
+
+use glam::DVec3;
+
+use crate::scene::camera::{Camera, Intrinsics};
+
+/// Which cameras see each point: indices into the cameras of the model, one list per point, or no lists at all.
+pub type Tracks<'a> = &'a [Vec<u32>];
+
+/// Number of the PINHOLE model.
+const PINHOLE: u32 = 1;
+
+/// The distinct intrinsics of `cameras` in order of appearance, and for each camera which are its own.
+fn lenses(cameras: &[Camera]) -> (Vec<Intrinsics>, Vec<u32>) {
+    let mut lenses: Vec<Intrinsics> = Vec::new();
+    let mut own = Vec::with_capacity(cameras.len());
+    for camera in cameras {
+        let lens = lenses.iter().position(|k| *k == camera.intrinsics).unwrap_or_else(|| {
+            lenses.push(camera.intrinsics);
+            lenses.len() - 1
+        });
+        own.push(lens as u32 + 1);
+    }
+    (lenses, own)
+}
+
+/// Bytes of cameras.bin; cameras are numbered from 1.
+pub fn cameras(cameras: &[Camera]) -> Vec<u8> {
+    let (lenses, _) = lenses(cameras);
+    let mut bytes = (lenses.len() as u64).to_le_bytes().to_vec();
+    for (id, k) in (1u32..).zip(&lenses) {
+        bytes.extend(id.to_le_bytes());
+        bytes.extend(PINHOLE.to_le_bytes());
+        bytes.extend(u64::from(k.width).to_le_bytes());
+        bytes.extend(u64::from(k.height).to_le_bytes());
+        k.focal.iter().chain(&k.principal).for_each(|v| bytes.extend(v.to_le_bytes()));
+    }
+    bytes
+}
+
+/// Bytes of images.bin; images are numbered from 1 in the order of `cameras` and named by
+/// [`crate::io::export::image_name`]. An observation is the projection of a point whose track holds the camera.
+pub fn images(cameras: &[Camera], positions: &[DVec3], tracks: Tracks) -> Vec<u8> {
+    let (_, own) = lenses(cameras);
+    let mut seen: Vec<Vec<usize>> = vec![Vec::new(); cameras.len()];
+    for (point, track) in tracks.iter().enumerate() {
+        for &camera in track {
+            seen[camera as usize].push(point);
+        }
+    }
+    let mut bytes = (cameras.len() as u64).to_le_bytes().to_vec();
+    for (((id, camera), lens), seen) in (1u32..).zip(cameras).zip(own).zip(seen) {
+        let rotation = camera.pose.rotation.conjugate();
+        let translation = -(rotation * camera.pose.position);
+        bytes.extend(id.to_le_bytes());
+        for number in [rotation.w, rotation.x, rotation.y, rotation.z, translation.x, translation.y, translation.z] {
+            bytes.extend(number.to_le_bytes());
+        }
+        bytes.extend(lens.to_le_bytes());
+        bytes.extend(crate::io::export::image_name(camera).bytes().filter(|&b| b != 0));
+        bytes.push(0);
+        bytes.extend((seen.len() as u64).to_le_bytes());
+        let k = &camera.intrinsics;
+        for point in seen {
+            let p = rotation * positions[point] + translation;
+            for axis in 0..2 {
+                bytes.extend((k.focal[axis] * p[axis] / p.z + k.principal[axis]).to_le_bytes());
+            }
+            bytes.extend((point as u64 + 1).to_le_bytes());
+        }
+    }
+    bytes
+}
+
+/// Bytes of points3D.bin; points are numbered from 1. Points without a colour are mid grey. The reprojection error is
+/// written as 0: the tracks are projections, not measurements.
+pub fn points(positions: &[DVec3], colours: &[[u8; 3]], cameras: usize, tracks: Tracks) -> Vec<u8> {
+    // Observations of an image are numbered in the order in which `images` writes them: by point.
+    let mut next = vec![0u32; cameras];
+    let mut bytes = (positions.len() as u64).to_le_bytes().to_vec();
+    for (i, position) in positions.iter().enumerate() {
+        bytes.extend((i as u64 + 1).to_le_bytes());
+        position.to_array().iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+        bytes.extend(colours.get(i).copied().unwrap_or([128; 3]));
+        bytes.extend(0f64.to_le_bytes());
+        let track = tracks.get(i).map_or(&[][..], Vec::as_slice);
+        bytes.extend((track.len() as u64).to_le_bytes());
+        for &camera in track {
+            let observation = &mut next[camera as usize];
+            bytes.extend((camera + 1).to_le_bytes());
+            bytes.extend(observation.to_le_bytes());
+            *observation += 1;
+        }
+    }
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::super::{binary, join, pose};
+    use super::*;
+    use crate::scene::camera::Pose;
+
+    fn set() -> Vec<Camera> {
+        let camera = |name: &str, x: f64, width| Camera {
+            name: name.into(),
+            pose: Pose::looking(DVec3::new(x, 0.5, -4.0), DVec3::new(-x, 0.0, 4.0), DVec3::Y),
+            intrinsics: Intrinsics::from_fov(width, 480, 1.0),
+        };
+        vec![camera("0000.png", 0.0, 640), camera("0001.png", 1.0, 640), camera("0002.png", -2.0, 320)]
+    }
+
+    /// If this failed, a trainer would see other cameras than were planned.
+    #[test]
+    fn cameras_survive_a_round_trip() {
+        let written = set();
+        let path = Path::new("model.bin");
+        let lenses = binary::cameras(path, &cameras(&written)).unwrap();
+        assert_eq!(lenses.len(), 2, "equal lenses are shared");
+        let images = binary::images(path, &images(&written, &[], &[])).unwrap();
+        let read = join(path, &lenses, images, &mut Vec::new()).unwrap();
+        for (a, b) in written.iter().zip(&read) {
+            assert_eq!((&a.name, a.intrinsics), (&b.name, b.intrinsics));
+            assert!((a.pose.position - b.pose.position).length() < 1e-12);
+            assert!(a.pose.rotation.dot(b.pose.rotation).abs() > 1.0 - 1e-12);
+        }
+    }
+
+    /// If this failed, observations and tracks would contradict each other, and trainers that use them would crash.
+    #[test]
+    fn tracks_and_observations_refer_to_each_other() {
+        let cameras = set();
+        let positions = [DVec3::ZERO, DVec3::new(0.1, 0.2, 0.3)];
+        let tracks = [vec![0, 1], vec![1, 2]];
+        let path = Path::new("model.bin");
+        let read = binary::points(path, &points(&positions, &[[1, 2, 3]], 3, &tracks)).unwrap();
+        assert_eq!((read[0].position, read[0].colour, &read[0].track), (positions[0], [1, 2, 3], &vec![1, 2]));
+        assert_eq!((read[1].position, read[1].colour, &read[1].track), (positions[1], [128; 3], &vec![2, 3]));
+        // The second point is the second observation of the second image: the last eight bytes of the third entry.
+        let bytes = points(&positions, &[], 3, &tracks);
+        assert_eq!(bytes[bytes.len() - 16..], [2, 0, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 0, 0, 0, 0]);
+        // The first image sees the origin in the middle of its width.
+        let bytes = images(&cameras, &positions, &tracks);
+        assert_eq!(binary::images(path, &bytes).unwrap().len(), 3);
+        let name_end = 8 + 4 + 7 * 8 + 4 + "0000.png".len() + 1;
+        let x = f64::from_le_bytes(bytes[name_end + 8..name_end + 16].try_into().unwrap());
+        assert!((x - 320.0).abs() < 1e-9, "{x}");
+    }
+
+    /// If this failed, the reader and the writer of poses would not be each other's inverse.
+    #[test]
+    fn a_pose_of_no_rotation_is_refused() {
+        assert!(pose([0.0; 4], [0.0; 3]).is_none());
+        assert!(pose([1.0, 0.0, 0.0, 0.0], [f64::NAN, 0.0, 0.0]).is_none());
+    }
+}

@@ -1,0 +1,270 @@
+//! An output folder that is written whole or not at all.
+
+use std::ffi::OsStr;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Component, Path, PathBuf};
+
+use tempfile::TempDir;
+
+use crate::error::{Error, Result};
+
+/// Files on their way into a folder. They are written into a hidden folder beside it and moved into place by
+/// [`OutputFolder::commit`]; dropped before that, nothing is left behind and the folder is as it was.
+#[derive(Debug)]
+pub struct OutputFolder {
+    path: PathBuf,
+    force: bool,
+    /// Beside `path`, so that moving is renaming. Removed when dropped.
+    hidden: TempDir,
+}
+
+impl OutputFolder {
+    /// Prepares to write the folder `path`, whose parent must exist. With `force`, a folder that holds something already
+    /// is accepted: files of the same names are replaced, all others stay.
+    ///
+    /// # Errors
+    /// Before anything has been computed: when the folder is not empty and `force` is not given, is a file, or cannot be
+    /// written.
+    pub fn create(path: &Path, force: bool) -> Result<Self> {
+        let name = match path.components().next_back() {
+            Some(Component::Normal(name)) => name,
+            _ => return Err(Error::input(path, "this names no folder to write to; give one with a name of its own")),
+        };
+        let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !parent.is_dir() {
+            return Err(Error::input(path, format!("the folder {} does not exist; create it first", parent.display())));
+        }
+        check_free(path, force)?;
+        let prefix = format!(".{}-", name.to_string_lossy());
+        let hidden =
+            tempfile::Builder::new().prefix(&prefix).tempdir_in(parent).map_err(|source| Error::io(parent, source))?;
+        let folder = Self { path: path.to_owned(), force, hidden };
+        // The hidden folder itself is for its owner's eyes only; one made inside has the permissions a user expects.
+        fs::create_dir(folder.staged()).map_err(|source| Error::io(folder.staged(), source))?;
+        if path.is_dir() {
+            tempfile::tempfile_in(path).map_err(|source| Error::io(path, source))?;
+        }
+        Ok(folder)
+    }
+
+    /// Where the folder will be.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Where files are until they are committed.
+    fn staged(&self) -> PathBuf {
+        self.hidden.path().join("new")
+    }
+
+    /// Writes one file; `name` is relative to the folder, with `/` between the folders in it.
+    ///
+    /// # Errors
+    /// When the name leads out of the folder, or the system refuses.
+    pub fn write(&self, name: &str, contents: impl AsRef<[u8]>) -> Result<()> {
+        let file = self.stage(name)?;
+        fs::write(&file, contents).map_err(|source| Error::io(file, source))
+    }
+
+    /// The path to write one file to for who writes it himself, with its parent folders made; `name` as in
+    /// [`OutputFolder::write`].
+    ///
+    /// # Errors
+    /// When the name leads out of the folder, or the system refuses.
+    pub fn stage(&self, name: &str) -> Result<PathBuf> {
+        let is_inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_)));
+        if name.is_empty() || !is_inside {
+            return Err(Error::request(format!("{name:?} does not name a file in the output folder")));
+        }
+        let file = self.staged().join(name);
+        let parent = file.parent().unwrap_or(self.hidden.path());
+        fs::create_dir_all(parent).map_err(|source| Error::io(parent, source))?;
+        Ok(file)
+    }
+
+    /// Moves everything into place. A folder that does not exist yet appears at once, complete. In one that does, files
+    /// are moved one by one; when one fails, those before it are put back.
+    ///
+    /// # Errors
+    /// When the folder has been filled since by someone else and `force` was not given, or the system refuses.
+    pub fn commit(self) -> Result<()> {
+        check_free(&self.path, self.force)?;
+        if !self.path.exists() {
+            return fs::rename(self.staged(), &self.path).map_err(|source| Error::io(&self.path, source));
+        }
+        let mut names = Vec::new();
+        list(&self.staged(), Path::new(""), &mut names)?;
+        let mut moves = Moves { replaced: self.hidden.path().join("old"), done: Vec::new() };
+        for name in names {
+            let (from, to) = (self.staged().join(&name), self.path.join(&name));
+            if let Err(source) = moves.replace(&from, &to) {
+                moves.undo();
+                return Err(Error::io(to, source));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Refuses a path that is taken.
+fn check_free(path: &Path, force: bool) -> Result<()> {
+    let mut entries = match fs::read_dir(path) {
+        Ok(entries) => entries,
+        Err(e) if e.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(e) => return Err(Error::io(path, e)),
+    };
+    if entries.next().is_some() && !force {
+        let what = "the folder is not empty; pass --force to replace the files in it, or name another";
+        return Err(Error::input(path, what));
+    }
+    Ok(())
+}
+
+/// Appends the files under `root` by their path from there, in the order of names.
+fn list(root: &Path, below: &Path, names: &mut Vec<PathBuf>) -> Result<()> {
+    let folder = root.join(below);
+    let entries = fs::read_dir(&folder).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
+    let mut entries = entries.map_err(|source| Error::io(&folder, source))?;
+    entries.sort_by_key(fs::DirEntry::file_name);
+    for entry in entries {
+        let name = below.join(AsRef::<OsStr>::as_ref(&entry.file_name()));
+        if entry.path().is_dir() {
+            list(root, &name, names)?;
+        } else {
+            names.push(name);
+        }
+    }
+    Ok(())
+}
+
+/// Files moved so far, to be undone when a later one fails.
+struct Moves {
+    /// Folder that replaced files are kept in meanwhile.
+    replaced: PathBuf,
+    /// New places, and where the file that stood there is kept.
+    done: Vec<(PathBuf, Option<PathBuf>)>,
+}
+
+impl Moves {
+    /// Moves `from` to `to`, and what stood there aside.
+    fn replace(&mut self, from: &Path, to: &Path) -> std::io::Result<()> {
+        if to.is_dir() {
+            return Err(std::io::Error::new(ErrorKind::IsADirectory, "a folder stands where a file is to be written"));
+        }
+        if let Some(parent) = to.parent() {
+            fs::create_dir_all(parent)?;
+        }
+        let mut aside = None;
+        if to.exists() {
+            fs::create_dir_all(&self.replaced)?;
+            let kept = self.replaced.join(self.done.len().to_string());
+            fs::rename(to, &kept)?;
+            aside = Some(kept);
+        }
+        if let Err(e) = fs::rename(from, to) {
+            // What stood there goes back first; the error that counts is the one above.
+            if let Some(kept) = &aside {
+                let _ = fs::rename(kept, to);
+            }
+            return Err(e);
+        }
+        self.done.push((to.to_owned(), aside));
+        Ok(())
+    }
+
+    /// Puts everything back as far as the system lets it: there is nobody left to tell.
+    fn undo(self) {
+        for (to, aside) in self.done.into_iter().rev() {
+            let _ = match aside {
+                Some(kept) => fs::rename(kept, to),
+                None => fs::remove_file(to),
+            };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entries(path: &Path) -> Vec<String> {
+        let mut names: Vec<_> =
+            fs::read_dir(path).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
+
+    /// If this failed, a stopped run would leave half a plan, or hidden rubbish, behind.
+    #[test]
+    fn a_dropped_folder_leaves_nothing_behind() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = OutputFolder::create(&parent.path().join("out"), false).unwrap();
+        folder.write("sparse/0/cameras.bin", b"x").unwrap();
+        assert_eq!(entries(parent.path()).len(), 1);
+        drop(folder);
+        assert!(entries(parent.path()).is_empty());
+    }
+
+    /// If this failed, a finished plan would not be where the user asked for it.
+    #[test]
+    fn a_committed_folder_is_whole() {
+        let parent = tempfile::tempdir().unwrap();
+        let path = parent.path().join("out");
+        let folder = OutputFolder::create(&path, false).unwrap();
+        folder.write("sparse/0/cameras.bin", b"x").unwrap();
+        fs::write(folder.stage("plan.json").unwrap(), "{}").unwrap();
+        assert!(!path.exists());
+        folder.commit().unwrap();
+        assert_eq!(entries(parent.path()), ["out"]);
+        assert_eq!(entries(&path), ["plan.json", "sparse"]);
+        assert_eq!(fs::read(path.join("sparse/0/cameras.bin")).unwrap(), b"x");
+    }
+
+    /// If this failed, a user's own files could be lost, or be overwritten unasked.
+    #[test]
+    fn a_full_folder_needs_force_and_keeps_the_users_files() {
+        let parent = tempfile::tempdir().unwrap();
+        let path = parent.path().join("out");
+        fs::create_dir(&path).unwrap();
+        fs::write(path.join("notes.txt"), "mine").unwrap();
+        fs::write(path.join("plan.json"), "old").unwrap();
+        assert!(OutputFolder::create(&path, false).unwrap_err().to_string().contains("pass --force"));
+        let folder = OutputFolder::create(&path, true).unwrap();
+        folder.write("plan.json", "new").unwrap();
+        assert_eq!(fs::read_to_string(path.join("plan.json")).unwrap(), "old");
+        folder.commit().unwrap();
+        assert_eq!(fs::read_to_string(path.join("plan.json")).unwrap(), "new");
+        assert_eq!(fs::read_to_string(path.join("notes.txt")).unwrap(), "mine");
+        assert_eq!(entries(parent.path()), ["out"]);
+    }
+
+    /// If this failed, a failure halfway would leave files of two plans side by side.
+    #[test]
+    fn a_failed_commit_puts_everything_back() {
+        let parent = tempfile::tempdir().unwrap();
+        let path = parent.path().join("out");
+        fs::create_dir_all(path.join("report.html")).unwrap();
+        fs::write(path.join("plan.json"), "old").unwrap();
+        let folder = OutputFolder::create(&path, true).unwrap();
+        folder.write("a.csv", "new").unwrap();
+        folder.write("plan.json", "new").unwrap();
+        folder.write("report.html", "new").unwrap();
+        assert!(folder.commit().unwrap_err().to_string().contains("report.html"));
+        assert_eq!(fs::read_to_string(path.join("plan.json")).unwrap(), "old");
+        assert_eq!(entries(&path), ["plan.json", "report.html"]);
+    }
+
+    /// If this failed, hours of computing could end in a path that cannot be written, or files land elsewhere.
+    #[test]
+    fn paths_are_checked_up_front() {
+        let parent = tempfile::tempdir().unwrap();
+        let file = parent.path().join("file");
+        fs::write(&file, "").unwrap();
+        assert!(OutputFolder::create(&file, true).is_err());
+        assert!(OutputFolder::create(&parent.path().join("a/b"), false).unwrap_err().to_string().contains("create it"));
+        assert!(OutputFolder::create(Path::new("/"), true).is_err());
+        let folder = OutputFolder::create(&parent.path().join("out"), false).unwrap();
+        assert!(folder.write("../escape", "x").is_err() && folder.write("", "x").is_err());
+    }
+}
