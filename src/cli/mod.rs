@@ -1,6 +1,54 @@
 //! The command line: one file per subcommand, each parses, calls and prints.
 
-/// Runs the command line and says how it ended.
-pub fn main() -> std::process::ExitCode {
-    std::process::ExitCode::SUCCESS
+mod demo;
+mod devices;
+mod options;
+mod plan;
+mod progress;
+mod score;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Where should the cameras stand?
+#[derive(Parser)]
+#[command(version, about, max_term_width = 110)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Plan camera poses for a surface
+    Plan(Box<plan::Arguments>),
+    /// Score any camera set on a surface
+    Score(Box<score::Arguments>),
+    /// List every Vulkan device, what it has and what it lacks
+    Devices,
+    /// Plan two scenes of our own: an object (50 views) and a furnished room (300 views)
+    Demo(demo::Arguments),
+}
+
+/// Exit code of a run that the user stopped: 128 + SIGINT, as shells have it.
+const INTERRUPTED: u8 = 130;
+
+/// Runs the command line. Exit codes: 0 done, 2 bad input or request, 130 stopped by the user (what there was is
+/// written), 1 anything else.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let result = match cli.command {
+        Command::Plan(arguments) => plan::run(&arguments),
+        Command::Score(arguments) => score::run(&arguments),
+        Command::Devices => devices::run(),
+        Command::Demo(arguments) => demo::run(&arguments),
+    };
+    match result {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
 }

@@ -149,7 +149,7 @@ impl<'a> Scorer<'a> {
         }
         commands.submit_and_wait()?;
         drop(commands);
-        let world = 1.0 / self.scene.to_internal.scale as f32;
+        let world = 1.0 / self.scene.geometry.to_internal.scale as f32;
         let scores: Vec<Score> = scores.download(points)?;
         Ok(scores
             .into_iter()
@@ -167,7 +167,7 @@ impl<'a> Scorer<'a> {
 }
 
 fn view(scene: &DeviceScene, camera: &Camera) -> View {
-    let pose = scene.to_internal.pose(&camera.pose);
+    let pose = scene.geometry.to_internal.pose(&camera.pose);
     let rotation = pose.rotation;
     let intrinsics = &camera.intrinsics;
     let [fov_x, fov_y] = intrinsics.fov();

@@ -94,6 +94,15 @@ pub(super) fn pool(points: usize, probes: u32, resolution: u32, physical: &Physi
     points.min((bytes as usize).max(probes as usize))
 }
 
+/// About how many views a plan on this device can have with so many probes a step: one point camera in ten sees a view,
+/// a third more is left for everything else, and no buffer passes the device's limit.
+pub fn largest(physical: &Physical, probes: u32) -> u64 {
+    let limit = physical.storage_range.min(physical.allocation);
+    let a_view = 4 * probes as u64;
+    let a_visible_view = 36 * probes as u64 / 10;
+    (limit / a_view).min(physical.heap * 2 / 3 / (a_view + a_visible_view + 2000))
+}
+
 /// Splats that a probe has room for: all of them, or as many as one buffer of partials can hold.
 pub(super) fn capacity(splats: u32, probes: u32, physical: &Physical) -> u32 {
     let limit = physical.storage_range.min(physical.allocation).min(physical.heap / 4);

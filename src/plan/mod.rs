@@ -3,6 +3,7 @@
 pub mod config;
 pub mod dense;
 pub mod footprint;
+pub mod job;
 pub mod planner;
 pub mod record;
 pub mod relocate;

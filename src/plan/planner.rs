@@ -6,21 +6,23 @@ use std::time::{Duration, Instant};
 
 use glam::{DVec3, Vec3};
 
-use super::config::{Config, Objective};
+use super::config::{Config, Gate, Objective};
 use super::dense::DENSE;
+use super::footprint::{self, Footprint};
 use super::record::{IterationRecord, Status};
 use super::relocate::{RANK, RELOCATE};
 use super::shared::{Control, Gradient, Moments, Record, Settings, Splat, Tally, Terms};
 use super::snapshot::{SNAPSHOT, SnapshotPush};
+use super::start;
 use super::tally::{TALLY, mailbox};
 use super::update::UPDATE;
-use super::{footprint, start};
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::octahedral;
-use crate::scene::proxy::Proxy;
+use crate::scene::proxy::{Proxy, SurfacePoint};
 use crate::scene::random;
-use crate::visibility::device_scene::DeviceScene;
-use crate::visibility::probe_depth::ProbeMaps;
+use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
+use crate::visibility::probe_depth::{Probe, ProbeMaps};
+use crate::vulkan::physical::Physical;
 use crate::vulkan::profile::Profile;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
@@ -84,57 +86,61 @@ pub struct Outcome {
     pub seconds: f64,
 }
 
-impl<'a> Planner<'a> {
-    /// Sets a run up: probes drawn from the surface, their depth maps, start poses, and all device memory.
+/// Everything about a run that is known before the device has allocated anything.
+pub struct Preparation {
+    config: Config,
+    settings: Settings,
+    points: Vec<SurfacePoint>,
+    start: Vec<Splat>,
+    start_scale: f32,
+    resolution: u32,
+    footprint: Footprint,
+}
+
+impl Preparation {
+    /// Draws the probes from the surface, places the splats and settles scale, resolution and memory.
     ///
     /// # Errors
-    /// A request that makes no sense, a surface that no camera can see from the region, or a plan that is larger than
-    /// the device's memory.
+    /// A configuration that makes no sense.
     pub fn new(
-        context: &Arc<Context>,
-        scene: &'a DeviceScene,
+        physical: &Physical,
+        geometry: &SceneGeometry,
         proxy: &Proxy,
         intrinsics: &Intrinsics,
         kept: &[Camera],
         config: Config,
     ) -> Result<Self> {
         config.validate()?;
-        let cone = intrinsics.inscribed_cone();
-        let gate_cos = (0.5 * cone).cos() as f32;
+        let gate_cos = (0.5 * intrinsics.inscribed_cone()).cos() as f32;
         let mut points = proxy.sample(config.pool as usize, config.seed, PROBE_STREAM);
         random::shuffle(&mut points, config.seed, PROBE_STREAM);
-
         let kept_splats = kept.iter().map(|camera| {
-            let pose = scene.to_internal.pose(&camera.pose);
+            let pose = geometry.to_internal.pose(&camera.pose);
             Splat {
                 centre: pose.position.as_vec3().to_array(),
                 direction: pose.forward().as_vec3().normalize().to_array(),
                 ..Splat::default()
             }
         });
-        let start: Vec<Splat> = kept_splats.chain(start::splats(&config, scene)).collect();
-        let lifted = |p: &crate::scene::proxy::SurfacePoint| scene.to_internal.point(p.position + p.lift * p.normal);
-        let few: Vec<_> = points
-            .iter()
-            .take(256)
-            .map(|p| crate::visibility::probe_depth::Probe { position: lifted(p).as_vec3().to_array(), score: p.score })
-            .collect();
+        let start: Vec<Splat> = kept_splats.chain(start::splats(&config, geometry)).collect();
+        let few: Vec<Probe> =
+            points.iter().take(start::PROBES).map(|point| Probe::new(point, &geometry.to_internal)).collect();
         let start_scale =
-            config.scale.unwrap_or_else(|| start::scale(start::mean_visible(&start, &few, gate_cos, scene)));
+            config.scale.unwrap_or_else(|| start::scale(start::mean_visible(&start, &few, gate_cos, geometry)));
         let resolution = config.resolution.unwrap_or_else(|| start::resolution(start_scale));
-        points.truncate(footprint::pool(points.len(), config.probes, resolution, context.physical()));
+        points.truncate(footprint::pool(points.len(), config.probes, resolution, physical));
 
-        let rounds = config.views;
         let [fov_x, fov_y] = intrinsics.fov();
         let (splats, probes) = (start.len() as u32, config.probes.min(points.len() as u32));
+        let round_length = if config.iterative { (config.iterations / config.views).max(1) } else { 0 };
         let settings = Settings {
             splats,
             kept: kept.len() as u32,
             probes,
             pool: points.len() as u32,
-            capacity: footprint::capacity(splats, probes, context.physical()),
-            iterations: if config.iterative { (config.iterations / rounds).max(1) * rounds } else { config.iterations },
-            round_length: if config.iterative { (config.iterations / rounds).max(1) } else { 0 },
+            capacity: footprint::capacity(splats, probes, physical),
+            iterations: if config.iterative { round_length * config.views } else { config.iterations },
+            round_length,
             seed: (config.seed ^ (config.seed >> 32)) as u32,
             relocate_every: if config.iterative { 0 } else { config.relocate_every },
             relocate_until: (config.relocate_until * config.iterations as f32) as u32,
@@ -154,21 +160,32 @@ impl<'a> Planner<'a> {
             scale_floor: 0.5 * start_scale,
             nearest_tau: config.nearest_tau,
         };
-        footprint::Footprint::new(&settings, &config, resolution, scene.bytes).check(context)?;
+        let footprint = Footprint::new(&settings, &config, resolution, geometry.bytes());
+        Ok(Self { config, settings, points, start, start_scale, resolution, footprint })
+    }
 
+    /// Device memory that the run takes.
+    pub fn footprint(&self) -> &Footprint {
+        &self.footprint
+    }
+}
+
+impl<'a> Planner<'a> {
+    /// Allocates a run and casts its depth maps.
+    ///
+    /// # Errors
+    /// A surface that no camera can see from the region, or a plan that is larger than the device's memory.
+    pub fn new(context: &Arc<Context>, scene: &'a DeviceScene, preparation: Preparation) -> Result<Self> {
+        let Preparation { config, settings, points, start, start_scale, resolution, footprint } = preparation;
+        footprint.check(context)?;
         let maps = ProbeMaps::new(context, scene, &points, resolution)?;
-        let constants = [
-            resolution,
-            config.objective as u32,
-            match config.gate {
-                super::config::Gate::Hard => 0,
-                super::config::Gate::Soft => 1,
-                super::config::Gate::PinholeHard => 2,
-                super::config::Gate::Pinhole => 3,
-            },
-            config.kernel as u32,
-            config.occlusion as u32,
-        ];
+        let gate = match config.gate {
+            Gate::Hard => 0,
+            Gate::Soft => 1,
+            Gate::PinholeHard => 2,
+            Gate::Pinhole => 3,
+        };
+        let constants = [resolution, config.objective as u32, gate, config.kernel as u32, config.occlusion as u32];
         let pipeline = |stage| Pipeline::new(context, stage, &constants);
         let pipelines = Pipelines {
             dense: pipeline(&DENSE)?,
@@ -178,9 +195,9 @@ impl<'a> Planner<'a> {
             relocate: pipeline(&RELOCATE)?,
             snapshot: pipeline(&SNAPSHOT)?,
         };
-        let buffers = Buffers::new(context, &settings, &config, resolution)?;
-        let planner =
-            Self { context: context.clone(), scene, config, settings, start, start_scale, maps, pipelines, buffers };
+        let buffers = Buffers::new(context, &footprint, resolution)?;
+        let context = context.clone();
+        let planner = Self { context, scene, config, settings, start, start_scale, maps, pipelines, buffers };
         planner.check_reachable()?;
         planner.reset()?;
         Ok(planner)
@@ -281,7 +298,7 @@ impl<'a> Planner<'a> {
                 &b.deficit,
                 &b.moments,
                 &b.order,
-                &scene.region_buffer,
+                &scene.region,
                 &scene.free_distance,
             ])
             .groups([least, 1, 1]);
@@ -320,7 +337,7 @@ impl<'a> Planner<'a> {
                 &b.moments,
                 &b.terms,
                 &b.gradients,
-                &scene.region_buffer,
+                &scene.region,
                 &scene.free_distance,
             ])
             .linear(s.splats);
@@ -448,13 +465,13 @@ impl<'a> Planner<'a> {
     /// Poses in the user's world of the planned splats. The region's pull is soft, so a camera may end a little outside;
     /// `settle` moves it to the nearest feasible place.
     fn poses(&self, splats: &[Splat], settle: bool) -> Vec<Pose> {
-        let back = self.scene.to_internal.inverse();
+        let back = self.scene.geometry.to_internal.inverse();
         splats[self.settings.kept as usize..]
             .iter()
             .map(|splat| {
                 let mut position = Vec3::from(splat.centre).as_dvec3();
                 if settle {
-                    position = self.scene.settle(position);
+                    position = self.scene.geometry.settle(position);
                 }
                 let direction = Vec3::from(splat.direction).as_dvec3();
                 back.pose(&Pose::looking(position, direction, DVec3::Z))
@@ -464,10 +481,9 @@ impl<'a> Planner<'a> {
 }
 
 impl Buffers {
-    fn new(context: &Arc<Context>, s: &Settings, config: &Config, resolution: u32) -> Result<Self> {
+    fn new(context: &Arc<Context>, plan: &Footprint, resolution: u32) -> Result<Self> {
         let directions: Vec<[f32; 4]> =
             octahedral::directions(resolution).iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect();
-        let plan = footprint::Footprint::new(s, config, resolution, 0);
         let device = |name: &str| Buffer::device(context, name, plan.bytes_of(name));
         Ok(Self {
             settings: device("settings")?,

@@ -6,7 +6,7 @@ use super::config::{Config, Preset, Start};
 use super::shared::Splat;
 use crate::scene::random;
 use crate::scene::region::Shape;
-use crate::visibility::device_scene::DeviceScene;
+use crate::visibility::device_scene::SceneGeometry;
 use crate::visibility::probe_depth::Probe;
 use crate::visibility::raycast::Ray;
 
@@ -15,12 +15,15 @@ const POSITIONS: u32 = 0x5354_0001;
 const DIRECTIONS: u32 = 0x5354_0002;
 const JITTER: u32 = 0x5354_0003;
 
+/// Most probes that the mean number of visible splats is taken over.
+pub const PROBES: usize = 256;
+
 /// Jitter of an identical start, in radii of the region: enough to tell the splats apart.
 const SPREAD: f64 = 0.01;
 
 /// Start poses of `config.views` splats in the planner's frame: for an object uniform on a sphere (or in the box) and
 /// looking in, for a room uniform in free space with uniform directions; or all near the first of these.
-pub fn splats(config: &Config, scene: &DeviceScene) -> Vec<Splat> {
+pub fn splats(config: &Config, scene: &SceneGeometry) -> Vec<Splat> {
     (0..config.views)
         .map(|j| {
             let source = if config.start == Start::Identical { 0 } else { j };
@@ -40,7 +43,7 @@ pub fn splats(config: &Config, scene: &DeviceScene) -> Vec<Splat> {
         .collect()
 }
 
-fn pose(config: &Config, scene: &DeviceScene, j: u32) -> (DVec3, DVec3) {
+fn pose(config: &Config, scene: &SceneGeometry, j: u32) -> (DVec3, DVec3) {
     let [u, v, ..] = random::uniforms(config.seed, DIRECTIONS, j);
     let uniform = random::direction(u, v);
     match (config.preset, scene.region.shape) {
@@ -64,8 +67,8 @@ fn pose(config: &Config, scene: &DeviceScene, j: u32) -> (DVec3, DVec3) {
 }
 
 /// Mean number of splats that a probe sees (cone gate and occlusion), over the first probes of the pool.
-pub fn mean_visible(splats: &[Splat], probes: &[Probe], gate_cos: f32, scene: &DeviceScene) -> f64 {
-    let few = (100_000 / splats.len().max(1)).clamp(16, 256).min(probes.len());
+pub fn mean_visible(splats: &[Splat], probes: &[Probe], gate_cos: f32, scene: &SceneGeometry) -> f64 {
+    let few = (100_000 / splats.len().max(1)).clamp(16, PROBES).min(probes.len());
     let mut seen = 0usize;
     for probe in &probes[..few] {
         let origin = Vec3::from(probe.position);

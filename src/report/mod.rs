@@ -5,6 +5,8 @@
 //! geometry embedded as base64.
 
 mod data;
+mod decimate;
+pub mod folder;
 mod geometry;
 mod text;
 

@@ -79,3 +79,13 @@ pub struct Camera {
     /// How it maps directions to pixels.
     pub intrinsics: Intrinsics,
 }
+impl Camera {
+    /// Whether a world point lies in front of the camera and inside its image.
+    pub fn sees(&self, point: DVec3) -> bool {
+        let p = self.pose.rotation.inverse() * (point - self.pose.position);
+        let Intrinsics { width, height, focal, principal } = self.intrinsics;
+        let x = focal[0] * p.x / p.z + principal[0];
+        let y = focal[1] * p.y / p.z + principal[1];
+        p.z > 0.0 && (0.0..width as f64).contains(&x) && (0.0..height as f64).contains(&y)
+    }
+}

@@ -203,6 +203,11 @@ impl Proxy {
         })
     }
 
+    /// 8-bit sRGB colour of each primitive.
+    pub fn colours(&self) -> &[[u8; 3]] {
+        &self.colours
+    }
+
     /// Lowest and highest corner of the primitives.
     pub fn bounds(&self) -> (DVec3, DVec3) {
         (0..self.occluder.len())

@@ -43,45 +43,29 @@ crate::gpu_struct! {
     }
 }
 
-/// Surface, region and free space, on host and device.
-pub struct DeviceScene {
+/// Surface, region and free space in the planner's frame, on the host.
+pub struct SceneGeometry {
     /// From the user's world to the planner's frame: up is +Z, the region's bounding sphere the unit sphere.
     pub to_internal: Similarity,
     /// The region in the planner's frame.
     pub region: Region,
     /// Its free space.
     pub free: FreeSpace,
-    /// The hierarchy over the surface, for rays on the host.
+    /// The hierarchy over the surface.
     pub bvh: Bvh,
-    /// Bytes of device memory that all of it takes.
-    pub bytes: u64,
-    pub(crate) nodes: Buffer,
-    pub(crate) primitives: Buffer,
-    pub(crate) region_buffer: Buffer,
-    pub(crate) free_distance: Buffer,
 }
 
-impl DeviceScene {
-    /// Maps surface and region into the planner's frame and uploads them.
+impl SceneGeometry {
+    /// Maps surface and region into the planner's frame.
     ///
     /// # Errors
-    /// Where the region leaves no free space, the surface cannot be represented, or device memory runs out.
-    pub fn new(context: &Arc<Context>, proxy: &Proxy, region: &Region) -> Result<Self> {
+    /// Where the region leaves no free space, or the surface cannot be represented.
+    pub fn new(proxy: &Proxy, region: &Region) -> Result<Self> {
         let to_internal = region.to_planner_frame();
         let internal = region.transformed(&to_internal)?;
         let occluder = proxy.occluder.transformed(&to_internal);
         let free = FreeSpace::new(&occluder, &internal, free_space::RESOLUTION)?;
-        let bvh = Bvh::new(&proxy.occluder, &to_internal)?;
-        let device_region = DeviceRegion::new(&internal, &free);
-        let nodes = Buffer::from_slice(context, "nodes", &bvh.nodes)?;
-        let primitives = match &bvh.primitives {
-            Primitives::Triangles(triangles) => Buffer::from_slice(context, "primitives", triangles)?,
-            Primitives::Discs(discs) => Buffer::from_slice(context, "primitives", discs)?,
-        };
-        let region_buffer = Buffer::from_slice(context, "region", &[device_region])?;
-        let free_distance = Buffer::from_slice(context, "free_distance", &free.distance)?;
-        let bytes = [&nodes, &primitives, &region_buffer, &free_distance].iter().map(|buffer| buffer.size()).sum();
-        Ok(Self { to_internal, region: internal, free, bvh, bytes, nodes, primitives, region_buffer, free_distance })
+        Ok(Self { to_internal, region: internal, free, bvh: Bvh::new(&proxy.occluder, &to_internal)? })
     }
 
     /// The feasible place nearest to `position` in the planner's frame, as far as the voxels of the free space can tell:
@@ -91,9 +75,53 @@ impl DeviceScene {
         if self.free.is_free(inside) { inside } else { self.free.project(inside) }
     }
 
+    /// Bytes of device memory that it takes.
+    pub fn bytes(&self) -> u64 {
+        let primitives = match &self.bvh.primitives {
+            Primitives::Triangles(triangles) => size_of_val(&triangles[..]),
+            Primitives::Discs(discs) => size_of_val(&discs[..]),
+        };
+        let field = size_of_val(&self.free.distance[..]);
+        (size_of_val(&self.bvh.nodes[..]) + primitives + field + size_of::<DeviceRegion>()) as u64
+    }
+}
+
+/// Surface, region and free space on the device.
+pub struct DeviceScene {
+    /// The same on the host.
+    pub geometry: SceneGeometry,
+    pub(crate) nodes: Buffer,
+    pub(crate) primitives: Buffer,
+    pub(crate) region: Buffer,
+    pub(crate) free_distance: Buffer,
+}
+
+impl DeviceScene {
+    /// Uploads a scene.
+    ///
+    /// # Errors
+    /// Where device memory runs out or the device fails.
+    pub fn new(context: &Arc<Context>, geometry: SceneGeometry) -> Result<Self> {
+        Ok(Self {
+            nodes: Buffer::from_slice(context, "nodes", &geometry.bvh.nodes)?,
+            primitives: match &geometry.bvh.primitives {
+                Primitives::Triangles(triangles) => Buffer::from_slice(context, "primitives", triangles)?,
+                Primitives::Discs(discs) => Buffer::from_slice(context, "primitives", discs)?,
+            },
+            region: Buffer::from_slice(context, "region", &[DeviceRegion::new(&geometry.region, &geometry.free)])?,
+            free_distance: Buffer::from_slice(context, "free_distance", &geometry.free.distance)?,
+            geometry,
+        })
+    }
+
+    /// Lets go of the device's part.
+    pub fn into_geometry(self) -> SceneGeometry {
+        self.geometry
+    }
+
     /// Specialisation constant 5 of every stage that traces: whether the primitives are discs.
     pub(crate) fn discs(&self) -> u32 {
-        matches!(self.bvh.primitives, Primitives::Discs(_)) as u32
+        matches!(self.geometry.bvh.primitives, Primitives::Discs(_)) as u32
     }
 }
 

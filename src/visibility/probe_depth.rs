@@ -6,6 +6,7 @@ use super::bvh::Node;
 use super::device_scene::{DeviceRegion, DeviceScene};
 use crate::Result;
 use crate::scene::proxy::SurfacePoint;
+use crate::scene::similarity::Similarity;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
@@ -37,6 +38,14 @@ crate::stage!(
     } with [Node, Probe, DeviceRegion]
 );
 
+impl Probe {
+    /// The probe of a surface point, given in the user's world.
+    pub fn new(point: &SurfacePoint, to_internal: &Similarity) -> Self {
+        let lifted = point.position + point.lift * point.normal;
+        Self { position: to_internal.point(lifted).as_vec3().to_array(), score: point.score }
+    }
+}
+
 /// Rays of one dispatch: short enough that no watchdog minds.
 const RAYS: u32 = 1 << 20;
 
@@ -56,13 +65,7 @@ impl ProbeMaps {
     /// # Errors
     /// Where device memory runs out or the device fails.
     pub fn new(context: &Arc<Context>, scene: &DeviceScene, points: &[SurfacePoint], resolution: u32) -> Result<Self> {
-        let probes: Vec<Probe> = points
-            .iter()
-            .map(|point| {
-                let lifted = point.position + point.lift * point.normal;
-                Probe { position: scene.to_internal.point(lifted).as_vec3().to_array(), score: point.score }
-            })
-            .collect();
+        let probes: Vec<Probe> = points.iter().map(|point| Probe::new(point, &scene.geometry.to_internal)).collect();
         let texels = resolution * resolution;
         let probe_buffer = Buffer::from_slice(context, "probes", &probes)?;
         let depth = Buffer::device(context, "depth", 4 * probes.len() as u64 * texels as u64)?;
@@ -73,14 +76,7 @@ impl ProbeMaps {
             let rays = rows.min(probes.len() as u32 - first) * texels;
             commands
                 .stage(&pipeline)
-                .bind(&[
-                    &scene.nodes,
-                    &scene.primitives,
-                    &probe_buffer,
-                    &scene.region_buffer,
-                    &scene.free_distance,
-                    &depth,
-                ])
+                .bind(&[&scene.nodes, &scene.primitives, &probe_buffer, &scene.region, &scene.free_distance, &depth])
                 .push(&ProbeDepthPush { first, rays, resolution })
                 .linear(rays.div_ceil(64));
         }

@@ -1,0 +1,179 @@
+//! Options that several commands share: region, camera, device.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use clap::Args;
+use glam::DVec3;
+
+use crate::io;
+use crate::plan::config::Preset;
+use crate::plan::job::{RegionChoice, Target};
+use crate::plan::record::SurfaceRecord;
+use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::region::Shape;
+use crate::vulkan::{self, Context};
+use crate::{Error, Result};
+
+/// Where cameras may stand, and what kind of scene it is.
+#[derive(Args, Clone, Debug)]
+pub struct RegionOptions {
+    /// Kind of scene: an object seen from around it, or a room seen from inside [default: room with --box, else object]
+    #[arg(long, value_enum)]
+    pub preset: Option<Preset>,
+    /// Cameras stand between two spheres: centre and radii CX,CY,CZ,RMIN,RMAX
+    #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_name = "NUMBERS", conflicts_with = "box_")]
+    pub shell: Option<Vec<f64>>,
+    /// Cameras stand in a box: corners X0,Y0,Z0,X1,Y1,Z1
+    #[arg(long = "box", value_delimiter = ',', allow_hyphen_values = true, value_name = "NUMBERS")]
+    pub box_: Option<Vec<f64>>,
+    /// Cameras stay at or above this height along --up
+    #[arg(long, allow_hyphen_values = true)]
+    pub floor: Option<f64>,
+    /// Up direction: x, -x, +y, ... [default: +y for glTF and OBJ, the cameras' own for COLMAP, else +z]
+    #[arg(long, allow_hyphen_values = true, value_parser = parse_up)]
+    pub up: Option<DVec3>,
+    /// No camera closer than this to the surface [default: a twentieth of the object's radius or of the room's
+    /// smallest side]
+    #[arg(long)]
+    pub clearance: Option<f64>,
+}
+
+/// What cameras there are.
+#[derive(Args, Clone, Debug)]
+pub struct CameraOptions {
+    /// Horizontal field of view in degrees
+    #[arg(long, default_value_t = 50.0)]
+    pub fov: f64,
+    /// Image size in pixels
+    #[arg(long, default_value = "800x800", value_parser = parse_size, value_name = "WxH")]
+    pub size: (u32, u32),
+}
+
+/// The device to run on.
+#[derive(Args, Clone, Debug)]
+pub struct DeviceOptions {
+    /// Device, by index or part of its name (see `camsplat devices`) [default: the best]
+    #[arg(long)]
+    pub device: Option<String>,
+    /// Wait after every stage, so that a lost device names the stage
+    #[arg(long)]
+    pub debug_sync: bool,
+}
+
+impl DeviceOptions {
+    /// Opens the device. With the environment variable CAMSPLAT_VALIDATION set, the validation layers watch it.
+    pub fn open(&self) -> Result<Arc<Context>> {
+        Context::new(&vulkan::Options {
+            device: self.device.clone(),
+            validation: std::env::var_os("CAMSPLAT_VALIDATION").is_some(),
+            debug_sync: self.debug_sync,
+        })
+    }
+}
+
+impl CameraOptions {
+    /// The intrinsics.
+    pub fn intrinsics(&self) -> Result<Intrinsics> {
+        if !(self.fov > 1.0 && self.fov < 170.0) {
+            return Err(Error::request(format!("--fov is {}; give degrees between 1 and 170", self.fov)));
+        }
+        let (width, height) = self.size;
+        Ok(Intrinsics::from_fov(width, height, self.fov.to_radians()))
+    }
+}
+
+impl RegionOptions {
+    /// The preset that was asked for, or follows from the region.
+    pub fn preset(&self) -> Preset {
+        self.preset.unwrap_or(if self.box_.is_some() { Preset::Room } else { Preset::Object })
+    }
+
+    /// Reads a surface and settles its region; prints what was understood.
+    pub fn target(&self, path: &Path, intrinsics: &Intrinsics) -> Result<Target> {
+        let choice = self.choice()?;
+        let (surface, notes) = io::read_surface_with_notes(path)?;
+        for note in notes {
+            println!("{note}");
+        }
+        let up = match self.up {
+            Some(up) => up,
+            None => default_up(path),
+        };
+        let target = Target::new(&surface, &path.to_string_lossy(), self.preset(), &choice, up, intrinsics)?;
+        print_target(&target);
+        Ok(target)
+    }
+
+    fn choice(&self) -> Result<RegionChoice> {
+        let shape = match (&self.shell, &self.box_) {
+            (Some(numbers), _) => {
+                let &[x, y, z, r_min, r_max] = &numbers[..] else {
+                    return Err(count("--shell", "CX,CY,CZ,RMIN,RMAX", 5, numbers.len()));
+                };
+                Some(Shape::Shell { centre: DVec3::new(x, y, z), r_min, r_max })
+            }
+            (None, Some(numbers)) => {
+                let &[x0, y0, z0, x1, y1, z1] = &numbers[..] else {
+                    return Err(count("--box", "X0,Y0,Z0,X1,Y1,Z1", 6, numbers.len()));
+                };
+                Some(Shape::Box { min: DVec3::new(x0, y0, z0), max: DVec3::new(x1, y1, z1) })
+            }
+            (None, None) => None,
+        };
+        Ok(RegionChoice { shape, floor: self.floor, clearance: self.clearance })
+    }
+}
+
+fn count(option: &str, form: &str, wanted: usize, given: usize) -> Error {
+    Error::request(format!("{option} takes {wanted} numbers {form}, not {given}"))
+}
+
+/// Prints a surface and its region.
+pub fn print_target(target: &Target) {
+    let SurfaceRecord { path, kind, primitives, min, max } = &target.record;
+    println!("surface  {path}: {primitives} {kind}, from {min:.3} to {max:.3}");
+    if target.proxy.dropped + target.proxy.thinned > 0 {
+        println!("         {} dropped, {} thinned out", target.proxy.dropped, target.proxy.thinned);
+    }
+    let region = &target.region;
+    let shape = match region.shape {
+        Shape::Shell { centre, r_min, r_max } => format!("shell around {centre:.3}, radii {r_min:.3} to {r_max:.3}"),
+        Shape::Box { min, max } => format!("box from {min:.3} to {max:.3}"),
+    };
+    let floor = region.floor.map(|floor| format!(", floor at {floor:.3}")).unwrap_or_default();
+    println!("region   {shape}{floor}, clearance {:.4}, up {:.3}", region.clearance, region.up);
+}
+
+/// Up where the user names none: glTF's by its standard, OBJ's by custom, a reconstruction's from its cameras.
+fn default_up(path: &Path) -> DVec3 {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    if matches!(extension.as_str(), "glb" | "gltf" | "obj") {
+        return DVec3::Y;
+    }
+    let cameras: Vec<Camera> = if path.is_dir() { io::read_cameras(path).unwrap_or_default() } else { Vec::new() };
+    let up: DVec3 = cameras.iter().map(|camera| camera.pose.up()).sum();
+    up.try_normalize().unwrap_or(DVec3::Z)
+}
+
+fn parse_up(text: &str) -> Result<DVec3, String> {
+    let (sign, axis) = match text.strip_prefix('-') {
+        Some(axis) => (-1.0, axis),
+        None => (1.0, text.strip_prefix('+').unwrap_or(text)),
+    };
+    let axis = match axis {
+        "x" => DVec3::X,
+        "y" => DVec3::Y,
+        "z" => DVec3::Z,
+        _ => return Err("give one of x, y, z, -x, -y, -z".into()),
+    };
+    Ok(sign * axis)
+}
+
+fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let parsed = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    match parsed {
+        Some((w, h)) if (1..=65_535).contains(&w) && (1..=65_535).contains(&h) => Ok((w, h)),
+        _ => Err("give width and height in pixels, such as 1920x1080".into()),
+    }
+}

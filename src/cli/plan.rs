@@ -1,0 +1,282 @@
+//! `camsplat plan`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+
+use super::options::{CameraOptions, DeviceOptions, RegionOptions};
+use super::progress::{Progress, stop_on_interrupt};
+use crate::io;
+use crate::io::folder::OutputFolder;
+use crate::metrics::Metrics;
+use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Start};
+use crate::plan::job::{self, Plan, Tools};
+use crate::plan::planner::Preparation;
+use crate::report;
+use crate::visibility::device_scene::SceneGeometry;
+use crate::vulkan::capture::RenderDoc;
+use crate::vulkan::profile::Profile;
+use crate::{Error, Result};
+
+/// Arguments of `camsplat plan`.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model folder
+    surface: PathBuf,
+    /// Cameras to place
+    #[arg(long)]
+    views: u32,
+    /// Folder to write
+    #[arg(long)]
+    out: PathBuf,
+    /// Write into a folder that is not empty; files of the same names are replaced, all others stay
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    region: RegionOptions,
+    #[command(flatten)]
+    camera: CameraOptions,
+    /// Cameras that exist already (COLMAP, transforms.json or plan.json): seen, never moved
+    #[arg(long)]
+    keep: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceOptions,
+    #[command(flatten)]
+    tuning: Tuning,
+    /// Print the device memory that the plan takes, and stop
+    #[arg(long)]
+    dry_run: bool,
+    /// Print GPU time per stage
+    #[arg(long)]
+    profile: bool,
+    /// Write a trace of host and GPU time that Perfetto opens
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
+    /// Capture one iteration with RenderDoc into FILE_*.rdc
+    #[arg(long, value_name = "FILE")]
+    capture: Option<PathBuf>,
+}
+
+/// The optimisation and its ablations. What is left out is the preset's default.
+#[derive(Args, Debug, Default)]
+#[command(next_help_heading = "Optimisation")]
+pub struct Tuning {
+    /// Seed of every random number
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Iterations
+    #[arg(long)]
+    iterations: Option<u32>,
+    /// What is minimised
+    #[arg(long, value_enum)]
+    objective: Option<Objective>,
+    /// Field-of-view test while optimising
+    #[arg(long, value_enum)]
+    gate: Option<Gate>,
+    /// Softness of the gate, in cosines
+    #[arg(long)]
+    gate_softness: Option<f32>,
+    /// Kernel of the splats
+    #[arg(long, value_enum)]
+    kernel: Option<Kernel>,
+    /// Where the cameras are at first
+    #[arg(long, value_enum)]
+    start: Option<Start>,
+    /// The way through the splat pass
+    #[arg(long, value_enum)]
+    pass: Option<Pass>,
+    /// Add the views one at a time, earlier ones fixed
+    #[arg(long)]
+    iterative: bool,
+    /// Base loss of the paper: no scores, no occlusion
+    #[arg(long)]
+    base_loss: bool,
+    /// Leave the surface's scores (VDS) aside
+    #[arg(long)]
+    no_vds: bool,
+    /// Leave occlusion aside
+    #[arg(long)]
+    no_occlusion: bool,
+    /// Leave the coverage regulariser out
+    #[arg(long)]
+    no_reg: bool,
+    /// Move no splat to where light is missing
+    #[arg(long)]
+    no_relocation: bool,
+    /// Iterations between relocations
+    #[arg(long)]
+    relocate_every: Option<u32>,
+    /// Weight of the coverage regulariser
+    #[arg(long)]
+    lambda_reg: Option<f32>,
+    /// Weight of the region term
+    #[arg(long)]
+    lambda_bound: Option<f32>,
+    /// Pressure on the scale
+    #[arg(long)]
+    lambda_scale: Option<f32>,
+    /// Softness of the nearest-view minimum
+    #[arg(long)]
+    nearest_tau: Option<f32>,
+    /// Opacity of a splat
+    #[arg(long)]
+    alpha: Option<f32>,
+    /// Start scale of the splats, in radians
+    #[arg(long)]
+    scale: Option<f32>,
+    /// Learning rate of the scale; 0 holds it
+    #[arg(long)]
+    rate_scale: Option<f32>,
+    /// Learning rate of positions, in radii of the region
+    #[arg(long)]
+    rate_centre: Option<f32>,
+    /// Learning rate of directions
+    #[arg(long)]
+    rate_direction: Option<f32>,
+    /// Point cameras a step
+    #[arg(long)]
+    probes: Option<u32>,
+    /// Point cameras in all
+    #[arg(long)]
+    pool: Option<u32>,
+    /// Texels of a point camera along a side, a multiple of 8
+    #[arg(long)]
+    resolution: Option<u32>,
+    /// Held-out points for the metrics
+    #[arg(long)]
+    held_out: Option<u32>,
+    /// Iterations between checkpoints of the metrics
+    #[arg(long)]
+    checkpoint_every: Option<u32>,
+}
+
+impl Tuning {
+    /// Applies what was given to a configuration.
+    pub fn apply(&self, mut config: Config) -> Config {
+        fn set<T: Copy>(target: &mut T, given: Option<T>) {
+            *target = given.unwrap_or(*target);
+        }
+        config.seed = self.seed;
+        set(&mut config.iterations, self.iterations);
+        set(&mut config.objective, self.objective);
+        set(&mut config.gate, self.gate);
+        set(&mut config.gate_softness, self.gate_softness);
+        set(&mut config.kernel, self.kernel);
+        set(&mut config.start, self.start);
+        set(&mut config.pass, self.pass);
+        set(&mut config.relocate_every, self.relocate_every);
+        set(&mut config.lambda_reg, self.lambda_reg);
+        set(&mut config.lambda_bound, self.lambda_bound);
+        set(&mut config.lambda_scale, self.lambda_scale);
+        set(&mut config.nearest_tau, self.nearest_tau);
+        set(&mut config.alpha, self.alpha);
+        set(&mut config.rate_scale, self.rate_scale);
+        set(&mut config.rate_centre, self.rate_centre);
+        set(&mut config.rate_direction, self.rate_direction);
+        set(&mut config.probes, self.probes);
+        set(&mut config.pool, self.pool);
+        set(&mut config.held_out, self.held_out);
+        set(&mut config.checkpoint_every, self.checkpoint_every);
+        config.scale = self.scale.or(config.scale);
+        config.resolution = self.resolution.or(config.resolution);
+        config.iterative |= self.iterative;
+        config.vds &= !(self.no_vds || self.base_loss);
+        config.occlusion &= !(self.no_occlusion || self.base_loss);
+        if self.no_reg {
+            config.lambda_reg = 0.0;
+        }
+        if self.no_relocation {
+            config.relocate_every = 0;
+        }
+        config
+    }
+}
+
+/// Plans, writes the folder and prints what came out.
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    // Before anything else: RenderDoc's layer must be there when the instance is made.
+    let renderdoc = arguments.capture.as_ref().map(|_| RenderDoc::load()).transpose()?;
+    let config = arguments.tuning.apply(Config::new(arguments.region.preset(), arguments.views));
+    config.validate()?;
+    let intrinsics = arguments.camera.intrinsics()?;
+    let folder = if arguments.dry_run { None } else { Some(OutputFolder::create(&arguments.out, arguments.force)?) };
+    let target = arguments.region.target(&arguments.surface, &intrinsics)?;
+    let kept = match &arguments.keep {
+        Some(path) => io::read_cameras(path)?,
+        None => Vec::new(),
+    };
+    let context = arguments.device.open()?;
+    println!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+    let Some(folder) = folder else {
+        let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+        let preparation = Preparation::new(context.physical(), &geometry, &target.proxy, &intrinsics, &kept, config)?;
+        print!("{}", preparation.footprint().table());
+        preparation.footprint().check(&context)?;
+        println!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));
+        return Ok(ExitCode::SUCCESS);
+    };
+
+    stop_on_interrupt()?;
+    let mut profile = (arguments.profile || arguments.trace.is_some()).then(Profile::default);
+    let progress = Progress::new(config.iterations);
+    let tools = Tools { profile: profile.as_mut(), capture: renderdoc.as_ref().zip(arguments.capture.clone()) };
+    let plan = job::run(&context, &target, intrinsics, &kept, config, tools, |event| progress.observe(event));
+    progress.finish();
+    let plan = plan?;
+    for message in context.messages() {
+        eprintln!("validation: {message}");
+    }
+    let path = folder.path().to_owned();
+    report::folder::write(&plan, &target, folder)?;
+    if let (Some(file), Some(profile)) = (&arguments.trace, &profile) {
+        std::fs::write(file, profile.trace()).map_err(|source| Error::io(file, source))?;
+    }
+    print_plan(&plan);
+    if let (true, Some(profile)) = (arguments.profile, &profile) {
+        print!("\n{}", profile.table());
+    }
+    println!("report   {}", path.join("report.html").display());
+    if plan.interrupted() {
+        println!("stopped after {} iterations; the plan so far is written", plan.record.history.len());
+        return Ok(ExitCode::from(super::INTERRUPTED));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints the metrics of a plan beside those of its controls.
+pub fn print_plan(plan: &Plan) {
+    let record = &plan.record;
+    println!(
+        "plan     {} views, {} kept, {} iterations in {:.2} s",
+        record.cameras.len() - record.kept,
+        record.kept,
+        record.history.len(),
+        record.seconds
+    );
+    let mut rows = vec![("plan", &record.metrics)];
+    rows.extend(record.controls.iter().map(|control| (control.name.as_str(), &control.metrics)));
+    print!("{}", table(&rows));
+}
+
+/// Metrics, a row per camera set.
+pub fn table(rows: &[(&str, &Metrics)]) -> String {
+    let mut text = format!(
+        "{:<10} {:>8} {:>8} {:>8} {:>9} {:>9} {:>11} {:>10}\n",
+        "", "seen >=1", "seen >=3", "(limit)", "gap mean", "gap p95", "views/point", "variation"
+    );
+    for (name, m) in rows {
+        text += &format!(
+            "{:<10} {:>7.1}% {:>7.1}% {:>7.1}% {:>8.2}° {:>8.2}° {:>11.1} {:>10.2}\n",
+            name,
+            100.0 * m.coverage_1,
+            100.0 * m.coverage_3,
+            100.0 * m.reachable,
+            m.gap_mean_deg,
+            m.gap_p95_deg,
+            m.views_mean,
+            m.views_variation
+        );
+    }
+    text
+}

@@ -1,0 +1,69 @@
+//! Progress on the terminal, and Ctrl-C.
+
+use std::ops::ControlFlow;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::plan::job::Event;
+use crate::{Error, Result};
+
+/// Set once the user has asked to stop.
+static STOP: AtomicBool = AtomicBool::new(false);
+
+/// Lets Ctrl-C (and SIGTERM) stop a run after the iteration that is running; a second one ends the process at once.
+///
+/// # Errors
+/// Where the system refuses a signal handler.
+pub fn stop_on_interrupt() -> Result<()> {
+    static SET: OnceLock<()> = OnceLock::new();
+    if SET.set(()).is_err() {
+        return Ok(());
+    }
+    ctrlc::set_handler(|| {
+        if STOP.swap(true, Ordering::SeqCst) {
+            std::process::exit(i32::from(super::INTERRUPTED));
+        }
+    })
+    .map_err(|e| Error::request(format!("Ctrl-C cannot be watched for: {e}")))
+}
+
+/// A bar that follows a run; drawn on a terminal only.
+pub struct Progress {
+    bar: ProgressBar,
+}
+
+impl Progress {
+    /// A bar for so many iterations.
+    pub fn new(iterations: u32) -> Self {
+        let bar = ProgressBar::new(u64::from(iterations));
+        let style = ProgressStyle::with_template("{msg:10} {wide_bar} {pos}/{len} {per_sec}, {eta} left");
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        bar.set_message("planning");
+        Self { bar }
+    }
+
+    /// Takes note of an event and says whether to go on.
+    pub fn observe(&self, event: Event) -> ControlFlow<()> {
+        match event {
+            Event::Iterations(done, all) => {
+                self.bar.set_length(u64::from(all));
+                self.bar.set_position(u64::from(done));
+            }
+            Event::Captured(path) => self.bar.suspend(|| println!("capture  {}", path.display())),
+            Event::Scoring => {
+                self.bar.set_style(
+                    ProgressStyle::with_template("{msg}").unwrap_or_else(|_| ProgressStyle::default_spinner()),
+                );
+                self.bar.set_message("scoring");
+            }
+        }
+        if STOP.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    /// Takes the bar away.
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -1,0 +1,69 @@
+//! `camsplat score`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+
+use super::options::{CameraOptions, DeviceOptions, RegionOptions};
+use super::plan::table;
+use crate::metrics::score_point::Field;
+use crate::plan::job;
+use crate::{Error, Result, io};
+
+/// Arguments of `camsplat score`.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model folder
+    surface: PathBuf,
+    /// COLMAP folder, transforms.json or plan.json
+    cameras: PathBuf,
+    #[command(flatten)]
+    region: RegionOptions,
+    #[command(flatten)]
+    camera: CameraOptions,
+    #[command(flatten)]
+    device: DeviceOptions,
+    /// Held-out points
+    #[arg(long, default_value_t = 1000)]
+    held_out: u32,
+    /// Seed of the held-out points
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Test the rectangular image, not the cone inscribed in it
+    #[arg(long)]
+    frustum: bool,
+    /// Write the metrics here too
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// Scores and prints.
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    if arguments.held_out == 0 {
+        return Err(Error::request("--held-out is 0; give at least 1"));
+    }
+    let (cameras, notes) = io::read_cameras_with_notes(&arguments.cameras)?;
+    for note in notes {
+        println!("{note}");
+    }
+    // A default region follows from the cameras that are there, as far as they agree.
+    let intrinsics = match cameras.first() {
+        Some(camera) => camera.intrinsics,
+        None => arguments.camera.intrinsics()?,
+    };
+    let target = arguments.region.target(&arguments.surface, &intrinsics)?;
+    let context = arguments.device.open()?;
+    let field = if arguments.frustum { Field::Frustum } else { Field::Cone };
+    let metrics = job::score(&context, &target, &cameras, arguments.held_out, arguments.seed, field)?;
+    print!("{}", table(&[("cameras", &metrics)]));
+    println!("voronoi cell    {:.4} sr, deviation {:.4} sr", metrics.voronoi_mean, metrics.voronoi_deviation);
+    println!("triangulation   {:.1}° between the two views farthest apart", metrics.triangulation_mean_deg);
+    println!("ground sampling {:.6} units a pixel", metrics.sampling_distance_mean);
+    if let Some(file) = &arguments.json {
+        let text = serde_json::to_string_pretty(&metrics)
+            .map_err(|e| Error::request(format!("the metrics cannot be written: {e}")))?;
+        std::fs::write(file, text).map_err(|source| Error::io(file, source))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,303 @@
+//! A whole plan: proxy, region, optimisation, held-out metrics and controls, from a surface to a record.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::config::{Config, Preset};
+use super::planner::{Planner, Preparation};
+use super::record::{CheckpointRecord, ControlRecord, PlanRecord, Status, SurfaceRecord};
+use crate::metrics::score_point::{Field, Scorer, aggregate};
+use crate::metrics::{Metrics, PointMetrics};
+use crate::scene::baselines;
+use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::proxy::{Occluder, Orientation, Proxy, SurfacePoint};
+use crate::scene::region::{Region, Shape};
+use crate::scene::surface::Surface;
+use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
+use crate::vulkan::capture::RenderDoc;
+use crate::vulkan::profile::Profile;
+use crate::vulkan::{Context, Recorder};
+use crate::{Error, Result};
+
+/// Stream of the held-out points: none of them is a probe of the optimiser.
+const HELD_OUT_STREAM: u32 = 1;
+/// Held-out points of a checkpoint: the first so many.
+const CHECKPOINT_POINTS: usize = 400;
+
+/// What the user says of the region; what is left out follows from the surface.
+#[derive(Clone, Debug, Default)]
+pub struct RegionChoice {
+    /// The shape itself.
+    pub shape: Option<Shape>,
+    /// Height of the floor along up.
+    pub floor: Option<f64>,
+    /// Clearance around the surface.
+    pub clearance: Option<f64>,
+}
+
+/// A surface, ready to plan for.
+pub struct Target {
+    /// What blocks rays and where probes stand.
+    pub proxy: Proxy,
+    /// Where cameras may stand.
+    pub region: Region,
+    /// The surface as the record tells of it.
+    pub record: SurfaceRecord,
+}
+
+impl Target {
+    /// Makes proxy and region of a surface that was read from `path`.
+    ///
+    /// # Errors
+    /// Where surface or region make no sense.
+    pub fn new(
+        surface: &Surface,
+        path: &str,
+        preset: Preset,
+        choice: &RegionChoice,
+        up: DVec3,
+        intrinsics: &Intrinsics,
+    ) -> Result<Self> {
+        let positions = surface.positions();
+        let mean = positions.iter().sum::<DVec3>() / positions.len().max(1) as f64;
+        let centre = match choice.shape {
+            Some(Shape::Box { min, max }) => 0.5 * (min + max),
+            Some(Shape::Shell { centre, .. }) => centre,
+            None => mean,
+        };
+        let orientation = match preset {
+            Preset::Object => Orientation::Outward(centre),
+            Preset::Room => Orientation::Inward(centre),
+        };
+        let proxy = Proxy::new(surface, orientation).map_err(|error| match error {
+            Error::Request(what) => Error::input(path, what),
+            other => other,
+        })?;
+        let region = match (choice.shape, preset) {
+            (Some(shape), _) => {
+                let scale = match shape {
+                    Shape::Shell { .. } => proxy.sphere.1,
+                    Shape::Box { min, max } => (max - min).min_element(),
+                };
+                Region { shape, up, floor: choice.floor, clearance: choice.clearance.unwrap_or(0.05 * scale) }
+            }
+            (None, Preset::Object) => {
+                let region = Region::around_object(proxy.sphere, 0.5 * intrinsics.inscribed_cone(), up, choice.floor)?;
+                Region { clearance: choice.clearance.unwrap_or(region.clearance), ..region }
+            }
+            (None, Preset::Room) => {
+                let region = Region::inside_room(proxy.robust_bounds(), choice.clearance, up)?;
+                Region { floor: choice.floor, ..region }
+            }
+        }
+        .validated()?;
+        let (min, max) = proxy.bounds();
+        let kind = match proxy.occluder {
+            Occluder::Triangles(_) => "triangles",
+            Occluder::Discs(_) => "discs",
+        };
+        let record =
+            SurfaceRecord { path: path.to_owned(), kind: kind.into(), primitives: proxy.occluder.len(), min, max };
+        Ok(Self { proxy, region, record })
+    }
+}
+
+/// A plan with everything that is written about it.
+pub struct Plan {
+    /// What goes into plan.json.
+    pub record: PlanRecord,
+    /// The held-out points.
+    pub points: Vec<SurfacePoint>,
+    /// What the plan gives each of them.
+    pub scores: Vec<PointMetrics>,
+    /// The scene in the planner's frame.
+    pub geometry: SceneGeometry,
+}
+
+/// What goes on while a plan is made.
+pub enum Event {
+    /// Iterations done, of all.
+    Iterations(u32, u32),
+    /// A capture was taken and lies here.
+    Captured(PathBuf),
+    /// The optimisation is over and is being scored.
+    Scoring,
+}
+
+/// What a run is watched with.
+#[derive(Default)]
+pub struct Tools<'t> {
+    /// Times every stage.
+    pub profile: Option<&'t mut Profile>,
+    /// Captures the first iteration into files that start with this path.
+    pub capture: Option<(&'t RenderDoc, PathBuf)>,
+}
+
+/// Makes a plan. `observe` hears of the progress and may break the optimisation off; the plan so far is scored then.
+///
+/// # Errors
+/// A request that makes no sense, a plan that does not fit the device, or a device that fails.
+pub fn run(
+    context: &Arc<Context>,
+    target: &Target,
+    intrinsics: Intrinsics,
+    kept: &[Camera],
+    config: Config,
+    tools: Tools<'_>,
+    mut observe: impl FnMut(Event) -> ControlFlow<()>,
+) -> Result<Plan> {
+    let Tools { mut profile, capture } = tools;
+    let mark = |profile: &mut Option<&mut Profile>, name: &str, start: Instant| {
+        if let Some(profile) = profile {
+            profile.host(name, start);
+        }
+    };
+    let start = Instant::now();
+    let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+    let preparation = Preparation::new(context.physical(), &geometry, &target.proxy, &intrinsics, kept, config)?;
+    mark(&mut profile, "preparation", start);
+    let start = Instant::now();
+    let scene = DeviceScene::new(context, geometry)?;
+    let planner = Planner::new(context, &scene, preparation)?;
+    mark(&mut profile, "set-up", start);
+    if let Some((renderdoc, template)) = capture {
+        renderdoc.start(&template)?;
+        let mut commands = Recorder::new(context)?;
+        planner.record_iteration(&mut commands);
+        commands.submit_and_wait()?;
+        let _ = observe(Event::Captured(renderdoc.end()?));
+        planner.reset()?;
+    }
+    let start = Instant::now();
+    let all = planner.settings().iterations;
+    let outcome = planner.run(profile.as_deref_mut(), |done| observe(Event::Iterations(done, all)))?;
+    mark(&mut profile, "optimisation", start);
+
+    // A stop that comes now stops nothing any more.
+    let _ = observe(Event::Scoring);
+    let start = Instant::now();
+    let config = planner.config().clone();
+    let points = target.proxy.sample(config.held_out as usize, config.seed, HELD_OUT_STREAM);
+    let scorer = Scorer::new(context, &scene, &points)?;
+    let few = Scorer::new(context, &scene, &points[..points.len().min(CHECKPOINT_POINTS)])?;
+    let field = if config.gate.pinhole() { Field::Frustum } else { Field::Cone };
+    let cameras = |poses: &[Pose]| named(poses, intrinsics, kept);
+    let scores = scorer.score(&cameras(&outcome.poses), field)?;
+    let mut checkpoints = Vec::new();
+    for (iteration, poses) in &outcome.snapshots {
+        let scores = few.score(&cameras(poses), field)?;
+        let [low, high] = voronoi_by_score(&points, &scores);
+        checkpoints.push(CheckpointRecord {
+            iteration: *iteration,
+            metrics: aggregate(&scores),
+            voronoi_low_vds: low,
+            voronoi_high_vds: high,
+        });
+    }
+    let mut controls = Vec::new();
+    for (name, poses) in control_poses(&scene, &config) {
+        controls.push(ControlRecord { name: name.into(), metrics: aggregate(&scorer.score(&cameras(&poses), field)?) });
+    }
+    mark(&mut profile, "metrics", start);
+
+    let physical = context.physical();
+    let record = PlanRecord {
+        version: env!("CARGO_PKG_VERSION").into(),
+        status: outcome.status,
+        surface: target.record.clone(),
+        device: format!("{} ({})", physical.name, physical.driver.trim()),
+        seed: config.seed,
+        config: serde_json::to_value(&config)
+            .map_err(|e| Error::request(format!("the configuration cannot be written: {e}")))?,
+        region: target.region,
+        cameras: cameras(&outcome.poses),
+        kept: kept.len(),
+        history: outcome.history,
+        checkpoints,
+        metrics: aggregate(&scores),
+        controls,
+        seconds: outcome.seconds,
+    };
+    drop((planner, scorer, few));
+    Ok(Plan { record, points, scores, geometry: scene.into_geometry() })
+}
+
+/// Held-out metrics of any camera set on a target.
+///
+/// # Errors
+/// A region without free space, or a device that fails.
+pub fn score(
+    context: &Arc<Context>,
+    target: &Target,
+    cameras: &[Camera],
+    held_out: u32,
+    seed: u64,
+    field: Field,
+) -> Result<Metrics> {
+    let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
+    let points = target.proxy.sample(held_out as usize, seed, HELD_OUT_STREAM);
+    Ok(aggregate(&Scorer::new(context, &scene, &points)?.score(cameras, field)?))
+}
+
+/// Planned cameras named "0000", "0001", ..., then the kept ones.
+fn named(poses: &[Pose], intrinsics: Intrinsics, kept: &[Camera]) -> Vec<Camera> {
+    let taken = |name: &str| kept.iter().any(|camera| camera.name == name || camera.name == format!("{name}.png"));
+    let planned = poses.iter().enumerate().map(|(i, pose)| {
+        let mut name = format!("{i:04}");
+        while taken(&name) {
+            name = format!("planned_{name}");
+        }
+        Camera { name, pose: *pose, intrinsics }
+    });
+    planned.chain(kept.iter().cloned()).collect()
+}
+
+/// Other ways to place as many cameras in the same region, in the user's world.
+fn control_poses(scene: &DeviceScene, config: &Config) -> Vec<(&'static str, Vec<Pose>)> {
+    let back = scene.geometry.to_internal.inverse();
+    let world = |poses: Vec<Pose>| poses.iter().map(|pose| back.pose(pose)).collect::<Vec<_>>();
+    let count = config.views as usize;
+    let mut controls = vec![("random", world(baselines::random(&scene.geometry.free, count, config.seed)))];
+    if let Ok(poses) = baselines::fibonacci_shell(&scene.geometry.region, count) {
+        controls.push(("fibonacci", world(poses)));
+    }
+    controls
+}
+
+/// Mean Voronoi cell area over the thirds of seen points with the lowest and the highest score; none where all scores
+/// are equal.
+fn voronoi_by_score(points: &[SurfacePoint], scores: &[PointMetrics]) -> [Option<f64>; 2] {
+    let mut seen: Vec<(f32, f32)> = points
+        .iter()
+        .zip(scores)
+        .filter(|(_, metrics)| metrics.views > 0 && metrics.reachable > 0.0)
+        .map(|(point, metrics)| (point.score, metrics.voronoi_mean))
+        .collect();
+    seen.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (Some(first), Some(last)) = (seen.first(), seen.last()) else { return [None, None] };
+    if first.0 == last.0 {
+        return [None, None];
+    }
+    // Where more than a third shares the lowest (highest) score, all of these count.
+    let third = seen.len() / 3;
+    let (low, high) = (seen[third].0, seen[seen.len() - 1 - third].0);
+    let mean = |keep: &dyn Fn(f32) -> bool| {
+        let areas: Vec<f64> = seen.iter().filter(|(score, _)| keep(*score)).map(|(_, area)| *area as f64).collect();
+        (!areas.is_empty()).then(|| areas.iter().sum::<f64>() / areas.len() as f64)
+    };
+    if low == high {
+        return [mean(&|score| score < last.0), mean(&|score| score == last.0)];
+    }
+    [mean(&|score| score <= low), mean(&|score| score >= high)]
+}
+
+impl Plan {
+    /// Whether the user broke the run off.
+    pub fn interrupted(&self) -> bool {
+        self.record.status == Status::Interrupted
+    }
+}
