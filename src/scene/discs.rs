@@ -181,11 +181,13 @@ fn normal<I: Iterator<Item = DVec3>>(
 /// The unit eigenvector of a symmetric matrix with the smallest eigenvalue, by cyclic Jacobi rotations.
 fn direction_of_least_variance(matrix: DMat3) -> DVec3 {
     let mut a = matrix;
+    let trace = a.col(0).x + a.col(1).y + a.col(2).z;
     let mut vectors = DMat3::IDENTITY;
     for _ in 0..12 {
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
             let off = a.col(q)[p];
-            if off == 0.0 {
+            // Converged (always so after a few rounds), or zero to begin with.
+            if off.abs() <= 1e-16 * trace {
                 continue;
             }
             let theta = 0.5 * (2.0 * off).atan2(a.col(q)[q] - a.col(p)[p]);

@@ -88,8 +88,8 @@ fn slab(
 ) {
     let main = normal.abs().max_position();
     let [u, v] = [(main + 1) % 3, (main + 2) % 3];
-    // How far the plane strays from its height at a column's centre within the column, plus half a voxel.
-    let reach = grid.cell * (0.5 + 0.5 * (normal[u].abs() + normal[v].abs()) / normal[main].abs() + 1e-6);
+    // How far the plane strays within a column from its height at the column's centre.
+    let reach = grid.cell * (0.5 * (normal[u].abs() + normal[v].abs()) / normal[main].abs() + 1e-6);
     for i in first[u]..=last[u] {
         for j in first[v]..=last[v] {
             let mut column = [0; 3];
