@@ -466,6 +466,7 @@ impl<'a> Planner<'a> {
     /// `settle` moves it to the nearest feasible place.
     fn poses(&self, splats: &[Splat], settle: bool) -> Vec<Pose> {
         let back = self.scene.geometry.to_internal.inverse();
+        let up = back.direction(self.scene.geometry.region.up);
         splats[self.settings.kept as usize..]
             .iter()
             .map(|splat| {
@@ -474,7 +475,7 @@ impl<'a> Planner<'a> {
                     position = self.scene.geometry.settle(position);
                 }
                 let direction = Vec3::from(splat.direction).as_dvec3();
-                back.pose(&Pose::looking(position, direction, DVec3::Z))
+                Pose::looking(back.point(position), back.direction(direction), up)
             })
             .collect()
     }

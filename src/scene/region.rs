@@ -113,6 +113,9 @@ impl Region {
             return wrong(format!("clearance {}; give a length of zero or more", self.clearance));
         }
         let valid = Self { up, ..self };
+        if matches!(self.shape, Shape::Box { .. }) && self.floor.is_some() && up.abs().max_element() < 1.0 - 1e-9 {
+            return wrong(format!("a floor in a box needs an up along an axis, not {up}; give --up"));
+        }
         if let Some(floor) = self.floor {
             let top = valid.top();
             if floor.is_nan() || floor >= top {
@@ -144,11 +147,14 @@ impl Region {
         }
     }
 
-    /// From the user's world to the planner's frame: the shape's bounding sphere becomes the unit sphere, `up` +Z. An up
-    /// along an axis turns the axes into one another, so that boxes stay aligned.
+    /// From the user's world to the planner's frame: the shape's bounding sphere becomes the unit sphere, `up` +Z. For a
+    /// box the axis nearest to `up` becomes +Z, so that it stays aligned.
     pub fn to_planner_frame(&self) -> Similarity {
         let (centre, radius) = self.bounding_sphere();
-        let up = self.up;
+        let up = match self.shape {
+            Shape::Shell { .. } => self.up,
+            Shape::Box { .. } => nearest_axis(self.up),
+        };
         // The world axis most across `up` that comes next after it in cyclic order becomes X.
         let largest = up.abs().max_position();
         let heading = [DVec3::Y, DVec3::Z, DVec3::X][largest];
@@ -220,17 +226,28 @@ impl Region {
                 r_min: similarity.length(r_min),
                 r_max: similarity.length(r_max),
             },
-            Shape::Box { min, max } if similarity.rotation == DQuat::IDENTITY => {
-                Shape::Box { min: similarity.point(min), max: similarity.point(max) }
-            }
-            Shape::Box { .. } => {
-                return Err(Error::request("region: a box cannot be rotated; give it in the rotated frame"));
+            Shape::Box { min, max } => {
+                // Only a rotation that turns axes into axes keeps the box a box.
+                let turned = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| similarity.direction(axis));
+                if turned.iter().any(|axis| axis.abs().max_element() < 1.0 - 1e-9) {
+                    return Err(Error::request("region: a box cannot be rotated; give it in the rotated frame"));
+                }
+                let (a, b) = (similarity.point(min), similarity.point(max));
+                Shape::Box { min: a.min(b), max: a.max(b) }
             }
         };
         let up = similarity.direction(self.up);
         let floor = self.floor.map(|floor| similarity.point(floor * self.up).dot(up));
         Ok(Self { shape, up, floor, clearance: similarity.length(self.clearance) })
     }
+}
+
+/// The signed axis nearest to a direction.
+fn nearest_axis(direction: DVec3) -> DVec3 {
+    let mut axis = DVec3::ZERO;
+    let largest = direction.abs().max_position();
+    axis[largest] = direction[largest].signum();
+    axis
 }
 
 #[cfg(test)]
