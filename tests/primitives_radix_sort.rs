@@ -158,6 +158,37 @@ fn repeats_give_equal_bits() -> Result<()> {
     Ok(())
 }
 
+/// lavapipe takes the width of its subgroups, in bits, from the environment: other tests run again with subgroups of 4
+/// to 128 threads. Were a rank to depend on the width, some keys would be out of order in one of them.
+#[test]
+fn subgroups_of_any_width_give_equal_bits() -> Result<()> {
+    let program = std::env::current_exe().map_err(|e| camsplat::Error::io("the test", e))?;
+    for width in ["128", "256", "512", "1024", "2048", "4096"] {
+        let run = std::process::Command::new(&program)
+            .arg("--exact")
+            .args(["the_environment_sets_the_width_of_subgroups", "equal_keys_keep_their_order"])
+            .args(["any_number_of_bits_sorts_by_these_bits_only", "a_counter_on_the_device_says_how_many"])
+            .env("LP_NATIVE_VECTOR_WIDTH", width)
+            .output()
+            .map_err(|e| camsplat::Error::io(&program, e))?;
+        let said = String::from_utf8_lossy(&run.stdout);
+        assert!(run.status.success() && said.contains("4 passed"), "subgroups of {width} bits:\n{said}");
+    }
+    Ok(())
+}
+
+/// Were the variable to lose its meaning, the test above would test nothing.
+#[test]
+fn the_environment_sets_the_width_of_subgroups() -> Result<()> {
+    let context = context()?;
+    if let Ok(width) = std::env::var("LP_NATIVE_VECTOR_WIDTH")
+        && context.physical().name.contains("llvmpipe")
+    {
+        assert_eq!((32 * context.physical().subgroup_size).to_string(), width);
+    }
+    Ok(())
+}
+
 /// Were these let through, shaders would reach outside buffers or a shift would overflow.
 #[test]
 fn what_does_not_fit_is_an_error() -> Result<()> {

@@ -5,7 +5,7 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "shared/group.glsl"
 
-layout(local_size_x_id = 0) in;
+layout(local_size_x = 256, local_size_x_id = 0) in;
 
 #include "shared/radix.glsl"
 

@@ -16,8 +16,8 @@
 #extension GL_KHR_shader_subgroup_ballot : require
 #include "shared/group.glsl"
 
-// 16 times the narrowest subgroup of the device, at most 256.
-layout(local_size_x_id = 0) in;
+// At most 16 subgroups.
+layout(local_size_x = 256, local_size_x_id = 0) in;
 layout(constant_id = 1) const bool HAS_VALUES = true;
 
 #include "shared/radix.glsl"
@@ -39,9 +39,8 @@ shared uint pool[16 * DIGITS];
 // What takes a key's place in the tile to its place in the output, by digit.
 shared uint displacement[DIGITS];
 
-// The threads of this subgroup whose digit is the same.
-uvec4 peers_of(uint own) {
-    uvec4 peers = subgroupBallot(true);
+// Those of the threads `peers` whose digit is the same.
+uvec4 peers_of(uint own, uvec4 peers) {
     [[unroll]] for (uint bit = 0; bit < 8; bit++) {
         uint set = (own >> bit) & 1;
         peers &= subgroupBallot(set == 1) ^ uvec4(set - 1);
@@ -77,10 +76,11 @@ void main() {
     }
     barrier();
 
+    uvec4 everyone = subgroupBallot(true);
     uint place[ITEMS];
     [[unroll]] for (uint i = 0; i < ITEMS; i++) {
         uint slot = own_histogram + digit(held[i]);
-        uvec4 peers = peers_of(digit(held[i]));
+        uvec4 peers = peers_of(digit(held[i]), everyone);
         uint rank = subgroupBallotExclusiveBitCount(peers);
         uint before = pool[slot];
         subgroupBarrier();

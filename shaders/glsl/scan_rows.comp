@@ -5,7 +5,7 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "shared/group.glsl"
 
-layout(local_size_x = 256) in;
+layout(local_size_x = 256, local_size_x_id = 0) in;
 
 layout(push_constant) uniform Push {
     uint count;
@@ -33,7 +33,7 @@ void main() {
     uint row = group_index();
     uint length = (element_count() + block - 1) / block;
     uint carry = 0;
-    for (uint chunk = 0; chunk < length; chunk += 256 * RUN) {
+    for (uint chunk = 0; chunk < length; chunk += gl_WorkGroupSize.x * RUN) {
         uint first = chunk + thread * RUN;
         uint held[RUN];
         uint sum = 0;
