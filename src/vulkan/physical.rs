@@ -19,6 +19,8 @@ pub struct Physical {
     pub api: (u32, u32, u32),
     /// Threads in a subgroup.
     pub subgroup_size: u32,
+    /// Fewest threads in a full subgroup of any shader: some drivers run narrower subgroups than they report.
+    pub subgroup_smallest: u32,
     /// Bytes of shared memory a workgroup may use.
     pub shared_memory: u32,
     /// Bytes of push constants.
@@ -47,10 +49,13 @@ impl Physical {
     /// Reads a device's properties.
     pub(super) fn read(instance: &Instance, raw: vk::PhysicalDevice) -> Self {
         let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+        // Left at zero by drivers that do not know it.
+        let mut subgroup_range = vk::PhysicalDeviceSubgroupSizeControlProperties::default();
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
         let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
         let mut properties = vk::PhysicalDeviceProperties2::default()
             .push_next(&mut subgroup)
+            .push_next(&mut subgroup_range)
             .push_next(&mut driver)
             .push_next(&mut maintenance);
         // SAFETY: `raw` comes from this instance; the chained structs are core in Vulkan 1.2 and outlive the calls.
@@ -103,6 +108,10 @@ impl Physical {
             kind,
             api: (vk::api_version_major(api), vk::api_version_minor(api), vk::api_version_patch(api)),
             subgroup_size: subgroup.subgroup_size,
+            subgroup_smallest: match subgroup_range.min_subgroup_size {
+                0 => subgroup.subgroup_size,
+                smallest => smallest.max(4),
+            },
             shared_memory: limits.max_compute_shared_memory_size,
             push_constants: limits.max_push_constants_size,
             storage_range: limits.max_storage_buffer_range as u64,

@@ -63,7 +63,7 @@ impl<'a> Recorder<'a> {
         Ok(recorder)
     }
 
-    /// Like [`Recorder::new`], with a pair of timestamps around each of up to `capacity` stages.
+    /// Like [`Recorder::new`], with a pair of timestamps around each of the first `capacity` stages, copies and fills.
     ///
     /// # Errors
     /// Where the device fails or its queue has no timestamps.
@@ -135,16 +135,20 @@ impl<'a> Recorder<'a> {
     /// Copies `bytes` bytes between offsets.
     pub fn copy_region(&mut self, from: &'a Buffer, from_offset: u64, to: &'a Buffer, to_offset: u64, bytes: u64) {
         self.touch(&[from.handle()], &[to.handle()]);
+        self.start_clock("copy");
         let region = [vk::BufferCopy::default().src_offset(from_offset).dst_offset(to_offset).size(bytes)];
         // SAFETY: both buffers are live for `'a`; the validation layers check the ranges in the tests.
         unsafe { self.context.device.cmd_copy_buffer(self.raw, from.handle(), to.handle(), &region) };
+        self.timestamp(true);
     }
 
     /// Fills a buffer with a 32-bit value.
     pub fn fill(&mut self, buffer: &'a Buffer, value: u32) {
         self.touch(&[], &[buffer.handle()]);
+        self.start_clock("fill");
         // SAFETY: as in `copy_region`; buffer sizes are multiples of four.
         unsafe { self.context.device.cmd_fill_buffer(self.raw, buffer.handle(), 0, vk::WHOLE_SIZE, value) };
+        self.timestamp(true);
     }
 
     /// The one place that decides on barriers: what is read must not be pending as written, what is written must not
@@ -250,7 +254,7 @@ impl<'a> Recorder<'a> {
     /// Where the device fails.
     pub fn timings(&self) -> Result<Vec<Timing>> {
         let Some(clock) = &self.clock else { return Ok(Vec::new()) };
-        let mut ticks = vec![0u64; 2 * clock.names.len()];
+        let mut ticks = vec![0u64; 2 * clock.names.len().min(clock.capacity as usize)];
         if ticks.is_empty() {
             return Ok(Vec::new());
         }
@@ -270,6 +274,13 @@ impl<'a> Recorder<'a> {
         let since = |tick: u64| ((tick & mask).wrapping_sub(origin) & mask) as f64 * physical.timestamp_period as f64;
         let pairs = ticks.chunks_exact(2).zip(&clock.names);
         Ok(pairs.map(|(pair, name)| Timing { name, start: since(pair[0]), end: since(pair[1]) }).collect())
+    }
+
+    fn start_clock(&mut self, name: &'static str) {
+        if let Some(clock) = &mut self.clock {
+            clock.names.push(name);
+            self.timestamp(false);
+        }
     }
 
     fn timestamp(&mut self, end: bool) {
@@ -365,9 +376,6 @@ impl<'a> StageRecord<'_, 'a> {
             read.push(buffer.handle());
         }
         recorder.touch(&read, &of(Access::Write));
-        if let Some(clock) = &mut recorder.clock {
-            clock.names.push(stage.name);
-        }
         let infos: Vec<_> = buffers
             .iter()
             .map(|buffer| [vk::DescriptorBufferInfo::default().buffer(buffer.handle()).range(vk::WHOLE_SIZE)])
@@ -382,7 +390,7 @@ impl<'a> StageRecord<'_, 'a> {
                     .buffer_info(info)
             })
             .collect();
-        recorder.timestamp(false);
+        recorder.start_clock(stage.name);
         // SAFETY: the command buffer is recording; pipeline and buffers are live for `'a`, which outlives the
         // recorder's submissions; counts were checked above.
         unsafe {

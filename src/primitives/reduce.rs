@@ -1,0 +1,106 @@
+//! Reduction to one value, in a fixed order.
+
+use std::sync::Arc;
+
+use super::count::{Bound, Count, check_index, check_most};
+use crate::Result;
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+
+crate::gpu_struct! {
+    /// Push constants of [`REDUCE`].
+    pub struct ReducePush {
+        /// Elements, or the most there can be.
+        pub count: u32,
+        /// Where in `counts` their number is; all ones where `count` is the number.
+        pub count_index: u32,
+        /// Counted elements per element that is bound.
+        pub divide: u32,
+        /// Elements per workgroup.
+        pub block: u32,
+        /// Where in `results` the first workgroup writes.
+        pub result_index: u32,
+    }
+}
+
+crate::stage!(
+    /// Reduces each block of elements to one.
+    pub REDUCE = reduce(ReducePush) { read counts, read elements, write results }
+);
+
+/// Elements that become one partial result.
+pub(super) const BLOCK: u32 = 4096;
+
+/// What to reduce with. Floats must not be NaN.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Operation {
+    /// Sum of `f32`, in an order that depends on their number alone; 0 of none.
+    SumF32 = 0,
+    /// Least `f32`; infinity of none. Which zero is less is not said.
+    MinF32 = 1,
+    /// Greatest `f32`; minus infinity of none. Which zero is greater is not said.
+    MaxF32 = 2,
+    /// Sum of `u32`, modulo 2³²; 0 of none.
+    SumU32 = 3,
+    /// Least `u32`; the greatest `u32` of none.
+    MinU32 = 4,
+    /// Greatest `u32`; 0 of none.
+    MaxU32 = 5,
+}
+
+/// Reduces a buffer of 4-byte elements to one: 4 bytes of traffic per element.
+pub struct Reduce {
+    pipeline: Pipeline,
+    partials: Buffer,
+    most: u32,
+}
+
+impl Reduce {
+    /// A reduction of at most `most` elements, up to 2²⁸.
+    ///
+    /// # Errors
+    /// Where `most` is larger than that, or the device fails.
+    pub fn new(context: &Arc<Context>, operation: Operation, most: u32) -> Result<Self> {
+        check_most(most)?;
+        let partials = Buffer::device(context, "reduce partials", 4 * most.div_ceil(BLOCK) as u64)?;
+        Ok(Self { pipeline: Pipeline::new(context, &REDUCE, &[operation as u32])?, partials, most })
+    }
+
+    /// Reduces the first elements of `input` and writes the result to `output`, at the `u32` index `index`.
+    ///
+    /// # Errors
+    /// Where there are more elements than there is room for, or `output` has no such index.
+    pub fn record<'a>(
+        &'a self,
+        recorder: &mut Recorder<'a>,
+        input: &'a Buffer,
+        count: Count<'a>,
+        output: &'a Buffer,
+        index: u32,
+    ) -> Result<()> {
+        let bound = count.within(self.most, &[input])?;
+        check_index(output, index)?;
+        record_blocks(recorder, &self.pipeline, bound, input, &self.partials);
+        let all = ReducePush {
+            count: bound.count,
+            count_index: bound.index,
+            divide: BLOCK,
+            block: u32::MAX,
+            result_index: index,
+        };
+        recorder.stage(&self.pipeline).bind(&[bound.buffer, &self.partials, output]).push(&all).linear(1);
+        Ok(())
+    }
+}
+
+/// Reduces every block of `input` to one element of `partials`.
+pub(super) fn record_blocks<'a>(
+    recorder: &mut Recorder<'a>,
+    pipeline: &'a Pipeline,
+    bound: Bound<'a>,
+    input: &'a Buffer,
+    partials: &'a Buffer,
+) {
+    let push = ReducePush { count: bound.count, count_index: bound.index, divide: 1, block: BLOCK, result_index: 0 };
+    recorder.stage(pipeline).bind(&[bound.buffer, input, partials]).push(&push).linear(bound.count.div_ceil(BLOCK));
+}

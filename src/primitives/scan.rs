@@ -1,0 +1,115 @@
+//! Exclusive prefix sum: sums of blocks, a scan of these sums, then each block on top of its offset.
+
+use std::sync::Arc;
+
+use super::count::{Bound, Count, check_index, check_most};
+use super::reduce::{BLOCK, Operation, REDUCE, record_blocks};
+use crate::Result;
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+
+crate::gpu_struct! {
+    /// Push constants of [`SCAN_BLOCKS`].
+    pub struct ScanPush {
+        /// Elements, or the most there can be.
+        pub count: u32,
+        /// Where in `counts` their number is; all ones where `count` is the number.
+        pub count_index: u32,
+    }
+}
+
+crate::gpu_struct! {
+    /// Push constants of [`SCAN_ROWS`].
+    pub struct RowsPush {
+        /// Elements, or the most there can be.
+        pub count: u32,
+        /// Where in `counts` their number is; all ones where `count` is the number.
+        pub count_index: u32,
+        /// Elements per element of a row.
+        pub block: u32,
+        /// From one row to the next.
+        pub stride: u32,
+        /// Where in `totals` the first row's total goes.
+        pub total_index: u32,
+    }
+}
+
+crate::stage!(
+    /// Exclusive prefix sum of each row of a table, in place, a workgroup per row.
+    pub SCAN_ROWS = scan_rows(RowsPush) { read counts, write rows, write totals }
+);
+
+crate::stage!(
+    /// Exclusive prefix sum inside each block, on top of the block's offset.
+    pub SCAN_BLOCKS = scan_blocks(ScanPush) { read counts, read elements, read offsets, write sums }
+);
+
+/// Exclusive prefix sum of `u32`, modulo 2³²: 12 bytes of traffic per element (two reads and a write).
+pub struct Scan {
+    reduce: Pipeline,
+    rows: Pipeline,
+    blocks: Pipeline,
+    offsets: Buffer,
+    most: u32,
+}
+
+impl Scan {
+    /// A scan of at most `most` elements, up to 2²⁸.
+    ///
+    /// # Errors
+    /// Where `most` is larger than that, or the device fails.
+    pub fn new(context: &Arc<Context>, most: u32) -> Result<Self> {
+        check_most(most)?;
+        Ok(Self {
+            reduce: Pipeline::new(context, &REDUCE, &[Operation::SumU32 as u32])?,
+            rows: Pipeline::new(context, &SCAN_ROWS, &[])?,
+            blocks: Pipeline::new(context, &SCAN_BLOCKS, &[])?,
+            offsets: Buffer::device(context, "scan offsets", Self::footprint(most))?,
+            most,
+        })
+    }
+
+    /// Bytes of scratch that a scan of at most `most` elements owns.
+    pub fn footprint(most: u32) -> u64 {
+        4 * most.div_ceil(BLOCK) as u64
+    }
+
+    /// Writes to `output[i]` the sum of the elements of `input` before `i`, for each counted element, and the sum of
+    /// all to `total.0` at the `u32` index `total.1`. The total may follow the sums in `output`, as rows of sparse
+    /// matrices want it; it must not replace the counter. `input` and `output` must be two buffers.
+    ///
+    /// # Errors
+    /// Where there are more elements than there is room for, or the total has no such place.
+    pub fn record<'a>(
+        &'a self,
+        recorder: &mut Recorder<'a>,
+        input: &'a Buffer,
+        output: &'a Buffer,
+        count: Count<'a>,
+        total: (&'a Buffer, u32),
+    ) -> Result<()> {
+        let bound = count.within(self.most, &[input, output])?;
+        check_index(total.0, total.1)?;
+        record_blocks(recorder, &self.reduce, bound, input, &self.offsets);
+        record_rows(recorder, &self.rows, bound, &self.offsets, [1, BLOCK, 0], total);
+        let push = ScanPush { count: bound.count, count_index: bound.index };
+        recorder
+            .stage(&self.blocks)
+            .bind(&[bound.buffer, input, &self.offsets, output])
+            .push(&push)
+            .linear(bound.count.div_ceil(BLOCK));
+        Ok(())
+    }
+}
+
+/// Scans a table of `rows` rows, `stride` apart, each with an element per `block` counted elements.
+pub(super) fn record_rows<'a>(
+    recorder: &mut Recorder<'a>,
+    pipeline: &'a Pipeline,
+    bound: Bound<'a>,
+    table: &'a Buffer,
+    [rows, block, stride]: [u32; 3],
+    (totals, total_index): (&'a Buffer, u32),
+) {
+    let push = RowsPush { count: bound.count, count_index: bound.index, block, stride, total_index };
+    recorder.stage(pipeline).bind(&[bound.buffer, table, totals]).push(&push).linear(rows);
+}
