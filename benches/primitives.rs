@@ -1,11 +1,12 @@
-//! GPU time of scan, reduce and radix sort, at sizes that show how it grows.
+//! GPU time of scan, reduce and radix sort, at sizes that show how it grows. What is timed is first held against the
+//! twins: a device that gets it wrong gets no row.
 
 mod report;
 
 use std::sync::Arc;
 
 use camsplat::Result;
-use camsplat::primitives::{Count, Operation, RadixSort, Reduce, Scan};
+use camsplat::primitives::{Count, Operation, RadixSort, Reduce, Scan, twin};
 use camsplat::vulkan::{Buffer, Context};
 use report::{Amount, Job, Report};
 
@@ -44,7 +45,8 @@ fn random(count: u32) -> Vec<u32> {
 /// Operations are additions.
 fn scan(context: &Arc<Context>, report: &mut Report, count: u32) -> Result<()> {
     let scan = Scan::new(context, count)?;
-    let input = Buffer::from_slice(context, "input", &random(count))?;
+    let elements = random(count);
+    let input = Buffer::from_slice(context, "input", &elements)?;
     let output = Buffer::device(context, "output", input.size())?;
     let total = Buffer::device(context, "total", 4)?;
     let mut job = Job::new(
@@ -53,25 +55,33 @@ fn scan(context: &Arc<Context>, report: &mut Report, count: u32) -> Result<()> {
         |_| {},
         |recorder| scan.record(recorder, &input, &output, Count::Host(count), (&total, 0)),
     )?;
+    job.run()?;
+    assert!(output.download::<u32>(elements.len())? == twin::scan(&elements).0, "a scan went wrong");
     report.row("scan", amount(count, 12, 2), &mut job)
 }
 
 /// Operations are additions.
 fn reduce(context: &Arc<Context>, report: &mut Report, count: u32) -> Result<()> {
     let reduce = Reduce::new(context, Operation::SumF32, count)?;
-    let input = Buffer::from_slice(context, "input", &random(count))?;
+    let elements: Vec<u32> = random(count).iter().map(|word| (*word as f32 * 1e-9).to_bits()).collect();
+    let input = Buffer::from_slice(context, "input", &elements)?;
     let output = Buffer::device(context, "output", 4)?;
     let mut job =
         Job::new(context, 2, |_| {}, |recorder| reduce.record(recorder, &input, Count::Host(count), &output, 0))?;
+    job.run()?;
+    assert!(output.download::<u32>(1)? == [twin::reduce(Operation::SumF32, &elements)], "a sum went wrong");
     report.row("reduce_sum_f32", amount(count, 4, 1), &mut job)
 }
 
 /// Operations are keys ranked.
 fn radix_sort(context: &Arc<Context>, report: &mut Report, count: u32) -> Result<()> {
     let sort = RadixSort::new(context, count)?;
-    let input = Buffer::from_slice(context, "input", &random(count))?;
+    let (unsorted, ramp) = (random(count), (0..count).collect::<Vec<u32>>());
+    let input = Buffer::from_slice(context, "input", &unsorted)?;
+    let order = Buffer::from_slice(context, "order", &ramp)?;
     let keys = Buffer::device(context, "keys", input.size())?;
     let values = Buffer::device(context, "values", input.size())?;
+    let expected = twin::radix_sort(&unsorted, &ramp, 32);
     let stages = 3 * RadixSort::passes(32);
     let mut keys_job = Job::new(
         context,
@@ -79,12 +89,21 @@ fn radix_sort(context: &Arc<Context>, report: &mut Report, count: u32) -> Result
         |recorder| recorder.copy(&input, &keys, input.size()),
         |recorder| sort.keys(recorder, &keys, Count::Host(count), 32).map(drop),
     )?;
+    keys_job.run()?;
+    // Four passes end in the caller's buffers.
+    assert!(keys.download::<u32>(ramp.len())? == expected.0, "a sort of keys went wrong");
     report.row("radix_sort_keys", amount(count, 52, 4), &mut keys_job)?;
     let mut pairs_job = Job::new(
         context,
         stages,
-        |recorder| recorder.copy(&input, &keys, input.size()),
+        |recorder| {
+            recorder.copy(&input, &keys, input.size());
+            recorder.copy(&order, &values, order.size());
+        },
         |recorder| sort.pairs(recorder, &keys, &values, Count::Host(count), 32).map(drop),
     )?;
+    pairs_job.run()?;
+    let sorted: (Vec<u32>, Vec<u32>) = (keys.download(ramp.len())?, values.download(ramp.len())?);
+    assert!(sorted == expected, "a sort of pairs went wrong");
     report.row("radix_sort_pairs", amount(count, 84, 4), &mut pairs_job)
 }

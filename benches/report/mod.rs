@@ -101,7 +101,7 @@ impl Report {
         let mut first = Recorder::new(context)?;
         first.fill(&from, 1);
         first.submit_and_wait()?;
-        let ns = measure(context, 20, |recorder| {
+        let ns = measure(context, 100, |recorder| {
             recorder.copy(&from, &to, bytes);
             Ok(())
         })?;

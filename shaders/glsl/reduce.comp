@@ -1,6 +1,6 @@
 // Reduces blocks of elements to one element each, in an order that depends on the number of elements alone: a thread
-// takes every 256th element of its block, one after the other; then a tree folds the 256 threads, halves first. Float
-// sums therefore come out the same on every device and for every subgroup size.
+// takes every 256th element of its block, one after the other; then a tree folds the 256 threads, halves first. A sum of
+// floats therefore has the same bits in every run and for every subgroup size.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

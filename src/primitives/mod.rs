@@ -17,7 +17,7 @@
 //! let sorted = sort.pairs(&mut recorder, &depths, &splats, Count::Host(3), 32)?;
 //! recorder.submit_and_wait()?;
 //! assert_eq!(sorted.values.download::<u32>(3)?, [2, 0, 1]);
-//! # camsplat::Result::Ok(())
+//! # Ok::<(), camsplat::Error>(())
 //! ```
 
 mod count;

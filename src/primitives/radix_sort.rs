@@ -58,7 +58,8 @@ pub struct RadixSort {
     most: u32,
 }
 
-/// Where sorted elements are: in the caller's buffers after an even number of passes, else in the sorter's.
+/// Where sorted elements are: in the caller's buffers after an even number of passes, else in the sorter's, where what
+/// lies behind the counted elements means nothing.
 #[derive(Clone, Copy)]
 pub struct Sorted<'a> {
     /// The keys.
@@ -168,8 +169,9 @@ impl RadixSort {
     }
 }
 
-/// Threads per workgroup: 8 of the narrowest subgroups, of at least 64 threads (16 subgroups at most, for as many the
-/// scatter stage has shared memory). Software devices run a workgroup's subgroups in turns and pay for every barrier.
+/// Threads per workgroup: 8 of the narrowest subgroups, but at least 64, which are 16 subgroups of 4: the scatter stage
+/// has shared memory for the histograms of no more. Software devices have narrow subgroups, run them in turns, and pay
+/// for every barrier: few threads suit them.
 fn threads(context: &Context) -> u32 {
     (8 * context.physical().subgroup_smallest).clamp(64, 256)
 }

@@ -62,11 +62,16 @@ impl Reduce {
     /// Where `most` is larger than that, or the device fails.
     pub fn new(context: &Arc<Context>, operation: Operation, most: u32) -> Result<Self> {
         check_most(most)?;
-        let partials = Buffer::device(context, "reduce partials", 4 * most.div_ceil(BLOCK) as u64)?;
+        let partials = Buffer::device(context, "reduce partials", Self::footprint(most))?;
         Ok(Self { pipeline: Pipeline::new(context, &REDUCE, &[operation as u32])?, partials, most })
     }
 
-    /// Reduces the first elements of `input` and writes the result to `output`, at the `u32` index `index`.
+    /// Bytes of scratch that a reduction of at most `most` elements owns.
+    pub fn footprint(most: u32) -> u64 {
+        4 * most.div_ceil(BLOCK) as u64
+    }
+
+    /// Reduces the counted elements of `input` and writes the result to `output`, at the `u32` index `index`.
     ///
     /// # Errors
     /// Where there are more elements than there is room for, or `output` has no such index.
