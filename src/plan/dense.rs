@@ -22,6 +22,7 @@ pub const GATE_CUTOFF: f64 = 1e-4;
 pub const NEAREST_FLOOR: f64 = 1e-32;
 
 /// One batch of the optimisation as the twin sees it, in float64 and the planner's frame.
+#[derive(Clone, Copy)]
 pub struct Batch<'a> {
     /// Numbers of the run; `splats`, `probes` and `pool` are not read.
     pub settings: &'a Settings,
@@ -167,7 +168,7 @@ pub fn dense(batch: &Batch<'_>) -> Image {
                 }
                 let by_a = if nearest {
                     let empty = sum <= NEAREST_FLOOR;
-                    image.utility[j] -= share * score * tau * (1.0 - a / sum).max(1e-6).ln();
+                    image.utility[j] -= share * score * tau * (1.0 - a / sum).max(1e-3).ln();
                     if empty { 0.0 } else { -share * score * tau * a / sum }
                 } else {
                     let without = 1.0 - rest / (1.0 - a);
@@ -188,4 +189,115 @@ pub fn dense(batch: &Batch<'_>) -> Image {
         image.weights.push(if nearest { 0.0 } else { short_fall / f64::max(sky, 1.0) });
     }
     image
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::update::regulariser;
+    use crate::scene::{octahedral, random};
+
+    fn point(seed: u64, index: u32) -> DVec3 {
+        let [x, y, z, _] = random::uniforms(seed, 0, index);
+        2.0 * DVec3::new(x, y, z) - 1.0
+    }
+
+    fn settings() -> Settings {
+        Settings {
+            alpha: 0.1,
+            gate_cos: 0.85,
+            gate_softness: 0.05,
+            tan_x: 0.6,
+            tan_y: 0.45,
+            nearest_tau: 0.05,
+            ..Settings::default()
+        }
+    }
+
+    /// Loss of a batch and the regulariser with frozen weights, as the gradient has it.
+    fn loss(batch: &Batch<'_>, weights: &[f64]) -> f64 {
+        dense(batch).loss + 3.0 * regulariser(batch, weights).0
+    }
+
+    /// A wrong gradient still descends, only badly: nothing but a comparison with differences shows it.
+    #[test]
+    fn gradients_are_those_of_finite_differences() {
+        let directions = octahedral::directions(16);
+        let settings = settings();
+        for (case, (objective, gate, kernel)) in [
+            (Objective::Splat, Gate::Soft, Kernel::Angular),
+            (Objective::Splat, Gate::Soft, Kernel::Metric),
+            (Objective::Splat, Gate::Pinhole, Kernel::Angular),
+            (Objective::Splat, Gate::Hard, Kernel::Angular),
+            (Objective::Nearest, Gate::Soft, Kernel::Angular),
+            (Objective::Nearest, Gate::Pinhole, Kernel::Angular),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let seed = 7 + case as u64;
+            let probes: Vec<_> = (0..3).map(|i| (0.2 * point(seed, i), 1.0 + 0.3 * i as f64)).collect();
+            let splats: Vec<_> = (10..16)
+                .map(|j| {
+                    let centre = point(seed, j).normalize() * 0.9;
+                    (centre, (0.3 * point(seed, 100 + j) - centre).normalize())
+                })
+                .collect();
+            // Some texels see a wall, some miss the region.
+            let depth: Vec<f64> = (0..3 * 256u32)
+                .map(|t| match t % 7 {
+                    0 => -1e30,
+                    1 => 0.3,
+                    _ => 1e30,
+                })
+                .collect();
+            let base = Batch {
+                settings: &settings,
+                objective,
+                gate,
+                kernel,
+                occlusion: true,
+                splats: &splats,
+                probes: &probes,
+                directions: &directions,
+                depth: &depth,
+                log_scale: -1.1,
+            };
+            let here = dense(&base);
+            assert!(here.by_centre.iter().any(|g| g.length() > 1e-6), "case {case} tests nothing");
+            let (_, reg_centre, reg_direction) = regulariser(&base, &here.weights);
+            let h = 1e-6;
+            let close = |analytic: f64, difference: f64, what: &str| {
+                let error = (analytic - difference).abs();
+                assert!(error < 1e-6 + 1e-4 * difference.abs(), "case {case}, {what}: {analytic} against {difference}");
+            };
+            for j in 0..splats.len() {
+                for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+                    let moved = |step: f64, turn: f64| {
+                        let mut splats = splats.clone();
+                        splats[j].0 += step * axis;
+                        // A direction stays a unit vector: only the part across it counts.
+                        splats[j].1 = (splats[j].1 + turn * axis).normalize();
+                        loss(&Batch { splats: &splats, ..base }, &here.weights)
+                    };
+                    let by_centre = here.by_centre[j] + 3.0 * reg_centre[j];
+                    close(by_centre.dot(axis), (moved(h, 0.0) - moved(-h, 0.0)) / (2.0 * h), "centre");
+                    let r = splats[j].1;
+                    let by_direction = here.by_direction[j] + 3.0 * reg_direction[j];
+                    let across = by_direction - by_direction.dot(r) * r;
+                    close(across.dot(axis), (moved(0.0, h) - moved(0.0, -h)) / (2.0 * h), "direction");
+                }
+                let without: Vec<_> = splats.iter().enumerate().filter(|(k, _)| *k != j).map(|(_, s)| *s).collect();
+                let rise = dense(&Batch { splats: &without, ..base }).loss - here.loss;
+                // The clamp of the nearest-view utility shows where a splat is alone.
+                if objective == Objective::Splat {
+                    close(here.utility[j], rise, "utility");
+                }
+            }
+            if objective == Objective::Splat {
+                let at = |log_scale| dense(&Batch { log_scale, ..base }).loss;
+                close(here.by_log_scale, (at(-1.1 + h) - at(-1.1 - h)) / (2.0 * h), "scale");
+            }
+        }
+    }
 }

@@ -253,6 +253,11 @@ impl<'a> Planner<'a> {
         &self.maps
     }
 
+    /// The splats at the start, kept ones first.
+    pub fn start(&self) -> &[Splat] {
+        &self.start
+    }
+
     /// Scale at the start.
     pub fn start_scale(&self) -> f32 {
         self.start_scale
