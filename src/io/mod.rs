@@ -1,8 +1,8 @@
 //! Files: surfaces and cameras in, plans out.
 //!
 //! Reading refuses what cannot be planned with, in one line that names the file, the place in it and the remedy; no
-//! file makes it panic or allocate memory beyond what the file's own size accounts for. Nothing is moved, scaled or
-//! turned: frames and units are those of the file.
+//! file makes it panic or allocate memory without bound. Nothing is moved, scaled or turned: frames and units are those
+//! of the file.
 //!
 //! | file | surface | cameras |
 //! |---|---|---|

@@ -20,6 +20,9 @@ use crate::scene::camera::{Camera, Intrinsics, Pose};
 /// Extensions that stored images have, in the order they are looked for.
 const IMAGE_EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
 
+/// Camera models that no pinhole comes near to.
+const NO_PINHOLES: [&str; 4] = ["EQUIRECTANGULAR", "OMNIDIRECTIONAL", "VR180", "ORTHOPHOTO"];
+
 /// Intrinsics of the file or of one frame.
 #[derive(Deserialize, Default, Clone, Copy)]
 struct Lens {
@@ -49,6 +52,7 @@ struct Lens {
 struct Frame {
     file_path: String,
     transform_matrix: Vec<[f64; 4]>,
+    camera_model: Option<String>,
     #[serde(flatten)]
     lens: Lens,
 }
@@ -57,13 +61,14 @@ struct Frame {
 struct File {
     #[serde(flatten)]
     lens: Lens,
+    camera_model: Option<String>,
     applied_transform: Option<serde::de::IgnoredAny>,
     frames: Vec<Frame>,
 }
 
 /// Reads cameras from the bytes of a transforms.json. Images are looked for beside `path`: their headers give the size
 /// where the file does not, and the intrinsics are rescaled where a stored image has another size than w and h say.
-/// A camera is named by its `file_path` without a leading `images/`, which is how COLMAP names the same image.
+/// A camera is named by its `file_path` after the folder `images`, which is how COLMAP names the same image.
 /// Distortion is left out; `notes` says so, and of all else that a user should know.
 ///
 /// # Errors
@@ -75,6 +80,10 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<C
     let (mut distorted, mut rescaled) = (0, 0);
     for (i, frame) in file.frames.iter().enumerate() {
         let refuse = |what: &str| Error::input(path, format!("frame {i} ({:?}): {what}", frame.file_path));
+        let model = frame.camera_model.as_ref().or(file.camera_model.as_ref());
+        if let Some(model) = model.filter(|model| NO_PINHOLES.iter().any(|start| model.starts_with(start))) {
+            return Err(refuse(&format!("camera_model {model:?} is no pinhole; give perspective images")));
+        }
         let pose = pose(&frame.transform_matrix).map_err(|what| refuse(&what))?;
         let lens = frame.lens.or(file.lens);
         let image = stored_image(folder, &frame.file_path);
@@ -176,16 +185,19 @@ fn stored_image(folder: &Path, file_path: &str) -> Option<PathBuf> {
     std::iter::once(path.clone()).chain(IMAGE_EXTENSIONS.iter().map(with_extension)).find(|path| path.is_file())
 }
 
-/// A camera's name: the frame's path without leading `.` and `images`, with the extension of the stored image, or `.png`
-/// where there is neither.
+/// A camera's name: the frame's path after its folder `images` (or `images_2` and the like, shrunk copies), without
+/// leading dots, with the extension of the stored image, or `.png` where there is neither.
 fn name(file_path: &str, image: Option<&Path>) -> String {
-    let mut parts: Vec<_> = Path::new(file_path).components().filter(|c| *c != Component::CurDir).collect();
-    let is_images = |c: &Component| c.as_os_str().to_string_lossy().starts_with("images");
-    if parts.len() > 1 && is_images(&parts[0]) {
-        parts.remove(0);
-    }
-    let name: Vec<_> = parts.iter().map(|c| c.as_os_str().to_string_lossy()).collect();
-    let name = name.join("/");
+    let normal = |c: Component| match c {
+        Component::Normal(part) => Some(part.to_string_lossy().into_owned()),
+        _ => None,
+    };
+    let parts: Vec<String> = Path::new(file_path).components().filter_map(normal).collect();
+    let is_images =
+        |part: &String| part.strip_prefix("images").is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
+    let folders = parts.len().saturating_sub(1);
+    let start = parts[..folders].iter().rposition(is_images).map_or(0, |images| images + 1);
+    let name = parts[start..].join("/");
     let has_extension = Path::new(&name).extension().is_some_and(|e| IMAGE_EXTENSIONS.iter().any(|known| e == *known));
     match image.and_then(Path::extension) {
         _ if has_extension => name,
@@ -308,6 +320,18 @@ mod tests {
         assert!(notes[1].contains("applied_transform"), "{notes:?}");
     }
 
+    /// If this failed, the same image would have another name here than in COLMAP's model of the same capture.
+    #[test]
+    fn names_start_after_the_image_folder() {
+        let named = |file_path| name(file_path, None);
+        assert_eq!(named("./images/0001.jpg"), "0001.jpg");
+        assert_eq!(named("../scene/images_4/left/0001.PNG"), "left/0001.PNG");
+        assert_eq!(named("/home/me/a.png"), "home/me/a.png");
+        assert_eq!(named("train/r_0.5"), "train/r_0.5.png");
+        assert_eq!(named("images"), "images.png");
+        assert_eq!(name("r_0", Some(Path::new("x/r_0.jpg"))), "r_0.jpg");
+    }
+
     /// If this failed, intrinsics would not fit the images that a trainer loads.
     #[test]
     fn intrinsics_follow_the_stored_image() {
@@ -334,6 +358,7 @@ mod tests {
         let lens = r#""fl_x": 10, "w": 10, "h": 10,"#;
         assert!(with(lens, "[[1,0,0,1],[0,1,0,2],[0,0,-1,3],[0,0,0,1]]").contains("frame 0 (\"a.png\")"));
         assert!(with(lens, "[[1,0,0,1],[0,1,0,2]]").contains("4x4"));
+        assert!(with(r#""camera_model": "EQUIRECTANGULAR","#, IDENTITY).contains("no pinhole"));
         assert!(with("", IDENTITY).contains("no w and h"));
         assert!(with(r#""w": 10, "h": 10,"#, IDENTITY).contains("no focal length"));
         assert!(with(r#""fl_x": 10, "w": 10.5, "h": 10,"#, IDENTITY).contains("whole pixels"));

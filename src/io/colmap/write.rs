@@ -4,7 +4,8 @@ use glam::DVec3;
 
 use crate::scene::camera::{Camera, Intrinsics};
 
-/// Which cameras see each point: indices into the cameras of the model, one list per point, or no lists at all.
+/// Which cameras see each point: indices into the cameras of the model, one list per point, or no lists at all. Entries
+/// beyond the cameras or points there are stand for nothing and are left out.
 pub type Tracks<'a> = &'a [Vec<u32>];
 
 /// Number of the PINHOLE model.
@@ -42,10 +43,12 @@ pub fn cameras(cameras: &[Camera]) -> Vec<u8> {
 /// [`crate::io::export::image_name`]. An observation is the projection of a point whose track holds the camera.
 pub fn images(cameras: &[Camera], positions: &[DVec3], tracks: Tracks) -> Vec<u8> {
     let (_, own) = lenses(cameras);
-    let mut seen: Vec<Vec<usize>> = vec![Vec::new(); cameras.len()];
-    for (point, track) in tracks.iter().enumerate() {
+    let mut seen: Vec<Vec<(u64, DVec3)>> = vec![Vec::new(); cameras.len()];
+    for ((id, &position), track) in (1..).zip(positions).zip(tracks) {
         for &camera in track {
-            seen[camera as usize].push(point);
+            if let Some(seen) = seen.get_mut(camera as usize) {
+                seen.push((id, position));
+            }
         }
     }
     let mut bytes = (cameras.len() as u64).to_le_bytes().to_vec();
@@ -61,12 +64,12 @@ pub fn images(cameras: &[Camera], positions: &[DVec3], tracks: Tracks) -> Vec<u8
         bytes.push(0);
         bytes.extend((seen.len() as u64).to_le_bytes());
         let k = &camera.intrinsics;
-        for point in seen {
-            let p = rotation * positions[point] + translation;
+        for (point, position) in seen {
+            let p = rotation * position + translation;
             for axis in 0..2 {
                 bytes.extend((k.focal[axis] * p[axis] / p.z + k.principal[axis]).to_le_bytes());
             }
-            bytes.extend((point as u64 + 1).to_le_bytes());
+            bytes.extend(point.to_le_bytes());
         }
     }
     bytes
@@ -83,8 +86,8 @@ pub fn points(positions: &[DVec3], colours: &[[u8; 3]], cameras: usize, tracks: 
         position.to_array().iter().for_each(|v| bytes.extend(v.to_le_bytes()));
         bytes.extend(colours.get(i).copied().unwrap_or([128; 3]));
         bytes.extend(0f64.to_le_bytes());
-        let track = tracks.get(i).map_or(&[][..], Vec::as_slice);
-        bytes.extend((track.len() as u64).to_le_bytes());
+        let track = tracks.get(i).into_iter().flatten().filter(|&&camera| (camera as usize) < cameras);
+        bytes.extend((track.clone().count() as u64).to_le_bytes());
         for &camera in track {
             let observation = &mut next[camera as usize];
             bytes.extend((camera + 1).to_le_bytes());

@@ -1,6 +1,6 @@
 //! Typed reading of accessors, dense and sparse.
 
-use gltf::json;
+use gltf_json as json;
 use json::accessor::{Accessor, ComponentType, Type};
 use json::validation::Checked;
 
@@ -92,10 +92,13 @@ impl Buffers<'_> {
         let strided = |view: usize, offset: u64, count: usize, kind: ComponentType, element: usize| {
             let bytes = self.view(view)?;
             let stride = self.root.buffer_views[view].byte_stride.map_or(element, |stride| stride.0);
-            let start = usize::try_from(offset).unwrap_or(usize::MAX);
-            let end = count.saturating_sub(1).checked_mul(stride).and_then(|n| n.checked_add(element));
-            let end = end.filter(|_| count > 0).unwrap_or(if count == 0 { 0 } else { usize::MAX });
-            match bytes.get(start.min(bytes.len())..).filter(|rest| end <= rest.len() && stride >= element) {
+            let start = usize::try_from(offset).unwrap_or(usize::MAX).min(bytes.len());
+            let end = match count {
+                0 => Some(0),
+                _ => (count - 1).checked_mul(stride).and_then(|last| last.checked_add(element)),
+            };
+            let fits = |rest: &&[u8]| stride >= element && end.is_some_and(|end| end <= rest.len());
+            match bytes.get(start..).filter(fits) {
                 Some(bytes) => Ok(Strided { bytes, stride, kind, normalized }),
                 None => Err(self.fault(index, what, "reaches beyond its buffer view")),
             }

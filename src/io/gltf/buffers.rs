@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 
-use gltf::json;
+use gltf_json as json;
 
 use crate::error::{Error, Result};
 use crate::io::binary::Cursor;

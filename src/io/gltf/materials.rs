@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::io::Cursor;
 
 use glam::{DVec2, DVec3};
-use gltf::json;
+use gltf_json as json;
 use image::{ImageReader, RgbImage};
 use json::texture::{Sampler, WrappingMode};
 use json::validation::Checked;

@@ -1,7 +1,7 @@
 //! glTF 2.0 meshes, binary or with external and embedded buffers.
 //!
-//! The crate `gltf` gives the schema only. Every reference, offset and count is checked here on use, because its own
-//! accessor iterators and validation panic on files that point outside of their buffers.
+//! The crate `gltf-json` gives the schema only. Every reference, offset and count is checked here on use: its validation,
+//! and the accessor iterators of the crate `gltf`, panic on files that point outside of themselves.
 
 mod accessors;
 mod buffers;
@@ -10,8 +10,8 @@ mod materials;
 use std::collections::HashSet;
 use std::path::Path;
 
-use ::gltf::json;
 use glam::{DMat4, DQuat, DVec2, DVec3};
+use gltf_json as json;
 use json::mesh::{Mode, Primitive, Semantic};
 use json::validation::Checked;
 

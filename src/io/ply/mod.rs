@@ -29,7 +29,7 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
     let header = Header::parse(path, bytes)?;
     let has = |property: &str| header.kind("vertex", property).is_some();
     let surface = if has("packed_position") {
-        splats::packed(path, &mut elements::read(path, bytes, &header, |_, _| true)?, notes)?
+        splats::packed(path, &mut elements::read(path, bytes, &header, |element, _| element != "sh")?, notes)?
     } else if has("f_dc_0") && has("scale_0") && has("rot_0") {
         splats::trained(path, &mut elements::read(path, bytes, &header, splats::is_used)?, notes)?
     } else {
