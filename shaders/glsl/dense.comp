@@ -187,7 +187,7 @@ void main() {
                         float by_part = rest > NEAREST_FLOOR ? -s.nearest_tau * share * score * part : 0.0;
                         total += by_part;
                         moment += by_part * w;
-                        utility -= s.nearest_tau * share * log(max(1.0 - part, 1e-3));
+                        utility -= s.nearest_tau * share * score * log(max(1.0 - part, 1e-3));
                     } else if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || d < abs(depth[pool_row + block + t]))) {
                         float a = open * exp(-x);
                         float odds = a / (1.0 - a);

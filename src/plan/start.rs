@@ -11,9 +11,12 @@ use crate::visibility::probe_depth::Probe;
 use crate::visibility::raycast::Ray;
 
 /// Streams of random numbers, apart from those of controls and samples.
-const POSITIONS: u32 = 0x5354_0001;
-const DIRECTIONS: u32 = 0x5354_0002;
-const JITTER: u32 = 0x5354_0003;
+const DIRECTIONS: u32 = 0x5354_0000;
+const JITTER: u32 = 0x5354_0001;
+const POSITIONS: u32 = 0x5354_1000;
+
+/// Positions that are tried before any free voxel is taken; each has a stream of its own.
+const TRIES: u32 = 64;
 
 /// Most probes that the mean number of visible splats is taken over.
 pub const PROBES: usize = 256;
@@ -59,11 +62,22 @@ fn pose(config: &Config, scene: &SceneGeometry, j: u32) -> (DVec3, DVec3) {
             (position, (centre - position).normalize_or(DVec3::NEG_X))
         }
         (Preset::Object, Shape::Box { min, max }) => {
-            let position = scene.free.sample(config.seed, POSITIONS, j);
+            let position = anywhere(config.seed, scene, j);
             (position, (0.5 * (min + max) - position).normalize_or(uniform))
         }
-        (Preset::Room, _) => (scene.free.sample(config.seed, POSITIONS, j), uniform),
+        (Preset::Room, _) => (anywhere(config.seed, scene, j), uniform),
     }
+}
+
+/// A uniform position in free space, by rejection: a voxel more or less moves no other position.
+fn anywhere(seed: u64, scene: &SceneGeometry, j: u32) -> DVec3 {
+    let (min, max) = scene.region.bounds();
+    let tries = (0..TRIES).map(|attempt| {
+        let [x, y, z, _] = random::uniforms(seed, POSITIONS + attempt, j);
+        min + (max - min) * DVec3::new(x, y, z)
+    });
+    let mut free = tries.filter(|&p| scene.region.contains(p) && scene.free.is_free(p));
+    free.next().unwrap_or_else(|| scene.free.sample(seed, POSITIONS, j))
 }
 
 /// Mean number of splats that a probe sees (cone gate and occlusion), over the first probes of the pool.
