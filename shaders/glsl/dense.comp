@@ -72,16 +72,16 @@ uint list_visible(uint probe, vec3 position, uint pool_row, Settings s) {
     return count;
 }
 
-float total_of(float value) {
+vec4 total_of(vec4 value) {
     uint thread = gl_LocalInvocationIndex;
     barrier();
-    sums[thread].x = value;
+    sums[thread] = value;
     for (uint half_ = 128; half_ > 0; half_ >>= 1) {
         barrier();
-        if (thread < half_) sums[thread].x += sums[thread + half_].x;
+        if (thread < half_) sums[thread] += sums[thread + half_];
     }
     barrier();
-    return sums[0].x;
+    return sums[0];
 }
 
 void main() {
@@ -229,12 +229,9 @@ void main() {
         }
     }
 
-    loss = total_of(loss);
-    short_fall = total_of(short_fall);
-    open_sky = total_of(open_sky);
-    by_log_scale = total_of(by_log_scale);
+    vec4 total = total_of(vec4(loss, short_fall, open_sky, by_log_scale));
     if (thread == 0) {
-        float weight = OBJECTIVE == 1 ? 0.0 : short_fall / max(open_sky, 1.0);
-        tallies[probe] = Tally(loss * share, weight, by_log_scale, found);
+        float weight = OBJECTIVE == 1 ? 0.0 : total.y / max(total.z, 1.0);
+        tallies[probe] = Tally(total.x * share, weight, total.w, found, total.y);
     }
 }

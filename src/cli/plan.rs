@@ -210,7 +210,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     println!("device   {} ({})", context.physical().name, context.physical().driver.trim());
     let Some(folder) = folder else {
         let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
-        let preparation = Preparation::new(context.physical(), &geometry, &target.proxy, &intrinsics, &kept, config)?;
+        let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &kept, config)?;
         print!("{}", preparation.footprint().table());
         preparation.footprint().check(&context)?;
         println!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));

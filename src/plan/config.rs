@@ -192,8 +192,8 @@ impl Config {
         if self.alpha >= 0.5 {
             return bad("--alpha", &self.alpha, "less than 0.5, so that a score of 2 stays below full brightness");
         }
-        if !resolution.is_multiple_of(8) || !(16..=128).contains(&resolution) {
-            return bad("--resolution", &resolution, "a multiple of 8 between 16 and 128");
+        if !resolution.is_multiple_of(8) || !(16..=256).contains(&resolution) {
+            return bad("--resolution", &resolution, "a multiple of 8 between 16 and 256");
         }
         Ok(())
     }

@@ -6,9 +6,10 @@ use std::time::{Duration, Instant};
 
 use glam::Vec3;
 
-use super::config::{Config, Gate, Objective};
+use super::binned::Binned;
+use super::config::{Config, Gate, Objective, Pass};
 use super::dense::DENSE;
-use super::footprint::{self, Footprint};
+use super::footprint::{self, Footprint, Room};
 use super::record::{IterationRecord, Status};
 use super::relocate::{RANK, RELOCATE};
 use super::shared::{Control, Gradient, Moments, Record, Settings, Splat, Tally, Terms};
@@ -22,10 +23,12 @@ use crate::scene::proxy::{Proxy, SurfacePoint};
 use crate::scene::random;
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::visibility::probe_depth::{Probe, ProbeMaps};
-use crate::vulkan::physical::Physical;
 use crate::vulkan::profile::Profile;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
+
+/// Pairs of texel and visible splat an iteration from which on binning pays; see docs/benchmarks.md.
+const DENSE_WORK: f64 = 3e7;
 
 /// Stream of the surface's samples that probes stand on; held-out points take another.
 pub const PROBE_STREAM: u32 = 0;
@@ -43,8 +46,14 @@ pub struct Planner<'a> {
     buffers: Buffers,
 }
 
+/// The way through the splat pass.
+enum Way {
+    Dense(Pipeline),
+    Binned(Box<Binned>),
+}
+
 struct Pipelines {
-    dense: Pipeline,
+    splat: Way,
     update: Pipeline,
     tally: Pipeline,
     rank: Pipeline,
@@ -53,23 +62,23 @@ struct Pipelines {
 }
 
 /// Everything that lives as long as the run, allocated once.
-struct Buffers {
-    settings: Buffer,
-    control: Buffer,
-    splats: Buffer,
-    directions: Buffer,
+pub(super) struct Buffers {
+    pub(super) settings: Buffer,
+    pub(super) control: Buffer,
+    pub(super) splats: Buffer,
+    pub(super) directions: Buffer,
     visible: Buffer,
-    slots: Buffer,
-    partials: Buffer,
-    tallies: Buffer,
-    deficit: Buffer,
+    pub(super) slots: Buffer,
+    pub(super) partials: Buffer,
+    pub(super) tallies: Buffer,
+    pub(super) deficit: Buffer,
     moments: Buffer,
     terms: Buffer,
     gradients: Buffer,
     order: Buffer,
     history: Buffer,
     snapshots: Buffer,
-    mailbox: Buffer,
+    pub(super) mailbox: Buffer,
 }
 
 /// What a run leaves.
@@ -87,6 +96,7 @@ pub struct Outcome {
 }
 
 /// Everything about a run that is known before the device has allocated anything.
+#[derive(Clone)]
 pub struct Preparation {
     config: Config,
     settings: Settings,
@@ -94,6 +104,8 @@ pub struct Preparation {
     start: Vec<Splat>,
     start_scale: f32,
     resolution: u32,
+    binned: bool,
+    scene_bytes: u64,
     footprint: Footprint,
 }
 
@@ -103,7 +115,7 @@ impl Preparation {
     /// # Errors
     /// A configuration that makes no sense.
     pub fn new(
-        physical: &Physical,
+        context: &Context,
         geometry: &SceneGeometry,
         proxy: &Proxy,
         intrinsics: &Intrinsics,
@@ -125,20 +137,39 @@ impl Preparation {
         let start: Vec<Splat> = kept_splats.chain(start::splats(&config, geometry)).collect();
         let few: Vec<Probe> =
             points.iter().take(start::PROBES).map(|point| Probe::new(point, &geometry.to_internal)).collect();
-        let start_scale =
-            config.scale.unwrap_or_else(|| start::scale(start::mean_visible(&start, &few, gate_cos, geometry)));
+        let visible = start::visible(&start, &few, gate_cos, geometry);
+        let start_scale = config.scale.unwrap_or_else(|| start::scale(visible.seen));
         let resolution = config.resolution.unwrap_or_else(|| start::resolution(start_scale));
-        points.truncate(footprint::pool(points.len(), config.probes, resolution, physical));
+        points.truncate(footprint::pool(points.len(), config.probes, resolution, context.physical()));
 
         let [fov_x, fov_y] = intrinsics.fov();
         let (splats, probes) = (start.len() as u32, config.probes.min(points.len() as u32));
+        let binned = match config.pass {
+            Pass::Dense => false,
+            Pass::Binned => true,
+            Pass::Auto => {
+                let work = f64::from(probes * resolution * resolution) * visible.gated;
+                config.objective == Objective::Splat && work > DENSE_WORK
+            }
+        };
+        if binned && config.objective == Objective::Nearest {
+            return Err(Error::request("the nearest-view objective has no binned pass; use --pass dense or auto"));
+        }
+        if !binned && f64::from(splats) > footprint::most_dense_splats(resolution) {
+            return Err(Error::request(format!(
+                "the dense pass takes at most {} cameras at {resolution} texels; use --pass binned or auto",
+                footprint::most_dense_splats(resolution)
+            )));
+        }
+        let room = Room::new(splats, probes, visible.gated, binned, start_scale, resolution, context.physical());
         let round_length = if config.iterative { (config.iterations / config.views).max(1) } else { 0 };
         let settings = Settings {
             splats,
             kept: kept.len() as u32,
             probes,
             pool: points.len() as u32,
-            capacity: footprint::capacity(splats, probes, physical),
+            capacity: room.capacity,
+            instances: room.instances,
             iterations: if config.iterative { round_length * config.views } else { config.iterations },
             round_length,
             seed: (config.seed ^ (config.seed >> 32)) as u32,
@@ -160,8 +191,23 @@ impl Preparation {
             scale_floor: 0.5 * start_scale,
             nearest_tau: config.nearest_tau,
         };
-        let footprint = Footprint::new(&settings, &config, resolution, geometry.bytes());
-        Ok(Self { config, settings, points, start, start_scale, resolution, footprint })
+        let scene_bytes = geometry.bytes();
+        let footprint = Footprint::new(context, &settings, &config, resolution, scene_bytes, binned);
+        Ok(Self { config, settings, points, start, start_scale, resolution, binned, scene_bytes, footprint })
+    }
+
+    /// The same run with room for so many pairs and instances in the binned pass, and a quarter more.
+    pub fn with_room(mut self, context: &Context, pairs: u32, instances: u32) -> Self {
+        self.settings.capacity = self.settings.capacity.max(pairs.saturating_add(pairs / 4));
+        self.settings.instances = self.settings.instances.max(instances.saturating_add(instances / 4));
+        let (settings, config) = (&self.settings, &self.config);
+        self.footprint = Footprint::new(context, settings, config, self.resolution, self.scene_bytes, self.binned);
+        self
+    }
+
+    /// Whether the binned pass was taken.
+    pub fn binned(&self) -> bool {
+        self.binned
     }
 
     /// Device memory that the run takes.
@@ -176,7 +222,8 @@ impl<'a> Planner<'a> {
     /// # Errors
     /// A surface that no camera can see from the region, or a plan that is larger than the device's memory.
     pub fn new(context: &Arc<Context>, scene: &'a DeviceScene, preparation: Preparation) -> Result<Self> {
-        let Preparation { config, settings, points, start, start_scale, resolution, footprint } = preparation;
+        let Preparation { config, settings, points, start, start_scale, resolution, binned, footprint, .. } =
+            preparation;
         footprint.check(context)?;
         let maps = ProbeMaps::new(context, scene, &points, resolution)?;
         let gate = match config.gate {
@@ -188,7 +235,12 @@ impl<'a> Planner<'a> {
         let constants = [resolution, config.objective as u32, gate, config.kernel as u32, config.occlusion as u32];
         let pipeline = |stage| Pipeline::new(context, stage, &constants);
         let pipelines = Pipelines {
-            dense: pipeline(&DENSE)?,
+            splat: if binned {
+                let buffer = |name: &str| Buffer::device(context, name, footprint.bytes_of(name));
+                Way::Binned(Box::new(Binned::new(context, &settings, &constants, buffer)?))
+            } else {
+                Way::Dense(pipeline(&DENSE)?)
+            },
             update: pipeline(&UPDATE)?,
             tally: pipeline(&TALLY)?,
             rank: pipeline(&RANK)?,
@@ -272,7 +324,10 @@ impl<'a> Planner<'a> {
 
     /// Records one block: a snapshot, a relocation where it is time, then [`Planner::block`] iterations. The device
     /// counts the iterations, so a block can be submitted again and again; once the run is over it does nothing.
-    pub fn record_block(&'a self, commands: &mut Recorder<'a>) {
+    ///
+    /// # Errors
+    /// None that the settings do not rule out.
+    pub fn record_block(&'a self, commands: &mut Recorder<'a>) -> Result<()> {
         let (b, p, s) = (&self.buffers, &self.pipelines, &self.settings);
         commands
             .stage(&p.snapshot)
@@ -283,8 +338,9 @@ impl<'a> Planner<'a> {
             if s.relocate_every > 0 && iteration % s.relocate_every == 0 {
                 self.record_relocation(commands);
             }
-            self.record_iteration(commands);
+            self.record_iteration(commands)?;
         }
+        Ok(())
     }
 
     fn record_relocation(&'a self, commands: &mut Recorder<'a>) {
@@ -305,29 +361,36 @@ impl<'a> Planner<'a> {
                 &b.order,
                 &scene.region,
                 &scene.free_distance,
+                &b.tallies,
             ])
             .groups([least, 1, 1]);
     }
 
     /// Records one iteration: splat pass, update, tally.
-    pub fn record_iteration(&'a self, commands: &mut Recorder<'a>) {
+    ///
+    /// # Errors
+    /// None that the settings do not rule out.
+    pub fn record_iteration(&'a self, commands: &mut Recorder<'a>) -> Result<()> {
         let (b, p, s, scene, maps) = (&self.buffers, &self.pipelines, &self.settings, self.scene, &self.maps);
-        commands
-            .stage(&p.dense)
-            .bind(&[
-                &b.settings,
-                &b.control,
-                &b.splats,
-                &maps.probe_buffer,
-                &b.directions,
-                &maps.depth,
-                &b.visible,
-                &b.slots,
-                &b.partials,
-                &b.tallies,
-                &b.deficit,
-            ])
-            .groups([s.probes, 1, 1]);
+        match &p.splat {
+            Way::Binned(binned) => binned.record(commands, s, maps, b)?,
+            Way::Dense(dense) => commands
+                .stage(dense)
+                .bind(&[
+                    &b.settings,
+                    &b.control,
+                    &b.splats,
+                    &maps.probe_buffer,
+                    &b.directions,
+                    &maps.depth,
+                    &b.visible,
+                    &b.slots,
+                    &b.partials,
+                    &b.tallies,
+                    &b.deficit,
+                ])
+                .groups([s.probes, 1, 1]),
+        }
         commands
             .stage(&p.update)
             .bind(&[
@@ -350,6 +413,7 @@ impl<'a> Planner<'a> {
             .stage(&p.tally)
             .bind(&[&b.settings, &b.control, &b.tallies, &b.terms, &b.history, &b.mailbox])
             .groups([1, 1, 1]);
+        Ok(())
     }
 
     /// Iterations done so far; may be called while a run goes on.
@@ -371,12 +435,12 @@ impl<'a> Planner<'a> {
         let blocks = self.settings.iterations.div_ceil(self.block());
         if profile.is_some() || self.context.debug_sync() {
             for _ in 0..blocks {
-                let stages = 3 * self.block() + 1 + 2 * self.block().div_ceil(self.settings.relocate_every.max(1));
+                let stages = self.stages_of_a_block();
                 let mut commands = match profile {
                     Some(_) => Recorder::timed(&self.context, stages)?,
                     None => Recorder::new(&self.context)?,
                 };
-                self.record_block(&mut commands);
+                self.record_block(&mut commands)?;
                 let submitted = Instant::now();
                 commands.submit_and_wait()?;
                 if let Some(profile) = profile.as_deref_mut() {
@@ -388,7 +452,7 @@ impl<'a> Planner<'a> {
             }
         } else {
             let mut commands = Recorder::new(&self.context)?;
-            self.record_block(&mut commands);
+            self.record_block(&mut commands)?;
             for _ in 0..blocks {
                 commands.submit()?;
             }
@@ -404,14 +468,25 @@ impl<'a> Planner<'a> {
         self.outcome(seconds)
     }
 
+    /// Timestamps that a block needs at most.
+    pub fn stages_of_a_block(&self) -> u32 {
+        let splat = match self.pipelines.splat {
+            Way::Dense(_) => 1,
+            // Nine stages and a fill, two scans of three stages, seven or eight sorting passes of three.
+            Way::Binned(_) => 10 + 6 + 24,
+        };
+        1 + (splat + 4) * self.block()
+    }
+
     fn outcome(&self, seconds: f64) -> Result<Outcome> {
         let done = self.done();
-        let most = self.buffers.mailbox.peek(mailbox::MOST_VISIBLE).unwrap_or(0);
-        if most > self.settings.capacity {
-            return Err(Error::request(format!(
-                "a point camera saw {most} cameras and there was room for {}; plan with fewer probes (--probes) or on a larger device",
-                self.settings.capacity
-            )));
+        let needed = |word| self.buffers.mailbox.peek(word).unwrap_or(0);
+        let (pairs, instances) = match self.pipelines.splat {
+            Way::Dense(_) => (needed(mailbox::MOST_VISIBLE), 0),
+            Way::Binned(_) => (needed(mailbox::MOST_PAIRS), needed(mailbox::MOST_INSTANCES)),
+        };
+        if pairs > self.settings.capacity || instances > self.settings.instances {
+            return Err(Error::Room { pairs, instances });
         }
         let history: Vec<Record> = self.buffers.history.download(done as usize)?;
         let history = history.iter().zip(0..).map(|(record, iteration)| self.iteration(iteration, record)).collect();

@@ -16,8 +16,10 @@ gpu_struct! {
         pub probes: u32,
         /// Point cameras in all.
         pub pool: u32,
-        /// Visible splats that a probe has room for.
+        /// Visible splats that a probe has room for (dense), or pairs in all (binned).
         pub capacity: u32,
+        /// (tile, splat) instances that there is room for (binned).
+        pub instances: u32,
         /// Iterations of the run.
         pub iterations: u32,
         /// Iterations a view in the iterative variant, 0 in the joint one.
@@ -122,8 +124,10 @@ gpu_struct! {
         pub weight: f32,
         /// Gradient by log s.
         pub log_scale: f32,
-        /// Splats that it sees, also past the capacity.
+        /// Splats that it sees, also past the capacity; not counted by the binned pass.
         pub visible: u32,
+        /// Sum over texels of the squared deficit.
+        pub short_fall: f32,
     }
 }
 
@@ -170,5 +174,23 @@ gpu_struct! {
         pub bound: f32,
         /// Logarithm of s.
         pub log_scale: f32,
+    }
+}
+
+gpu_struct! {
+    /// Sums over the texels of one tile for one splat.
+    pub struct InstanceSum {
+        /// Sum of the gradient by opacity, times opacity, times direction.
+        pub moment: [f32; 3],
+        /// Sum of the gradient by opacity, times opacity.
+        pub total: f32,
+        /// Gradient by log s.
+        pub log_scale: f32,
+        /// Utility.
+        pub utility: f32,
+        /// Unused.
+        pub spare0: u32,
+        /// Unused.
+        pub spare1: u32,
     }
 }

@@ -22,7 +22,8 @@ struct Settings {
     uint kept;            // the first so many never move
     uint probes;          // point cameras a step
     uint pool;            // point cameras in all
-    uint capacity;        // visible splats that a probe has room for
+    uint capacity;        // visible splats that a probe has room for (dense), or pairs in all (binned)
+    uint instances;       // (tile, splat) instances that there is room for (binned)
     uint iterations;
     uint round_length;    // iterations a view in the iterative variant, 0 in the joint one
     uint seed;
@@ -84,6 +85,7 @@ struct Tally {
     float weight;     // w_i, the coverage weight
     float log_scale;  // gradient by log s
     uint visible;     // splats that it sees, also past the capacity
+    float short_fall; // sum over texels of the squared deficit
 };
 
 // Adam's first and second moments of a splat's pose.
@@ -102,6 +104,16 @@ struct Moments {
 struct Terms {
     float reg;
     float bound;
+};
+
+// Sums over the texels of one tile for one splat: what `splat_gradient` wants.
+struct InstanceSum {
+    vec3 moment;
+    float total;
+    float log_scale;
+    float utility;
+    uint spare0;
+    uint spare1;
 };
 
 struct Gate {
