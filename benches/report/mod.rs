@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use camsplat::vulkan::recorder::Timing;
 use camsplat::vulkan::{Buffer, Context, Options, Recorder};
@@ -80,6 +80,18 @@ pub struct Amount {
     pub operations: u64,
 }
 
+/// Keeps the device busy for a while: an idle GPU runs at a fraction of its clock and needs time to leave it.
+fn wake(commands: &mut Recorder<'_>) -> Result<()> {
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_millis(500) {
+        for _ in 0..20 {
+            commands.submit()?;
+        }
+        commands.wait()?;
+    }
+    Ok(())
+}
+
 /// Rows of one bench.
 pub struct Report {
     criterion: Criterion,
@@ -100,7 +112,11 @@ impl Report {
         // Memory that was never written may not be there yet.
         let mut first = Recorder::new(context)?;
         first.fill(&from, 1);
+        first.fill(&to, 1);
         first.submit_and_wait()?;
+        let mut busy = Recorder::new(context)?;
+        busy.copy(&from, &to, bytes);
+        wake(&mut busy)?;
         let ns = measure(context, 100, |recorder| {
             recorder.copy(&from, &to, bytes);
             Ok(())
@@ -117,6 +133,7 @@ impl Report {
 
     /// Measures a job and adds its row, unless Criterion's filter leaves it out.
     pub fn row(&mut self, name: &str, amount: Amount, job: &mut Job<'_>) -> Result<()> {
+        wake(&mut job.work)?;
         let mut spans = Vec::new();
         let mut stages: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
         let mut failure = None;
@@ -170,6 +187,16 @@ impl Report {
             "operations": amount.operations, "ratio_to_copy": ratio, "samples": samples, "stages_ns_median": stages,
         }));
         Ok(())
+    }
+
+    /// Adds a row of a whole run, timed `totals` times in nanoseconds of GPU time, with the wall time of one run.
+    #[allow(dead_code, reason = "only one of the benches has whole runs")]
+    pub fn total(&mut self, name: &str, count: u64, totals: &mut [f64], wall_seconds: f64) {
+        let ns = median(totals);
+        println!("{name}: {:.2} ms of GPU time, {:.1} ms of wall time", ns * 1e-6, wall_seconds * 1e3);
+        self.rows.push(serde_json::json!({
+            "name": name, "count": count, "ns_median": ns, "samples": totals.len(), "wall_seconds": wall_seconds,
+        }));
     }
 
     /// Ends the report: Criterion's summary, and the rows as JSON in `CAMSPLAT_BENCH_OUT` or `target/bench/<bench>.json`.

@@ -25,7 +25,7 @@ impl Footprint {
     pub fn new(context: &Context, s: &Settings, config: &Config, resolution: u32, scene: u64, binned: bool) -> Self {
         let (splats, probes, texels) = (s.splats as u64, s.probes as u64, (resolution * resolution) as u64);
         let slots = if binned { s.capacity as u64 } else { probes * s.capacity as u64 };
-        let snapshots = (s.iterations.div_ceil(config.checkpoint_every.min(s.relocate_every.max(1)).max(1)) + 1) as u64;
+        let snapshots = (s.iterations.div_ceil(block(s, config)) + 1) as u64;
         let [splat, gradient, tally, moments, terms, record] = element_sizes();
         let mut buffers = vec![
             ("surface and region", scene),
@@ -89,6 +89,14 @@ impl Footprint {
         }
         text + &format!("{:<20} {:>10.2} MiB\n", "all", self.total() as f64 / f64::from(1 << 20))
     }
+}
+
+/// Iterations of a block of commands: as many as lie between checkpoints, or between relocations where the former are no
+/// multiple of the latter.
+pub(super) fn block(s: &Settings, config: &Config) -> u32 {
+    let wanted = config.checkpoint_every.max(1);
+    let every = s.relocate_every;
+    if every > 0 && !wanted.is_multiple_of(every) { every } else { wanted }
 }
 
 /// How many of `points` probes have room for their depth maps; never fewer than one step needs.

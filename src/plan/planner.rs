@@ -317,9 +317,7 @@ impl<'a> Planner<'a> {
 
     /// Iterations between snapshots, which is also the length of a block of commands.
     pub fn block(&self) -> u32 {
-        let every = self.settings.relocate_every;
-        let wanted = self.config.checkpoint_every.max(1);
-        if every > 0 && !wanted.is_multiple_of(every) { every } else { wanted }
+        footprint::block(&self.settings, &self.config)
     }
 
     /// Records one block: a snapshot, a relocation where it is time, then [`Planner::block`] iterations. The device
@@ -466,6 +464,13 @@ impl<'a> Planner<'a> {
         }
         let seconds = started.elapsed().as_secs_f64();
         self.outcome(seconds)
+    }
+
+    /// Pairs of probe and visible splat and (tile, splat) instances of the iteration of the binned pass that had most;
+    /// zero for the dense pass.
+    pub fn most_binned(&self) -> (u32, u32) {
+        let word = |word| self.buffers.mailbox.peek(word).unwrap_or(0);
+        (word(mailbox::MOST_PAIRS), word(mailbox::MOST_INSTANCES))
     }
 
     /// Timestamps that a block needs at most.
