@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use camsplat::primitives::Copy;
 use camsplat::vulkan::recorder::Timing;
 use camsplat::vulkan::{Buffer, Context, Options, Recorder};
 use camsplat::{Error, Result};
@@ -106,7 +107,7 @@ impl Report {
     /// Measures the copy bandwidth and starts a report.
     pub fn new(context: &Arc<Context>) -> Result<Self> {
         let physical = context.physical();
-        let bytes = (512 << 20).min(physical.storage_range / 2).min(context.memory_available() / 8) & !3;
+        let bytes = (1 << 30).min(physical.storage_range / 2).min(context.memory_available() / 8) & !15;
         let from = Buffer::device(context, "copy source", bytes)?;
         let to = Buffer::device(context, "copy target", bytes)?;
         // Memory that was never written may not be there yet.
@@ -114,11 +115,12 @@ impl Report {
         first.fill(&from, 1);
         first.fill(&to, 1);
         first.submit_and_wait()?;
+        let copy = Copy::new(context)?;
         let mut busy = Recorder::new(context)?;
-        busy.copy(&from, &to, bytes);
+        copy.record(&mut busy, &from, &to);
         wake(&mut busy)?;
         let ns = measure(context, 100, |recorder| {
-            recorder.copy(&from, &to, bytes);
+            copy.record(recorder, &from, &to);
             Ok(())
         })?;
         let criterion = Criterion::default()
@@ -126,9 +128,15 @@ impl Report {
             .warm_up_time(Duration::from_millis(200))
             .measurement_time(Duration::from_millis(500))
             .configure_from_args();
-        let copy = 2.0 * bytes as f64 / ns;
-        println!("{}, {}: copies {copy:.1} GB/s", physical.name, physical.driver);
-        Ok(Self { criterion, device: physical.name.clone(), driver: physical.driver.clone(), copy, rows: Vec::new() })
+        let bandwidth = 2.0 * bytes as f64 / ns;
+        println!("{}, {}: copies {bandwidth:.1} GB/s", physical.name, physical.driver);
+        Ok(Self {
+            criterion,
+            device: physical.name.clone(),
+            driver: physical.driver.clone(),
+            copy: bandwidth,
+            rows: Vec::new(),
+        })
     }
 
     /// Measures a job and adds its row, unless Criterion's filter leaves it out.

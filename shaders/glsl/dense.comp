@@ -4,11 +4,12 @@
 // the picture texel by texel over that list, then turns round and sums, splat by splat, over the texels' residuals.
 // No atomics on floats and a fixed order everywhere: the same bits on every run. Twin: src/plan/dense.rs.
 //
-// An invocation's loops come to about 5 iterations a visible splat for every 1024 texels, far from the 65,535 at which
+// An invocation's loops come to about 8 iterations a visible splat for every block of texels, far from the 65,535 at which
 // lavapipe ends them; `Planner` keeps larger problems away from this stage.
 #include "shared/octahedral.glsl"
 #include "shared/plan.glsl"
-layout(local_size_x = 256) in;
+layout(local_size_x_id = 6) in;
+layout(constant_id = 6) const uint THREADS = 256;  // a power of two from 64 to 1024
 
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
 layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
@@ -23,22 +24,23 @@ layout(binding = 8, std430) buffer Partials { Gradient partials[]; };
 layout(binding = 9, std430) writeonly buffer Tallies { Tally tallies[]; };
 layout(binding = 10, std430) writeonly buffer Deficit { float deficit[]; };
 
-const uint BLOCK = TEXELS < 1024 ? TEXELS : 1024;  // texels at a time
-const uint EACH = (BLOCK + 255) / 256; // texels of a thread at a time
-const uint BATCH = 128;                 // splats at a time
+const uint BLOCK = TEXELS < 4 * THREADS ? TEXELS : 4 * THREADS;  // texels at a time
+const uint EACH = (BLOCK + THREADS - 1) / THREADS;               // texels of a thread at a time
+const uint BATCH = 64;                                           // splats at a time
+const uint WORDS = THREADS / 32;
 
-shared uint words[8];
+shared uint words[WORDS];
 shared vec4 batch_ray[BATCH];           // n, d
 shared float batch_open[BATCH];         // alpha m
-shared float left[1024];                // transmittance, or the nearest-view sum; negative where rho = 0
-shared vec4 sums[256];
-shared vec2 more_sums[256];
+shared float left[4 * THREADS];                // transmittance, or the nearest-view sum; negative where rho = 0
+shared vec4 sums[THREADS];
+shared vec2 more_sums[THREADS];
 
 uint list_visible(uint probe, vec3 position, uint pool_row, Settings s) {
     uint count = 0;
     uint thread = gl_LocalInvocationIndex;
-    for (uint base = 0; base < s.splats; base += 256) {
-        if (thread < 8) words[thread] = 0;
+    for (uint base = 0; base < s.splats; base += THREADS) {
+        if (thread < WORDS) words[thread] = 0;
         barrier();
         uint j = base + thread;
         bool seen = false;
@@ -53,7 +55,7 @@ uint list_visible(uint probe, vec3 position, uint pool_row, Settings s) {
         if (seen) atomicOr(words[thread >> 5], 1u << (thread & 31u));
         barrier();
         uint rank = count, all = count;
-        for (uint k = 0; k < 8; ++k) {
+        for (uint k = 0; k < WORDS; ++k) {
             uint bits = bitCount(words[k]);
             if (k < (thread >> 5)) rank += bits;
             all += bits;
@@ -76,7 +78,7 @@ vec4 total_of(vec4 value) {
     uint thread = gl_LocalInvocationIndex;
     barrier();
     sums[thread] = value;
-    for (uint half_ = 128; half_ > 0; half_ >>= 1) {
+    for (uint half_ = THREADS / 2; half_ > 0; half_ >>= 1) {
         barrier();
         if (thread < half_) sums[thread] += sums[thread + half_];
     }
@@ -103,15 +105,15 @@ void main() {
     float loss = 0.0, short_fall = 0.0, open_sky = 0.0, by_log_scale = 0.0;
 
     // Lanes that share a splat on the way back: as many as keep every thread busy.
-    uint lanes = 256;
-    while (lanes > 1 && 256 / lanes < count) lanes >>= 1;
-    uint at_once = 256 / lanes;
+    uint lanes = THREADS;
+    while (lanes > 1 && THREADS / lanes < count) lanes >>= 1;
+    uint at_once = THREADS / lanes;
 
     for (uint block = 0; block < TEXELS; block += BLOCK) {
         vec3 w[4];
         float far[4], value[4];
         for (uint k = 0; k < EACH; ++k) {
-            uint texel = block + k * 256 + thread;
+            uint texel = block + k * THREADS + thread;
             w[k] = directions[min(texel, TEXELS - 1)].xyz;
             far[k] = depth[pool_row + min(texel, TEXELS - 1)];
             value[k] = OBJECTIVE == 1 ? 0.0 : 1.0;
@@ -142,7 +144,7 @@ void main() {
         }
         bool keep_deficit = s.relocate_every != 0 && (control[0].iteration + 1) % s.relocate_every == 0;
         for (uint k = 0; k < EACH; ++k) {
-            uint texel = block + k * 256 + thread;
+            uint texel = block + k * THREADS + thread;
             if (texel >= TEXELS) break;
             bool counts = far[k] > 0.0;
             float lack;
@@ -160,7 +162,7 @@ void main() {
                 short_fall += lack * lack;
             }
             if (keep_deficit) deficit[probe * TEXELS + texel] = counts ? lack * lack : 0.0;
-            left[k * 256 + thread] = counts ? value[k] : -1.0;
+            left[k * THREADS + thread] = counts ? value[k] : -1.0;
         }
         barrier();
 

@@ -150,8 +150,8 @@ impl Room {
 }
 
 /// Splats that the loops of the dense pass can take before lavapipe would end them (65,535 iterations an invocation; a
-/// probe that sees all splats takes about five for each block of 1024 texels).
-pub(super) fn most_dense_splats(resolution: u32) -> f64 {
-    let blocks = (resolution * resolution).div_ceil(1024);
-    (12_000 / blocks).into()
+/// probe that sees all splats takes about eight for each block of four texels a thread).
+pub(super) fn most_dense_splats(resolution: u32, threads: u32) -> u32 {
+    let blocks = (resolution * resolution).div_ceil(4 * threads);
+    8000 / blocks
 }

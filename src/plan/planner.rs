@@ -23,6 +23,7 @@ use crate::scene::proxy::{Proxy, SurfacePoint};
 use crate::scene::random;
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::visibility::probe_depth::{Probe, ProbeMaps};
+use crate::vulkan::physical::Physical;
 use crate::vulkan::profile::Profile;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
@@ -144,21 +145,22 @@ impl Preparation {
 
         let [fov_x, fov_y] = intrinsics.fov();
         let (splats, probes) = (start.len() as u32, config.probes.min(points.len() as u32));
+        let threads = dense_threads(context.physical(), resolution);
+        let most_dense = footprint::most_dense_splats(resolution, threads);
         let binned = match config.pass {
             Pass::Dense => false,
             Pass::Binned => true,
             Pass::Auto => {
                 let work = f64::from(probes * resolution * resolution) * visible.gated;
-                config.objective == Objective::Splat && work > DENSE_WORK
+                config.objective == Objective::Splat && (work > DENSE_WORK || splats > most_dense)
             }
         };
         if binned && config.objective == Objective::Nearest {
             return Err(Error::request("the nearest-view objective has no binned pass; use --pass dense or auto"));
         }
-        if !binned && f64::from(splats) > footprint::most_dense_splats(resolution) {
+        if !binned && splats > most_dense {
             return Err(Error::request(format!(
-                "the dense pass takes at most {} cameras at {resolution} texels; use --pass binned or auto",
-                footprint::most_dense_splats(resolution)
+                "the dense pass takes at most {most_dense} cameras at {resolution} texels; use --pass binned or auto"
             )));
         }
         let room = Room::new(splats, probes, visible.gated, binned, start_scale, resolution, context.physical());
@@ -232,7 +234,9 @@ impl<'a> Planner<'a> {
             Gate::PinholeHard => 2,
             Gate::Pinhole => 3,
         };
-        let constants = [resolution, config.objective as u32, gate, config.kernel as u32, config.occlusion as u32];
+        let threads = dense_threads(context.physical(), resolution);
+        let constants =
+            [resolution, config.objective as u32, gate, config.kernel as u32, config.occlusion as u32, 0, threads];
         let pipeline = |stage| Pipeline::new(context, stage, &constants);
         let pipelines = Pipelines {
             splat: if binned {
@@ -590,6 +594,14 @@ impl Buffers {
             mailbox: Buffer::host(context, "mailbox", plan.bytes_of("mailbox"))?,
         })
     }
+}
+
+/// Threads of a workgroup of the dense pass: a thread a texel on a GPU, where there are few workgroups to fill it; few on
+/// a CPU, where a barrier costs each of them a switch.
+pub(super) fn dense_threads(physical: &Physical, resolution: u32) -> u32 {
+    let wanted = if physical.kind == "CPU" { 64 } else { resolution * resolution };
+    let most = wanted.min(physical.group_threads).clamp(64, 1024);
+    1 << most.ilog2()
 }
 
 /// Bytes of one element of the buffers whose structs are the planner's own.
