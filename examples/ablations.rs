@@ -115,10 +115,11 @@ fn variant(name: impl Into<String>, edit: impl Fn(&mut Config) + 'static) -> Var
 fn defaults() -> Vec<Variant> {
     let mut rows = vec![variant("as shipped", |_| {})];
     for (reg, pressures) in [
-        (1.0, &[0.0, 0.01, 0.03, 0.1, 0.3][..]),
-        (3.0, &[0.03, 0.1, 0.3]),
-        (10.0, &[0.0, 0.01, 0.03, 0.1, 0.3]),
-        (30.0, &[0.01, 0.03, 0.1, 0.3]),
+        (0.3, &[0.1, 0.3, 1.0][..]),
+        (1.0, &[0.0, 0.03, 0.1, 0.3, 0.5, 1.0]),
+        (3.0, &[0.03, 0.1, 0.3, 0.5, 1.0]),
+        (10.0, &[0.0, 0.03, 0.1, 0.3, 1.0]),
+        (30.0, &[0.1, 0.3, 1.0]),
     ] {
         rows.extend(pressures.iter().map(|&pressure| {
             variant(format!("splat, regulariser {reg}, pressure {pressure}"), move |config| {
@@ -145,6 +146,7 @@ fn parts() -> Vec<Variant> {
             config.rate_direction = 0.0;
             config.relocate_every = 0;
         }),
+        variant("directions weigh the same, not probes", |config| config.equal_probes = false),
         variant("hard gate", |config| config.gate = Gate::Hard),
         variant("pinhole gate", |config| config.gate = Gate::Pinhole),
         variant("metric kernel", |config| config.kernel = Kernel::Metric),

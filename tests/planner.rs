@@ -104,6 +104,7 @@ fn one_iteration_is_that_of_the_twin() {
                     rate_centre: 0.0,
                     rate_direction: 0.0,
                     seed,
+                    equal_probes: seed == 1,
                     ..small(*preset, 40)
                 };
                 if objective == Objective::Splat {
@@ -158,8 +159,12 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
     let history = outcome.history[0];
     close(history.image as f64, image.loss, image.loss.abs(), "image loss");
     close(history.reg as f64 * lambda, reg * lambda, (reg * lambda).abs(), "regulariser");
-    for (tally, weight) in planner.tallies().expect("tallies").iter().zip(&image.weights) {
-        close(tally.weight as f64, *weight, weight.abs().max(1e-5), "coverage weight");
+    let blocks = planner.settings().blocks as usize;
+    for (tallies, weight) in planner.tallies().expect("tallies").chunks(blocks).zip(&image.weights) {
+        let (lack, sky) = tallies.iter().fold((0.0, 0.0), |sum, t| (sum.0 + t.short_fall, sum.1 + t.sky));
+        if config.objective == Objective::Splat {
+            close((lack / sky.max(1.0)) as f64, *weight, weight.abs().max(1e-5), "coverage weight");
+        }
     }
     let scale: f64 = planner.tallies().expect("tallies").iter().map(|tally| tally.log_scale as f64).sum();
     if config.objective == Objective::Splat {

@@ -34,7 +34,7 @@ void main() {
     uint index = (control[0].iteration * s.probes + probe) % s.pool;
     vec3 position = probes[index].position;
     float goal = s.alpha * (s.weighted != 0 ? probes[index].score : 1.0);
-    float share = 1.0 / (float(TEXELS) * float(s.probes));
+    float share = texel_weight(probes[index], s);
     float scale = exp(control[0].log_scale), inverse = 1.0 / (scale * scale);
     uint mine = tile_texel(tile, thread);
     texels[thread] = vec4(directions[mine].xyz, left[probe * TEXELS + mine]);

@@ -7,6 +7,7 @@ layout(local_size_x = 256) in;
 
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
 layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
+layout(binding = 8, std430) readonly buffer Probes { Probe probes[]; };
 layout(binding = 2, std430) readonly buffer TileSums { vec4 tile_sums[]; };
 layout(binding = 3, std430) readonly buffer Slots { uint slots[]; };
 layout(binding = 4, std430) readonly buffer Partials { Gradient partials[]; };
@@ -34,7 +35,8 @@ void main() {
     }
     if (thread != 0) return;
     sum = sums[0];
-    tallies[probe] = Tally(sum.x / (float(TEXELS) * float(s.probes)), sum.y / max(sum.z, 1.0), sum.w, 0, sum.y);
+    uint index = (control[0].iteration * s.probes + probe) % s.pool;
+    tallies[probe] = Tally(sum.x * texel_weight(probes[index], s), sum.w, sum.y, sum.z, 0);
     if (probe == 0) {
         mailbox[3] = max(mailbox[3], counts[0]);
         mailbox[4] = max(mailbox[4], counts[1]);

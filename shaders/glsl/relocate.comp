@@ -46,6 +46,14 @@ uint draw(uint from, uint count, float uniform_) {
     return k;
 }
 
+// How much a probe lacks, in the weight that the loss gives it.
+float missing(uint probe, Settings s) {
+    uint index = ((control[0].iteration - 1) * s.probes + probe) % s.pool;
+    float sum = 0.0;
+    for (uint b = probe * s.blocks; b < (probe + 1) * s.blocks; ++b) sum += tallies[b].short_fall;
+    return sum * texel_weight(probes[index], s);
+}
+
 void main() {
     Settings s = settings[0];
     uint thread = gl_LocalInvocationIndex;
@@ -59,10 +67,10 @@ void main() {
     // A probe of the last batch, then one of its texels.
     vec4 random = random4(s.seed, 0x72656c6fu, iteration, j);
     float all = 0.0;
-    for (uint i = 0; i < s.probes; ++i) all += tallies[i].short_fall;
+    for (uint i = 0; i < s.probes; ++i) all += missing(i, s);
     float aim = random.x * all;
     uint probe = 0;
-    while (probe + 1 < s.probes && aim >= tallies[probe].short_fall) aim -= tallies[probe++].short_fall;
+    while (probe + 1 < s.probes && aim >= missing(probe, s)) aim -= missing(probe++, s);
     uint texel = draw(probe * TEXELS, TEXELS, random.w);
     if (texel >= TEXELS || thread != 0) return;
     uint index = ((iteration - 1) * s.probes + probe) % s.pool;

@@ -68,8 +68,8 @@ crate::stage!(
     /// Sums over tiles, a workgroup per probe.
     pub BIN_TALLY = bin_tally(()) {
         read settings, read control, read tile_sums, read slots, read partials, read counts, write tallies,
-        write mailbox,
-    } with [Settings, Control, Gradient, Tally]
+        write mailbox, read probes,
+    } with [Settings, Control, Gradient, Tally, Probe]
 );
 
 /// Texels of a tile along a side.
@@ -282,6 +282,7 @@ impl Binned {
                 &self.counts,
                 &b.tallies,
                 &b.mailbox,
+                probes,
             ])
             .groups([s.probes, 1, 1]);
         Ok(())

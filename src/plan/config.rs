@@ -113,6 +113,9 @@ pub struct Config {
     pub occlusion: bool,
     /// Whether scores of the surface weigh the target.
     pub vds: bool,
+    /// Whether every probe weighs the same in the image term, however few directions it can be seen from; else every
+    /// direction does (method.md).
+    pub equal_probes: bool,
     /// Weight of the coverage regulariser.
     pub lambda_reg: f32,
     /// Weight of the region term.
@@ -137,7 +140,7 @@ pub struct Config {
     pub relocate_until: f32,
     /// Where the cameras are at first.
     pub start: Start,
-    /// Add the views one at a time, earlier ones fixed.
+    /// Add the views one at a time, earlier ones fixed, with a fifth of `iterations` for each.
     pub iterative: bool,
     /// The way through the splat pass.
     pub pass: Pass,
@@ -215,6 +218,7 @@ impl Config {
             alpha: 0.1,
             occlusion: true,
             vds: true,
+            equal_probes: true,
             lambda_reg: 1.0,
             lambda_bound: 10.0,
             lambda_scale: 0.1,

@@ -6,6 +6,7 @@ use super::dense::KERNEL_CUTOFF;
 use super::planner::element_sizes;
 use super::shared::{Control, Settings};
 use super::tally::mailbox;
+use crate::visibility::probe_depth::Probe;
 use crate::vulkan::Context;
 use crate::vulkan::physical::Physical;
 use crate::{Error, Result};
@@ -24,12 +25,12 @@ impl Footprint {
     /// The buffers of a plan; `scene` is the size of surface and region on the device.
     pub fn new(context: &Context, s: &Settings, config: &Config, resolution: u32, scene: u64, binned: bool) -> Self {
         let (splats, probes, texels) = (s.splats as u64, s.probes as u64, (resolution * resolution) as u64);
-        let slots = if binned { s.capacity as u64 } else { probes * s.capacity as u64 };
+        let slots = if binned { s.capacity as u64 } else { probes * s.blocks as u64 * s.capacity as u64 };
         let snapshots = (s.iterations.div_ceil(block(s, config)) + 1) as u64;
         let [splat, gradient, tally, moments, terms, record] = element_sizes();
         let mut buffers = vec![
             ("surface and region", scene),
-            ("probes", 16 * s.pool as u64),
+            ("probes", size_of::<Probe>() as u64 * s.pool as u64),
             ("depth", 4 * s.pool as u64 * texels),
             ("directions", 16 * texels),
             ("settings", size_of::<Settings>() as u64),
@@ -38,7 +39,7 @@ impl Footprint {
             ("visible", if binned { 0 } else { 4 * slots }),
             ("slots", 4 * probes * splats),
             ("partials", gradient * slots),
-            ("tallies", tally * probes),
+            ("tallies", tally * probes * s.blocks as u64),
             ("deficit", 4 * probes * texels),
             ("moments", moments * splats),
             ("terms", terms * splats),
@@ -138,7 +139,10 @@ impl Room {
         let limit = physical.storage_range.min(physical.allocation).min(physical.heap / 4) / 32;
         let most = |wanted: u64| wanted.min(limit).clamp(1, 1 << 28) as u32;
         if !binned {
-            return Self { capacity: most(splats as u64 * probes as u64).div_ceil(probes).min(splats), instances: 0 };
+            // Partials come in blocks of texels, up to 256 for 256 x 256 texels.
+            let blocks = (resolution * resolution).div_ceil(256);
+            let rows = probes * blocks;
+            return Self { capacity: most(splats as u64 * rows as u64).div_ceil(rows).min(splats), instances: 0 };
         }
         let pairs = ((2.0 * gated * f64::from(probes)) as u64 + 4096).min(splats as u64 * probes as u64);
         // A cap of the sphere up to the kernel's cut-off, in tiles: its area, its rim and its corners.
@@ -147,11 +151,4 @@ impl Room {
         let reached = (area + 4.0 * area.sqrt() + 4.0).min(tiles);
         Self { capacity: most(pairs), instances: most((reached * pairs as f64) as u64 + 4096) }
     }
-}
-
-/// Splats that the loops of the dense pass can take before lavapipe would end them (65,535 iterations an invocation; a
-/// probe that sees all splats takes about eight for each block of four texels a thread).
-pub(super) fn most_dense_splats(resolution: u32, threads: u32) -> u32 {
-    let blocks = (resolution * resolution).div_ceil(4 * threads);
-    8000 / blocks
 }

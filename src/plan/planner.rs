@@ -31,6 +31,10 @@ use crate::{Error, Result};
 /// Pairs of texel and visible splat an iteration from which on binning pays; see docs/benchmarks.md.
 const DENSE_WORK: f64 = 3e7;
 
+/// Splats that the loops of the dense pass can take before lavapipe would end them: 65,535 iterations an invocation, and
+/// a probe that sees all splats takes about eight for each.
+const MOST_DENSE: u32 = 8000;
+
 /// Stream of the surface's samples that probes stand on; held-out points take another.
 pub const PROBE_STREAM: u32 = 0;
 
@@ -145,26 +149,25 @@ impl Preparation {
 
         let [fov_x, fov_y] = intrinsics.fov();
         let (splats, probes) = (start.len() as u32, config.probes.min(points.len() as u32));
-        let threads = dense_threads(context.physical(), resolution);
-        let most_dense = footprint::most_dense_splats(resolution, threads);
+        let [threads, each] = dense_shape(context.physical());
         let binned = match config.pass {
             Pass::Dense => false,
             Pass::Binned => true,
             Pass::Auto => {
                 let work = f64::from(probes * resolution * resolution) * visible.gated;
-                config.objective == Objective::Splat && (work > DENSE_WORK || splats > most_dense)
+                config.objective == Objective::Splat && (work > DENSE_WORK || splats > MOST_DENSE)
             }
         };
         if binned && config.objective == Objective::Nearest {
             return Err(Error::request("the nearest-view objective has no binned pass; use --pass dense or auto"));
         }
-        if !binned && splats > most_dense {
+        if !binned && splats > MOST_DENSE {
             return Err(Error::request(format!(
-                "the dense pass takes at most {most_dense} cameras at {resolution} texels; use --pass binned or auto"
+                "the dense pass takes at most {MOST_DENSE} cameras; use --pass binned or auto"
             )));
         }
         let room = Room::new(splats, probes, visible.gated, binned, start_scale, resolution, context.physical());
-        let round_length = if config.iterative { (config.iterations / config.views).max(1) } else { 0 };
+        let round_length = if config.iterative { (config.iterations / 5).max(1) } else { 0 };
         let settings = Settings {
             splats,
             kept: kept.len() as u32,
@@ -172,12 +175,15 @@ impl Preparation {
             pool: points.len() as u32,
             capacity: room.capacity,
             instances: room.instances,
+            row: if binned { 0 } else { room.capacity },
+            blocks: if binned { 1 } else { (resolution * resolution).div_ceil(threads * each) },
             iterations: if config.iterative { round_length * config.views } else { config.iterations },
             round_length,
             seed: (config.seed ^ (config.seed >> 32)) as u32,
             relocate_every: if config.iterative { 0 } else { config.relocate_every },
             relocate_until: (config.relocate_until * config.iterations as f32) as u32,
             weighted: config.vds as u32,
+            equal: config.equal_probes as u32,
             alpha: config.alpha,
             gate_cos,
             gate_softness: config.gate_softness,
@@ -224,19 +230,29 @@ impl<'a> Planner<'a> {
     /// # Errors
     /// A surface that no camera can see from the region, or a plan that is larger than the device's memory.
     pub fn new(context: &Arc<Context>, scene: &'a DeviceScene, preparation: Preparation) -> Result<Self> {
-        let Preparation { config, settings, points, start, start_scale, resolution, binned, footprint, .. } =
+        let Preparation { config, mut settings, points, start, start_scale, resolution, binned, footprint, .. } =
             preparation;
         footprint.check(context)?;
-        let maps = ProbeMaps::new(context, scene, &points, resolution)?;
+        let maps = ProbeMaps::new(context, scene, &reachable(context, scene, points)?, resolution)?;
+        settings.pool = maps.probes.len() as u32;
+        settings.probes = settings.probes.min(settings.pool);
         let gate = match config.gate {
             Gate::Hard => 0,
             Gate::Soft => 1,
             Gate::PinholeHard => 2,
             Gate::Pinhole => 3,
         };
-        let threads = dense_threads(context.physical(), resolution);
-        let constants =
-            [resolution, config.objective as u32, gate, config.kernel as u32, config.occlusion as u32, 0, threads];
+        let [threads, each] = dense_shape(context.physical());
+        let constants = [
+            resolution,
+            config.objective as u32,
+            gate,
+            config.kernel as u32,
+            config.occlusion as u32,
+            0,
+            threads,
+            each,
+        ];
         let pipeline = |stage| Pipeline::new(context, stage, &constants);
         let pipelines = Pipelines {
             splat: if binned {
@@ -254,20 +270,8 @@ impl<'a> Planner<'a> {
         let buffers = Buffers::new(context, &footprint, resolution)?;
         let context = context.clone();
         let planner = Self { context, scene, config, settings, start, start_scale, maps, pipelines, buffers };
-        planner.check_reachable()?;
         planner.reset()?;
         Ok(planner)
-    }
-
-    /// Some direction of some probe must meet the region, or no camera can see anything.
-    fn check_reachable(&self) -> Result<()> {
-        let depth = self.maps.download()?;
-        if depth.iter().any(|depth| *depth > 0.0) {
-            return Ok(());
-        }
-        Err(Error::request(
-            "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance)",
-        ))
     }
 
     /// Puts everything back to the start of the run.
@@ -391,7 +395,7 @@ impl<'a> Planner<'a> {
                     &b.tallies,
                     &b.deficit,
                 ])
-                .groups([s.probes, 1, 1]),
+                .groups([s.probes, s.blocks, 1]),
         }
         commands
             .stage(&p.update)
@@ -543,12 +547,12 @@ impl<'a> Planner<'a> {
         self.buffers.gradients.download(self.settings.splats as usize)
     }
 
-    /// What each probe contributed to the last iteration.
+    /// What each block of texels of each probe contributed to the last iteration.
     ///
     /// # Errors
     /// Where the device fails.
     pub fn tallies(&self) -> Result<Vec<Tally>> {
-        self.buffers.tallies.download(self.settings.probes as usize)
+        self.buffers.tallies.download((self.settings.probes * self.settings.blocks) as usize)
     }
 
     /// Poses in the user's world of the planned splats. The region's pull is soft, so a camera may end a little outside;
@@ -596,12 +600,23 @@ impl Buffers {
     }
 }
 
-/// Threads of a workgroup of the dense pass: a thread a texel on a GPU, where there are few workgroups to fill it; few on
-/// a CPU, where a barrier costs each of them a switch.
-pub(super) fn dense_threads(physical: &Physical, resolution: u32) -> u32 {
-    let wanted = if physical.kind == "CPU" { 64 } else { resolution * resolution };
-    let most = wanted.min(physical.group_threads).clamp(64, 1024);
-    1 << most.ilog2()
+/// The points that some feasible position sees, as far as a coarse map can tell; the others would only dilute a batch.
+fn reachable(context: &Arc<Context>, scene: &DeviceScene, points: Vec<SurfacePoint>) -> Result<Vec<SurfacePoint>> {
+    let maps = ProbeMaps::new(context, scene, &points, 16)?;
+    let seen: Vec<SurfacePoint> =
+        points.into_iter().zip(&maps.probes).filter(|(_, probe)| probe.sky > 0.0).map(|(point, _)| point).collect();
+    if seen.is_empty() {
+        return Err(Error::request(
+            "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance)",
+        ));
+    }
+    Ok(seen)
+}
+
+/// Threads of a workgroup of the dense pass and texels of a thread: many small workgroups fill a GPU; on a CPU fewer
+/// threads do more each, since a barrier costs each of them a switch.
+fn dense_shape(physical: &Physical) -> [u32; 2] {
+    if physical.kind == "CPU" { [64, 4] } else { [256, 1] }
 }
 
 /// Bytes of one element of the buffers whose structs are the planner's own.

@@ -18,6 +18,8 @@ gpu_struct! {
         pub pool: u32,
         /// Visible splats that a probe has room for (dense), or pairs in all (binned).
         pub capacity: u32,
+        /// Partials from one block of a probe to the next (dense: the capacity; binned: 0).
+        pub row: u32,
         /// (tile, splat) instances that there is room for (binned).
         pub instances: u32,
         /// Iterations of the run.
@@ -30,8 +32,12 @@ gpu_struct! {
         pub relocate_every: u32,
         /// Last iteration that relocates.
         pub relocate_until: u32,
+        /// Blocks of texels that a probe's tallies and partials come in.
+        pub blocks: u32,
         /// 0: every target is the same.
         pub weighted: u32,
+        /// 1: every probe weighs the same; 0: by its reachable directions.
+        pub equal: u32,
         /// Opacity of a splat.
         pub alpha: f32,
         /// Cosine of half the cone angle.
@@ -116,18 +122,18 @@ gpu_struct! {
 }
 
 gpu_struct! {
-    /// What one probe contributes.
+    /// What one block of texels of a probe contributes.
     pub struct Tally {
         /// Its part of the image loss.
         pub image: f32,
-        /// The coverage weight w_i.
-        pub weight: f32,
         /// Gradient by log s.
         pub log_scale: f32,
-        /// Splats that it sees, also past the capacity; not counted by the binned pass.
-        pub visible: u32,
         /// Sum over texels of the squared deficit.
         pub short_fall: f32,
+        /// Texels from whose direction the region sees the probe.
+        pub sky: f32,
+        /// Splats that the probe sees, also past the capacity; not counted by the binned pass.
+        pub visible: u32,
     }
 }
 
