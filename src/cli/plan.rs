@@ -8,7 +8,7 @@ use clap::Args;
 use super::options::{CameraOptions, DeviceOptions, RegionOptions};
 use super::progress::{Progress, stop_on_interrupt};
 use crate::io;
-use crate::io::folder::OutputFolder;
+use crate::io::folder::{OutputFolder, check_file};
 use crate::metrics::Metrics;
 use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Start};
 use crate::plan::job::{self, Plan, Tools};
@@ -199,6 +199,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let renderdoc = arguments.capture.as_ref().map(|_| RenderDoc::load()).transpose()?;
     let config = arguments.tuning.apply(Config::new(arguments.region.preset(), arguments.views));
     config.validate()?;
+    for file in [&arguments.trace, &arguments.capture].into_iter().flatten() {
+        check_file(file)?;
+    }
     let intrinsics = arguments.camera.intrinsics()?;
     let folder = if arguments.dry_run { None } else { Some(OutputFolder::create(&arguments.out, arguments.force)?) };
     let target = arguments.region.target(&arguments.surface, &intrinsics)?;

@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::options::{CameraOptions, DeviceOptions, RegionOptions};
 use super::plan::table;
+use crate::io::folder::check_file;
 use crate::metrics::score_point::Field;
 use crate::plan::job;
 use crate::{Error, Result, io};
@@ -40,8 +41,11 @@ pub struct Arguments {
 
 /// Scores and prints.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
-    if arguments.held_out == 0 {
-        return Err(Error::request("--held-out is 0; give at least 1"));
+    if !(1..=1 << 20).contains(&arguments.held_out) {
+        return Err(Error::request(format!("--held-out is {}; give 1 to {}", arguments.held_out, 1 << 20)));
+    }
+    if let Some(file) = &arguments.json {
+        check_file(file)?;
     }
     let (cameras, notes) = io::read_cameras_with_notes(&arguments.cameras)?;
     for note in notes {

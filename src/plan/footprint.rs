@@ -25,7 +25,7 @@ impl Footprint {
     pub fn new(s: &Settings, config: &Config, resolution: u32, scene: u64) -> Self {
         let (splats, probes, texels) = (s.splats as u64, s.probes as u64, (resolution * resolution) as u64);
         let slots = probes * s.capacity as u64;
-        let snapshots = (s.iterations.div_ceil(config.checkpoint_every.min(s.relocate_every.max(1)).max(1)) + 1) as u64;
+        let snapshots = (s.iterations.div_ceil(block(s, config)) + 1) as u64;
         let [splat, gradient, tally, moments, terms, record] = element_sizes();
         let buffers = vec![
             ("surface and region", scene),
@@ -66,10 +66,12 @@ impl Footprint {
     /// # Errors
     /// Where the whole does not fit the memory that is free, or one buffer is larger than the device allows.
     pub fn check(&self, context: &Arc<Context>) -> Result<()> {
+        self.check_against(context.physical(), context.memory_available())
+    }
+
+    fn check_against(&self, physical: &Physical, free: u64) -> Result<()> {
         let remedy = "plan fewer views, or use fewer probes (--probes) or texels (--resolution)";
-        let physical = context.physical();
         let limit = physical.storage_range.min(physical.allocation);
-        let free = context.memory_available();
         let (what, wanted, available) = match self.buffers.iter().find(|buffer| buffer.1 > limit) {
             Some((name, bytes)) => (format!("the plan's buffer `{name}`"), *bytes, limit),
             None if self.total() > free => ("the plan".to_owned(), self.total(), free),
@@ -86,6 +88,34 @@ impl Footprint {
         }
         text + &format!("{:<20} {:>10.2} MiB\n", "all", self.total() as f64 / f64::from(1 << 20))
     }
+}
+
+/// Iterations between snapshots, which is also the length of a block of commands.
+pub(super) fn block(settings: &Settings, config: &Config) -> u32 {
+    let every = settings.relocate_every;
+    let wanted = config.checkpoint_every.max(1);
+    if every > 0 && !wanted.is_multiple_of(every) { every } else { wanted }
+}
+
+/// Refuses counts that no surface and no resolution could make fit the device, before the host has drawn a single
+/// probe or placed a single splat: those would take the host's memory first.
+///
+/// # Errors
+/// As for [`Footprint::check`].
+pub(super) fn check_counts(config: &Config, kept: usize, physical: &Physical) -> Result<()> {
+    let splats = config.views.saturating_add(u32::try_from(kept).unwrap_or(u32::MAX));
+    let probes = config.probes.min(config.pool);
+    let settings = Settings {
+        splats,
+        probes,
+        pool: probes,
+        capacity: capacity(splats, probes, physical),
+        // The iterative variant rounds them down, by the number of views.
+        iterations: if config.iterative { 0 } else { config.iterations },
+        relocate_every: config.relocate_every,
+        ..Settings::default()
+    };
+    Footprint::new(&settings, config, 16, 0).check_against(physical, physical.heap)
 }
 
 /// How many of `points` probes have room for their depth maps; never fewer than one step needs.

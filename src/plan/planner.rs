@@ -111,6 +111,7 @@ impl Preparation {
         config: Config,
     ) -> Result<Self> {
         config.validate()?;
+        footprint::check_counts(&config, kept.len(), physical)?;
         let gate_cos = (0.5 * intrinsics.inscribed_cone()).cos() as f32;
         let mut points = proxy.sample(config.pool as usize, config.seed, PROBE_STREAM);
         random::shuffle(&mut points, config.seed, PROBE_STREAM);
@@ -265,9 +266,7 @@ impl<'a> Planner<'a> {
 
     /// Iterations between snapshots, which is also the length of a block of commands.
     pub fn block(&self) -> u32 {
-        let every = self.settings.relocate_every;
-        let wanted = self.config.checkpoint_every.max(1);
-        if every > 0 && !wanted.is_multiple_of(every) { every } else { wanted }
+        footprint::block(&self.settings, &self.config)
     }
 
     /// Records one block: a snapshot, a relocation where it is time, then [`Planner::block`] iterations. The device
@@ -400,11 +399,15 @@ impl<'a> Planner<'a> {
             }
             commands.wait()?;
         }
-        let seconds = started.elapsed().as_secs_f64();
-        self.outcome(seconds)
+        Ok(Outcome { seconds: started.elapsed().as_secs_f64(), ..self.outcome()? })
     }
 
-    fn outcome(&self, seconds: f64) -> Result<Outcome> {
+    /// What the blocks that were recorded with [`Planner::record_block`] and have been waited for leave, whoever
+    /// submitted them. The time they took is the submitter's to measure and zero here.
+    ///
+    /// # Errors
+    /// Where the device fails, or a probe saw more splats than there was room for.
+    pub fn outcome(&self) -> Result<Outcome> {
         let done = self.done();
         let most = self.buffers.mailbox.peek(mailbox::MOST_VISIBLE).unwrap_or(0);
         if most > self.settings.capacity {
@@ -425,7 +428,7 @@ impl<'a> Planner<'a> {
             .collect();
         snapshots.push((done, poses.clone()));
         let status = if done >= self.settings.iterations { Status::Complete } else { Status::Interrupted };
-        Ok(Outcome { poses, history, snapshots, status, seconds })
+        Ok(Outcome { poses, history, snapshots, status, seconds: 0.0 })
     }
 
     fn iteration(&self, iteration: u32, record: &Record) -> IterationRecord {
