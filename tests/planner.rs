@@ -28,7 +28,14 @@ fn intrinsics() -> Intrinsics {
 }
 
 fn small(preset: Preset, views: u32) -> Config {
-    Config { iterations: 30, probes: 8, pool: 64, checkpoint_every: 10, relocate_every: 10, ..Config::new(preset, views) }
+    Config {
+        iterations: 30,
+        probes: 8,
+        pool: 64,
+        checkpoint_every: 10,
+        relocate_every: 10,
+        ..Config::new(preset, views)
+    }
 }
 
 struct Scene {
@@ -113,11 +120,8 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
     let maps = planner.maps();
     let depth: Vec<f64> = maps.download().expect("depths").into_iter().map(f64::from).collect();
     let texels = (maps.resolution * maps.resolution) as usize;
-    let splats: Vec<_> = planner
-        .start()
-        .iter()
-        .map(|s| (Vec3::from(s.centre).as_dvec3(), Vec3::from(s.direction).as_dvec3()))
-        .collect();
+    let splats: Vec<_> =
+        planner.start().iter().map(|s| (Vec3::from(s.centre).as_dvec3(), Vec3::from(s.direction).as_dvec3())).collect();
     let probes: Vec<_> = maps.probes[..config.probes as usize]
         .iter()
         .map(|p| (Vec3::from(p.position).as_dvec3(), p.score as f64))
@@ -192,10 +196,9 @@ fn repeats_are_equal_to_the_bit() {
 fn a_scaled_moved_and_turned_scene_gives_the_plan_scaled_moved_and_turned() {
     let context = context();
     let turn = DQuat::from_mat3(&DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X));
-    for (preset, surface, base) in [
-        (Preset::Object, samples::object(), object(&context)),
-        (Preset::Room, samples::room(), room(&context)),
-    ] {
+    for (preset, surface, base) in
+        [(Preset::Object, samples::object(), object(&context)), (Preset::Room, samples::room(), room(&context))]
+    {
         let geometry = &base.device.geometry;
         let region = geometry.region.transformed(&geometry.to_internal.inverse()).expect("the region itself");
         for (scale, shift, turn) in [
@@ -227,7 +230,8 @@ fn a_scaled_moved_and_turned_scene_gives_the_plan_scaled_moved_and_turned() {
 fn a_plan_is_better_than_its_start() {
     let context = context();
     for (preset, scene, views) in [(Preset::Object, object(&context), 40), (Preset::Room, room(&context), 120)] {
-        let config = Config { iterations: 300, probes: 20, pool: 512, checkpoint_every: 50, ..Config::new(preset, views) };
+        let config =
+            Config { iterations: 300, probes: 20, pool: 512, checkpoint_every: 50, ..Config::new(preset, views) };
         let outcome = run(&context, &scene, config);
         let points = scene.proxy.sample(300, 0, 1);
         let scorer = Scorer::new(&context, &scene.device, &points).expect("a scorer");

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 use glam::DVec3;
 
-use super::options::{DeviceOptions, print_target};
+use super::options::{DeviceOptions, print_messages, print_target};
 use super::plan::print_plan;
 use super::progress::{Progress, stop_on_interrupt};
 use crate::io::folder::OutputFolder;
@@ -45,6 +45,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             job::run(&context, &target, intrinsics, &[], config, Tools::default(), |event| progress.observe(event));
         progress.finish();
         let plan = plan?;
+        print_messages(&context);
         let path = folder.path().join("report.html");
         report::folder::write(&plan, &target, folder)?;
         print_plan(&plan);

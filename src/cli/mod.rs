@@ -10,7 +10,7 @@ mod score;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
-use clap::{Parser, Subcommand};
+use clap::{Arg, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 /// Where should the cameras stand?
 #[derive(Parser)]
@@ -38,7 +38,7 @@ const INTERRUPTED: u8 = 130;
 /// Runs the command line. Exit codes: 0 done, 2 bad input or request, 130 stopped by the user (what there was is
 /// written), 1 anything else.
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let cli = match parser().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(error) => return refuse(&error),
     };
@@ -55,6 +55,15 @@ pub fn main() -> ExitCode {
             ExitCode::from(error.exit_code())
         }
     }
+}
+
+/// The parser: where an option takes a value, `-1` is one, so that what is said of it is that it is too small.
+fn parser() -> clap::Command {
+    let with_negatives = |arg: Arg| match arg.get_action().takes_values() {
+        true => arg.allow_negative_numbers(true),
+        false => arg,
+    };
+    Cli::command().mut_subcommands(|command| command.mut_args(with_negatives))
 }
 
 /// Prints what is wrong with the arguments in one line, as every other error is; help and version go out as they are.

@@ -125,6 +125,13 @@ impl RegionOptions {
     }
 }
 
+/// Prints what the validation layers said; nothing where they are off.
+pub fn print_messages(context: &Context) {
+    for message in context.messages() {
+        eprintln!("validation: {message}");
+    }
+}
+
 fn count(option: &str, form: &str, wanted: usize, given: usize) -> Error {
     Error::request(format!("{option} takes {wanted} numbers {form}, not {given}"))
 }

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 
-use super::options::{CameraOptions, DeviceOptions, RegionOptions};
+use super::options::{CameraOptions, DeviceOptions, RegionOptions, print_messages};
 use super::progress::{Progress, stop_on_interrupt};
 use crate::io;
 use crate::io::folder::{OutputFolder, check_file};
@@ -227,9 +227,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let plan = job::run(&context, &target, intrinsics, &kept, config, tools, |event| progress.observe(event));
     progress.finish();
     let plan = plan?;
-    for message in context.messages() {
-        eprintln!("validation: {message}");
-    }
+    print_messages(&context);
     let path = folder.path().to_owned();
     report::folder::write(&plan, &target, folder)?;
     if let (Some(file), Some(profile)) = (&arguments.trace, &profile) {

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 
-use super::options::{CameraOptions, DeviceOptions, RegionOptions};
+use super::options::{CameraOptions, DeviceOptions, RegionOptions, print_messages};
 use super::plan::table;
 use crate::io::folder::check_file;
 use crate::metrics::score_point::Field;
@@ -60,6 +60,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let context = arguments.device.open()?;
     let field = if arguments.frustum { Field::Frustum } else { Field::Cone };
     let metrics = job::score(&context, &target, &cameras, arguments.held_out, arguments.seed, field)?;
+    print_messages(&context);
     print!("{}", table(&[("cameras", &metrics)]));
     println!("voronoi cell    {:.4} sr, deviation {:.4} sr", metrics.voronoi_mean, metrics.voronoi_deviation);
     println!("triangulation   {:.1}° between the two views farthest apart", metrics.triangulation_mean_deg);

@@ -6,10 +6,13 @@ use super::config::Config;
 use super::planner::element_sizes;
 use super::shared::{Control, Settings};
 use super::tally::mailbox;
+use crate::metrics::score_point;
 use crate::vulkan::Context;
 use crate::vulkan::physical::Physical;
 use crate::{Error, Result};
 
+/// Depth maps of the held-out points, which the metrics need beside everything else.
+const HELD_OUT: &str = "held-out depth";
 /// Depth maps of the pool take at most this much.
 const POOL_BYTES: u64 = 64 << 20;
 
@@ -47,6 +50,7 @@ impl Footprint {
             ("history", record * s.iterations as u64),
             ("snapshots", splat * splats * snapshots),
             ("mailbox", 4 * mailbox::WORDS as u64),
+            (HELD_OUT, 4 * config.held_out as u64 * (score_point::RESOLUTION * score_point::RESOLUTION) as u64),
         ];
         Self { buffers }
     }
@@ -70,7 +74,10 @@ impl Footprint {
     }
 
     fn check_against(&self, physical: &Physical, free: u64) -> Result<()> {
-        let remedy = "plan fewer views, or use fewer probes (--probes) or texels (--resolution)";
+        let remedy = match self.buffers.iter().max_by_key(|buffer| buffer.1) {
+            Some((HELD_OUT, _)) => "use fewer held-out points (--held-out)",
+            _ => "plan fewer views, or use fewer probes (--probes) or texels (--resolution)",
+        };
         let limit = physical.storage_range.min(physical.allocation);
         let (what, wanted, available) = match self.buffers.iter().find(|buffer| buffer.1 > limit) {
             Some((name, bytes)) => (format!("the plan's buffer `{name}`"), *bytes, limit),

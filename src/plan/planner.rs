@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use glam::Vec3;
 
-use super::config::{Config, Gate, Objective};
+use super::config::{Config, Gate, Objective, Preset};
 use super::dense::DENSE;
 use super::footprint::{self, Footprint};
 use super::record::{IterationRecord, Status};
@@ -29,6 +29,10 @@ use crate::{Error, Result};
 
 /// Stream of the surface's samples that probes stand on; held-out points take another.
 pub const PROBE_STREAM: u32 = 0;
+
+/// About how many iterations are submitted ahead: enough that the device never waits for the host, and few enough that a
+/// run that is broken off soon ends, for what is submitted must still pass through the device, empty as it is.
+const AHEAD: u32 = 800;
 
 /// A plan in the making: all device state of one run.
 pub struct Planner<'a> {
@@ -210,9 +214,13 @@ impl<'a> Planner<'a> {
         if depth.iter().any(|depth| *depth > 0.0) {
             return Ok(());
         }
-        Err(Error::request(
-            "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance)",
-        ))
+        let outside = match self.config.preset {
+            Preset::Object => "",
+            Preset::Room => ", or give --preset object for a surface that is seen from outside",
+        };
+        Err(Error::request(format!(
+            "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance){outside}"
+        )))
     }
 
     /// Puts everything back to the start of the run.
@@ -382,19 +390,26 @@ impl<'a> Planner<'a> {
                     profile.device(submitted, &commands.timings()?);
                 }
                 if observe(self.done()).is_break() {
-                    self.buffers.mailbox.poke(mailbox::STOP, 1);
+                    break;
                 }
             }
         } else {
             let mut commands = Recorder::new(&self.context)?;
             self.record_block(&mut commands);
-            for _ in 0..blocks {
-                commands.submit()?;
-            }
-            while commands.pending() > 0 {
+            let ahead = (AHEAD / self.block()).clamp(2, 16) as usize;
+            let mut left = blocks;
+            loop {
+                for _ in commands.pending()..ahead.min(commands.pending() + left as usize) {
+                    commands.submit()?;
+                    left -= 1;
+                }
+                if commands.pending() == 0 {
+                    break;
+                }
                 std::thread::sleep(Duration::from_millis(2));
                 if observe(self.done()).is_break() {
                     self.buffers.mailbox.poke(mailbox::STOP, 1);
+                    left = 0;
                 }
             }
             commands.wait()?;
