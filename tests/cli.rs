@@ -354,7 +354,8 @@ fn a_stop_at_any_time_leaves_all_or_nothing() {
     let place = Place::new();
     for (i, line) in ["surface ", "region ", "device ", "running "].iter().enumerate() {
         let out = format!("o{i}");
-        let mut child = place.command(&format!("plan ball.ply --out {out} {SMALL} --iterations 5000")).spawn().unwrap();
+        let mut child =
+            place.command(&format!("plan ball.ply --out {out} {SMALL} --iterations 50000")).spawn().unwrap();
         let output = read_until(&mut child, line);
         let ran = stop(child, output, "-INT");
         // Before the work begins the signal itself ends the process, and there is no exit code.
