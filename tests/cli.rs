@@ -148,7 +148,7 @@ fn every_option_of_the_help_is_accepted() {
     assert_eq!(known.keys().filter(|option| !tried.contains(*option)).collect::<Vec<_>>(), [""; 0]);
     assert!(known["gate"].len() >= 4 && known["preset"].len() == 2, "the help was misread: {known:?}");
 
-    let given = "--preset room --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --floor -0.5 --up z --clearance 0.1 --fov 60 --size 640x480 \
+    let given = "--preset room --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --floor -0.5 --up z --clearance 0.1 \
                  --device 0 --debug-sync --held-out 50 --seed 4 --frustum --json m.json";
     place.done(&format!("score ball.ply first/plan.json {given}"));
     place.done("score ball.ply first/plan.json --shell 0,0,0,2,3");
@@ -300,6 +300,20 @@ fn devices_are_listed_with_what_they_have() {
     } else {
         println!("skipped: lavapipe is not installed");
     }
+}
+
+/// If this failed, `camsplat plan ... | head -1` would lose the plan: writing to nobody fails.
+#[test]
+fn a_reader_that_goes_away_costs_nothing() {
+    let place = Place::new();
+    let mut child = place.command(&format!("plan ball.ply --out o {SHORT} --profile")).spawn().unwrap();
+    drop(child.stdout.take());
+    drop(child.stderr.take());
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert_eq!(place.files("o"), FILES);
+    let mut child = place.command("plan none.ply --out p --views 3").spawn().unwrap();
+    drop(child.stderr.take());
+    assert_eq!(child.wait().unwrap().code(), Some(2));
 }
 
 /// Reads a child's output up to the line that starts with `start`; fails where there is none.

@@ -176,8 +176,11 @@ fn plan(driver: &Driver<'_>, own: &Arc<Context>) -> Outcome {
     }
 }
 
+/// Poses, history, iterations of the snapshots, poses of the snapshots.
+type Bits = (Vec<[u64; 7]>, Vec<[u32; 6]>, Vec<u32>, Vec<[u64; 7]>);
+
 /// Everything in an outcome that must not depend on who ran it, as bits.
-fn bits(outcome: &Outcome) -> (Vec<[u64; 7]>, Vec<[u32; 6]>, Vec<u32>, Vec<[u64; 7]>) {
+fn bits(outcome: &Outcome) -> Bits {
     let pose = |pose: &Pose| {
         let (p, q) = (pose.position, pose.rotation);
         [p.x, p.y, p.z, q.w, q.x, q.y, q.z].map(f64::to_bits)

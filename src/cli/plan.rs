@@ -210,13 +210,13 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         None => Vec::new(),
     };
     let context = arguments.device.open()?;
-    println!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+    say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
     let Some(folder) = folder else {
         let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
         let preparation = Preparation::new(context.physical(), &geometry, &target.proxy, &intrinsics, &kept, config)?;
-        print!("{}", preparation.footprint().table());
+        say!("{}", preparation.footprint().table().trim_end());
         preparation.footprint().check(&context)?;
-        println!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));
+        say!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));
         return Ok(ExitCode::SUCCESS);
     };
 
@@ -235,11 +235,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     print_plan(&plan);
     if let (true, Some(profile)) = (arguments.profile, &profile) {
-        print!("\n{}", profile.table());
+        say!("\n{}", profile.table().trim_end());
     }
-    println!("report   {}", path.join("report.html").display());
+    say!("report   {}", path.join("report.html").display());
     if plan.interrupted() {
-        println!("stopped after {} iterations; the plan so far is written", plan.record.history.len());
+        say!("stopped after {} iterations; the plan so far is written", plan.record.history.len());
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
@@ -248,7 +248,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 /// Prints the metrics of a plan beside those of its controls.
 pub fn print_plan(plan: &Plan) {
     let record = &plan.record;
-    println!(
+    say!(
         "plan     {} views, {} kept, {} iterations in {:.2} s",
         record.cameras.len() - record.kept,
         record.kept,
@@ -257,7 +257,7 @@ pub fn print_plan(plan: &Plan) {
     );
     let mut rows = vec![("plan", &record.metrics)];
     rows.extend(record.controls.iter().map(|control| (control.name.as_str(), &control.metrics)));
-    print!("{}", table(&rows));
+    say!("{}", table(&rows).trim_end());
 }
 
 /// Metrics, a row per camera set.

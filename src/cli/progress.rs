@@ -58,11 +58,11 @@ impl Progress {
                 self.bar.set_position(u64::from(done));
                 let due = self.told.get().is_none_or(|told| told.elapsed() >= BETWEEN_LINES);
                 if self.bar.is_hidden() && done > 0 && done < all && due {
-                    println!("running  {done} of {all} iterations");
+                    say!("running  {done} of {all} iterations");
                     self.told.set(Some(Instant::now()));
                 }
             }
-            Event::Captured(path) => self.bar.suspend(|| println!("capture  {}", path.display())),
+            Event::Captured(path) => self.bar.suspend(|| say!("capture  {}", path.display())),
             Event::Scoring => {
                 self.bar.set_style(
                     ProgressStyle::with_template("{msg}").unwrap_or_else(|_| ProgressStyle::default_spinner()),
