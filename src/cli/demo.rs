@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 use glam::DVec3;
 
-use super::options::{DeviceOptions, print_target};
+use super::options::{DeviceOptions, print_messages, print_target};
 use super::plan::print_plan;
 use super::progress::{Progress, stop_on_interrupt};
 use crate::io::folder::OutputFolder;
@@ -31,11 +31,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     stop_on_interrupt()?;
     std::fs::create_dir_all(&arguments.out).map_err(|source| Error::io(&arguments.out, source))?;
     let context = arguments.device.open()?;
-    println!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+    say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
     let intrinsics = Intrinsics::from_fov(800, 800, 50f64.to_radians());
     let scenes = [("object", samples::object(), Preset::Object, 50), ("room", samples::room(), Preset::Room, 300)];
     for (name, surface, preset, views) in scenes {
-        println!();
+        say!();
         let folder = OutputFolder::create(&arguments.out.join(name), true)?;
         let target = Target::new(&surface, name, preset, &RegionChoice::default(), DVec3::Z, &intrinsics)?;
         print_target(&target);
@@ -45,10 +45,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             job::run(&context, &target, intrinsics, &[], config, Tools::default(), |event| progress.observe(event));
         progress.finish();
         let plan = plan?;
+        print_messages(&context);
         let path = folder.path().join("report.html");
         report::folder::write(&plan, &target, folder)?;
         print_plan(&plan);
-        println!("report   {}", path.display());
+        say!("report   {}", path.display());
         if plan.interrupted() {
             return Ok(ExitCode::from(super::INTERRUPTED));
         }

@@ -12,29 +12,24 @@ pub fn run() -> Result<ExitCode> {
     let instance = Instance::new(false)?;
     for (index, device) in Physical::all(&instance)?.iter().enumerate() {
         let (major, minor, patch) = device.api;
-        println!(
-            "{index}: {} ({}, Vulkan {major}.{minor}.{patch}, {})",
-            device.name,
-            device.kind,
-            device.driver.trim()
-        );
-        println!(
+        say!("{index}: {} ({}, Vulkan {major}.{minor}.{patch}, {})", device.name, device.kind, device.driver.trim());
+        say!(
             "   subgroups of {}, {} KiB shared, {} bytes of push constants, timestamps of {} bits",
             device.subgroup_size,
             device.shared_memory >> 10,
             device.push_constants,
             device.timestamp_bits
         );
-        println!(
+        say!(
             "   {} MiB of device memory, allocations up to {} MiB, buffers up to {} MiB",
             device.heap >> 20,
             device.allocation >> 20,
             device.storage_range >> 20
         );
         if device.lacks.is_empty() {
-            println!("   largest plan with 200 probes a step: about {} views", footprint::largest(device, 200));
+            say!("   largest plan with 200 probes a step: about {} views", footprint::largest(device, 200));
         } else {
-            println!("   cannot be used: lacks {}", device.lacks.join(", "));
+            say!("   cannot be used: lacks {}", device.lacks.join(", "));
         }
     }
     Ok(ExitCode::SUCCESS)

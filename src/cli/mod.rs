@@ -1,5 +1,22 @@
 //! The command line: one file per subcommand, each parses, calls and prints.
 
+/// Prints a line. Who reads it may be gone (`camsplat plan ... | head -1`); that is no reason to lose a plan, so what
+/// cannot be printed is not.
+macro_rules! say {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stdout(), $($text)*);
+    }};
+}
+
+/// Like [`say`], to standard error.
+macro_rules! complain {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), $($text)*);
+    }};
+}
+
 mod demo;
 mod devices;
 mod options;
@@ -9,7 +26,8 @@ mod score;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::{Arg, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 /// Where should the cameras stand?
 #[derive(Parser)]
@@ -37,7 +55,10 @@ const INTERRUPTED: u8 = 130;
 /// Runs the command line. Exit codes: 0 done, 2 bad input or request, 130 stopped by the user (what there was is
 /// written), 1 anything else.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match parser().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
+        Ok(cli) => cli,
+        Err(error) => return refuse(&error),
+    };
     let result = match cli.command {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Score(arguments) => score::run(&arguments),
@@ -47,8 +68,35 @@ pub fn main() -> ExitCode {
     match result {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {error}");
+            complain!("error: {error}");
             ExitCode::from(error.exit_code())
         }
     }
+}
+
+/// The parser: where an option takes a value, `-1` is one, so that what is said of it is that it is too small.
+fn parser() -> clap::Command {
+    let with_negatives = |arg: Arg| match arg.get_action().takes_values() {
+        true => arg.allow_negative_numbers(true),
+        false => arg,
+    };
+    Cli::command().mut_subcommands(|command| command.mut_args(with_negatives))
+}
+
+/// Prints what is wrong with the arguments in one line, as every other error is; help and version go out as they are.
+fn refuse(error: &clap::Error) -> ExitCode {
+    use ErrorKind::{DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion};
+    if matches!(error.kind(), DisplayHelp | DisplayVersion | DisplayHelpOnMissingArgumentOrSubcommand) {
+        // What cannot be printed cannot be told of either.
+        let _ = error.print();
+        return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
+    }
+    complain!("{}", one_line(&error.to_string()));
+    ExitCode::from(2)
+}
+
+/// The message of the argument parser without tips and usage: everything up to its first empty line.
+fn one_line(message: &str) -> String {
+    let lines: Vec<&str> = message.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
+    format!("{}; see --help", lines.join(" "))
 }

@@ -94,7 +94,7 @@ impl RegionOptions {
         let choice = self.choice()?;
         let (surface, notes) = io::read_surface_with_notes(path)?;
         for note in notes {
-            println!("{note}");
+            say!("{note}");
         }
         let up = match self.up {
             Some(up) => up,
@@ -125,6 +125,13 @@ impl RegionOptions {
     }
 }
 
+/// Prints what the validation layers said; nothing where they are off.
+pub fn print_messages(context: &Context) {
+    for message in context.messages() {
+        complain!("validation: {message}");
+    }
+}
+
 fn count(option: &str, form: &str, wanted: usize, given: usize) -> Error {
     Error::request(format!("{option} takes {wanted} numbers {form}, not {given}"))
 }
@@ -132,9 +139,9 @@ fn count(option: &str, form: &str, wanted: usize, given: usize) -> Error {
 /// Prints a surface and its region.
 pub fn print_target(target: &Target) {
     let SurfaceRecord { path, kind, primitives, min, max } = &target.record;
-    println!("surface  {path}: {primitives} {kind}, from {min:.3} to {max:.3}");
+    say!("surface  {path}: {primitives} {kind}, from {min:.3} to {max:.3}");
     if target.proxy.dropped + target.proxy.thinned > 0 {
-        println!("         {} dropped, {} thinned out", target.proxy.dropped, target.proxy.thinned);
+        say!("         {} dropped, {} thinned out", target.proxy.dropped, target.proxy.thinned);
     }
     let region = &target.region;
     let shape = match region.shape {
@@ -142,7 +149,7 @@ pub fn print_target(target: &Target) {
         Shape::Box { min, max } => format!("box from {min:.3} to {max:.3}"),
     };
     let floor = region.floor.map(|floor| format!(", floor at {floor:.3}")).unwrap_or_default();
-    println!("region   {shape}{floor}, clearance {:.4}, up {:.3}", region.clearance, region.up);
+    say!("region   {shape}{floor}, clearance {:.4}, up {:.3}", region.clearance, region.up);
 }
 
 /// Up where the user names none: glTF's by its standard, OBJ's by custom, a reconstruction's from its cameras.

@@ -5,10 +5,10 @@ use std::process::ExitCode;
 
 use clap::Args;
 
-use super::options::{CameraOptions, DeviceOptions, RegionOptions};
+use super::options::{CameraOptions, DeviceOptions, RegionOptions, print_messages};
 use super::progress::{Progress, stop_on_interrupt};
 use crate::io;
-use crate::io::folder::OutputFolder;
+use crate::io::folder::{OutputFolder, check_file};
 use crate::metrics::Metrics;
 use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Start};
 use crate::plan::job::{self, Plan, Tools};
@@ -203,6 +203,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let renderdoc = arguments.capture.as_ref().map(|_| RenderDoc::load()).transpose()?;
     let config = arguments.tuning.apply(Config::new(arguments.region.preset(), arguments.views));
     config.validate()?;
+    for file in [&arguments.trace, &arguments.capture].into_iter().flatten() {
+        check_file(file)?;
+    }
     let intrinsics = arguments.camera.intrinsics()?;
     let folder = if arguments.dry_run { None } else { Some(OutputFolder::create(&arguments.out, arguments.force)?) };
     let target = arguments.region.target(&arguments.surface, &intrinsics)?;
@@ -211,13 +214,13 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         None => Vec::new(),
     };
     let context = arguments.device.open()?;
-    println!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+    say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
     let Some(folder) = folder else {
         let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
         let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &kept, config)?;
-        print!("{}", preparation.footprint().table());
+        say!("{}", preparation.footprint().table().trim_end());
         preparation.footprint().check(&context)?;
-        println!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));
+        say!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));
         return Ok(ExitCode::SUCCESS);
     };
 
@@ -228,9 +231,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let plan = job::run(&context, &target, intrinsics, &kept, config, tools, |event| progress.observe(event));
     progress.finish();
     let plan = plan?;
-    for message in context.messages() {
-        eprintln!("validation: {message}");
-    }
+    print_messages(&context);
     let path = folder.path().to_owned();
     report::folder::write(&plan, &target, folder)?;
     if let (Some(file), Some(profile)) = (&arguments.trace, &profile) {
@@ -238,11 +239,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     print_plan(&plan);
     if let (true, Some(profile)) = (arguments.profile, &profile) {
-        print!("\n{}", profile.table());
+        say!("\n{}", profile.table().trim_end());
     }
-    println!("report   {}", path.join("report.html").display());
+    say!("report   {}", path.join("report.html").display());
     if plan.interrupted() {
-        println!("stopped after {} iterations; the plan so far is written", plan.record.history.len());
+        say!("stopped after {} iterations; the plan so far is written", plan.record.history.len());
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
@@ -251,7 +252,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 /// Prints the metrics of a plan beside those of its controls.
 pub fn print_plan(plan: &Plan) {
     let record = &plan.record;
-    println!(
+    say!(
         "plan     {} views, {} kept, {} iterations in {:.2} s",
         record.cameras.len() - record.kept,
         record.kept,
@@ -260,7 +261,7 @@ pub fn print_plan(plan: &Plan) {
     );
     let mut rows = vec![("plan", &record.metrics)];
     rows.extend(record.controls.iter().map(|control| (control.name.as_str(), &control.metrics)));
-    print!("{}", table(&rows));
+    say!("{}", table(&rows).trim_end());
 }
 
 /// Metrics, a row per camera set.

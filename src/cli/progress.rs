@@ -1,8 +1,10 @@
 //! Progress on the terminal, and Ctrl-C.
 
+use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -29,9 +31,13 @@ pub fn stop_on_interrupt() -> Result<()> {
     .map_err(|e| Error::request(format!("Ctrl-C cannot be watched for: {e}")))
 }
 
-/// A bar that follows a run; drawn on a terminal only.
+/// Time between two lines of progress where there is no terminal.
+const BETWEEN_LINES: Duration = Duration::from_secs(10);
+
+/// A bar that follows a run; without a terminal, a line as soon as iterations run and then one every ten seconds.
 pub struct Progress {
     bar: ProgressBar,
+    told: Cell<Option<Instant>>,
 }
 
 impl Progress {
@@ -41,7 +47,7 @@ impl Progress {
         let style = ProgressStyle::with_template("{msg:10} {wide_bar} {pos}/{len} {per_sec}, {eta} left");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         bar.set_message("planning");
-        Self { bar }
+        Self { bar, told: Cell::default() }
     }
 
     /// Takes note of an event and says whether to go on.
@@ -50,8 +56,13 @@ impl Progress {
             Event::Iterations(done, all) => {
                 self.bar.set_length(u64::from(all));
                 self.bar.set_position(u64::from(done));
+                let due = self.told.get().is_none_or(|told| told.elapsed() >= BETWEEN_LINES);
+                if self.bar.is_hidden() && done > 0 && done < all && due {
+                    say!("running  {done} of {all} iterations");
+                    self.told.set(Some(Instant::now()));
+                }
             }
-            Event::Captured(path) => self.bar.suspend(|| println!("capture  {}", path.display())),
+            Event::Captured(path) => self.bar.suspend(|| say!("capture  {}", path.display())),
             Event::Scoring => {
                 self.bar.set_style(
                     ProgressStyle::with_template("{msg}").unwrap_or_else(|_| ProgressStyle::default_spinner()),

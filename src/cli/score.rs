@@ -5,8 +5,9 @@ use std::process::ExitCode;
 
 use clap::Args;
 
-use super::options::{CameraOptions, DeviceOptions, RegionOptions};
+use super::options::{DeviceOptions, RegionOptions, print_messages};
 use super::plan::table;
+use crate::io::folder::check_file;
 use crate::metrics::score_point::Field;
 use crate::plan::job;
 use crate::{Error, Result, io};
@@ -20,8 +21,6 @@ pub struct Arguments {
     cameras: PathBuf,
     #[command(flatten)]
     region: RegionOptions,
-    #[command(flatten)]
-    camera: CameraOptions,
     #[command(flatten)]
     device: DeviceOptions,
     /// Held-out points
@@ -40,26 +39,27 @@ pub struct Arguments {
 
 /// Scores and prints.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
-    if arguments.held_out == 0 {
-        return Err(Error::request("--held-out is 0; give at least 1"));
+    if !(1..=1 << 20).contains(&arguments.held_out) {
+        return Err(Error::request(format!("--held-out is {}; give 1 to {}", arguments.held_out, 1 << 20)));
+    }
+    if let Some(file) = &arguments.json {
+        check_file(file)?;
     }
     let (cameras, notes) = io::read_cameras_with_notes(&arguments.cameras)?;
     for note in notes {
-        println!("{note}");
+        say!("{note}");
     }
     // A default region follows from the cameras that are there, as far as they agree.
-    let intrinsics = match cameras.first() {
-        Some(camera) => camera.intrinsics,
-        None => arguments.camera.intrinsics()?,
-    };
-    let target = arguments.region.target(&arguments.surface, &intrinsics)?;
+    let first = cameras.first().ok_or_else(|| Error::input(&arguments.cameras, "it holds no cameras"))?;
+    let target = arguments.region.target(&arguments.surface, &first.intrinsics)?;
     let context = arguments.device.open()?;
     let field = if arguments.frustum { Field::Frustum } else { Field::Cone };
     let metrics = job::score(&context, &target, &cameras, arguments.held_out, arguments.seed, field)?;
-    print!("{}", table(&[("cameras", &metrics)]));
-    println!("voronoi cell    {:.4} sr, deviation {:.4} sr", metrics.voronoi_mean, metrics.voronoi_deviation);
-    println!("triangulation   {:.1}° between the two views farthest apart", metrics.triangulation_mean_deg);
-    println!("ground sampling {:.6} units a pixel", metrics.sampling_distance_mean);
+    print_messages(&context);
+    say!("{}", table(&[("cameras", &metrics)]).trim_end());
+    say!("voronoi cell    {:.4} sr, deviation {:.4} sr", metrics.voronoi_mean, metrics.voronoi_deviation);
+    say!("triangulation   {:.1}° between the two views farthest apart", metrics.triangulation_mean_deg);
+    say!("ground sampling {:.6} units a pixel", metrics.sampling_distance_mean);
     if let Some(file) = &arguments.json {
         let text = serde_json::to_string_pretty(&metrics)
             .map_err(|e| Error::request(format!("the metrics cannot be written: {e}")))?;

@@ -43,7 +43,7 @@ pub(crate) fn surface(path: &Path, surface: Surface) -> Result<Surface> {
     let positions = surface.positions();
     match positions {
         [] => return refuse("it holds no points; export the surface again".into()),
-        [_] => return refuse("it holds only one point; a surface needs two distinct points or more".into()),
+        [_] => return refuse("it holds only one point; a surface needs four distinct points, or triangles".into()),
         _ => finite(path, positions, what)?,
     }
     if positions.iter().all(|p| *p == positions[0]) {

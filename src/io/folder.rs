@@ -1,5 +1,6 @@
 //! An output folder that is written whole or not at all.
 
+use std::cell::OnceCell;
 use std::ffi::OsStr;
 use std::fs;
 use std::io::ErrorKind;
@@ -15,8 +16,9 @@ use crate::error::{Error, Result};
 pub struct OutputFolder {
     path: PathBuf,
     force: bool,
-    /// Beside `path`, so that moving is renaming. Removed when dropped.
-    hidden: TempDir,
+    /// Beside `path`, so that moving is renaming. Made with the first file, so that a process that is killed while it
+    /// computes leaves nothing behind; removed when dropped.
+    hidden: OnceCell<TempDir>,
 }
 
 impl OutputFolder {
@@ -27,25 +29,15 @@ impl OutputFolder {
     /// Before anything has been computed: when the folder is not empty and `force` is not given, is a file, or cannot be
     /// written.
     pub fn create(path: &Path, force: bool) -> Result<Self> {
-        let name = match path.components().next_back() {
-            Some(Component::Normal(name)) => name,
-            _ => return Err(Error::input(path, "this names no folder to write to; give one with a name of its own")),
-        };
-        let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        if !parent.is_dir() {
-            return Err(Error::input(path, format!("the folder {} does not exist; create it first", parent.display())));
+        if !matches!(path.components().next_back(), Some(Component::Normal(_))) {
+            return Err(Error::input(path, "this names no folder to write to; give one with a name of its own"));
         }
+        check_parent(path)?;
         check_free(path, force)?;
-        let prefix = format!(".{}-", name.to_string_lossy());
-        let hidden =
-            tempfile::Builder::new().prefix(&prefix).tempdir_in(parent).map_err(|source| Error::io(parent, source))?;
-        let folder = Self { path: path.to_owned(), force, hidden };
-        // The hidden folder itself is for its owner's eyes only; one made inside has the permissions a user expects.
-        fs::create_dir(folder.staged()).map_err(|source| Error::io(folder.staged(), source))?;
         if path.is_dir() {
-            tempfile::tempfile_in(path).map_err(|source| Error::io(path, source))?;
+            check_writable(path)?;
         }
-        Ok(folder)
+        Ok(Self { path: path.to_owned(), force, hidden: OnceCell::new() })
     }
 
     /// Where the folder will be.
@@ -53,9 +45,25 @@ impl OutputFolder {
         &self.path
     }
 
-    /// Where files are until they are committed.
-    fn staged(&self) -> PathBuf {
-        self.hidden.path().join("new")
+    /// The hidden folder. Files are in `new` in it until they are committed: the hidden folder itself is for its owner's
+    /// eyes only, and one made inside has the permissions a user expects.
+    fn hidden(&self) -> Result<&Path> {
+        if self.hidden.get().is_none() {
+            let parent = parent(&self.path);
+            let name = self.path.file_name().unwrap_or_default().to_string_lossy();
+            let hidden = tempfile::Builder::new()
+                .prefix(&format!(".{name}-"))
+                .tempdir_in(parent)
+                .map_err(|source| Error::io(parent, source))?;
+            let staged = hidden.path().join("new");
+            fs::create_dir(&staged).map_err(|source| Error::io(staged, source))?;
+            return Ok(self.hidden.get_or_init(|| hidden).path());
+        }
+        Ok(self.hidden.get().map_or(&self.path, |hidden| hidden.path()))
+    }
+
+    fn staged(&self) -> Result<PathBuf> {
+        Ok(self.hidden()?.join("new"))
     }
 
     /// Writes one file; `name` is relative to the folder, with `/` between the folders in it.
@@ -77,8 +85,8 @@ impl OutputFolder {
         if name.is_empty() || !is_inside {
             return Err(Error::request(format!("{name:?} does not name a file in the output folder")));
         }
-        let file = self.staged().join(name);
-        let parent = file.parent().unwrap_or(self.hidden.path());
+        let file = self.staged()?.join(name);
+        let parent = parent(&file);
         fs::create_dir_all(parent).map_err(|source| Error::io(parent, source))?;
         Ok(file)
     }
@@ -91,13 +99,14 @@ impl OutputFolder {
     pub fn commit(self) -> Result<()> {
         check_free(&self.path, self.force)?;
         if !self.path.exists() {
-            return fs::rename(self.staged(), &self.path).map_err(|source| Error::io(&self.path, source));
+            return fs::rename(self.staged()?, &self.path).map_err(|source| Error::io(&self.path, source));
         }
         let mut names = Vec::new();
-        list(&self.staged(), Path::new(""), &mut names)?;
-        let mut moves = Moves { replaced: self.hidden.path().join("old"), done: Vec::new() };
+        let staged = self.staged()?;
+        list(&staged, Path::new(""), &mut names)?;
+        let mut moves = Moves { replaced: self.hidden()?.join("old"), done: Vec::new() };
         for name in names {
-            let (from, to) = (self.staged().join(&name), self.path.join(&name));
+            let (from, to) = (staged.join(&name), self.path.join(&name));
             if let Err(source) = moves.replace(&from, &to) {
                 moves.undo();
                 return Err(Error::io(to, source));
@@ -107,11 +116,50 @@ impl OutputFolder {
     }
 }
 
+/// Checks, before anything has been computed, that a file can be written at `path`, and leaves nothing there.
+///
+/// # Errors
+/// When the path is a folder, lies in none, or in one that cannot be written to.
+pub fn check_file(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        return Err(Error::input(path, "a folder stands here; name a file"));
+    }
+    check_parent(path)
+}
+
+/// The folder that `path` lies in.
+fn parent(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Refuses a path whose parent is missing or cannot be written to.
+fn check_parent(path: &Path) -> Result<()> {
+    let parent = parent(path);
+    if !parent.is_dir() {
+        return Err(Error::input(path, format!("the folder {} does not exist; create it first", parent.display())));
+    }
+    check_writable(parent)
+}
+
+/// Refuses a folder that takes no files.
+fn check_writable(folder: &Path) -> Result<()> {
+    match tempfile::tempfile_in(folder) {
+        Ok(_) => Ok(()),
+        Err(e) => {
+            let what = format!("nothing can be written here ({}); name another folder", e.kind());
+            Err(Error::input(folder, what))
+        }
+    }
+}
+
 /// Refuses a path that is taken.
 fn check_free(path: &Path, force: bool) -> Result<()> {
     let mut entries = match fs::read_dir(path) {
         Ok(entries) => entries,
         Err(e) if e.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(e) if e.kind() == ErrorKind::NotADirectory => {
+            return Err(Error::input(path, "a file stands here; name a folder"));
+        }
         Err(e) => return Err(Error::io(path, e)),
     };
     if entries.next().is_some() && !force {
@@ -193,6 +241,24 @@ mod tests {
             fs::read_dir(path).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
         names.sort();
         names
+    }
+
+    /// If this failed, a process that is killed while it computes would leave a hidden folder for ever.
+    #[test]
+    fn nothing_is_there_before_the_first_file() {
+        let parent = tempfile::tempdir().unwrap();
+        let _folder = OutputFolder::create(&parent.path().join("out"), false).unwrap();
+        assert!(entries(parent.path()).is_empty());
+    }
+
+    /// If this failed, a run could end, after all its work, in a file that cannot be written.
+    #[test]
+    fn files_are_checked_up_front_and_not_made() {
+        let parent = tempfile::tempdir().unwrap();
+        assert!(check_file(parent.path()).unwrap_err().to_string().contains("name a file"));
+        assert!(check_file(&parent.path().join("a/b")).unwrap_err().to_string().contains("create it"));
+        check_file(&parent.path().join("b")).unwrap();
+        assert!(entries(parent.path()).is_empty());
     }
 
     /// If this failed, a stopped run would leave half a plan, or hidden rubbish, behind.

@@ -25,6 +25,7 @@ pub mod plan_json;
 pub mod ply;
 pub mod transforms;
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -141,7 +142,11 @@ fn json_file(path: &Path) -> Result<PathBuf> {
 
 /// The bytes of a file, of which there must be some.
 fn read_file(path: &Path) -> Result<Vec<u8>> {
-    let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
+    let bytes = std::fs::read(path).map_err(|source| match source.kind() {
+        ErrorKind::NotFound => Error::input(path, "there is no such file; check the path"),
+        ErrorKind::IsADirectory => Error::input(path, "this is a folder; give a file in it"),
+        _ => Error::io(path, source),
+    })?;
     if bytes.is_empty() {
         return Err(Error::input(path, "the file is empty; export it again"));
     }

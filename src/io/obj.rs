@@ -37,7 +37,9 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
     let mut reading = Reading::default();
     for (i, line) in bytes.split(|&b| b == b'\n').enumerate() {
         let line = String::from_utf8_lossy(line);
-        reading.line(path, line.trim(), notes).map_err(|what| Error::input(path, format!("line {}: {what}", i + 1)))?;
+        reading.line(path, line.trim(), notes).map_err(|what| {
+            Error::input(path, format!("line {}: {what}; mend the line or export the mesh again", i + 1))
+        })?;
     }
     if reading.polygons > 0 {
         notes.push(format!("{} faces with more than three vertices were cut into triangles", reading.polygons));

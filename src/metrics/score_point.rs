@@ -120,6 +120,7 @@ impl<'a> Scorer<'a> {
         let views: Vec<View> = cameras.iter().map(|camera| view(self.scene, camera)).collect();
         let points = self.maps.probes.len();
         let rows = ((RAYS_BYTES / (16 * views.len().max(1) as u64)) as usize).clamp(1, points.max(1));
+        let rows = rows.min(self.context.physical().groups_x as usize);
         let camera_buffer = Buffer::from_slice(&self.context, "cameras", &views)?;
         let rays = Buffer::device(&self.context, "rays", (16 * rows * views.len()) as u64)?;
         let cells = Buffer::device(&self.context, "cells", (4 * rows * views.len()) as u64)?;

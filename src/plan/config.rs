@@ -186,6 +186,11 @@ impl Config {
         if let Some((name, value)) = counts.iter().find(|(_, value)| *value == 0) {
             return bad(name, value, "at least 1");
         }
+        let limits =
+            [("--probes", self.probes, 65_535), ("--pool", self.pool, 1 << 20), ("--held-out", self.held_out, 1 << 20)];
+        if let Some((name, value, most)) = limits.iter().find(|(_, value, most)| value > most) {
+            return bad(name, value, &format!("at most {most}"));
+        }
         if let Some((name, value)) = positive.iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
             return bad(name, value, "a positive number");
         }

@@ -6,11 +6,14 @@ use super::dense::KERNEL_CUTOFF;
 use super::planner::element_sizes;
 use super::shared::{Control, Settings};
 use super::tally::mailbox;
+use crate::metrics::score_point;
 use crate::visibility::probe_depth::Probe;
 use crate::vulkan::Context;
 use crate::vulkan::physical::Physical;
 use crate::{Error, Result};
 
+/// Depth maps of the held-out points, which the metrics need beside everything else.
+const HELD_OUT: &str = "held-out depth";
 /// Depth maps of the pool take at most this much, and no more than an eighth of the device.
 const POOL_BYTES: u64 = 256 << 20;
 
@@ -48,6 +51,7 @@ impl Footprint {
             ("history", record * s.iterations as u64),
             ("snapshots", splat * splats * snapshots),
             ("mailbox", 4 * mailbox::WORDS as u64),
+            (HELD_OUT, 4 * config.held_out as u64 * (score_point::RESOLUTION * score_point::RESOLUTION) as u64),
         ];
         if binned {
             buffers.extend(super::binned::footprint(context, s, resolution));
@@ -70,10 +74,15 @@ impl Footprint {
     /// # Errors
     /// Where the whole does not fit the memory that is free, or one buffer is larger than the device allows.
     pub fn check(&self, context: &Context) -> Result<()> {
-        let remedy = "plan fewer views, or use fewer probes (--probes) or texels (--resolution)";
-        let physical = context.physical();
+        self.check_against(context.physical(), context.memory_available())
+    }
+
+    fn check_against(&self, physical: &Physical, free: u64) -> Result<()> {
+        let remedy = match self.buffers.iter().max_by_key(|buffer| buffer.1) {
+            Some((HELD_OUT, _)) => "use fewer held-out points (--held-out)",
+            _ => "plan fewer views, or use fewer probes (--probes) or texels (--resolution)",
+        };
         let limit = physical.storage_range.min(physical.allocation);
-        let free = context.memory_available();
         let (what, wanted, available) = match self.buffers.iter().find(|buffer| buffer.1 > limit) {
             Some((name, bytes)) => (format!("the plan's buffer `{name}`"), *bytes, limit),
             None if self.total() > free => ("the plan".to_owned(), self.total(), free),
@@ -98,6 +107,29 @@ pub(super) fn block(s: &Settings, config: &Config) -> u32 {
     let wanted = config.checkpoint_every.max(1);
     let every = s.relocate_every;
     if every > 0 && !wanted.is_multiple_of(every) { every } else { wanted }
+}
+
+/// Refuses counts that no surface and no resolution could make fit the device, before the host has drawn a single
+/// probe or placed a single splat: those would take the host's memory first.
+///
+/// # Errors
+/// As for [`Footprint::check`].
+pub(super) fn check_counts(config: &Config, kept: usize, context: &Context) -> Result<()> {
+    let splats = config.views.saturating_add(u32::try_from(kept).unwrap_or(u32::MAX));
+    let probes = config.probes.min(config.pool);
+    let settings = Settings {
+        splats,
+        probes,
+        pool: probes,
+        capacity: 1,
+        blocks: 1,
+        // The iterative variant rounds them down, by the number of views.
+        iterations: if config.iterative { 0 } else { config.iterations },
+        relocate_every: config.relocate_every,
+        ..Settings::default()
+    };
+    let physical = context.physical();
+    Footprint::new(context, &settings, config, 16, 0, false).check_against(physical, physical.heap)
 }
 
 /// How many of `points` probes have room for their depth maps; never fewer than one step needs.

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use glam::Vec3;
 
 use super::binned::Binned;
-use super::config::{Config, Gate, Objective, Pass};
+use super::config::{Config, Gate, Objective, Pass, Preset};
 use super::dense::DENSE;
 use super::footprint::{self, Footprint, Room};
 use super::record::{IterationRecord, Status};
@@ -37,6 +37,10 @@ const MOST_DENSE: u32 = 8000;
 
 /// Stream of the surface's samples that probes stand on; held-out points take another.
 pub const PROBE_STREAM: u32 = 0;
+
+/// About how many iterations are submitted ahead: enough that the device never waits for the host, and few enough that a
+/// run that is broken off soon ends, for what is submitted must still pass through the device, empty as it is.
+const AHEAD: u32 = 800;
 
 /// A plan in the making: all device state of one run.
 pub struct Planner<'a> {
@@ -128,6 +132,7 @@ impl Preparation {
         config: Config,
     ) -> Result<Self> {
         config.validate()?;
+        footprint::check_counts(&config, kept.len(), context)?;
         let gate_cos = (0.5 * intrinsics.inscribed_cone()).cos() as f32;
         let mut points = proxy.sample(config.pool as usize, config.seed, PROBE_STREAM);
         random::shuffle(&mut points, config.seed, PROBE_STREAM);
@@ -233,7 +238,7 @@ impl<'a> Planner<'a> {
         let Preparation { config, mut settings, points, start, start_scale, resolution, binned, footprint, .. } =
             preparation;
         footprint.check(context)?;
-        let maps = ProbeMaps::new(context, scene, &reachable(context, scene, points)?, resolution)?;
+        let maps = ProbeMaps::new(context, scene, &reachable(context, scene, points, config.preset)?, resolution)?;
         settings.pool = maps.probes.len() as u32;
         settings.probes = settings.probes.min(settings.pool);
         let gate = match config.gate {
@@ -453,25 +458,31 @@ impl<'a> Planner<'a> {
                     profile.device(submitted, &commands.timings()?);
                 }
                 if observe(self.done()).is_break() {
-                    self.buffers.mailbox.poke(mailbox::STOP, 1);
+                    break;
                 }
             }
         } else {
             let mut commands = Recorder::new(&self.context)?;
             self.record_block(&mut commands)?;
-            for _ in 0..blocks {
-                commands.submit()?;
-            }
-            while commands.pending() > 0 {
+            let ahead = (AHEAD / self.block()).clamp(2, 16) as usize;
+            let mut left = blocks;
+            loop {
+                for _ in commands.pending()..ahead.min(commands.pending() + left as usize) {
+                    commands.submit()?;
+                    left -= 1;
+                }
+                if commands.pending() == 0 {
+                    break;
+                }
                 std::thread::sleep(Duration::from_millis(2));
                 if observe(self.done()).is_break() {
                     self.buffers.mailbox.poke(mailbox::STOP, 1);
+                    left = 0;
                 }
             }
             commands.wait()?;
         }
-        let seconds = started.elapsed().as_secs_f64();
-        self.outcome(seconds)
+        Ok(Outcome { seconds: started.elapsed().as_secs_f64(), ..self.outcome()? })
     }
 
     /// Pairs of probe and visible splat and (tile, splat) instances of the iteration of the binned pass that had most;
@@ -491,7 +502,12 @@ impl<'a> Planner<'a> {
         1 + (splat + 4) * self.block()
     }
 
-    fn outcome(&self, seconds: f64) -> Result<Outcome> {
+    /// What the blocks that were recorded with [`Planner::record_block`] and have been waited for leave, whoever
+    /// submitted them. The time they took is the submitter's to measure and zero here.
+    ///
+    /// # Errors
+    /// Where the device fails, or a probe saw more splats than there was room for.
+    pub fn outcome(&self) -> Result<Outcome> {
         let done = self.done();
         let needed = |word| self.buffers.mailbox.peek(word).unwrap_or(0);
         let (pairs, instances) = match self.pipelines.splat {
@@ -513,7 +529,7 @@ impl<'a> Planner<'a> {
             .collect();
         snapshots.push((done, poses.clone()));
         let status = if done >= self.settings.iterations { Status::Complete } else { Status::Interrupted };
-        Ok(Outcome { poses, history, snapshots, status, seconds })
+        Ok(Outcome { poses, history, snapshots, status, seconds: 0.0 })
     }
 
     fn iteration(&self, iteration: u32, record: &Record) -> IterationRecord {
@@ -601,14 +617,23 @@ impl Buffers {
 }
 
 /// The points that some feasible position sees, as far as a coarse map can tell; the others would only dilute a batch.
-fn reachable(context: &Arc<Context>, scene: &DeviceScene, points: Vec<SurfacePoint>) -> Result<Vec<SurfacePoint>> {
+fn reachable(
+    context: &Arc<Context>,
+    scene: &DeviceScene,
+    points: Vec<SurfacePoint>,
+    preset: Preset,
+) -> Result<Vec<SurfacePoint>> {
     let maps = ProbeMaps::new(context, scene, &points, 16)?;
     let seen: Vec<SurfacePoint> =
         points.into_iter().zip(&maps.probes).filter(|(_, probe)| probe.sky > 0.0).map(|(point, _)| point).collect();
     if seen.is_empty() {
-        return Err(Error::request(
-            "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance)",
-        ));
+        let outside = match preset {
+            Preset::Object => "",
+            Preset::Room => ", or give --preset object for a surface that is seen from outside",
+        };
+        return Err(Error::request(format!(
+            "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance){outside}"
+        )));
     }
     Ok(seen)
 }

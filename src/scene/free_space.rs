@@ -160,7 +160,7 @@ fn grid_around(region: &Region, resolution: u32) -> Result<Grid> {
     let dims = ((max - min) / cell).map(|n| (n - 1e-9).ceil().max(1.0)) + 2.0 * margin;
     if resolution == 0 || dims.element_product() > MOST_VOXELS {
         return Err(Error::request(format!(
-            "region: {resolution} voxels along its longest side make a grid of {dims}; give a number between 1 and 300, or a smaller clearance"
+            "region: {resolution} voxels along its longest side make a grid of {dims}; give a smaller clearance (--clearance) or fewer voxels"
         )));
     }
     let size = cell * dims;

@@ -92,7 +92,13 @@ impl RenderDoc {
     /// # Errors
     /// Where RenderDoc could not write it.
     pub fn end(&self) -> Result<PathBuf> {
-        let failed = || Error::NoDevice("RenderDoc could not write the capture".into());
+        let failed = || {
+            Error::NoDevice(
+                "RenderDoc could not take the capture: see that its Vulkan layer is registered (renderdoccmd vulkanlayer \
+                 --explain) and that the file can be written"
+                    .into(),
+            )
+        };
         let mut path = [0 as c_char; 4096];
         let mut length = path.len() as u32;
         // SAFETY: as in `start`; `path` is as long as `length` says.

@@ -110,11 +110,17 @@ impl<'a> Recorder<'a> {
     ///
     /// # Safety
     /// `raw` must be in the recording state, of the device that `context` adopted, and everything recorded must stay
-    /// alive until the host's submission has ended.
+    /// alive until the host's submission has ended. [`Recorder::finish`] must come before the host reads results.
     pub unsafe fn host(context: &Arc<Context>, raw: vk::CommandBuffer) -> Self {
         let mut recorder = Self::around(context, raw, false);
         recorder.barrier();
         recorder
+    }
+
+    /// Ends the part of a host's command buffer that this recorder wrote: what the host records next, and the host itself
+    /// once its submission has ended, see the results.
+    pub fn finish(mut self) {
+        self.barrier();
     }
 
     fn around(context: &Arc<Context>, raw: vk::CommandBuffer, owned: bool) -> Self {

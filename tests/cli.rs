@@ -1,0 +1,385 @@
+//! The built command: what a plan leaves, what each option does, how a run is watched and stopped.
+
+mod command;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, Command};
+
+use camsplat::io;
+use camsplat::metrics::Metrics;
+use camsplat::plan::record::Status;
+use camsplat::scene::camera::Camera;
+use command::{FILES, Place, Ran, SHORT, SMALL, ended};
+
+/// Asserts that two camera sets are the same up to what a round trip through another format costs.
+#[track_caller]
+fn assert_same_cameras(left: &[Camera], right: &[Camera]) {
+    assert_eq!(left.len(), right.len());
+    for (a, b) in left.iter().zip(right) {
+        assert!(a.pose.position.distance(b.pose.position) < 1e-9, "{a:?} {b:?}");
+        assert!(a.pose.rotation.dot(b.pose.rotation).abs() > 1.0 - 1e-9, "{a:?} {b:?}");
+        assert!((a.intrinsics.focal[0] - b.intrinsics.focal[0]).abs() < 1e-6, "{a:?} {b:?}");
+    }
+}
+
+/// If this failed, a user would not find what the documentation promises, or find another plan in one file than in the
+/// next.
+#[test]
+fn a_plan_leaves_every_file_and_they_agree() {
+    let place = Place::new();
+    let ran = place.done(&format!("plan ball.ply --out o {SHORT} --relocate-every 5 --size 640x480"));
+    assert_eq!(place.files("o"), FILES);
+    assert_eq!(
+        place.files(""),
+        [&["ball.ply"], &FILES.map(|file| format!("o/{file}")).each_ref().map(String::as_str)[..]].concat()
+    );
+    for line in ["surface  ball.ply: ", "region   shell around", "device   ", "plan     5 views, 0 kept, 20 iterations"]
+    {
+        assert!(ran.out.contains(line), "{line:?} is not in {}", ran.out);
+    }
+    let plan = place.plan("o");
+    assert_eq!((plan.status, plan.cameras.len(), plan.kept, plan.history.len()), (Status::Complete, 5, 0, 20));
+    assert_eq!(plan.checkpoints.iter().map(|c| c.iteration).collect::<Vec<_>>(), [0, 10, 20]);
+    assert!(plan.metrics.coverage_1 > 0.0 && plan.history.iter().all(|row| row.loss.is_finite()));
+    for file in ["plan.json", "transforms.json", "sparse/0", ""] {
+        assert_same_cameras(&io::read_cameras(&place.path("o").join(file)).unwrap(), &plan.cameras);
+    }
+    assert_eq!(place.read("o/cameras.csv").lines().count(), 6);
+    assert!(place.read("o/report.html").trim_end().ends_with("</html>"));
+    // The exports are surfaces themselves: the reader refuses what is damaged.
+    for file in ["points.ply", "coverage.ply", "frusta.ply", "sparse/0"] {
+        assert!(io::read_surface(&place.path("o").join(file)).is_ok(), "{file}");
+    }
+}
+
+/// If this failed, `score` would judge a plan by another measure than `plan` did, or an export would have moved the
+/// cameras.
+#[test]
+fn score_of_our_own_files_gives_the_metrics_of_the_plan() {
+    let place = Place::new();
+    for (options, field) in [("", ""), ("--gate pinhole", "--frustum")] {
+        place.done(&format!("plan ball.ply --out o --force {SHORT} --seed 3 {options}"));
+        let expected = place.plan("o").metrics;
+        for file in ["plan.json", "transforms.json", "sparse/0"] {
+            place.done(&format!("score ball.ply o/{file} --held-out 60 --seed 3 --json m.json {field}"));
+            let found: Metrics = serde_json::from_str(&place.read("m.json")).unwrap();
+            if file == "plan.json" {
+                assert_eq!(found, expected, "{field}");
+            }
+            let numbers = |m: &Metrics| -> BTreeMap<String, f64> {
+                serde_json::from_value(serde_json::to_value(m).unwrap()).unwrap()
+            };
+            for ((name, a), (_, b)) in numbers(&found).iter().zip(&numbers(&expected)) {
+                assert!((a - b).abs() <= 1e-5 * b.abs(), "{file} {field}: {name} is {a} and was {b}");
+            }
+        }
+    }
+}
+
+/// If this failed, cameras that a user has already would be moved, lost, or be mistaken for planned ones.
+#[test]
+fn kept_cameras_stay_where_they_are() {
+    let place = Place::new();
+    place.done(&format!("plan ball.ply --out first {SHORT}"));
+    let kept = place.plan("first").cameras;
+    for file in ["plan.json", "transforms.json", "sparse/0", ""] {
+        place.done(&format!("plan ball.ply --out second --force {SHORT} --seed 1 --keep first/{file}"));
+        let plan = place.plan("second");
+        assert_eq!((plan.cameras.len(), plan.kept), (10, 5), "{file}");
+        assert_same_cameras(&plan.cameras[5..], &kept);
+        let names: BTreeSet<&str> = plan.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        assert_eq!(names.len(), 10, "{file}: {names:?}");
+        assert_same_cameras(&io::read_cameras(&place.path("second/transforms.json")).unwrap(), &plan.cameras);
+    }
+    // Planned around the kept ones: without them the same seed gives another plan.
+    place.done(&format!("plan ball.ply --out alone {SHORT} --seed 1"));
+    assert_ne!(place.plan("alone").cameras[0].pose, place.plan("second").cameras[0].pose);
+}
+
+/// Options in the help of a subcommand, each with the values that it lists.
+fn options(place: &Place, subcommand: &str) -> BTreeMap<String, Vec<String>> {
+    let help = place.done(&format!("{subcommand} --help")).out;
+    let mut options = BTreeMap::new();
+    let mut last = String::new();
+    for line in help.lines().map(str::trim) {
+        if let Some(at) = line.find("--").filter(|at| *at == 0 || line.starts_with('-')) {
+            last = line[at + 2..].split([' ', ',', '=']).next().unwrap().to_owned();
+            options.insert(last.clone(), Vec::new());
+        }
+        let values = line.split_once("[possible values: ").map(|(_, rest)| rest.trim_end_matches(']').split(", "));
+        if let Some(values) = values {
+            options.insert(last.clone(), values.map(str::to_owned).collect());
+        } else if let Some(value) = line.strip_prefix("- ") {
+            options.entry(last.clone()).or_default().push(value.split(':').next().unwrap().to_owned());
+        }
+    }
+    options
+}
+
+/// If this failed, an option that the help shows would be refused, or stop a run that it should only change; or one has
+/// been added that nothing tests.
+#[test]
+fn every_option_of_the_help_is_accepted() {
+    let place = Place::new();
+    place.done(&format!("plan ball.ply --out first {SHORT}"));
+    let runs = [
+        "--preset object --shell 0,0,0,2,3 --floor -2.5 --up +z --clearance 0.1 --fov 60 --size 640x480 --device 0 \
+         --debug-sync --profile --trace t.json",
+        "--box -3,-3,-3,3,3,3 --preset object --keep first --seed 7 --nearest-tau 0.1 --gate-softness 0.01",
+        "--iterative --base-loss --no-vds --no-occlusion --no-reg --no-relocation --dry-run",
+        "--iterative --no-vds --no-occlusion --no-reg --no-relocation",
+        "--base-loss --relocate-every 5 --lambda-reg 2 --lambda-bound 3 --lambda-scale 0.1 --alpha 0.2 --scale 0.3",
+        "--rate-scale 0 --rate-centre 0.01 --rate-direction 0.03 --probes 8 --resolution 24",
+    ];
+    let known = options(&place, "plan");
+    let mut tried: BTreeSet<String> = BTreeSet::new();
+    // Capturing has its own tests, and help ends every run.
+    tried.extend(["capture", "help"].map(str::to_owned));
+    let mut try_with = |given: &str| {
+        let arguments = format!("plan ball.ply --out o --force {SHORT} {given}");
+        place.done(&arguments);
+        tried.extend(arguments.split_whitespace().filter_map(|word| word.strip_prefix("--")).map(str::to_owned));
+    };
+    runs.iter().for_each(|given| try_with(given));
+    for (option, values) in &known {
+        values.iter().for_each(|value| try_with(&format!("--{option} {value}")));
+    }
+    assert_eq!(known.keys().filter(|option| !tried.contains(*option)).collect::<Vec<_>>(), [""; 0]);
+    assert!(known["gate"].len() >= 4 && known["preset"].len() == 2, "the help was misread: {known:?}");
+
+    let given = "--preset room --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --floor -0.5 --up z --clearance 0.1 \
+                 --device 0 --debug-sync --held-out 50 --seed 4 --frustum --json m.json";
+    place.done(&format!("score ball.ply first/plan.json {given}"));
+    place.done("score ball.ply first/plan.json --shell 0,0,0,2,3");
+    let untried: Vec<String> =
+        options(&place, "score").into_keys().filter(|name| !given.contains(name) && name != "shell").collect();
+    assert_eq!(untried, ["help"]);
+}
+
+/// If this failed, an option would be accepted and then ignored.
+#[test]
+fn what_is_asked_for_is_what_runs() {
+    let place = Place::new();
+    place.done(&format!(
+        "plan ball.ply --out o {SMALL} --seed 9 --iterations 12 --objective nearest --gate pinhole-hard --kernel metric \
+         --start identical --no-occlusion --no-relocation --probes 7 --alpha 0.25 --rate-scale 0 --size 320x200"
+    ));
+    let plan = place.plan("o");
+    let expected = serde_json::json!({
+        "views": 5, "seed": 9, "iterations": 12, "objective": "nearest", "gate": "pinhole_hard", "kernel": "metric",
+        "start": "identical", "occlusion": false, "vds": true, "relocate_every": 0, "probes": 7, "pool": 64,
+        "held_out": 60, "alpha": 0.25, "rate_scale": 0.0, "preset": "object",
+    });
+    for (name, value) in expected.as_object().unwrap() {
+        assert_eq!(&plan.config[name], value, "{name}");
+    }
+    assert_eq!((plan.cameras[0].intrinsics.width, plan.cameras[0].intrinsics.height), (320, 200));
+    assert_eq!(plan.history.len(), 12);
+    assert!(plan.history.windows(2).all(|pair| pair[0].scale == pair[1].scale), "a rate of 0 holds the scale");
+}
+
+/// If this failed, a run could not be repeated: the determinism that the tool promises would end at its command line.
+#[test]
+fn the_same_command_gives_the_same_plan() {
+    let place = Place::new();
+    let poses = |out: &str, options: &str| {
+        place.done(&format!("plan ball.ply --out {out} {SHORT} {options}"));
+        place.plan(out)
+    };
+    let first = poses("a", "");
+    let again = poses("b", "");
+    let other = poses("c", "--seed 1");
+    assert_eq!((&first.cameras, &first.history, &first.metrics), (&again.cameras, &again.history, &again.metrics));
+    assert_ne!(first.cameras, other.cameras);
+}
+
+/// If this failed, waiting after every stage, or timing every stage, would change what is computed: a missing barrier
+/// would hide from the very tools that are to find it.
+#[test]
+fn watching_a_run_does_not_change_it() {
+    let place = Place::new();
+    let plan = |out: &str, options: &str| {
+        place.done(&format!("plan ball.ply --out {out} {SHORT} --relocate-every 5 {options}"));
+        let plan = place.plan(out);
+        (plan.cameras, plan.history, plan.checkpoints, plan.metrics)
+    };
+    let plain = plan("plain", "");
+    assert_eq!(plain, plan("synced", "--debug-sync"));
+    assert_eq!(plain, plan("profiled", "--profile"));
+    assert_eq!(plain, plan("both", "--debug-sync --profile"));
+}
+
+/// If this failed, a user would look at times that leave a stage out, or at a trace that no viewer opens.
+#[test]
+fn profile_and_trace_name_every_stage() {
+    let place = Place::new();
+    let ran = place.done(&format!("plan ball.ply --out o {SHORT} --relocate-every 5 --profile --trace t.json"));
+    let stages = ["dense", "update", "tally", "rank", "relocate", "snapshot"];
+    let mut share = 0.0;
+    for stage in stages {
+        let row = ran.out.lines().find(|line| line.split_whitespace().next() == Some(stage));
+        let row: Vec<&str> =
+            row.unwrap_or_else(|| panic!("no row for {stage}: {}", ran.out)).split_whitespace().collect();
+        assert!(row[1].parse::<u32>().unwrap() > 0, "{row:?}");
+        share += row[4].trim_end_matches('%').parse::<f64>().unwrap();
+    }
+    assert!((share - 100.0).abs() < 1.0, "the stages take {share} % of the time");
+
+    let trace: serde_json::Value = serde_json::from_str(&place.read("t.json")).unwrap();
+    let events = trace["traceEvents"].as_array().unwrap();
+    let spans = |name: &str| events.iter().filter(|e| e["ph"] == "X" && e["name"] == name).collect::<Vec<_>>();
+    for name in stages.iter().chain(&["preparation", "set-up", "optimisation", "metrics"]) {
+        assert!(!spans(name).is_empty(), "{name}");
+    }
+    assert!(spans("dense").len() >= 20, "one span an iteration");
+    for event in events.iter().filter(|event| event["ph"] == "X") {
+        assert!(event["ts"].as_f64().unwrap() >= 0.0 && event["dur"].as_f64().unwrap() >= 0.0, "{event}");
+    }
+    assert!(events.iter().any(|event| event["ph"] == "M" && event["args"]["name"] == "device"));
+}
+
+/// If this failed, `--dry-run` would not warn of what a plan takes, or would touch the disk.
+#[test]
+fn a_dry_run_prints_the_footprint_and_writes_nothing() {
+    let place = Place::new();
+    let before = place.files("");
+    let ran = place.done(&format!("plan ball.ply --out o {SHORT} --dry-run"));
+    let mebibytes = |name: &str| -> f64 {
+        let line = ran.out.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{name}: {}", ran.out));
+        line.split_whitespace().rev().nth(1).unwrap().parse().unwrap()
+    };
+    let buffers = ["depth", "splats", "partials", "moments", "history", "snapshots"];
+    assert!(buffers.into_iter().map(mebibytes).sum::<f64>() <= mebibytes("all ") + 0.05);
+    assert!(ran.out.lines().last().unwrap().starts_with("fits "), "{}", ran.out);
+    assert_eq!(place.files(""), before);
+}
+
+/// If this failed, the driver would be asked for something that Vulkan does not allow: it works here and fails elsewhere.
+#[test]
+fn the_validation_layers_are_silent() {
+    let place = Place::new();
+    let validated = |arguments: &str| {
+        let ran = ended(place.command(arguments).env("CAMSPLAT_VALIDATION", "1").output().unwrap());
+        assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""), "camsplat {arguments}");
+    };
+    validated(&format!("plan ball.ply --out a {SHORT} --relocate-every 5"));
+    validated(&format!(
+        "plan ball.ply --out b {SHORT} --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --objective nearest --debug-sync"
+    ));
+    validated(&format!("plan ball.ply --out c {SHORT} --keep a --gate pinhole --iterative --profile"));
+    validated("score ball.ply a/plan.json --held-out 1000");
+}
+
+/// If this failed, the silence above could be that of layers which were never switched on.
+#[test]
+fn validation_is_refused_where_the_layers_are_missing() {
+    let place = Place::new();
+    let mut command = place.command(&format!("plan ball.ply --out o {SHORT}"));
+    command.env("CAMSPLAT_VALIDATION", "1").env("VK_LAYER_PATH", place.path("none"));
+    let ran = ended(command.output().unwrap());
+    assert_eq!((ran.code, ran.err.lines().count()), (Some(2), 1), "{}", ran.err);
+    assert!(ran.err.contains("vulkan-validationlayers"), "{}", ran.err);
+}
+
+/// If this failed, a user could not find out what there is to run on.
+#[test]
+fn devices_are_listed_with_what_they_have() {
+    let place = Place::new();
+    let ran = place.done("devices");
+    assert!(
+        ran.out.starts_with("0: ") && ran.out.contains("largest plan with 200 probes a step: about"),
+        "{}",
+        ran.out
+    );
+    let lavapipe = ["x86_64", "aarch64"]
+        .iter()
+        .any(|machine| std::path::Path::new(&format!("/usr/share/vulkan/icd.d/lvp_icd.{machine}.json")).exists());
+    if lavapipe {
+        assert!(ran.out.contains("llvmpipe") && ran.out.contains("(CPU, Vulkan 1."), "{}", ran.out);
+    } else {
+        println!("skipped: lavapipe is not installed");
+    }
+}
+
+/// If this failed, `camsplat plan ... | head -1` would lose the plan: writing to nobody fails.
+#[test]
+fn a_reader_that_goes_away_costs_nothing() {
+    let place = Place::new();
+    let mut child = place.command(&format!("plan ball.ply --out o {SHORT} --profile")).spawn().unwrap();
+    drop(child.stdout.take());
+    drop(child.stderr.take());
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert_eq!(place.files("o"), FILES);
+    let mut child = place.command("plan none.ply --out p --views 3").spawn().unwrap();
+    drop(child.stderr.take());
+    assert_eq!(child.wait().unwrap().code(), Some(2));
+}
+
+/// Reads a child's output up to the line that starts with `start`; fails where there is none.
+fn read_until(child: &mut Child, start: &str) -> BufReader<std::process::ChildStdout> {
+    let mut output = BufReader::new(child.stdout.take().unwrap());
+    let mut line = String::new();
+    loop {
+        line.clear();
+        assert!(output.read_line(&mut line).unwrap() > 0, "the run ended without a line that starts with {start:?}");
+        if line.starts_with(start) {
+            return output;
+        }
+    }
+}
+
+/// Sends `signal` to a child and waits for its end.
+fn stop(mut child: Child, mut output: impl Read, signal: &str) -> Ran {
+    assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+    let mut out = String::new();
+    output.read_to_string(&mut out).unwrap();
+    let mut err = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut err).unwrap();
+    Ran { code: child.wait().unwrap().code(), out, err }
+}
+
+/// If this failed, stopping a run would throw its work away, pass half a plan off as a whole one, or go unheard.
+#[test]
+#[cfg(unix)]
+fn an_interrupted_run_leaves_the_plan_so_far() {
+    let place = Place::new();
+    for (signal, out, options) in [("-INT", "a", ""), ("-TERM", "b", ""), ("-INT", "c", "--profile")] {
+        let arguments = format!("plan ball.ply --out {out} {SMALL} --iterations 50000 {options}");
+        let mut child = place.command(&arguments).spawn().unwrap();
+        let output = read_until(&mut child, "running ");
+        let ran = stop(child, output, signal);
+        assert_eq!((ran.code, ran.err.as_str()), (Some(130), ""), "{}", ran.out);
+        assert_eq!(place.files(out), FILES);
+        let plan = place.plan(out);
+        let done = plan.history.len();
+        assert_eq!((plan.status, plan.cameras.len()), (Status::Interrupted, 5));
+        assert!(done > 0 && done < 50_000, "{done} iterations");
+        assert_eq!(plan.checkpoints.last().unwrap().iteration as usize, done);
+        assert!(ran.out.contains(&format!("stopped after {done} iterations")), "{}", ran.out);
+        assert!(place.read(&format!("{out}/plan.json")).contains("\"interrupted\""));
+    }
+}
+
+/// If this failed, there would be a moment at which Ctrl-C leaves half a folder, or hidden rubbish beside it.
+#[test]
+#[cfg(unix)]
+fn a_stop_at_any_time_leaves_all_or_nothing() {
+    let place = Place::new();
+    for (i, line) in ["surface ", "region ", "device ", "running "].iter().enumerate() {
+        let out = format!("o{i}");
+        let mut child =
+            place.command(&format!("plan ball.ply --out {out} {SMALL} --iterations 50000")).spawn().unwrap();
+        let output = read_until(&mut child, line);
+        let ran = stop(child, output, "-INT");
+        // Before the work begins the signal itself ends the process, and there is no exit code.
+        assert!([None, Some(130)].contains(&ran.code), "{line}: {:?} {}", ran.code, ran.err);
+        match place.path(&out).exists() {
+            true => assert_eq!(place.files(&out), FILES, "{line}"),
+            false => assert_eq!(ran.code, None, "{line}"),
+        }
+        let names = std::fs::read_dir(place.path("")).unwrap().map(|entry| entry.unwrap().file_name());
+        let hidden: Vec<_> = names.filter(|name| name.to_string_lossy().starts_with('.')).collect();
+        assert!(hidden.is_empty(), "{line}: {hidden:?}");
+    }
+}
