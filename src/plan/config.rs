@@ -229,7 +229,7 @@ impl Config {
             equal_probes: true,
             lambda_reg: 3.0,
             lambda_bound: 10.0,
-            lambda_scale: 0.5,
+            lambda_scale: 0.3,
             nearest_tau: 0.02,
             rate_centre: 0.0065,
             rate_direction: 0.02,
