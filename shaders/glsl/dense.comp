@@ -31,6 +31,7 @@ const uint BATCH = 64;              // splats at a time
 const uint WORDS = THREADS / 32;
 
 shared uint words[WORDS];
+shared uint listed[THREADS];          // the first of the list; the rest lies in `visible`
 shared vec4 batch_ray[BATCH];           // n, d
 shared float batch_open[BATCH];         // alpha m
 shared float left[BLOCK];                      // transmittance, or the nearest-view sum; negative where rho = 0
@@ -65,13 +66,19 @@ uint list_visible(uint probe, vec3 position, uint pool_row, Settings s) {
         // Every block of the probe makes the same list; the first one's slots stand for all.
         bool kept = seen && rank < s.capacity;
         if (j < s.splats && gl_WorkGroupID.y == 0) slots[probe * s.splats + j] = kept ? rank : NONE;
-        if (kept) visible[(probe * s.blocks + gl_WorkGroupID.y) * s.capacity + rank] = j;
+        if (seen && rank < THREADS) listed[rank] = j;
+        else if (kept) visible[(probe * s.blocks + gl_WorkGroupID.y) * s.capacity + rank] = j;
         count = all;
         barrier();
     }
     memoryBarrierBuffer();
     barrier();
     return count;
+}
+
+// Splat at a place of the list, whose overflow starts at `row`.
+uint at(uint rank, uint row) {
+    return rank < THREADS ? listed[rank] : visible[row + rank];
 }
 
 vec4 total_of(vec4 value) {
@@ -120,7 +127,7 @@ void main() {
     for (uint base = 0; base < count; base += BATCH) {
         barrier();
         if (thread < BATCH && base + thread < count) {
-            uint j = visible[row + base + thread];
+            uint j = at(base + thread, row);
             vec3 ray = splats[j].centre - position;
             float d = length(ray);
             vec3 n = ray / max(d, 1e-6);
@@ -171,7 +178,7 @@ void main() {
         float d = 1.0, total = 0.0, by_scale = 0.0, utility = 0.0;
         Gate g = Gate(0.0, vec3(0.0), vec3(0.0));
         if (rank < count) {
-            Splat splat = splats[visible[row + rank]];
+            Splat splat = splats[at(rank, row)];
             vec3 ray = splat.centre - position;
             d = max(length(ray), 1e-6);
             n = ray / d;
