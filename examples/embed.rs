@@ -117,7 +117,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // The planner's device state. Making it uploads the scene, through the host's queue.
     let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
-    let preparation = Preparation::new(context.physical(), &geometry, &target.proxy, &intrinsics, &[], config)?;
+    let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &[], config)?;
     let scene = DeviceScene::new(&context, geometry)?;
     let planner = Planner::new(&context, &scene, preparation)?;
 
@@ -132,7 +132,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     // SAFETY: the command buffer is in the recording state, and the planner lives until it has run.
     let mut recorder = unsafe { Recorder::host(&context, commands) };
-    planner.record_block(&mut recorder);
+    planner.record_block(&mut recorder)?;
     recorder.finish();
     // SAFETY: the command buffer is in the recording state.
     unsafe { host.device.end_command_buffer(commands) }?;

@@ -42,6 +42,16 @@ pub enum Error {
         /// What the user can do.
         remedy: String,
     },
+    /// A probe or tile needed more room than a run had set aside; a run with that much will do.
+    #[error(
+        "the plan needs room for {pairs} visible pairs and {instances} tile instances and had less; use fewer probes (--probes) or a larger device"
+    )]
+    Room {
+        /// Visible splats of a probe, or pairs of the binned pass.
+        pairs: u32,
+        /// Tile instances of the binned pass.
+        instances: u32,
+    },
     /// The device was lost while running a stage.
     #[error("the device was lost; the last stage that started was `{stage}`")]
     DeviceLost {

@@ -1,14 +1,17 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// The splat pass without binning: a workgroup per point camera. It lists the camera splats that the probe can see, forms
-// the picture texel by texel over that list, then turns round and sums, splat by splat, over the texels' residuals.
+// The splat pass without binning: a workgroup per block of texels of a point camera. It lists the camera splats that the
+// probe can see, forms the picture texel by texel over that list, then turns round and sums, splat by splat, over the
+// texels' residuals.
 // No atomics on floats and a fixed order everywhere: the same bits on every run. Twin: src/plan/dense.rs.
 //
-// An invocation's loops come to about 5 iterations a visible splat for every 1024 texels, far from the 65,535 at which
+// An invocation's loops come to about 8 iterations a visible splat, far from the 65,535 at which
 // lavapipe ends them; `Planner` keeps larger problems away from this stage.
 #include "shared/octahedral.glsl"
 #include "shared/plan.glsl"
-layout(local_size_x = 256) in;
+layout(local_size_x_id = 6) in;
+layout(constant_id = 6) const uint THREADS = 256;  // a power of two from 64 to 1024
+layout(constant_id = 7) const uint EACH = 1;       // texels of a thread, up to 4
 
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
 layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
@@ -23,22 +26,22 @@ layout(binding = 8, std430) buffer Partials { Gradient partials[]; };
 layout(binding = 9, std430) writeonly buffer Tallies { Tally tallies[]; };
 layout(binding = 10, std430) writeonly buffer Deficit { float deficit[]; };
 
-const uint BLOCK = TEXELS < 1024 ? TEXELS : 1024;  // texels at a time
-const uint EACH = (BLOCK + 255) / 256; // texels of a thread at a time
-const uint BATCH = 128;                 // splats at a time
+const uint BLOCK = THREADS * EACH;  // texels of a workgroup
+const uint BATCH = 64;              // splats at a time
+const uint WORDS = THREADS / 32;
 
-shared uint words[8];
+shared uint words[WORDS];
 shared vec4 batch_ray[BATCH];           // n, d
 shared float batch_open[BATCH];         // alpha m
-shared float left[1024];                // transmittance, or the nearest-view sum; negative where rho = 0
-shared vec4 sums[256];
-shared vec2 more_sums[256];
+shared float left[BLOCK];                      // transmittance, or the nearest-view sum; negative where rho = 0
+shared vec4 sums[THREADS];
+shared vec2 more_sums[THREADS];
 
 uint list_visible(uint probe, vec3 position, uint pool_row, Settings s) {
     uint count = 0;
     uint thread = gl_LocalInvocationIndex;
-    for (uint base = 0; base < s.splats; base += 256) {
-        if (thread < 8) words[thread] = 0;
+    for (uint base = 0; base < s.splats; base += THREADS) {
+        if (thread < WORDS) words[thread] = 0;
         barrier();
         uint j = base + thread;
         bool seen = false;
@@ -53,17 +56,16 @@ uint list_visible(uint probe, vec3 position, uint pool_row, Settings s) {
         if (seen) atomicOr(words[thread >> 5], 1u << (thread & 31u));
         barrier();
         uint rank = count, all = count;
-        for (uint k = 0; k < 8; ++k) {
+        for (uint k = 0; k < min(WORDS, (s.splats - base + 31) / 32); ++k) {
             uint bits = bitCount(words[k]);
             if (k < (thread >> 5)) rank += bits;
             all += bits;
         }
         rank += bitCount(words[thread >> 5] & ((1u << (thread & 31u)) - 1u));
-        if (j < s.splats) {
-            bool kept = seen && rank < s.capacity;
-            slots[probe * s.splats + j] = kept ? probe * s.capacity + rank : NONE;
-            if (kept) visible[probe * s.capacity + rank] = j;
-        }
+        // Every block of the probe makes the same list; the first one's slots stand for all.
+        bool kept = seen && rank < s.capacity;
+        if (j < s.splats && gl_WorkGroupID.y == 0) slots[probe * s.splats + j] = kept ? rank : NONE;
+        if (kept) visible[(probe * s.blocks + gl_WorkGroupID.y) * s.capacity + rank] = j;
         count = all;
         barrier();
     }
@@ -72,16 +74,16 @@ uint list_visible(uint probe, vec3 position, uint pool_row, Settings s) {
     return count;
 }
 
-float total_of(float value) {
+vec4 total_of(vec4 value) {
     uint thread = gl_LocalInvocationIndex;
     barrier();
-    sums[thread].x = value;
-    for (uint half_ = 128; half_ > 0; half_ >>= 1) {
+    sums[thread] = value;
+    for (uint half_ = THREADS / 2; half_ > 0; half_ >>= 1) {
         barrier();
-        if (thread < half_) sums[thread].x += sums[thread + half_].x;
+        if (thread < half_) sums[thread] += sums[thread + half_];
     }
     barrier();
-    return sums[0].x;
+    return sums[0];
 }
 
 void main() {
@@ -94,147 +96,132 @@ void main() {
     uint pool_row = index * TEXELS;
     uint found = list_visible(probe, position, pool_row, s);
     uint count = min(found, s.capacity);
-    uint row = probe * s.capacity;
+    uint block = gl_WorkGroupID.y * BLOCK, row = (probe * s.blocks + gl_WorkGroupID.y) * s.capacity;
 
     float scale = exp(control[0].log_scale);
     float inverse = OBJECTIVE == 1 ? 1.0 / s.nearest_tau : 1.0 / (scale * scale);
     float goal = s.alpha * score;
-    float share = 1.0 / (float(TEXELS) * float(s.probes));
+    float share = texel_weight(probes[index], s);
     float loss = 0.0, short_fall = 0.0, open_sky = 0.0, by_log_scale = 0.0;
 
     // Lanes that share a splat on the way back: as many as keep every thread busy.
-    uint lanes = 256;
-    while (lanes > 1 && 256 / lanes < count) lanes >>= 1;
-    uint at_once = 256 / lanes;
+    uint lanes = THREADS;
+    while (lanes > 1 && THREADS / lanes < count) lanes >>= 1;
+    uint at_once = THREADS / lanes;
 
-    for (uint block = 0; block < TEXELS; block += BLOCK) {
-        vec3 w[4];
-        float far[4], value[4];
-        for (uint k = 0; k < EACH; ++k) {
-            uint texel = block + k * 256 + thread;
-            w[k] = directions[min(texel, TEXELS - 1)].xyz;
-            far[k] = depth[pool_row + min(texel, TEXELS - 1)];
-            value[k] = OBJECTIVE == 1 ? 0.0 : 1.0;
-        }
-        for (uint base = 0; base < count; base += BATCH) {
-            barrier();
-            if (thread < BATCH && base + thread < count) {
-                uint j = visible[row + base + thread];
-                vec3 ray = splats[j].centre - position;
-                float d = length(ray);
-                vec3 n = ray / max(d, 1e-6);
-                batch_ray[thread] = vec4(n, d);
-                batch_open[thread] = (OBJECTIVE == 1 ? 1.0 : s.alpha) * gate(-n, splats[j].direction, s).open;
-            }
-            barrier();
-            uint here = min(BATCH, count - base);
-            for (uint b = 0; b < here; ++b) {
-                vec4 ray = batch_ray[b];
-                for (uint k = 0; k < EACH; ++k) {
-                    float x = kernel_exponent(w[k], ray.xyz, ray.w, inverse);
-                    if (OBJECTIVE == 1) {
-                        value[k] += batch_open[b] * exp(-x);
-                    } else if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || ray.w < abs(far[k]))) {
-                        value[k] *= 1.0 - batch_open[b] * exp(-x);
-                    }
-                }
-            }
-        }
-        bool keep_deficit = s.relocate_every != 0 && (control[0].iteration + 1) % s.relocate_every == 0;
-        for (uint k = 0; k < EACH; ++k) {
-            uint texel = block + k * 256 + thread;
-            if (texel >= TEXELS) break;
-            bool counts = far[k] > 0.0;
-            float lack;
-            if (OBJECTIVE == 1) {
-                float term = -s.nearest_tau * log(max(value[k], NEAREST_FLOOR));
-                lack = max(term, 0.0);
-                if (counts) loss += score * term;
-            } else {
-                float difference = (1.0 - value[k]) - goal;
-                lack = max(-difference, 0.0);
-                if (counts) loss += difference * difference;
-            }
-            if (counts) {
-                open_sky += 1.0;
-                short_fall += lack * lack;
-            }
-            if (keep_deficit) deficit[probe * TEXELS + texel] = counts ? lack * lack : 0.0;
-            left[k * 256 + thread] = counts ? value[k] : -1.0;
+    vec3 w[4];
+    float far[4], value[4];
+    for (uint k = 0; k < EACH; ++k) {
+        uint texel = block + k * THREADS + thread;
+        w[k] = directions[min(texel, TEXELS - 1)].xyz;
+        far[k] = depth[pool_row + min(texel, TEXELS - 1)];
+        value[k] = OBJECTIVE == 1 ? 0.0 : 1.0;
+    }
+    for (uint base = 0; base < count; base += BATCH) {
+        barrier();
+        if (thread < BATCH && base + thread < count) {
+            uint j = visible[row + base + thread];
+            vec3 ray = splats[j].centre - position;
+            float d = length(ray);
+            vec3 n = ray / max(d, 1e-6);
+            batch_ray[thread] = vec4(n, d);
+            batch_open[thread] = (OBJECTIVE == 1 ? 1.0 : s.alpha) * gate(-n, splats[j].direction, s).open;
         }
         barrier();
-
-        for (uint base = 0; base < count; base += at_once) {
-            uint rank = base + thread / lanes, lane = thread % lanes;
-            vec3 n = vec3(0.0), moment = vec3(0.0);
-            float d = 1.0, total = 0.0, by_scale = 0.0, utility = 0.0;
-            Gate g = Gate(0.0, vec3(0.0), vec3(0.0));
-            if (rank < count) {
-                Splat splat = splats[visible[row + rank]];
-                vec3 ray = splat.centre - position;
-                d = max(length(ray), 1e-6);
-                n = ray / d;
-                g = gate(-n, splat.direction, s);
-                float open = (OBJECTIVE == 1 ? 1.0 : s.alpha) * g.open;
-                for (uint t = lane; t < min(BLOCK, TEXELS - block); t += lanes) {
-                    float rest = left[t];
-                    if (rest < 0.0) continue;
-                    vec3 w = directions[block + t].xyz;
-                    float x = kernel_exponent(w, n, d, inverse);
-                    if (OBJECTIVE == 1) {
-                        float sum = max(rest, NEAREST_FLOOR);
-                        float part = open * exp(-x) / sum;
-                        float by_part = rest > NEAREST_FLOOR ? -s.nearest_tau * share * score * part : 0.0;
-                        total += by_part;
-                        moment += by_part * w;
-                        utility -= s.nearest_tau * share * log(max(1.0 - part, 1e-3));
-                    } else if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || d < abs(depth[pool_row + block + t]))) {
-                        float a = open * exp(-x);
-                        float odds = a / (1.0 - a);
-                        float difference = 1.0 - rest - goal;
-                        float by_a = 2.0 * share * difference * rest * odds;  // (dL/da) a
-                        total += by_a;
-                        moment += KERNEL == 0 ? by_a * w : (by_a * d * dot(w, n)) * w;
-                        by_scale += 2.0 * x * by_a;
-                        // (I_without - goal)^2 - (I - goal)^2
-                        utility -= share * rest * odds * (2.0 * difference - rest * odds);
-                    }
+        uint here = min(BATCH, count - base);
+        for (uint b = 0; b < here; ++b) {
+            vec4 ray = batch_ray[b];
+            for (uint k = 0; k < EACH; ++k) {
+                float x = kernel_exponent(w[k], ray.xyz, ray.w, inverse);
+                if (OBJECTIVE == 1) {
+                    value[k] += batch_open[b] * exp(-x);
+                } else if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || ray.w < abs(far[k]))) {
+                    value[k] *= 1.0 - batch_open[b] * exp(-x);
                 }
             }
-            sums[thread] = vec4(moment, total);
-            more_sums[thread] = vec2(by_scale, utility);
-            for (uint half_ = lanes >> 1; half_ > 0; half_ >>= 1) {
-                barrier();
-                if (lane < half_) {
-                    sums[thread] += sums[thread + half_];
-                    more_sums[thread] += more_sums[thread + half_];
-                }
-            }
-            barrier();
-            if (lane == 0 && rank < count) {
-                Gradient grad = splat_gradient(n, d, g, sums[thread].xyz, sums[thread].w, inverse);
-                grad.log_scale = more_sums[thread].x;
-                grad.utility = more_sums[thread].y;
-                by_log_scale += grad.log_scale;
-                if (block > 0) {
-                    Gradient before = partials[row + rank];
-                    grad.centre += before.centre;
-                    grad.direction += before.direction;
-                    grad.log_scale += before.log_scale;
-                    grad.utility += before.utility;
-                }
-                partials[row + rank] = grad;
-            }
-            barrier();
         }
     }
-
-    loss = total_of(loss);
-    short_fall = total_of(short_fall);
-    open_sky = total_of(open_sky);
-    by_log_scale = total_of(by_log_scale);
-    if (thread == 0) {
-        float weight = OBJECTIVE == 1 ? 0.0 : short_fall / max(open_sky, 1.0);
-        tallies[probe] = Tally(loss * share, weight, by_log_scale, found);
+    bool keep_deficit = s.relocate_every != 0 && (control[0].iteration + 1) % s.relocate_every == 0;
+    for (uint k = 0; k < EACH; ++k) {
+        uint texel = block + k * THREADS + thread;
+        if (texel >= TEXELS) break;
+        bool counts = far[k] > 0.0;
+        float lack;
+        if (OBJECTIVE == 1) {
+            float term = -s.nearest_tau * log(max(value[k], NEAREST_FLOOR));
+            lack = max(term, 0.0);
+            if (counts) loss += score * term;
+        } else {
+            float difference = (1.0 - value[k]) - goal;
+            lack = max(-difference, 0.0);
+            if (counts) loss += difference * difference;
+        }
+        if (counts) {
+            open_sky += 1.0;
+            short_fall += lack * lack;
+        }
+        if (keep_deficit) deficit[probe * TEXELS + texel] = counts ? lack * lack : 0.0;
+        left[k * THREADS + thread] = counts ? value[k] : -1.0;
     }
+    barrier();
+
+    for (uint base = 0; base < count; base += at_once) {
+        uint rank = base + thread / lanes, lane = thread % lanes;
+        vec3 n = vec3(0.0), moment = vec3(0.0);
+        float d = 1.0, total = 0.0, by_scale = 0.0, utility = 0.0;
+        Gate g = Gate(0.0, vec3(0.0), vec3(0.0));
+        if (rank < count) {
+            Splat splat = splats[visible[row + rank]];
+            vec3 ray = splat.centre - position;
+            d = max(length(ray), 1e-6);
+            n = ray / d;
+            g = gate(-n, splat.direction, s);
+            float open = (OBJECTIVE == 1 ? 1.0 : s.alpha) * g.open;
+            for (uint t = lane; t < min(BLOCK, TEXELS - block); t += lanes) {
+                float rest = left[t];
+                if (rest < 0.0) continue;
+                vec3 w = directions[block + t].xyz;
+                float x = kernel_exponent(w, n, d, inverse);
+                if (OBJECTIVE == 1) {
+                    float sum = max(rest, NEAREST_FLOOR);
+                    float part = open * exp(-x) / sum;
+                    float by_part = rest > NEAREST_FLOOR ? -s.nearest_tau * share * score * part : 0.0;
+                    total += by_part;
+                    moment += by_part * w;
+                    utility -= s.nearest_tau * share * score * log(max(1.0 - part, 1e-3));
+                } else if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || d < abs(depth[pool_row + block + t]))) {
+                    float a = open * exp(-x);
+                    float odds = a / (1.0 - a);
+                    float difference = 1.0 - rest - goal;
+                    float by_a = 2.0 * share * difference * rest * odds;  // (dL/da) a
+                    total += by_a;
+                    moment += KERNEL == 0 ? by_a * w : (by_a * d * dot(w, n)) * w;
+                    by_scale += 2.0 * x * by_a;
+                    // (I_without - goal)^2 - (I - goal)^2
+                    utility -= share * rest * odds * (2.0 * difference - rest * odds);
+                }
+            }
+        }
+        sums[thread] = vec4(moment, total);
+        more_sums[thread] = vec2(by_scale, utility);
+        for (uint half_ = lanes >> 1; half_ > 0; half_ >>= 1) {
+            barrier();
+            if (lane < half_) {
+                sums[thread] += sums[thread + half_];
+                more_sums[thread] += more_sums[thread + half_];
+            }
+        }
+        barrier();
+        if (lane == 0 && rank < count) {
+            Gradient grad = splat_gradient(n, d, g, sums[thread].xyz, sums[thread].w, inverse);
+            grad.log_scale = more_sums[thread].x;
+            grad.utility = more_sums[thread].y;
+            by_log_scale += grad.log_scale;
+            partials[row + rank] = grad;
+        }
+        barrier();
+    }
+
+    vec4 total = total_of(vec4(loss, short_fall, open_sky, by_log_scale));
+    if (thread == 0) tallies[probe * s.blocks + gl_WorkGroupID.y] = Tally(total.x * share, total.w, total.y, total.z, found);
 }

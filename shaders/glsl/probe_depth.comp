@@ -5,6 +5,7 @@
 #include "shared/group.glsl"
 #include "shared/octahedral.glsl"
 #include "shared/bvh.glsl"
+#include "shared/probe.glsl"
 #include "shared/region_types.glsl"
 layout(local_size_x = 64) in;
 
@@ -12,11 +13,6 @@ layout(push_constant) uniform Push {
     uint first;       // probe of the first row
     uint rays;        // of this dispatch
     uint resolution;  // texels along a side
-};
-
-struct Probe {
-    vec3 position;
-    float score;
 };
 
 layout(binding = 0, std430) readonly buffer Nodes { Node nodes[]; };

@@ -14,6 +14,7 @@ layout(binding = 3, std430) readonly buffer Probes { Probe probes[]; };
 layout(binding = 4, std430) readonly buffer Directions { vec4 directions[]; };
 layout(binding = 5, std430) readonly buffer Depth { float depth[]; };
 layout(binding = 6, std430) readonly buffer Deficit { float deficit[]; };
+layout(binding = 11, std430) readonly buffer Tallies { Tally tallies[]; };
 layout(binding = 7, std430) buffer MomentsBlock { Moments moments[]; };
 layout(binding = 8, std430) readonly buffer Order { uint order[]; };
 #include "shared/region_types.glsl"
@@ -23,14 +24,14 @@ layout(binding = 10, std430) readonly buffer FreeDistance { float free_distance[
 
 shared float strip_sums[256];
 
-// Index in [0, count) drawn with probability proportional to the deficit; each thread sums a strip, the strips are
-// walked in order. Returns `count` where all of it is zero.
-uint draw(uint count, float uniform_) {
+// Index in [0, count) drawn with probability proportional to the deficit from `from` on; each thread sums a strip, the
+// strips are walked in order. Returns `count` where all of it is zero.
+uint draw(uint from, uint count, float uniform_) {
     uint thread = gl_LocalInvocationIndex;
     uint strip = (count + 255) / 256;
     uint first = min(thread * strip, count), last = min(first + strip, count);
     float mine = 0.0;
-    for (uint k = first; k < last; ++k) mine += deficit[k];
+    for (uint k = first; k < last; ++k) mine += deficit[from + k];
     barrier();
     strip_sums[thread] = mine;
     barrier();
@@ -41,8 +42,16 @@ uint draw(uint count, float uniform_) {
     uint t = 0;
     while (t < 255 && aim >= strip_sums[t]) aim -= strip_sums[t++];
     uint k = min(t * strip, count - 1), end = min(k + strip, count);
-    while (k + 1 < end && aim >= deficit[k]) aim -= deficit[k++];
+    while (k + 1 < end && aim >= deficit[from + k]) aim -= deficit[from + k++];
     return k;
+}
+
+// How much a probe lacks, in the weight that the loss gives it.
+float missing(uint probe, Settings s) {
+    uint index = ((control[0].iteration - 1) * s.probes + probe) % s.pool;
+    float sum = 0.0;
+    for (uint b = probe * s.blocks; b < (probe + 1) * s.blocks; ++b) sum += tallies[b].short_fall;
+    return sum * texel_weight(probes[index], s);
 }
 
 void main() {
@@ -55,12 +64,15 @@ void main() {
     float median = moments[order[planned / 2]].utility;
     if (!(moments[j].utility < 0.2 * max(median, 0.0))) return;
 
-    // One draw over all probes' texels of the last batch.
+    // A probe of the last batch, then one of its texels.
     vec4 random = random4(s.seed, 0x72656c6fu, iteration, j);
-    uint texels = s.probes * TEXELS;
-    uint drawn = draw(texels, random.x);
-    if (drawn >= texels || thread != 0) return;
-    uint probe = drawn / TEXELS, texel = drawn % TEXELS;
+    float all = 0.0;
+    for (uint i = 0; i < s.probes; ++i) all += missing(i, s);
+    float aim = random.x * all;
+    uint probe = 0;
+    while (probe + 1 < s.probes && aim >= missing(probe, s)) aim -= missing(probe++, s);
+    uint texel = draw(probe * TEXELS, TEXELS, random.w);
+    if (texel >= TEXELS || thread != 0) return;
     uint index = ((iteration - 1) * s.probes + probe) % s.pool;
     vec3 from = probes[index].position, w = directions[texel].xyz;
     float reach = min(abs(depth[index * TEXELS + texel]), 2.0 + length(from));

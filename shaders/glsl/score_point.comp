@@ -4,6 +4,7 @@
 // occlusion), and from its reachable directions how far the nearest of them is. Twin: src/metrics/score_point.rs.
 #include "shared/octahedral.glsl"
 #include "shared/bvh.glsl"
+#include "shared/probe.glsl"
 layout(local_size_x = 256) in;
 
 layout(push_constant) uniform Push {
@@ -11,11 +12,6 @@ layout(push_constant) uniform Push {
     uint views;
     uint resolution;   // texels along a side
     uint frustum;      // 1: the rectangular image, 0: the cone inscribed in it
-};
-
-struct Probe {
-    vec3 position;
-    float score;
 };
 
 // A camera: position and image axes scaled by the inverse tangents of the half fields of view.

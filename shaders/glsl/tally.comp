@@ -30,7 +30,7 @@ void main() {
     if (c.halt != 0) return;
     vec4 sum = vec4(0.0);
     uint seen = 0;
-    for (uint i = thread; i < s.probes; i += 256) {
+    for (uint i = thread; i < s.probes * s.blocks; i += 256) {
         sum.x += tallies[i].image;
         sum.w += tallies[i].log_scale;
         seen = max(seen, tallies[i].visible);

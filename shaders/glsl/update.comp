@@ -33,6 +33,13 @@ void adam(inout vec3 mean, inout vec3 square, vec3 gradient, uint step, out vec3
     change = m / (sqrt(v) + 1e-10);
 }
 
+// w_i: mean squared deficit over the probe's reachable directions.
+float coverage_weight(uint probe, Settings s) {
+    vec2 sum = vec2(0.0);
+    for (uint b = probe * s.blocks; b < (probe + 1) * s.blocks; ++b) sum += vec2(tallies[b].short_fall, tallies[b].sky);
+    return sum.x / max(sum.y, 1.0);
+}
+
 void main() {
     Settings s = settings[0];
     Control c = control[0];
@@ -44,8 +51,8 @@ void main() {
     float share = 1.0 / (float(s.probes) * float(c.live));
     for (uint i = thread; i < s.probes; i += 64) {
         uint slot = slots[i * s.splats + j];
-        if (slot != NONE) {
-            Gradient part = partials[slot];
+        for (uint b = 0; slot != NONE && b < s.blocks; ++b) {
+            Gradient part = partials[(i * s.blocks + b) * s.row + slot];
             sum.centre += part.centre;
             sum.direction += part.direction;
             sum.utility += part.utility;
@@ -56,7 +63,7 @@ void main() {
             float d = max(length(ray), 1e-6);
             vec3 n = ray / d;
             if (OCCLUSION == 0 || d < abs(depth[index * TEXELS + octahedral_texel(n, RESOLUTION)])) {
-                float weight = tallies[i].weight * share;
+                float weight = coverage_weight(i, s) * share;
                 float turned = 1.0 + dot(splat.direction, n);  // 1 - c
                 reg += weight * turned;
                 sum.direction += s.lambda_reg * weight * n;

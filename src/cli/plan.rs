@@ -86,7 +86,7 @@ pub struct Tuning {
     /// The way through the splat pass
     #[arg(long, value_enum)]
     pass: Option<Pass>,
-    /// Add the views one at a time, earlier ones fixed
+    /// Add the views one at a time, earlier ones fixed, with a fifth of --iterations for each
     #[arg(long)]
     iterative: bool,
     /// Base loss of the paper: no scores, no occlusion
@@ -98,6 +98,9 @@ pub struct Tuning {
     /// Leave occlusion aside
     #[arg(long)]
     no_occlusion: bool,
+    /// Weigh every direction the same in the image term, as the paper does, not every probe
+    #[arg(long)]
+    equal_directions: bool,
     /// Leave the coverage regulariser out
     #[arg(long)]
     no_reg: bool,
@@ -183,6 +186,7 @@ impl Tuning {
         config.iterative |= self.iterative;
         config.vds &= !(self.no_vds || self.base_loss);
         config.occlusion &= !(self.no_occlusion || self.base_loss);
+        config.equal_probes &= !self.equal_directions;
         if self.no_reg {
             config.lambda_reg = 0.0;
         }
@@ -213,7 +217,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
     let Some(folder) = folder else {
         let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
-        let preparation = Preparation::new(context.physical(), &geometry, &target.proxy, &intrinsics, &kept, config)?;
+        let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &kept, config)?;
         say!("{}", preparation.footprint().table().trim_end());
         preparation.footprint().check(&context)?;
         say!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));

@@ -113,6 +113,9 @@ pub struct Config {
     pub occlusion: bool,
     /// Whether scores of the surface weigh the target.
     pub vds: bool,
+    /// Whether every probe weighs the same in the image term, however few directions it can be seen from; else every
+    /// direction does (method.md).
+    pub equal_probes: bool,
     /// Weight of the coverage regulariser.
     pub lambda_reg: f32,
     /// Weight of the region term.
@@ -137,7 +140,7 @@ pub struct Config {
     pub relocate_until: f32,
     /// Where the cameras are at first.
     pub start: Start,
-    /// Add the views one at a time, earlier ones fixed.
+    /// Add the views one at a time, earlier ones fixed, with a fifth of `iterations` for each.
     pub iterative: bool,
     /// The way through the splat pass.
     pub pass: Pass,
@@ -197,8 +200,8 @@ impl Config {
         if self.alpha >= 0.5 {
             return bad("--alpha", &self.alpha, "less than 0.5, so that a score of 2 stays below full brightness");
         }
-        if !resolution.is_multiple_of(8) || !(16..=128).contains(&resolution) {
-            return bad("--resolution", &resolution, "a multiple of 8 between 16 and 128");
+        if !resolution.is_multiple_of(8) || !(16..=256).contains(&resolution) {
+            return bad("--resolution", &resolution, "a multiple of 8 between 16 and 256");
         }
         Ok(())
     }
@@ -220,12 +223,10 @@ impl Config {
             alpha: 0.1,
             occlusion: true,
             vds: true,
-            lambda_reg: match preset {
-                Preset::Object => 10.0,
-                Preset::Room => 1.0,
-            },
+            equal_probes: true,
+            lambda_reg: 1.0,
             lambda_bound: 10.0,
-            lambda_scale: 0.01,
+            lambda_scale: 0.1,
             nearest_tau: 0.03,
             rate_centre: 0.0065,
             rate_direction: 0.02,

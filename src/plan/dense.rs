@@ -113,7 +113,7 @@ pub fn dense(batch: &Batch<'_>) -> Image {
     let s = batch.settings;
     let nearest = batch.objective == Objective::Nearest;
     let texels = batch.directions.len();
-    let share = 1.0 / (texels as f64 * batch.probes.len() as f64);
+    let all = 1.0 / (texels as f64 * batch.probes.len() as f64);
     let tau = s.nearest_tau as f64;
     let inverse = if nearest { 1.0 / tau } else { (-2.0 * batch.log_scale).exp() };
     let resolution = (texels as f64).sqrt() as u32;
@@ -127,6 +127,8 @@ pub fn dense(batch: &Batch<'_>) -> Image {
     for (i, &(position, score)) in batch.probes.iter().enumerate() {
         let depth = &batch.depth[i * texels..(i + 1) * texels];
         let goal = s.alpha as f64 * score;
+        let open_sky = depth.iter().filter(|depth| **depth > 0.0).count() as f64;
+        let share = if s.equal != 0 { all * texels as f64 / open_sky.max(1.0) } else { all };
         let mut seen = Vec::new();
         for (j, &(centre, direction)) in batch.splats.iter().enumerate() {
             let ray = centre - position;
@@ -148,11 +150,10 @@ pub fn dense(batch: &Batch<'_>) -> Image {
             let blocked = batch.occlusion && d >= depth[t].abs();
             if x < KERNEL_CUTOFF && !blocked { (s.alpha as f64 * open * (-x).exp(), x) } else { (0.0, x) }
         };
-        let (mut short_fall, mut sky) = (0.0, 0.0);
+        let mut short_fall = 0.0;
         for t in (0..texels).filter(|&t| depth[t] > 0.0) {
             let w = batch.directions[t];
             let parts: Vec<_> = seen.iter().map(|&(_, n, d, open, ..)| opacity(t, n, d, open)).collect();
-            sky += 1.0;
             let sum: f64 = parts.iter().map(|part| part.0).sum::<f64>().max(NEAREST_FLOOR);
             let rest: f64 = parts.iter().map(|part| 1.0 - part.0).product();
             let difference = 1.0 - rest - goal;
@@ -186,7 +187,7 @@ pub fn dense(batch: &Batch<'_>) -> Image {
                 };
             }
         }
-        image.weights.push(if nearest { 0.0 } else { short_fall / f64::max(sky, 1.0) });
+        image.weights.push(if nearest { 0.0 } else { short_fall / open_sky.max(1.0) });
     }
     image
 }

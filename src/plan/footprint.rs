@@ -1,20 +1,21 @@
 //! How much device memory a plan takes, known before anything is allocated.
 
-use std::sync::Arc;
-
+use super::binned::TILE;
 use super::config::Config;
+use super::dense::KERNEL_CUTOFF;
 use super::planner::element_sizes;
 use super::shared::{Control, Settings};
 use super::tally::mailbox;
 use crate::metrics::score_point;
+use crate::visibility::probe_depth::Probe;
 use crate::vulkan::Context;
 use crate::vulkan::physical::Physical;
 use crate::{Error, Result};
 
 /// Depth maps of the held-out points, which the metrics need beside everything else.
 const HELD_OUT: &str = "held-out depth";
-/// Depth maps of the pool take at most this much.
-const POOL_BYTES: u64 = 64 << 20;
+/// Depth maps of the pool take at most this much, and no more than an eighth of the device.
+const POOL_BYTES: u64 = 256 << 20;
 
 /// Buffers by name and size, in bytes.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,23 +26,23 @@ pub struct Footprint {
 
 impl Footprint {
     /// The buffers of a plan; `scene` is the size of surface and region on the device.
-    pub fn new(s: &Settings, config: &Config, resolution: u32, scene: u64) -> Self {
+    pub fn new(context: &Context, s: &Settings, config: &Config, resolution: u32, scene: u64, binned: bool) -> Self {
         let (splats, probes, texels) = (s.splats as u64, s.probes as u64, (resolution * resolution) as u64);
-        let slots = probes * s.capacity as u64;
+        let slots = if binned { s.capacity as u64 } else { probes * s.blocks as u64 * s.capacity as u64 };
         let snapshots = (s.iterations.div_ceil(block(s, config)) + 1) as u64;
         let [splat, gradient, tally, moments, terms, record] = element_sizes();
-        let buffers = vec![
+        let mut buffers = vec![
             ("surface and region", scene),
-            ("probes", 16 * s.pool as u64),
+            ("probes", size_of::<Probe>() as u64 * s.pool as u64),
             ("depth", 4 * s.pool as u64 * texels),
             ("directions", 16 * texels),
             ("settings", size_of::<Settings>() as u64),
             ("control", size_of::<Control>() as u64),
             ("splats", splat * splats),
-            ("visible", 4 * slots),
+            ("visible", if binned { 0 } else { 4 * slots }),
             ("slots", 4 * probes * splats),
             ("partials", gradient * slots),
-            ("tallies", tally * probes),
+            ("tallies", tally * probes * s.blocks as u64),
             ("deficit", 4 * probes * texels),
             ("moments", moments * splats),
             ("terms", terms * splats),
@@ -52,6 +53,9 @@ impl Footprint {
             ("mailbox", 4 * mailbox::WORDS as u64),
             (HELD_OUT, 4 * config.held_out as u64 * (score_point::RESOLUTION * score_point::RESOLUTION) as u64),
         ];
+        if binned {
+            buffers.extend(super::binned::footprint(context, s, resolution));
+        }
         Self { buffers }
     }
 
@@ -69,16 +73,14 @@ impl Footprint {
     ///
     /// # Errors
     /// Where the whole does not fit the memory that is free, or one buffer is larger than the device allows.
-    pub fn check(&self, context: &Arc<Context>) -> Result<()> {
-        self.check_against(context.physical(), context.memory_available())
-    }
-
-    fn check_against(&self, physical: &Physical, free: u64) -> Result<()> {
+    pub fn check(&self, context: &Context) -> Result<()> {
         let remedy = match self.buffers.iter().max_by_key(|buffer| buffer.1) {
             Some((HELD_OUT, _)) => "use fewer held-out points (--held-out)",
             _ => "plan fewer views, or use fewer probes (--probes) or texels (--resolution)",
         };
+        let physical = context.physical();
         let limit = physical.storage_range.min(physical.allocation);
+        let free = context.memory_available();
         let (what, wanted, available) = match self.buffers.iter().find(|buffer| buffer.1 > limit) {
             Some((name, bytes)) => (format!("the plan's buffer `{name}`"), *bytes, limit),
             None if self.total() > free => ("the plan".to_owned(), self.total(), free),
@@ -97,10 +99,11 @@ impl Footprint {
     }
 }
 
-/// Iterations between snapshots, which is also the length of a block of commands.
-pub(super) fn block(settings: &Settings, config: &Config) -> u32 {
-    let every = settings.relocate_every;
+/// Iterations of a block of commands: as many as lie between checkpoints, or between relocations where the former are no
+/// multiple of the latter.
+pub(super) fn block(s: &Settings, config: &Config) -> u32 {
     let wanted = config.checkpoint_every.max(1);
+    let every = s.relocate_every;
     if every > 0 && !wanted.is_multiple_of(every) { every } else { wanted }
 }
 
@@ -109,25 +112,24 @@ pub(super) fn block(settings: &Settings, config: &Config) -> u32 {
 ///
 /// # Errors
 /// As for [`Footprint::check`].
-pub(super) fn check_counts(config: &Config, kept: usize, physical: &Physical) -> Result<()> {
+pub(super) fn check_counts(config: &Config, kept: usize, context: &Context) -> Result<()> {
     let splats = config.views.saturating_add(u32::try_from(kept).unwrap_or(u32::MAX));
     let probes = config.probes.min(config.pool);
     let settings = Settings {
         splats,
         probes,
         pool: probes,
-        capacity: capacity(splats, probes, physical),
-        // The iterative variant rounds them down, by the number of views.
+        // The iterative variant has its own count.
         iterations: if config.iterative { 0 } else { config.iterations },
         relocate_every: config.relocate_every,
         ..Settings::default()
     };
-    Footprint::new(&settings, config, 16, 0).check_against(physical, physical.heap)
+    Footprint::new(context, &settings, config, 16, 0, false).check(context)
 }
 
 /// How many of `points` probes have room for their depth maps; never fewer than one step needs.
 pub(super) fn pool(points: usize, probes: u32, resolution: u32, physical: &Physical) -> usize {
-    let bytes = POOL_BYTES.min(physical.storage_range) / (4 * (resolution * resolution) as u64);
+    let bytes = POOL_BYTES.min(physical.storage_range).min(physical.heap / 8) / (4 * (resolution * resolution) as u64);
     points.min((bytes as usize).max(probes as usize))
 }
 
@@ -140,8 +142,40 @@ pub fn largest(physical: &Physical, probes: u32) -> u64 {
     (limit / a_view).min(physical.heap * 2 / 3 / (a_view + a_visible_view + 2000))
 }
 
-/// Splats that a probe has room for: all of them, or as many as one buffer of partials can hold.
-pub(super) fn capacity(splats: u32, probes: u32, physical: &Physical) -> u32 {
-    let limit = physical.storage_range.min(physical.allocation).min(physical.heap / 4);
-    (splats as u64).min(limit / (32 * probes.max(1) as u64)).max(1) as u32
+/// What a run has room for.
+pub(super) struct Room {
+    /// Visible splats of a probe (dense), or pairs of probe and visible splat in all (binned).
+    pub capacity: u32,
+    /// Instances of the binned pass.
+    pub instances: u32,
+}
+
+impl Room {
+    /// Room for all splats, or as many as one buffer of partials can hold; in the binned pass for twice the pairs that
+    /// pass the gate at the start, and the tiles that kernels half again as wide as at the start reach into. A run that
+    /// needs more says so and is begun again with more.
+    pub fn new(
+        splats: u32,
+        probes: u32,
+        gated: f64,
+        binned: bool,
+        scale: f32,
+        resolution: u32,
+        physical: &Physical,
+    ) -> Self {
+        let limit = physical.storage_range.min(physical.allocation).min(physical.heap / 4) / 32;
+        let most = |wanted: u64| wanted.min(limit).clamp(1, 1 << 28) as u32;
+        if !binned {
+            // Partials come in blocks of texels, up to 256 for 256 x 256 texels.
+            let blocks = (resolution * resolution).div_ceil(256);
+            let rows = probes * blocks;
+            return Self { capacity: most(splats as u64 * rows as u64).div_ceil(rows).min(splats), instances: 0 };
+        }
+        let pairs = ((2.0 * gated * f64::from(probes)) as u64 + 4096).min(splats as u64 * probes as u64);
+        // A cap of the sphere up to the kernel's cut-off, in tiles: its area, its rim and its corners.
+        let tiles = f64::from((resolution / TILE).pow(2));
+        let area = tiles * 0.5 * KERNEL_CUTOFF * (1.5 * f64::from(scale)).powi(2);
+        let reached = (area + 4.0 * area.sqrt() + 4.0).min(tiles);
+        Self { capacity: most(pairs), instances: most((reached * pairs as f64) as u64 + 4096) }
+    }
 }

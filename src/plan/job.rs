@@ -158,24 +158,32 @@ pub fn run(
     };
     let start = Instant::now();
     let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
-    let preparation = Preparation::new(context.physical(), &geometry, &target.proxy, &intrinsics, kept, config)?;
+    let mut preparation = Preparation::new(context, &geometry, &target.proxy, &intrinsics, kept, config)?;
     mark(&mut profile, "preparation", start);
     let start = Instant::now();
     let scene = DeviceScene::new(context, geometry)?;
-    let planner = Planner::new(context, &scene, preparation)?;
-    mark(&mut profile, "set-up", start);
     if let Some((renderdoc, template)) = capture {
+        let planner = Planner::new(context, &scene, preparation.clone())?;
         renderdoc.start(&template)?;
         let mut commands = Recorder::new(context)?;
-        planner.record_iteration(&mut commands);
+        planner.record_iteration(&mut commands)?;
         commands.submit_and_wait()?;
         let _ = observe(Event::Captured(renderdoc.end()?));
-        planner.reset()?;
     }
-    let start = Instant::now();
-    let all = planner.settings().iterations;
-    let outcome = planner.run(profile.as_deref_mut(), |done| observe(Event::Iterations(done, all)))?;
-    mark(&mut profile, "optimisation", start);
+    let (planner, outcome) = loop {
+        let planner = Planner::new(context, &scene, preparation.clone())?;
+        mark(&mut profile, "set-up", start);
+        let start = Instant::now();
+        let all = planner.settings().iterations;
+        let outcome = planner.run(profile.as_deref_mut(), |done| observe(Event::Iterations(done, all)));
+        mark(&mut profile, "optimisation", start);
+        match outcome {
+            Err(Error::Room { pairs, instances }) if preparation.binned() => {
+                preparation = preparation.with_room(context, pairs, instances);
+            }
+            outcome => break (planner, outcome?),
+        }
+    };
 
     // A stop that comes now stops nothing any more.
     let _ = observe(Event::Scoring);

@@ -1,5 +1,6 @@
 //! Planning: from a surface and a region to the camera poses that sample it best.
 
+pub mod binned;
 pub mod config;
 pub mod dense;
 pub mod footprint;

@@ -6,9 +6,10 @@ use std::time::{Duration, Instant};
 
 use glam::Vec3;
 
-use super::config::{Config, Gate, Objective, Preset};
+use super::binned::Binned;
+use super::config::{Config, Gate, Objective, Pass};
 use super::dense::DENSE;
-use super::footprint::{self, Footprint};
+use super::footprint::{self, Footprint, Room};
 use super::record::{IterationRecord, Status};
 use super::relocate::{RANK, RELOCATE};
 use super::shared::{Control, Gradient, Moments, Record, Settings, Splat, Tally, Terms};
@@ -26,6 +27,13 @@ use crate::vulkan::physical::Physical;
 use crate::vulkan::profile::Profile;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
+
+/// Pairs of texel and visible splat an iteration from which on binning pays; see docs/benchmarks.md.
+const DENSE_WORK: f64 = 3e7;
+
+/// Splats that the loops of the dense pass can take before lavapipe would end them: 65,535 iterations an invocation, and
+/// a probe that sees all splats takes about eight for each.
+const MOST_DENSE: u32 = 8000;
 
 /// Stream of the surface's samples that probes stand on; held-out points take another.
 pub const PROBE_STREAM: u32 = 0;
@@ -47,8 +55,14 @@ pub struct Planner<'a> {
     buffers: Buffers,
 }
 
+/// The way through the splat pass.
+enum Way {
+    Dense(Pipeline),
+    Binned(Box<Binned>),
+}
+
 struct Pipelines {
-    dense: Pipeline,
+    splat: Way,
     update: Pipeline,
     tally: Pipeline,
     rank: Pipeline,
@@ -57,23 +71,23 @@ struct Pipelines {
 }
 
 /// Everything that lives as long as the run, allocated once.
-struct Buffers {
-    settings: Buffer,
-    control: Buffer,
-    splats: Buffer,
-    directions: Buffer,
+pub(super) struct Buffers {
+    pub(super) settings: Buffer,
+    pub(super) control: Buffer,
+    pub(super) splats: Buffer,
+    pub(super) directions: Buffer,
     visible: Buffer,
-    slots: Buffer,
-    partials: Buffer,
-    tallies: Buffer,
-    deficit: Buffer,
+    pub(super) slots: Buffer,
+    pub(super) partials: Buffer,
+    pub(super) tallies: Buffer,
+    pub(super) deficit: Buffer,
     moments: Buffer,
     terms: Buffer,
     gradients: Buffer,
     order: Buffer,
     history: Buffer,
     snapshots: Buffer,
-    mailbox: Buffer,
+    pub(super) mailbox: Buffer,
 }
 
 /// What a run leaves.
@@ -91,6 +105,7 @@ pub struct Outcome {
 }
 
 /// Everything about a run that is known before the device has allocated anything.
+#[derive(Clone)]
 pub struct Preparation {
     config: Config,
     settings: Settings,
@@ -98,6 +113,8 @@ pub struct Preparation {
     start: Vec<Splat>,
     start_scale: f32,
     resolution: u32,
+    binned: bool,
+    scene_bytes: u64,
     footprint: Footprint,
 }
 
@@ -107,7 +124,7 @@ impl Preparation {
     /// # Errors
     /// A configuration that makes no sense.
     pub fn new(
-        physical: &Physical,
+        context: &Context,
         geometry: &SceneGeometry,
         proxy: &Proxy,
         intrinsics: &Intrinsics,
@@ -115,7 +132,7 @@ impl Preparation {
         config: Config,
     ) -> Result<Self> {
         config.validate()?;
-        footprint::check_counts(&config, kept.len(), physical)?;
+        footprint::check_counts(&config, kept.len(), context)?;
         let gate_cos = (0.5 * intrinsics.inscribed_cone()).cos() as f32;
         let mut points = proxy.sample(config.pool as usize, config.seed, PROBE_STREAM);
         random::shuffle(&mut points, config.seed, PROBE_STREAM);
@@ -130,26 +147,48 @@ impl Preparation {
         let start: Vec<Splat> = kept_splats.chain(start::splats(&config, geometry)).collect();
         let few: Vec<Probe> =
             points.iter().take(start::PROBES).map(|point| Probe::new(point, &geometry.to_internal)).collect();
-        let start_scale =
-            config.scale.unwrap_or_else(|| start::scale(start::mean_visible(&start, &few, gate_cos, geometry)));
+        let visible = start::visible(&start, &few, gate_cos, geometry);
+        let start_scale = config.scale.unwrap_or_else(|| start::scale(visible.seen));
         let resolution = config.resolution.unwrap_or_else(|| start::resolution(start_scale));
-        points.truncate(footprint::pool(points.len(), config.probes, resolution, physical));
+        points.truncate(footprint::pool(points.len(), config.probes, resolution, context.physical()));
 
         let [fov_x, fov_y] = intrinsics.fov();
         let (splats, probes) = (start.len() as u32, config.probes.min(points.len() as u32));
-        let round_length = if config.iterative { (config.iterations / config.views).max(1) } else { 0 };
+        let [threads, each] = dense_shape(context.physical());
+        let binned = match config.pass {
+            Pass::Dense => false,
+            Pass::Binned => true,
+            Pass::Auto => {
+                let work = f64::from(probes * resolution * resolution) * visible.gated;
+                config.objective == Objective::Splat && (work > DENSE_WORK || splats > MOST_DENSE)
+            }
+        };
+        if binned && config.objective == Objective::Nearest {
+            return Err(Error::request("the nearest-view objective has no binned pass; use --pass dense or auto"));
+        }
+        if !binned && splats > MOST_DENSE {
+            return Err(Error::request(format!(
+                "the dense pass takes at most {MOST_DENSE} cameras; use --pass binned or auto"
+            )));
+        }
+        let room = Room::new(splats, probes, visible.gated, binned, start_scale, resolution, context.physical());
+        let round_length = if config.iterative { (config.iterations / 5).max(1) } else { 0 };
         let settings = Settings {
             splats,
             kept: kept.len() as u32,
             probes,
             pool: points.len() as u32,
-            capacity: footprint::capacity(splats, probes, physical),
+            capacity: room.capacity,
+            instances: room.instances,
+            row: if binned { 0 } else { room.capacity },
+            blocks: if binned { 1 } else { (resolution * resolution).div_ceil(threads * each) },
             iterations: if config.iterative { round_length * config.views } else { config.iterations },
             round_length,
             seed: (config.seed ^ (config.seed >> 32)) as u32,
             relocate_every: if config.iterative { 0 } else { config.relocate_every },
             relocate_until: (config.relocate_until * config.iterations as f32) as u32,
             weighted: config.vds as u32,
+            equal: config.equal_probes as u32,
             alpha: config.alpha,
             gate_cos,
             gate_softness: config.gate_softness,
@@ -165,8 +204,23 @@ impl Preparation {
             scale_floor: 0.5 * start_scale,
             nearest_tau: config.nearest_tau,
         };
-        let footprint = Footprint::new(&settings, &config, resolution, geometry.bytes());
-        Ok(Self { config, settings, points, start, start_scale, resolution, footprint })
+        let scene_bytes = geometry.bytes();
+        let footprint = Footprint::new(context, &settings, &config, resolution, scene_bytes, binned);
+        Ok(Self { config, settings, points, start, start_scale, resolution, binned, scene_bytes, footprint })
+    }
+
+    /// The same run with room for so many pairs and instances in the binned pass, and a quarter more.
+    pub fn with_room(mut self, context: &Context, pairs: u32, instances: u32) -> Self {
+        self.settings.capacity = self.settings.capacity.max(pairs.saturating_add(pairs / 4));
+        self.settings.instances = self.settings.instances.max(instances.saturating_add(instances / 4));
+        let (settings, config) = (&self.settings, &self.config);
+        self.footprint = Footprint::new(context, settings, config, self.resolution, self.scene_bytes, self.binned);
+        self
+    }
+
+    /// Whether the binned pass was taken.
+    pub fn binned(&self) -> bool {
+        self.binned
     }
 
     /// Device memory that the run takes.
@@ -181,19 +235,37 @@ impl<'a> Planner<'a> {
     /// # Errors
     /// A surface that no camera can see from the region, or a plan that is larger than the device's memory.
     pub fn new(context: &Arc<Context>, scene: &'a DeviceScene, preparation: Preparation) -> Result<Self> {
-        let Preparation { config, settings, points, start, start_scale, resolution, footprint } = preparation;
+        let Preparation { config, mut settings, points, start, start_scale, resolution, binned, footprint, .. } =
+            preparation;
         footprint.check(context)?;
-        let maps = ProbeMaps::new(context, scene, &points, resolution)?;
+        let maps = ProbeMaps::new(context, scene, &reachable(context, scene, points)?, resolution)?;
+        settings.pool = maps.probes.len() as u32;
+        settings.probes = settings.probes.min(settings.pool);
         let gate = match config.gate {
             Gate::Hard => 0,
             Gate::Soft => 1,
             Gate::PinholeHard => 2,
             Gate::Pinhole => 3,
         };
-        let constants = [resolution, config.objective as u32, gate, config.kernel as u32, config.occlusion as u32];
+        let [threads, each] = dense_shape(context.physical());
+        let constants = [
+            resolution,
+            config.objective as u32,
+            gate,
+            config.kernel as u32,
+            config.occlusion as u32,
+            0,
+            threads,
+            each,
+        ];
         let pipeline = |stage| Pipeline::new(context, stage, &constants);
         let pipelines = Pipelines {
-            dense: pipeline(&DENSE)?,
+            splat: if binned {
+                let buffer = |name: &str| Buffer::device(context, name, footprint.bytes_of(name));
+                Way::Binned(Box::new(Binned::new(context, &settings, &constants, buffer)?))
+            } else {
+                Way::Dense(pipeline(&DENSE)?)
+            },
             update: pipeline(&UPDATE)?,
             tally: pipeline(&TALLY)?,
             rank: pipeline(&RANK)?,
@@ -203,24 +275,8 @@ impl<'a> Planner<'a> {
         let buffers = Buffers::new(context, &footprint, resolution)?;
         let context = context.clone();
         let planner = Self { context, scene, config, settings, start, start_scale, maps, pipelines, buffers };
-        planner.check_reachable()?;
         planner.reset()?;
         Ok(planner)
-    }
-
-    /// Some direction of some probe must meet the region, or no camera can see anything.
-    fn check_reachable(&self) -> Result<()> {
-        let depth = self.maps.download()?;
-        if depth.iter().any(|depth| *depth > 0.0) {
-            return Ok(());
-        }
-        let outside = match self.config.preset {
-            Preset::Object => "",
-            Preset::Room => ", or give --preset object for a surface that is seen from outside",
-        };
-        Err(Error::request(format!(
-            "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance){outside}"
-        )))
     }
 
     /// Puts everything back to the start of the run.
@@ -279,7 +335,10 @@ impl<'a> Planner<'a> {
 
     /// Records one block: a snapshot, a relocation where it is time, then [`Planner::block`] iterations. The device
     /// counts the iterations, so a block can be submitted again and again; once the run is over it does nothing.
-    pub fn record_block(&'a self, commands: &mut Recorder<'a>) {
+    ///
+    /// # Errors
+    /// None that the settings do not rule out.
+    pub fn record_block(&'a self, commands: &mut Recorder<'a>) -> Result<()> {
         let (b, p, s) = (&self.buffers, &self.pipelines, &self.settings);
         commands
             .stage(&p.snapshot)
@@ -290,8 +349,9 @@ impl<'a> Planner<'a> {
             if s.relocate_every > 0 && iteration % s.relocate_every == 0 {
                 self.record_relocation(commands);
             }
-            self.record_iteration(commands);
+            self.record_iteration(commands)?;
         }
+        Ok(())
     }
 
     fn record_relocation(&'a self, commands: &mut Recorder<'a>) {
@@ -312,29 +372,36 @@ impl<'a> Planner<'a> {
                 &b.order,
                 &scene.region,
                 &scene.free_distance,
+                &b.tallies,
             ])
             .groups([least, 1, 1]);
     }
 
     /// Records one iteration: splat pass, update, tally.
-    pub fn record_iteration(&'a self, commands: &mut Recorder<'a>) {
+    ///
+    /// # Errors
+    /// None that the settings do not rule out.
+    pub fn record_iteration(&'a self, commands: &mut Recorder<'a>) -> Result<()> {
         let (b, p, s, scene, maps) = (&self.buffers, &self.pipelines, &self.settings, self.scene, &self.maps);
-        commands
-            .stage(&p.dense)
-            .bind(&[
-                &b.settings,
-                &b.control,
-                &b.splats,
-                &maps.probe_buffer,
-                &b.directions,
-                &maps.depth,
-                &b.visible,
-                &b.slots,
-                &b.partials,
-                &b.tallies,
-                &b.deficit,
-            ])
-            .groups([s.probes, 1, 1]);
+        match &p.splat {
+            Way::Binned(binned) => binned.record(commands, s, maps, b)?,
+            Way::Dense(dense) => commands
+                .stage(dense)
+                .bind(&[
+                    &b.settings,
+                    &b.control,
+                    &b.splats,
+                    &maps.probe_buffer,
+                    &b.directions,
+                    &maps.depth,
+                    &b.visible,
+                    &b.slots,
+                    &b.partials,
+                    &b.tallies,
+                    &b.deficit,
+                ])
+                .groups([s.probes, s.blocks, 1]),
+        }
         commands
             .stage(&p.update)
             .bind(&[
@@ -357,6 +424,7 @@ impl<'a> Planner<'a> {
             .stage(&p.tally)
             .bind(&[&b.settings, &b.control, &b.tallies, &b.terms, &b.history, &b.mailbox])
             .groups([1, 1, 1]);
+        Ok(())
     }
 
     /// Iterations done so far; may be called while a run goes on.
@@ -378,12 +446,12 @@ impl<'a> Planner<'a> {
         let blocks = self.settings.iterations.div_ceil(self.block());
         if profile.is_some() || self.context.debug_sync() {
             for _ in 0..blocks {
-                let stages = 3 * self.block() + 1 + 2 * self.block().div_ceil(self.settings.relocate_every.max(1));
+                let stages = self.stages_of_a_block();
                 let mut commands = match profile {
                     Some(_) => Recorder::timed(&self.context, stages)?,
                     None => Recorder::new(&self.context)?,
                 };
-                self.record_block(&mut commands);
+                self.record_block(&mut commands)?;
                 let submitted = Instant::now();
                 commands.submit_and_wait()?;
                 if let Some(profile) = profile.as_deref_mut() {
@@ -395,7 +463,7 @@ impl<'a> Planner<'a> {
             }
         } else {
             let mut commands = Recorder::new(&self.context)?;
-            self.record_block(&mut commands);
+            self.record_block(&mut commands)?;
             let ahead = (AHEAD / self.block()).clamp(2, 16) as usize;
             let mut left = blocks;
             loop {
@@ -417,6 +485,23 @@ impl<'a> Planner<'a> {
         Ok(Outcome { seconds: started.elapsed().as_secs_f64(), ..self.outcome()? })
     }
 
+    /// Pairs of probe and visible splat and (tile, splat) instances of the iteration of the binned pass that had most;
+    /// zero for the dense pass.
+    pub fn most_binned(&self) -> (u32, u32) {
+        let word = |word| self.buffers.mailbox.peek(word).unwrap_or(0);
+        (word(mailbox::MOST_PAIRS), word(mailbox::MOST_INSTANCES))
+    }
+
+    /// Timestamps that a block needs at most.
+    pub fn stages_of_a_block(&self) -> u32 {
+        let splat = match self.pipelines.splat {
+            Way::Dense(_) => 1,
+            // Nine stages and a fill, two scans of three stages, seven or eight sorting passes of three.
+            Way::Binned(_) => 10 + 6 + 24,
+        };
+        1 + (splat + 4) * self.block()
+    }
+
     /// What the blocks that were recorded with [`Planner::record_block`] and have been waited for leave, whoever
     /// submitted them. The time they took is the submitter's to measure and zero here.
     ///
@@ -424,12 +509,13 @@ impl<'a> Planner<'a> {
     /// Where the device fails, or a probe saw more splats than there was room for.
     pub fn outcome(&self) -> Result<Outcome> {
         let done = self.done();
-        let most = self.buffers.mailbox.peek(mailbox::MOST_VISIBLE).unwrap_or(0);
-        if most > self.settings.capacity {
-            return Err(Error::request(format!(
-                "a point camera saw {most} cameras and there was room for {}; plan with fewer probes (--probes) or on a larger device",
-                self.settings.capacity
-            )));
+        let needed = |word| self.buffers.mailbox.peek(word).unwrap_or(0);
+        let (pairs, instances) = match self.pipelines.splat {
+            Way::Dense(_) => (needed(mailbox::MOST_VISIBLE), 0),
+            Way::Binned(_) => (needed(mailbox::MOST_PAIRS), needed(mailbox::MOST_INSTANCES)),
+        };
+        if pairs > self.settings.capacity || instances > self.settings.instances {
+            return Err(Error::Room { pairs, instances });
         }
         let history: Vec<Record> = self.buffers.history.download(done as usize)?;
         let history = history.iter().zip(0..).map(|(record, iteration)| self.iteration(iteration, record)).collect();
@@ -477,12 +563,12 @@ impl<'a> Planner<'a> {
         self.buffers.gradients.download(self.settings.splats as usize)
     }
 
-    /// What each probe contributed to the last iteration.
+    /// What each block of texels of each probe contributed to the last iteration.
     ///
     /// # Errors
     /// Where the device fails.
     pub fn tallies(&self) -> Result<Vec<Tally>> {
-        self.buffers.tallies.download(self.settings.probes as usize)
+        self.buffers.tallies.download((self.settings.probes * self.settings.blocks) as usize)
     }
 
     /// Poses in the user's world of the planned splats. The region's pull is soft, so a camera may end a little outside;
@@ -528,6 +614,25 @@ impl Buffers {
             mailbox: Buffer::host(context, "mailbox", plan.bytes_of("mailbox"))?,
         })
     }
+}
+
+/// The points that some feasible position sees, as far as a coarse map can tell; the others would only dilute a batch.
+fn reachable(context: &Arc<Context>, scene: &DeviceScene, points: Vec<SurfacePoint>) -> Result<Vec<SurfacePoint>> {
+    let maps = ProbeMaps::new(context, scene, &points, 16)?;
+    let seen: Vec<SurfacePoint> =
+        points.into_iter().zip(&maps.probes).filter(|(_, probe)| probe.sky > 0.0).map(|(point, _)| point).collect();
+    if seen.is_empty() {
+        return Err(Error::request(
+            "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance), or give --preset object where it is seen from outside and --preset room where from inside",
+        ));
+    }
+    Ok(seen)
+}
+
+/// Threads of a workgroup of the dense pass and texels of a thread: many small workgroups fill a GPU; on a CPU fewer
+/// threads do more each, since a barrier costs each of them a switch.
+fn dense_shape(physical: &Physical) -> [u32; 2] {
+    if physical.kind == "CPU" { [64, 4] } else { [256, 1] }
 }
 
 /// Bytes of one element of the buffers whose structs are the planner's own.

@@ -1,6 +1,6 @@
 //! Relocation of splats that do little (`rank.comp`, `relocate.comp`; method.md, Optimisation).
 
-use super::shared::{Control, Moments, Settings, Splat};
+use super::shared::{Control, Moments, Settings, Splat, Tally};
 use crate::visibility::device_scene::DeviceRegion;
 use crate::visibility::probe_depth::Probe;
 
@@ -13,8 +13,8 @@ crate::stage!(
     /// A workgroup for each of the tenth of splats with the least utility.
     pub RELOCATE = relocate(()) {
         read settings, read control, write splats, read probes, read directions, read depth, read deficit,
-        write moments, read order, read region, read free_distance,
-    } with [Settings, Control, Splat, Probe, Moments, DeviceRegion]
+        write moments, read order, read region, read free_distance, read tallies,
+    } with [Settings, Control, Splat, Probe, Moments, Tally, DeviceRegion]
 );
 
 /// The splats in the order of their utility, least first, kept ones last: the twin of `rank`.

@@ -16,8 +16,12 @@ gpu_struct! {
         pub probes: u32,
         /// Point cameras in all.
         pub pool: u32,
-        /// Visible splats that a probe has room for.
+        /// Visible splats that a probe has room for (dense), or pairs in all (binned).
         pub capacity: u32,
+        /// Partials from one block of a probe to the next (dense: the capacity; binned: 0).
+        pub row: u32,
+        /// (tile, splat) instances that there is room for (binned).
+        pub instances: u32,
         /// Iterations of the run.
         pub iterations: u32,
         /// Iterations a view in the iterative variant, 0 in the joint one.
@@ -28,8 +32,12 @@ gpu_struct! {
         pub relocate_every: u32,
         /// Last iteration that relocates.
         pub relocate_until: u32,
+        /// Blocks of texels that a probe's tallies and partials come in.
+        pub blocks: u32,
         /// 0: every target is the same.
         pub weighted: u32,
+        /// 1: every probe weighs the same; 0: by its reachable directions.
+        pub equal: u32,
         /// Opacity of a splat.
         pub alpha: f32,
         /// Cosine of half the cone angle.
@@ -114,15 +122,17 @@ gpu_struct! {
 }
 
 gpu_struct! {
-    /// What one probe contributes.
+    /// What one block of texels of a probe contributes.
     pub struct Tally {
         /// Its part of the image loss.
         pub image: f32,
-        /// The coverage weight w_i.
-        pub weight: f32,
         /// Gradient by log s.
         pub log_scale: f32,
-        /// Splats that it sees, also past the capacity.
+        /// Sum over texels of the squared deficit.
+        pub short_fall: f32,
+        /// Texels from whose direction the region sees the probe.
+        pub sky: f32,
+        /// Splats that the probe sees, also past the capacity; not counted by the binned pass.
         pub visible: u32,
     }
 }
@@ -170,5 +180,23 @@ gpu_struct! {
         pub bound: f32,
         /// Logarithm of s.
         pub log_scale: f32,
+    }
+}
+
+gpu_struct! {
+    /// Sums over the texels of one tile for one splat.
+    pub struct InstanceSum {
+        /// Sum of the gradient by opacity, times opacity, times direction.
+        pub moment: [f32; 3],
+        /// Sum of the gradient by opacity, times opacity.
+        pub total: f32,
+        /// Gradient by log s.
+        pub log_scale: f32,
+        /// Utility.
+        pub utility: f32,
+        /// Unused.
+        pub spare0: u32,
+        /// Unused.
+        pub spare1: u32,
     }
 }

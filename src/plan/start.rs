@@ -11,9 +11,12 @@ use crate::visibility::probe_depth::Probe;
 use crate::visibility::raycast::Ray;
 
 /// Streams of random numbers, apart from those of controls and samples.
-const POSITIONS: u32 = 0x5354_0001;
-const DIRECTIONS: u32 = 0x5354_0002;
-const JITTER: u32 = 0x5354_0003;
+const DIRECTIONS: u32 = 0x5354_0000;
+const JITTER: u32 = 0x5354_0001;
+const POSITIONS: u32 = 0x5354_1000;
+
+/// Positions that are tried before any free voxel is taken; each has a stream of its own.
+const TRIES: u32 = 64;
 
 /// Most probes that the mean number of visible splats is taken over.
 pub const PROBES: usize = 256;
@@ -59,37 +62,60 @@ fn pose(config: &Config, scene: &SceneGeometry, j: u32) -> (DVec3, DVec3) {
             (position, (centre - position).normalize_or(DVec3::NEG_X))
         }
         (Preset::Object, Shape::Box { min, max }) => {
-            let position = scene.free.sample(config.seed, POSITIONS, j);
+            let position = anywhere(config.seed, scene, j);
             (position, (0.5 * (min + max) - position).normalize_or(uniform))
         }
-        (Preset::Room, _) => (scene.free.sample(config.seed, POSITIONS, j), uniform),
+        (Preset::Room, _) => (anywhere(config.seed, scene, j), uniform),
     }
 }
 
-/// Mean number of splats that a probe sees (cone gate and occlusion), over the first probes of the pool.
-pub fn mean_visible(splats: &[Splat], probes: &[Probe], gate_cos: f32, scene: &SceneGeometry) -> f64 {
+/// A uniform position in free space, by rejection: a voxel more or less moves no other position.
+fn anywhere(seed: u64, scene: &SceneGeometry, j: u32) -> DVec3 {
+    let (min, max) = scene.region.bounds();
+    let tries = (0..TRIES).map(|attempt| {
+        let [x, y, z, _] = random::uniforms(seed, POSITIONS + attempt, j);
+        min + (max - min) * DVec3::new(x, y, z)
+    });
+    let mut free = tries.filter(|&p| scene.region.contains(p) && scene.free.is_free(p));
+    free.next().unwrap_or_else(|| scene.free.sample(seed, POSITIONS, j))
+}
+
+/// How many splats a probe sees, in the mean over the first probes of the pool.
+#[derive(Clone, Copy, Debug)]
+pub struct Visible {
+    /// Whose cone the probe is in.
+    pub gated: f64,
+    /// And that nothing hides.
+    pub seen: f64,
+}
+
+/// Counts the splats that probes see.
+pub fn visible(splats: &[Splat], probes: &[Probe], gate_cos: f32, scene: &SceneGeometry) -> Visible {
     let few = (100_000 / splats.len().max(1)).clamp(16, PROBES).min(probes.len());
-    let mut seen = 0usize;
+    let (mut gated, mut seen) = (0usize, 0usize);
     for probe in &probes[..few] {
         let origin = Vec3::from(probe.position);
         for splat in splats {
             let ray = Vec3::from(splat.centre) - origin;
             let distance = ray.length();
             let direction = ray / distance.max(1e-6);
-            let inside = -direction.dot(Vec3::from(splat.direction)) >= gate_cos;
-            seen += (inside && !scene.bvh.any_hit(&Ray { origin, direction, t_min: 0.0, t_max: distance })) as usize;
+            if -direction.dot(Vec3::from(splat.direction)) >= gate_cos {
+                gated += 1;
+                seen += !scene.bvh.any_hit(&Ray { origin, direction, t_min: 0.0, t_max: distance }) as usize;
+            }
         }
     }
-    seen as f64 / few.max(1) as f64
+    let all = few.max(1) as f64;
+    Visible { gated: gated as f64 / all, seen: seen as f64 / all }
 }
 
 /// The start scale `0.8 / sqrt(splats that a probe sees)` (method.md, Optimisation), at most half a radian.
-pub fn scale(mean_visible: f64) -> f32 {
-    (0.8 / mean_visible.max(1.0).sqrt()).min(0.5) as f32
+pub fn scale(seen: f64) -> f32 {
+    (0.8 / seen.max(1.0).sqrt()).min(0.5) as f32
 }
 
-/// Texels along a side so that one is about as wide as the scale: `3.5 / s`, a multiple of 8 between 16 and 128.
+/// Texels along a side so that one is about as wide as the scale: `3.5 / s`, a multiple of 8 between 16 and 256.
 pub fn resolution(scale: f32) -> u32 {
     let texels = (3.5 / scale / 8.0).ceil() as u32 * 8;
-    texels.clamp(16, 128)
+    texels.clamp(16, 256)
 }

@@ -16,10 +16,12 @@ pub mod mailbox {
     pub const DONE: usize = 1;
     /// Most splats that any probe saw.
     pub const MOST_VISIBLE: usize = 2;
-    /// Most (tile, splat) instances that any iteration needed.
-    pub const MOST_INSTANCES: usize = 3;
+    /// Most (probe, splat) pairs that any iteration of the binned pass needed.
+    pub const MOST_PAIRS: usize = 3;
+    /// Most (tile, splat) instances that any iteration of the binned pass needed.
+    pub const MOST_INSTANCES: usize = 4;
     /// Number of words.
-    pub const WORDS: usize = 4;
+    pub const WORDS: usize = 5;
 }
 
 /// Factor on the learning rates at Adam step `step` (from 1) of a run or round of `length` iterations.

@@ -1,4 +1,4 @@
-//! Parallel primitives: scan, radix sort, reduce. Nothing here knows of splats.
+//! Parallel primitives: scan, radix sort, reduce, copy. Nothing here knows of splats.
 //!
 //! Each owns its pipelines and scratch, made once for a largest number of elements, and records into the caller's
 //! [`Recorder`](crate::vulkan::Recorder). How many elements there are may be known to the host or only to the device
@@ -20,12 +20,14 @@
 //! # Ok::<(), camsplat::Error>(())
 //! ```
 
+mod copy;
 mod count;
 mod radix_sort;
 mod reduce;
 mod scan;
 pub mod twin;
 
+pub use copy::{COPY_WORDS, Copy, CopyPush};
 pub use count::Count;
 pub use radix_sort::{RADIX_HISTOGRAM, RADIX_SCATTER, RadixPush, RadixSort, Sorted};
 pub use reduce::{Operation, REDUCE, Reduce, ReducePush};

@@ -16,6 +16,14 @@ crate::gpu_struct! {
         pub position: [f32; 3],
         /// View dependency score in [1, 2].
         pub score: f32,
+        /// Fraction of directions from which the region sees it.
+        pub sky: f32,
+        /// Unused.
+        pub spare0: u32,
+        /// Unused.
+        pub spare1: u32,
+        /// Unused.
+        pub spare2: u32,
     }
 }
 
@@ -42,9 +50,22 @@ impl Probe {
     /// The probe of a surface point, given in the user's world.
     pub fn new(point: &SurfacePoint, to_internal: &Similarity) -> Self {
         let lifted = point.position + point.lift * point.normal;
-        Self { position: to_internal.point(lifted).as_vec3().to_array(), score: point.score }
+        Self { position: to_internal.point(lifted).as_vec3().to_array(), score: point.score, ..Self::default() }
     }
 }
+
+crate::gpu_struct! {
+    /// Push constants of `probe_sky`.
+    pub struct ProbeSkyPush {
+        /// Texels along a side.
+        pub resolution: u32,
+    }
+}
+
+crate::stage!(
+    /// A workgroup per probe: how much of the sphere the region takes.
+    pub PROBE_SKY = probe_sky(ProbeSkyPush) { read depth, write probes } with [Probe]
+);
 
 /// Rays of one dispatch: short enough that no watchdog minds.
 const RAYS: u32 = 1 << 20;
@@ -70,6 +91,7 @@ impl ProbeMaps {
         let probe_buffer = Buffer::from_slice(context, "probes", &probes)?;
         let depth = Buffer::device(context, "depth", 4 * probes.len() as u64 * texels as u64)?;
         let pipeline = Pipeline::new(context, &PROBE_DEPTH, &[0, 0, 0, 0, 0, scene.discs()])?;
+        let sky = Pipeline::new(context, &PROBE_SKY, &[])?;
         let rows = (RAYS / texels).max(1);
         let mut commands = Recorder::new(context)?;
         for first in (0..probes.len() as u32).step_by(rows as usize) {
@@ -80,8 +102,14 @@ impl ProbeMaps {
                 .push(&ProbeDepthPush { first, rays, resolution })
                 .linear(rays.div_ceil(64));
         }
+        commands
+            .stage(&sky)
+            .bind(&[&depth, &probe_buffer])
+            .push(&ProbeSkyPush { resolution })
+            .linear(probes.len() as u32);
         commands.submit_and_wait()?;
         drop(commands);
+        let probes = probe_buffer.download(probes.len())?;
         Ok(Self { probes, resolution, probe_buffer, depth })
     }
 

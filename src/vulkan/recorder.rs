@@ -30,6 +30,8 @@ struct Clock {
     pool: vk::QueryPool,
     capacity: u32,
     names: Vec<&'static str>,
+    // One pair of timestamps around everything, not one around each stage.
+    whole: bool,
 }
 
 /// GPU time of one stage, in nanoseconds since an arbitrary start that the stages of one recorder share.
@@ -68,6 +70,24 @@ impl<'a> Recorder<'a> {
     /// # Errors
     /// Where the device fails or its queue has no timestamps.
     pub fn timed(context: &Arc<Context>, capacity: u32) -> Result<Self> {
+        Self::clocked(context, capacity, false)
+    }
+
+    /// Like [`Recorder::new`], with a pair of timestamps around the whole recording: stages run as close to one another
+    /// as they do untimed.
+    ///
+    /// # Errors
+    /// As for [`Recorder::timed`].
+    pub fn timed_whole(context: &Arc<Context>) -> Result<Self> {
+        let mut recorder = Self::clocked(context, 1, true)?;
+        if let Some(clock) = &mut recorder.clock {
+            clock.names.push("whole");
+        }
+        recorder.timestamp(false);
+        Ok(recorder)
+    }
+
+    fn clocked(context: &Arc<Context>, capacity: u32, whole: bool) -> Result<Self> {
         let mut recorder = Self::new(context)?;
         if context.physical().timestamp_bits == 0 {
             return Err(Error::NoDevice(format!("{} has no timestamps", context.physical().name)));
@@ -81,7 +101,7 @@ impl<'a> Recorder<'a> {
                 .create_query_pool(&info, None)
                 .map_err(|code| context.failure("vkCreateQueryPool", code))?;
             context.device.cmd_reset_query_pool(recorder.raw, pool, 0, 2 * capacity.max(1));
-            recorder.clock = Some(Clock { pool, capacity, names: Vec::new() });
+            recorder.clock = Some(Clock { pool, capacity, names: Vec::new(), whole });
         }
         Ok(recorder)
     }
@@ -145,7 +165,7 @@ impl<'a> Recorder<'a> {
         let region = [vk::BufferCopy::default().src_offset(from_offset).dst_offset(to_offset).size(bytes)];
         // SAFETY: both buffers are live for `'a`; the validation layers check the ranges in the tests.
         unsafe { self.context.device.cmd_copy_buffer(self.raw, from.handle(), to.handle(), &region) };
-        self.timestamp(true);
+        self.stop_clock();
     }
 
     /// Fills a buffer with a 32-bit value.
@@ -154,7 +174,7 @@ impl<'a> Recorder<'a> {
         self.start_clock("fill");
         // SAFETY: as in `copy_region`; buffer sizes are multiples of four.
         unsafe { self.context.device.cmd_fill_buffer(self.raw, buffer.handle(), 0, vk::WHOLE_SIZE, value) };
-        self.timestamp(true);
+        self.stop_clock();
     }
 
     /// The one place that decides on barriers: what is read must not be pending as written, what is written must not
@@ -208,6 +228,9 @@ impl<'a> Recorder<'a> {
         }
         if !self.ended {
             self.barrier();
+            if self.clock.as_ref().is_some_and(|clock| clock.whole) {
+                self.timestamp(true);
+            }
             // SAFETY: the command buffer is in the recording state.
             unsafe { self.context.device.end_command_buffer(self.raw) }
                 .map_err(|code| self.context.failure("vkEndCommandBuffer", code))?;
@@ -283,9 +306,17 @@ impl<'a> Recorder<'a> {
     }
 
     fn start_clock(&mut self, name: &'static str) {
-        if let Some(clock) = &mut self.clock {
+        if let Some(clock) = &mut self.clock
+            && !clock.whole
+        {
             clock.names.push(name);
             self.timestamp(false);
+        }
+    }
+
+    fn stop_clock(&mut self) {
+        if self.clock.as_ref().is_some_and(|clock| !clock.whole) {
+            self.timestamp(true);
         }
     }
 
@@ -430,7 +461,7 @@ impl<'a> StageRecord<'_, 'a> {
                 labels.cmd_end_debug_utils_label(raw);
             }
         }
-        recorder.timestamp(true);
+        recorder.stop_clock();
         if recorder.context.debug_sync && recorder.owned && recorder.clock.is_none() {
             recorder.failure = recorder.run_now(stage.name).err();
         }

@@ -22,13 +22,17 @@ struct Settings {
     uint kept;            // the first so many never move
     uint probes;          // point cameras a step
     uint pool;            // point cameras in all
-    uint capacity;        // visible splats that a probe has room for
+    uint capacity;        // visible splats that a probe has room for (dense), or pairs in all (binned)
+    uint row;             // partials from one block of a probe to the next (dense: capacity; binned: 0)
+    uint instances;       // (tile, splat) instances that there is room for (binned)
     uint iterations;
     uint round_length;    // iterations a view in the iterative variant, 0 in the joint one
     uint seed;
     uint relocate_every;  // 0 for never
     uint relocate_until;
+    uint blocks;          // blocks of texels that a probe's tallies and partials come in
     uint weighted;        // 0: every target is 1 (no VDS)
+    uint equal;           // 1: every probe weighs the same, 0: by its reachable directions
     float alpha;
     float gate_cos;
     float gate_softness;
@@ -65,10 +69,7 @@ struct Splat {
     uint spare1;
 };
 
-struct Probe {
-    vec3 position;
-    float score;
-};
+#include "shared/probe.glsl"
 
 // Gradient of the loss by a splat's pose, of one probe or of all.
 struct Gradient {
@@ -78,12 +79,13 @@ struct Gradient {
     float utility;    // rise of the loss if the splat were not there
 };
 
-// What one probe contributes.
+// What one block of texels of a probe contributes.
 struct Tally {
     float image;      // its part of the image loss
-    float weight;     // w_i, the coverage weight
     float log_scale;  // gradient by log s
-    uint visible;     // splats that it sees, also past the capacity
+    float short_fall; // sum over texels of the squared deficit
+    float sky;        // texels from whose direction the region sees the probe
+    uint visible;     // splats that the probe sees, also past the capacity
 };
 
 // Adam's first and second moments of a splat's pose.
@@ -104,11 +106,27 @@ struct Terms {
     float bound;
 };
 
+// Sums over the texels of one tile for one splat: what `splat_gradient` wants.
+struct InstanceSum {
+    vec3 moment;
+    float total;
+    float log_scale;
+    float utility;
+    uint spare0;
+    uint spare1;
+};
+
 struct Gate {
     float open;       // m in [0, 1]
     vec3 by_view;     // gradient of log m by the unit direction from the camera to the probe
     vec3 by_direction;// gradient of log m by the camera's viewing direction
 };
+
+// Weight of a texel of a probe in the mean over probes and directions.
+float texel_weight(Probe probe, Settings s) {
+    float share = 1.0 / (float(TEXELS) * float(s.probes));
+    return s.equal != 0 ? share / max(probe.sky, 1.0 / float(TEXELS)) : share;
+}
 
 float sigmoid(float x) {
     return 1.0 / (1.0 + exp(-x));

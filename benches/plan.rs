@@ -1,0 +1,176 @@
+//! GPU time of the planner: a whole iteration per stage over growing view budgets, through both passes, and the runs of
+//! the README's table.
+//!
+//! The scene is the furnished room of the demo (the object for 50 views); the cameras have been optimised for a few
+//! iterations, so that as many are visible as in a real run.
+
+mod report;
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use camsplat::Result;
+use camsplat::plan::config::{Config, Pass, Preset};
+use camsplat::plan::planner::{Planner, Preparation};
+use camsplat::scene::camera::Intrinsics;
+use camsplat::scene::proxy::{Orientation, Proxy};
+use camsplat::scene::region::Region;
+use camsplat::scene::samples;
+use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
+use camsplat::vulkan::{Context, Recorder};
+use glam::DVec3;
+use report::{Amount, Job, Report};
+
+/// Iterations of a row.
+const ITERATIONS: u32 = 10;
+
+fn main() -> Result<()> {
+    let context = report::context()?;
+    let mut report = Report::new(&context)?;
+    let on_cpu = context.physical().kind == "CPU";
+    let object = Scene::new(&context, Preset::Object)?;
+    let room = Scene::new(&context, Preset::Room)?;
+
+    // The runs of the README's table: 1000 iterations, texels as there.
+    whole(&context, &mut report, "plan_object_50", &object, 50, 20)?;
+    whole(&context, &mut report, "plan_room_300", &room, 300, 200)?;
+
+    let (sizes, probes): (&[u32], u32) =
+        if on_cpu { (&[300, 1000], 20) } else { (&[300, 1000, 3000, 10_000, 30_000], 200) };
+    iteration(&context, &mut report, &object, 50, 20, Pass::Dense)?;
+    for &views in sizes {
+        for pass in [Pass::Dense, Pass::Binned] {
+            // The loops of the dense pass are bounded, see `footprint::most_dense_splats`.
+            if pass == Pass::Dense && views > 1000 {
+                continue;
+            }
+            iteration(&context, &mut report, &room, views, probes, pass)?;
+        }
+    }
+    report.finish("plan")
+}
+
+struct Scene {
+    preset: Preset,
+    proxy: Proxy,
+    device: DeviceScene,
+}
+
+impl Scene {
+    fn new(context: &Arc<Context>, preset: Preset) -> Result<Self> {
+        let surface = match preset {
+            Preset::Object => samples::object(),
+            Preset::Room => samples::room(),
+        };
+        let proxy = Proxy::new(&surface, Orientation::Trusted)?;
+        let region = match preset {
+            Preset::Object => Region::around_object(proxy.sphere, 0.5 * intrinsics().inscribed_cone(), DVec3::Z, None)?,
+            Preset::Room => Region::inside_room(proxy.robust_bounds(), None, DVec3::Z)?,
+        };
+        let device = DeviceScene::new(context, SceneGeometry::new(&proxy, &region)?)?;
+        Ok(Self { preset, proxy, device })
+    }
+
+    /// A planner that never halts by itself within a bench, after a few iterations.
+    fn planner(&self, context: &Arc<Context>, config: Config, warm: u32) -> Result<Planner<'_>> {
+        let geometry = &self.device.geometry;
+        let preparation = Preparation::new(context, geometry, &self.proxy, &intrinsics(), &[], config)?;
+        let planner = Planner::new(context, &self.device, preparation)?;
+        let mut commands = Recorder::new(context)?;
+        for _ in 0..warm {
+            planner.record_iteration(&mut commands)?;
+        }
+        commands.submit_and_wait()?;
+        drop(commands);
+        Ok(planner)
+    }
+}
+
+fn intrinsics() -> Intrinsics {
+    Intrinsics::from_fov(800, 800, 50f64.to_radians())
+}
+
+fn iteration(
+    context: &Arc<Context>,
+    report: &mut Report,
+    scene: &Scene,
+    views: u32,
+    probes: u32,
+    pass: Pass,
+) -> Result<()> {
+    let config = Config {
+        iterations: 1 << 20,
+        checkpoint_every: 1 << 19,
+        relocate_every: 0,
+        probes,
+        pass,
+        ..Config::new(scene.preset, views)
+    };
+    let planner = scene.planner(context, config, 20)?;
+    let resolution = planner.maps().resolution;
+    let texels = u64::from(probes * resolution * resolution);
+    let tallies = planner.tallies()?;
+    let visible: u64 = tallies.iter().map(|tally| u64::from(tally.visible)).sum();
+    let (pairs, instances) = planner.most_binned();
+    let all = u64::from(probes * views);
+    // The least that must move: records and partials of the pairs (and instances, sorted), depth and texels once each way.
+    let (name, bytes, operations) = match pass {
+        Pass::Binned => {
+            let (pairs, instances) = (u64::from(pairs), u64::from(instances));
+            let sorted = 84 * pairs + 42 * instances;
+            ("iteration_binned", 28 * all + 80 * pairs + 88 * instances + sorted + 20 * texels, 2 * 64 * instances)
+        }
+        _ => ("iteration_dense", 8 * all + 68 * visible + 8 * texels, 2 * visible * u64::from(resolution * resolution)),
+    };
+    println!(
+        "{name}: {views} views, {probes} probes of {resolution}x{resolution}, {} pairs, {instances} instances",
+        visible.max(u64::from(pairs))
+    );
+    let n = u64::from(ITERATIONS);
+    let amount = Amount { count: u64::from(views), bytes: n * bytes, operations: n * operations };
+    let mut job = Job::new(
+        context,
+        planner.stages_of_a_block().min(45 * ITERATIONS),
+        |_| {},
+        |commands| {
+            for _ in 0..ITERATIONS {
+                planner.record_iteration(commands)?;
+            }
+            Ok(())
+        },
+    )?;
+    report.row(name, amount, &mut job)
+}
+
+/// A whole run of 1000 iterations at 32 x 32 texels, relocation included: median GPU time of a few.
+fn whole(
+    context: &Arc<Context>,
+    report: &mut Report,
+    name: &str,
+    scene: &Scene,
+    views: u32,
+    probes: u32,
+) -> Result<()> {
+    let config = Config { probes, resolution: Some(32), ..Config::new(scene.preset, views) };
+    let blocks = config.iterations / 50;
+    let planner = scene.planner(context, config, 0)?;
+    let repeats = if context.physical().kind == "CPU" { 1 } else { 15 };
+    let mut totals = Vec::new();
+    for _ in 0..repeats {
+        planner.reset()?;
+        let mut commands = Recorder::timed_whole(context)?;
+        planner.record_block(&mut commands)?;
+        let mut total = 0.0;
+        for _ in 0..blocks {
+            commands.submit_and_wait()?;
+            total += commands.timings()?.first().map_or(0.0, |timing| timing.end - timing.start);
+        }
+        totals.push(total);
+    }
+    // The untimed way, wall clock included, must do as many iterations.
+    planner.reset()?;
+    let outcome = planner.run(None, |_| ControlFlow::Continue(()))?;
+    assert_eq!(outcome.history.len(), 1000, "a run of the bench broke off");
+    report.total(name, u64::from(views), &mut totals, outcome.seconds);
+    Ok(())
+}

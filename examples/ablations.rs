@@ -1,0 +1,395 @@
+//! The tables of docs/ablations.md: what each choice is worth, by held-out metrics, over scenes and seeds.
+//!
+//! ```text
+//! cargo run --release --example ablations -- defaults|parts|starts|voronoi [--seeds N] [--scene NAME] [--data DIR]
+//! ```
+//!
+//! Scenes are the two of the demo and, where DIR (or the environment variable CAMSPLAT_DATA) has them, four more.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use camsplat::io;
+use camsplat::metrics::score_point::{Field, Scorer, aggregate};
+use camsplat::metrics::{Metrics, PointMetrics};
+use camsplat::plan::config::{Config, Gate, Kernel, Objective, Preset, Start};
+use camsplat::plan::job::{RegionChoice, Target};
+use camsplat::plan::planner::{Outcome, Planner, Preparation};
+use camsplat::scene::baselines;
+use camsplat::scene::camera::{Camera, Intrinsics, Pose};
+use camsplat::scene::proxy::SurfacePoint;
+use camsplat::scene::region::Shape;
+use camsplat::scene::samples;
+use camsplat::scene::surface::Surface;
+use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
+use camsplat::vulkan::{Context, Options};
+use camsplat::{Error, Result};
+use clap::Parser;
+use glam::DVec3;
+
+#[derive(Parser)]
+struct Arguments {
+    /// Which tables
+    #[arg(required = true)]
+    tables: Vec<String>,
+    /// Seeds of each entry
+    #[arg(long, default_value_t = 5)]
+    seeds: u64,
+    /// Folder with objects/ and rooms/
+    #[arg(long, env = "CAMSPLAT_DATA")]
+    data: Option<PathBuf>,
+    /// Scenes by name; all where none is given
+    #[arg(long)]
+    scene: Vec<String>,
+    #[arg(long)]
+    device: Option<String>,
+}
+
+struct Scene {
+    name: &'static str,
+    preset: Preset,
+    views: u32,
+    surface: Surface,
+    target: Target,
+    device: DeviceScene,
+}
+
+impl Scene {
+    fn new(
+        context: &Arc<Context>,
+        name: &'static str,
+        surface: Surface,
+        preset: Preset,
+        up: DVec3,
+        shape: Option<Shape>,
+    ) -> Result<Self> {
+        let choice = RegionChoice { shape, ..RegionChoice::default() };
+        let target = Target::new(&surface, name, preset, &choice, up, &intrinsics())?;
+        let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+        let views = if preset == Preset::Object { 50 } else { 300 };
+        Ok(Self { name, preset, views, surface, target, device: DeviceScene::new(context, geometry)? })
+    }
+}
+
+fn scenes(context: &Arc<Context>, data: Option<&Path>) -> Result<Vec<Scene>> {
+    let mut scenes = vec![Scene::new(context, "object", samples::object(), Preset::Object, DVec3::Z, None)?];
+    if let Some(data) = data {
+        for (name, file) in [("helmet", "objects/DamagedHelmet.glb"), ("car", "objects/ToyCar.glb")] {
+            let surface = io::read_surface(&data.join(file))?;
+            scenes.push(Scene::new(context, name, surface, Preset::Object, DVec3::Y, None)?);
+        }
+    }
+    scenes.push(Scene::new(context, "room", samples::room(), Preset::Room, DVec3::Z, None)?);
+    if let Some(data) = data {
+        // The boxes are the `free_box` entries of the files that come with the rooms.
+        let boxes = [
+            ("living-room", "rooms/living-room.glb", [0.35, 1.3, -3.25, 4.8, 2.55, -0.5]),
+            ("staircase", "rooms/staircase2.glb", [-8.0, 0.6, 0.7, 6.5, 5.0, 2.3]),
+        ];
+        for (name, file, [x0, y0, z0, x1, y1, z1]) in boxes {
+            let shape = Shape::Box { min: DVec3::new(x0, y0, z0), max: DVec3::new(x1, y1, z1) };
+            let surface = io::read_surface(&data.join(file))?;
+            scenes.push(Scene::new(context, name, surface, Preset::Room, DVec3::Y, Some(shape))?);
+        }
+    }
+    Ok(scenes)
+}
+
+fn intrinsics() -> Intrinsics {
+    Intrinsics::from_fov(800, 800, 50f64.to_radians())
+}
+
+fn cameras(poses: &[Pose]) -> Vec<Camera> {
+    let camera = |(i, pose): (usize, &Pose)| Camera { name: format!("{i}"), pose: *pose, intrinsics: intrinsics() };
+    poses.iter().enumerate().map(camera).collect()
+}
+
+/// A row: its name, and what it changes.
+struct Variant(String, Box<dyn Fn(&mut Config)>);
+
+fn variant(name: impl Into<String>, edit: impl Fn(&mut Config) + 'static) -> Variant {
+    Variant(name.into(), Box::new(edit))
+}
+
+fn defaults() -> Vec<Variant> {
+    let mut rows = vec![variant("as shipped", |_| {})];
+    for (reg, pressures) in [
+        (0.3, &[0.1, 0.3, 1.0][..]),
+        (1.0, &[0.0, 0.03, 0.1, 0.3, 0.5, 1.0]),
+        (3.0, &[0.03, 0.1, 0.3, 0.5, 1.0]),
+        (10.0, &[0.0, 0.03, 0.1, 0.3, 1.0]),
+        (30.0, &[0.1, 0.3, 1.0]),
+    ] {
+        rows.extend(pressures.iter().map(|&pressure| {
+            variant(format!("splat, regulariser {reg}, pressure {pressure}"), move |config| {
+                config.objective = Objective::Splat;
+                config.lambda_reg = reg;
+                config.lambda_scale = pressure;
+            })
+        }));
+    }
+    rows.extend([0.01, 0.03, 0.1].map(|tau| {
+        variant(format!("nearest, tau {tau}"), move |config| {
+            config.objective = Objective::Nearest;
+            config.nearest_tau = tau;
+        })
+    }));
+    rows
+}
+
+fn parts() -> Vec<Variant> {
+    vec![
+        variant("as shipped", |_| {}),
+        variant("the random start", |config| {
+            config.rate_centre = 0.0;
+            config.rate_direction = 0.0;
+            config.relocate_every = 0;
+        }),
+        variant("directions weigh the same, not probes", |config| config.equal_probes = false),
+        variant("hard gate", |config| config.gate = Gate::Hard),
+        variant("pinhole gate", |config| config.gate = Gate::Pinhole),
+        variant("metric kernel", |config| config.kernel = Kernel::Metric),
+        variant("no regulariser", |config| config.lambda_reg = 0.0),
+        variant("no relocation", |config| config.relocate_every = 0),
+        variant("relocation every 25", |config| config.relocate_every = 25),
+        variant("scale held", |config| config.rate_scale = 0.0),
+        variant("no pressure on the scale", |config| config.lambda_scale = 0.0),
+        variant("no occlusion", |config| config.occlusion = false),
+        variant("no scores (VDS)", |config| config.vds = false),
+        variant("iterative", |config| config.iterative = true),
+        variant("32 texels a side", |config| config.resolution = Some(32)),
+        variant("200 probes a step", |config| config.probes = 200),
+        variant("3000 iterations", |config| config.iterations = 3000),
+        variant("50 probes a step", |config| config.probes = 50),
+        variant("gate softness 0.02", |config| config.gate_softness = 0.02),
+        variant("gate softness 0.05", |config| config.gate_softness = 0.05),
+        variant("opacity 0.05", |config| config.alpha = 0.05),
+        variant("opacity 0.2", |config| config.alpha = 0.2),
+        variant("positions half as fast", |config| config.rate_centre *= 0.5),
+        variant("positions twice as fast", |config| config.rate_centre *= 2.0),
+        variant("directions half as fast", |config| config.rate_direction *= 0.5),
+        variant("directions twice as fast", |config| config.rate_direction *= 2.0),
+        variant("regulariser 0.3", |config| config.lambda_reg = 0.3),
+        variant("pressure 0.2", |config| config.lambda_scale = 0.2),
+        variant("nearest, tau 0.02, 200 probes", |config| {
+            config.objective = Objective::Nearest;
+            config.nearest_tau = 0.02;
+            config.probes = 200;
+        }),
+        variant("nearest, tau 0.02, 100 probes, 3000 iterations", |config| {
+            config.objective = Objective::Nearest;
+            config.nearest_tau = 0.02;
+            config.iterations = 3000;
+            config.probes = 100;
+        }),
+        variant("splat", |config| config.objective = Objective::Splat),
+        variant("nearest", |config| config.objective = Objective::Nearest),
+    ]
+}
+
+struct Run {
+    outcome: Outcome,
+    points: Vec<SurfacePoint>,
+    scores: Vec<PointMetrics>,
+}
+
+fn run(context: &Arc<Context>, scene: &Scene, config: Config) -> Result<Run> {
+    let points = scene.target.proxy.sample(config.held_out as usize, 1000 + config.seed, 1);
+    let geometry = &scene.device.geometry;
+    let mut preparation = Preparation::new(context, geometry, &scene.target.proxy, &intrinsics(), &[], config)?;
+    let outcome = loop {
+        let planner = Planner::new(context, &scene.device, preparation.clone())?;
+        match planner.run(None, |_| ControlFlow::Continue(())) {
+            Err(Error::Room { pairs, instances }) => preparation = preparation.with_room(context, pairs, instances),
+            outcome => break outcome?,
+        }
+    };
+    let scores = Scorer::new(context, &scene.device, &points)?.score(&cameras(&outcome.poses), Field::Cone)?;
+    Ok(Run { outcome, points, scores })
+}
+
+fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
+    let n = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    (mean, variance.sqrt())
+}
+
+/// "mean gap ± deviation over seeds (95th percentile), seen by three or more, views per point".
+fn entry(all: &[Metrics]) -> String {
+    let of = |value: fn(&Metrics) -> f64| mean_and_deviation(&all.iter().map(value).collect::<Vec<_>>());
+    let (gap, deviation) = of(|m| m.gap_mean_deg);
+    format!(
+        " {gap:.2} ± {deviation:.2} ({:.1}), {:.1}%, {:.1} |",
+        of(|m| m.gap_p95_deg).0,
+        100.0 * of(|m| m.coverage_3).0,
+        of(|m| m.views_mean).0
+    )
+}
+
+fn table(context: &Arc<Context>, scenes: &[Scene], seeds: u64, title: &str, rows: &[Variant]) -> Result<()> {
+    println!("\n## {title}\n");
+    println!("| |{}", scenes.iter().map(|scene| format!(" {} |", scene.name)).collect::<String>());
+    println!("|---|{}", "---|".repeat(scenes.len()));
+    for Variant(name, edit) in rows {
+        let mut line = format!("| {name} |");
+        for scene in scenes {
+            let all = (0..seeds).map(|seed| {
+                let mut config = Config { seed, ..Config::new(scene.preset, scene.views) };
+                edit(&mut config);
+                Ok(aggregate(&run(context, scene, config)?.scores))
+            });
+            line += &entry(&all.collect::<Result<Vec<_>>>()?);
+        }
+        println!("{line}");
+    }
+    for (name, random) in [("*random*", true), ("*Fibonacci*", false)] {
+        let mut line = format!("| {name} |");
+        for scene in scenes {
+            let all = (0..seeds).filter_map(|seed| control(context, scene, seed, random).transpose());
+            let all = all.collect::<Result<Vec<_>>>()?;
+            line += &if all.is_empty() { " – |".into() } else { entry(&all) };
+        }
+        println!("{line}");
+    }
+    Ok(())
+}
+
+/// Metrics of a control; none where it makes no sense in the scene.
+fn control(context: &Arc<Context>, scene: &Scene, seed: u64, random: bool) -> Result<Option<Metrics>> {
+    let geometry = &scene.device.geometry;
+    let poses = match random {
+        true => baselines::random(&geometry.free, scene.views as usize, seed),
+        false if scene.preset == Preset::Room => return Ok(None),
+        false => baselines::fibonacci_shell(&geometry.region, scene.views as usize)?,
+    };
+    let back = geometry.to_internal.inverse();
+    let world: Vec<Pose> = poses.iter().map(|pose| back.pose(pose)).collect();
+    let points = scene.target.proxy.sample(1000, 1000 + seed, 1);
+    let scores = Scorer::new(context, &scene.device, &points)?.score(&cameras(&world), Field::Cone)?;
+    Ok(Some(aggregate(&scores)))
+}
+
+/// Rows of something by iteration, averaged over seeds: one line per name, some of the checkpoints as columns.
+#[derive(Default)]
+struct ByIteration {
+    headed: bool,
+}
+
+impl ByIteration {
+    const COLUMNS: [u32; 8] = [0, 50, 100, 200, 400, 600, 800, 1000];
+
+    fn line(&mut self, name: &str, values: &[(u32, f64)], format: impl Fn(f64) -> String) {
+        let few: Vec<_> = values.iter().filter(|(i, _)| Self::COLUMNS.contains(i)).collect();
+        if !self.headed {
+            println!("| iteration |{}", few.iter().map(|(i, _)| format!(" {i} |")).collect::<String>());
+            println!("|---|{}", "---|".repeat(few.len()));
+            self.headed = true;
+        }
+        println!("| {name} |{}", few.iter().map(|(_, v)| format!(" {} |", format(*v))).collect::<String>());
+    }
+}
+
+/// The mean over seeds of a value at every checkpoint.
+fn by_iteration(
+    context: &Arc<Context>,
+    scene: &Scene,
+    seeds: u64,
+    config: impl Fn(u64) -> Config,
+    value: impl Fn(&[SurfacePoint], &[PointMetrics]) -> f64,
+) -> Result<Vec<(u32, f64)>> {
+    let mut sums: Vec<(u32, f64)> = Vec::new();
+    for seed in 0..seeds {
+        let run = run(context, scene, config(seed))?;
+        let scorer = Scorer::new(context, &scene.device, &run.points)?;
+        sums.resize(run.outcome.snapshots.len(), (0, 0.0));
+        for (sum, (iteration, poses)) in sums.iter_mut().zip(&run.outcome.snapshots) {
+            let scores = scorer.score(&cameras(poses), Field::Cone)?;
+            *sum = (*iteration, sum.1 + value(&run.points, &scores) / seeds as f64);
+        }
+    }
+    Ok(sums)
+}
+
+/// Coverage by iteration, with and without regulariser and relocation, from random and identical starts.
+fn starts(context: &Arc<Context>, scenes: &[Scene], seeds: u64) -> Result<()> {
+    for scene in scenes {
+        println!("\n### Coverage by iteration, {}\n", scene.name);
+        let mut lines = ByIteration::default();
+        for (start_name, start) in [("random", Start::Random), ("identical", Start::Identical)] {
+            for (name, reg, relocation) in [
+                ("", true, true),
+                (", no relocation", true, false),
+                (", no regulariser", false, true),
+                (", neither", false, false),
+            ] {
+                let config = |seed| {
+                    let mut config =
+                        Config { seed, start, objective: Objective::Splat, ..Config::new(scene.preset, scene.views) };
+                    if !reg {
+                        config.lambda_reg = 0.0;
+                    }
+                    if !relocation {
+                        config.relocate_every = 0;
+                    }
+                    config
+                };
+                let covered = |_: &[SurfacePoint], scores: &[PointMetrics]| {
+                    let metrics = aggregate(scores);
+                    metrics.coverage_1 / metrics.reachable
+                };
+                let values = by_iteration(context, scene, seeds, config, covered)?;
+                lines.line(&format!("{start_name}{name}"), &values, |v| format!("{:.1}%", 100.0 * v));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Mean Voronoi cell area by iteration for points of high and low score: the half of each surface with the higher x is
+/// given the score 2, the other half 1.
+fn voronoi(context: &Arc<Context>, scenes: &[Scene], seeds: u64) -> Result<()> {
+    for scene in scenes {
+        let Surface::Mesh(mut mesh) = scene.surface.clone() else { continue };
+        let mut xs: Vec<f64> = mesh.positions.iter().map(|p| p.x).collect();
+        xs.sort_unstable_by(f64::total_cmp);
+        let middle = xs[xs.len() / 2];
+        mesh.scores = mesh.positions.iter().map(|p| if p.x > middle { 2.0 } else { 1.0 }).collect();
+        let region = scene.target.region;
+        let scored = Scene::new(context, scene.name, Surface::Mesh(mesh), scene.preset, region.up, Some(region.shape))?;
+        println!("\n### Voronoi cell area by iteration, {}, steradians\n", scene.name);
+        let mut lines = ByIteration::default();
+        for (name, vds) in [("with scores", true), ("without", false)] {
+            for (half, high) in [("low score", false), ("high score", true)] {
+                let config = |seed| Config { seed, vds, ..Config::new(scene.preset, scene.views) };
+                let area = |points: &[SurfacePoint], scores: &[PointMetrics]| {
+                    let of_half = points.iter().zip(scores).filter(|(p, s)| (p.score > 1.5) == high && s.views > 0);
+                    mean_and_deviation(&of_half.map(|(_, s)| s.voronoi_mean as f64).collect::<Vec<_>>()).0
+                };
+                let values = by_iteration(context, &scored, seeds, config, area)?;
+                lines.line(&format!("{name}, {half}"), &values, |v| format!("{v:.3}"));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn main() -> Result<()> {
+    let arguments = Arguments::parse();
+    let context = Context::new(&Options { device: arguments.device.clone(), ..Options::default() })?;
+    let mut scenes = scenes(&context, arguments.data.as_deref())?;
+    if !arguments.scene.is_empty() {
+        scenes.retain(|scene| arguments.scene.iter().any(|name| name == scene.name));
+    }
+    for name in &arguments.tables {
+        match name.as_str() {
+            "defaults" => table(&context, &scenes, arguments.seeds, "Weights", &defaults())?,
+            "parts" => table(&context, &scenes, arguments.seeds, "Parts", &parts())?,
+            "starts" => starts(&context, &scenes, arguments.seeds)?,
+            "voronoi" => voronoi(&context, &scenes, arguments.seeds)?,
+            other => return Err(Error::request(format!("no table `{other}`: defaults, parts, starts or voronoi"))),
+        }
+    }
+    Ok(())
+}

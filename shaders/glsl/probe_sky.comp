@@ -1,0 +1,24 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// From what part of the sphere does the region see a probe? A workgroup per probe, once for the whole run.
+#include "shared/probe.glsl"
+layout(local_size_x = 64) in;
+
+layout(push_constant) uniform Push { uint resolution; };
+layout(binding = 0, std430) readonly buffer Depth { float depth[]; };
+layout(binding = 1, std430) buffer Probes { Probe probes[]; };
+
+shared uint sums[64];
+
+void main() {
+    uint probe = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x, thread = gl_LocalInvocationIndex;
+    if (probe >= probes.length()) return;
+    uint texels = resolution * resolution, open_sky = 0;
+    for (uint t = thread; t < texels; t += 64) open_sky += depth[probe * texels + t] > 0.0 ? 1 : 0;
+    sums[thread] = open_sky;
+    for (uint half_ = 32; half_ > 0; half_ >>= 1) {
+        barrier();
+        if (thread < half_) sums[thread] += sums[thread + half_];
+    }
+    if (thread == 0) probes[probe].sky = float(sums[0]) / float(texels);
+}

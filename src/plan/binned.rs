@@ -1,0 +1,309 @@
+//! The splat pass for large view budgets: (probe, tile) instances, sorted by depth and then by tile, composited front to
+//! back, gradients gathered in order (`bin_*.comp`). It computes what [`super::dense`] does, with work per texel that
+//! stays constant as the views grow; that pass's twin is its twin as well.
+
+use std::sync::Arc;
+
+use super::planner::Buffers;
+use super::shared::{Control, Gradient, InstanceSum, Settings, Splat, Tally};
+use crate::Result;
+use crate::primitives::{Count, RadixSort, Scan};
+use crate::scene::octahedral;
+use crate::visibility::probe_depth::{Probe, ProbeMaps};
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+
+crate::stage!(
+    /// Which pairs of probe and splat pass the gate.
+    pub BIN_CULL = bin_cull(()) { read settings, read control, read splats, read probes, write flags }
+    with [Settings, Control, Splat, Probe]
+);
+crate::stage!(
+    /// Slots and depth keys of the pairs that do.
+    pub BIN_LIST = bin_list(()) {
+        read settings, read control, read splats, read probes, read flags, read offsets,
+        write slots, write pairs, write depth_keys, write depth_slots,
+    } with [Settings, Control, Splat, Probe]
+);
+crate::stage!(
+    /// Tiles of each pair.
+    pub BIN_COUNT = bin_count(()) {
+        read settings, read control, read splats, read probes, read cones, read pairs, read depth_slots, read counts,
+        write tile_counts,
+    } with [Settings, Control, Splat, Probe]
+);
+crate::stage!(
+    /// An instance per tile of each pair.
+    pub BIN_EMIT = bin_emit(()) {
+        read settings, read control, read splats, read probes, read cones, read pairs, read depth_slots, read counts,
+        read tile_offsets, write tile_keys, write tile_instances, write instance_slots, write runs,
+    } with [Settings, Control, Splat, Probe]
+);
+crate::stage!(
+    /// Instances of each tile.
+    pub BIN_RANGES = bin_ranges(()) { read settings, read control, read counts, read tile_keys, write ranges }
+    with [Settings, Control]
+);
+crate::stage!(
+    /// Compositing, a workgroup per tile.
+    pub BIN_FORWARD = bin_forward(()) {
+        read settings, read control, read splats, read probes, read directions, read depth, read pairs,
+        read instance_slots, read tile_instances, read ranges, write left, write tile_sums, write deficit,
+    } with [Settings, Control, Splat, Probe]
+);
+crate::stage!(
+    /// Sums over texels, a workgroup per tile.
+    pub BIN_BACKWARD = bin_backward(()) {
+        read settings, read control, read splats, read probes, read directions, read depth, read pairs,
+        read instance_slots, read tile_instances, read ranges, read left, write instance_sums,
+    } with [Settings, Control, Splat, Probe, InstanceSum]
+);
+crate::stage!(
+    /// Sums over instances, a thread per pair.
+    pub BIN_GATHER = bin_gather(()) {
+        read settings, read control, read splats, read probes, read pairs, read counts, read runs, read instance_sums,
+        write partials,
+    } with [Settings, Control, Splat, Probe, InstanceSum, Gradient]
+);
+crate::stage!(
+    /// Sums over tiles, a workgroup per probe.
+    pub BIN_TALLY = bin_tally(()) {
+        read settings, read control, read tile_sums, read slots, read partials, read counts, write tallies,
+        write mailbox, read probes,
+    } with [Settings, Control, Gradient, Tally, Probe]
+);
+
+/// Texels of a tile along a side.
+pub const TILE: u32 = 8;
+
+/// Pipelines and buffers of the pass.
+pub(super) struct Binned {
+    cull: Pipeline,
+    list: Pipeline,
+    count: Pipeline,
+    emit: Pipeline,
+    ranges: Pipeline,
+    forward: Pipeline,
+    backward: Pipeline,
+    gather: Pipeline,
+    tally: Pipeline,
+    scan: Scan,
+    sort: RadixSort,
+    flags: Buffer,
+    offsets: Buffer,
+    counts: Buffer,
+    cones: Buffer,
+    pairs: Buffer,
+    depth_keys: Buffer,
+    depth_slots: Buffer,
+    tile_counts: Buffer,
+    tile_offsets: Buffer,
+    tile_keys: Buffer,
+    tile_instances: Buffer,
+    instance_slots: Buffer,
+    instance_sums: Buffer,
+    runs: Buffer,
+    tile_ranges: Buffer,
+    tile_sums: Buffer,
+    left: Buffer,
+}
+
+/// Buffers of the pass by name and bytes.
+pub(super) fn footprint(context: &Context, s: &Settings, resolution: u32) -> Vec<(&'static str, u64)> {
+    let [all, pairs, instances] = [s.probes * s.splats, s.capacity, s.instances].map(u64::from);
+    let tiles = (s.probes * (resolution / TILE).pow(2)) as u64;
+    let texels = (s.probes * resolution * resolution) as u64;
+    vec![
+        ("flags", 4 * all),
+        ("offsets", 4 * all),
+        ("counts", 8),
+        ("cones", 16 * (resolution / TILE).pow(2) as u64),
+        ("pairs", 4 * pairs),
+        ("depth_keys", 4 * pairs),
+        ("depth_slots", 4 * pairs),
+        ("tile_counts", 4 * pairs),
+        ("tile_offsets", 4 * pairs),
+        ("tile_keys", 4 * instances),
+        ("tile_instances", 4 * instances),
+        ("instance_slots", 4 * instances),
+        ("instance_sums", size_of::<InstanceSum>() as u64 * instances),
+        ("runs", 8 * pairs),
+        ("tile_ranges", 8 * tiles),
+        ("tile_sums", 16 * tiles),
+        ("left", 4 * texels),
+        ("sort", RadixSort::footprint(context, s.capacity.max(s.instances))),
+        ("scan", Scan::footprint((s.probes * s.splats).max(s.capacity))),
+    ]
+}
+
+/// Axis and cosine of the half angle of a cone around each tile, row-major.
+pub fn cones(resolution: u32) -> Vec<[f32; 4]> {
+    let wide = resolution / TILE;
+    let texel = |x: u32, y: u32| octahedral::texel_centre(y * resolution + x, resolution);
+    // Texel centres are what is lit, so they are what the cone has to hold.
+    let tile = |tile: u32| {
+        let (x0, y0) = (tile % wide * TILE, tile / wide * TILE);
+        let texels = || (0..TILE * TILE).map(move |k| (x0 + k % TILE, y0 + k / TILE));
+        let axis = texels().map(|(x, y)| texel(x, y)).sum::<glam::DVec3>().normalize_or(glam::DVec3::Z);
+        let cos = texels().map(|(x, y)| axis.dot(texel(x, y))).fold(1.0, f64::min);
+        axis.extend((cos - 1e-6).max(-1.0)).as_vec4().to_array()
+    };
+    (0..wide * wide).map(tile).collect()
+}
+
+impl Binned {
+    pub(super) fn new(
+        context: &Arc<Context>,
+        s: &Settings,
+        constants: &[u32],
+        buffer: impl Fn(&str) -> Result<Buffer>,
+    ) -> Result<Self> {
+        let pipeline = |stage| Pipeline::new(context, stage, constants);
+        Ok(Self {
+            cull: pipeline(&BIN_CULL)?,
+            list: pipeline(&BIN_LIST)?,
+            count: pipeline(&BIN_COUNT)?,
+            emit: pipeline(&BIN_EMIT)?,
+            ranges: pipeline(&BIN_RANGES)?,
+            forward: pipeline(&BIN_FORWARD)?,
+            backward: pipeline(&BIN_BACKWARD)?,
+            gather: pipeline(&BIN_GATHER)?,
+            tally: pipeline(&BIN_TALLY)?,
+            scan: Scan::new(context, (s.probes * s.splats).max(s.capacity))?,
+            sort: RadixSort::new(context, s.capacity.max(s.instances))?,
+            flags: buffer("flags")?,
+            offsets: buffer("offsets")?,
+            counts: buffer("counts")?,
+            cones: Buffer::from_slice(context, "cones", &cones(constants[0]))?,
+            pairs: buffer("pairs")?,
+            depth_keys: buffer("depth_keys")?,
+            depth_slots: buffer("depth_slots")?,
+            tile_counts: buffer("tile_counts")?,
+            tile_offsets: buffer("tile_offsets")?,
+            tile_keys: buffer("tile_keys")?,
+            tile_instances: buffer("tile_instances")?,
+            instance_slots: buffer("instance_slots")?,
+            instance_sums: buffer("instance_sums")?,
+            runs: buffer("runs")?,
+            tile_ranges: buffer("tile_ranges")?,
+            tile_sums: buffer("tile_sums")?,
+            left: buffer("left")?,
+        })
+    }
+
+    /// Records the pass: partials, slots and tallies come out as those of the dense pass do.
+    ///
+    /// # Errors
+    /// Where a sort or scan is asked for more than it was made for, which the settings rule out.
+    pub(super) fn record<'a>(
+        &'a self,
+        commands: &mut Recorder<'a>,
+        s: &Settings,
+        maps: &'a ProbeMaps,
+        b: &'a Buffers,
+    ) -> Result<()> {
+        let all = (s.probes * s.splats).div_ceil(256);
+        let tiles = (maps.resolution / TILE).pow(2);
+        let probes = &maps.probe_buffer;
+        commands.stage(&self.cull).bind(&[&b.settings, &b.control, &b.splats, probes, &self.flags]).linear(all);
+        let pairs = Count::Host(s.probes * s.splats);
+        self.scan.record(commands, &self.flags, &self.offsets, pairs, (&self.counts, 0))?;
+        commands
+            .stage(&self.list)
+            .bind(&[
+                &b.settings,
+                &b.control,
+                &b.splats,
+                probes,
+                &self.flags,
+                &self.offsets,
+                &b.slots,
+                &self.pairs,
+                &self.depth_keys,
+                &self.depth_slots,
+            ])
+            .linear(all);
+        let pairs = || Count::Device(&self.counts, 0);
+        let by_depth = self.sort.pairs(commands, &self.depth_keys, &self.depth_slots, pairs(), 32)?;
+        let seen =
+            [&b.settings, &b.control, &b.splats, probes, &self.cones, &self.pairs, by_depth.values, &self.counts];
+        let ranks = s.capacity.div_ceil(64);
+        commands.stage(&self.count).bind(&[&seen[..], &[&self.tile_counts]].concat()).linear(ranks);
+        self.scan.record(commands, &self.tile_counts, &self.tile_offsets, pairs(), (&self.counts, 1))?;
+        let emitted = [&self.tile_offsets, &self.tile_keys, &self.tile_instances, &self.instance_slots, &self.runs];
+        commands.stage(&self.emit).bind(&[&seen[..], &emitted[..]].concat()).linear(ranks);
+        let bits = 32 - (s.probes * tiles - 1).leading_zeros().min(31);
+        let instances = Count::Device(&self.counts, 1);
+        let by_tile = self.sort.pairs(commands, &self.tile_keys, &self.tile_instances, instances, bits)?;
+        commands.fill(&self.tile_ranges, 0);
+        commands
+            .stage(&self.ranges)
+            .bind(&[&b.settings, &b.control, &self.counts, by_tile.keys, &self.tile_ranges])
+            .linear(s.instances.div_ceil(256));
+        let lit = [
+            &b.settings,
+            &b.control,
+            &b.splats,
+            probes,
+            &b.directions,
+            &maps.depth,
+            &self.pairs,
+            &self.instance_slots,
+            by_tile.values,
+            &self.tile_ranges,
+            &self.left,
+        ];
+        commands
+            .stage(&self.forward)
+            .bind(&[&lit[..], &[&self.tile_sums, &b.deficit]].concat())
+            .groups([tiles, s.probes, 1]);
+        commands.stage(&self.backward).bind(&[&lit[..], &[&self.instance_sums]].concat()).groups([tiles, s.probes, 1]);
+        commands
+            .stage(&self.gather)
+            .bind(&[
+                &b.settings,
+                &b.control,
+                &b.splats,
+                probes,
+                &self.pairs,
+                &self.counts,
+                &self.runs,
+                &self.instance_sums,
+                &b.partials,
+            ])
+            .linear(ranks);
+        commands
+            .stage(&self.tally)
+            .bind(&[
+                &b.settings,
+                &b.control,
+                &self.tile_sums,
+                &b.slots,
+                &b.partials,
+                &self.counts,
+                &b.tallies,
+                &b.mailbox,
+                probes,
+            ])
+            .groups([s.probes, 1, 1]);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A texel outside its tile's cone would lose splats that light it.
+    #[test]
+    fn cones_hold_their_texels() {
+        for resolution in [16, 24, 64] {
+            let wide = resolution / TILE;
+            for (texel, direction) in octahedral::directions(resolution).iter().enumerate() {
+                let (x, y) = (texel as u32 % resolution, texel as u32 / resolution);
+                let cone = cones(resolution)[(y / TILE * wide + x / TILE) as usize];
+                let axis = glam::Vec3::from_slice(&cone).as_dvec3();
+                assert!(axis.dot(*direction) >= cone[3] as f64, "texel {texel} of {resolution}");
+            }
+        }
+    }
+}

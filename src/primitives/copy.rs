@@ -1,0 +1,41 @@
+//! A copy by a compute stage: the measure of the bandwidth that other stages could have. `vkCmdCopyBuffer` is not always:
+//! some drivers run it on a part of the device.
+
+use std::sync::Arc;
+
+use crate::Result;
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+
+crate::gpu_struct! {
+    /// Push constants of [`COPY_WORDS`].
+    pub struct CopyPush {
+        /// Vectors of four words.
+        pub count: u32,
+    }
+}
+
+crate::stage!(
+    /// Sixteen bytes a thread.
+    pub COPY_WORDS = copy_words(CopyPush) { read source, write target }
+);
+
+/// Copies buffers by a compute stage.
+pub struct Copy {
+    pipeline: Pipeline,
+}
+
+impl Copy {
+    /// Makes the stage.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn new(context: &Arc<Context>) -> Result<Self> {
+        Ok(Self { pipeline: Pipeline::new(context, &COPY_WORDS, &[])? })
+    }
+
+    /// Copies as many whole vectors of sixteen bytes as both buffers hold.
+    pub fn record<'a>(&'a self, commands: &mut Recorder<'a>, source: &'a Buffer, target: &'a Buffer) {
+        let count = (source.size().min(target.size()) / 16) as u32;
+        commands.stage(&self.pipeline).bind(&[source, target]).push(&CopyPush { count }).linear(count.div_ceil(256));
+    }
+}
