@@ -192,7 +192,10 @@ fn counts_beyond_the_device() {
             ("plan ball.ply --out o --views 4294967295", &["bytes of device memory", "are free", "plan fewer views"]),
             ("plan ball.ply --out o --views 4294967295 --dry-run", &["bytes of device memory", "plan fewer views"]),
             ("plan ball.ply --out o --views 400000000 --probes 1", &["bytes of device memory", "plan fewer views"]),
-            ("plan ball.ply --out o --views 3 --iterations 4294967295", &["`history`", "bytes of device memory"]),
+            (
+                "plan ball.ply --out o --views 3 --iterations 4294967295",
+                &["`history`", "bytes of device memory", "fewer iterations"],
+            ),
             ("plan ball.ply --out o --views 3 --pool 4294967295", &["--pool", "at most"]),
             ("plan ball.ply --out o --views 3 --held-out 4294967295", &["--held-out", "at most"]),
             ("score ball.ply cameras.json --held-out 4294967295", &["--held-out", "1 to"]),
