@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use camsplat::Result;
-use camsplat::plan::config::{Config, Pass, Preset};
+use camsplat::plan::config::{Config, Objective, Pass, Preset};
 use camsplat::plan::planner::{Planner, Preparation};
 use camsplat::scene::camera::Intrinsics;
 use camsplat::scene::proxy::{Orientation, Proxy};
@@ -102,6 +102,7 @@ fn iteration(
         iterations: 1 << 20,
         checkpoint_every: 1 << 19,
         relocate_every: 0,
+        objective: Objective::Splat,
         probes,
         pass,
         ..Config::new(scene.preset, views)
@@ -151,7 +152,8 @@ fn whole(
     views: u32,
     probes: u32,
 ) -> Result<()> {
-    let config = Config { probes, resolution: Some(32), ..Config::new(scene.preset, views) };
+    let config =
+        Config { probes, resolution: Some(32), objective: Objective::Splat, ..Config::new(scene.preset, views) };
     let blocks = config.iterations / 50;
     let planner = scene.planner(context, config, 0)?;
     let repeats = if context.physical().kind == "CPU" { 1 } else { 15 };

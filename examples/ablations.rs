@@ -129,7 +129,7 @@ fn defaults() -> Vec<Variant> {
             })
         }));
     }
-    rows.extend([0.01, 0.03, 0.1].map(|tau| {
+    rows.extend([0.01, 0.015, 0.02, 0.03, 0.1].map(|tau| {
         variant(format!("nearest, tau {tau}"), move |config| {
             config.objective = Objective::Nearest;
             config.nearest_tau = tau;
@@ -148,6 +148,10 @@ fn parts() -> Vec<Variant> {
         }),
         variant("directions weigh the same, not probes", |config| config.equal_probes = false),
         variant("hard gate", |config| config.gate = Gate::Hard),
+        variant("splat, hard gate", |config| {
+            config.objective = Objective::Splat;
+            config.gate = Gate::Hard;
+        }),
         variant("pinhole gate", |config| config.gate = Gate::Pinhole),
         variant("metric kernel", |config| config.kernel = Kernel::Metric),
         variant("no regulariser", |config| config.lambda_reg = 0.0),

@@ -106,7 +106,10 @@ fn regions_that_are_none() {
             "--shell 100,0,0,1,2",
             &["no point of the surface can be seen from the region", "move or enlarge it", "--shell"],
         ),
-        ("--box -3,-3,-3,3,3,3", &["no point of the surface", "--preset object where it is seen from outside"]),
+        (
+            "--box -3,-3,-3,3,3,3",
+            &["no point of the surface", "--preset object for a surface that is seen from outside"],
+        ),
         ("--box 1,1,1,-1,-1,-1", &["inverted", "lower then higher corner"]),
         ("--box 0,0,0,1,1,0", &["empty"]),
         ("--box 1,1,1", &["--box takes 6 numbers X0,Y0,Z0,X1,Y1,Z1, not 3"]),

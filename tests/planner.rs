@@ -191,7 +191,13 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
 fn dense_and_binned_passes_take_the_same_steps() {
     let context = context();
     for (preset, scene) in [(Preset::Object, object(&context)), (Preset::Room, room(&context))] {
-        let config = Config { iterations: 12, relocate_every: 5, checkpoint_every: 5, ..small(preset, 80) };
+        let config = Config {
+            objective: Objective::Splat,
+            iterations: 12,
+            relocate_every: 5,
+            checkpoint_every: 5,
+            ..small(preset, 80)
+        };
         let dense = run(&context, &scene, Config { pass: Pass::Dense, ..config.clone() });
         let binned = run(&context, &scene, Config { pass: Pass::Binned, ..config });
         for (a, b) in dense.history.iter().zip(&binned.history) {
@@ -217,7 +223,10 @@ fn repeats_are_equal_to_the_bit() {
             assert_eq!(first.poses, again.poses);
             assert_eq!(first.history, again.history);
         }
-        let binned = || run(&context, &scene, Config { pass: Pass::Binned, ..small(preset, 40) });
+        let binned = || {
+            let config = Config { objective: Objective::Splat, pass: Pass::Binned, ..small(preset, 40) };
+            run(&context, &scene, config)
+        };
         let (first_binned, again) = (binned(), binned());
         assert_eq!(first_binned.poses, again.poses);
         assert_eq!(first_binned.history, again.history);

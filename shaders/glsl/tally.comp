@@ -28,6 +28,8 @@ void main() {
     Control c = control[0];
     uint thread = gl_LocalInvocationIndex;
     if (c.halt != 0) return;
+    // Host memory is far away: asked for first, needed last.
+    uint stop = thread == 0 ? mailbox[0] : 0;
     vec4 sum = vec4(0.0);
     uint seen = 0;
     for (uint i = thread; i < s.probes * s.blocks; i += 256) {
@@ -65,8 +67,9 @@ void main() {
         c.step = 1;
     }
     c.rate = pow(s.decay, float(c.step - 1) / float(length_));
-    if (c.iteration >= s.iterations || mailbox[0] != 0) c.halt = 1;
+    if (c.iteration >= s.iterations || stop != 0) c.halt = 1;
+    c.most_visible = max(c.most_visible, most[0]);
     control[0] = c;
     mailbox[1] = c.iteration;
-    mailbox[2] = max(mailbox[2], most[0]);
+    mailbox[2] = c.most_visible;
 }

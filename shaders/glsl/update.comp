@@ -46,6 +46,12 @@ void main() {
     uint j = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x, thread = gl_LocalInvocationIndex;
     if (c.halt != 0 || j >= s.splats) return;
     Splat splat = splats[j];
+    // Asked for before the sums, needed after them.
+    Moments m = moments[j];
+    vec3 outward = vec3(0.0);
+    float bound = 0.0;
+    bool moves = j >= c.first && j < c.live;
+    if (moves && thread == 0) bound = region_violation(splat.centre, outward);
     Gradient sum = Gradient(vec3(0.0), 0.0, vec3(0.0), 0.0);
     float reg = 0.0;
     float share = 1.0 / (float(s.probes) * float(c.live));
@@ -82,18 +88,11 @@ void main() {
     }
     if (thread != 0) return;
 
-    vec3 by_centre = sums[0].xyz, by_direction = more_sums[0].xyz, outward;
-    float bound = 0.0;
-    bool moves = j >= c.first && j < c.live;
-    if (moves) {
-        bound = region_violation(splat.centre, outward);
-        by_centre += s.lambda_bound * outward;
-    }
+    vec3 by_centre = sums[0].xyz + s.lambda_bound * outward, by_direction = more_sums[0].xyz;
     terms[j] = Terms(sums[0].w, bound);
     gradients[j] = Gradient(by_centre, 0.0, by_direction, more_sums[0].w);
     if (!moves) return;
 
-    Moments m = moments[j];
     vec3 change;
     adam(m.centre_mean, m.centre_square, by_centre, c.step, change);
     splat.centre -= s.rate_centre * c.rate * change;

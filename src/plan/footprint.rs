@@ -124,7 +124,9 @@ pub(super) fn check_counts(config: &Config, kept: usize, context: &Context) -> R
         splats,
         probes,
         pool: probes,
-        // The iterative variant has its own count.
+        capacity: 1,
+        blocks: 1,
+        // The iterative variant rounds them down, by the number of views.
         iterations: if config.iterative { 0 } else { config.iterations },
         relocate_every: config.relocate_every,
         ..Settings::default()

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use glam::Vec3;
 
 use super::binned::Binned;
-use super::config::{Config, Gate, Objective, Pass};
+use super::config::{Config, Gate, Objective, Pass, Preset};
 use super::dense::DENSE;
 use super::footprint::{self, Footprint, Room};
 use super::record::{IterationRecord, Status};
@@ -238,7 +238,7 @@ impl<'a> Planner<'a> {
         let Preparation { config, mut settings, points, start, start_scale, resolution, binned, footprint, .. } =
             preparation;
         footprint.check(context)?;
-        let maps = ProbeMaps::new(context, scene, &reachable(context, scene, points)?, resolution)?;
+        let maps = ProbeMaps::new(context, scene, &reachable(context, scene, points, config.preset)?, resolution)?;
         settings.pool = maps.probes.len() as u32;
         settings.probes = settings.probes.min(settings.pool);
         let gate = match config.gate {
@@ -617,14 +617,23 @@ impl Buffers {
 }
 
 /// The points that some feasible position sees, as far as a coarse map can tell; the others would only dilute a batch.
-fn reachable(context: &Arc<Context>, scene: &DeviceScene, points: Vec<SurfacePoint>) -> Result<Vec<SurfacePoint>> {
+fn reachable(
+    context: &Arc<Context>,
+    scene: &DeviceScene,
+    points: Vec<SurfacePoint>,
+    preset: Preset,
+) -> Result<Vec<SurfacePoint>> {
     let maps = ProbeMaps::new(context, scene, &points, 16)?;
     let seen: Vec<SurfacePoint> =
         points.into_iter().zip(&maps.probes).filter(|(_, probe)| probe.sky > 0.0).map(|(point, _)| point).collect();
     if seen.is_empty() {
-        return Err(Error::request(
-            "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance), or give --preset object where it is seen from outside and --preset room where from inside",
-        ));
+        let outside = match preset {
+            Preset::Object => "",
+            Preset::Room => ", or give --preset object for a surface that is seen from outside",
+        };
+        return Err(Error::request(format!(
+            "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance){outside}"
+        )));
     }
     Ok(seen)
 }

@@ -90,6 +90,8 @@ gpu_struct! {
         pub scale_mean: f32,
         /// Adam's second moment of log s.
         pub scale_square: f32,
+        /// Most splats that any probe has seen so far.
+        pub most_visible: u32,
     }
 }
 

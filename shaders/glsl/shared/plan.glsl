@@ -60,6 +60,7 @@ struct Control {
     float log_scale;
     float scale_mean; // Adam's moments of log_scale
     float scale_square;
+    uint most_visible; // splats that any probe has seen so far
 };
 
 struct Splat {
