@@ -128,7 +128,7 @@ fn every_option_of_the_help_is_accepted() {
          --debug-sync --profile --trace t.json",
         "--box -3,-3,-3,3,3,3 --preset object --keep first --seed 7 --nearest-tau 0.1 --gate-softness 0.01",
         "--iterative --base-loss --no-vds --no-occlusion --no-reg --no-relocation --dry-run",
-        "--iterative --no-vds --no-occlusion --no-reg --no-relocation",
+        "--iterative --equal-directions --no-vds --no-occlusion --no-reg --no-relocation",
         "--base-loss --relocate-every 5 --lambda-reg 2 --lambda-bound 3 --lambda-scale 0.1 --alpha 0.2 --scale 0.3",
         "--rate-scale 0 --rate-centre 0.01 --rate-direction 0.03 --probes 8 --resolution 24",
     ];
@@ -163,13 +163,13 @@ fn what_is_asked_for_is_what_runs() {
     let place = Place::new();
     place.done(&format!(
         "plan ball.ply --out o {SMALL} --seed 9 --iterations 12 --objective nearest --gate pinhole-hard --kernel metric \
-         --start identical --no-occlusion --no-relocation --probes 7 --alpha 0.25 --rate-scale 0 --size 320x200"
+         --start identical --no-occlusion --no-relocation --equal-directions --probes 7 --alpha 0.25 --rate-scale 0 --size 320x200"
     ));
     let plan = place.plan("o");
     let expected = serde_json::json!({
         "views": 5, "seed": 9, "iterations": 12, "objective": "nearest", "gate": "pinhole_hard", "kernel": "metric",
         "start": "identical", "occlusion": false, "vds": true, "relocate_every": 0, "probes": 7, "pool": 64,
-        "held_out": 60, "alpha": 0.25, "rate_scale": 0.0, "preset": "object",
+        "held_out": 60, "equal_probes": false, "alpha": 0.25, "rate_scale": 0.0, "preset": "object",
     });
     for (name, value) in expected.as_object().unwrap() {
         assert_eq!(&plan.config[name], value, "{name}");
@@ -268,6 +268,7 @@ fn the_validation_layers_are_silent() {
         "plan ball.ply --out b {SHORT} --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --objective nearest --debug-sync"
     ));
     validated(&format!("plan ball.ply --out c {SHORT} --keep a --gate pinhole --iterative --profile"));
+    validated(&format!("plan ball.ply --out d {SHORT} --pass binned --relocate-every 5"));
     validated("score ball.ply a/plan.json --held-out 1000");
 }
 

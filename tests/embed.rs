@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex};
 
 use ash::vk;
-use camsplat::plan::config::{Config, Preset};
+use camsplat::plan::config::{Config, Pass, Preset};
 use camsplat::plan::job::{RegionChoice, Target};
 use camsplat::plan::planner::{Outcome, Planner, Preparation};
 use camsplat::plan::record::Status;
@@ -152,7 +152,7 @@ enum Driver<'h> {
 }
 
 /// Plans a small object and gives back what there is to compare, floats as they are.
-fn plan(driver: &Driver<'_>, own: &Arc<Context>) -> Outcome {
+fn plan(driver: &Driver<'_>, pass: Pass, own: &Arc<Context>) -> Outcome {
     let context = match driver {
         Driver::Planner => own.clone(),
         Driver::Blocks(host) | Driver::PlannerOn(host) => host.adopted(),
@@ -161,7 +161,7 @@ fn plan(driver: &Driver<'_>, own: &Arc<Context>) -> Outcome {
     let choice = RegionChoice::default();
     let target = Target::new(&samples::object(), "object", Preset::Object, &choice, DVec3::Z, &intrinsics).unwrap();
     let short = Config { seed: 5, iterations: 60, pool: 256, ..Config::new(Preset::Object, 12) };
-    let config = Config { relocate_every: 10, checkpoint_every: 20, ..short };
+    let config = Config { pass, relocate_every: 10, checkpoint_every: 20, ..short };
     let geometry = SceneGeometry::new(&target.proxy, &target.region).unwrap();
     let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &[], config).unwrap();
     let scene = DeviceScene::new(&context, geometry).unwrap();
@@ -170,7 +170,7 @@ fn plan(driver: &Driver<'_>, own: &Arc<Context>) -> Outcome {
         Driver::Planner | Driver::PlannerOn(_) => planner.run(None, |_| ControlFlow::Continue(())).unwrap(),
         Driver::Blocks(host) => {
             // One submission more than there are iterations for: it must do nothing.
-            host.run(&context, 4, |recorder| planner.record_block(recorder).expect("a block"));
+            host.run(&context, 4, |recorder| planner.record_block(recorder).unwrap());
             planner.outcome().unwrap()
         }
     }
@@ -201,13 +201,15 @@ fn bits(outcome: &Outcome) -> Bits {
 fn a_host_that_submits_itself_gets_the_same_bits() {
     let own = Context::new(&Options { validation: true, ..Options::default() }).unwrap();
     let host = Host::new(&own.physical().name);
-    let expected = plan(&Driver::Planner, &own);
-    assert_eq!((expected.status, expected.history.len()), (Status::Complete, 60));
-    assert_eq!(bits(&expected).2, [0, 20, 40, 60]);
-    for (who, driver) in [("blocks", Driver::Blocks(&host)), ("planner", Driver::PlannerOn(&host))] {
-        let found = plan(&driver, &own);
-        assert_eq!(found.status, Status::Complete, "{who}");
-        assert!(bits(&found) == bits(&expected), "{who}: {:?} {:?}", found.poses, expected.poses);
+    for pass in [Pass::Dense, Pass::Binned] {
+        let expected = plan(&Driver::Planner, pass, &own);
+        assert_eq!((expected.status, expected.history.len()), (Status::Complete, 60));
+        assert_eq!(bits(&expected).2, [0, 20, 40, 60]);
+        for (who, driver) in [("blocks", Driver::Blocks(&host)), ("planner", Driver::PlannerOn(&host))] {
+            let found = plan(&driver, pass, &own);
+            assert_eq!(found.status, Status::Complete, "{who}, {pass:?}");
+            assert!(bits(&found) == bits(&expected), "{who}, {pass:?}: {:?} {:?}", found.poses, expected.poses);
+        }
     }
     assert_eq!(own.messages(), [""; 0]);
     assert_eq!(*host.messages.lock().unwrap(), [""; 0]);

@@ -74,19 +74,22 @@ impl Footprint {
     /// # Errors
     /// Where the whole does not fit the memory that is free, or one buffer is larger than the device allows.
     pub fn check(&self, context: &Context) -> Result<()> {
-        self.check_against(context.physical(), context.memory_available())
-    }
-
-    fn check_against(&self, physical: &Physical, free: u64) -> Result<()> {
-        let remedy = match self.buffers.iter().max_by_key(|buffer| buffer.1) {
-            Some((HELD_OUT, _)) => "use fewer held-out points (--held-out)",
-            _ => "plan fewer views, or use fewer probes (--probes) or texels (--resolution)",
-        };
+        let physical = context.physical();
         let limit = physical.storage_range.min(physical.allocation);
-        let (what, wanted, available) = match self.buffers.iter().find(|buffer| buffer.1 > limit) {
-            Some((name, bytes)) => (format!("the plan's buffer `{name}`"), *bytes, limit),
-            None if self.total() > free => ("the plan".to_owned(), self.total(), free),
-            None => return Ok(()),
+        let free = context.memory_available();
+        let Some((name, bytes)) = self.buffers.iter().max_by_key(|buffer| buffer.1) else { return Ok(()) };
+        let (what, wanted, available) = if *bytes > limit {
+            (format!("the plan's buffer `{name}`"), *bytes, limit)
+        } else if self.total() > free {
+            ("the plan".to_owned(), self.total(), free)
+        } else {
+            return Ok(());
+        };
+        let remedy = match *name {
+            HELD_OUT => "use fewer held-out points (--held-out)",
+            "history" => "run fewer iterations (--iterations)",
+            "snapshots" => "plan fewer views, or take fewer checkpoints (--checkpoint-every)",
+            _ => "plan fewer views, or use fewer probes (--probes) or texels (--resolution)",
         };
         Err(Error::OutOfMemory { what, wanted, available, remedy: remedy.into() })
     }
@@ -128,8 +131,7 @@ pub(super) fn check_counts(config: &Config, kept: usize, context: &Context) -> R
         relocate_every: config.relocate_every,
         ..Settings::default()
     };
-    let physical = context.physical();
-    Footprint::new(context, &settings, config, 16, 0, false).check_against(physical, physical.heap)
+    Footprint::new(context, &settings, config, 16, 0, false).check(context)
 }
 
 /// How many of `points` probes have room for their depth maps; never fewer than one step needs.
