@@ -10,7 +10,7 @@ use crate::io;
 use crate::plan::config::Preset;
 use crate::plan::job::{RegionChoice, Target};
 use crate::plan::record::SurfaceRecord;
-use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::camera::{Intrinsics, Pose};
 use crate::scene::region::Shape;
 use crate::vulkan::{self, Context};
 use crate::{Error, Result};
@@ -91,15 +91,18 @@ impl RegionOptions {
 
     /// Reads a surface and settles its region; prints what was understood.
     pub fn target(&self, path: &Path, intrinsics: &Intrinsics) -> Result<Target> {
-        let choice = self.choice()?;
+        let mut choice = self.choice()?;
         let (surface, notes) = io::read_surface_with_notes(path)?;
         for note in notes {
             say!("{note}");
         }
-        let up = match self.up {
-            Some(up) => up,
-            None => default_up(path),
-        };
+        // A reconstruction knows where cameras could stand: where they did.
+        let photographed = if path.is_dir() { io::read_cameras(path).unwrap_or_default() } else { Vec::new() };
+        let poses: Vec<Pose> = photographed.iter().map(|camera| camera.pose).collect();
+        let up = self.up.unwrap_or_else(|| default_up(path, &poses));
+        if choice.shape.is_none() && self.preset() == Preset::Object {
+            choice.shape = Shape::around_cameras(&poses);
+        }
         let target = Target::new(&surface, &path.to_string_lossy(), self.preset(), &choice, up, intrinsics)?;
         print_target(&target);
         Ok(target)
@@ -143,6 +146,10 @@ pub fn print_target(target: &Target) {
     if target.proxy.dropped + target.proxy.thinned > 0 {
         say!("         {} dropped, {} thinned out", target.proxy.dropped, target.proxy.thinned);
     }
+    let buried = target.proxy.buried.iter().filter(|buried| **buried).count();
+    if buried > 0 {
+        say!("         {buried} buried under others: they block rays and are not planned for");
+    }
     let region = &target.region;
     let shape = match region.shape {
         Shape::Shell { centre, r_min, r_max } => format!("shell around {centre:.3}, radii {r_min:.3} to {r_max:.3}"),
@@ -153,13 +160,12 @@ pub fn print_target(target: &Target) {
 }
 
 /// Up where the user names none: glTF's by its standard, OBJ's by custom, a reconstruction's from its cameras.
-fn default_up(path: &Path) -> DVec3 {
+fn default_up(path: &Path, photographed: &[Pose]) -> DVec3 {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     if matches!(extension.as_str(), "glb" | "gltf" | "obj") {
         return DVec3::Y;
     }
-    let cameras: Vec<Camera> = if path.is_dir() { io::read_cameras(path).unwrap_or_default() } else { Vec::new() };
-    let up: DVec3 = cameras.iter().map(|camera| camera.pose.up()).sum();
+    let up: DVec3 = photographed.iter().map(Pose::up).sum();
     up.try_normalize().unwrap_or(DVec3::Z)
 }
 

@@ -82,6 +82,10 @@ pub enum Pass {
     Binned,
 }
 
+/// Splats that the loops of the dense pass can take before lavapipe would end them: 65,535 iterations an invocation, and
+/// a probe that sees all splats takes about eight for each. The nearest-view objective has no other pass.
+pub const MOST_DENSE: u32 = 8000;
+
 /// The planner's configuration. [`Config::new`] gives the defaults of a preset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Config {
@@ -206,7 +210,8 @@ impl Config {
         Ok(())
     }
 
-    /// The defaults of a preset.
+    /// The defaults of a preset, settled in docs/ablations.md. Above [`MOST_DENSE`] views the objective is
+    /// [`Objective::Splat`], whose binned pass has no such bound.
     pub fn new(preset: Preset, views: u32) -> Self {
         Self {
             views,
@@ -216,10 +221,7 @@ impl Config {
             probes: 20,
             pool: 2048,
             resolution: None,
-            objective: match preset {
-                Preset::Object => Objective::Splat,
-                Preset::Room => Objective::Nearest,
-            },
+            objective: if views > MOST_DENSE { Objective::Splat } else { Objective::Nearest },
             gate: Gate::Soft,
             gate_softness: 0.005,
             kernel: Kernel::Angular,
@@ -229,7 +231,7 @@ impl Config {
             equal_probes: true,
             lambda_reg: 3.0,
             lambda_bound: 10.0,
-            lambda_scale: 0.3,
+            lambda_scale: 0.2,
             nearest_tau: 0.02,
             rate_centre: 0.0065,
             rate_direction: 0.02,

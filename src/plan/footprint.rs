@@ -29,7 +29,7 @@ impl Footprint {
     pub fn new(context: &Context, s: &Settings, config: &Config, resolution: u32, scene: u64, binned: bool) -> Self {
         let (splats, probes, texels) = (s.splats as u64, s.probes as u64, (resolution * resolution) as u64);
         let slots = if binned { s.capacity as u64 } else { probes * s.blocks as u64 * s.capacity as u64 };
-        let snapshots = (s.iterations.div_ceil(block(s, config)) + 1) as u64;
+        let snapshots = (s.iterations.div_ceil(config.checkpoint_every.max(1)) + 1) as u64;
         let [splat, gradient, tally, moments, terms, record] = element_sizes();
         let mut buffers = vec![
             ("surface and region", scene),
@@ -104,12 +104,13 @@ impl Footprint {
     }
 }
 
-/// Iterations of a block of commands: as many as lie between checkpoints, or between relocations where the former are no
-/// multiple of the latter.
+/// Iterations of a block of commands: snapshots and relocations both fall on the start of one.
 pub(super) fn block(s: &Settings, config: &Config) -> u32 {
-    let wanted = config.checkpoint_every.max(1);
-    let every = s.relocate_every;
-    if every > 0 && !wanted.is_multiple_of(every) { every } else { wanted }
+    let (mut a, mut b) = (config.checkpoint_every.max(1), s.relocate_every);
+    while b > 0 {
+        (a, b) = (b, a % b);
+    }
+    a
 }
 
 /// Refuses counts that no surface and no resolution could make fit the device, before the host has drawn a single

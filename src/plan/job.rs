@@ -18,6 +18,7 @@ use crate::scene::proxy::{Occluder, Orientation, Proxy, SurfacePoint};
 use crate::scene::region::{Region, Shape};
 use crate::scene::surface::Surface;
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
+use crate::visibility::exposure;
 use crate::vulkan::capture::RenderDoc;
 use crate::vulkan::profile::Profile;
 use crate::vulkan::{Context, Recorder};
@@ -73,10 +74,16 @@ impl Target {
             Preset::Object => Orientation::Outward(centre),
             Preset::Room => Orientation::Inward(centre),
         };
-        let proxy = Proxy::new(surface, orientation).map_err(|error| match error {
+        let mut proxy = Proxy::new(surface, orientation).map_err(|error| match error {
             Error::Request(what) => Error::input(path, what),
             other => other,
         })?;
+        if let (Surface::Points(points), Preset::Object) = (surface, preset)
+            && !points.oriented
+            && points.toward_cameras.is_empty()
+        {
+            exposure::expose(&mut proxy)?;
+        }
         let region = match (choice.shape, preset) {
             (Some(shape), _) => {
                 let scale = match shape {

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use glam::Vec3;
 
 use super::binned::Binned;
-use super::config::{Config, Gate, Objective, Pass, Preset};
+use super::config::{Config, Gate, MOST_DENSE, Objective, Pass, Preset};
 use super::dense::DENSE;
 use super::footprint::{self, Footprint, Room};
 use super::record::{IterationRecord, Status};
@@ -30,10 +30,6 @@ use crate::{Error, Result};
 
 /// Pairs of texel and visible splat an iteration from which on binning pays; see docs/benchmarks.md.
 const DENSE_WORK: f64 = 3e7;
-
-/// Splats that the loops of the dense pass can take before lavapipe would end them: 65,535 iterations an invocation, and
-/// a probe that sees all splats takes about eight for each.
-const MOST_DENSE: u32 = 8000;
 
 /// Stream of the surface's samples that probes stand on; held-out points take another.
 pub const PROBE_STREAM: u32 = 0;
@@ -164,11 +160,13 @@ impl Preparation {
             }
         };
         if binned && config.objective == Objective::Nearest {
-            return Err(Error::request("the nearest-view objective has no binned pass; use --pass dense or auto"));
+            return Err(Error::request(
+                "the nearest-view objective has no binned pass; use --pass dense or auto, or --objective splat",
+            ));
         }
         if !binned && splats > MOST_DENSE {
             return Err(Error::request(format!(
-                "the dense pass takes at most {MOST_DENSE} cameras; use --pass binned or auto"
+                "the dense pass takes at most {MOST_DENSE} cameras; use --objective splat with --pass binned or auto"
             )));
         }
         let room = Room::new(splats, probes, visible.gated, binned, start_scale, resolution, context.physical());
@@ -328,7 +326,7 @@ impl<'a> Planner<'a> {
         self.start_scale
     }
 
-    /// Iterations between snapshots, which is also the length of a block of commands.
+    /// Length of a block of commands: the greatest that both checkpoints and relocations are multiples of.
     pub fn block(&self) -> u32 {
         footprint::block(&self.settings, &self.config)
     }
@@ -343,12 +341,13 @@ impl<'a> Planner<'a> {
         commands
             .stage(&p.snapshot)
             .bind(&[&b.settings, &b.control, &b.splats, &b.snapshots])
-            .push(&SnapshotPush { interval: self.block() })
+            .push(&SnapshotPush { interval: self.config.checkpoint_every.max(1) })
             .linear(s.splats.div_ceil(64));
-        for iteration in 0..self.block() {
-            if s.relocate_every > 0 && iteration % s.relocate_every == 0 {
-                self.record_relocation(commands);
-            }
+        // Blocks start at multiples of their length; the device knows whether this one is due.
+        if s.relocate_every > 0 {
+            self.record_relocation(commands);
+        }
+        for _ in 0..self.block() {
             self.record_iteration(commands)?;
         }
         Ok(())
@@ -520,12 +519,12 @@ impl<'a> Planner<'a> {
         let history: Vec<Record> = self.buffers.history.download(done as usize)?;
         let history = history.iter().zip(0..).map(|(record, iteration)| self.iteration(iteration, record)).collect();
         let poses = self.poses(&self.splats()?, true);
-        let rows = done.div_ceil(self.block()) as usize;
+        let rows = done.div_ceil(self.config.checkpoint_every.max(1)) as usize;
         let all: Vec<Splat> = self.buffers.snapshots.download(rows * self.settings.splats as usize)?;
         let mut snapshots: Vec<_> = all
             .chunks_exact(self.settings.splats as usize)
             .zip(0..)
-            .map(|(splats, row)| (row * self.block(), self.poses(splats, false)))
+            .map(|(splats, row)| (row * self.config.checkpoint_every.max(1), self.poses(splats, false)))
             .collect();
         snapshots.push((done, poses.clone()));
         let status = if done >= self.settings.iterations { Status::Complete } else { Status::Interrupted };

@@ -53,7 +53,10 @@ pub fn escape(text: &str) -> String {
 }
 
 fn surface_name(record: &PlanRecord) -> &str {
-    Path::new(&record.surface.path).file_name().and_then(|n| n.to_str()).unwrap_or(&record.surface.path)
+    // A COLMAP model's folder is `capture/sparse/0`: the capture is what has a name.
+    let names = Path::new(&record.surface.path).iter().rev().filter_map(|name| name.to_str());
+    let mut telling = names.filter(|name| !matches!(*name, "0" | "sparse" | "." | ".." | "/"));
+    telling.next().unwrap_or(&record.surface.path)
 }
 
 fn views(count: usize) -> String {

@@ -122,6 +122,8 @@ pub struct Proxy {
     pub thinned: usize,
     /// Centre and radius of the bounding sphere of the vertices or disc centres.
     pub sphere: (DVec3, f64),
+    /// Discs from which no point is drawn, because nothing outside can see them; empty where none is.
+    pub buried: Vec<bool>,
     /// Colour per primitive.
     pub(super) colours: Vec<[u8; 3]>,
     /// View dependency score at the corners of each primitive (a disc has one, three times).
@@ -156,6 +158,7 @@ impl Proxy {
                     colours: cloud.source.iter().map(|i| points.colours.get(*i).copied().unwrap_or(GREY)).collect(),
                     scores: cloud.source.iter().map(|i| [attribute(i); 3]).collect(),
                     occluder: Occluder::Discs(cloud.discs),
+                    buried: Vec::new(),
                 })
             }
         }
@@ -200,6 +203,7 @@ impl Proxy {
             colours: kept.iter().map(|i| mesh.colours.get(*i).copied().unwrap_or(GREY)).collect(),
             scores,
             occluder: Occluder::Triangles(triangles),
+            buried: Vec::new(),
         })
     }
 

@@ -5,6 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
+use super::camera::Pose;
 use super::similarity::Similarity;
 use crate::{Error, Result};
 
@@ -28,6 +29,38 @@ pub enum Shape {
         /// Highest corner.
         max: DVec3,
     },
+}
+
+impl Shape {
+    /// The shell in which cameras that look in from around something stand: its centre is the point nearest to all
+    /// viewing axes in the sense of least squares, its radii are the least and greatest distance from there with a tenth
+    /// to spare. None for fewer than three cameras, or where they do not look at one place.
+    pub fn around_cameras(poses: &[Pose]) -> Option<Self> {
+        if poses.len() < 3 {
+            return None;
+        }
+        // The sum of the projections across the axes, and what they make of the positions.
+        let (mut across, mut offset) = (DMat3::ZERO, DVec3::ZERO);
+        for pose in poses {
+            let axis = pose.forward();
+            let projection = DMat3::IDENTITY - DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
+            across += projection;
+            offset += projection * pose.position;
+        }
+        // Axes that are nearly parallel meet nowhere in particular.
+        if across.determinant() < 1e-3 * (poses.len() as f64).powi(3) {
+            return None;
+        }
+        let centre = across.inverse() * offset;
+        let facing = poses.iter().filter(|pose| pose.forward().dot(centre - pose.position) > 0.0).count();
+        let distances = || poses.iter().map(|pose| pose.position.distance(centre));
+        let (r_min, r_max) = (0.9 * distances().fold(f64::INFINITY, f64::min), 1.1 * distances().fold(0.0, f64::max));
+        (centre.is_finite() && 10 * facing > 9 * poses.len() && r_min > 0.0).then_some(Self::Shell {
+            centre,
+            r_min,
+            r_max,
+        })
+    }
 }
 
 /// A shape, an optional floor plane and the clearance that cameras keep from the surface.
@@ -254,6 +287,27 @@ fn nearest_axis(direction: DVec3) -> DVec3 {
 mod tests {
     use super::*;
     use crate::scene::random;
+
+    /// Cameras planned for a reconstruction must stand where the photographer could: not where the bounds of some stray
+    /// points would put them.
+    #[test]
+    fn a_shell_holds_the_cameras_that_look_in() {
+        let target = DVec3::new(1.0, -2.0, 0.5);
+        let poses: Vec<Pose> = (0..12)
+            .map(|i| {
+                let (sin, cos) = (0.4 * f64::from(i)).sin_cos();
+                let eye = target + (2.0 + 0.1 * f64::from(i)) * DVec3::new(cos, sin, 0.3);
+                Pose::looking(eye, target - eye, DVec3::Z)
+            })
+            .collect();
+        let Some(Shape::Shell { centre, r_min, r_max }) = Shape::around_cameras(&poses) else { panic!("no shell") };
+        assert!(centre.distance(target) < 1e-9);
+        assert!(poses.iter().all(|pose| (r_min..r_max).contains(&pose.position.distance(centre))));
+        // All looking the same way, or out: no shell.
+        let same: Vec<Pose> = poses.iter().map(|p| Pose::looking(p.position, DVec3::X, DVec3::Z)).collect();
+        let out: Vec<Pose> = poses.iter().map(|p| Pose::looking(p.position, p.position - target, DVec3::Z)).collect();
+        assert_eq!((Shape::around_cameras(&same), Shape::around_cameras(&out)), (None, None));
+    }
 
     fn shell() -> Region {
         let shape = Shape::Shell { centre: DVec3::new(1.0, 0.0, 0.0), r_min: 1.0, r_max: 2.0 };

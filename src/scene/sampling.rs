@@ -63,7 +63,8 @@ impl Proxy {
         let [offset_word, flip, ..] = random::bits(seed, stream / 2, OFFSET);
         let offset = f64::from(random::uniform(offset_word));
         let parity = (flip ^ stream) as usize & 1;
-        let (own, other): (Vec<usize>, Vec<usize>) = (0..discs.len()).partition(|i| i & 1 == parity);
+        let (own, other): (Vec<usize>, Vec<usize>) =
+            (0..discs.len()).filter(|i| !self.buried.get(*i).is_some_and(|b| *b)).partition(|i| i & 1 == parity);
         let mut chosen = Vec::with_capacity(count);
         for half in [own, other].iter().cycle() {
             let wanted = (count - chosen.len()).min(half.len());

@@ -2,5 +2,6 @@
 
 pub mod bvh;
 pub mod device_scene;
+pub mod exposure;
 pub mod probe_depth;
 pub mod raycast;

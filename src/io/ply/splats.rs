@@ -1,8 +1,8 @@
 //! Trained splats as points: the usual 3DGS layout, and the packed layout of PlayCanvas and SuperSplat.
 //!
 //! Each splat becomes a point with a disc: its centre; the shortest axis as the normal, of unknown sign; as the radius
-//! the geometric mean of the standard deviations along the two longer axes, so that the disc has the area of the
-//! splat's one-sigma ellipse. The colour is that of the constant harmonic. Splats with an opacity under
+//! twice the geometric mean of the standard deviations along the two longer axes, so that the disc has the area of the
+//! splat's two-sigma ellipse: neighbours overlap there, and what lies behind is hidden as it is in a render. The colour is that of the constant harmonic. Splats with an opacity under
 //! [`LEAST_OPACITY`] are left out: most of them are haze around the surface.
 
 use std::path::Path;
@@ -156,7 +156,7 @@ fn points(path: &Path, splats: impl Iterator<Item = Splat>, notes: &mut Vec<Stri
             continue;
         }
         let (thin, longer) = split_axes(splat.log_scales);
-        let radius = (0.5 * (longer[0] + longer[1])).exp() as f32;
+        let radius = 2.0 * (0.5 * (longer[0] + longer[1])).exp() as f32;
         let length = splat.rotation.length();
         if !(splat.opacity.is_finite() && radius.is_finite() && radius > 0.0 && length > 1e-9 && length.is_finite()) {
             misshapen.push(i);
@@ -229,7 +229,7 @@ mod tests {
         let Surface::Points(points) = surface.unwrap() else { panic!("not points") };
         assert_eq!(points.positions, [DVec3::ZERO, DVec3::new(2.0, 0.0, 0.0)]);
         assert!((points.normals[0] - DVec3::NEG_Y).length() < 1e-6, "{:?}", points.normals);
-        assert!((points.radii[0] - 2.0f32.sqrt()).abs() < 1e-6, "{:?}", points.radii);
+        assert!((points.radii[0] - 2.0 * 2.0f32.sqrt()).abs() < 1e-6, "{:?}", points.radii);
         assert_eq!(points.colours[0], [128, 255, 0]);
         assert!(!points.oriented);
         assert_eq!(notes, ["1 of 3 splats with an opacity under 0.1 were left out"]);
