@@ -1,6 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 // From what part of the sphere does the region see a probe? A workgroup per probe, once for the whole run.
+// Twin: src/visibility/probe_depth.rs.
 #include "shared/probe.glsl"
 layout(local_size_x = 64) in;
 

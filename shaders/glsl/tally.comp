@@ -1,7 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 // One workgroup, at the end of an iteration: sums the losses, steps the shared scale, writes the history and sets up the
-// next iteration. Twin: src/plan/tally.rs.
+// next iteration. Twin: src/plan/tally.rs (all but the sums).
 #include "shared/plan.glsl"
 layout(local_size_x = 256) in;
 

@@ -1,7 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 // A workgroup per camera splat: sums what the probes say of it in fixed order, adds the coverage regulariser and the
-// region's pull, and takes one Adam step (Kingma and Ba 2015). Twin: src/plan/update.rs.
+// region's pull, and takes one Adam step (Kingma and Ba 2015). Twins: src/plan/update.rs (regulariser and step),
+// src/plan/dense.rs (the sums) and src/visibility/device_scene.rs (the region).
 #include "shared/octahedral.glsl"
 #include "shared/plan.glsl"
 layout(local_size_x = 64) in;

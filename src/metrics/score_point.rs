@@ -1,14 +1,19 @@
-//! Held-out metrics on the device (`score_point.comp`): hard gate, exact occlusion, points that no optimiser has used.
+//! Held-out metrics on the device (`score_point.comp`) and their twin: hard gate, exact occlusion, points that no
+//! optimiser has used.
 
 use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
 
 use super::{Metrics, PointMetrics};
 use crate::Result;
 use crate::scene::camera::Camera;
+use crate::scene::octahedral;
 use crate::scene::proxy::SurfacePoint;
 use crate::visibility::bvh::Node;
-use crate::visibility::device_scene::DeviceScene;
+use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::visibility::probe_depth::{Probe, ProbeMaps};
+use crate::visibility::raycast::Ray;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
@@ -119,12 +124,17 @@ impl<'a> Scorer<'a> {
         })
     }
 
+    /// The points as probes, and what each of them sees.
+    pub fn maps(&self) -> &ProbeMaps {
+        &self.maps
+    }
+
     /// Scores cameras, given in the user's world; one result per point.
     ///
     /// # Errors
     /// Where device memory runs out or the device fails.
     pub fn score(&self, cameras: &[Camera], field: Field) -> Result<Vec<PointMetrics>> {
-        let views: Vec<View> = cameras.iter().map(|camera| view(self.scene, camera)).collect();
+        let views: Vec<View> = cameras.iter().map(|camera| view(&self.scene.geometry, camera)).collect();
         let points = self.maps.probes.len();
         let rows = ((RAYS_BYTES / (16 * views.len().max(1) as u64)) as usize).clamp(1, points.max(1));
         let rows = rows.min(self.context.physical().groups_x as usize);
@@ -174,20 +184,76 @@ impl<'a> Scorer<'a> {
     }
 }
 
-fn view(scene: &DeviceScene, camera: &Camera) -> View {
-    let pose = scene.geometry.to_internal.pose(&camera.pose);
+fn view(geometry: &SceneGeometry, camera: &Camera) -> View {
+    let pose = geometry.to_internal.pose(&camera.pose);
     let rotation = pose.rotation;
     let intrinsics = &camera.intrinsics;
     let [fov_x, fov_y] = intrinsics.fov();
-    let axis = |axis: glam::DVec3, fov: f64| (rotation * axis / (0.5 * fov).tan()).as_vec3().to_array();
+    let axis = |axis: DVec3, fov: f64| (rotation * axis / (0.5 * fov).tan()).as_vec3().to_array();
     View {
         position: pose.position.as_vec3().to_array(),
         focal: (0.5 * (intrinsics.focal[0] + intrinsics.focal[1])) as f32,
         forward: pose.forward().as_vec3().to_array(),
         cone_cos: (0.5 * intrinsics.inscribed_cone()).cos() as f32,
-        right: axis(glam::DVec3::X, fov_x),
-        down: axis(glam::DVec3::Y, fov_y),
+        right: axis(DVec3::X, fov_x),
+        down: axis(DVec3::Y, fov_y),
         ..View::default()
+    }
+}
+
+/// What a point gets from a set of cameras, given in the user's world: the twin of `score_point`, in f64 but for the rays.
+/// `position` is the point, lifted, in the planner's frame and `depth` the signed depths of its map, row by row.
+pub fn score_point(
+    geometry: &SceneGeometry,
+    position: Vec3,
+    depth: &[f32],
+    cameras: &[Camera],
+    field: Field,
+) -> PointMetrics {
+    let mut finest = f64::INFINITY;
+    let mut rays: Vec<DVec3> = Vec::new();
+    for camera in cameras {
+        let view = view(geometry, camera);
+        let ray = (Vec3::from(view.position) - position).as_dvec3();
+        let distance = ray.length().max(1e-6);
+        let direction = ray / distance;
+        let along = |axis: [f32; 3]| -direction.dot(Vec3::from(axis).as_dvec3());
+        let forward = along(view.forward);
+        let inside = match field {
+            Field::Cone => forward >= f64::from(view.cone_cos),
+            Field::Frustum => forward > 0.0 && along(view.right).abs() <= forward && along(view.down).abs() <= forward,
+        };
+        let segment = Ray { origin: position, direction: direction.as_vec3(), t_min: 0.0, t_max: distance as f32 };
+        if inside && !geometry.bvh.any_hit(&segment) {
+            rays.push(direction);
+            finest = finest.min(distance / f64::from(view.focal));
+        }
+    }
+    let angle = |a: DVec3, b: DVec3| 2.0 * (0.5 * a.distance(b)).min(1.0).asin();
+    let resolution = depth.len().isqrt() as u32;
+    let (mut reachable, mut gap, mut cells) = (0.0, 0.0, vec![0.0f64; rays.len()]);
+    for (direction, _) in octahedral::directions(resolution).iter().zip(depth).filter(|(_, depth)| **depth > 0.0) {
+        let distances = rays.iter().map(|ray| angle(*ray, *direction)).enumerate();
+        let nearest = distances.min_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some((view, _)) = nearest {
+            cells[view] += 1.0;
+        }
+        reachable += 1.0;
+        gap += nearest.map_or(std::f64::consts::PI, |(_, distance)| distance);
+    }
+    let area = 4.0 * std::f64::consts::PI / depth.len() as f64;
+    let views = rays.len() as f64;
+    let mean = if rays.is_empty() { 0.0 } else { reachable * area / views };
+    let variance = cells.iter().map(|cell| (cell * area - mean).powi(2)).sum::<f64>() / views.max(1.0);
+    let pairs = rays.iter().take(1024).enumerate().flat_map(|(k, a)| rays[..k].iter().map(move |b| (*a, *b)));
+    PointMetrics {
+        views: rays.len() as u32,
+        reachable: (reachable * area) as f32,
+        gap: if reachable > 0.0 { (gap / reachable) as f32 } else { 0.0 },
+        voronoi_mean: mean as f32,
+        voronoi_deviation: variance.sqrt() as f32,
+        triangulation: pairs.map(|(a, b)| angle(a, b)).fold(0.0, f64::max) as f32,
+        sampling_distance: if rays.is_empty() { 0.0 } else { (finest / geometry.to_internal.scale) as f32 },
     }
 }
 

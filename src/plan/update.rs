@@ -1,9 +1,10 @@
-//! Sums over probes, regulariser, region and one Adam step (`update.comp`), and the regulariser's twin.
+//! Sums over probes, regulariser, region and one Adam step (`update.comp`), and its twin: the regulariser and the step.
 
 use glam::DVec3;
 
 use super::dense::Batch;
 use super::shared::{Control, Gradient, Moments, Settings, Splat, Tally, Terms};
+use super::tally::Clock;
 use crate::scene::octahedral;
 use crate::visibility::device_scene::DeviceRegion;
 use crate::visibility::probe_depth::Probe;
@@ -43,4 +44,41 @@ pub fn regulariser(batch: &Batch<'_>, weights: &[f64]) -> (f64, Vec<DVec3>, Vec<
         by_direction.push(b);
     }
     (loss, by_centre, by_direction)
+}
+
+/// Adam's moments of a vector.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Adam {
+    /// First moment.
+    pub mean: DVec3,
+    /// Second moment.
+    pub square: DVec3,
+}
+
+impl Adam {
+    /// Takes in a gradient at step `step` (from 1); returns the step against it at a learning rate of one.
+    pub fn change(&mut self, gradient: DVec3, step: u32) -> DVec3 {
+        self.mean = 0.9 * self.mean + 0.1 * gradient;
+        self.square = 0.999 * self.square + 0.001 * gradient * gradient;
+        let mean = self.mean / (1.0 - 0.9f64.powf(f64::from(step)));
+        let square = self.square / (1.0 - 0.999f64.powf(f64::from(step)));
+        mean / (square.map(f64::sqrt) + 1e-10)
+    }
+}
+
+/// Moves a splat, centre and unit direction, against the gradient of the loss by the two; `moments` are theirs.
+pub fn update(
+    settings: &Settings,
+    clock: &Clock,
+    splat: (DVec3, DVec3),
+    moments: &mut [Adam; 2],
+    gradient: (DVec3, DVec3),
+) -> (DVec3, DVec3) {
+    let [of_centre, of_direction] = moments;
+    let (centre, direction) = splat;
+    // Only the part across the direction turns it.
+    let across = gradient.1 - gradient.1.dot(direction) * direction;
+    let by_centre = f64::from(settings.rate_centre) * clock.rate * of_centre.change(gradient.0, clock.step);
+    let by_direction = f64::from(settings.rate_direction) * clock.rate * of_direction.change(across, clock.step);
+    (centre - by_centre, (direction - by_direction).normalize())
 }

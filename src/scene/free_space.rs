@@ -81,12 +81,33 @@ impl FreeSpace {
     }
 
     /// Distance from `p` to free space and its gradient, interpolated trilinearly between voxel centres: zero where all
-    /// eight voxels around are free. Outside the grid the distance to the grid is added. In f32, as on the device.
+    /// eight voxels around are free. Outside the grid the distance to the grid is added.
     pub fn violation(&self, p: Vec3) -> (f32, Vec3) {
         let cell = self.grid.cell as f32;
         let scaled = (p - self.grid.origin.as_vec3()) / cell - 0.5;
         let last = Vec3::from_array(self.grid.dims.map(|n| (n - 1) as f32));
         let held = scaled.clamp(Vec3::ZERO, last);
+        let (value, gradient) = self.interpolated(held);
+        let outside = (scaled - held) * cell;
+        let beyond = outside.length();
+        if beyond == 0.0 {
+            return (value, gradient);
+        }
+        let within = Vec3::select(outside.cmpeq(Vec3::ZERO), gradient, Vec3::ZERO);
+        (value + beyond, within + outside / beyond)
+    }
+
+    /// The same as the device has it (`free_space` in `shaders/glsl/shared/region.glsl`): outside the grid that of the
+    /// place on its edge nearest to `p`, since the shape of the region, which the grid surrounds, pulls back from there.
+    pub fn clamped_violation(&self, p: Vec3) -> (f32, Vec3) {
+        let first = (self.grid.origin + 0.5 * self.grid.cell).as_vec3();
+        let last = Vec3::from_array(self.grid.dims.map(|n| n as f32 - 1.001));
+        self.interpolated(((p - first) / self.grid.cell as f32).clamp(Vec3::ZERO, last))
+    }
+
+    /// The field and its gradient at `held`, counted in voxels from the centre of the first and within the last.
+    fn interpolated(&self, held: Vec3) -> (f32, Vec3) {
+        let last = Vec3::from_array(self.grid.dims.map(|n| (n - 1) as f32));
         // The lower voxel of the pair along each axis; every axis has at least two voxels.
         let low = held.floor().min(last - 1.0);
         let t = held - low;
@@ -102,14 +123,8 @@ impl FreeSpace {
             lerp(lerp(slope_x(0, 0), slope_x(1, 0), t.y), lerp(slope_x(0, 1), slope_x(1, 1), t.y), t.z),
             lerp(slope_y(0), slope_y(1), t.z),
             along_xy(1) - along_xy(0),
-        ) / cell;
-        let outside = (scaled - held) * cell;
-        let beyond = outside.length();
-        if beyond == 0.0 {
-            return (value, gradient);
-        }
-        let within = Vec3::select(outside.cmpeq(Vec3::ZERO), gradient, Vec3::ZERO);
-        (value + beyond, within + outside / beyond)
+        );
+        (value, gradient / self.grid.cell as f32)
     }
 
     /// Whether `p` lies in a free voxel.

@@ -75,6 +75,20 @@ impl SceneGeometry {
         if self.free.is_free(inside) { inside } else { self.free.project(inside) }
     }
 
+    /// Squared distance outside the region and its gradient, as the planner's loss has them: that of the shape and the
+    /// floor, and that of the free space past a voxel. Twin of `region_violation` in `shaders/glsl/shared/region.glsl`.
+    pub fn violation(&self, position: DVec3) -> (f64, DVec3) {
+        let (shape, by_shape) = self.region.violation(position);
+        let (field, slope) = self.free.clamped_violation(position.as_vec3());
+        let deep = (f64::from(field) - self.free.grid.cell).max(0.0);
+        (shape + deep * deep, by_shape + 2.0 * deep * slope.as_dvec3())
+    }
+
+    /// The region's numbers as the device has them.
+    pub fn device_region(&self) -> DeviceRegion {
+        DeviceRegion::new(&self.region, &self.free)
+    }
+
     /// Bytes of device memory that it takes.
     pub fn bytes(&self) -> u64 {
         let primitives = match &self.bvh.primitives {
@@ -108,7 +122,7 @@ impl DeviceScene {
                 Primitives::Triangles(triangles) => Buffer::from_slice(context, "primitives", triangles)?,
                 Primitives::Discs(discs) => Buffer::from_slice(context, "primitives", discs)?,
             },
-            region: Buffer::from_slice(context, "region", &[DeviceRegion::new(&geometry.region, &geometry.free)])?,
+            region: Buffer::from_slice(context, "region", &[geometry.device_region()])?,
             free_distance: Buffer::from_slice(context, "free_distance", &geometry.free.distance)?,
             geometry,
         })

@@ -1,9 +1,12 @@
-//! Depth maps of point cameras, ray-cast once on the device (`probe_depth.comp`).
+//! Depth maps of point cameras, ray-cast once on the device (`probe_depth.comp`, `probe_sky.comp`), and their twins.
 
 use std::sync::Arc;
 
+use glam::Vec3;
+
 use super::bvh::Node;
-use super::device_scene::{DeviceRegion, DeviceScene};
+use super::device_scene::{DeviceRegion, DeviceScene, SceneGeometry};
+use super::raycast::{MISS, Ray, inverse_slope};
 use crate::Result;
 use crate::scene::proxy::SurfacePoint;
 use crate::scene::similarity::Similarity;
@@ -120,4 +123,61 @@ impl ProbeMaps {
     pub fn download(&self) -> Result<Vec<f32>> {
         self.depth.download(self.probes.len() * (self.resolution * self.resolution) as usize)
     }
+}
+
+/// What a texel of a probe's map holds: the distance along unit `direction` to the first hit, 1e30 where there is none;
+/// negative where the ray does not meet the feasible region before. Twin of `probe_depth`, in the same precision.
+pub fn probe_depth(geometry: &SceneGeometry, origin: Vec3, direction: Vec3) -> f32 {
+    let ray = Ray { origin, direction, t_min: 0.0, t_max: MISS };
+    let reach = geometry.bvh.closest_hit(&ray).map_or(MISS, |hit| hit.distance);
+    if meets_region(geometry, origin, direction, reach) { reach } else { -reach }
+}
+
+/// Fraction of a map's texels from whose direction the region sees the probe: the twin of `probe_sky`.
+pub fn probe_sky(depth: &[f32]) -> f32 {
+    depth.iter().filter(|depth| **depth > 0.0).count() as f32 / depth.len() as f32
+}
+
+/// Whether the ray meets the feasible region before `reach`.
+fn meets_region(geometry: &SceneGeometry, origin: Vec3, direction: Vec3, reach: f32) -> bool {
+    let region = geometry.device_region();
+    let (mut near, mut far) = (0f32, reach);
+    if region.is_box != 0 {
+        let inverse = direction.map(inverse_slope);
+        let (a, b) = ((Vec3::from(region.box_min) - origin) * inverse, (Vec3::from(region.box_max) - origin) * inverse);
+        near = near.max(a.min(b).max_element());
+        far = far.min(a.max(b).min_element());
+    } else {
+        let middle = origin.dot(direction);
+        let outer = middle * middle - origin.dot(origin) + region.r_max * region.r_max;
+        if outer < 0.0 {
+            return false;
+        }
+        near = near.max(-middle - outer.sqrt());
+        far = far.min(-middle + outer.sqrt());
+    }
+    let mut t = near;
+    for _ in 0..512 {
+        if t > far {
+            return false;
+        }
+        let p = origin + t * direction;
+        let to_free = geometry.free.clamped_violation(p).0;
+        if contains(&region, p) && to_free < 0.5 * region.cell {
+            return true;
+        }
+        let inner = if region.is_box != 0 { 0.0 } else { (region.r_min - p.length()).max(0.0) };
+        t += (to_free - region.cell).max(inner).max(0.5 * region.cell);
+    }
+    false
+}
+
+/// Whether `p` is within the shape and above the floor.
+fn contains(region: &DeviceRegion, p: Vec3) -> bool {
+    let within = if region.is_box != 0 {
+        p.cmpge(Vec3::from(region.box_min)).all() && p.cmple(Vec3::from(region.box_max)).all()
+    } else {
+        (region.r_min * region.r_min..=region.r_max * region.r_max).contains(&p.length_squared())
+    };
+    within && p.z >= region.floor_z
 }

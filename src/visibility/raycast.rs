@@ -26,8 +26,8 @@ pub struct Hit {
     pub primitive: u32,
 }
 
-/// Distance at which a ray enters a box that it misses.
-const MISS: f32 = 1e30;
+/// Distance at which a ray enters a box that it misses, and to what a ray does not hit.
+pub(super) const MISS: f32 = 1e30;
 /// Direction components smaller than this count as this: a slab test without division by zero.
 const LEAST_SLOPE: f32 = 1e-12;
 /// Far ends of slabs are widened by this factor, so that rounding cannot lose a box: 1 + 2 gamma(3), Ize, "Robust BVH Ray
@@ -125,7 +125,7 @@ impl Bvh {
 }
 
 /// One over a direction's component, finite.
-fn inverse_slope(slope: f32) -> f32 {
+pub(super) fn inverse_slope(slope: f32) -> f32 {
     let least = if slope < 0.0 { -LEAST_SLOPE } else { LEAST_SLOPE };
     1.0 / if slope.abs() < LEAST_SLOPE { least } else { slope }
 }

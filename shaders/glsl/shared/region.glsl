@@ -1,5 +1,6 @@
 // Where cameras may stand (region_types.glsl) and the free space of the voxel field. Needs the bindings `region` and
-// `free_distance`. Twin: src/plan/feasible.rs.
+// `free_distance`. Twins: src/scene/region.rs (shape and floor) and src/scene/free_space.rs (the field), put together in
+// src/visibility/device_scene.rs.
 
 float free_space_at(ivec3 voxel) {
     uvec3 c = uvec3(clamp(voxel, ivec3(0), ivec3(region[0].grid_size) - 1));
@@ -25,7 +26,7 @@ vec4 free_space(vec3 p) {
     return vec4(gradient, mix(y0.x, y0.y, f.z));
 }
 
-// Squared distance outside the region, and its gradient. The field is soft within a voxel of its edge, where the
+// Squared distances outside the shape, below the floor and from free space, and their gradient. The field is soft within a voxel of its edge, where the
 // analytic shape is exact and the field is not.
 float region_violation(vec3 p, out vec3 gradient) {
     vec3 outside;
@@ -35,11 +36,13 @@ float region_violation(vec3 p, out vec3 gradient) {
         float r = length(p);
         outside = r > 1e-6 ? p * ((r - clamp(r, region[0].r_min, region[0].r_max)) / r) : vec3(0.0, 0.0, -region[0].r_min);
     }
-    outside.z += min(p.z - region[0].floor_z, 0.0);
+    float below = min(p.z - region[0].floor_z, 0.0);
+    float violation = dot(outside, outside) + below * below;
+    outside.z += below;
     vec4 field = free_space(p);
     float deep = max(field.w - region[0].cell, 0.0);
     gradient = 2.0 * outside + 2.0 * deep * field.xyz;
-    return dot(outside, outside) + deep * deep;
+    return violation + deep * deep;
 }
 
 bool region_contains(vec3 p) {
