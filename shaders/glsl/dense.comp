@@ -184,28 +184,32 @@ void main() {
             n = ray / d;
             g = gate(-n, splat.direction, s);
             float open = (OBJECTIVE == 1 ? 1.0 : s.alpha) * g.open;
-            for (uint t = lane; t < min(BLOCK, TEXELS - block); t += lanes) {
-                float rest = left[t];
-                if (rest < 0.0) continue;
-                vec3 w = directions[block + t].xyz;
-                float x = kernel_exponent(w, n, d, inverse);
-                if (OBJECTIVE == 1) {
-                    float sum = max(rest, NEAREST_FLOOR);
-                    float part = open * exp(-x) / sum;
-                    float by_part = rest > NEAREST_FLOOR ? -s.nearest_tau * share * score * part : 0.0;
-                    total += by_part;
-                    moment += by_part * w;
-                    utility -= s.nearest_tau * share * score * log(max(1.0 - part, 1e-3));
-                } else if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || d < abs(depth[pool_row + block + t]))) {
-                    float a = open * exp(-x);
-                    float odds = a / (1.0 - a);
-                    float difference = 1.0 - rest - goal;
-                    float by_a = 2.0 * share * difference * rest * odds;  // (dL/da) a
-                    total += by_a;
-                    moment += KERNEL == 0 ? by_a * w : (by_a * d * dot(w, n)) * w;
-                    by_scale += 2.0 * x * by_a;
-                    // (I_without - goal)^2 - (I - goal)^2
-                    utility -= share * rest * odds * (2.0 * difference - rest * odds);
+            uint texels = min(BLOCK, TEXELS - block);
+            for (uint first = lane; first < texels; first += 4 * lanes) {
+                for (uint i = 0; i < 4; ++i) {
+                    uint t = first + i * lanes;
+                    float rest = t < texels ? left[t] : -1.0;
+                    if (rest < 0.0) continue;
+                    vec3 w = directions[block + t].xyz;
+                    float x = kernel_exponent(w, n, d, inverse);
+                    if (OBJECTIVE == 1) {
+                        float sum = max(rest, NEAREST_FLOOR);
+                        float part = open * exp(-x) / sum;
+                        float by_part = rest > NEAREST_FLOOR ? -s.nearest_tau * share * score * part : 0.0;
+                        total += by_part;
+                        moment += by_part * w;
+                        utility -= s.nearest_tau * share * score * log(max(1.0 - part, 1e-3));
+                    } else if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || d < abs(depth[pool_row + block + t]))) {
+                        float a = open * exp(-x);
+                        float odds = a / (1.0 - a);
+                        float difference = 1.0 - rest - goal;
+                        float by_a = 2.0 * share * difference * rest * odds;  // (dL/da) a
+                        total += by_a;
+                        moment += KERNEL == 0 ? by_a * w : (by_a * d * dot(w, n)) * w;
+                        by_scale += 2.0 * x * by_a;
+                        // (I_without - goal)^2 - (I - goal)^2
+                        utility -= share * rest * odds * (2.0 * difference - rest * odds);
+                    }
                 }
             }
         }

@@ -3,7 +3,7 @@
 // One workgroup, at the end of an iteration: sums the losses, steps the shared scale, writes the history and sets up the
 // next iteration. Twin: src/plan/tally.rs (all but the sums).
 #include "shared/plan.glsl"
-layout(local_size_x = 256) in;
+layout(local_size_x = 128) in;
 
 struct Record {
     float image;
@@ -20,8 +20,8 @@ layout(binding = 4, std430) writeonly buffer History { Record history[]; };
 // Host-visible: [0] the host asks to stop; [1] iterations done; [2] most splats that a probe saw.
 layout(binding = 5, std430) buffer Mailbox { uint mailbox[]; };
 
-shared vec4 sums[256];
-shared uint most[256];
+shared vec4 sums[128];
+shared uint most[128];
 
 void main() {
     Settings s = settings[0];
@@ -32,15 +32,15 @@ void main() {
     uint stop = thread == 0 ? mailbox[0] : 0;
     vec4 sum = vec4(0.0);
     uint seen = 0;
-    for (uint i = thread; i < s.probes * s.blocks; i += 256) {
+    for (uint i = thread; i < s.probes * s.blocks; i += 128) {
         sum.x += tallies[i].image;
         sum.w += tallies[i].log_scale;
         seen = max(seen, tallies[i].visible);
     }
-    for (uint j = thread; j < c.live; j += 256) sum.yz += vec2(terms[j].reg, terms[j].bound);
+    for (uint j = thread; j < c.live; j += 128) sum.yz += vec2(terms[j].reg, terms[j].bound);
     sums[thread] = sum;
     most[thread] = seen;
-    for (uint half_ = 128; half_ > 0; half_ >>= 1) {
+    for (uint half_ = 64; half_ > 0; half_ >>= 1) {
         barrier();
         if (thread < half_) {
             sums[thread] += sums[thread + half_];

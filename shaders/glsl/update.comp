@@ -56,14 +56,15 @@ void main() {
     Gradient sum = Gradient(vec3(0.0), 0.0, vec3(0.0), 0.0);
     float reg = 0.0;
     float share = 1.0 / (float(s.probes) * float(c.live));
+    for (uint p = thread; p < s.probes * s.blocks; p += 64) {
+        uint slot = slots[p / s.blocks * s.splats + j];
+        if (slot == NONE) continue;
+        Gradient part = partials[p * s.row + slot];
+        sum.centre += part.centre;
+        sum.direction += part.direction;
+        sum.utility += part.utility;
+    }
     for (uint i = thread; i < s.probes; i += 64) {
-        uint slot = slots[i * s.splats + j];
-        for (uint b = 0; slot != NONE && b < s.blocks; ++b) {
-            Gradient part = partials[(i * s.blocks + b) * s.row + slot];
-            sum.centre += part.centre;
-            sum.direction += part.direction;
-            sum.utility += part.utility;
-        }
         if (OBJECTIVE == 0 && j < c.live) {
             uint index = (c.iteration * s.probes + i) % s.pool;
             vec3 ray = splat.centre - probes[index].position;
