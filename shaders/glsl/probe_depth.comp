@@ -39,6 +39,17 @@ bool meets_region(vec3 origin, vec3 w, float reach) {
         near = max(near, -m - sqrt(outer));
         far = min(far, -m + sqrt(outer));
     }
+    // The middles of what lies within the shape: steps of half a voxel could pass over a region thinner than that.
+    float hollow_in = far, hollow_out = near;
+    if (region[0].is_box == 0) {
+        float m = dot(origin, w), inner = m * m - dot(origin, origin) + region[0].r_min * region[0].r_min;
+        if (inner > 0.0) {
+            hollow_in = clamp(-m - sqrt(inner), near, far);
+            hollow_out = clamp(-m + sqrt(inner), near, far);
+        }
+    }
+    if (near < far && region_contains(origin + 0.5 * (near + hollow_in) * w)) return true;
+    if (near < far && region_contains(origin + 0.5 * (hollow_out + far) * w)) return true;
     float step_ = 0.5 * region[0].cell;
     float t = near;
     for (uint k = 0; k < 512 && t <= far; ++k) {

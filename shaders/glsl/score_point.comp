@@ -44,8 +44,8 @@ layout(binding = 3, std430) readonly buffer Depth { float depth[]; };
 layout(binding = 4, std430) readonly buffer Cameras { View cameras[]; };
 // Unit directions from each point of this dispatch to the cameras that see it, `views` to a point; and how many texels
 // are nearest to each.
-layout(binding = 5, std430) buffer Rays { vec4 rays[]; };
-layout(binding = 6, std430) buffer Cells { uint cells[]; };
+layout(binding = 5, std430) coherent buffer Rays { vec4 rays[]; };
+layout(binding = 6, std430) coherent buffer Cells { uint cells[]; };
 layout(binding = 7, std430) writeonly buffer Scores { Score scores[]; };
 #include "shared/traverse.glsl"
 
@@ -135,12 +135,16 @@ void main() {
         vec3 w = octahedral_texel_centre(t, resolution);
         float best = 8.0;
         uint nearest = 0;
-        for (uint k = 0; k < count; ++k) {
-            vec3 chord = w - rays[row + k].xyz;
-            float distance_ = dot(chord, chord);
-            if (distance_ < best) {
-                best = distance_;
-                nearest = k;
+        // Eight at a time: lavapipe ends an invocation's loops after 65,535 iterations.
+        for (uint first_ = 0; first_ < count; first_ += 8) {
+            for (uint i = 0; i < 8; ++i) {
+                uint k = min(first_ + i, count - 1);
+                vec3 chord = w - rays[row + k].xyz;
+                float distance_ = dot(chord, chord);
+                if (distance_ < best) {
+                    best = distance_;
+                    nearest = k;
+                }
             }
         }
         if (count > 0) atomicAdd(cells[row + nearest], 1u);

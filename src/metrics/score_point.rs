@@ -260,7 +260,9 @@ pub fn score_point(
 /// Metrics over points (method.md, Metrics). Points that no feasible position sees count in the coverage alone.
 pub fn aggregate(points: &[PointMetrics]) -> Metrics {
     let all = points.len().max(1) as f64;
-    let reachable: Vec<&PointMetrics> = points.iter().filter(|point| point.reachable > 0.0).collect();
+    // A view may see a point between the directions that reachability is sampled at.
+    let reachable: Vec<&PointMetrics> =
+        points.iter().filter(|point| point.reachable > 0.0 || point.views > 0).collect();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let of = |keep: &dyn Fn(&PointMetrics) -> bool, value: &dyn Fn(&PointMetrics) -> f32| -> Vec<f64> {
         reachable.iter().filter(|point| keep(point)).map(|point| value(point) as f64).collect()
@@ -270,7 +272,7 @@ pub fn aggregate(points: &[PointMetrics]) -> Metrics {
     let views = of(&every, &|point| point.views as f32);
     let views_mean = mean(&views);
     let variance = mean(&views.iter().map(|v| (v - views_mean).powi(2)).collect::<Vec<_>>());
-    let mut gaps = of(&every, &|point| point.gap.to_degrees());
+    let mut gaps = of(&|point: &PointMetrics| point.reachable > 0.0, &|point| point.gap.to_degrees());
     gaps.sort_unstable_by(f64::total_cmp);
     let at_least = |n| points.iter().filter(|point| point.views >= n).count() as f64 / all;
     Metrics {

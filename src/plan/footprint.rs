@@ -118,11 +118,13 @@ impl Footprint {
 
 /// Iterations of a block of commands: snapshots and relocations both fall on the start of one.
 pub(super) fn block(s: &Settings, config: &Config) -> u32 {
-    let (mut a, mut b) = (config.checkpoint_every.max(1), s.relocate_every);
+    // What is further apart than the run is long never comes, but for the start.
+    let within = |every: u32| if every > s.iterations { 0 } else { every };
+    let (mut a, mut b) = (within(config.checkpoint_every.max(1)), within(s.relocate_every));
     while b > 0 {
         (a, b) = (b, a % b);
     }
-    a
+    if a > 0 { a } else { s.iterations }
 }
 
 /// Refuses counts that no surface and no resolution could make fit the device, before the host has drawn a single

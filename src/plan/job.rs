@@ -86,9 +86,13 @@ impl Target {
         }
         let region = match (choice.shape, preset) {
             (Some(shape), _) => {
-                let scale = match shape {
-                    Shape::Shell { .. } => proxy.sphere.1,
-                    Shape::Box { min, max } => (max - min).min_element(),
+                // As in the default regions: by the object's radius, or the smallest side of the room itself.
+                let scale = match preset {
+                    Preset::Object => proxy.sphere.1,
+                    Preset::Room => {
+                        let (min, max) = proxy.robust_bounds();
+                        (max - min).min_element()
+                    }
                 };
                 Region { shape, up, floor: choice.floor, clearance: choice.clearance.unwrap_or(0.05 * scale) }
             }

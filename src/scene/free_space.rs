@@ -12,13 +12,15 @@ use crate::{Error, Result};
 
 /// Default number of voxels along the region's longest side.
 pub const RESOLUTION: u32 = 96;
+/// From the centre of a voxel to its corners, in sides.
+const HALF_DIAGONAL: f64 = 0.87;
 /// Most voxels of a grid: a gigabyte of scratch.
 const MOST_VOXELS: f64 = 6.4e7;
 
 /// The voxels where a camera may stand, and the distance of every voxel to them, in the frame of the occluder it was made
 /// from.
 ///
-/// A voxel is free where its centre is within the region and above the floor, the surface does not touch it, its
+/// A voxel is free where it may hold a point of the region above the floor, the surface does not touch it, its
 /// centre is at least the clearance away from the centre of every voxel that the surface touches, and it is connected
 /// (through faces) to the largest such set, which leaves out the insides of closed furniture and what lies behind a
 /// wall. Any point of a free voxel is at least clearance - sqrt(3) cells away from the surface.
@@ -34,7 +36,7 @@ pub struct FreeSpace {
     pub region: Region,
     /// Index of the free voxel nearest to each voxel.
     nearest: Vec<u32>,
-    /// Indices of the free voxels.
+    /// Indices of the free voxels that positions are drawn from.
     free: Vec<u32>,
 }
 
@@ -52,7 +54,9 @@ impl FreeSpace {
         let (mut within, mut open) = (0, vec![false; grid.voxels()]);
         for (i, open) in open.iter_mut().enumerate() {
             let voxel = grid.coordinates(i);
-            if region.contains(grid.centre(voxel)) {
+            // A voxel counts where the shape may cut it: a shell thinner than a voxel is still one piece.
+            let centre = grid.centre(voxel);
+            if region.nearest(centre).distance(centre) <= HALF_DIAGONAL * grid.cell {
                 within += 1;
                 *open = !occupied[i]
                     && (surface[i] == u32::MAX
@@ -62,8 +66,7 @@ impl FreeSpace {
         let free = largest_component(&grid, &open);
         if free.is_empty() {
             return Err(Error::request(format!(
-                "region: no free space; every position is within {} of the surface: enlarge the region or lower --clearance",
-                region.clearance
+                "region: no free space; every position is closer than the clearance to the surface: enlarge the region or lower --clearance"
             )));
         }
         let mut is_free = vec![false; grid.voxels()];
@@ -77,6 +80,10 @@ impl FreeSpace {
         };
         let distance = nearest.iter().enumerate().map(to_box).collect();
         let free_fraction = free.len() as f64 / f64::from(within);
+        // Positions are drawn from voxels whose centre is in the region, unless it is too thin to have any.
+        let inside = |i: &&u32| region.contains(grid.centre(grid.coordinates(**i as usize)));
+        let well_inside: Vec<u32> = free.iter().filter(inside).copied().collect();
+        let free = if well_inside.is_empty() { free } else { well_inside };
         Ok(Self { grid, distance, free_fraction, region: *region, nearest, free })
     }
 
@@ -155,7 +162,7 @@ impl FreeSpace {
         // At most as many voxels as fit 32 bits.
         let site = self.free[random::below(words[0], self.free.len() as u32) as usize];
         let centre = self.grid.centre(self.grid.coordinates(site as usize));
-        for _ in 0..8 {
+        for _ in 0..64 {
             let [_, x, y, z] = words.map(|word| f64::from(random::uniform(word)) - 0.5);
             let p = centre + self.grid.cell * DVec3::new(x, y, z);
             if self.is_free(p) && self.region.contains(p) {
@@ -163,7 +170,7 @@ impl FreeSpace {
             }
             words = random::pcg4d(words);
         }
-        centre
+        self.region.nearest(centre)
     }
 }
 

@@ -72,7 +72,7 @@ impl SceneGeometry {
     /// `position` itself where it is feasible.
     pub fn settle(&self, position: DVec3) -> DVec3 {
         let inside = self.region.nearest(position);
-        if self.free.is_free(inside) { inside } else { self.free.project(inside) }
+        if self.free.is_free(inside) { inside } else { self.region.nearest(self.free.project(inside)) }
     }
 
     /// Squared distance outside the region and its gradient, as the planner's loss has them: that of the shape and the

@@ -156,14 +156,30 @@ fn meets_region(geometry: &SceneGeometry, origin: Vec3, direction: Vec3, reach: 
         near = near.max(-middle - outer.sqrt());
         far = far.min(-middle + outer.sqrt());
     }
+    let feasible = |t: f32| {
+        let p = origin + t * direction;
+        let to_free = geometry.free.clamped_violation(p).0;
+        (contains(&region, p) && to_free < 0.5 * region.cell, to_free, p)
+    };
+    let (mut hollow_in, mut hollow_out) = (far, near);
+    if region.is_box == 0 && near < far {
+        let middle = origin.dot(direction);
+        let inner = middle * middle - origin.dot(origin) + region.r_min * region.r_min;
+        if inner > 0.0 {
+            hollow_in = (-middle - inner.sqrt()).clamp(near, far);
+            hollow_out = (-middle + inner.sqrt()).clamp(near, far);
+        }
+    }
+    if near < far && (feasible(0.5 * (near + hollow_in)).0 || feasible(0.5 * (hollow_out + far)).0) {
+        return true;
+    }
     let mut t = near;
     for _ in 0..512 {
         if t > far {
             return false;
         }
-        let p = origin + t * direction;
-        let to_free = geometry.free.clamped_violation(p).0;
-        if contains(&region, p) && to_free < 0.5 * region.cell {
+        let (free, to_free, p) = feasible(t);
+        if free {
             return true;
         }
         let inner = if region.is_box != 0 { 0.0 } else { (region.r_min - p.length()).max(0.0) };

@@ -139,7 +139,8 @@ impl Buffer {
     fn word(&self, index: usize) -> Option<*mut u32> {
         let pointer = self.allocation.as_ref()?.mapped_ptr()?.as_ptr().cast::<u32>();
         // SAFETY: the word lies inside the mapping, whose size is at least `self.size`.
-        ((index as u64 + 1) * 4 <= self.size).then(|| unsafe { pointer.add(index) })
+        ((index as u64).checked_add(1).and_then(|n| n.checked_mul(4)).is_some_and(|end| end <= self.size))
+            .then(|| unsafe { pointer.add(index) })
     }
 
     /// Copies `data` to the start of the buffer and waits for it.

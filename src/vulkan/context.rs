@@ -28,7 +28,6 @@ pub struct Context {
     pub(super) push_descriptor: ash::khr::push_descriptor::Device,
     pub(super) debug_utils: Option<ash::ext::debug_utils::Device>,
     pub(super) checkpoints: Option<ash::nv::device_diagnostic_checkpoints::Device>,
-    pub(super) command_pool: Mutex<vk::CommandPool>,
     pub(super) debug_sync: bool,
     queue: vk::Queue,
     queue_lock: Arc<Mutex<()>>,
@@ -98,19 +97,12 @@ impl Context {
             allocation_sizes: gpu_allocator::AllocationSizes::default(),
         })
         .map_err(|e| Error::NoDevice(format!("{}: {e}", physical.name)))?;
-        let pool_info = vk::CommandPoolCreateInfo::default()
-            .queue_family_index(physical.queue_family)
-            .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
-        // SAFETY: the device is live and has this queue family.
-        let pool = unsafe { device.create_command_pool(&pool_info, None) }
-            .map_err(|code| Error::Vulkan { what: "vkCreateCommandPool", code })?;
         Ok(Arc::new(Self {
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             push_descriptor: ash::khr::push_descriptor::Device::new(&instance.raw, &device),
             debug_utils: instance.debug_utils.then(|| ash::ext::debug_utils::Device::new(&instance.raw, &device)),
             checkpoints: checkpoints
                 .then(|| ash::nv::device_diagnostic_checkpoints::Device::new(&instance.raw, &device)),
-            command_pool: Mutex::new(pool),
             debug_sync,
             queue,
             queue_lock,
@@ -209,7 +201,6 @@ impl Drop for Context {
         // SAFETY: buffers, pipelines and recorders hold an `Arc` of this context, so none is left; each waited for its
         // own work. The allocator goes before the device, the device before the instance (the last field).
         unsafe {
-            self.device.destroy_command_pool(*lock(&self.command_pool), None);
             ManuallyDrop::drop(&mut self.allocator);
             if self.owned {
                 self.device.destroy_device(None);

@@ -6,7 +6,7 @@ use ash::vk;
 use bytemuck::Pod;
 
 use super::buffer::Buffer;
-use super::context::{Context, lock};
+use super::context::Context;
 use super::pipeline::Pipeline;
 use super::stage::Access;
 use crate::{Error, Result};
@@ -15,7 +15,8 @@ use crate::{Error, Result};
 pub struct Recorder<'a> {
     context: Arc<Context>,
     raw: vk::CommandBuffer,
-    owned: bool,
+    // Null where the command buffer is a host application's.
+    pool: vk::CommandPool,
     ended: bool,
     fences: Vec<vk::Fence>,
     // Buffers touched since the last barrier.
@@ -51,16 +52,21 @@ impl<'a> Recorder<'a> {
     /// # Errors
     /// Where the device fails.
     pub fn new(context: &Arc<Context>) -> Result<Self> {
-        let pool = lock(&context.command_pool);
+        // A pool of its own: recording, too, must not share one between threads.
+        let info = vk::CommandPoolCreateInfo::default()
+            .queue_family_index(context.physical().queue_family)
+            .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
+        // SAFETY: the device is live and has this queue family.
+        let pool = unsafe { context.device.create_command_pool(&info, None) }
+            .map_err(|code| context.failure("vkCreateCommandPool", code))?;
+        let mut recorder = Self::around(context, vk::CommandBuffer::null(), pool);
         let info = vk::CommandBufferAllocateInfo::default()
-            .command_pool(*pool)
+            .command_pool(pool)
             .level(vk::CommandBufferLevel::PRIMARY)
             .command_buffer_count(1);
-        // SAFETY: the pool is this context's, and locked.
-        let raw = unsafe { context.device.allocate_command_buffers(&info) }
+        // SAFETY: the pool was made above; dropping `recorder` destroys it with all that came from it.
+        recorder.raw = unsafe { context.device.allocate_command_buffers(&info) }
             .map_err(|code| context.failure("vkAllocateCommandBuffers", code))?[0];
-        drop(pool);
-        let recorder = Self::around(context, raw, true);
         recorder.begin()?;
         Ok(recorder)
     }
@@ -112,7 +118,7 @@ impl<'a> Recorder<'a> {
     /// `raw` must be in the recording state, of the device that `context` adopted, and everything recorded must stay
     /// alive until the host's submission has ended. [`Recorder::finish`] must come before the host reads results.
     pub unsafe fn host(context: &Arc<Context>, raw: vk::CommandBuffer) -> Self {
-        let mut recorder = Self::around(context, raw, false);
+        let mut recorder = Self::around(context, raw, vk::CommandPool::null());
         recorder.barrier();
         recorder
     }
@@ -123,11 +129,11 @@ impl<'a> Recorder<'a> {
         self.barrier();
     }
 
-    fn around(context: &Arc<Context>, raw: vk::CommandBuffer, owned: bool) -> Self {
+    fn around(context: &Arc<Context>, raw: vk::CommandBuffer, pool: vk::CommandPool) -> Self {
         Self {
             context: context.clone(),
             raw,
-            owned,
+            pool,
             ended: false,
             fences: Vec::new(),
             read: Vec::new(),
@@ -136,6 +142,11 @@ impl<'a> Recorder<'a> {
             failure: None,
             borrowed: std::marker::PhantomData,
         }
+    }
+
+    /// Whether the command buffer is ours to submit.
+    fn owned(&self) -> bool {
+        self.pool != vk::CommandPool::null()
     }
 
     fn begin(&self) -> Result<()> {
@@ -160,10 +171,15 @@ impl<'a> Recorder<'a> {
 
     /// Copies `bytes` bytes between offsets.
     pub fn copy_region(&mut self, from: &'a Buffer, from_offset: u64, to: &'a Buffer, to_offset: u64, bytes: u64) {
+        if from_offset.saturating_add(bytes) > from.size() || to_offset.saturating_add(bytes) > to.size() {
+            let (from, to) = (from.name(), to.name());
+            self.failure = Some(Error::Request(format!("a copy from `{from}` to `{to}` passes the end of a buffer")));
+            return;
+        }
         self.touch(&[from.handle()], &[to.handle()]);
         self.start_clock("copy");
         let region = [vk::BufferCopy::default().src_offset(from_offset).dst_offset(to_offset).size(bytes)];
-        // SAFETY: both buffers are live for `'a`; the validation layers check the ranges in the tests.
+        // SAFETY: both buffers are live for `'a`; the ranges lie within them.
         unsafe { self.context.device.cmd_copy_buffer(self.raw, from.handle(), to.handle(), &region) };
         self.stop_clock();
     }
@@ -462,7 +478,7 @@ impl<'a> StageRecord<'_, 'a> {
             }
         }
         recorder.stop_clock();
-        if recorder.context.debug_sync && recorder.owned && recorder.clock.is_none() {
+        if recorder.context.debug_sync && recorder.owned() && recorder.clock.is_none() {
             recorder.failure = recorder.run_now(stage.name).err();
         }
     }
@@ -475,7 +491,7 @@ pub fn linear_groups(count: u32) -> [u32; 2] {
 
 impl Drop for Recorder<'_> {
     fn drop(&mut self) {
-        if !self.owned {
+        if !self.owned() {
             return;
         }
         // A failure cannot be acted on here; a lost device runs nothing any more.
@@ -485,7 +501,7 @@ impl Drop for Recorder<'_> {
             if let Some(clock) = self.clock.take() {
                 self.context.device.destroy_query_pool(clock.pool, None);
             }
-            self.context.device.free_command_buffers(*lock(&self.context.command_pool), &[self.raw]);
+            self.context.device.destroy_command_pool(self.pool, None);
         }
     }
 }
