@@ -70,8 +70,8 @@ fn maps_are_those_of_the_twin() {
             assert!(1000 * off <= depth.len(), "{name}, {kind}: {off} of {} texels differ", depth.len());
             // Both answers must occur, or nothing was tested.
             assert!(20 * reached > depth.len() && 20 * (depth.len() - reached) > depth.len(), "{name}, {kind}");
-            // A scatter of discs leaves gaps (scene/discs.rs), the mesh of a room does not.
-            assert_eq!(missed == 0, (name, kind) == ("room", "triangles"), "{name}, {kind}: {missed} without a hit");
+            // Rays that leave an object's scene hit nothing.
+            assert!(missed > 0 || name == "room", "{name}, {kind}");
         }
     }
     assert_eq!(context.messages(), Vec::<String>::new(), "the validation layers found fault");
