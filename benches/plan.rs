@@ -40,7 +40,7 @@ fn main() -> Result<()> {
     iteration(&context, &mut report, &object, 50, 20, Pass::Dense)?;
     for &views in sizes {
         for pass in [Pass::Dense, Pass::Binned] {
-            // The loops of the dense pass are bounded, see `footprint::most_dense_splats`.
+            // The loops of the dense pass are bounded, see `config::MOST_DENSE`.
             if pass == Pass::Dense && views > 1000 {
                 continue;
             }
@@ -154,8 +154,8 @@ fn whole(
 ) -> Result<()> {
     let config =
         Config { probes, resolution: Some(32), objective: Objective::Splat, ..Config::new(scene.preset, views) };
-    let blocks = config.iterations / 50;
     let planner = scene.planner(context, config, 0)?;
+    let blocks = planner.settings().iterations / planner.block();
     let repeats = if context.physical().kind == "CPU" { 1 } else { 15 };
     let mut totals = Vec::new();
     for _ in 0..repeats {

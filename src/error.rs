@@ -84,7 +84,7 @@ impl Error {
         Self::Request(what.into())
     }
 
-    /// Process exit code: 2 where the user's input or request is at fault, 1 otherwise.
+    /// Process exit code: 1 where a device failed while it ran, 2 where something else must be asked for or given.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::DeviceLost { .. } | Self::Vulkan { .. } => 1,

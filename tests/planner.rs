@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use camsplat::metrics::score_point::{Field, Scorer, aggregate};
-use camsplat::plan::config::{Config, Gate, Kernel, Objective, Pass, Preset};
+use camsplat::plan::config::{Config, Gate, Kernel, MOST_DENSE, Objective, Pass, Preset};
 use camsplat::plan::dense::{Batch, dense};
 use camsplat::plan::planner::{Outcome, Planner, Preparation};
 use camsplat::plan::update::regulariser;
@@ -295,6 +295,43 @@ fn a_plan_is_better_than_its_start() {
             let at = geometry.to_internal.point(pose.position);
             assert!(geometry.region.violation(at).0 < 1e-9, "a camera outside the region, at {}", pose.position);
         }
+    }
+    silent(&context);
+}
+
+/// Lavapipe silently ends the loops of an invocation after 65,535 iterations together: at the most cameras that the
+/// dense pass takes, every probe seeing nearly all of them, nothing may be missing. The binned pass loops differently.
+#[test]
+fn the_dense_pass_takes_as_many_cameras_as_it_says() {
+    let context = context();
+    let scene = object(&context);
+    let config = Config {
+        objective: Objective::Splat,
+        // Wide enough that a tile, too, has thousands of instances.
+        scale: Some(0.4),
+        resolution: Some(16),
+        iterations: 1,
+        probes: 4,
+        pool: 16,
+        checkpoint_every: 1,
+        relocate_every: 0,
+        ..Config::new(Preset::Object, MOST_DENSE)
+    };
+    let dense = planner(&context, &scene, Config { pass: Pass::Dense, ..config.clone() });
+    let binned = planner(&context, &scene, Config { pass: Pass::Binned, ..config });
+    let (a, b) = (
+        dense.run(None, |_| ControlFlow::Continue(())).expect("a dense run"),
+        binned.run(None, |_| ControlFlow::Continue(())).expect("a binned run"),
+    );
+    let visible = dense.tallies().expect("tallies").iter().map(|tally| tally.visible).max();
+    assert!(visible > Some(MOST_DENSE / 2), "only {visible:?} cameras are seen: this tests nothing");
+    let (a, b) = (a.history[0], b.history[0]);
+    assert!((a.image - b.image).abs() < 1e-4 * a.image && (a.reg - b.reg).abs() <= 1e-4 * a.reg, "{a:?} against {b:?}");
+    let (a, b) = (dense.gradients().expect("gradients"), binned.gradients().expect("gradients"));
+    let most = a.iter().map(|g| Vec3::from(g.centre).length()).fold(0.0, f32::max);
+    for (a, b) in a.iter().zip(&b) {
+        let off = (Vec3::from(a.centre) - Vec3::from(b.centre)).length();
+        assert!(off < 1e-3 * most, "{a:?} against {b:?}");
     }
     silent(&context);
 }

@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Binned pass, 5 of 8: where the instances of each tile begin and end in the order of the tiles.
+// Binned pass, 5 of 9: where the instances of each tile begin and end in the order of the tiles.
 #include "shared/group.glsl"
 #include "shared/plan.glsl"
 layout(local_size_x = 256) in;

@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Binned pass, last: a workgroup per probe sums its tiles and its splats, as the dense pass does at its end.
+// Binned pass, 9 of 9: a workgroup per probe sums its tiles and its splats, as the dense pass does at its end.
 #include "shared/plan.glsl"
 #include "shared/bin.glsl"
 layout(local_size_x = 256) in;
@@ -22,6 +22,8 @@ void main() {
     Settings s = settings[0];
     if (control[0].halt != 0) return;
     uint probe = gl_WorkGroupID.x, thread = gl_LocalInvocationIndex;
+    // Host memory is far away: asked for first, needed last.
+    uvec2 most = probe == 0 && thread == 0 ? uvec2(mailbox[3], mailbox[4]) : uvec2(0);
     vec4 sum = vec4(0.0);
     for (uint tile = thread; tile < TILES; tile += 256) sum.xyz += tile_sums[probe * TILES + tile].xyz;
     for (uint j = thread; j < s.splats; j += 256) {
@@ -38,7 +40,7 @@ void main() {
     uint index = (control[0].iteration * s.probes + probe) % s.pool;
     tallies[probe] = Tally(sum.x * texel_weight(probes[index], s), sum.w, sum.y, sum.z, 0);
     if (probe == 0) {
-        mailbox[3] = max(mailbox[3], counts[0]);
-        mailbox[4] = max(mailbox[4], counts[1]);
+        mailbox[3] = max(most.x, counts[0]);
+        mailbox[4] = max(most.y, counts[1]);
     }
 }

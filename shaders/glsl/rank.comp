@@ -7,18 +7,23 @@
 layout(local_size_x = 64) in;
 
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
-layout(binding = 1, std430) readonly buffer MomentsBlock { Moments moments[]; };
-layout(binding = 2, std430) writeonly buffer Order { uint order[]; };
+layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
+layout(binding = 2, std430) readonly buffer MomentsBlock { Moments moments[]; };
+layout(binding = 3, std430) writeonly buffer Order { uint order[]; };
 
 void main() {
     Settings s = settings[0];
     uint j = group_index() * 64 + gl_LocalInvocationIndex;
-    if (j >= s.splats) return;
+    if (j >= s.splats || !relocation_due(control[0], s)) return;
     float mine = moments[j].utility;
     uint rank = 0;
-    for (uint k = s.kept; k < s.splats; ++k) {
-        float other = moments[k].utility;
-        if (other < mine || (other == mine && k < j)) ++rank;
+    // Four at a time: lavapipe ends an invocation's loops after 65,535 iterations.
+    for (uint first = s.kept; first < s.splats; first += 4) {
+        for (uint i = 0; i < 4; ++i) {
+            uint k = first + i;
+            float other = moments[min(k, s.splats - 1)].utility;
+            if (k < s.splats && (other < mine || (other == mine && k < j))) ++rank;
+        }
     }
     order[j < s.kept ? s.splats - s.kept + j : rank] = j;
 }

@@ -24,14 +24,28 @@ layout(binding = 10, std430) readonly buffer FreeDistance { float free_distance[
 
 shared float strip_sums[256];
 
-// Index in [0, count) drawn with probability proportional to the deficit from `from` on; each thread sums a strip, the
-// strips are walked in order. Returns `count` where all of it is zero.
-uint draw(uint from, uint count, float uniform_) {
+// How much a probe lacks, in the weight that the loss gives it.
+float missing(uint probe, Settings s) {
+    uint index = ((control[0].iteration - 1) * s.probes + probe) % s.pool;
+    float sum = 0.0;
+    for (uint b = probe * s.blocks; b < (probe + 1) * s.blocks; ++b) sum += tallies[b].short_fall;
+    if (OBJECTIVE == 1 && s.weighted != 0) sum *= probes[index].score;
+    return sum * texel_weight(probes[index], s);
+}
+
+// What is drawn from: probes by what they lack (`probe` is NONE), or the texels of a probe by their deficit.
+float mass(uint probe, uint k, Settings s) {
+    return probe == NONE ? missing(k, s) : deficit[probe * TEXELS + k];
+}
+
+// Index in [0, count) drawn with probability proportional to its mass; each thread sums a strip, the strips are walked in
+// order. Returns `count` where all of it is zero.
+uint draw(uint probe, uint count, float uniform_, Settings s) {
     uint thread = gl_LocalInvocationIndex;
     uint strip = (count + 255) / 256;
     uint first = min(thread * strip, count), last = min(first + strip, count);
     float mine = 0.0;
-    for (uint k = first; k < last; ++k) mine += deficit[from + k];
+    for (uint k = first; k < last; ++k) mine += mass(probe, k, s);
     barrier();
     strip_sums[thread] = mine;
     barrier();
@@ -42,23 +56,15 @@ uint draw(uint from, uint count, float uniform_) {
     uint t = 0;
     while (t < 255 && aim >= strip_sums[t]) aim -= strip_sums[t++];
     uint k = min(t * strip, count - 1), end = min(k + strip, count);
-    while (k + 1 < end && aim >= deficit[from + k]) aim -= deficit[from + k++];
+    while (k + 1 < end && aim >= mass(probe, k, s)) aim -= mass(probe, k++, s);
     return k;
-}
-
-// How much a probe lacks, in the weight that the loss gives it.
-float missing(uint probe, Settings s) {
-    uint index = ((control[0].iteration - 1) * s.probes + probe) % s.pool;
-    float sum = 0.0;
-    for (uint b = probe * s.blocks; b < (probe + 1) * s.blocks; ++b) sum += tallies[b].short_fall;
-    return sum * texel_weight(probes[index], s);
 }
 
 void main() {
     Settings s = settings[0];
     uint thread = gl_LocalInvocationIndex;
     uint iteration = control[0].iteration;
-    if (control[0].halt != 0 || iteration == 0 || iteration % s.relocate_every != 0 || iteration > s.relocate_until) return;
+    if (!relocation_due(control[0], s)) return;
     uint planned = s.splats - s.kept;
     uint j = order[gl_WorkGroupID.x];
     float median = moments[order[planned / 2]].utility;
@@ -66,12 +72,9 @@ void main() {
 
     // A probe of the last batch, then one of its texels.
     vec4 random = random4(s.seed, 0x72656c6fu, iteration, j);
-    float all = 0.0;
-    for (uint i = 0; i < s.probes; ++i) all += missing(i, s);
-    float aim = random.x * all;
-    uint probe = 0;
-    while (probe + 1 < s.probes && aim >= missing(probe, s)) aim -= missing(probe++, s);
-    uint texel = draw(probe * TEXELS, TEXELS, random.w);
+    uint probe = draw(NONE, s.probes, random.x, s);
+    if (probe >= s.probes) return;
+    uint texel = draw(probe, TEXELS, random.w, s);
     if (texel >= TEXELS || thread != 0) return;
     uint index = ((iteration - 1) * s.probes + probe) % s.pool;
     vec3 from = probes[index].position, w = directions[texel].xyz;

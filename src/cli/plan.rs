@@ -74,7 +74,7 @@ pub struct Tuning {
     /// Field-of-view test while optimising
     #[arg(long, value_enum)]
     gate: Option<Gate>,
-    /// Softness of the gate, in cosines
+    /// Softness of the gate, in cosines (cone) or sines (pinhole)
     #[arg(long)]
     gate_softness: Option<f32>,
     /// Kernel of the splats

@@ -86,6 +86,13 @@ pub const RESOLUTION: u32 = 24;
 /// Bytes of the list of directions; larger camera sets take the points in several dispatches.
 const RAYS_BYTES: u64 = 64 << 20;
 
+/// Bytes of device memory that scoring so many cameras on so many points takes.
+pub fn footprint(points: u64, cameras: u64) -> u64 {
+    let rays = RAYS_BYTES.min(16 * points * cameras).max(16 * cameras);
+    let maps = 4 * points * (RESOLUTION * RESOLUTION) as u64;
+    maps + rays + rays / 4 + size_of::<View>() as u64 * cameras + size_of::<Score>() as u64 * points
+}
+
 /// How a camera's field of view is tested.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Field {

@@ -84,7 +84,10 @@ pub enum Pass {
 
 /// Splats that the loops of the dense pass can take before lavapipe would end them: 65,535 iterations an invocation, and
 /// a probe that sees all splats takes about eight for each. The nearest-view objective has no other pass.
-pub const MOST_DENSE: u32 = 8000;
+pub const MOST_DENSE: u32 = 6000;
+
+/// Most views of a plan: the loop of `rank` over all of them stays within lavapipe's bound.
+pub const MOST_VIEWS: u32 = 200_000;
 
 /// The planner's configuration. [`Config::new`] gives the defaults of a preset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -164,8 +167,7 @@ impl Config {
         let positive = [
             ("--alpha", self.alpha),
             ("--gate-softness", self.gate_softness),
-            ("--nearest-tau", self.nearest_tau),
-            ("--decay", self.decay),
+            ("decay", self.decay),
             ("--scale", self.scale.unwrap_or(1.0)),
         ];
         let not_negative = [
@@ -175,7 +177,7 @@ impl Config {
             ("--rate-centre", self.rate_centre),
             ("--rate-direction", self.rate_direction),
             ("--rate-scale", self.rate_scale),
-            ("--relocate-until", self.relocate_until),
+            ("the part of the run that relocates", self.relocate_until),
         ];
         let counts = [
             ("--views", self.views),
@@ -200,6 +202,12 @@ impl Config {
         }
         if let Some((name, value)) = not_negative.iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0)) {
             return bad(name, value, "zero or a positive number");
+        }
+        if !(0.005..=1.0).contains(&self.nearest_tau) {
+            return bad("--nearest-tau", &self.nearest_tau, "a number between 0.005 and 1");
+        }
+        if self.views > MOST_VIEWS {
+            return bad("--views", &self.views, &format!("at most {MOST_VIEWS}"));
         }
         if self.alpha >= 0.5 {
             return bad("--alpha", &self.alpha, "less than 0.5, so that a score of 2 stays below full brightness");

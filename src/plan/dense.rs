@@ -7,7 +7,7 @@ use super::shared::{Control, Gradient, Settings, Splat, Tally};
 use crate::visibility::probe_depth::Probe;
 
 crate::stage!(
-    /// Loss and gradient partials, a workgroup per point camera.
+    /// Loss and gradient partials, a workgroup per block of texels of a point camera.
     pub DENSE = dense(()) {
         read settings, read control, read splats, read probes, read directions, read depth,
         write visible, write slots, write partials, write tallies, write deficit,
@@ -19,7 +19,7 @@ pub const KERNEL_CUTOFF: f64 = 8.0;
 /// A soft gate that lets less than this through is closed.
 pub const GATE_CUTOFF: f64 = 1e-4;
 /// Below this a nearest-view sum counts as empty.
-pub const NEAREST_FLOOR: f64 = 1e-32;
+pub const NEAREST_FLOOR: f64 = 1e-36;
 
 /// One batch of the optimisation as the twin sees it, in float64 and the planner's frame.
 #[derive(Clone, Copy)]

@@ -12,8 +12,10 @@ use crate::vulkan::Context;
 use crate::vulkan::physical::Physical;
 use crate::{Error, Result};
 
-/// Depth maps of the held-out points, which the metrics need beside everything else.
-const HELD_OUT: &str = "held-out depth";
+/// What the metrics need beside everything else: depth maps of the held-out points, and lists of directions.
+const HELD_OUT: &str = "held-out metrics";
+/// Entries that stand for several buffers, none of which is the whole.
+const SEVERAL: [&str; 4] = ["surface and region", "sort", "scan", HELD_OUT];
 /// Depth maps of the pool take at most this much, and no more than an eighth of the device.
 const POOL_BYTES: u64 = 256 << 20;
 
@@ -51,7 +53,7 @@ impl Footprint {
             ("history", record * s.iterations as u64),
             ("snapshots", splat * splats * snapshots),
             ("mailbox", 4 * mailbox::WORDS as u64),
-            (HELD_OUT, 4 * config.held_out as u64 * (score_point::RESOLUTION * score_point::RESOLUTION) as u64),
+            (HELD_OUT, score_point::footprint(2 * config.held_out as u64, splats)),
         ];
         if binned {
             buffers.extend(super::binned::footprint(context, s, resolution));
@@ -59,9 +61,13 @@ impl Footprint {
         Self { buffers }
     }
 
-    /// Bytes of a buffer; zero for a name that is not in the list.
-    pub fn bytes_of(&self, name: &str) -> u64 {
-        self.buffers.iter().find(|buffer| buffer.0 == name).map_or(0, |buffer| buffer.1)
+    /// Bytes of a buffer.
+    ///
+    /// # Errors
+    /// A name that is not in the list.
+    pub fn bytes_of(&self, name: &str) -> Result<u64> {
+        let found = self.buffers.iter().find(|buffer| buffer.0 == name);
+        found.map(|buffer| buffer.1).ok_or_else(|| Error::request(format!("the footprint knows no buffer `{name}`")))
     }
 
     /// Bytes of all buffers.
@@ -77,8 +83,14 @@ impl Footprint {
         let physical = context.physical();
         let limit = physical.storage_range.min(physical.allocation);
         let free = context.memory_available();
-        let Some((name, bytes)) = self.buffers.iter().max_by_key(|buffer| buffer.1) else { return Ok(()) };
-        let (what, wanted, available) = if *bytes > limit {
+        let largest = |single: bool| {
+            let counted = self.buffers.iter().filter(|buffer| !(single && SEVERAL.contains(&buffer.0)));
+            counted.max_by_key(|buffer| buffer.1)
+        };
+        let Some((name, bytes)) = largest(true).filter(|buffer| buffer.1 > limit).or(largest(false)) else {
+            return Ok(());
+        };
+        let (what, wanted, available) = if *bytes > limit && !SEVERAL.contains(name) {
             (format!("the plan's buffer `{name}`"), *bytes, limit)
         } else if self.total() > free {
             ("the plan".to_owned(), self.total(), free)
@@ -147,7 +159,8 @@ pub fn largest(physical: &Physical, probes: u32) -> u64 {
     let limit = physical.storage_range.min(physical.allocation);
     let a_view = 4 * probes as u64;
     let a_visible_view = 36 * probes as u64 / 10;
-    (limit / a_view).min(physical.heap * 2 / 3 / (a_view + a_visible_view + 2000))
+    let most = ((1 << 28) / probes as u64).min(super::config::MOST_VIEWS as u64);
+    most.min(limit / a_view).min(physical.heap * 2 / 3 / (a_view + a_visible_view + 2000))
 }
 
 /// What a run has room for.

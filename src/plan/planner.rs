@@ -169,6 +169,11 @@ impl Preparation {
                 "the dense pass takes at most {MOST_DENSE} cameras; use --objective splat with --pass binned or auto"
             )));
         }
+        if u64::from(probes) * u64::from(splats) > 1 << 28 {
+            return Err(Error::request(format!(
+                "{splats} cameras times {probes} point cameras a step is more than 2^28; use fewer probes (--probes)"
+            )));
+        }
         let room = Room::new(splats, probes, visible.gated, binned, start_scale, resolution, context.physical());
         let round_length = if config.iterative { (config.iterations / 5).max(1) } else { 0 };
         let settings = Settings {
@@ -259,7 +264,7 @@ impl<'a> Planner<'a> {
         let pipeline = |stage| Pipeline::new(context, stage, &constants);
         let pipelines = Pipelines {
             splat: if binned {
-                let buffer = |name: &str| Buffer::device(context, name, footprint.bytes_of(name));
+                let buffer = |name: &str| Buffer::device(context, name, footprint.bytes_of(name)?);
                 Way::Binned(Box::new(Binned::new(context, &settings, &constants, buffer)?))
             } else {
                 Way::Dense(pipeline(&DENSE)?)
@@ -356,7 +361,7 @@ impl<'a> Planner<'a> {
     fn record_relocation(&'a self, commands: &mut Recorder<'a>) {
         let (b, p, s, scene, maps) = (&self.buffers, &self.pipelines, &self.settings, self.scene, &self.maps);
         let least = ((s.splats - s.kept) / 10).max(1);
-        commands.stage(&p.rank).bind(&[&b.settings, &b.moments, &b.order]).linear(s.splats.div_ceil(64));
+        commands.stage(&p.rank).bind(&[&b.settings, &b.control, &b.moments, &b.order]).linear(s.splats.div_ceil(64));
         commands
             .stage(&p.relocate)
             .bind(&[
@@ -463,7 +468,7 @@ impl<'a> Planner<'a> {
         } else {
             let mut commands = Recorder::new(&self.context)?;
             self.record_block(&mut commands)?;
-            let ahead = (AHEAD / self.block()).clamp(2, 16) as usize;
+            let ahead = (AHEAD / self.block()).max(2) as usize;
             let mut left = blocks;
             loop {
                 for _ in commands.pending()..ahead.min(commands.pending() + left as usize) {
@@ -593,7 +598,7 @@ impl Buffers {
     fn new(context: &Arc<Context>, plan: &Footprint, resolution: u32) -> Result<Self> {
         let directions: Vec<[f32; 4]> =
             octahedral::directions(resolution).iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect();
-        let device = |name: &str| Buffer::device(context, name, plan.bytes_of(name));
+        let device = |name: &str| Buffer::device(context, name, plan.bytes_of(name)?);
         Ok(Self {
             settings: device("settings")?,
             control: device("control")?,
@@ -610,7 +615,7 @@ impl Buffers {
             order: device("order")?,
             history: device("history")?,
             snapshots: device("snapshots")?,
-            mailbox: Buffer::host(context, "mailbox", plan.bytes_of("mailbox"))?,
+            mailbox: Buffer::host(context, "mailbox", plan.bytes_of("mailbox")?)?,
         })
     }
 }

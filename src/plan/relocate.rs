@@ -6,7 +6,7 @@ use crate::visibility::probe_depth::Probe;
 
 crate::stage!(
     /// Splats by utility, least first.
-    pub RANK = rank(()) { read settings, read moments, write order } with [Settings, Moments]
+    pub RANK = rank(()) { read settings, read control, read moments, write order } with [Settings, Control, Moments]
 );
 
 crate::stage!(

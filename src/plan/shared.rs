@@ -1,4 +1,4 @@
-//! The structs that the planner's stages share, as `shaders/glsl/shared/plan.glsl` declares them.
+//! The structs that the planner's stages share, as `shaders/glsl/shared/plan.glsl` (and `tally.comp`) declares them.
 //!
 //! Lengths are in units of the region's bounding radius, in the planner's own frame (see
 //! [`crate::scene::similarity`]): up is +Z and a shell is centred on the origin.

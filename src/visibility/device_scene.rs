@@ -14,7 +14,7 @@ use crate::visibility::bvh::{Bvh, Primitives};
 use crate::vulkan::{Buffer, Context};
 
 crate::gpu_struct! {
-    /// Where cameras may stand, in the planner's frame (`Region` in `shared/region_types.glsl`).
+    /// Where cameras may stand, in the planner's frame (`shared/region_types.glsl`).
     pub struct DeviceRegion {
         /// Lowest corner of the box.
         pub box_min: [f32; 3],

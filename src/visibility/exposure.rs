@@ -5,10 +5,10 @@ use glam::Vec3;
 
 use super::bvh::Bvh;
 use super::raycast::Ray;
-use crate::Result;
 use crate::scene::octahedral;
-use crate::scene::proxy::{Occluder, Proxy};
+use crate::scene::proxy::{Disc, Occluder, Proxy};
 use crate::scene::similarity::Similarity;
+use crate::{Error, Result};
 
 /// Directions from each disc: the texels of an octahedral map of so many a side.
 const RESOLUTION: u32 = 5;
@@ -36,25 +36,33 @@ pub fn expose(proxy: &mut Proxy) -> Result<usize> {
         }
         free as f32 / (all as f32).max(1.0)
     };
-    let sides = |disc: &crate::scene::proxy::Disc| {
+    let sides = |disc: &Disc| {
         let centre = to_unit.point(disc.centre).as_vec3();
         let (normal, lift) = (disc.normal.as_vec3(), to_unit.length(disc.radius) as f32);
         [open(centre, normal, lift), open(centre, -normal, lift)]
     };
     let workers = std::thread::available_parallelism().map_or(1, |n| n.get());
     let part = discs.len().div_ceil(workers).max(1);
-    let open: Vec<[f32; 2]> = std::thread::scope(|scope| {
-        let parts = discs.chunks(part).map(|part| scope.spawn(move || part.iter().map(sides).collect::<Vec<_>>()));
-        // All are started before the first is waited for. A worker only casts rays: it has nothing to panic over.
-        let handles: Vec<_> = parts.collect();
-        handles.into_iter().flat_map(|handle| handle.join().unwrap_or_default()).collect()
-    });
+    let parts: Vec<Vec<[f32; 2]>> = std::thread::scope(|scope| {
+        let sides = &sides;
+        let cast = |part: &'_ [Disc]| {
+            let part = part.to_vec();
+            scope.spawn(move || part.iter().map(sides).collect::<Vec<_>>())
+        };
+        // All are started before the first is waited for.
+        let handles: Vec<_> = discs.chunks(part).map(cast).collect();
+        let join = |handle: std::thread::ScopedJoinHandle<'_, _>| {
+            handle.join().map_err(|_| Error::request("a thread that casts rays failed; run again"))
+        };
+        handles.into_iter().map(join).collect::<Result<_>>()
+    })?;
+    let open = parts.into_iter().flatten();
     let mut buried = Vec::with_capacity(discs.len());
-    for (disc, [front, back]) in discs.iter_mut().zip(&open) {
+    for (disc, [front, back]) in discs.iter_mut().zip(open) {
         if back > front {
             disc.normal = -disc.normal;
         }
-        buried.push(front.max(*back) < LEAST_OPEN);
+        buried.push(front.max(back) < LEAST_OPEN);
     }
     let count = buried.iter().filter(|buried| **buried).count();
     // A cloud of which nothing is open is no object seen from outside: nothing better is known of it then.

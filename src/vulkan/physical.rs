@@ -31,8 +31,6 @@ pub struct Physical {
     pub allocation: u64,
     /// Bytes of the largest device-local heap.
     pub heap: u64,
-    /// Most threads of a workgroup.
-    pub group_threads: u32,
     /// Most workgroups of a dispatch along x.
     pub groups_x: u32,
     /// Nanoseconds per timestamp tick; zero where the queue has no timestamps.
@@ -125,7 +123,6 @@ impl Physical {
                 .map(|heap| heap.size)
                 .max()
                 .unwrap_or(0),
-            group_threads: limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]),
             groups_x: limits.max_compute_work_group_count[0],
             timestamp_period: if bits > 0 { limits.timestamp_period } else { 0.0 },
             timestamp_bits: bits,

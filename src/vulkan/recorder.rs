@@ -150,7 +150,7 @@ impl<'a> Recorder<'a> {
 
     /// Starts the record of one stage: `recorder.stage(&pipeline).bind(&[...]).push(&constants).groups([n, 1, 1])`.
     pub fn stage<'r>(&'r mut self, pipeline: &'a Pipeline) -> StageRecord<'r, 'a> {
-        StageRecord { recorder: self, pipeline, buffers: Vec::new(), push: [0; 256], push_size: 0 }
+        StageRecord { recorder: self, pipeline, buffers: Vec::new(), push: [0; 128], push_size: 0 }
     }
 
     /// Copies the first `bytes` bytes of `from` to the start of `to`.
@@ -354,7 +354,7 @@ pub struct StageRecord<'r, 'a> {
     recorder: &'r mut Recorder<'a>,
     pipeline: &'a Pipeline,
     buffers: Vec<&'a Buffer>,
-    push: [u8; 256],
+    push: [u8; 128],
     push_size: usize,
 }
 

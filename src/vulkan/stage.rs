@@ -104,6 +104,7 @@ macro_rules! stage {
             const REFLECTED: $crate::vulkan::stage::Reflected = $crate::vulkan::shaders::$shader::REFLECTED;
             $crate::vulkan::stage::check_buffers(&REFLECTED, BUFFERS);
             $crate::vulkan::stage::check_layout(&REFLECTED.push, &<$push>::LAYOUT);
+            assert!(size_of::<$push>() <= 128, "push constants are 128 bytes at most");
             $crate::vulkan::stage::check_structs(&REFLECTED, &[$($(&<$shared>::LAYOUT),*)?]);
             $crate::vulkan::stage::Stage {
                 label: match std::ffi::CStr::from_bytes_with_nul(concat!(stringify!($shader), "\0").as_bytes()) {

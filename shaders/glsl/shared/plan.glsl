@@ -14,8 +14,9 @@ const uint NONE = 0xffffffffu;
 const float KERNEL_CUTOFF = 8.0;
 // A soft gate that lets less than this through is closed.
 const float GATE_CUTOFF = 1e-4;
-// Below this a nearest-view sum counts as empty: exp(-2 / 0.03) is about 1e-29.
-const float NEAREST_FLOOR = 1e-32;
+// Below this a nearest-view sum counts as empty: a little above the smallest normal float32. With tau = 0.02 that is a
+// texel from which the nearest view is more than 130 degrees away.
+const float NEAREST_FLOOR = 1e-36;
 
 struct Settings {
     uint splats;          // kept and planned
@@ -122,6 +123,11 @@ struct Gate {
     vec3 by_view;     // gradient of log m by the unit direction from the camera to the probe
     vec3 by_direction;// gradient of log m by the camera's viewing direction
 };
+
+// Whether splats are relocated before the iteration that is next.
+bool relocation_due(Control c, Settings s) {
+    return c.halt == 0 && c.iteration > 0 && c.iteration % s.relocate_every == 0 && c.iteration <= s.relocate_until;
+}
 
 // Weight of a texel of a probe in the mean over probes and directions.
 float texel_weight(Probe probe, Settings s) {
