@@ -5,7 +5,11 @@ mod command;
 use camsplat::io;
 use camsplat::plan::record::{IterationRecord, Status};
 use camsplat::scene::camera::Camera;
-use command::{Place, SHORT, ended};
+use command::{Place, ended};
+
+/// A run that is short but relocates, and whose batches wrap around in the pool.
+const SMALL: &str =
+    "--views 30 --pool 64 --probes 9 --held-out 60 --iterations 20 --checkpoint-every 10 --relocate-every 5";
 
 /// The ways through the planner that have their own stages.
 const WAYS: [&str; 3] =
@@ -22,9 +26,7 @@ struct Planned {
 
 /// Plans with the software driver set by `environment`, and relocates on the way.
 fn planned(place: &Place, way: &str, environment: &[(&str, &str)]) -> Planned {
-    let arguments = format!("plan ball.ply --out o --force {SHORT} --views 30 --relocate-every 5 --probes 9 {way}");
-    // `--views` is in `SHORT` as well: the command takes one.
-    let arguments = arguments.replace("--views 5 ", "");
+    let arguments = format!("plan ball.ply --out o --force {SMALL} {way}");
     let ran = ended(place.command(&arguments).envs(environment.iter().copied()).output().unwrap());
     assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""), "camsplat {arguments} with {environment:?}");
     let plan = place.plan("o");
