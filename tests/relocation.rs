@@ -1,0 +1,176 @@
+//! Relocation: which splats go, where to, and what it is good for.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use camsplat::metrics::Metrics;
+use camsplat::metrics::score_point::{Field, Scorer, aggregate};
+use camsplat::plan::config::{Config, Objective, Preset, Start};
+use camsplat::plan::planner::{Planner, Preparation};
+use camsplat::plan::relocate::rank;
+use camsplat::plan::shared::Splat;
+use camsplat::scene::camera::{Camera, Intrinsics};
+use camsplat::scene::proxy::{Orientation, Proxy};
+use camsplat::scene::region::{Region, Shape};
+use camsplat::scene::samples;
+use camsplat::scene::surface::Surface;
+use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
+use camsplat::visibility::raycast::Ray;
+use camsplat::vulkan::{Context, Options, Recorder};
+use glam::{DVec3, Vec3};
+
+struct Scene {
+    proxy: Proxy,
+    device: DeviceScene,
+}
+
+fn context() -> Arc<Context> {
+    let options = Options { validation: true, ..Options::default() };
+    Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
+}
+
+fn scene(context: &Arc<Context>, surface: &Surface, region: &Region) -> Scene {
+    let proxy = Proxy::new(surface, Orientation::Trusted).expect("a good surface");
+    let geometry = SceneGeometry::new(&proxy, region).expect("a good region");
+    Scene { device: DeviceScene::new(context, geometry).expect("room for it"), proxy }
+}
+
+fn object(context: &Arc<Context>) -> Scene {
+    let shape = Shape::Shell { centre: DVec3::ZERO, r_min: 1.2, r_max: 1.8 };
+    let region = Region { shape, up: DVec3::Z, floor: Some(-0.3), clearance: 0.05 };
+    scene(context, &samples::object(), &region)
+}
+
+fn room(context: &Arc<Context>) -> Scene {
+    let shape = Shape::Box { min: DVec3::splat(0.2), max: DVec3::new(5.8, 3.8, 2.6) };
+    scene(context, &samples::room(), &Region { shape, up: DVec3::Z, floor: None, clearance: 0.15 })
+}
+
+fn intrinsics() -> Intrinsics {
+    Intrinsics::from_fov(800, 600, 60f64.to_radians())
+}
+
+fn planner<'a>(context: &Arc<Context>, scene: &'a Scene, config: Config) -> Planner<'a> {
+    let geometry = &scene.device.geometry;
+    let preparation = Preparation::new(context, geometry, &scene.proxy, &intrinsics(), &[], config);
+    Planner::new(context, &scene.device, preparation.expect("a good configuration")).expect("room for it")
+}
+
+fn silent(context: &Arc<Context>) {
+    assert_eq!(context.messages(), Vec::<String>::new(), "the validation layers found fault");
+}
+
+/// Cameras whose loss would not be felt are to go, none else, and to where a camera may stand: were the order upside down,
+/// the best cameras would be thrown away every fifty iterations. With rates of zero nothing moves but what is relocated.
+#[test]
+fn the_least_useful_are_relocated_and_only_into_the_region() {
+    let context = context();
+    // Around an object every camera of a random start is of use to the nearest-view objective.
+    for (scene, preset, objective) in [
+        (object(&context), Preset::Object, Objective::Splat),
+        (room(&context), Preset::Room, Objective::Splat),
+        (room(&context), Preset::Room, Objective::Nearest),
+    ] {
+        let config = Config {
+            objective,
+            iterations: 40,
+            probes: 16,
+            pool: 128,
+            checkpoint_every: 10,
+            relocate_every: 10,
+            relocate_until: 1.0,
+            rate_centre: 0.0,
+            rate_direction: 0.0,
+            rate_scale: 0.0,
+            ..Config::new(preset, 60)
+        };
+        let planner = planner(&context, &scene, config);
+        // The running means that the device ranks by, from the utilities of ten iterations.
+        let mut utility = vec![0f32; 60];
+        let step = |block: bool| {
+            let mut commands = Recorder::new(&context).expect("a recorder");
+            match block {
+                true => planner.record_block(&mut commands),
+                false => planner.record_iteration(&mut commands),
+            }
+            .expect("recorded");
+            commands.submit_and_wait().expect("done");
+        };
+        for _ in 0..planner.block() {
+            step(false);
+            for (mean, gradient) in utility.iter_mut().zip(planner.gradients().expect("gradients")) {
+                *mean = 0.9 * *mean + 0.1 * gradient.utility;
+            }
+        }
+        let before = planner.splats().expect("splats");
+        // Centres only: a direction is normalised again each time.
+        let elsewhere = |a: &[Splat], b: &[Splat], j: usize| a[j].centre != b[j].centre;
+        assert!((0..60).all(|j| !elsewhere(&before, planner.start(), j)), "rates of zero, and yet something moved");
+        step(true);
+        let after = planner.splats().expect("splats");
+        let order = rank(&utility, 0);
+        let median = utility[order[30] as usize];
+        let least = &order[..6];
+        let moved: Vec<usize> = (0..60).filter(|&j| elsewhere(&before, &after, j)).collect();
+        assert!(!moved.is_empty(), "{objective:?}: nothing was relocated, so that nothing is tested");
+        for &j in &moved {
+            assert!(least.contains(&(j as u32)), "{objective:?}: splat {j} is not of the least useful tenth");
+            assert!(utility[j] < 0.2001 * median, "{objective:?}: splat {j} was of use, {} of {median}", utility[j]);
+            may_stand(&scene, &after[j]);
+        }
+    }
+    silent(&context);
+}
+
+/// A relocated splat stands in the region, to rounding, free, and looks at the surface.
+fn may_stand(scene: &Scene, splat: &Splat) {
+    let geometry = &scene.device.geometry;
+    let at = Vec3::from(splat.centre);
+    assert!(geometry.region.violation(at.as_dvec3()).0 < 1e-10, "relocated out of the region, to {at}");
+    assert!(geometry.free.clamped_violation(at).0 < 0.5 * geometry.free.grid.cell as f32 + 1e-6, "{at} is not free");
+    let direction = Vec3::from(splat.direction);
+    assert!((direction.length() - 1.0).abs() < 1e-5, "{direction} is no direction");
+    let ray = Ray { origin: at, direction, t_min: 0.0, t_max: 1e30 };
+    assert!(geometry.bvh.any_hit(&ray), "at {at} it looks along {direction}, at nothing");
+}
+
+/// Gradient descent on the splat objective does not spread cameras that all start in one place: each sees what the others
+/// see. Without relocation the far side stays unseen; with it nearly all that can be seen must be. The nearest-view
+/// objective pulls cameras to what none sees by itself, so that there relocation must only do no harm.
+#[test]
+fn an_identical_start_ends_covered_with_relocation_and_not_without() {
+    let context = context();
+    let scene = object(&context);
+    let score = |relocate_every: u32, objective: Objective| -> Metrics {
+        let config = Config {
+            objective,
+            start: Start::Identical,
+            iterations: 300,
+            pool: 512,
+            relocate_every,
+            ..Config::new(Preset::Object, 30)
+        };
+        let outcome = planner(&context, &scene, config).run(None, |_| ControlFlow::Continue(())).expect("a run");
+        let cameras: Vec<Camera> = outcome
+            .poses
+            .iter()
+            .map(|pose| Camera { name: String::new(), pose: *pose, intrinsics: intrinsics() })
+            .collect();
+        let scorer = Scorer::new(&context, &scene.device, &scene.proxy.sample(400, 0, 1)).expect("a scorer");
+        aggregate(&scorer.score(&cameras, Field::Cone).expect("scores"))
+    };
+    for objective in [Objective::Splat, Objective::Nearest] {
+        let [with, without] = [10, 0].map(|every| score(every, objective));
+        let [covered, alone] = [with, without].map(|metrics| metrics.coverage_1 / metrics.reachable);
+        assert!(covered >= 0.95, "{objective:?}: {covered} of the reachable points are seen");
+        match objective {
+            Objective::Splat => {
+                assert!(alone < covered - 0.2, "{alone} are seen without relocation, {covered} with it")
+            }
+            Objective::Nearest => {
+                assert!(alone < covered + 0.01, "{alone} are seen without relocation, {covered} with it")
+            }
+        }
+    }
+    silent(&context);
+}
