@@ -111,7 +111,9 @@ fn iteration(
     let resolution = planner.maps().resolution;
     let texels = u64::from(probes * resolution * resolution);
     let tallies = planner.tallies()?;
-    let visible: u64 = tallies.iter().map(|tally| u64::from(tally.visible)).sum();
+    // Every block of texels of a probe counts the same splats.
+    let blocks = u64::from(planner.settings().blocks);
+    let visible = tallies.iter().map(|tally| u64::from(tally.visible)).sum::<u64>() / blocks;
     let (pairs, instances) = planner.most_binned();
     let all = u64::from(probes * views);
     // The least that must move: records and partials of the pairs (and instances, sorted), depth and texels once each way.

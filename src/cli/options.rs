@@ -56,7 +56,7 @@ pub struct DeviceOptions {
     /// Device, by index or part of its name (see `camsplat devices`) [default: the best]
     #[arg(long)]
     pub device: Option<String>,
-    /// Wait after every stage, so that a lost device names the stage; not with --profile or --trace
+    /// Wait after every stage, so that a lost device names the stage; not while stages are timed
     #[arg(long)]
     pub debug_sync: bool,
 }

@@ -68,7 +68,7 @@ pub struct Tuning {
     /// Iterations
     #[arg(long)]
     iterations: Option<u32>,
-    /// What is minimised
+    /// What is minimised [default: nearest; splat above 6000 views, or where an option is given that only it has]
     #[arg(long, value_enum)]
     objective: Option<Objective>,
     /// Field-of-view test while optimising
@@ -159,6 +159,16 @@ impl Tuning {
     pub fn apply(&self, mut config: Config) -> Config {
         fn set<T: Copy>(target: &mut T, given: Option<T>) {
             *target = given.unwrap_or(*target);
+        }
+        let of_splat = self.kernel.is_some()
+            || self.pass == Some(Pass::Binned)
+            || self.base_loss
+            || self.no_reg
+            || [self.lambda_reg, self.lambda_scale, self.alpha, self.scale, self.rate_scale]
+                .iter()
+                .any(Option::is_some);
+        if of_splat {
+            config.objective = Objective::Splat;
         }
         config.seed = self.seed;
         set(&mut config.iterations, self.iterations);

@@ -121,7 +121,7 @@ pub struct Config {
     /// Whether scores of the surface weigh the target.
     pub vds: bool,
     /// Whether every probe weighs the same in the image term, however few directions it can be seen from; else every
-    /// direction does (method.md).
+    /// direction does (docs/method.md).
     pub equal_probes: bool,
     /// Weight of the coverage regulariser.
     pub lambda_reg: f32,
@@ -204,10 +204,7 @@ impl Config {
             return bad(name, value, "zero or a positive number");
         }
         if !(0.005..=1.0).contains(&self.nearest_tau) {
-            return bad("--nearest-tau", &self.nearest_tau, "a number between 0.005 and 1");
-        }
-        if self.views > MOST_VIEWS {
-            return bad("--views", &self.views, &format!("at most {MOST_VIEWS}"));
+            return bad("--nearest-tau", &self.nearest_tau, "a positive number between 0.005 and 1");
         }
         if self.alpha >= 0.5 {
             return bad("--alpha", &self.alpha, "less than 0.5, so that a score of 2 stays below full brightness");
@@ -231,7 +228,7 @@ impl Config {
             resolution: None,
             objective: if views > MOST_DENSE { Objective::Splat } else { Objective::Nearest },
             gate: Gate::Soft,
-            gate_softness: 0.005,
+            gate_softness: 0.02,
             kernel: Kernel::Angular,
             alpha: 0.1,
             occlusion: true,

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use glam::Vec3;
 
 use super::binned::Binned;
-use super::config::{Config, Gate, MOST_DENSE, Objective, Pass, Preset};
+use super::config::{Config, Gate, MOST_DENSE, MOST_VIEWS, Objective, Pass, Preset};
 use super::dense::DENSE;
 use super::footprint::{self, Footprint, Room};
 use super::record::{IterationRecord, Status};
@@ -129,6 +129,9 @@ impl Preparation {
     ) -> Result<Self> {
         config.validate()?;
         footprint::check_counts(&config, kept.len(), context)?;
+        if config.views > MOST_VIEWS {
+            return Err(Error::request(format!("--views is {}; give at most {MOST_VIEWS}", config.views)));
+        }
         let gate_cos = (0.5 * intrinsics.inscribed_cone()).cos() as f32;
         let mut points = proxy.sample(config.pool as usize, config.seed, PROBE_STREAM);
         random::shuffle(&mut points, config.seed, PROBE_STREAM);
