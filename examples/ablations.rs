@@ -111,7 +111,7 @@ struct Variant(String, Box<dyn Fn(&mut Config)>);
 /// The row that is the defaults themselves.
 const SHIPPED: &str = "as shipped";
 
-/// What the rows of `defaults` and `parts` vary: the configuration as it was before they settled the gate's softness.
+/// What the rows of all tables but `shipped` vary: the configuration as it was before they settled the gate's softness.
 fn base(config: &mut Config) {
     config.gate_softness = 0.005;
 }
@@ -342,6 +342,7 @@ fn starts(context: &Arc<Context>, scenes: &[Scene], seeds: u64) -> Result<()> {
                 let config = |seed| {
                     let mut config =
                         Config { seed, start, objective: Objective::Splat, ..Config::new(scene.preset, scene.views) };
+                    base(&mut config);
                     if !reg {
                         config.lambda_reg = 0.0;
                     }
@@ -377,7 +378,11 @@ fn voronoi(context: &Arc<Context>, scenes: &[Scene], seeds: u64) -> Result<()> {
         let mut lines = ByIteration::default();
         for (name, vds) in [("with scores", true), ("without", false)] {
             for (half, high) in [("low score", false), ("high score", true)] {
-                let config = |seed| Config { seed, vds, ..Config::new(scene.preset, scene.views) };
+                let config = |seed| {
+                    let mut config = Config { seed, vds, ..Config::new(scene.preset, scene.views) };
+                    base(&mut config);
+                    config
+                };
                 let area = |points: &[SurfacePoint], scores: &[PointMetrics]| {
                     let of_half = points.iter().zip(scores).filter(|(p, s)| (p.score > 1.5) == high && s.views > 0);
                     mean_and_deviation(&of_half.map(|(_, s)| s.voronoi_mean as f64).collect::<Vec<_>>()).0

@@ -170,7 +170,8 @@ fn plan(driver: &Driver<'_>, pass: Pass, own: &Arc<Context>) -> Outcome {
         Driver::Planner | Driver::PlannerOn(_) => planner.run(None, |_| ControlFlow::Continue(())).unwrap(),
         Driver::Blocks(host) => {
             // One submission more than there are iterations for: it must do nothing.
-            host.run(&context, 4, |recorder| planner.record_block(recorder).unwrap());
+            let blocks = planner.settings().iterations.div_ceil(planner.block());
+            host.run(&context, blocks as usize + 1, |recorder| planner.record_block(recorder).unwrap());
             planner.outcome().unwrap()
         }
     }

@@ -65,9 +65,9 @@ impl FreeSpace {
         }
         let free = largest_component(&grid, &open);
         if free.is_empty() {
-            return Err(Error::request(format!(
-                "region: no free space; every position is closer than the clearance to the surface: enlarge the region or lower --clearance"
-            )));
+            return Err(Error::request(
+                "region: no free space; every position is closer than the clearance to the surface: enlarge the region or lower --clearance",
+            ));
         }
         let mut is_free = vec![false; grid.voxels()];
         for i in &free {
