@@ -11,7 +11,8 @@ use std::sync::Arc;
 
 use camsplat::Result;
 use camsplat::plan::config::{Config, Objective, Pass, Preset};
-use camsplat::plan::planner::{Planner, Preparation};
+use camsplat::plan::planner::Planner;
+use camsplat::plan::preparation::Preparation;
 use camsplat::scene::camera::Intrinsics;
 use camsplat::scene::proxy::{Orientation, Proxy};
 use camsplat::scene::region::Region;

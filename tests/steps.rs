@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use camsplat::plan::config::{Config, Gate, Objective, Pass, Preset};
 use camsplat::plan::dense::{Batch, dense};
-use camsplat::plan::planner::{Planner, Preparation};
+use camsplat::plan::planner::Planner;
+use camsplat::plan::preparation::Preparation;
 use camsplat::plan::tally::{Clock, tally};
 use camsplat::plan::update::{Adam, regulariser, update};
 use camsplat::scene::camera::Intrinsics;

@@ -12,7 +12,7 @@ use crate::io::folder::{OutputFolder, check_file};
 use crate::metrics::Metrics;
 use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Start};
 use crate::plan::job::{self, Plan, Tools};
-use crate::plan::planner::Preparation;
+use crate::plan::preparation::Preparation;
 use crate::report;
 use crate::visibility::device_scene::SceneGeometry;
 use crate::vulkan::capture::RenderDoc;

@@ -8,7 +8,8 @@ use std::time::Instant;
 use glam::DVec3;
 
 use super::config::{Config, Preset};
-use super::planner::{Planner, Preparation};
+use super::planner::Planner;
+use super::preparation::Preparation;
 use super::record::{CheckpointRecord, ControlRecord, PlanRecord, Status, SurfaceRecord};
 use crate::metrics::score_point::{Field, Scorer, aggregate};
 use crate::metrics::{Metrics, PointMetrics};

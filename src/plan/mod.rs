@@ -6,6 +6,7 @@ pub mod dense;
 pub mod footprint;
 pub mod job;
 pub mod planner;
+pub mod preparation;
 pub mod record;
 pub mod relocate;
 pub mod shared;

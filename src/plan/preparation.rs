@@ -1,0 +1,161 @@
+//! What is settled of a run before the device has allocated anything.
+
+use super::config::{Config, MOST_DENSE, MOST_VIEWS, Objective, Pass};
+use super::footprint::{self, Footprint, Room};
+use super::shared::{Settings, Splat};
+use super::start;
+use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::proxy::{Proxy, SurfacePoint};
+use crate::scene::random;
+use crate::visibility::device_scene::SceneGeometry;
+use crate::visibility::probe_depth::Probe;
+use crate::vulkan::Context;
+use crate::vulkan::physical::Physical;
+use crate::{Error, Result};
+
+/// Pairs of texel and visible splat an iteration from which on binning pays; see docs/benchmarks.md.
+const DENSE_WORK: f64 = 3e7;
+
+/// Stream of the surface's samples that probes stand on; held-out points take another.
+pub const PROBE_STREAM: u32 = 0;
+
+/// Everything about a run that is known before the device has allocated anything.
+#[derive(Clone)]
+pub struct Preparation {
+    pub(super) config: Config,
+    pub(super) settings: Settings,
+    pub(super) points: Vec<SurfacePoint>,
+    pub(super) start: Vec<Splat>,
+    pub(super) start_scale: f32,
+    pub(super) resolution: u32,
+    pub(super) binned: bool,
+    pub(super) scene_bytes: u64,
+    pub(super) footprint: Footprint,
+}
+
+impl Preparation {
+    /// Draws the probes from the surface, places the splats and settles scale, resolution and memory.
+    ///
+    /// # Errors
+    /// A configuration that makes no sense.
+    pub fn new(
+        context: &Context,
+        geometry: &SceneGeometry,
+        proxy: &Proxy,
+        intrinsics: &Intrinsics,
+        kept: &[Camera],
+        config: Config,
+    ) -> Result<Self> {
+        config.validate()?;
+        footprint::check_counts(&config, kept.len(), context)?;
+        if config.views > MOST_VIEWS {
+            return Err(Error::request(format!("--views is {}; give at most {MOST_VIEWS}", config.views)));
+        }
+        let gate_cos = (0.5 * intrinsics.inscribed_cone()).cos() as f32;
+        let mut points = proxy.sample(config.pool as usize, config.seed, PROBE_STREAM);
+        random::shuffle(&mut points, config.seed, PROBE_STREAM);
+        let kept_splats = kept.iter().map(|camera| {
+            let pose = geometry.to_internal.pose(&camera.pose);
+            Splat {
+                centre: pose.position.as_vec3().to_array(),
+                direction: pose.forward().as_vec3().normalize().to_array(),
+                ..Splat::default()
+            }
+        });
+        let start: Vec<Splat> = kept_splats.chain(start::splats(&config, geometry)).collect();
+        let few: Vec<Probe> =
+            points.iter().take(start::PROBES).map(|point| Probe::new(point, &geometry.to_internal)).collect();
+        let visible = start::visible(&start, &few, gate_cos, geometry);
+        let start_scale = config.scale.unwrap_or_else(|| start::scale(visible.seen));
+        let resolution = config.resolution.unwrap_or_else(|| start::resolution(start_scale));
+        points.truncate(footprint::pool(points.len(), config.probes, resolution, context.physical()));
+
+        let [fov_x, fov_y] = intrinsics.fov();
+        let (splats, probes) = (start.len() as u32, config.probes.min(points.len() as u32));
+        let [threads, each] = dense_shape(context.physical());
+        let binned = match config.pass {
+            Pass::Dense => false,
+            Pass::Binned => true,
+            Pass::Auto => {
+                let work = f64::from(probes * resolution * resolution) * visible.gated;
+                config.objective == Objective::Splat && (work > DENSE_WORK || splats > MOST_DENSE)
+            }
+        };
+        if binned && config.objective == Objective::Nearest {
+            return Err(Error::request(
+                "the nearest-view objective has no binned pass; use --pass dense or auto, or --objective splat",
+            ));
+        }
+        if !binned && splats > MOST_DENSE {
+            return Err(Error::request(format!(
+                "the dense pass takes at most {MOST_DENSE} cameras; use --objective splat with --pass binned or auto"
+            )));
+        }
+        if u64::from(probes) * u64::from(splats) > 1 << 28 {
+            return Err(Error::request(format!(
+                "{splats} cameras times {probes} point cameras a step is more than 2^28; use fewer probes (--probes)"
+            )));
+        }
+        let room = Room::new(splats, probes, visible.gated, binned, start_scale, resolution, context.physical());
+        let round_length = if config.iterative { (config.iterations / 5).max(1) } else { 0 };
+        let settings = Settings {
+            splats,
+            kept: kept.len() as u32,
+            probes,
+            pool: points.len() as u32,
+            capacity: room.capacity,
+            instances: room.instances,
+            row: if binned { 0 } else { room.capacity },
+            blocks: if binned { 1 } else { (resolution * resolution).div_ceil(threads * each) },
+            iterations: if config.iterative { round_length * config.views } else { config.iterations },
+            round_length,
+            seed: (config.seed ^ (config.seed >> 32)) as u32,
+            relocate_every: if config.iterative { 0 } else { config.relocate_every },
+            relocate_until: (config.relocate_until * config.iterations as f32) as u32,
+            weighted: config.vds as u32,
+            equal: config.equal_probes as u32,
+            alpha: config.alpha,
+            gate_cos,
+            gate_softness: config.gate_softness,
+            tan_x: (0.5 * fov_x).tan() as f32,
+            tan_y: (0.5 * fov_y).tan() as f32,
+            rate_centre: config.rate_centre,
+            rate_direction: config.rate_direction,
+            rate_scale: if config.iterative { 0.0 } else { config.rate_scale },
+            decay: config.decay,
+            lambda_reg: config.lambda_reg,
+            lambda_bound: config.lambda_bound,
+            lambda_scale: config.lambda_scale,
+            scale_floor: 0.5 * start_scale,
+            nearest_tau: config.nearest_tau,
+        };
+        let scene_bytes = geometry.bytes();
+        let footprint = Footprint::new(context, &settings, &config, resolution, scene_bytes, binned);
+        Ok(Self { config, settings, points, start, start_scale, resolution, binned, scene_bytes, footprint })
+    }
+
+    /// The same run with room for so many pairs and instances in the binned pass, and a quarter more.
+    pub fn with_room(mut self, context: &Context, pairs: u32, instances: u32) -> Self {
+        self.settings.capacity = self.settings.capacity.max(pairs.saturating_add(pairs / 4));
+        self.settings.instances = self.settings.instances.max(instances.saturating_add(instances / 4));
+        let (settings, config) = (&self.settings, &self.config);
+        self.footprint = Footprint::new(context, settings, config, self.resolution, self.scene_bytes, self.binned);
+        self
+    }
+
+    /// Whether the binned pass was taken.
+    pub fn binned(&self) -> bool {
+        self.binned
+    }
+
+    /// Device memory that the run takes.
+    pub fn footprint(&self) -> &Footprint {
+        &self.footprint
+    }
+}
+
+/// Threads of a workgroup of the dense pass and texels of a thread: many small workgroups fill a GPU; on a CPU fewer
+/// threads do more each, since a barrier costs each of them a switch.
+pub(super) fn dense_shape(physical: &Physical) -> [u32; 2] {
+    if physical.kind == "CPU" { [64, 4] } else { [256, 1] }
+}
