@@ -11,7 +11,7 @@ use crate::plan::config::Preset;
 use crate::plan::job::{RegionChoice, Target};
 use crate::plan::record::SurfaceRecord;
 use crate::scene::camera::{Intrinsics, Pose};
-use crate::scene::region::Shape;
+use crate::scene::region::{Region, Shape};
 use crate::vulkan::{self, Context};
 use crate::{Error, Result};
 
@@ -89,9 +89,19 @@ impl RegionOptions {
         self.preset.unwrap_or(if self.box_.is_some() { Preset::Room } else { Preset::Object })
     }
 
-    /// Reads a surface and settles its region; prints what was understood.
-    pub fn target(&self, path: &Path, intrinsics: &Intrinsics) -> Result<Target> {
+    /// Reads a surface and settles its region; prints what was understood. What the options leave out is taken from
+    /// `stored`, the region of an earlier plan, where there is one.
+    pub fn target(&self, path: &Path, intrinsics: &Intrinsics, stored: Option<Region>) -> Result<Target> {
         let mut choice = self.choice()?;
+        let mut preset = self.preset();
+        if let (None, Some(region)) = (choice.shape, stored) {
+            choice.shape = Some(region.shape);
+            choice.floor = choice.floor.or(region.floor);
+            choice.clearance = choice.clearance.or(Some(region.clearance));
+            if self.preset.is_none() && matches!(region.shape, Shape::Box { .. }) {
+                preset = Preset::Room;
+            }
+        }
         let (surface, notes) = io::read_surface_with_notes(path)?;
         for note in notes {
             say!("{note}");
@@ -99,11 +109,11 @@ impl RegionOptions {
         // A reconstruction knows where cameras could stand: where they did.
         let photographed = if path.is_dir() { io::read_cameras(path).unwrap_or_default() } else { Vec::new() };
         let poses: Vec<Pose> = photographed.iter().map(|camera| camera.pose).collect();
-        let up = self.up.unwrap_or_else(|| default_up(path, &poses));
-        if choice.shape.is_none() && self.preset() == Preset::Object {
+        let up = self.up.or(stored.map(|region| region.up)).unwrap_or_else(|| default_up(path, &poses));
+        if choice.shape.is_none() && preset == Preset::Object {
             choice.shape = Shape::around_cameras(&poses);
         }
-        let target = Target::new(&surface, &path.to_string_lossy(), self.preset(), &choice, up, intrinsics)?;
+        let target = Target::new(&surface, &path.to_string_lossy(), preset, &choice, up, intrinsics)?;
         print_target(&target);
         Ok(target)
     }

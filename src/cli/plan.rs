@@ -218,7 +218,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     let intrinsics = arguments.camera.intrinsics()?;
     let folder = if arguments.dry_run { None } else { Some(OutputFolder::create(&arguments.out, arguments.force)?) };
-    let target = arguments.region.target(&arguments.surface, &intrinsics)?;
+    let target = arguments.region.target(&arguments.surface, &intrinsics, None)?;
     let kept = match &arguments.keep {
         Some(path) => io::read_cameras(path)?,
         None => Vec::new(),

@@ -1,6 +1,6 @@
 //! `camsplat score`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
@@ -10,6 +10,7 @@ use super::plan::table;
 use crate::io::folder::check_file;
 use crate::metrics::score_point::Field;
 use crate::plan::job;
+use crate::scene::region::Region;
 use crate::{Error, Result, io};
 
 /// Arguments of `camsplat score`.
@@ -51,7 +52,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     // A default region follows from the cameras that are there, as far as they agree.
     let first = cameras.first().ok_or_else(|| Error::input(&arguments.cameras, "it holds no cameras"))?;
-    let target = arguments.region.target(&arguments.surface, &first.intrinsics)?;
+    let stored = stored_region(&arguments.cameras);
+    let target = arguments.region.target(&arguments.surface, &first.intrinsics, stored)?;
     let context = arguments.device.open()?;
     let field = if arguments.frustum { Field::Frustum } else { Field::Cone };
     let metrics = job::score(&context, &target, &cameras, arguments.held_out, arguments.seed, field)?;
@@ -66,4 +68,15 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         std::fs::write(file, text).map_err(|source| Error::io(file, source))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The region that a plan.json was made for: what its cameras are fairly measured by.
+fn stored_region(cameras: &Path) -> Option<Region> {
+    #[derive(serde::Deserialize)]
+    struct Plan {
+        region: Region,
+    }
+    // Whether the file can be read at all has been settled by whoever read its cameras.
+    let bytes = std::fs::read(cameras).ok()?;
+    Some(serde_json::from_slice::<Plan>(&bytes).ok()?.region)
 }
