@@ -141,6 +141,7 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
         kernel: config.kernel,
         occlusion: config.occlusion,
         splats: &splats,
+        tangents: &[camsplat::plan::start::tangents(&intrinsics()).map(f64::from)],
         probes: &probes,
         directions: &octahedral::directions(maps.resolution),
         depth: &depth[..probes.len() * texels],
@@ -184,6 +185,35 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
         close(direction, 0.0, most_direction, &format!("gradient by the direction of splat {j}"));
         close(gradient.utility as f64, image.utility[j], most_utility, &format!("utility of splat {j}"));
     }
+}
+
+/// A photo that was taken with a longer lens sees less: a plan around it must know.
+#[test]
+fn kept_cameras_keep_their_field_of_view() {
+    let context = context();
+    let scene = object(&context);
+    let eye = DVec3::new(1.5, 0.0, 0.4);
+    let pose = camsplat::scene::camera::Pose::looking(eye, -eye, DVec3::Z);
+    let seen = |fov: f64| {
+        let kept = Camera { name: "kept".into(), pose, intrinsics: Intrinsics::from_fov(800, 600, fov.to_radians()) };
+        let config = Config {
+            gate: Gate::Hard,
+            objective: Objective::Splat,
+            probes: 64,
+            iterations: 1,
+            ..small(Preset::Object, 1)
+        };
+        let geometry = &scene.device.geometry;
+        let preparation = Preparation::new(&context, geometry, &scene.proxy, &intrinsics(), &[kept], config);
+        let planner = Planner::new(&context, &scene.device, preparation.expect("a good configuration")).expect("room");
+        planner.run(None, |_| ControlFlow::Continue(())).expect("a run");
+        let blocks = planner.settings().blocks as usize;
+        planner.tallies().expect("tallies").iter().step_by(blocks).map(|tally| tally.visible).sum::<u32>()
+    };
+    // The planned camera sees the same in both.
+    let (wide, narrow) = (seen(60.0), seen(10.0));
+    assert!(wide > narrow + 16, "{wide} probes see a wide camera, {narrow} a narrow one");
+    silent(&context);
 }
 
 /// Large budgets take another way through the splat pass; it must lead to the same place. Past rounding in the first

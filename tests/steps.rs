@@ -96,6 +96,8 @@ impl<'a> Twin<'a> {
             .collect();
         let depth: Vec<f64> =
             batch.iter().flat_map(|&i| self.depth[i * texels..(i + 1) * texels].iter().copied()).collect();
+        let camera = self.planner.start()[0];
+        let tangents = [f64::from(camera.tan_x), f64::from(camera.tan_y)];
         let batch = Batch {
             settings,
             objective: config.objective,
@@ -103,6 +105,7 @@ impl<'a> Twin<'a> {
             kernel: config.kernel,
             occlusion: config.occlusion,
             splats: &self.splats[..live],
+            tangents: &[tangents],
             probes: &probes,
             directions: &self.directions,
             depth: &depth,

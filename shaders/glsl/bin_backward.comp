@@ -54,7 +54,7 @@ void main() {
             vec3 ray = splat.centre - position;
             float d = max(length(ray), 1e-6);
             vec3 n = ray / d;
-            float open = s.alpha * gate(-n, splat.direction, s).open;
+            float open = s.alpha * gate(-n, splat, s).open;
             for (uint t = lane; t < 64; t += 4 * lanes) {
                 for (uint i = 0; i < 4; ++i) {
                     uint u = t + i * lanes;

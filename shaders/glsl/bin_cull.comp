@@ -21,7 +21,7 @@ void main() {
         uint index = (control[0].iteration * s.probes + probe) % s.pool;
         vec3 ray = splats[j].centre - probes[index].position;
         vec3 n = ray / max(length(ray), 1e-6);
-        seen = gate(-n, splats[j].direction, s).open >= GATE_CUTOFF;
+        seen = gate(-n, splats[j], s).open >= GATE_CUTOFF;
     }
     flags[pair] = seen ? 1 : 0;
 }

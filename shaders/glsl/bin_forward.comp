@@ -45,7 +45,7 @@ void main() {
             vec3 ray = splat.centre - position;
             float d = max(length(ray), 1e-6);
             batch_ray[thread] = vec4(ray / d, d);
-            batch_open[thread] = s.alpha * gate(-ray / d, splat.direction, s).open;
+            batch_open[thread] = s.alpha * gate(-ray / d, splat, s).open;
         }
         barrier();
         for (uint b = 0; b < min(64, range.y - base); b += 4) {

@@ -33,7 +33,7 @@ void main() {
     vec3 ray = splat.centre - probes[index].position;
     float d = max(length(ray), 1e-6), scale = exp(control[0].log_scale);
     vec3 n = ray / d;
-    Gradient grad = splat_gradient(n, d, gate(-n, splat.direction, s), sum.moment, sum.total, 1.0 / (scale * scale));
+    Gradient grad = splat_gradient(n, d, gate(-n, splat, s), sum.moment, sum.total, 1.0 / (scale * scale));
     grad.log_scale = sum.log_scale;
     grad.utility = sum.utility;
     partials[slot] = grad;

@@ -50,7 +50,7 @@ uint list_visible(uint probe, vec3 position, uint pool_row, Settings s) {
             vec3 ray = splats[j].centre - position;
             float d = length(ray);
             vec3 n = ray / max(d, 1e-6);
-            seen = gate(-n, splats[j].direction, s).open >= GATE_CUTOFF;
+            seen = gate(-n, splats[j], s).open >= GATE_CUTOFF;
             // The nearest-view sum is long-ranged: occlusion is decided once, at the splat's centre.
             if (OBJECTIVE == 1 && OCCLUSION != 0 && seen) seen = d < abs(depth[pool_row + octahedral_texel(n, RESOLUTION)]);
         }
@@ -132,7 +132,7 @@ void main() {
             float d = length(ray);
             vec3 n = ray / max(d, 1e-6);
             batch_ray[thread] = vec4(n, d);
-            batch_open[thread] = (OBJECTIVE == 1 ? 1.0 : s.alpha) * gate(-n, splats[j].direction, s).open;
+            batch_open[thread] = (OBJECTIVE == 1 ? 1.0 : s.alpha) * gate(-n, splats[j], s).open;
         }
         barrier();
         uint here = min(BATCH, count - base);
@@ -182,7 +182,7 @@ void main() {
             vec3 ray = splat.centre - position;
             d = max(length(ray), 1e-6);
             n = ray / d;
-            g = gate(-n, splat.direction, s);
+            g = gate(-n, splat, s);
             float open = (OBJECTIVE == 1 ? 1.0 : s.alpha) * g.open;
             uint texels = min(BLOCK, TEXELS - block);
             for (uint first = lane; first < texels; first += 4 * lanes) {

@@ -36,6 +36,8 @@ pub struct Batch<'a> {
     pub occlusion: bool,
     /// Centres and unit viewing directions.
     pub splats: &'a [(DVec3, DVec3)],
+    /// Tangents of half the fields of view (horizontal, vertical) of each splat; the last counts for all that follow.
+    pub tangents: &'a [[f64; 2]],
     /// Position and score of each probe.
     pub probes: &'a [(DVec3, f64)],
     /// Texel directions, unit length.
@@ -63,15 +65,16 @@ pub struct Image {
     pub weights: Vec<f64>,
 }
 
-/// How open the gate is, and the gradients of its logarithm by the unit direction from the camera to the probe and by
+/// How open the gate of splat `j` is, and the gradients of its logarithm by the unit direction from the camera to the probe and by
 /// the camera's viewing direction.
-pub fn gate(batch: &Batch<'_>, v: DVec3, r: DVec3) -> (f64, DVec3, DVec3) {
+pub fn gate(batch: &Batch<'_>, j: usize, v: DVec3, r: DVec3) -> (f64, DVec3, DVec3) {
+    let [tan_x, tan_y] = batch.tangents.get(j).or(batch.tangents.last()).copied().unwrap_or([1.0; 2]);
     let s = batch.settings;
     let softness = s.gate_softness as f64;
     let sigmoid = |x: f64| 1.0 / (1.0 + (-x).exp());
     let hard = |margin: f64| (if margin >= 0.0 { 1.0 } else { 0.0 }, DVec3::ZERO, DVec3::ZERO);
     if !batch.gate.pinhole() {
-        let margin = r.dot(v) - s.gate_cos as f64;
+        let margin = r.dot(v) - 1.0 / tan_x.min(tan_y).hypot(1.0);
         if !batch.gate.soft() {
             return hard(margin);
         }
@@ -84,7 +87,6 @@ pub fn gate(batch: &Batch<'_>, v: DVec3, r: DVec3) -> (f64, DVec3, DVec3) {
     let x_axis = if k > 1e-4 { side / k } else { DVec3::X };
     let y_axis = r.cross(x_axis);
     let (x, y, z) = (v.dot(x_axis), v.dot(y_axis), v.dot(r));
-    let (tan_x, tan_y) = (s.tan_x as f64, s.tan_y as f64);
     let (norm_x, norm_y) = (1.0 / tan_x.hypot(1.0), 1.0 / tan_y.hypot(1.0));
     let (margin_x, margin_y) = ((tan_x * z - x.abs()) * norm_x, (tan_y * z - y.abs()) * norm_y);
     if !batch.gate.soft() {
@@ -134,7 +136,7 @@ pub fn dense(batch: &Batch<'_>) -> Image {
             let ray = centre - position;
             let d = ray.length().max(1e-6);
             let n = ray / d;
-            let (open, by_view, by_direction) = gate(batch, -n, direction);
+            let (open, by_view, by_direction) = gate(batch, j, -n, direction);
             let texel = crate::scene::octahedral::texel(n, resolution) as usize;
             let hidden = nearest && batch.occlusion && d >= depth[texel].abs();
             if open >= GATE_CUTOFF && !hidden {
@@ -204,15 +206,7 @@ mod tests {
     }
 
     fn settings() -> Settings {
-        Settings {
-            alpha: 0.1,
-            gate_cos: 0.85,
-            gate_softness: 0.05,
-            tan_x: 0.6,
-            tan_y: 0.45,
-            nearest_tau: 0.05,
-            ..Settings::default()
-        }
+        Settings { alpha: 0.1, gate_softness: 0.05, nearest_tau: 0.05, ..Settings::default() }
     }
 
     /// Loss of a batch and the regulariser with frozen weights, as the gradient has it.
@@ -252,6 +246,7 @@ mod tests {
                     _ => 1e30,
                 })
                 .collect();
+            let tangents = [[0.6, 0.45], [0.7, 0.8], [0.5, 0.65], [0.6, 0.6], [0.55, 0.7], [0.8, 0.5]];
             let base = Batch {
                 settings: &settings,
                 objective,
@@ -259,6 +254,7 @@ mod tests {
                 kernel,
                 occlusion: true,
                 splats: &splats,
+                tangents: &tangents,
                 probes: &probes,
                 directions: &directions,
                 depth: &depth,
@@ -289,7 +285,8 @@ mod tests {
                     close(across.dot(axis), (moved(0.0, h) - moved(0.0, -h)) / (2.0 * h), "direction");
                 }
                 let without: Vec<_> = splats.iter().enumerate().filter(|(k, _)| *k != j).map(|(_, s)| *s).collect();
-                let rise = dense(&Batch { splats: &without, ..base }).loss - here.loss;
+                let others: Vec<_> = tangents.iter().enumerate().filter(|(k, _)| *k != j).map(|(_, t)| *t).collect();
+                let rise = dense(&Batch { splats: &without, tangents: &others, ..base }).loss - here.loss;
                 // The clamp of the nearest-view utility shows where a splat is alone.
                 if objective == Objective::Splat {
                     close(here.utility[j], rise, "utility");

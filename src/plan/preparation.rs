@@ -51,26 +51,26 @@ impl Preparation {
         if config.views > MOST_VIEWS {
             return Err(Error::request(format!("--views is {}; give at most {MOST_VIEWS}", config.views)));
         }
-        let gate_cos = (0.5 * intrinsics.inscribed_cone()).cos() as f32;
         let mut points = proxy.sample(config.pool as usize, config.seed, PROBE_STREAM);
         random::shuffle(&mut points, config.seed, PROBE_STREAM);
         let kept_splats = kept.iter().map(|camera| {
             let pose = geometry.to_internal.pose(&camera.pose);
+            let [tan_x, tan_y] = start::tangents(&camera.intrinsics);
             Splat {
                 centre: pose.position.as_vec3().to_array(),
                 direction: pose.forward().as_vec3().normalize().to_array(),
-                ..Splat::default()
+                tan_x,
+                tan_y,
             }
         });
-        let start: Vec<Splat> = kept_splats.chain(start::splats(&config, geometry)).collect();
+        let start: Vec<Splat> = kept_splats.chain(start::splats(&config, geometry, intrinsics)).collect();
         let few: Vec<Probe> =
             points.iter().take(start::PROBES).map(|point| Probe::new(point, &geometry.to_internal)).collect();
-        let visible = start::visible(&start, &few, gate_cos, geometry);
+        let visible = start::visible(&start, &few, geometry);
         let start_scale = config.scale.unwrap_or_else(|| start::scale(visible.seen));
         let resolution = config.resolution.unwrap_or_else(|| start::resolution(start_scale));
         points.truncate(footprint::pool(points.len(), config.probes, resolution, context.physical()));
 
-        let [fov_x, fov_y] = intrinsics.fov();
         let (splats, probes) = (start.len() as u32, config.probes.min(points.len() as u32));
         let [threads, each] = dense_shape(context.physical());
         let binned = match config.pass {
@@ -115,10 +115,7 @@ impl Preparation {
             weighted: config.vds as u32,
             equal: config.equal_probes as u32,
             alpha: config.alpha,
-            gate_cos,
             gate_softness: config.gate_softness,
-            tan_x: (0.5 * fov_x).tan() as f32,
-            tan_y: (0.5 * fov_y).tan() as f32,
             rate_centre: config.rate_centre,
             rate_direction: config.rate_direction,
             rate_scale: if config.iterative { 0.0 } else { config.rate_scale },

@@ -40,14 +40,8 @@ gpu_struct! {
         pub equal: u32,
         /// Opacity of a splat.
         pub alpha: f32,
-        /// Cosine of half the cone angle.
-        pub gate_cos: f32,
         /// Softness of the gate, in cosines (cone) or sines (frustum).
         pub gate_softness: f32,
-        /// Tangent of half the horizontal field of view.
-        pub tan_x: f32,
-        /// Tangent of half the vertical field of view.
-        pub tan_y: f32,
         /// Learning rate of positions.
         pub rate_centre: f32,
         /// Learning rate of directions.
@@ -100,12 +94,12 @@ gpu_struct! {
     pub struct Splat {
         /// Centre.
         pub centre: [f32; 3],
-        /// Unused.
-        pub spare0: u32,
+        /// Tangent of half the horizontal field of view.
+        pub tan_x: f32,
         /// Unit viewing direction.
         pub direction: [f32; 3],
-        /// Unused.
-        pub spare1: u32,
+        /// Tangent of half the vertical field of view.
+        pub tan_y: f32,
     }
 }
 

@@ -4,6 +4,7 @@ use glam::{DVec3, Vec3};
 
 use super::config::{Config, Preset, Start};
 use super::shared::Splat;
+use crate::scene::camera::Intrinsics;
 use crate::scene::random;
 use crate::scene::region::Shape;
 use crate::visibility::device_scene::SceneGeometry;
@@ -24,9 +25,15 @@ pub const PROBES: usize = 256;
 /// Jitter of an identical start, in radii of the region: enough to tell the splats apart.
 const SPREAD: f64 = 0.01;
 
+/// Tangents of half the horizontal and vertical fields of view.
+pub fn tangents(intrinsics: &Intrinsics) -> [f32; 2] {
+    intrinsics.fov().map(|fov| (0.5 * fov).tan() as f32)
+}
+
 /// Start poses of `config.views` splats in the planner's frame: for an object uniform on a sphere (or in the box) and
 /// looking in, for a room uniform in free space with uniform directions; or all near the first of these.
-pub fn splats(config: &Config, scene: &SceneGeometry) -> Vec<Splat> {
+pub fn splats(config: &Config, scene: &SceneGeometry, intrinsics: &Intrinsics) -> Vec<Splat> {
+    let [tan_x, tan_y] = tangents(intrinsics);
     (0..config.views)
         .map(|j| {
             let source = if config.start == Start::Identical { 0 } else { j };
@@ -40,7 +47,8 @@ pub fn splats(config: &Config, scene: &SceneGeometry) -> Vec<Splat> {
             Splat {
                 centre: position.as_vec3().to_array(),
                 direction: direction.as_vec3().normalize().to_array(),
-                ..Splat::default()
+                tan_x,
+                tan_y,
             }
         })
         .collect()
@@ -90,7 +98,7 @@ pub struct Visible {
 }
 
 /// Counts the splats that probes see.
-pub fn visible(splats: &[Splat], probes: &[Probe], gate_cos: f32, scene: &SceneGeometry) -> Visible {
+pub fn visible(splats: &[Splat], probes: &[Probe], scene: &SceneGeometry) -> Visible {
     let few = (100_000 / splats.len().max(1)).clamp(16, PROBES).min(probes.len());
     let (mut gated, mut seen) = (0usize, 0usize);
     for probe in &probes[..few] {
@@ -99,7 +107,8 @@ pub fn visible(splats: &[Splat], probes: &[Probe], gate_cos: f32, scene: &SceneG
             let ray = Vec3::from(splat.centre) - origin;
             let distance = ray.length();
             let direction = ray / distance.max(1e-6);
-            if -direction.dot(Vec3::from(splat.direction)) >= gate_cos {
+            let cone_cos = 1.0 / splat.tan_x.min(splat.tan_y).hypot(1.0);
+            if -direction.dot(Vec3::from(splat.direction)) >= cone_cos {
                 gated += 1;
                 seen += !scene.bvh.any_hit(&Ray { origin, direction, t_min: 0.0, t_max: distance }) as usize;
             }

@@ -35,10 +35,7 @@ struct Settings {
     uint weighted;        // 0: every target is 1 (no VDS)
     uint equal;           // 1: every probe weighs the same, 0: by its reachable directions
     float alpha;
-    float gate_cos;
     float gate_softness;
-    float tan_x;
-    float tan_y;
     float rate_centre;
     float rate_direction;
     float rate_scale;
@@ -66,9 +63,9 @@ struct Control {
 
 struct Splat {
     vec3 centre;
-    uint spare0;
+    float tan_x;  // of half the horizontal field of view
     vec3 direction;
-    uint spare1;
+    float tan_y;  // of half the vertical one
 };
 
 #include "shared/probe.glsl"
@@ -139,11 +136,14 @@ float sigmoid(float x) {
     return 1.0 / (1.0 + exp(-x));
 }
 
-// Does a camera looking along `r` see what lies along unit direction `v` from it?
-Gate gate(vec3 v, vec3 r, Settings s) {
+// Does a camera see what lies along unit direction `v` from it?
+Gate gate(vec3 v, Splat camera, Settings s) {
+    vec3 r = camera.direction;
     Gate g = Gate(0.0, vec3(0.0), vec3(0.0));
     if (GATE < 2) {
-        float margin = dot(r, v) - s.gate_cos;
+        // The cone inscribed in the image.
+        float tangent = min(camera.tan_x, camera.tan_y);
+        float margin = dot(r, v) - inversesqrt(1.0 + tangent * tangent);
         if (GATE == 0) {
             g.open = margin >= 0.0 ? 1.0 : 0.0;
             return g;
@@ -162,8 +162,8 @@ Gate gate(vec3 v, vec3 r, Settings s) {
     vec3 y_axis = cross(r, x_axis);
     float x = dot(v, x_axis), y = dot(v, y_axis), z = dot(v, r);
     // Sines of the angles to the frustum's nearest side planes.
-    float norm_x = inversesqrt(1.0 + s.tan_x * s.tan_x), norm_y = inversesqrt(1.0 + s.tan_y * s.tan_y);
-    float margin_x = (s.tan_x * z - abs(x)) * norm_x, margin_y = (s.tan_y * z - abs(y)) * norm_y;
+    float norm_x = inversesqrt(1.0 + camera.tan_x * camera.tan_x), norm_y = inversesqrt(1.0 + camera.tan_y * camera.tan_y);
+    float margin_x = (camera.tan_x * z - abs(x)) * norm_x, margin_y = (camera.tan_y * z - abs(y)) * norm_y;
     if (GATE == 2) {
         g.open = min(margin_x, margin_y) >= 0.0 ? 1.0 : 0.0;
         return g;
@@ -172,7 +172,7 @@ Gate gate(vec3 v, vec3 r, Settings s) {
     g.open = open_x * open_y;
     float slope_x = norm_x * (1.0 - open_x) / s.gate_softness, slope_y = norm_y * (1.0 - open_y) / s.gate_softness;
     float by_x = x < 0.0 ? slope_x : -slope_x, by_y = y < 0.0 ? slope_y : -slope_y;
-    float by_z = s.tan_x * slope_x + s.tan_y * slope_y;
+    float by_z = camera.tan_x * slope_x + camera.tan_y * slope_y;
     g.by_view = by_x * x_axis + by_y * y_axis + by_z * r;
     // x and y turn with r through the axes: d x_axis = (I - x x^T)(dr x up)/k, d y_axis = dr x x_axis + r x d x_axis.
     vec3 turn = by_x * v + by_y * cross(v, r);
