@@ -13,7 +13,7 @@ use camsplat::scene::samples;
 use camsplat::scene::surface::Surface;
 use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
 use camsplat::vulkan::{Context, Options};
-use glam::{DQuat, DVec3, Vec3};
+use glam::{DQuat, DVec3};
 
 fn context() -> Arc<Context> {
     let options = Options { validation: true, ..Options::default() };
@@ -40,7 +40,7 @@ fn twin(scorer: &Scorer<'_>, scene: &DeviceScene, cameras: &[Camera], field: Fie
     let depth = maps.download().expect("depths");
     let rows = depth.chunks((maps.resolution * maps.resolution) as usize);
     let of = |(probe, row): (&camsplat::visibility::probe_depth::Probe, &[f32])| {
-        score_point(&scene.geometry, Vec3::from(probe.position), row, cameras, field)
+        score_point(&scene.geometry, probe, row, cameras, field)
     };
     maps.probes.iter().zip(rows).map(of).collect()
 }

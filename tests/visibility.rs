@@ -59,7 +59,7 @@ fn maps_are_those_of_the_twin() {
             let directions: Vec<Vec3> = octahedral::directions(RESOLUTION).iter().map(|d| d.as_vec3()).collect();
             let (mut off, mut reached, mut missed) = (0, 0, 0);
             for (probe, row) in maps.probes.iter().zip(depth.chunks(directions.len())) {
-                let twin = |direction: &Vec3| probe_depth(&scene.geometry, Vec3::from(probe.position), *direction);
+                let twin = |direction: &Vec3| probe_depth(&scene.geometry, probe, *direction);
                 for (device, twin) in row.iter().zip(directions.iter().map(twin)) {
                     // Relative to the distance, or to the surface's own size where it is near.
                     let close = (device - twin).abs() <= 1e-3 * twin.abs().max(0.01);

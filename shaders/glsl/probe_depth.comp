@@ -24,6 +24,9 @@ layout(binding = 5, std430) writeonly buffer Depth { float depth[]; };
 #include "shared/traverse.glsl"
 #include "shared/region.glsl"
 
+// Depth of the directions behind a disc: everything there is hidden.
+const float BEHIND = 1e-6;
+
 // Does the ray meet the feasible region before `reach`? Steps by the free-space field, which is a distance.
 bool meets_region(vec3 origin, vec3 w, float reach) {
     float near = 0.0, far = reach;
@@ -67,6 +70,10 @@ void main() {
     uint texels = resolution * resolution;
     uint row = first + ray / texels, texel = ray % texels;
     vec3 origin = probes[row].position, w = octahedral_texel_centre(texel, resolution);
+    if (!faces(probes[row], w)) {
+        depth[row * texels + texel] = -BEHIND;
+        return;
+    }
     float t = trace(origin, w, 0.0, MISS, false);
     depth[row * texels + texel] = meets_region(origin, w, t) ? t : -t;
 }

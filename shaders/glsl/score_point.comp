@@ -105,7 +105,7 @@ void main() {
             vec3 ray = view.position - position;
             float d = max(length(ray), 1e-6);
             n = ray / d;
-            seen = sees(view, -n) && trace(position, n, 0.0, d, true) >= MISS;
+            seen = sees(view, -n) && faces(probes[point], n) && trace(position, n, 0.0, d, true) >= MISS;
             if (seen) finest = min(finest, d / view.focal);
         }
         if (seen) atomicOr(words[thread >> 5], 1u << (thread & 31u));

@@ -209,13 +209,13 @@ impl Tuning {
 
 /// Plans, writes the folder and prints what came out.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
-    // Before anything else: RenderDoc's layer must be there when the instance is made.
-    let renderdoc = arguments.capture.as_ref().map(|_| RenderDoc::load()).transpose()?;
     let config = arguments.tuning.apply(Config::new(arguments.region.preset(), arguments.views));
     config.validate()?;
     for file in [&arguments.trace, &arguments.capture].into_iter().flatten() {
         check_file(file)?;
     }
+    // Before any thread or Vulkan instance is made: RenderDoc's layer is switched on through the environment.
+    let renderdoc = arguments.capture.as_ref().map(|_| RenderDoc::load()).transpose()?;
     let intrinsics = arguments.camera.intrinsics()?;
     let folder = if arguments.dry_run { None } else { Some(OutputFolder::create(&arguments.out, arguments.force)?) };
     let target = arguments.region.target(&arguments.surface, &intrinsics, None)?;

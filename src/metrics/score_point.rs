@@ -205,11 +205,12 @@ fn view(geometry: &SceneGeometry, camera: &Camera) -> View {
 /// `position` is the point, lifted, in the planner's frame and `depth` the signed depths of its map, row by row.
 pub fn score_point(
     geometry: &SceneGeometry,
-    position: Vec3,
+    probe: &Probe,
     depth: &[f32],
     cameras: &[Camera],
     field: Field,
 ) -> PointMetrics {
+    let position = Vec3::from(probe.position);
     let mut finest = f64::INFINITY;
     let mut rays: Vec<DVec3> = Vec::new();
     for camera in cameras {
@@ -224,7 +225,7 @@ pub fn score_point(
             Field::Frustum => forward > 0.0 && along(view.right).abs() <= forward && along(view.down).abs() <= forward,
         };
         let segment = Ray { origin: position, direction: direction.as_vec3(), t_min: 0.0, t_max: distance as f32 };
-        if inside && !geometry.bvh.any_hit(&segment) {
+        if inside && probe.faces(segment.direction) && !geometry.bvh.any_hit(&segment) {
             rays.push(direction);
             finest = finest.min(distance / f64::from(view.focal));
         }

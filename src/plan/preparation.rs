@@ -64,8 +64,7 @@ impl Preparation {
             }
         });
         let start: Vec<Splat> = kept_splats.chain(start::splats(&config, geometry, intrinsics)).collect();
-        let few: Vec<Probe> =
-            points.iter().take(start::PROBES).map(|point| Probe::new(point, &geometry.to_internal)).collect();
+        let few: Vec<Probe> = points.iter().take(start::PROBES).map(|point| Probe::new(point, geometry)).collect();
         let visible = start::visible(&start, &few, geometry);
         let start_scale = config.scale.unwrap_or_else(|| start::scale(visible.seen));
         let resolution = config.resolution.unwrap_or_else(|| start::resolution(start_scale));

@@ -110,7 +110,8 @@ pub fn visible(splats: &[Splat], probes: &[Probe], scene: &SceneGeometry) -> Vis
             let cone_cos = 1.0 / splat.tan_x.min(splat.tan_y).hypot(1.0);
             if -direction.dot(Vec3::from(splat.direction)) >= cone_cos {
                 gated += 1;
-                seen += !scene.bvh.any_hit(&Ray { origin, direction, t_min: 0.0, t_max: distance }) as usize;
+                let ray = Ray { origin, direction, t_min: 0.0, t_max: distance };
+                seen += (probe.faces(direction) && !scene.bvh.any_hit(&ray)) as usize;
             }
         }
     }

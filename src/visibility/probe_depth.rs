@@ -4,12 +4,11 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::bvh::Node;
+use super::bvh::{Node, Primitives};
 use super::device_scene::{DeviceRegion, DeviceScene, SceneGeometry};
 use super::raycast::{MISS, Ray, inverse_slope};
 use crate::Result;
 use crate::scene::proxy::SurfacePoint;
-use crate::scene::similarity::Similarity;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
@@ -19,14 +18,10 @@ crate::gpu_struct! {
         pub position: [f32; 3],
         /// View dependency score in [1, 2].
         pub score: f32,
+        /// Normal of the side from which it can be seen; zero where the surface itself is in the way.
+        pub normal: [f32; 3],
         /// Fraction of directions from which the region sees it.
         pub sky: f32,
-        /// Unused.
-        pub spare0: u32,
-        /// Unused.
-        pub spare1: u32,
-        /// Unused.
-        pub spare2: u32,
     }
 }
 
@@ -50,10 +45,26 @@ crate::stage!(
 );
 
 impl Probe {
+    /// Whether unit `direction` is on the side from which the probe can be seen. A disc hides no more than itself, and a
+    /// cloud of them has gaps: what is behind one must not be seen through the next.
+    pub fn faces(&self, direction: Vec3) -> bool {
+        Vec3::from(self.normal).dot(direction) >= 0.0
+    }
+
     /// The probe of a surface point, given in the user's world.
-    pub fn new(point: &SurfacePoint, to_internal: &Similarity) -> Self {
+    pub fn new(point: &SurfacePoint, geometry: &SceneGeometry) -> Self {
+        let to_internal = &geometry.to_internal;
+        let normal = match geometry.bvh.primitives {
+            Primitives::Triangles(_) => Vec3::ZERO,
+            Primitives::Discs(_) => to_internal.direction(point.normal).as_vec3(),
+        };
         let lifted = point.position + point.lift * point.normal;
-        Self { position: to_internal.point(lifted).as_vec3().to_array(), score: point.score, ..Self::default() }
+        Self {
+            position: to_internal.point(lifted).as_vec3().to_array(),
+            score: point.score,
+            normal: normal.to_array(),
+            sky: 0.0,
+        }
     }
 }
 
@@ -70,6 +81,8 @@ crate::stage!(
     pub PROBE_SKY = probe_sky(ProbeSkyPush) { read depth, write probes } with [Probe]
 );
 
+/// Depth of the directions behind a disc: everything there is hidden.
+const BEHIND: f32 = 1e-6;
 /// Rays of one dispatch: short enough that no watchdog minds.
 const RAYS: u32 = 1 << 20;
 
@@ -89,7 +102,7 @@ impl ProbeMaps {
     /// # Errors
     /// Where device memory runs out or the device fails.
     pub fn new(context: &Arc<Context>, scene: &DeviceScene, points: &[SurfacePoint], resolution: u32) -> Result<Self> {
-        let probes: Vec<Probe> = points.iter().map(|point| Probe::new(point, &scene.geometry.to_internal)).collect();
+        let probes: Vec<Probe> = points.iter().map(|point| Probe::new(point, &scene.geometry)).collect();
         let texels = resolution * resolution;
         let probe_buffer = Buffer::from_slice(context, "probes", &probes)?;
         let depth = Buffer::device(context, "depth", 4 * probes.len() as u64 * texels as u64)?;
@@ -127,7 +140,11 @@ impl ProbeMaps {
 
 /// What a texel of a probe's map holds: the distance along unit `direction` to the first hit, 1e30 where there is none;
 /// negative where the ray does not meet the feasible region before. Twin of `probe_depth`, in the same precision.
-pub fn probe_depth(geometry: &SceneGeometry, origin: Vec3, direction: Vec3) -> f32 {
+pub fn probe_depth(geometry: &SceneGeometry, probe: &Probe, direction: Vec3) -> f32 {
+    if !probe.faces(direction) {
+        return -BEHIND;
+    }
+    let origin = Vec3::from(probe.position);
     let ray = Ray { origin, direction, t_min: 0.0, t_max: MISS };
     let reach = geometry.bvh.closest_hit(&ray).map_or(MISS, |hit| hit.distance);
     if meets_region(geometry, origin, direction, reach) { reach } else { -reach }

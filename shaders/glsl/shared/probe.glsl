@@ -2,8 +2,12 @@
 struct Probe {
     vec3 position;
     float score;       // view dependency, in [1, 2]
+    vec3 normal;       // of the side from which it can be seen; zero where the surface itself is in the way
     float sky;         // fraction of directions from which the region sees it
-    uint spare0;
-    uint spare1;
-    uint spare2;
 };
+
+// Is unit direction `w` on the side from which the probe can be seen? A disc hides no more than itself, and a cloud of
+// them has gaps: what is behind one must not be seen through the next.
+bool faces(Probe probe, vec3 w) {
+    return dot(probe.normal, w) >= 0.0;
+}
