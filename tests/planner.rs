@@ -291,15 +291,23 @@ fn a_scaled_moved_and_turned_scene_gives_the_plan_scaled_moved_and_turned() {
             let rates = (config.rate_centre as f64, config.rate_direction as f64);
             let (here, there) = (run(&context, &base, config.clone()), run(&context, &moved, config));
             let size = map.length(region.bounding_sphere().1);
+            // A scene thousands of its own sizes away has lost digits before it gets here: a corner may come out in the
+            // next float32, and what a ray along an edge sees of it on the other side. From there on that camera and,
+            // less, those that share its directions drift. Everything else is the same plan but for its last bits.
+            let far = shift.length() > 1000.0 * scale;
+            let bound = if far { 1e-3 } else { 1e-6 };
+            let mut same = 0;
             for (a, b) in here.poses.iter().zip(&there.poses) {
                 let off = (map.point(a.position) - b.position).length() / size;
                 let turned = (map.direction(a.forward()) - b.forward()).length();
-                // Rounding of the moved coordinates grows over the steps; a tenth of one step is far from another plan.
+                same += (off < bound && turned < bound) as usize;
                 assert!(
                     off < 0.1 * rates.0 && turned < 0.1 * rates.1,
                     "off by {off} of the region, turned by {turned}"
                 );
             }
+            let least = if far { 9 * here.poses.len() / 10 } else { here.poses.len() };
+            assert!(same >= least, "{preset:?}, scaled by {scale}: {same} of {} cameras", here.poses.len());
         }
     }
     silent(&context);

@@ -149,7 +149,8 @@ Gate gate(vec3 v, Splat camera, Settings s) {
             return g;
         }
         g.open = sigmoid(margin / s.gate_softness);
-        float slope = (1.0 - g.open) / s.gate_softness;
+        // 1 - m cancels in float32 where the gate is nearly open, and Adam would make full steps of what is left.
+        float slope = sigmoid(-margin / s.gate_softness) / s.gate_softness;
         g.by_view = slope * r;
         g.by_direction = slope * v;
         return g;
@@ -170,7 +171,8 @@ Gate gate(vec3 v, Splat camera, Settings s) {
     }
     float open_x = sigmoid(margin_x / s.gate_softness), open_y = sigmoid(margin_y / s.gate_softness);
     g.open = open_x * open_y;
-    float slope_x = norm_x * (1.0 - open_x) / s.gate_softness, slope_y = norm_y * (1.0 - open_y) / s.gate_softness;
+    float slope_x = norm_x * sigmoid(-margin_x / s.gate_softness) / s.gate_softness;
+    float slope_y = norm_y * sigmoid(-margin_y / s.gate_softness) / s.gate_softness;
     float by_x = x < 0.0 ? slope_x : -slope_x, by_y = y < 0.0 ? slope_y : -slope_y;
     float by_z = camera.tan_x * slope_x + camera.tan_y * slope_y;
     g.by_view = by_x * x_axis + by_y * y_axis + by_z * r;
