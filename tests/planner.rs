@@ -1,5 +1,7 @@
 //! The planner on the device: against its twin, against itself, and on scenes that are moved and turned.
 
+mod planner_support;
+
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -11,22 +13,11 @@ use camsplat::plan::preparation::Preparation;
 use camsplat::plan::update::regulariser;
 use camsplat::scene::camera::{Camera, Intrinsics};
 use camsplat::scene::octahedral;
-use camsplat::scene::proxy::{Orientation, Proxy};
-use camsplat::scene::region::{Region, Shape};
 use camsplat::scene::samples;
 use camsplat::scene::surface::Surface;
-use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
-use camsplat::vulkan::{Context, Options};
+use camsplat::vulkan::Context;
 use glam::{DMat3, DQuat, DVec3, Vec3};
-
-fn context() -> Arc<Context> {
-    let options = Options { validation: true, ..Options::default() };
-    Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
-}
-
-fn intrinsics() -> Intrinsics {
-    Intrinsics::from_fov(800, 600, 60f64.to_radians())
-}
+use planner_support::{Scene, context, intrinsics, object, planner, room, scene, silent};
 
 fn small(preset: Preset, views: u32) -> Config {
     Config {
@@ -39,40 +30,8 @@ fn small(preset: Preset, views: u32) -> Config {
     }
 }
 
-struct Scene {
-    proxy: Proxy,
-    device: DeviceScene,
-}
-
-fn scene(context: &Arc<Context>, surface: &Surface, region: &Region) -> Scene {
-    let proxy = Proxy::new(surface, Orientation::Trusted).expect("a good surface");
-    let geometry = SceneGeometry::new(&proxy, region).expect("a good region");
-    Scene { device: DeviceScene::new(context, geometry).expect("room for it"), proxy }
-}
-
-fn object(context: &Arc<Context>) -> Scene {
-    let shape = Shape::Shell { centre: DVec3::ZERO, r_min: 1.2, r_max: 1.8 };
-    let region = Region { shape, up: DVec3::Z, floor: Some(-0.3), clearance: 0.05 };
-    scene(context, &samples::object(), &region)
-}
-
-fn room(context: &Arc<Context>) -> Scene {
-    let shape = Shape::Box { min: DVec3::splat(0.2), max: DVec3::new(5.8, 3.8, 2.6) };
-    scene(context, &samples::room(), &Region { shape, up: DVec3::Z, floor: None, clearance: 0.15 })
-}
-
-fn planner<'a>(context: &Arc<Context>, scene: &'a Scene, config: Config) -> Planner<'a> {
-    let geometry = &scene.device.geometry;
-    let preparation = Preparation::new(context, geometry, &scene.proxy, &intrinsics(), &[], config);
-    Planner::new(context, &scene.device, preparation.expect("a good configuration")).expect("room for it")
-}
-
 fn run(context: &Arc<Context>, scene: &Scene, config: Config) -> Outcome {
     planner(context, scene, config).run(None, |_| ControlFlow::Continue(())).expect("a run")
-}
-
-fn silent(context: &Arc<Context>) {
-    assert_eq!(context.messages(), Vec::<String>::new(), "the validation layers found fault");
 }
 
 /// The shaders are only as right as what they are held against: here every formula of the loss, its gradient, the

@@ -1,65 +1,19 @@
 //! Relocation: which splats go, where to, and what it is good for.
 
+mod planner_support;
+
 use std::ops::ControlFlow;
-use std::sync::Arc;
 
 use camsplat::metrics::Metrics;
 use camsplat::metrics::score_point::{Field, Scorer, aggregate};
 use camsplat::plan::config::{Config, Objective, Preset, Start};
-use camsplat::plan::planner::Planner;
-use camsplat::plan::preparation::Preparation;
 use camsplat::plan::relocate::rank;
 use camsplat::plan::shared::Splat;
-use camsplat::scene::camera::{Camera, Intrinsics};
-use camsplat::scene::proxy::{Orientation, Proxy};
-use camsplat::scene::region::{Region, Shape};
-use camsplat::scene::samples;
-use camsplat::scene::surface::Surface;
-use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
+use camsplat::scene::camera::Camera;
 use camsplat::visibility::raycast::Ray;
-use camsplat::vulkan::{Context, Options, Recorder};
-use glam::{DVec3, Vec3};
-
-struct Scene {
-    proxy: Proxy,
-    device: DeviceScene,
-}
-
-fn context() -> Arc<Context> {
-    let options = Options { validation: true, ..Options::default() };
-    Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
-}
-
-fn scene(context: &Arc<Context>, surface: &Surface, region: &Region) -> Scene {
-    let proxy = Proxy::new(surface, Orientation::Trusted).expect("a good surface");
-    let geometry = SceneGeometry::new(&proxy, region).expect("a good region");
-    Scene { device: DeviceScene::new(context, geometry).expect("room for it"), proxy }
-}
-
-fn object(context: &Arc<Context>) -> Scene {
-    let shape = Shape::Shell { centre: DVec3::ZERO, r_min: 1.2, r_max: 1.8 };
-    let region = Region { shape, up: DVec3::Z, floor: Some(-0.3), clearance: 0.05 };
-    scene(context, &samples::object(), &region)
-}
-
-fn room(context: &Arc<Context>) -> Scene {
-    let shape = Shape::Box { min: DVec3::splat(0.2), max: DVec3::new(5.8, 3.8, 2.6) };
-    scene(context, &samples::room(), &Region { shape, up: DVec3::Z, floor: None, clearance: 0.15 })
-}
-
-fn intrinsics() -> Intrinsics {
-    Intrinsics::from_fov(800, 600, 60f64.to_radians())
-}
-
-fn planner<'a>(context: &Arc<Context>, scene: &'a Scene, config: Config) -> Planner<'a> {
-    let geometry = &scene.device.geometry;
-    let preparation = Preparation::new(context, geometry, &scene.proxy, &intrinsics(), &[], config);
-    Planner::new(context, &scene.device, preparation.expect("a good configuration")).expect("room for it")
-}
-
-fn silent(context: &Arc<Context>) {
-    assert_eq!(context.messages(), Vec::<String>::new(), "the validation layers found fault");
-}
+use camsplat::vulkan::Recorder;
+use glam::Vec3;
+use planner_support::{Scene, context, intrinsics, object, planner, room, silent};
 
 /// Cameras whose loss would not be felt are to go, none else, and to where a camera may stand: were the order upside down,
 /// the best cameras would be thrown away every fifty iterations. With rates of zero nothing moves but what is relocated.

@@ -109,6 +109,7 @@ macro_rules! stage {
             $crate::vulkan::stage::Stage {
                 label: match std::ffi::CStr::from_bytes_with_nul(concat!(stringify!($shader), "\0").as_bytes()) {
                     Ok(label) => label,
+                    // The name is an identifier, and a static is evaluated by the compiler: no panic at run time.
                     Err(_) => panic!("a stage's name holds no NUL"),
                 },
                 name: stringify!($shader),

@@ -1,0 +1,65 @@
+//! What the tests of the planner share: a validated context, small scenes on the device, and planners over them.
+#![allow(dead_code, reason = "each test binary uses a part")]
+
+use std::sync::Arc;
+
+use camsplat::plan::config::Config;
+use camsplat::plan::planner::Planner;
+use camsplat::plan::preparation::Preparation;
+use camsplat::scene::camera::Intrinsics;
+use camsplat::scene::proxy::{Orientation, Proxy};
+use camsplat::scene::region::{Region, Shape};
+use camsplat::scene::samples;
+use camsplat::scene::surface::Surface;
+use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
+use camsplat::vulkan::{Context, Options};
+use glam::DVec3;
+
+/// A surface and what the device holds of it.
+pub struct Scene {
+    pub proxy: Proxy,
+    pub device: DeviceScene,
+}
+
+/// A context whose validation messages [`silent`] looks at.
+pub fn context() -> Arc<Context> {
+    let options = Options { validation: true, ..Options::default() };
+    Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
+}
+
+/// Fails the test if the validation layers said anything.
+pub fn silent(context: &Context) {
+    assert_eq!(context.messages(), [""; 0], "the validation layers found fault");
+}
+
+/// The camera of all these plans.
+pub fn intrinsics() -> Intrinsics {
+    Intrinsics::from_fov(800, 600, 60f64.to_radians())
+}
+
+/// A surface and a region, on the device.
+pub fn scene(context: &Arc<Context>, surface: &Surface, region: &Region) -> Scene {
+    let proxy = Proxy::new(surface, Orientation::Trusted).expect("a good surface");
+    let geometry = SceneGeometry::new(&proxy, region).expect("a good region");
+    Scene { device: DeviceScene::new(context, geometry).expect("room for it"), proxy }
+}
+
+/// The sample object, in a shell above a floor.
+pub fn object(context: &Arc<Context>) -> Scene {
+    let shape = Shape::Shell { centre: DVec3::ZERO, r_min: 1.2, r_max: 1.8 };
+    let region = Region { shape, up: DVec3::Z, floor: Some(-0.3), clearance: 0.05 };
+    scene(context, &samples::object(), &region)
+}
+
+/// The sample room, in a box a little smaller than it.
+pub fn room(context: &Arc<Context>) -> Scene {
+    let shape = Shape::Box { min: DVec3::splat(0.2), max: DVec3::new(5.8, 3.8, 2.6) };
+    scene(context, &samples::room(), &Region { shape, up: DVec3::Z, floor: None, clearance: 0.15 })
+}
+
+/// A planner over a scene, with no cameras kept.
+pub fn planner<'a>(context: &Arc<Context>, scene: &'a Scene, config: Config) -> Planner<'a> {
+    let geometry = &scene.device.geometry;
+    let preparation = Preparation::new(context, geometry, &scene.proxy, &intrinsics(), &[], config);
+    Planner::new(context, &scene.device, preparation.expect("a good configuration")).expect("room for it")
+}
