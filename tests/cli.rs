@@ -215,7 +215,7 @@ fn watching_a_run_does_not_change_it() {
 fn profile_and_trace_name_every_stage() {
     let place = Place::new();
     let ran = place.done(&format!("plan ball.ply --out o {SHORT} --relocate-every 5 --profile --trace t.json"));
-    let stages = ["dense", "update", "tally", "rank", "relocate", "snapshot"];
+    let stages = ["dense", "update", "rank", "relocate", "snapshot"];
     let mut share = 0.0;
     for stage in stages {
         let row = ran.out.lines().find(|line| line.split_whitespace().next() == Some(stage));

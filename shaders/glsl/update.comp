@@ -1,14 +1,16 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 // A workgroup per camera splat: sums what the probes say of it in fixed order, adds the coverage regulariser and the
-// region's pull, and takes one Adam step (Kingma and Ba 2015). Twins: src/plan/update.rs (regulariser and step),
-// src/plan/dense.rs (the sums) and src/visibility/device_scene.rs (the region).
+// region's pull, and takes one Adam step (Kingma and Ba 2015). The last workgroup ends the iteration (shared/tally.glsl).
+// Twins: src/plan/update.rs (regulariser and step), src/plan/dense.rs (the sums) and src/visibility/device_scene.rs (the
+// region).
 #include "shared/octahedral.glsl"
 #include "shared/plan.glsl"
 layout(local_size_x = 64) in;
+const uint GROUP = 64;
 
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
-layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
+layout(binding = 1, std430) buffer ControlBlock { Control control[]; };
 layout(binding = 2, std430) buffer Splats { Splat splats[]; };
 layout(binding = 3, std430) readonly buffer Probes { Probe probes[]; };
 layout(binding = 4, std430) readonly buffer Depth { float depth[]; };
@@ -16,15 +18,17 @@ layout(binding = 5, std430) readonly buffer Slots { uint slots[]; };
 layout(binding = 6, std430) readonly buffer Partials { Gradient partials[]; };
 layout(binding = 7, std430) readonly buffer Tallies { Tally tallies[]; };
 layout(binding = 8, std430) buffer MomentsBlock { Moments moments[]; };
-layout(binding = 9, std430) writeonly buffer TermsBlock { Terms terms[]; };
+layout(binding = 9, std430) coherent buffer TermsBlock { Terms terms[]; };
 layout(binding = 10, std430) writeonly buffer Gradients { Gradient gradients[]; };
 #include "shared/region_types.glsl"
 layout(binding = 11, std430) readonly buffer RegionBlock { DeviceRegion region[]; };
 layout(binding = 12, std430) readonly buffer FreeDistance { float free_distance[]; };
 #include "shared/region.glsl"
 
-shared vec4 sums[64];
-shared vec4 more_sums[64];
+shared vec4 sums[GROUP];
+shared vec4 more_sums[GROUP];
+
+#include "shared/tally.glsl"
 
 void adam(inout vec3 mean, inout vec3 square, vec3 gradient, uint step, out vec3 change) {
     mean = mix(gradient, mean, 0.9);
@@ -41,11 +45,8 @@ float coverage_weight(uint probe, Settings s) {
     return sum.x / max(sum.y, 1.0);
 }
 
-void main() {
-    Settings s = settings[0];
-    Control c = control[0];
-    uint j = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x, thread = gl_LocalInvocationIndex;
-    if (c.halt != 0 || j >= s.splats) return;
+// Sums what the probes say of splat j, by all threads; the first one moves it.
+void update(uint j, Settings s, Control c, uint thread) {
     Splat splat = splats[j];
     // Asked for before the sums, needed after them.
     Moments m = moments[j];
@@ -56,7 +57,7 @@ void main() {
     Gradient sum = Gradient(vec3(0.0), 0.0, vec3(0.0), 0.0);
     float reg = 0.0;
     float share = 1.0 / (float(s.probes) * float(c.live));
-    for (uint p = thread; p < s.probes * s.blocks; p += 64) {
+    for (uint p = thread; p < s.probes * s.blocks; p += GROUP) {
         uint slot = slots[p / s.blocks * s.splats + j];
         if (slot == NONE) continue;
         Gradient part = partials[p * s.row + slot];
@@ -64,7 +65,7 @@ void main() {
         sum.direction += part.direction;
         sum.utility += part.utility;
     }
-    for (uint i = thread; i < s.probes; i += 64) {
+    for (uint i = thread; i < s.probes; i += GROUP) {
         if (OBJECTIVE == 0 && j < c.live) {
             uint index = (c.iteration * s.probes + i) % s.pool;
             vec3 ray = splat.centre - probes[index].position;
@@ -81,7 +82,7 @@ void main() {
     }
     sums[thread] = vec4(sum.centre, reg);
     more_sums[thread] = vec4(sum.direction, sum.utility);
-    for (uint half_ = 32; half_ > 0; half_ >>= 1) {
+    for (uint half_ = GROUP / 2; half_ > 0; half_ >>= 1) {
         barrier();
         if (thread < half_) {
             sums[thread] += sums[thread + half_];
@@ -105,4 +106,16 @@ void main() {
     m.utility = mix(more_sums[0].w, m.utility, 0.9);
     splats[j] = splat;
     moments[j] = m;
+}
+
+void main() {
+    Settings s = settings[0];
+    Control c = control[0];
+    uint j = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x, thread = gl_LocalInvocationIndex;
+    if (c.halt != 0 || j >= s.splats) return;
+    // Host memory is far away: one workgroup asks for all, in the shadow of its sums.
+    uint stop = j == 0 && thread == 0 ? mailbox[0] : 0;
+    update(j, s, c, thread);
+    if (stop != 0) arrivals[1] = stop;
+    if (is_last(s, thread)) tally(s, c, thread);
 }

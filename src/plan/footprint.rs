@@ -48,6 +48,7 @@ impl Footprint {
             ("deficit", 4 * probes * texels),
             ("moments", moments * splats),
             ("terms", terms * splats),
+            ("arrivals", 8),
             ("gradients", gradient * splats),
             ("order", 4 * splats),
             ("history", record * s.iterations as u64),

@@ -15,7 +15,7 @@ use super::record::{IterationRecord, Status};
 use super::relocate::{RANK, RELOCATE};
 use super::shared::{Control, Gradient, Moments, Record, Settings, Splat, Tally, Terms};
 use super::snapshot::{SNAPSHOT, SnapshotPush};
-use super::tally::{TALLY, mailbox};
+use super::tally::mailbox;
 use super::update::UPDATE;
 use crate::scene::camera::Pose;
 use crate::scene::octahedral;
@@ -52,7 +52,6 @@ enum Way {
 struct Pipelines {
     splat: Way,
     update: Pipeline,
-    tally: Pipeline,
     rank: Pipeline,
     relocate: Pipeline,
     snapshot: Pipeline,
@@ -71,6 +70,7 @@ pub(super) struct Buffers {
     pub(super) deficit: Buffer,
     moments: Buffer,
     terms: Buffer,
+    arrivals: Buffer,
     gradients: Buffer,
     order: Buffer,
     history: Buffer,
@@ -130,7 +130,6 @@ impl<'a> Planner<'a> {
                 Way::Dense(pipeline(&DENSE)?)
             },
             update: pipeline(&UPDATE)?,
-            tally: pipeline(&TALLY)?,
             rank: pipeline(&RANK)?,
             relocate: pipeline(&RELOCATE)?,
             snapshot: pipeline(&SNAPSHOT)?,
@@ -162,6 +161,7 @@ impl<'a> Planner<'a> {
         let mut commands = Recorder::new(&self.context)?;
         commands.fill(&b.moments, 0);
         commands.fill(&b.mailbox, 0);
+        commands.fill(&b.arrivals, 0);
         commands.fill(&b.deficit, 0);
         commands.submit_and_wait()
     }
@@ -241,7 +241,7 @@ impl<'a> Planner<'a> {
             .groups([least, 1, 1]);
     }
 
-    /// Records one iteration: splat pass, update, tally.
+    /// Records one iteration: splat pass and update.
     ///
     /// # Errors
     /// None that the settings do not rule out.
@@ -282,12 +282,11 @@ impl<'a> Planner<'a> {
                 &b.gradients,
                 &scene.region,
                 &scene.free_distance,
+                &b.history,
+                &b.mailbox,
+                &b.arrivals,
             ])
             .linear(s.splats);
-        commands
-            .stage(&p.tally)
-            .bind(&[&b.settings, &b.control, &b.tallies, &b.terms, &b.history, &b.mailbox])
-            .groups([1, 1, 1]);
         Ok(())
     }
 
@@ -363,7 +362,7 @@ impl<'a> Planner<'a> {
             // Nine stages and a fill, two scans of three stages, seven or eight sorting passes of three.
             Way::Binned(_) => 10 + 6 + 24,
         };
-        1 + (splat + 4) * self.block()
+        1 + (splat + 3) * self.block()
     }
 
     /// What the blocks that were recorded with [`Planner::record_block`] and have been waited for leave, whoever
@@ -471,6 +470,7 @@ impl Buffers {
             deficit: device("deficit")?,
             moments: device("moments")?,
             terms: device("terms")?,
+            arrivals: device("arrivals")?,
             gradients: device("gradients")?,
             order: device("order")?,
             history: device("history")?,

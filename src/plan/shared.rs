@@ -1,4 +1,4 @@
-//! The structs that the planner's stages share, as `shaders/glsl/shared/plan.glsl` (and `tally.comp`) declares them.
+//! The structs that the planner's stages share, as `shaders/glsl/shared/plan.glsl` (and `tally.glsl`) declares them.
 //!
 //! Lengths are in units of the region's bounding radius, in the planner's own frame (see
 //! [`crate::scene::similarity`]): up is +Z and a shell is centred on the origin.
@@ -64,7 +64,7 @@ gpu_struct! {
 }
 
 gpu_struct! {
-    /// What changes from one iteration to the next; written by the stage `tally` alone.
+    /// What changes from one iteration to the next; written by the stage `update` alone.
     pub struct Control {
         /// Iterations done.
         pub iteration: u32,

@@ -1,14 +1,8 @@
-//! End of an iteration (`tally.comp`): losses summed, the shared scale stepped, the next iteration set up; and the twin
+//! End of an iteration (`shared/tally.glsl`): losses summed, the shared scale stepped, the next iteration set up; and the twin
 //! of the latter two.
 
 use super::config::Objective;
-use super::shared::{Control, Record, Settings, Tally, Terms};
-
-crate::stage!(
-    /// One workgroup; the only stage that writes [`Control`].
-    pub TALLY = tally(()) { read settings, write control, read tallies, read terms, write history, write mailbox }
-    with [Settings, Control, Tally, Terms, Record]
-);
+use super::shared::Settings;
 
 /// Words of the mailbox, the buffer that host and device share while a run goes on.
 pub mod mailbox {

@@ -3,18 +3,19 @@
 use glam::DVec3;
 
 use super::dense::Batch;
-use super::shared::{Control, Gradient, Moments, Settings, Splat, Tally, Terms};
+use super::shared::{Control, Gradient, Moments, Record, Settings, Splat, Tally, Terms};
 use super::tally::Clock;
 use crate::scene::octahedral;
 use crate::visibility::device_scene::DeviceRegion;
 use crate::visibility::probe_depth::Probe;
 
 crate::stage!(
-    /// One Adam step, a workgroup per camera splat.
+    /// One Adam step, a workgroup per camera splat; the last one ends the iteration, and nothing else writes [`Control`].
     pub UPDATE = update(()) {
-        read settings, read control, write splats, read probes, read depth, read slots, read partials, read tallies,
-        write moments, write terms, write gradients, read region, read free_distance,
-    } with [Settings, Control, Splat, Probe, Gradient, Tally, Moments, Terms, DeviceRegion]
+        read settings, write control, write splats, read probes, read depth, read slots, read partials, read tallies,
+        write moments, write terms, write gradients, read region, read free_distance, write history, write mailbox,
+        write arrivals,
+    } with [Settings, Control, Splat, Probe, Gradient, Tally, Moments, Terms, DeviceRegion, Record]
 );
 
 /// Coverage regulariser of a batch with the given coverage weights: the mean over probes and splats of

@@ -47,7 +47,7 @@ struct Settings {
     float nearest_tau;
 };
 
-// What changes from one iteration to the next; written by `tally` alone.
+// What changes from one iteration to the next; written by `update` alone, at its end.
 struct Control {
     uint iteration;
     uint halt;        // nothing is done any more

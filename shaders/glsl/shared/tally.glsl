@@ -1,9 +1,8 @@
-#version 450
-#extension GL_GOOGLE_include_directive : require
-// One workgroup, at the end of an iteration: sums the losses, steps the shared scale, writes the history and sets up the
-// next iteration. Twin: src/plan/tally.rs (all but the sums).
-#include "shared/plan.glsl"
-layout(local_size_x = 128) in;
+// The end of an iteration, by the last workgroup of `update` to get there: sums the losses, steps the shared scale,
+// writes the history and sets up the next iteration. Twin: src/plan/tally.rs (all but the sums).
+//
+// A stage of its own would wait for all of `update` and make the next iteration wait in turn; on a GPU those two waits
+// are longer than the work. Which workgroup comes last is chance, but what it sums and in which order is not.
 
 struct Record {
     float image;
@@ -12,35 +11,37 @@ struct Record {
     float log_scale;
 };
 
-layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
-layout(binding = 1, std430) buffer ControlBlock { Control control[]; };
-layout(binding = 2, std430) readonly buffer Tallies { Tally tallies[]; };
-layout(binding = 3, std430) readonly buffer TermsBlock { Terms terms[]; };
-layout(binding = 4, std430) writeonly buffer History { Record history[]; };
+layout(binding = 13, std430) writeonly buffer History { Record history[]; };
 // Host-visible: [0] the host asks to stop; [1] iterations done; [2] most splats that a probe saw.
-layout(binding = 5, std430) buffer Mailbox { uint mailbox[]; };
+layout(binding = 14, std430) buffer Mailbox { uint mailbox[]; };
+// [0] workgroups that are done with this iteration; [1] the host asks to stop. Apart from `control`, which every thread
+// reads: coherent loads of one word by all of them would queue up.
+layout(binding = 15, std430) coherent buffer Arrivals { uint arrivals[]; };
 
-shared vec4 sums[128];
-shared uint most[128];
+shared uint most[GROUP];
+shared bool last;
 
-void main() {
-    Settings s = settings[0];
-    Control c = control[0];
-    uint thread = gl_LocalInvocationIndex;
-    if (c.halt != 0) return;
-    // Host memory is far away: asked for first, needed last.
-    uint stop = thread == 0 ? mailbox[0] : 0;
+// Whether this workgroup is the last of `s.splats` to have written its terms: only then may it read those of the others.
+bool is_last(Settings s, uint thread) {
+    memoryBarrierBuffer();
+    if (thread == 0) last = atomicAdd(arrivals[0], 1) + 1 == s.splats;
+    barrier();
+    memoryBarrierBuffer();
+    return last;
+}
+
+void tally(Settings s, Control c, uint thread) {
     vec4 sum = vec4(0.0);
     uint seen = 0;
-    for (uint i = thread; i < s.probes * s.blocks; i += 128) {
+    for (uint i = thread; i < s.probes * s.blocks; i += GROUP) {
         sum.x += tallies[i].image;
         sum.w += tallies[i].log_scale;
         seen = max(seen, tallies[i].visible);
     }
-    for (uint j = thread; j < c.live; j += 128) sum.yz += vec2(terms[j].reg, terms[j].bound);
+    for (uint j = thread; j < c.live; j += GROUP) sum.yz += vec2(terms[j].reg, terms[j].bound);
     sums[thread] = sum;
     most[thread] = seen;
-    for (uint half_ = 64; half_ > 0; half_ >>= 1) {
+    for (uint half_ = GROUP / 2; half_ > 0; half_ >>= 1) {
         barrier();
         if (thread < half_) {
             sums[thread] += sums[thread + half_];
@@ -67,9 +68,10 @@ void main() {
         c.step = 1;
     }
     c.rate = pow(s.decay, float(c.step - 1) / float(length_));
-    if (c.iteration >= s.iterations || stop != 0) c.halt = 1;
+    if (c.iteration >= s.iterations || arrivals[1] != 0) c.halt = 1;
     c.most_visible = max(c.most_visible, most[0]);
     control[0] = c;
+    arrivals[0] = 0;
     mailbox[1] = c.iteration;
     mailbox[2] = c.most_visible;
 }
