@@ -408,7 +408,9 @@ const TRIALS: u32 = 20_000;
 /// How low the mean gap gets when it is descended on itself: a local search that moves one camera at a time and is scored on the very
 /// points that it is searched on. It knows what no planner may know, so what it reaches bounds what a planner can.
 fn search(context: &Arc<Context>, scenes: &[Scene], seeds: u64) -> Result<()> {
-    println!("\n## Search\n\n| scene, start | gap | after {TRIALS} trials | there, on fresh points |\n|---|---|---|---|");
+    println!(
+        "\n## Search\n\n| scene, start | gap | after {TRIALS} trials | there, on fresh points |\n|---|---|---|---|"
+    );
     for scene in scenes.iter().filter(|scene| scene.preset == Preset::Object) {
         let (geometry, sample) = (&scene.device.geometry, |seed| scene.target.proxy.sample(1000, seed, 1));
         let back = geometry.to_internal.inverse();
@@ -477,7 +479,9 @@ fn main() -> Result<()> {
             "voronoi" => voronoi(&context, &scenes, arguments.seeds)?,
             "search" => search(&context, &scenes, arguments.seeds)?,
             other => {
-                return Err(Error::request(format!("no table `{other}`: shipped, defaults, parts, starts, voronoi or search")));
+                return Err(Error::request(format!(
+                    "no table `{other}`: shipped, defaults, parts, starts, voronoi or search"
+                )));
             }
         }
     }

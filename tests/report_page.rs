@@ -220,8 +220,11 @@ fn room() -> Stage {
     Stage { record, points, corners, colours }
 }
 
-/// Writes a page to this test's folder.
+/// Writes a page to this test's folder. Frames are drawn by timers there: the browser's virtual time waits for timers, while
+/// under load it may be over before the first animation frame has come.
 fn write(name: &str, page: &str) -> PathBuf {
+    let frames = "<head><script>window.requestAnimationFrame = (draw) => setTimeout(draw, 0);</script>";
+    let page = page.replacen("<head>", frames, 1);
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("report");
     std::fs::create_dir_all(&folder).unwrap();
     let path = folder.join(format!("{name}.html"));
