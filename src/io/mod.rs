@@ -21,6 +21,7 @@ pub mod export;
 pub mod folder;
 pub mod gltf;
 pub mod obj;
+pub mod photos;
 pub mod plan_json;
 pub mod ply;
 pub mod transforms;

@@ -25,7 +25,7 @@ pub fn rate(decay: f64, step: u32, length: u32) -> f64 {
     decay.powf((step - 1) as f64 / length as f64)
 }
 
-/// What changes from one iteration to the next: [`Control`] as the twin has it.
+/// What changes from one iteration to the next: [`super::shared::Control`] as the twin has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clock {
     /// Iterations done.

@@ -16,6 +16,7 @@ use glam::{DQuat, DVec3};
 use super::checks;
 use crate::error::{Error, Result};
 use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::lens::Distortion;
 use crate::scene::surface::{Points, Surface};
 
 /// A camera model: what the parameters mean.
@@ -58,8 +59,7 @@ pub struct Lens {
     pub projection: Projection,
     /// The pinhole part.
     pub intrinsics: Intrinsics,
-    /// The parameters after the pinhole part, in COLMAP's order. [`Camera`] has no place for them: a plan treats every
-    /// camera as a pinhole.
+    /// The parameters after the pinhole part, in COLMAP's order.
     pub distortion: Vec<f64>,
 }
 
@@ -80,6 +80,51 @@ impl Lens {
             intrinsics: Intrinsics { width, height, focal, principal },
             distortion: distortion.to_vec(),
         })
+    }
+}
+
+impl Lens {
+    /// The distortion in the form that holds every model (formulae: COLMAP's `models.h`).
+    pub fn unified(&self) -> Distortion {
+        let none = Distortion::default();
+        let k = |i: usize| self.distortion.get(i).copied().unwrap_or(0.0);
+        let radial = |indices: &[usize]| {
+            let mut factors = [0.0; 6];
+            factors.iter_mut().zip(indices).for_each(|(factor, i)| *factor = k(*i));
+            factors
+        };
+        match self.projection.name {
+            "SIMPLE_RADIAL" => Distortion { radial: radial(&[0]), ..none },
+            "RADIAL" => Distortion { radial: radial(&[0, 1]), ..none },
+            "OPENCV" => Distortion { radial: radial(&[0, 1]), tangential: [k(2), k(3)], ..none },
+            "FULL_OPENCV" => Distortion {
+                radial: radial(&[0, 1, 4]),
+                rational: [k(5), k(6), k(7)],
+                tangential: [k(2), k(3)],
+                ..none
+            },
+            "FOV" => Distortion { fov: k(0), ..none },
+            "OPENCV_FISHEYE" => Distortion { fisheye: true, radial: radial(&[0, 1, 2, 3]), ..none },
+            "SIMPLE_RADIAL_FISHEYE" => Distortion { fisheye: true, radial: radial(&[0]), ..none },
+            "RADIAL_FISHEYE" => Distortion { fisheye: true, radial: radial(&[0, 1]), ..none },
+            "THIN_PRISM_FISHEYE" => Distortion {
+                fisheye: true,
+                radial: radial(&[0, 1, 4, 5]),
+                tangential: [k(2), k(3)],
+                prism: [k(6), 0.0, k(7), 0.0],
+                ..none
+            },
+            "RAD_TAN_THIN_PRISM_FISHEYE" => Distortion {
+                fisheye: true,
+                radial: radial(&[0, 1, 2, 3, 4, 5]),
+                tangential: [k(6), k(7)],
+                prism: [k(8), k(9), k(10), k(11)],
+                after_radial: true,
+                ..none
+            },
+            // The two pinholes.
+            _ => none,
+        }
     }
 }
 
@@ -154,6 +199,41 @@ pub fn cameras(folder: &Path, notes: &mut Vec<String>) -> Result<Vec<Camera>> {
     let (_, lenses) = read(folder, "cameras", binary::cameras, text::cameras)?;
     let (path, images) = read(folder, "images", binary::images, text::images)?;
     join(&path, &lenses, images, notes)
+}
+
+/// All parts of a model, images and cameras in the order of names.
+pub struct Model {
+    /// Lenses by their number.
+    pub lenses: BTreeMap<u32, Lens>,
+    /// Images, ordered by name.
+    pub images: Vec<Image>,
+    /// Their cameras, in the same order.
+    pub cameras: Vec<Camera>,
+    /// The points as a surface and as they stand in the file; none where there is no file of points or it is empty.
+    pub points: Option<(Surface, Vec<Point>)>,
+}
+
+/// Reads a whole model folder.
+pub fn model(folder: &Path, notes: &mut Vec<String>) -> Result<Model> {
+    let (_, lenses) = read(folder, "cameras", binary::cameras, text::cameras)?;
+    let (path, mut images) = read(folder, "images", binary::images, text::images)?;
+    images.sort_by(|a, b| a.name.cmp(&b.name));
+    let cameras = join(&path, &lenses, images.clone(), &mut Vec::new())?;
+    let mut points = None;
+    if file(folder, "points3D").is_some() {
+        let (path, sparse) = read(folder, "points3D", binary::points, text::points)?;
+        if !sparse.is_empty() {
+            let centres = images.iter().map(|image| (image.id, image.pose.position)).collect();
+            let error = sparse.iter().map(|p| p.error).sum::<f64>() / sparse.len() as f64;
+            notes.push(format!(
+                "COLMAP model of {} images and {} points, mean reprojection error {error:.2} pixels",
+                images.len(),
+                sparse.len()
+            ));
+            points = Some((points_surface(&path, &sparse, &centres)?, sparse));
+        }
+    }
+    Ok(Model { lenses, images, cameras, points })
 }
 
 /// Gives every image its lens; `path` is for messages only.
