@@ -42,6 +42,7 @@ pub(super) fn from_points(points: &Points, orientation: Orientation) -> Result<C
         ("radii", points.radii.len()),
         ("colours", points.colours.len()),
         ("scores", points.scores.len()),
+        ("lobes", points.lobes.len()),
         ("camera directions", points.toward_cameras.len()),
     ] {
         if length != 0 && length != n {

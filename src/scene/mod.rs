@@ -9,6 +9,7 @@ pub mod camera;
 mod discs;
 mod distance_transform;
 pub mod free_space;
+pub mod harmonics;
 pub mod lens;
 mod morton;
 pub mod octahedral;

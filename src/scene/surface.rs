@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use super::harmonics::Lobe;
+
 /// A surface read from a file, in the file's own frame and units.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Surface {
@@ -37,6 +39,8 @@ pub struct Points {
     pub colours: Vec<[u8; 3]>,
     /// View dependency scores in [1, 2].
     pub scores: Vec<f32>,
+    /// How what is wanted of a point varies with direction in the world, relative to its score.
+    pub lobes: Vec<Lobe>,
     /// Whether the normals' sign can be trusted (from a scan with normals or a reconstruction's cameras, not from the
     /// shape of a splat).
     pub oriented: bool,
