@@ -3,5 +3,6 @@
 pub mod bvh;
 pub mod device_scene;
 pub mod exposure;
+pub mod lens_view;
 pub mod probe_depth;
 pub mod raycast;
