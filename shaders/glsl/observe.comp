@@ -13,6 +13,7 @@ layout(push_constant) uniform Push {
     uint width;        // texels of the photo's finest level
     uint height;
     uint levels;       // of the pyramid
+    uint matched;      // where in `photo` a bit per point begins: whether the photo is known to see it
 };
 
 struct ObservedPoint {
@@ -26,7 +27,7 @@ layout(binding = 0, std430) readonly buffer Nodes { Node nodes[]; };
 layout(binding = 1, std430) readonly buffer Primitives { vec4 primitives[]; };
 layout(binding = 2, std430) readonly buffer Surface { ObservedPoint surface[]; };
 layout(binding = 3, std430) readonly buffer Views { LensView views[]; };
-// Luma times mask and mask, 16 bits each, level after level, row by row.
+// Luma times mask and mask, 16 bits each, level after level, row by row; behind them the bits of `matched`.
 layout(binding = 4, std430) readonly buffer Photo { uint photo[]; };
 layout(binding = 5, std430) writeonly buffer Intensities { float intensities[]; };
 #include "shared/traverse.glsl"
@@ -55,21 +56,21 @@ vec2 bilinear(uint level, vec2 pixel) {
     return mix(upper, lower, part.y);
 }
 
-float observe(ObservedPoint point, LensView view_) {
+float observe(ObservedPoint point, LensView view_, bool known) {
     vec3 away = view_.position - point.position;
     float distance_ = length(away);
     float cosine = dot(point.normal, away) / distance_;
     vec2 pixel;
-    if (!(cosine > LEAST_COSINE) || !lens_pixel(view_, point.position, pixel)) return UNSEEN;
+    if (!(known || cosine > LEAST_COSINE) || !lens_pixel(view_, point.position, pixel)) return UNSEEN;
     float texels = float(width) / view_.size.x;
     pixel *= texels;
     if (bilinear(0, pixel).y < 0.5) return UNSEEN;
     vec3 origin = point.position + point.lift * point.normal;
     vec3 ray = view_.position - origin;
     float reach = length(ray);
-    if (trace(origin, ray / reach, 0.0, reach, true) < MISS) return UNSEEN;
+    if (!known && trace(origin, ray / reach, 0.0, reach, true) < MISS) return UNSEEN;
     // The width of a square as large as the footprint looks from here.
-    float wide = texels * view_.focal.x * point.footprint / distance_ * sqrt(cosine);
+    float wide = texels * view_.focal.x * point.footprint / distance_ * sqrt(max(cosine, LEAST_COSINE));
     float level = clamp(log2(wide), 0.0, float(levels - 1u));
     uint finer = uint(level);
     vec2 value = mix(bilinear(finer, pixel), bilinear(min(finer + 1, levels - 1), pixel), level - float(finer));
@@ -78,5 +79,7 @@ float observe(ObservedPoint point, LensView view_) {
 
 void main() {
     uint i = group_index() * 64 + gl_LocalInvocationIndex;
-    if (i < points) intensities[i] = observe(surface[i], views[view]);
+    if (i >= points) return;
+    bool known = (photo[matched + i / 32] >> (i % 32) & 1u) != 0;
+    intensities[i] = observe(surface[i], views[view], known);
 }

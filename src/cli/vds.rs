@@ -15,7 +15,6 @@ use crate::scene::camera::Pose;
 use crate::scene::proxy::{Occluder, Orientation, Proxy};
 use crate::scene::region::Shape;
 use crate::scene::surface::Surface;
-use crate::vds::gains::Gains;
 use crate::vds::observe::Scene;
 use crate::vds::{self, Estimate, images, picture, quantile};
 use crate::visibility::exposure;
@@ -118,17 +117,16 @@ impl Scored {
         });
         let points = proxy.sample(count, seed, 0);
         let start = Instant::now();
-        let scene = Scene::new(&proxy, &points, photos)?;
+        let scene = Scene::new(&proxy, &points, photos)?.with_tracks(&points, capture);
         let observations = images::decoded(photos, |next| scene.observe(context, next))?;
         let observing = start.elapsed().as_secs_f64();
-        let gains = if exposure { Gains::fit(&observations, photos.len()) } else { Gains::none(photos.len()) };
-        let estimate = vds::estimate(&points, photos, &observations, gains, |v| v.clamp(0.0, 0.1));
+        let estimate = vds::estimate(&points, photos, &observations, exposure, |v| v.clamp(0.0, 0.1));
         Ok(Self { estimate, seconds: [observing, start.elapsed().as_secs_f64() - observing] })
     }
 
     /// Prints what came out.
     pub fn print(&self) {
-        let Estimate { points, views, variances, ends, gains } = &self.estimate;
+        let Estimate { points, views, variances, ends, gains, level } = &self.estimate;
         let all = views.len();
         let of = |values: &[f64], part: f64| quantile(values.to_vec(), part);
         let quantiles = |values: &[f64]| [0.1, 0.5, 0.9].map(|part| of(values, part));
@@ -140,15 +138,18 @@ impl Scored {
         if few > 0 {
             say!("         {few} are seen in fewer than two photos: their score is 1");
         }
-        if gains.unfitted == gains.gains.len() {
-            say!("exposure taken as it is");
-        } else {
-            let [min, _, max] = [0.0, 0.5, 1.0].map(|part| of(&gains.gains, part));
-            let [under, _, over] = [0.0, 0.5, 1.0].map(|part| of(&gains.offsets, part));
+        if let Some(level) = level {
+            let ends = |values: &[f64]| [of(values, 0.0), of(values, 1.0)];
+            let ([low, high], [under, over]) = (ends(&gains.gains), ends(&gains.offsets));
+            let unfitted = match gains.unfitted {
+                0 => String::new(),
+                n => format!(", {n} photos share too little to tell"),
+            };
             say!(
-                "exposure gains {min:.3} to {max:.3}, offsets {under:+.4} to {over:+.4}; {} photos unfitted",
-                gains.unfitted
+                "exposure gains {low:.2} to {high:.2}, offsets {under:+.3} to {over:+.3}{unfitted}; median luma {level:.3}"
             );
+        } else {
+            say!("exposure taken as it is");
         }
         let varied: Vec<f64> = variances.iter().flatten().copied().collect();
         let [low, middle, high] = quantiles(&varied);

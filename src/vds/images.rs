@@ -17,7 +17,16 @@ fn pyramid(photo: &Photo) -> Result<Option<Pyramid>> {
     let Some(path) = &photo.image else { return Ok(None) };
     let rgb = open(path)?.into_rgb8();
     let mask = photo.mask.as_ref().map(|path| open(path)).transpose()?.map(image::DynamicImage::into_luma8);
-    Ok(Some(Pyramid::new(rgb.width(), rgb.height(), rgb.as_raw(), mask.as_ref().map(|mask| &mask.as_raw()[..]))))
+    let linear: [f32; 256] = std::array::from_fn(|v| crate::io::colour::linear(v as u8) as f32);
+    let luma: Vec<f32> = rgb
+        .as_raw()
+        .chunks_exact(3)
+        .map(|p| {
+            let [r, g, b] = [0, 1, 2].map(|c| linear[usize::from(p[c])]);
+            0.2126 * r + 0.7152 * g + 0.0722 * b
+        })
+        .collect();
+    Ok(Some(Pyramid::new(rgb.width(), rgb.height(), &luma, mask.as_ref().map(|mask| &mask.as_raw()[..]))))
 }
 
 /// Decodes the photos in the background and hands them to `take` as a source.

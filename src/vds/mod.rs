@@ -41,22 +41,36 @@ pub struct Estimate {
     pub ends: [f64; 2],
     /// Exposure of each photo.
     pub gains: Gains,
+    /// Median over the points of their mean intensity, before it was brought to [`GREY`]; none where exposures were taken as
+    /// they are.
+    pub level: Option<f64>,
 }
 
-/// What a point's views tell of it.
-type Told = (Option<f64>, Lobe);
+/// Luma that the points are brought to: middle grey, what the photos are exposed for that the VDSF is made from.
+pub const GREY: f64 = 0.18;
+
+/// What a point's views tell of it: variance and mean of its intensity, and its lobe.
+type Told = (Option<(f64, f64)>, Lobe);
 
 /// Scores points from what photos show of them; `observations` are those of `points`, photo by photo of `photos`. `vdsf`
 /// makes a score of a variance.
+///
+/// With `exposure`, each photo's gain and offset are evened out, and then all are brought to one exposure: photos that are a
+/// stop brighter vary four times as much, without the surface being any glossier.
 pub fn estimate(
     points: &[SurfacePoint],
     photos: &[Photo],
     observations: &Observations,
-    gains: Gains,
+    exposure: bool,
     vdsf: impl Fn(f64) -> f64,
 ) -> Estimate {
+    let gains = if exposure { Gains::fit(observations, photos.len()) } else { Gains::none(photos.len()) };
     let told = in_parallel(points.len(), |i| tell(points[i].position, photos, observations.of(i), &gains));
-    let variances: Vec<Option<f64>> = told.iter().map(|(variance, _)| *variance).collect();
+    let means = || told.iter().filter_map(|(moments, _)| moments.map(|(_, mean)| mean)).collect::<Vec<_>>();
+    let level = exposure.then(|| quantile(means(), 0.5)).filter(|level| *level > 0.0);
+    let factor = level.map_or(1.0, |level| (GREY / level).powi(2));
+    let variances: Vec<Option<f64>> =
+        told.iter().map(|(moments, _)| moments.map(|(variance, _)| factor * variance)).collect();
     let raw: Vec<Option<f64>> = variances.iter().map(|variance| variance.map(&vdsf)).collect();
     let ends = ENDS.map(|part| quantile(raw.iter().flatten().copied().collect(), part));
     let score = |raw: &Option<f64>| match raw {
@@ -78,17 +92,18 @@ pub fn estimate(
         variances,
         ends,
         gains,
+        level,
     }
 }
 
-/// Variance and lobe of a point at `position`.
+/// What a point at `position` is told to be.
 fn tell(position: DVec3, photos: &[Photo], (seen_in, intensities): (&[u32], &[f32]), gains: &Gains) -> Told {
     let toward: Vec<DVec3> =
         seen_in.iter().map(|k| (photos[*k as usize].camera.pose.position - position).normalize_or_zero()).collect();
     let corrected: Vec<f64> =
         seen_in.iter().zip(intensities).map(|(k, v)| gains.corrected(*k as usize, f64::from(*v))).collect();
     match variance::variance(&corrected, &toward) {
-        Some((variance, mean)) => (Some(variance), lobes::lobe(&corrected, &toward, mean)),
+        Some((variance, mean)) => (Some((variance, mean)), lobes::lobe(&corrected, &toward, mean)),
         None => (None, Lobe::default()),
     }
 }

@@ -1,14 +1,14 @@
 //! What photos show of surface points, on the device (`observe.comp`): which photos see a point, through their real
 //! lenses, and how bright it is there. And the twin.
 
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use super::pyramid::Pyramid;
 use super::variance::median;
-use crate::photos::Photo;
+use crate::photos::{Photo, PhotoSet};
 use crate::scene::proxy::{Proxy, SurfacePoint};
 use crate::scene::similarity::Similarity;
 use crate::visibility::bvh::{Bvh, Node, Primitives};
@@ -30,6 +30,8 @@ crate::gpu_struct! {
         pub height: u32,
         /// Levels of its pyramid.
         pub levels: u32,
+        /// Where in `photo` a bit per point begins: whether the photo is known to see it.
+        pub matched: u32,
     }
 }
 
@@ -67,6 +69,8 @@ pub struct Scene {
     pub views: Vec<LensView>,
     /// What blocks rays.
     pub bvh: Bvh,
+    /// Points that each photo is known to see, whatever blocks the way: empty where nothing is known, or a list per photo.
+    pub matched: Vec<Vec<u32>>,
 }
 
 /// What the photos show of each point: for every point the photos that see it, in order, and the intensities there.
@@ -110,7 +114,31 @@ impl Scene {
             points: points.iter().map(observed).collect(),
             views: photos.iter().map(|photo| LensView::new(photo, &to_internal)).collect(),
             bvh: Bvh::new(&proxy.occluder, &to_internal)?,
+            matched: Vec::new(),
         })
+    }
+
+    /// Takes over from the tracks of a capture which photos see a point: those it was found in. Discs stand for too much of a
+    /// sparse cloud for rays to tell: they block from a tenth to a half of the matches that the cloud was made from. `points` are
+    /// those that the scene was made of; ones that are none of the capture's are left to the rays.
+    pub fn with_tracks(mut self, points: &[SurfacePoint], capture: &PhotoSet) -> Self {
+        let key = |p: DVec3| p.to_array().map(f64::to_bits);
+        let tracks: HashMap<_, _> =
+            capture.points.positions.iter().zip(&capture.tracks).map(|(p, track)| (key(*p), track)).collect();
+        self.matched = vec![Vec::new(); self.views.len()];
+        for (i, point) in (0..).zip(points) {
+            for photo in tracks.get(&key(point.position)).into_iter().copied().flatten() {
+                self.matched[*photo as usize].push(i);
+            }
+        }
+        self
+    }
+
+    /// A bit per point: whether the photo is known to see it.
+    fn bits(&self, view: usize) -> Vec<u32> {
+        let mut bits = vec![0; self.points.len().div_ceil(32)];
+        self.matched.get(view).into_iter().flatten().for_each(|point| bits[*point as usize / 32] |= 1 << (point % 32));
+        bits
     }
 
     /// Observes every point in the photos that `next` gives, each with its index among the cameras, in any order and until
@@ -133,7 +161,7 @@ impl Scene {
         let pipeline = Pipeline::new(context, &OBSERVE, &[0, 0, 0, 0, 0, discs])?;
         // Rounding may leave a stored image a pixel larger than the camera's.
         let texels = |view: &LensView| Pyramid::size(view.size[0] as u32 + 1, view.size[1] as u32 + 1);
-        let room = 4 * self.views.iter().map(texels).max().unwrap_or(0);
+        let room = 4 * (self.views.iter().map(texels).max().unwrap_or(0) + self.points.len().div_ceil(32) as u64);
         let slot = || -> Result<Slot> {
             Ok(Slot {
                 staging: Buffer::host(context, "photo_staging", room)?,
@@ -156,7 +184,7 @@ impl Scene {
                 seen[view] = shown.map(|(point, v)| (point, *v)).collect();
                 free.push(slot);
             }
-            let Some((view, pyramid)) = photo else {
+            let Some((view, mut pyramid)) = photo else {
                 if running.is_empty() {
                     return Ok(self.gather(&seen));
                 }
@@ -165,6 +193,8 @@ impl Scene {
             let Some(slot) = free.pop() else {
                 return Err(Error::request("no room is left for a photo on the device; run again"));
             };
+            let matched = pyramid.texels.len() as u32;
+            pyramid.texels.extend(self.bits(view));
             slot.staging.write(&pyramid.texels)?;
             let mut commands = Recorder::new(context)?;
             commands.copy(&slot.staging, &slot.photo, 4 * pyramid.texels.len() as u64);
@@ -177,6 +207,7 @@ impl Scene {
                     width: pyramid.width,
                     height: pyramid.height,
                     levels: pyramid.levels,
+                    matched,
                 })
                 .linear(self.points.len().div_ceil(64) as u32);
             commands.submit()?;
@@ -226,19 +257,21 @@ impl Observations {
 pub fn lens_pixel(view: &LensView, photo: &Photo, point: Vec3) -> Option<Vec2> {
     let off = (point - Vec3::from(view.position)).as_dvec3();
     let along = |axis: [f32; 3]| off.dot(Vec3::from(axis).as_dvec3());
-    let pixel = photo.lens().project(glam::DVec3::new(along(view.right), along(view.down), along(view.forward)))?;
+    let pixel = photo.lens().project(DVec3::new(along(view.right), along(view.down), along(view.forward)))?;
     let inside =
         pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < f64::from(view.size[0]) && pixel.y < f64::from(view.size[1]);
     inside.then(|| pixel.as_vec2())
 }
 
 /// What a photo shows of a point, none where it does not: the twin of `observe`.
-pub fn observe(scene: &Scene, point: &ObservedPoint, view: &LensView, photo: &Photo, pyramid: &Pyramid) -> Option<f32> {
+pub fn observe(scene: &Scene, point: usize, view: usize, photo: &Photo, pyramid: &Pyramid) -> Option<f32> {
+    let known = scene.matched.get(view).is_some_and(|points| points.contains(&(point as u32)));
+    let (point, view) = (&scene.points[point], &scene.views[view]);
     let (position, normal) = (Vec3::from(point.position), Vec3::from(point.normal));
     let camera = Vec3::from(view.position);
     let distance = camera.distance(position);
     let cosine = normal.dot(camera - position) / distance;
-    if cosine <= LEAST_COSINE {
+    if !known && cosine <= LEAST_COSINE {
         return None;
     }
     let texels = pyramid.width as f32 / view.size[0];
@@ -249,10 +282,10 @@ pub fn observe(scene: &Scene, point: &ObservedPoint, view: &LensView, photo: &Ph
     let origin = position + point.lift * normal;
     let reach = camera.distance(origin);
     let ray = Ray { origin, direction: (camera - origin) / reach, t_min: 0.0, t_max: reach };
-    if scene.bvh.any_hit(&ray) {
+    if !known && scene.bvh.any_hit(&ray) {
         return None;
     }
-    let wide = texels * view.focal[0] * point.footprint / distance * cosine.sqrt();
+    let wide = texels * view.focal[0] * point.footprint / distance * cosine.max(LEAST_COSINE).sqrt();
     let level = wide.log2().clamp(0.0, (pyramid.levels - 1) as f32);
     let finer = level as u32;
     let [a, b] = [finer, (finer + 1).min(pyramid.levels - 1)].map(|level| pyramid.bilinear(level, pixel));

@@ -1,9 +1,5 @@
 //! A photo as the device samples it: luma of linear RGB and mask, in levels that halve in size.
 
-use std::sync::LazyLock;
-
-use crate::io::colour::linear;
-
 /// Most texels of the finest level; larger photos begin at a coarser one. It keeps a pyramid within 90 MB.
 pub const MOST_TEXELS: u64 = 1 << 24;
 
@@ -20,32 +16,21 @@ pub struct Pyramid {
     pub texels: Vec<u32>,
 }
 
-/// 65535 times the contribution of each 8-bit sRGB value of a channel to the luma (weights of ITU-R BT.709).
-static CHANNELS: LazyLock<[[f32; 256]; 3]> = LazyLock::new(|| {
-    [0.2126, 0.7152, 0.0722].map(|weight| std::array::from_fn(|v| (65535.0 * weight * linear(v as u8)) as f32))
-});
-
 /// Texels of a level half as large.
 const fn halved(size: u32) -> u32 {
     size.div_ceil(2)
 }
 
 impl Pyramid {
-    /// The pyramid of an 8-bit sRGB image, row by row; a mask of the same size is white where the object is.
-    pub fn new(width: u32, height: u32, rgb: &[u8], mask: Option<&[u8]>) -> Self {
-        let [red, green, blue] = &*CHANNELS;
-        let luma = rgb
-            .chunks_exact(3)
-            .map(|p| (red[usize::from(p[0])] + green[usize::from(p[1])] + blue[usize::from(p[2])] + 0.5) as u32);
+    /// The pyramid of a photo's luma (linear, in [0, 1]), row by row; a mask of the same size is white where the object is.
+    pub fn new(width: u32, height: u32, luma: &[f32], mask: Option<&[u8]>) -> Self {
+        let texel = |luma: f32, mask: u8| {
+            let mask = 257 * u32::from(mask);
+            mask << 16 | (luma * mask as f32 + 0.5) as u32
+        };
         let texels = match mask {
-            None => luma.map(|luma| 0xffff_0000 | luma).collect(),
-            Some(mask) => luma
-                .zip(mask)
-                .map(|(luma, &mask)| {
-                    let mask = 257 * u32::from(mask);
-                    mask << 16 | (luma * mask + 32767) / 65535
-                })
-                .collect(),
+            None => luma.iter().map(|luma| texel(*luma, 255)).collect(),
+            Some(mask) => luma.iter().zip(mask).map(|(luma, mask)| texel(*luma, *mask)).collect(),
         };
         let mut pyramid = Self { width, height, levels: 1, texels };
         let (mut width, mut height, mut start) = (width, height, 0);
@@ -130,35 +115,32 @@ mod tests {
     /// If this failed, intensities would be off, or a photo of odd size would be read past its end.
     #[test]
     fn every_level_keeps_the_mean() {
-        let grey = |v: u8| [v; 3];
-        let rgb: Vec<u8> = (0..16u8).flat_map(|i| grey(if i % 2 == 0 { 255 } else { 0 })).collect();
-        let pyramid = Pyramid::new(4, 4, &rgb, None);
+        let stripes: Vec<f32> = (0..16).map(|i| (i % 2) as f32).collect();
+        let pyramid = Pyramid::new(4, 4, &stripes, None);
         assert_eq!((pyramid.levels, pyramid.texels.len()), (3, 16 + 4 + 1));
         let [luma, mask] = pyramid.bilinear(2, [2.0, 2.0]);
         assert!((luma - 0.5).abs() < 1e-4 && mask == 1.0, "{luma}, {mask}");
         for (width, height) in [(1, 1), (5, 3), (1, 7), (912, 911)] {
-            let rgb = vec![188; 3 * width as usize * height as usize];
-            let pyramid = Pyramid::new(width, height, &rgb, None);
+            let pyramid = Pyramid::new(width, height, &vec![0.3; (width * height) as usize], None);
             assert_eq!(pyramid.texels.len() as u64, Pyramid::size(width, height), "{width} x {height}");
             let coarsest = pyramid.bilinear(pyramid.levels - 1, [0.5; 2]);
-            assert!((f64::from(coarsest[0]) - linear(188)).abs() < 1e-4, "{coarsest:?}");
+            assert!((coarsest[0] - 0.3).abs() < 1e-4, "{coarsest:?}");
         }
     }
 
     /// If this failed, the background would shine into what is seen of the object.
     #[test]
     fn what_the_mask_hides_has_no_say() {
-        let rgb = [[200u8; 3], [20; 3], [200; 3], [20; 3]].concat();
-        let pyramid = Pyramid::new(2, 2, &rgb, Some(&[255, 0, 255, 0]));
+        let pyramid = Pyramid::new(2, 2, &[0.7, 0.1, 0.7, 0.1], Some(&[255, 0, 255, 0]));
         let [luma, mask] = pyramid.bilinear(1, [1.0, 1.0]);
-        assert!((f64::from(luma / mask) - linear(200)).abs() < 1e-4 && (mask - 0.5).abs() < 1e-4);
+        assert!((luma / mask - 0.7).abs() < 1e-4 && (mask - 0.5).abs() < 1e-4);
     }
 
     /// If this failed, one huge photo would not fit a device's buffer.
     #[test]
     fn huge_photos_begin_at_a_coarser_level() {
         let (width, height) = (8192, 4096);
-        let pyramid = Pyramid::new(width, height, &vec![90; 3 * (width * height) as usize], None);
+        let pyramid = Pyramid::new(width, height, &vec![0.2; (width * height) as usize], None);
         assert_eq!((pyramid.width, pyramid.height), (4096, 2048));
         assert_eq!(pyramid.texels.len() as u64, Pyramid::size(width, height));
     }

@@ -11,6 +11,8 @@ const NOISE: f64 = 0.005;
 /// Nearest views that may bear witness to a highlight, and the cosine within which they must look from (30 degrees).
 const WITNESSES: usize = 2;
 const BESIDE: f64 = 0.866;
+/// Part of a highlight's height above the median that a witness sees at least.
+const WITNESSED: f64 = 0.25;
 
 /// Variance of the intensities of a point (squared differences from the mean summed, over their number less one), and the
 /// mean, over the views that are believed; `toward` are the unit directions to the cameras. None for fewer than two
@@ -20,7 +22,7 @@ const BESIDE: f64 = 0.866;
 /// moved, a photo that was blurred or lit otherwise. Of three ways tried on normal deviates with a tenth of gross outliers
 /// (winsorised, trimmed, squared median absolute deviation) trimming comes closest to the true variance. A highlight is
 /// off the median too, but it adds light, and where it is seen from one direction it shows in the next ones: a brighter
-/// view stays if one of the two views beside it (within 30 degrees) is at least half as far above the median. What that gives
+/// view stays if one of the two views beside it (within 30 degrees) is at least a quarter as far above the median. What that gives
 /// up: a highlight so sharp that a single view sees it, and dark reflections that only a few views see.
 pub fn variance(intensities: &[f64], toward: &[DVec3]) -> Option<(f64, f64)> {
     let believed = believed(intensities, toward);
@@ -53,7 +55,7 @@ fn believed(intensities: &[f64], toward: &[DVec3]) -> Vec<bool> {
                 }
             }
         }
-        nearest.iter().any(|(_, witness)| *witness >= 0.5 * excess)
+        nearest.iter().any(|(_, witness)| *witness >= WITNESSED * excess)
     };
     (0..intensities.len())
         .map(|k| {
