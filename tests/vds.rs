@@ -62,10 +62,10 @@ fn photos(lenses: &[Distortion]) -> Vec<Photo> {
 /// stripes.
 fn radiance(n: DVec3, v: DVec3) -> f64 {
     let lamp = DVec3::new(0.3, 0.2, 0.9).normalize();
-    let albedo = if (8.0 * n.z).rem_euclid(2.0) < 1.0 { 0.5 } else { 0.25 };
+    let albedo = if (3.0 * n.z).rem_euclid(2.0) < 1.0 { 0.5 } else { 0.25 };
     let matt = albedo * (0.4 + 0.6 * n.dot(lamp).max(0.0));
     let mirrored = 2.0 * n.dot(v) * n - v;
-    matt + if n.x > 0.0 { 0.4 * ((mirrored.dot(lamp) - 1.0) / 0.15).exp() } else { 0.0 }
+    matt + if n.x > 0.0 { 0.4 * ((mirrored.dot(lamp) - 1.0) / 0.05).exp() } else { 0.0 }
 }
 
 /// Where the ray of a pixel meets the unit sphere.

@@ -1,8 +1,9 @@
 //! Exposure of each photo, from what all photos show of the same points.
 //!
 //! Photo k shows point p with intensity `I = g_k R_p + o_k`. The reference R_p is the median over the photos of what they
-//! would show at gain one and offset zero, gains and offsets are robust regressions onto the references, in turn. A
-//! common factor and offset cannot be told from the scene: the mean gain is one, the mean offset zero.
+//! would show at gain one and offset zero, gains and offsets are robust regressions onto the references, in turn. Points
+//! weigh by the square of their inverse variance, so that what does not change with the view decides. A common factor and
+//! offset cannot be told from the scene: the mean gain is one, the mean offset zero.
 
 use super::observe::Observations;
 use super::variance::median;
@@ -15,11 +16,14 @@ const LEAST_OBSERVATIONS: usize = 20;
 const ENOUGH: usize = 1500;
 /// Brighter intensities may be clipped.
 const CLIPPED: f32 = 0.95;
+/// Rounds that weigh residuals by Huber, whose answer depends on no start; then Tukey's weights leave highlights out altogether.
+const FIRST: u32 = 10;
 /// Rounds at most, and the change of a gain or offset that ends them.
 const ROUNDS: u32 = 100;
 const SETTLED: f64 = 1e-5;
-/// Where Huber's weights begin to fall, in standard deviations.
-const HUBER: f64 = 1.345;
+/// Deviation of a point's looks below which it weighs no more: the noise of photos, in luma. A point that varies more, by
+/// gloss or by being badly placed, tells less of the exposures.
+const NOISE: f64 = 0.005;
 /// How much gain one and offset zero are preferred, in parts of what the observations say. Photos of one side of an object
 /// share points with their neighbours only, so that a drift of gains and offsets all around it costs them little: the
 /// preference holds it down, and takes less than a hundredth off what a photo shares with many others tells.
@@ -56,20 +60,22 @@ impl Gains {
         if fitted.is_empty() {
             return fit;
         }
-        for _ in 0..ROUNDS {
-            // What each photo shows, and what it should.
-            let mut pairs: Vec<Vec<[f64; 2]>> = seen.iter().map(|n| Vec::with_capacity(*n)).collect();
+        for round in 0..ROUNDS {
+            // What each photo should show, what it does, and how much that weighs.
+            let mut pairs: Vec<Vec<[f64; 3]>> = seen.iter().map(|n| Vec::with_capacity(*n)).collect();
             let mut corrected = Vec::new();
             for point in &points {
                 corrected.clear();
                 corrected.extend(point.iter().map(|(photo, intensity)| fit.corrected(*photo, *intensity)));
                 let reference = median(&mut corrected);
-                point.iter().for_each(|(photo, intensity)| pairs[*photo].push([reference, *intensity]));
+                corrected.iter_mut().for_each(|look| *look = (*look - reference).abs());
+                let weight = (median(&mut corrected).powi(2) + NOISE * NOISE).powi(-2);
+                point.iter().for_each(|(photo, intensity)| pairs[*photo].push([reference, *intensity, weight]));
             }
             let before = fit.clone();
             for &photo in &fitted {
                 let line = [fit.gains[photo], fit.offsets[photo]];
-                let [gain, offset] = regression(&pairs[photo], line);
+                let [gain, offset] = regression(&pairs[photo], line, if round < FIRST { huber } else { biweight });
                 (fit.gains[photo], fit.offsets[photo]) = (gain.clamp(LEAST_GAIN, MOST_GAIN), offset);
             }
             let mean = |of: &[f64]| fitted.iter().map(|k| of[*k]).sum::<f64>() / fitted.len() as f64;
@@ -81,7 +87,7 @@ impl Gains {
                 change = change.max((fit.gains[k] - before.gains[k]).abs());
                 change = change.max((fit.offsets[k] - before.offsets[k]).abs());
             }
-            if change < SETTLED {
+            if change < SETTLED && round > FIRST {
                 break;
             }
         }
@@ -109,25 +115,34 @@ fn shared(observations: &Observations, photos: usize) -> Vec<Vec<(usize, f64)>> 
     eligible.iter().step_by(stride).map(of).filter(|point| point.len() >= LEAST_VIEWS).collect()
 }
 
-/// Gain and offset of the line through pairs of reference and intensity, by two rounds of reweighted least squares with
-/// Huber's weights, from the line before.
-fn regression(pairs: &[[f64; 2]], mut line: [f64; 2]) -> [f64; 2] {
+/// Huber's weight of a residual in standard deviations.
+fn huber(residual: f64) -> f64 {
+    (1.345 / residual.max(1e-12)).min(1.0)
+}
+
+/// Tukey's.
+fn biweight(residual: f64) -> f64 {
+    (1.0 - (residual / 4.685).min(1.0).powi(2)).powi(2)
+}
+
+/// Gain and offset of the line through triples of reference, intensity and weight, by two rounds of reweighted least squares
+/// from the line before; `robust` weighs residuals.
+fn regression(pairs: &[[f64; 3]], mut line: [f64; 2], robust: fn(f64) -> f64) -> [f64; 2] {
     for _ in 0..2 {
-        let residual = |[reference, intensity]: &[f64; 2]| intensity - line[0] * reference - line[1];
-        let mut sizes: Vec<f64> = pairs.iter().map(|pair| residual(pair).abs()).collect();
+        let residual = |[reference, intensity, _]: &[f64; 3]| (intensity - line[0] * reference - line[1]).abs();
+        let mut sizes: Vec<f64> = pairs.iter().map(residual).collect();
         let deviation = (1.4826 * median(&mut sizes)).max(1e-6);
-        let weigh = |pair: &[f64; 2]| (HUBER * deviation / residual(pair).abs().max(1e-12)).min(1.0);
-        let square = pairs.iter().map(|[reference, _]| reference * reference).sum::<f64>();
-        let [by_gain, by_offset] = [PRIOR[0] * square, PRIOR[1] * pairs.len() as f64];
-        let (mut rr, mut r, mut n, mut ri, mut i) = (by_gain, 0.0, by_offset, by_gain, 0.0);
-        for pair @ [reference, intensity] in pairs {
-            let weight = weigh(pair);
+        let (mut rr, mut r, mut n, mut ri, mut i) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for pair @ [reference, intensity, weight] in pairs {
+            let weight = weight * robust(residual(pair) / deviation);
             rr += weight * reference * reference;
             r += weight * reference;
             n += weight;
             ri += weight * reference * intensity;
             i += weight * intensity;
         }
+        let preferred = PRIOR[0] * rr;
+        (rr, ri, n) = (rr + preferred, ri + preferred, n * (1.0 + PRIOR[1]));
         let determinant = rr * n - r * r;
         if determinant <= 0.0 {
             return line;
