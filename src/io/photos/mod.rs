@@ -165,7 +165,7 @@ fn from_transforms(path: &Path, bytes: &[u8]) -> Result<Found> {
 
 fn from_colmap(path: &Path, model: &Path) -> Result<Found> {
     let parts = colmap::model(model)?;
-    let root = root(path, model);
+    let root = root(path, model, &parts.images);
     let folders = files::image_folders(&root);
     let number: HashMap<u32, u32> = parts.images.iter().zip(0..).map(|(image, i)| (image.id, i)).collect();
     let photos: Vec<Photo> = parts
@@ -197,8 +197,14 @@ fn from_colmap(path: &Path, model: &Path) -> Result<Found> {
     Ok(found)
 }
 
-/// The folder that holds the images of a model: the capture itself, or one above the model.
-fn root(path: &Path, model: &Path) -> PathBuf {
-    let above = std::iter::once(path).chain(model.ancestors().take(4));
-    above.into_iter().find(|folder| !files::image_folders(folder).is_empty()).unwrap_or(path).to_owned()
+/// The folder that the images of a model lie under: the capture itself, or one above the model.
+fn root(path: &Path, model: &Path, images: &[colmap::Image]) -> PathBuf {
+    let holds = |folder: &&Path| {
+        let folders = files::image_folders(folder);
+        !folders.is_empty() && images.iter().any(|image| files::image(&folders, &image.name).is_some())
+    };
+    std::iter::once(path).chain(model.ancestors().take(4)).find(holds).unwrap_or(path).to_owned()
 }
+
+#[cfg(test)]
+mod tests;

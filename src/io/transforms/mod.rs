@@ -37,18 +37,12 @@ struct Lens {
     h: Option<f64>,
     camera_angle_x: Option<f64>,
     camera_angle_y: Option<f64>,
-    #[serde(default)]
-    k1: f64,
-    #[serde(default)]
-    k2: f64,
-    #[serde(default)]
-    k3: f64,
-    #[serde(default)]
-    k4: f64,
-    #[serde(default)]
-    p1: f64,
-    #[serde(default)]
-    p2: f64,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    k3: Option<f64>,
+    k4: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -153,7 +147,8 @@ impl Lens {
     fn or(self, file: Self) -> Self {
         // A frame's own focal length or angle must not be mixed with the file's other one.
         let angles = self.fl_x.or(self.camera_angle_x).map_or(file, |_| self);
-        let distortion = if self.fl_x.is_some() { self } else { file };
+        let own = [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2].iter().any(Option::is_some);
+        let distortion = if own { self } else { file };
         Self {
             fl_x: self.fl_x.or(angles.fl_x),
             fl_y: self.fl_y.or(angles.fl_y),
@@ -199,8 +194,8 @@ impl Lens {
     fn distortion(&self, fisheye: bool) -> Distortion {
         Distortion {
             fisheye,
-            radial: [self.k1, self.k2, self.k3, self.k4, 0.0, 0.0],
-            tangential: if fisheye { [0.0; 2] } else { [self.p1, self.p2] },
+            radial: [self.k1, self.k2, self.k3, self.k4, None, None].map(Option::unwrap_or_default),
+            tangential: if fisheye { [0.0; 2] } else { [self.p1, self.p2].map(Option::unwrap_or_default) },
             ..Distortion::default()
         }
     }
