@@ -4,16 +4,17 @@
 mod planner_support;
 
 use camsplat::io::photos as captures;
-use camsplat::photos::{Photo, PhotoSet};
+use camsplat::photos::Photo;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::lens::Distortion;
 use camsplat::scene::proxy::{Orientation, Proxy, SurfacePoint};
 use camsplat::scene::random;
 use camsplat::scene::samples;
 use camsplat::scene::surface::{Mesh, Surface};
+use camsplat::vds::job::{self, Settings};
 use camsplat::vds::observe::{Observations, Scene, lens_pixel, observe};
 use camsplat::vds::pyramid::Pyramid;
-use camsplat::vds::{self, images, quantile};
+use camsplat::vds::{self, quantile};
 use glam::{DVec2, DVec3, Vec3};
 use planner_support::{context, silent};
 
@@ -278,12 +279,10 @@ fn gold_varies_more_than_the_tankard() {
     };
     let context = context();
     let median = |name: &str| {
-        let capture: PhotoSet = captures::read(&data.join("photos").join(name)).unwrap();
-        let proxy = Proxy::new(&Surface::Points(capture.points.clone()), Orientation::Outward(DVec3::ZERO)).unwrap();
-        let points = proxy.sample(4000, 0, 0);
-        let scene = Scene::new(&proxy, &points, &capture.photos).unwrap().with_tracks(&points, &capture);
-        let observations = images::decoded(&capture.photos, |next| scene.observe(&context, next)).unwrap();
-        let estimate = vds::estimate(&points, &capture.photos, &observations, true, |v| v);
+        let capture = captures::read(&data.join("photos").join(name), &captures::Options::default()).unwrap();
+        let surface = Surface::Points(capture.points.clone());
+        let settings = Settings { points: Some(4000), ..Settings::default() };
+        let estimate = job::run(&context, &capture, &surface, &settings, |_| ()).unwrap();
         quantile(estimate.variances.into_iter().flatten().collect(), 0.5)
     };
     let [gold, tankard] = ["gold-cape", "tankard"].map(median);

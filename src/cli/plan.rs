@@ -8,7 +8,7 @@ use clap::Args;
 
 use super::options::{CameraOptions, DeviceOptions, RegionOptions, print_messages};
 use super::progress::{Progress, stop_on_interrupt};
-use super::vds::{Scored, sparse_points};
+use super::vds;
 use crate::io;
 use crate::io::folder::{OutputFolder, check_file};
 use crate::metrics::Metrics;
@@ -17,6 +17,7 @@ use crate::plan::job::{self, Plan, Tools};
 use crate::plan::preparation::Preparation;
 use crate::report;
 use crate::scene::surface::Surface;
+use crate::vds::job::Settings;
 use crate::visibility::device_scene::SceneGeometry;
 use crate::vulkan::Context;
 use crate::vulkan::capture::RenderDoc;
@@ -272,23 +273,24 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The points of a capture, scored from its photos; none where the surface is no capture with photos. The device is opened only
-/// for one.
+/// The points of a capture, scored from its photos; none where the surface is no capture with points and photos. The device is
+/// opened only for one.
 fn scored(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<Option<Surface>> {
     if !arguments.surface.is_dir() {
         return Ok(None);
     }
-    let capture = io::photos::read(&arguments.surface)?;
-    if capture.points.positions.is_empty() || capture.photos.iter().all(|photo| photo.image.is_none()) {
+    let capture = io::photos::read(&arguments.surface, &io::photos::Options::default())?;
+    let images = capture.photos.iter().filter(|photo| photo.image.is_some()).count();
+    if capture.points.positions.is_empty() || images < 2 {
         return Ok(None);
     }
     for note in &capture.notes {
         say!("{note}");
     }
     let context = opened.insert(arguments.device.open()?);
-    let scored = Scored::new(context, &capture, &sparse_points(&capture)?, None, arguments.tuning.seed, true)?;
-    scored.print();
-    Ok(Some(Surface::Points(scored.estimate.points)))
+    let settings = Settings { seed: arguments.tuning.seed, ..Settings::default() };
+    let surface = Surface::Points(capture.points.clone());
+    Ok(Some(Surface::Points(vds::score(context, &capture, &surface, &settings)?.points)))
 }
 
 /// Prints the metrics of a plan beside those of its controls.

@@ -2,16 +2,18 @@
 //!
 //! [`observe`] finds on the device which photos see a point and how bright it is there, [`gains`] the exposure of each
 //! photo, [`variance`] how much the intensity of a point varies beyond that, [`lobes`] along which directions. The
-//! variance becomes a score by a cubic, the VDSF, and scores are spread over [1, 2] (docs/method.md, Sampling targets
-//! from photos).
+//! variance becomes a score by a cubic, the [`vdsf`], which [`fit`] makes, and scores are spread over [1, 2]. [`job`] does it
+//! all.
 
+pub mod fit;
 pub mod gains;
-pub mod images;
+pub mod job;
 pub mod lobes;
 pub mod observe;
 pub mod picture;
 pub mod pyramid;
 pub mod variance;
+pub mod vdsf;
 
 use std::thread;
 
