@@ -10,7 +10,7 @@ use indicatif::ProgressBar;
 
 use super::options::{DeviceOptions, print_messages};
 use crate::io;
-use crate::io::folder::check_file;
+use crate::io::folder::{check_file, write_files};
 use crate::io::photos::{Images, Options};
 use crate::photos::PhotoSet;
 use crate::scene::surface::Surface;
@@ -83,8 +83,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     print_messages(&context);
     let png = picture::scores(&estimate.points, &capture.photos)?;
     let bytes = io::ply::write::surface_points(&estimate.points);
-    std::fs::write(&arguments.out, bytes).map_err(|source| Error::io(&arguments.out, source))?;
-    std::fs::write(&picture_file, png).map_err(|source| Error::io(&picture_file, source))?;
+    write_files(&[(&arguments.out, &bytes), (&picture_file, &png)])?;
     say!("written  {}, {}", arguments.out.display(), picture_file.display());
     Ok(ExitCode::SUCCESS)
 }
@@ -121,7 +120,7 @@ fn print(estimate: &Estimate, seconds: f64) {
     say!("views    {mean:.1} a point (10% {low}, median {middle}, 90% {high})");
     let few = variances.iter().filter(|v| v.is_none()).count();
     if few > 0 {
-        say!("         {few} points are seen in fewer than two photos: their score is 1");
+        say!("         {few} of the points are seen in fewer than two photos: their score is 1");
     }
     if let Some(level) = level {
         let ends = |values: &[f64]| [of(values, 0.0), of(values, 1.0)];

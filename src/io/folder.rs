@@ -127,6 +127,28 @@ pub fn check_file(path: &Path) -> Result<()> {
     check_parent(path)
 }
 
+/// Writes files, all or none: each beside its place first, under a hidden name, then all are moved there.
+///
+/// # Errors
+/// When the system refuses; nothing is left behind then but files that had been moved already.
+pub fn write_files(files: &[(&Path, &[u8])]) -> Result<()> {
+    let hidden = |path: &Path| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        parent(path).join(format!(".{name}-{}", std::process::id()))
+    };
+    let written = files
+        .iter()
+        .try_for_each(|(path, bytes)| fs::write(hidden(path), bytes).map_err(|source| Error::io(path, source)));
+    let moved = written.and_then(|()| {
+        files.iter().try_for_each(|(path, _)| fs::rename(hidden(path), path).map_err(|source| Error::io(path, source)))
+    });
+    if moved.is_err() {
+        // What cannot be removed either is not worth a second error.
+        files.iter().for_each(|(path, _)| drop(fs::remove_file(hidden(path))));
+    }
+    moved
+}
+
 /// The folder that `path` lies in.
 fn parent(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))

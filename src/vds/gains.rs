@@ -2,7 +2,7 @@
 //!
 //! Photo k shows point p with intensity `I = g_k R_p + o_k`. The reference R_p is the median over the photos of what they
 //! would show at gain one and offset zero, gains and offsets are robust regressions onto the references, in turn. Points
-//! weigh by the square of their inverse variance, so that what does not change with the view decides. A common factor and
+//! weigh by the inverse of how much their looks vary, so that what does not change with the view decides. A common factor and
 //! offset cannot be told from the scene: the mean gain is one, the mean offset zero.
 
 use super::observe::Observations;
@@ -21,12 +21,13 @@ const FIRST: u32 = 10;
 /// Rounds at most, and the change of a gain or offset that ends them.
 const ROUNDS: u32 = 100;
 const SETTLED: f64 = 1e-5;
-/// Deviation of a point's looks below which it weighs no more: the noise of photos, in luma. A point that varies more, by
-/// gloss or by being badly placed, tells less of the exposures.
-const NOISE: f64 = 0.005;
+/// Deviation of a point's looks, in luma, below which it weighs no more: were it much less, a few dark points would weigh more than
+/// all others, and gains could shrink until nothing varies. A point that varies more, by gloss or by being badly placed, tells
+/// less of the exposures.
+const NOISE: f64 = 0.02;
 /// How much gain one and offset zero are preferred, in parts of what the observations say. Photos of one side of an object
 /// share points with their neighbours only, so that a drift of gains and offsets all around it costs them little: the
-/// preference holds it down, and takes less than a hundredth off what a photo shares with many others tells.
+/// preference holds it down, and takes about a hundredth off what the observations tell otherwise.
 const PRIOR: [f64; 2] = [0.001, 0.004];
 /// Bounds of what is taken for an exposure.
 const LEAST_GAIN: f64 = 0.1;
@@ -69,7 +70,7 @@ impl Gains {
                 corrected.extend(point.iter().map(|(photo, intensity)| fit.corrected(*photo, *intensity)));
                 let reference = median(&mut corrected);
                 corrected.iter_mut().for_each(|look| *look = (*look - reference).abs());
-                let weight = (median(&mut corrected).powi(2) + NOISE * NOISE).powi(-2);
+                let weight = 1.0 / (median(&mut corrected).powi(2) + NOISE * NOISE);
                 point.iter().for_each(|(photo, intensity)| pairs[*photo].push([reference, *intensity, weight]));
             }
             let before = fit.clone();

@@ -1,0 +1,71 @@
+//! `camsplat vds` as a user runs it, on a capture of a ball that lies in a temporary folder.
+
+mod command;
+
+use command::Place;
+use image::{GrayImage, Luma, Rgb, RgbImage};
+
+/// A capture `shots` of the ball: eight photos around it, brighter where it faces +X, and masks.
+fn capture() -> Place {
+    let place = Place::new();
+    std::fs::create_dir_all(place.path("shots/images")).unwrap();
+    let mut frames = Vec::new();
+    for k in 0..8 {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / 8.0).sin_cos();
+        // OpenGL axes: X to the right, Y up, Z back, away from the ball.
+        let rows = [[-sin, 0.0, cos, 4.0 * cos], [cos, 0.0, sin, 4.0 * sin], [0.0, 1.0, 0.0, 0.0]];
+        let image = RgbImage::from_fn(96, 96, |x, y| Rgb([40 + x as u8, 90, 60 + (y as u8 + 20 * k as u8) % 90]));
+        image.save(place.path(&format!("shots/images/{k}.png"))).unwrap();
+        frames.push(format!(
+            "{{\"file_path\":\"images/{k}.png\",\"transform_matrix\":[{:?},{:?},{:?},[0,0,0,1]]}}",
+            rows[0], rows[1], rows[2]
+        ));
+    }
+    let head = "{\"fl_x\":120,\"fl_y\":120,\"cx\":48,\"cy\":48,\"w\":96,\"h\":96,\"frames\":[";
+    place.write("shots/transforms.json", format!("{head}{}]}}", frames.join(",")));
+    place
+}
+
+/// If this failed, what `vds` writes could not be planned with, or would not say what it is made of.
+#[test]
+fn scored_points_can_be_planned_for() {
+    let place = capture();
+    let ran = place.done("vds shots --surface ball.ply --points 500 --out points.ply");
+    for word in ["500 points, 8 photos", "exposure gains", "variance", "score", "points.png"] {
+        assert!(ran.out.contains(word), "{word:?} is missing in\n{}", ran.out);
+    }
+    let picture = image::open(place.path("points.png")).unwrap().to_rgb8();
+    assert!(picture.pixels().any(|p| p.0[1] > 90), "no point is drawn");
+    let text = String::from_utf8_lossy(&std::fs::read(place.path("points.ply")).unwrap()).into_owned();
+    for property in ["nx", "radius", "vds", "vds_1", "vds_8"] {
+        assert!(text.contains(&format!("property float {property}\n")), "{property} is missing");
+    }
+    place.done(&format!("plan points.ply {} --out plan", command::SHORT));
+    let first = std::fs::read(place.path("points.ply")).unwrap();
+    place.done("vds shots --surface ball.ply --points 500 --out again.ply");
+    assert_eq!(first, std::fs::read(place.path("again.ply")).unwrap(), "the same request gives other bits");
+}
+
+/// If this failed, a user would wait for photos to be decoded, or look at half a result, before hearing what is wrong.
+#[test]
+fn what_cannot_be_scored_is_refused_in_one_line() {
+    let place = capture();
+    let refused = |arguments: &str, word: &str| {
+        let ran = place.run(arguments);
+        assert_eq!(ran.code, Some(2), "camsplat {arguments}: {}", ran.out);
+        assert!(ran.err.contains(word) && ran.err.trim_end().lines().count() == 1, "{arguments}: {}", ran.err);
+    };
+    refused("vds shots --out points.ply", "the capture holds no points");
+    refused("vds shots --surface ball.ply --points 2 --out points.ply", "--points is 2");
+    refused("vds shots --surface ball.ply --out points.png", "ends in .ply");
+    refused("vds nowhere --out points.ply", "nowhere");
+    GrayImage::from_pixel(40, 30, Luma([9])).save(place.path("shots/images/3.png")).unwrap();
+    refused("vds shots --surface ball.ply --out points.ply", "3.png");
+    std::fs::remove_file(place.path("shots/images/3.png")).unwrap();
+    refused("vds shots --surface ball.ply --out points.ply", "missing");
+    assert!(!place.path("points.ply").exists() && !place.path("points.png").exists());
+    place.done("vds shots --surface ball.ply --points 300 --skip-missing --out points.ply");
+    place.done(
+        "vds shots --surface ball.ply --points 300 --skip-missing --no-exposure --seed 3 --memory 64 --out a.ply",
+    );
+}
