@@ -2,7 +2,7 @@
 
 mod command;
 
-use command::Place;
+use command::{Place, ended};
 use image::{GrayImage, Luma, Rgb, RgbImage};
 
 /// A capture `shots` of the ball: eight photos around it, brighter where it faces +X, and masks.
@@ -42,8 +42,25 @@ fn scored_points_can_be_planned_for() {
     }
     place.done(&format!("plan points.ply {} --out plan", command::SHORT));
     let first = std::fs::read(place.path("points.ply")).unwrap();
-    place.done("vds shots --surface ball.ply --points 500 --out again.ply");
-    assert_eq!(first, std::fs::read(place.path("again.ply")).unwrap(), "the same request gives other bits");
+    for threads in ["0", "1", "2"] {
+        let mut command = place.command("vds shots --surface ball.ply --points 500 --out again.ply");
+        assert_eq!(ended(command.env("LP_NUM_THREADS", threads).output().unwrap()).code, Some(0));
+        let again = std::fs::read(place.path("again.ply")).unwrap();
+        assert_eq!(first, again, "LP_NUM_THREADS={threads} gives other bits");
+    }
+}
+
+/// If this failed, a plan for a capture would not heed its photos, or one without scores would wait for them.
+#[test]
+fn a_plan_for_a_capture_scores_its_points_first() {
+    let place = capture();
+    place.done("vds shots --surface ball.ply --points 500 --out shots/sparse.ply");
+    let transforms = place.read("shots/transforms.json").replacen('{', "{\"ply_file_path\":\"sparse.ply\",", 1);
+    place.write("shots/transforms.json", transforms);
+    let ran = place.done(&format!("plan shots --keep shots {} --out plan", command::SHORT));
+    assert!(ran.out.contains("8 photos in") && ran.out.contains("5 views, 8 kept"), "{}", ran.out);
+    let ran = place.done(&format!("plan shots --no-vds {} --out bare", command::SHORT));
+    assert!(ran.out.contains("photos are left unread (--no-vds)"), "{}", ran.out);
 }
 
 /// If this failed, a user would wait for photos to be decoded, or look at half a result, before hearing what is wrong.

@@ -26,7 +26,7 @@ impl Pyramid {
     pub fn new(width: u32, height: u32, luma: &[f32], mask: Option<&[u8]>) -> Self {
         let texel = |luma: f32, mask: u8| {
             let mask = 257 * u32::from(mask);
-            mask << 16 | (luma * mask as f32 + 0.5) as u32
+            (mask << 16) | (luma * mask as f32 + 0.5) as u32
         };
         let texels = match mask {
             None => luma.iter().map(|luma| texel(*luma, 255)).collect(),
@@ -76,7 +76,7 @@ impl Pyramid {
                     luma += texel & 0xffff;
                     mask += texel >> 16;
                 }
-                self.texels.push((mask / 4) << 16 | luma / 4);
+                self.texels.push(((mask / 4) << 16) | (luma / 4));
             }
         }
     }
