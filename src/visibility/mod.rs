@@ -4,4 +4,5 @@ pub mod bvh;
 pub mod device_scene;
 pub mod exposure;
 pub mod probe_depth;
+pub mod probe_lobe;
 pub mod raycast;
