@@ -23,6 +23,7 @@ mod options;
 mod plan;
 mod progress;
 mod score;
+mod vdsf;
 
 use std::process::ExitCode;
 
@@ -47,6 +48,8 @@ enum Command {
     Devices,
     /// Plan two scenes of our own: an object (50 views) and a furnished room (300 views)
     Demo(demo::Arguments),
+    /// The function from variance over photos to view dependency
+    Vdsf(vdsf::Arguments),
 }
 
 /// Exit code of a run that the user stopped: 128 + SIGINT, as shells have it.
@@ -64,6 +67,7 @@ pub fn main() -> ExitCode {
         Command::Score(arguments) => score::run(&arguments),
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Vdsf(arguments) => vdsf::run(&arguments),
     };
     match result {
         Ok(code) => code,

@@ -1,0 +1,67 @@
+//! `camsplat vdsf`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Subcommand};
+
+use crate::io::folder::check_file;
+use crate::vds::fit;
+use crate::{Error, Result};
+
+/// Arguments of `camsplat vdsf`.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand, Debug)]
+enum Command {
+    /// Fit the cubic to a synthetic population of materials, lightings and neighbourhoods
+    Fit(FitArguments),
+}
+
+/// Arguments of `camsplat vdsf fit`.
+#[derive(Args, Debug)]
+struct FitArguments {
+    /// Number of surfaces in the population
+    #[arg(long, default_value_t = fit::SAMPLES)]
+    samples: usize,
+    /// Another population
+    #[arg(long, default_value_t = fit::SEED)]
+    seed: u64,
+    /// JSON file to write: coefficients, range and the fit's quality
+    #[arg(long)]
+    out: PathBuf,
+    /// SVG file to write: the points and the curve
+    #[arg(long)]
+    plot: Option<PathBuf>,
+}
+
+/// Fits and writes.
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let Command::Fit(arguments) = &arguments.command;
+    let files = || std::iter::once(&arguments.out).chain(&arguments.plot);
+    files().try_for_each(|file| check_file(file))?;
+    let (vdsf, observations) = fit::fit(arguments.samples, arguments.seed)?;
+    let text = vdsf.text()?;
+    let write = |path: &PathBuf, text: &str| std::fs::write(path, text).map_err(|source| Error::io(path, source));
+    write(&arguments.out, &text)?;
+    if let Some(path) = &arguments.plot {
+        write(path, &fit::plot::svg(&vdsf, &observations))?;
+    }
+    let [a0, a1, a2, a3] = vdsf.coefficients;
+    say!("vdsf     s = {a0} + {a1} v + {a2} v^2 + {a3} v^3 for v in [{}, {}]", vdsf.range[0], vdsf.range[1]);
+    let quality = &vdsf.quality;
+    say!(
+        "fit      {} samples, R^2 {:.3}, Spearman {:.3} (expected variance {:.3}), {:.1}% at the most views tried",
+        vdsf.samples,
+        quality.r_squared,
+        quality.spearman,
+        quality.spearman_expected,
+        100.0 * quality.saturated
+    );
+    files().for_each(|file| say!("wrote    {}", file.display()));
+    Ok(ExitCode::SUCCESS)
+}
