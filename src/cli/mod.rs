@@ -23,6 +23,7 @@ mod options;
 mod plan;
 mod progress;
 mod score;
+mod vds;
 mod vdsf;
 
 use std::process::ExitCode;
@@ -44,6 +45,8 @@ enum Command {
     Plan(Box<plan::Arguments>),
     /// Score any camera set on a surface
     Score(Box<score::Arguments>),
+    /// Score how much each part of a surface changes with the view, from photos
+    Vds(vds::Arguments),
     /// List every Vulkan device, what it has and what it lacks
     Devices,
     /// Plan two scenes of our own: an object (50 views) and a furnished room (300 views)
@@ -65,6 +68,7 @@ pub fn main() -> ExitCode {
     let result = match cli.command {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Score(arguments) => score::run(&arguments),
+        Command::Vds(arguments) => vds::run(&arguments),
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Vdsf(arguments) => vdsf::run(&arguments),

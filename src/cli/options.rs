@@ -12,6 +12,7 @@ use crate::plan::job::{RegionChoice, Target};
 use crate::plan::record::SurfaceRecord;
 use crate::scene::camera::{Intrinsics, Pose};
 use crate::scene::region::{Region, Shape};
+use crate::scene::surface::Surface;
 use crate::vulkan::{self, Context};
 use crate::{Error, Result};
 
@@ -92,6 +93,22 @@ impl RegionOptions {
     /// Reads a surface and settles its region; prints what was understood. What the options leave out is taken from
     /// `stored`, the region of an earlier plan, where there is one.
     pub fn target(&self, path: &Path, intrinsics: &Intrinsics, stored: Option<Region>) -> Result<Target> {
+        self.choice()?;
+        let (surface, notes) = io::read_surface_with_notes(path)?;
+        for note in notes {
+            say!("{note}");
+        }
+        self.target_of(&surface, path, intrinsics, stored)
+    }
+
+    /// Like [`RegionOptions::target`], for a surface that was read from `path` already.
+    pub fn target_of(
+        &self,
+        surface: &Surface,
+        path: &Path,
+        intrinsics: &Intrinsics,
+        stored: Option<Region>,
+    ) -> Result<Target> {
         let mut choice = self.choice()?;
         let mut preset = self.preset();
         if let (None, Some(region)) = (choice.shape, stored) {
@@ -102,10 +119,6 @@ impl RegionOptions {
                 preset = Preset::Room;
             }
         }
-        let (surface, notes) = io::read_surface_with_notes(path)?;
-        for note in notes {
-            say!("{note}");
-        }
         // A reconstruction knows where cameras could stand: where they did.
         let photographed = if path.is_dir() { io::read_cameras(path).unwrap_or_default() } else { Vec::new() };
         let poses: Vec<Pose> = photographed.iter().map(|camera| camera.pose).collect();
@@ -113,12 +126,16 @@ impl RegionOptions {
         if choice.shape.is_none() && preset == Preset::Object {
             choice.shape = Shape::around_cameras(&poses);
         }
-        let target = Target::new(&surface, &path.to_string_lossy(), preset, &choice, up, intrinsics)?;
+        let target = Target::new(surface, &path.to_string_lossy(), preset, &choice, up, intrinsics)?;
         print_target(&target);
         Ok(target)
     }
 
-    fn choice(&self) -> Result<RegionChoice> {
+    /// What the options say of the region.
+    ///
+    /// # Errors
+    /// Where they say it with too many or too few numbers.
+    pub fn choice(&self) -> Result<RegionChoice> {
         let shape = match (&self.shell, &self.box_) {
             (Some(numbers), _) => {
                 let &[x, y, z, r_min, r_max] = &numbers[..] else {

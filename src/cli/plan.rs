@@ -2,11 +2,13 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use clap::Args;
 
 use super::options::{CameraOptions, DeviceOptions, RegionOptions, print_messages};
 use super::progress::{Progress, stop_on_interrupt};
+use super::vds;
 use crate::io;
 use crate::io::folder::{OutputFolder, check_file};
 use crate::metrics::Metrics;
@@ -14,7 +16,10 @@ use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Start};
 use crate::plan::job::{self, Plan, Tools};
 use crate::plan::preparation::Preparation;
 use crate::report;
+use crate::scene::surface::Surface;
+use crate::vds::job::Settings;
 use crate::visibility::device_scene::SceneGeometry;
+use crate::vulkan::Context;
 use crate::vulkan::capture::RenderDoc;
 use crate::vulkan::profile::Profile;
 use crate::{Error, Result};
@@ -22,7 +27,7 @@ use crate::{Error, Result};
 /// Arguments of `camsplat plan`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model folder
+    /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model folder; capture folder, whose photos tell the scores
     surface: PathBuf,
     /// Cameras to place
     #[arg(long)]
@@ -92,7 +97,7 @@ pub struct Tuning {
     /// Base loss of the paper: no scores, no occlusion
     #[arg(long)]
     base_loss: bool,
-    /// Leave the surface's scores (VDS) aside
+    /// Leave the surface's scores (VDS) aside, and a capture's photos unread
     #[arg(long)]
     no_vds: bool,
     /// Spread a point's score over all directions, also where the surface says along which its radiance varies
@@ -222,12 +227,21 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let renderdoc = arguments.capture.as_ref().map(|_| RenderDoc::load()).transpose()?;
     let intrinsics = arguments.camera.intrinsics()?;
     let folder = if arguments.dry_run { None } else { Some(OutputFolder::create(&arguments.out, arguments.force)?) };
-    let target = arguments.region.target(&arguments.surface, &intrinsics, None)?;
+    arguments.region.choice()?;
+    let mut opened = None;
+    let scored = match arguments.tuning.no_vds || arguments.tuning.base_loss {
+        true => None,
+        false => scored(arguments, &mut opened)?,
+    };
+    let target = match scored {
+        Some(surface) => arguments.region.target_of(&surface, &arguments.surface, &intrinsics, None)?,
+        None => arguments.region.target(&arguments.surface, &intrinsics, None)?,
+    };
     let kept = match &arguments.keep {
         Some(path) => io::read_cameras(path)?,
         None => Vec::new(),
     };
-    let context = arguments.device.open()?;
+    let context = opened.map_or_else(|| arguments.device.open(), Ok)?;
     say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
     let Some(folder) = folder else {
         let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
@@ -261,6 +275,26 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The points of a capture, scored from its photos; none where the surface is no capture with points and photos. The device is
+/// opened only for one.
+fn scored(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<Option<Surface>> {
+    if !arguments.surface.is_dir() {
+        return Ok(None);
+    }
+    let capture = io::photos::read(&arguments.surface, &io::photos::Options::default())?;
+    let images = capture.photos.iter().filter(|photo| photo.image.is_some()).count();
+    if capture.points.positions.is_empty() || images < 2 {
+        return Ok(None);
+    }
+    for note in &capture.notes {
+        say!("{note}");
+    }
+    let context = opened.insert(arguments.device.open()?);
+    let settings = Settings { seed: arguments.tuning.seed, ..Settings::default() };
+    let surface = Surface::Points(capture.points.clone());
+    Ok(Some(Surface::Points(vds::score(context, &capture, &surface, &settings)?.points)))
 }
 
 /// Prints the metrics of a plan beside those of its controls.

@@ -4,6 +4,8 @@
 //! times sqrt(4 pi), so that each function has a mean of zero and a mean square of one over the sphere and f has the
 //! mean one. Order: Y1-1, Y10, Y11, Y2-2, Y2-1, Y20, Y21, Y22.
 
+use std::sync::LazyLock;
+
 use glam::DVec3;
 
 use super::octahedral;
@@ -38,8 +40,10 @@ pub fn value(lobe: &Lobe, w: DVec3) -> f64 {
 /// The lobe with all coefficients scaled by the same factor, at most one, so that f is nowhere below `least` (less than
 /// one).
 pub fn at_least(lobe: &Lobe, least: f64) -> Lobe {
-    let directions = octahedral::directions(RESOLUTION);
-    let lowest = directions.iter().map(|w| value(lobe, *w)).fold(f64::INFINITY, f64::min);
+    static DIRECTIONS: LazyLock<Vec<[f64; 8]>> =
+        LazyLock::new(|| octahedral::directions(RESOLUTION).into_iter().map(basis).collect());
+    let value = |basis: &[f64; 8]| 1.0 + lobe.iter().zip(basis).map(|(c, b)| f64::from(*c) * b).sum::<f64>();
+    let lowest = DIRECTIONS.iter().map(value).fold(f64::INFINITY, f64::min);
     // Between the texels f dips a little lower.
     let dip = 1.05 * (1.0 - lowest);
     let factor = if dip > 1.0 - least { ((1.0 - least) / dip) as f32 } else { 1.0 };

@@ -1,4 +1,134 @@
-//! View dependency: how much the radiance of a surface changes with the direction it is seen from.
+//! View dependency: how much the look of a surface changes with the view, from photos.
+//!
+//! [`observe`] finds on the device which photos see a point and how bright it is there, [`gains`] the exposure of each
+//! photo, [`variance`] how much the intensity of a point varies beyond that, [`lobes`] along which directions. The
+//! variance becomes a score by a cubic, the [`vdsf`], which [`fit`] makes, and scores are spread over [1, 2]. [`job`] does it
+//! all.
 
 pub mod fit;
+pub mod gains;
+pub mod job;
+pub mod lobes;
+pub mod observe;
+pub mod picture;
+pub mod pyramid;
+pub mod variance;
 pub mod vdsf;
+
+use std::thread;
+
+use glam::DVec3;
+
+use self::gains::Gains;
+use self::observe::Observations;
+use crate::photos::Photo;
+use crate::scene::harmonics::Lobe;
+use crate::scene::proxy::SurfacePoint;
+use crate::scene::surface::Points;
+
+/// Quantiles of the VDSF that become the scores 1 and 2: what lies outside counts as the nearer one. A single point on an
+/// edge that no photo registers well would otherwise set the scale of all.
+const ENDS: [f64; 2] = [0.01, 0.99];
+
+/// What the photos tell of points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// The points with scores in [1, 2] and lobes, in the photos' world frame.
+    pub points: Points,
+    /// Photos that see each point.
+    pub views: Vec<u32>,
+    /// Variance of each point's intensity; none where fewer than two photos see it. Such a point has the score 1.
+    pub variances: Vec<Option<f64>>,
+    /// VDSF of these variances at the scores 1 and 2.
+    pub ends: [f64; 2],
+    /// Exposure of each photo.
+    pub gains: Gains,
+    /// Median over the points of their mean intensity, before it was brought to [`GREY`]; none where exposures were taken as
+    /// they are.
+    pub level: Option<f64>,
+}
+
+/// Luma that the points are brought to: middle grey, what the photos are exposed for that the VDSF is made from.
+pub const GREY: f64 = 0.18;
+
+/// What a point's views tell of it: variance and mean of its intensity, and its lobe.
+type Told = (Option<(f64, f64)>, Lobe);
+
+/// Scores points from what photos show of them; `observations` are those of `points`, photo by photo of `photos`. `vdsf`
+/// makes a score of a variance.
+///
+/// With `exposure`, each photo's gain and offset are evened out, and then all are brought to one exposure: photos that are a
+/// stop brighter vary four times as much, without the surface being any glossier.
+pub fn estimate(
+    points: &[SurfacePoint],
+    photos: &[Photo],
+    observations: &Observations,
+    exposure: bool,
+    vdsf: impl Fn(f64) -> f64,
+) -> Estimate {
+    let gains = if exposure { Gains::fit(observations, photos.len()) } else { Gains::none(photos.len()) };
+    let told = in_parallel(points.len(), |i| tell(points[i].position, photos, observations.of(i), &gains));
+    let means = || told.iter().filter_map(|(moments, _)| moments.map(|(_, mean)| mean)).collect::<Vec<_>>();
+    let level = exposure.then(|| quantile(means(), 0.5)).filter(|level| *level > 0.0);
+    let factor = level.map_or(1.0, |level| (GREY / level).powi(2));
+    let variances: Vec<Option<f64>> =
+        told.iter().map(|(moments, _)| moments.map(|(variance, _)| factor * variance)).collect();
+    let raw: Vec<Option<f64>> = variances.iter().map(|variance| variance.map(&vdsf)).collect();
+    let ends = ENDS.map(|part| quantile(raw.iter().flatten().copied().collect(), part));
+    let score = |raw: &Option<f64>| match raw {
+        Some(raw) if ends[1] > ends[0] => (1.0 + ((raw - ends[0]) / (ends[1] - ends[0])).clamp(0.0, 1.0)) as f32,
+        _ => 1.0,
+    };
+    Estimate {
+        points: Points {
+            positions: points.iter().map(|point| point.position).collect(),
+            normals: points.iter().map(|point| point.normal).collect(),
+            radii: points.iter().map(|point| point.radius as f32).collect(),
+            colours: points.iter().map(|point| point.colour).collect(),
+            scores: raw.iter().map(score).collect(),
+            lobes: told.into_iter().map(|(_, lobe)| lobe).collect(),
+            oriented: true,
+            toward_cameras: Vec::new(),
+        },
+        views: (0..points.len()).map(|i| observations.of(i).0.len() as u32).collect(),
+        variances,
+        ends,
+        gains,
+        level,
+    }
+}
+
+/// What a point at `position` is told to be.
+fn tell(position: DVec3, photos: &[Photo], (seen_in, intensities): (&[u32], &[f32]), gains: &Gains) -> Told {
+    let toward: Vec<DVec3> =
+        seen_in.iter().map(|k| (photos[*k as usize].camera.pose.position - position).normalize_or_zero()).collect();
+    let corrected: Vec<f64> =
+        seen_in.iter().zip(intensities).map(|(k, v)| gains.corrected(*k as usize, f64::from(*v))).collect();
+    match variance::variance(&corrected, &toward) {
+        Some((variance, mean)) => (Some((variance, mean)), lobes::lobe(&corrected, &toward, mean)),
+        None => (None, Lobe::default()),
+    }
+}
+
+/// The value that the given part of `values` lies below; zero of nothing.
+pub fn quantile(mut values: Vec<f64>, part: f64) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let at = (part * (values.len() - 1) as f64).round() as usize;
+    *values.select_nth_unstable_by(at, f64::total_cmp).1
+}
+
+/// `of` for each index below `count`, on all cores.
+fn in_parallel<T: Clone + Default + Send>(count: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let workers = thread::available_parallelism().map_or(1, |n| n.get());
+    let part = count.div_ceil(workers).max(1);
+    let mut values = vec![T::default(); count];
+    thread::scope(|scope| {
+        let of = &of;
+        for (k, values) in values.chunks_mut(part).enumerate() {
+            scope.spawn(move || (k * part..).zip(values).for_each(|(i, value)| *value = of(i)));
+        }
+    });
+    values
+}

@@ -136,6 +136,25 @@ impl Buffer {
         }
     }
 
+    /// Writes `data` to the start of a host buffer. A submission that is running must not read it meanwhile.
+    ///
+    /// # Errors
+    /// Where `data` is larger than the buffer, or the buffer is a device buffer.
+    pub fn write<T: NoUninit>(&self, data: &[T]) -> Result<()> {
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        let mapped = self.allocation.as_ref().and_then(Allocation::mapped_ptr);
+        let Some(target) = mapped.filter(|_| bytes.len() as u64 <= self.size) else {
+            return Err(Error::Request(format!(
+                "{} bytes cannot be written to the buffer `{}`",
+                bytes.len(),
+                self.name
+            )));
+        };
+        // SAFETY: the mapping has at least `self.size` bytes.
+        unsafe { std::ptr::copy(bytes.as_ptr(), target.as_ptr().cast::<u8>(), bytes.len()) };
+        Ok(())
+    }
+
     fn word(&self, index: usize) -> Option<*mut u32> {
         let pointer = self.allocation.as_ref()?.mapped_ptr()?.as_ptr().cast::<u32>();
         // SAFETY: the word lies inside the mapping, whose size is at least `self.size`.
