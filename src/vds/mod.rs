@@ -21,6 +21,7 @@ use glam::DVec3;
 
 use self::gains::Gains;
 use self::observe::Observations;
+use self::vdsf::Vdsf;
 use crate::photos::Photo;
 use crate::scene::harmonics::Lobe;
 use crate::scene::proxy::SurfacePoint;
@@ -103,6 +104,17 @@ pub fn scores(variances: &[Option<f64>], vdsf: impl Fn(f64) -> f64) -> (Vec<f32>
         _ => 1.0,
     };
     (raw.iter().map(score).collect(), ends)
+}
+
+/// Scores points that tell how much they vary but have no scores: trained splats with harmonics. Whether there are any.
+pub fn score_by_variances(points: &mut Points) -> bool {
+    if points.variances.is_empty() || !points.scores.is_empty() {
+        return false;
+    }
+    let variances: Vec<Option<f64>> = points.variances.iter().map(|v| Some(f64::from(*v))).collect();
+    let vdsf = Vdsf::embedded();
+    points.scores = scores(&variances, |v| vdsf.apply(v)).0;
+    true
 }
 
 /// What a point at `position` is told to be.
