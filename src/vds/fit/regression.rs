@@ -119,11 +119,10 @@ fn eliminate(rows: &mut [Vec<f64>]) -> Option<Vec<f64>> {
         if rows[column][column].abs() < 1e-14 {
             return None;
         }
-        for row in (0..n).filter(|row| *row != column) {
-            let factor = rows[row][column] / rows[column][column];
-            for i in column..=n {
-                rows[row][i] -= factor * rows[column][i];
-            }
+        let pivot = rows[column].clone();
+        for (_, row) in rows.iter_mut().enumerate().filter(|(row, _)| *row != column) {
+            let factor = row[column] / pivot[column];
+            row.iter_mut().zip(&pivot).for_each(|(value, pivot)| *value -= factor * pivot);
         }
     }
     Some((0..n).map(|i| rows[i][n] / rows[i][i]).collect())
