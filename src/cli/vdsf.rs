@@ -7,6 +7,7 @@ use clap::{Args, Subcommand};
 
 use crate::io::folder::check_file;
 use crate::vds::fit;
+use crate::vds::vdsf::Vdsf;
 use crate::{Error, Result};
 
 /// Arguments of `camsplat vdsf`.
@@ -49,6 +50,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     files().try_for_each(|file| check_file(file))?;
     let (vdsf, observations) = fit::fit(arguments.samples, arguments.seed)?;
     let text = vdsf.text()?;
+    // What would be refused when read, a cubic that falls among it, is not written.
+    Vdsf::parse(&arguments.out, &text)?;
     let write = |path: &PathBuf, text: &str| std::fs::write(path, text).map_err(|source| Error::io(path, source));
     write(&arguments.out, &text)?;
     if let Some(path) = &arguments.plot {

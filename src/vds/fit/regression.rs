@@ -8,7 +8,7 @@ const LEAST_SLOPE: f64 = 0.01;
 const ROOTS: u32 = 200;
 
 /// Coefficients a0 to a3 of the cubic in x, for x in [0, 1], that fits `points` (x, y) best in least squares among those
-/// whose slope is [`LEAST_SLOPE`] or more all over [0, 1].
+/// whose slope is `LEAST_SLOPE` or more all over [0, 1].
 ///
 /// A quadratic is nonnegative on [0, 1] exactly where it is `a (1-x)^2 + 2 b x (1-x) + c x^2` with a, c >= 0 and
 /// b >= -sqrt(a c). On the boundary of that cone, where the best one is unless it is free, either a or c is zero and b is
