@@ -1,5 +1,7 @@
 //! Does the view dependency score follow what it stands for, on surfaces that the fit has not seen?
 
+use std::process::Command;
+
 use camsplat::vds::fit::regression::spearman;
 use camsplat::vds::fit::{self, Lighting, Lobe, Material, Neighbourhood, Observation, Profile, Scene, Sparse};
 use camsplat::vds::vdsf::Vdsf;
@@ -141,6 +143,30 @@ fn two_fits_are_equal_bytes_and_another_seed_is_another_fit() {
     let scenes: Vec<Scene> = (0..9).map(|index| Scene::draw(3, index)).collect();
     let all = fit::observe(&scenes, Sparse::FITTED, 3).unwrap();
     assert_eq!(fit::observe(&scenes[..1], Sparse::FITTED, 3).unwrap(), all[..1]);
+}
+
+/// If this failed, the command would write something else than the library fits, or half of what was asked for.
+#[test]
+fn the_command_writes_the_fit_and_its_plot() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |plot: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_camsplat"));
+        command.current_dir(folder.path()).args(["vdsf", "fit", "--samples", "60", "--seed", "3", "--out", "a.json"]);
+        command.args(["--plot", plot]).output().unwrap()
+    };
+    for (plot, what) in [("a.json", "name two files"), ("nowhere/a.svg", "the folder nowhere does not exist")] {
+        let output = run(plot);
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(message.contains(what) && message.lines().count() == 1, "{message}");
+        assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "something was left behind");
+    }
+    let output = run("a.svg");
+    assert!(output.status.success(), "{output:?}");
+    let (vdsf, observations) = fit::fit(60, 3).unwrap();
+    let written = |name| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    assert_eq!(written("a.json"), vdsf.text().unwrap());
+    assert_eq!(written("a.svg"), fit::plot::svg(&vdsf, &observations));
 }
 
 /// A population too small to carry a cubic must be refused in a line, not fitted.
