@@ -25,6 +25,7 @@ layout(binding = 7, std430) writeonly buffer Slots { uint slots[]; };
 layout(binding = 8, std430) buffer Partials { Gradient partials[]; };
 layout(binding = 9, std430) writeonly buffer Tallies { Tally tallies[]; };
 layout(binding = 10, std430) writeonly buffer Deficit { float deficit[]; };
+layout(binding = 11, std430) readonly buffer Lobes { Lobe lobes[]; };
 
 const uint BLOCK = THREADS * EACH;  // texels of a workgroup
 const uint BATCH = 64;              // splats at a time
@@ -107,7 +108,7 @@ void main() {
 
     float scale = exp(control[0].log_scale);
     float inverse = OBJECTIVE == 1 ? 1.0 / s.nearest_tau : 1.0 / (scale * scale);
-    float goal = s.alpha * score;
+    Lobe lobe = lobes[LOBES != 0 ? index : 0];
     float share = texel_weight(probes[index], s);
     float loss = 0.0, short_fall = 0.0, open_sky = 0.0, by_log_scale = 0.0;
 
@@ -153,13 +154,14 @@ void main() {
         uint texel = block + k * THREADS + thread;
         if (texel >= TEXELS) break;
         bool counts = far[k] > 0.0;
-        float lack;
+        float target = target_at(score, lobe, w[k]), lack;
         if (OBJECTIVE == 1) {
             float term = -s.nearest_tau * log(max(value[k], NEAREST_FLOOR));
-            lack = max(term, 0.0);
-            if (counts) loss += score * term;
+            // `relocate` weighs probes by their scores: what is left is how the target varies within one.
+            lack = max(term, 0.0) * sqrt(target / score);
+            if (counts) loss += target * term;
         } else {
-            float difference = (1.0 - value[k]) - goal;
+            float difference = (1.0 - value[k]) - s.alpha * target;
             lack = max(-difference, 0.0);
             if (counts) loss += difference * difference;
         }
@@ -191,18 +193,19 @@ void main() {
                     float rest = t < texels ? left[t] : -1.0;
                     if (rest < 0.0) continue;
                     vec3 w = directions[block + t].xyz;
+                    float target = target_at(score, lobe, w);
                     float x = kernel_exponent(w, n, d, inverse);
                     if (OBJECTIVE == 1) {
                         float sum = max(rest, NEAREST_FLOOR);
                         float part = open * exp(-x) / sum;
-                        float by_part = rest > NEAREST_FLOOR ? -s.nearest_tau * share * score * part : 0.0;
+                        float by_part = rest > NEAREST_FLOOR ? -s.nearest_tau * share * target * part : 0.0;
                         total += by_part;
                         moment += by_part * w;
-                        utility -= s.nearest_tau * share * score * log(max(1.0 - part, 1e-3));
+                        utility -= s.nearest_tau * share * target * log(max(1.0 - part, 1e-3));
                     } else if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || d < abs(depth[pool_row + block + t]))) {
                         float a = open * exp(-x);
                         float odds = a / (1.0 - a);
-                        float difference = 1.0 - rest - goal;
+                        float difference = 1.0 - rest - s.alpha * target;
                         float by_a = 2.0 * share * difference * rest * odds;  // (dL/da) a
                         total += by_a;
                         moment += KERNEL == 0 ? by_a * w : (by_a * d * dot(w, n)) * w;

@@ -13,6 +13,7 @@ use crate::plan::record::SurfaceRecord;
 use crate::scene::camera::{Intrinsics, Pose};
 use crate::scene::region::{Region, Shape};
 use crate::scene::surface::Surface;
+use crate::vds;
 use crate::vulkan::{self, Context};
 use crate::{Error, Result};
 
@@ -94,9 +95,14 @@ impl RegionOptions {
     /// `stored`, the region of an earlier plan, where there is one.
     pub fn target(&self, path: &Path, intrinsics: &Intrinsics, stored: Option<Region>) -> Result<Target> {
         self.choice()?;
-        let (surface, notes) = io::read_surface_with_notes(path)?;
+        let (mut surface, notes) = io::read_surface_with_notes(path)?;
         for note in notes {
             say!("{note}");
+        }
+        if let Surface::Points(points) = &mut surface
+            && vds::score_by_variances(points)
+        {
+            say!("scores of view dependency are made from the splats' harmonics");
         }
         self.target_of(&surface, path, intrinsics, stored)
     }

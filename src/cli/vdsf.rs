@@ -7,6 +7,7 @@ use clap::{Args, Subcommand};
 
 use crate::io::folder::check_file;
 use crate::vds::fit;
+use crate::vds::vdsf::Vdsf;
 use crate::{Error, Result};
 
 /// Arguments of `camsplat vdsf`.
@@ -43,16 +44,21 @@ struct FitArguments {
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let Command::Fit(arguments) = &arguments.command;
     let files = || std::iter::once(&arguments.out).chain(&arguments.plot);
+    if arguments.plot.as_ref() == Some(&arguments.out) {
+        return Err(Error::input(&arguments.out, "both the fit and its plot would be written here; name two files"));
+    }
     files().try_for_each(|file| check_file(file))?;
     let (vdsf, observations) = fit::fit(arguments.samples, arguments.seed)?;
     let text = vdsf.text()?;
+    // What would be refused when read, a cubic that falls among it, is not written.
+    Vdsf::parse(&arguments.out, &text)?;
     let write = |path: &PathBuf, text: &str| std::fs::write(path, text).map_err(|source| Error::io(path, source));
     write(&arguments.out, &text)?;
     if let Some(path) = &arguments.plot {
         write(path, &fit::plot::svg(&vdsf, &observations))?;
     }
     let [a0, a1, a2, a3] = vdsf.coefficients;
-    say!("vdsf     s = {a0} + {a1} v + {a2} v^2 + {a3} v^3 for v in [{}, {}]", vdsf.range[0], vdsf.range[1]);
+    say!("vdsf     s = {a0} {a1:+} v {a2:+} v^2 {a3:+} v^3 for v in [{}, {}]", vdsf.range[0], vdsf.range[1]);
     let quality = &vdsf.quality;
     say!(
         "fit      {} samples, R^2 {:.3}, Spearman {:.3} (expected variance {:.3}), {:.1}% at the most views tried",

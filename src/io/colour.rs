@@ -18,6 +18,15 @@ pub(crate) fn srgb(colour: DVec3) -> [u8; 3] {
     colour.to_array().map(encode)
 }
 
+/// Luma of the linear colour (Rec. 709 weights) of an sRGB colour, clamped to [0, 1].
+pub(crate) fn luma(colour: DVec3) -> f64 {
+    let decode = |v: f64| {
+        let v = v.clamp(0.0, 1.0);
+        if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+    };
+    0.2126 * decode(colour.x) + 0.7152 * decode(colour.y) + 0.0722 * decode(colour.z)
+}
+
 /// Nearest 8-bit value of each channel of `colour`, which is sRGB already, clamped to [0, 1].
 pub(crate) fn bytes(colour: DVec3) -> [u8; 3] {
     colour.to_array().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8)

@@ -5,13 +5,14 @@ use glam::DVec3;
 use super::config::{Gate, Kernel, Objective};
 use super::shared::{Control, Gradient, Settings, Splat, Tally};
 use crate::visibility::probe_depth::Probe;
+use crate::visibility::probe_lobe::Lobe;
 
 crate::stage!(
     /// Loss and gradient partials, a workgroup per block of texels of a point camera.
     pub DENSE = dense(()) {
         read settings, read control, read splats, read probes, read directions, read depth,
-        write visible, write slots, write partials, write tallies, write deficit,
-    } with [Settings, Control, Splat, Probe, Gradient, Tally]
+        write visible, write slots, write partials, write tallies, write deficit, read lobes,
+    } with [Settings, Control, Splat, Probe, Gradient, Tally, Lobe]
 );
 
 /// Where a kernel is cut off: its exponent there.
@@ -40,6 +41,8 @@ pub struct Batch<'a> {
     pub tangents: &'a [[f64; 2]],
     /// Position and score of each probe.
     pub probes: &'a [(DVec3, f64)],
+    /// How the target of each probe varies with direction, scaled; empty where it does not.
+    pub lobes: &'a [Lobe],
     /// Texel directions, unit length.
     pub directions: &'a [DVec3],
     /// Signed depth, `probes x texels`; negative where the ray misses the region.
@@ -128,7 +131,8 @@ pub fn dense(batch: &Batch<'_>) -> Image {
     };
     for (i, &(position, score)) in batch.probes.iter().enumerate() {
         let depth = &batch.depth[i * texels..(i + 1) * texels];
-        let goal = s.alpha as f64 * score;
+        // V_i(w): what a point wants beyond 1 goes where its radiance varies.
+        let target = |w: DVec3| batch.lobes.get(i).map_or(score, |lobe| 1.0 + (score - 1.0) * lobe.at(w));
         let open_sky = depth.iter().filter(|depth| **depth > 0.0).count() as f64;
         let share = if s.equal != 0 { all * texels as f64 / open_sky.max(1.0) } else { all };
         let mut seen = Vec::new();
@@ -158,6 +162,8 @@ pub fn dense(batch: &Batch<'_>) -> Image {
             let parts: Vec<_> = seen.iter().map(|&(_, n, d, open, ..)| opacity(t, n, d, open)).collect();
             let sum: f64 = parts.iter().map(|part| part.0).sum::<f64>().max(NEAREST_FLOOR);
             let rest: f64 = parts.iter().map(|part| 1.0 - part.0).product();
+            let score = target(w);
+            let goal = s.alpha as f64 * score;
             let difference = 1.0 - rest - goal;
             if nearest {
                 image.loss -= share * score * tau * sum.ln();
@@ -246,6 +252,16 @@ mod tests {
                     _ => 1e30,
                 })
                 .collect();
+            // Every other case has targets that vary with direction.
+            let lobe = |x: f32, y: f32| Lobe {
+                linear: [x, 0.1, y],
+                scale: 1.1,
+                diagonal: [0.2, y, -0.2 - y],
+                off_diagonal: [0.1, x, -0.1],
+                ..Lobe::default()
+            };
+            let lobes = [lobe(0.3, -0.1), lobe(-0.4, 0.2), lobe(0.1, 0.3)];
+            let lobes = if case % 2 == 1 { &lobes[..] } else { &[] };
             let tangents = [[0.6, 0.45], [0.7, 0.8], [0.5, 0.65], [0.6, 0.6], [0.55, 0.7], [0.8, 0.5]];
             let base = Batch {
                 settings: &settings,
@@ -256,6 +272,7 @@ mod tests {
                 splats: &splats,
                 tangents: &tangents,
                 probes: &probes,
+                lobes,
                 directions: &directions,
                 depth: &depth,
                 log_scale: -1.1,

@@ -8,6 +8,7 @@ use super::shared::{Control, Settings};
 use super::tally::mailbox;
 use crate::metrics::score_point;
 use crate::visibility::probe_depth::Probe;
+use crate::visibility::probe_lobe::Lobe;
 use crate::vulkan::Context;
 use crate::vulkan::physical::Physical;
 use crate::{Error, Result};
@@ -46,6 +47,7 @@ impl Footprint {
             ("partials", gradient * slots),
             ("tallies", tally * probes * s.blocks as u64),
             ("deficit", 4 * probes * texels),
+            ("lobes", size_of::<Lobe>() as u64 * s.pool as u64),
             ("moments", moments * splats),
             ("terms", terms * splats),
             ("arrivals", 8),

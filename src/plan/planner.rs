@@ -18,10 +18,11 @@ use super::snapshot::{SNAPSHOT, SnapshotPush};
 use super::tally::mailbox;
 use super::update::UPDATE;
 use crate::scene::camera::Pose;
-use crate::scene::octahedral;
 use crate::scene::proxy::SurfacePoint;
+use crate::scene::{harmonics, octahedral};
 use crate::visibility::device_scene::DeviceScene;
 use crate::visibility::probe_depth::ProbeMaps;
+use crate::visibility::probe_lobe::{self, Lobe};
 use crate::vulkan::profile::Profile;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
@@ -68,6 +69,7 @@ pub(super) struct Buffers {
     pub(super) partials: Buffer,
     pub(super) tallies: Buffer,
     pub(super) deficit: Buffer,
+    pub(super) lobes: Buffer,
     moments: Buffer,
     terms: Buffer,
     arrivals: Buffer,
@@ -101,7 +103,9 @@ impl<'a> Planner<'a> {
         let Preparation { config, mut settings, points, start, start_scale, resolution, binned, footprint, .. } =
             preparation;
         footprint.check(context)?;
-        let maps = ProbeMaps::new(context, scene, &reachable(context, scene, points, config.preset)?, resolution)?;
+        let points = reachable(context, scene, points, config.preset)?;
+        let maps = ProbeMaps::new(context, scene, &points, resolution)?;
+        let lobes = lobes(&config, &points);
         settings.pool = maps.probes.len() as u32;
         settings.probes = settings.probes.min(settings.pool);
         let gate = match config.gate {
@@ -120,6 +124,7 @@ impl<'a> Planner<'a> {
             0,
             threads,
             each,
+            !lobes.is_empty() as u32,
         ];
         let pipeline = |stage| Pipeline::new(context, stage, &constants);
         let pipelines = Pipelines {
@@ -134,7 +139,11 @@ impl<'a> Planner<'a> {
             relocate: pipeline(&RELOCATE)?,
             snapshot: pipeline(&SNAPSHOT)?,
         };
-        let buffers = Buffers::new(context, &footprint, resolution)?;
+        let lobes = match lobes.is_empty() {
+            true => Buffer::from_slice(context, "lobes", &[Lobe::default()])?,
+            false => probe_lobe::upload(context, &scene.geometry, &maps, &lobes)?,
+        };
+        let buffers = Buffers::new(context, &footprint, resolution, lobes)?;
         let context = context.clone();
         let planner = Self { context, scene, config, settings, start, start_scale, maps, pipelines, buffers };
         planner.reset()?;
@@ -179,6 +188,14 @@ impl<'a> Planner<'a> {
     /// Probes and depth maps of the run.
     pub fn maps(&self) -> &ProbeMaps {
         &self.maps
+    }
+
+    /// How the targets of the probes vary with direction, scaled; one that does not where they do not.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn lobes(&self) -> Result<Vec<Lobe>> {
+        self.buffers.lobes.download(self.buffers.lobes.size() as usize / size_of::<Lobe>())
     }
 
     /// The splats at the start, kept ones first.
@@ -263,6 +280,7 @@ impl<'a> Planner<'a> {
                     &b.partials,
                     &b.tallies,
                     &b.deficit,
+                    &b.lobes,
                 ])
                 .groups([s.probes, s.blocks, 1]),
         }
@@ -454,7 +472,7 @@ impl<'a> Planner<'a> {
 }
 
 impl Buffers {
-    fn new(context: &Arc<Context>, plan: &Footprint, resolution: u32) -> Result<Self> {
+    fn new(context: &Arc<Context>, plan: &Footprint, resolution: u32, lobes: Buffer) -> Result<Self> {
         let directions: Vec<[f32; 4]> =
             octahedral::directions(resolution).iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect();
         let device = |name: &str| Buffer::device(context, name, plan.bytes_of(name)?);
@@ -468,6 +486,7 @@ impl Buffers {
             partials: device("partials")?,
             tallies: device("tallies")?,
             deficit: device("deficit")?,
+            lobes,
             moments: device("moments")?,
             terms: device("terms")?,
             arrivals: device("arrivals")?,
@@ -478,6 +497,13 @@ impl Buffers {
             mailbox: Buffer::host(context, "mailbox", plan.bytes_of("mailbox")?)?,
         })
     }
+}
+
+/// How the targets of `points` vary with direction; empty where they do not or shall not.
+fn lobes(config: &Config, points: &[SurfacePoint]) -> Vec<harmonics::Lobe> {
+    let varies = points.iter().any(|point| point.lobe != harmonics::Lobe::default());
+    let wanted = varies && config.vds && config.directional;
+    if wanted { points.iter().map(|point| point.lobe).collect() } else { Vec::new() }
 }
 
 /// The points that some feasible position sees, as far as a coarse map can tell; the others would only dilute a batch.

@@ -43,6 +43,7 @@ pub(super) fn from_points(points: &Points, orientation: Orientation) -> Result<C
         ("colours", points.colours.len()),
         ("scores", points.scores.len()),
         ("lobes", points.lobes.len()),
+        ("variances", points.variances.len()),
         ("camera directions", points.toward_cameras.len()),
     ] {
         if length != 0 && length != n {

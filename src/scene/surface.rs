@@ -39,6 +39,8 @@ pub struct Points {
     pub colours: Vec<[u8; 3]>,
     /// View dependency scores in [1, 2].
     pub scores: Vec<f32>,
+    /// Variance of each point's luma (linear, in [0, 1]) over directions: what scores are made of.
+    pub variances: Vec<f32>,
     /// How what is wanted of a point varies with direction in the world, relative to its score.
     pub lobes: Vec<Lobe>,
     /// Whether the normals' sign can be trusted (from a scan with normals or a reconstruction's cameras, not from the

@@ -21,6 +21,7 @@ use glam::DVec3;
 
 use self::gains::Gains;
 use self::observe::Observations;
+use self::vdsf::Vdsf;
 use crate::photos::Photo;
 use crate::scene::harmonics::Lobe;
 use crate::scene::proxy::SurfacePoint;
@@ -73,22 +74,17 @@ pub fn estimate(
     let factor = level.map_or(1.0, |level| (GREY / level).powi(2));
     let variances: Vec<Option<f64>> =
         told.iter().map(|(moments, _)| moments.map(|(variance, _)| factor * variance)).collect();
-    let raw: Vec<Option<f64>> = variances.iter().map(|variance| variance.map(&vdsf)).collect();
-    let ends = ENDS.map(|part| quantile(raw.iter().flatten().copied().collect(), part));
-    let score = |raw: &Option<f64>| match raw {
-        Some(raw) if ends[1] > ends[0] => (1.0 + ((raw - ends[0]) / (ends[1] - ends[0])).clamp(0.0, 1.0)) as f32,
-        _ => 1.0,
-    };
+    let (scores, ends) = scores(&variances, vdsf);
     Estimate {
         points: Points {
             positions: points.iter().map(|point| point.position).collect(),
             normals: points.iter().map(|point| point.normal).collect(),
             radii: points.iter().map(|point| point.radius as f32).collect(),
             colours: points.iter().map(|point| point.colour).collect(),
-            scores: raw.iter().map(score).collect(),
+            scores,
             lobes: told.into_iter().map(|(_, lobe)| lobe).collect(),
             oriented: true,
-            toward_cameras: Vec::new(),
+            ..Points::default()
         },
         views: (0..points.len()).map(|i| observations.of(i).0.len() as u32).collect(),
         variances,
@@ -96,6 +92,29 @@ pub fn estimate(
         gains,
         level,
     }
+}
+
+/// Scores in [1, 2] of the variances of a surface's points, and the values of `vdsf` that became 1 and 2. A point without a
+/// variance has the score 1, and so have all where none varies more than another.
+pub fn scores(variances: &[Option<f64>], vdsf: impl Fn(f64) -> f64) -> (Vec<f32>, [f64; 2]) {
+    let raw: Vec<Option<f64>> = variances.iter().map(|variance| variance.map(&vdsf)).collect();
+    let ends = ENDS.map(|part| quantile(raw.iter().flatten().copied().collect(), part));
+    let score = |raw: &Option<f64>| match raw {
+        Some(raw) if ends[1] > ends[0] => (1.0 + ((raw - ends[0]) / (ends[1] - ends[0])).clamp(0.0, 1.0)) as f32,
+        _ => 1.0,
+    };
+    (raw.iter().map(score).collect(), ends)
+}
+
+/// Scores points that tell how much they vary but have no scores: trained splats with harmonics. Whether there are any.
+pub fn score_by_variances(points: &mut Points) -> bool {
+    if points.variances.is_empty() || !points.scores.is_empty() {
+        return false;
+    }
+    let variances: Vec<Option<f64>> = points.variances.iter().map(|v| Some(f64::from(*v))).collect();
+    let vdsf = Vdsf::embedded();
+    points.scores = scores(&variances, |v| vdsf.apply(v)).0;
+    true
 }
 
 /// What a point at `position` is told to be.

@@ -5,4 +5,5 @@ pub mod device_scene;
 pub mod exposure;
 pub mod lens_view;
 pub mod probe_depth;
+pub mod probe_lobe;
 pub mod raycast;

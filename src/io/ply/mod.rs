@@ -2,6 +2,7 @@
 
 mod elements;
 mod header;
+mod radiance;
 pub mod splats;
 pub mod write;
 

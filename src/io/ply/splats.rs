@@ -3,7 +3,8 @@
 //! Each splat becomes a point with a disc: its centre; the shortest axis as the normal, of unknown sign; as the radius
 //! twice the geometric mean of the standard deviations along the two longer axes, so that the disc has the area of the
 //! splat's two-sigma ellipse: neighbours overlap there, and what lies behind is hidden as it is in a render. The colour is that of the constant harmonic. Splats with an opacity under
-//! [`LEAST_OPACITY`] are left out: most of them are haze around the surface.
+//! [`LEAST_OPACITY`] are left out: most of them are haze around the surface. The higher harmonics, where there are any, say
+//! how much and along which directions the splat's radiance varies.
 
 use std::path::Path;
 
@@ -11,14 +12,16 @@ use glam::{DQuat, DVec3};
 
 use super::super::{checks, colour};
 use super::elements::Columns;
+use super::radiance::Radiance;
 use crate::error::{Error, Result};
+use crate::scene::harmonics::Lobe;
 use crate::scene::surface::{Points, Surface};
 
 /// Splats that are fainter than this are no surface.
 pub const LEAST_OPACITY: f64 = 0.1;
 
 /// Value of the constant spherical harmonic, 1 / (2 sqrt(pi)).
-const HARMONIC: f64 = 0.282_094_791_773_878_14;
+pub(super) const HARMONIC: f64 = 0.282_094_791_773_878_14;
 
 /// Splats that share one set of bounds in a packed file.
 const CHUNK: usize = 256;
@@ -33,11 +36,13 @@ struct Splat {
     opacity: f64,
     /// sRGB.
     colour: DVec3,
+    /// Variance of its luma over all directions, and the lobe along which it varies, where there are harmonics.
+    variation: Option<(f32, Lobe)>,
 }
 
 /// Whether a property of a trained file is read.
 pub(super) fn is_used(element: &str, property: &str) -> bool {
-    let starts = ["f_dc_", "scale_", "rot_"].iter().any(|start| property.starts_with(start));
+    let starts = ["f_dc_", "f_rest_", "scale_", "rot_"].iter().any(|start| property.starts_with(start));
     element == "vertex" && (starts || ["x", "y", "z", "opacity"].contains(&property))
 }
 
@@ -51,12 +56,17 @@ pub(super) fn trained(path: &Path, columns: &mut Columns, notes: &mut Vec<String
     let rotation = [take("rot_0")?, take("rot_1")?, take("rot_2")?, take("rot_3")?];
     let scale_2 = columns.scalars("vertex", "scale_2");
     let vector = |columns: &[Vec<f64>; 3], i: usize| DVec3::new(columns[0][i], columns[1][i], columns[2][i]);
-    let splats = (0..opacity.len()).map(|i| Splat {
-        centre: vector(&centre, i),
-        log_scales: DVec3::new(scale_0[i], scale_1[i], scale_2.as_ref().map_or(f64::MIN, |s| s[i])),
-        rotation: DQuat::from_xyzw(rotation[1][i], rotation[2][i], rotation[3][i], rotation[0][i]),
-        opacity: 1.0 / (1.0 + (-opacity[i]).exp()),
-        colour: 0.5 + HARMONIC * vector(&dc, i),
+    let radiance = Radiance::take(columns);
+    let splats = (0..opacity.len()).map(|i| {
+        let colour = 0.5 + HARMONIC * vector(&dc, i);
+        Splat {
+            centre: vector(&centre, i),
+            log_scales: DVec3::new(scale_0[i], scale_1[i], scale_2.as_ref().map_or(f64::MIN, |s| s[i])),
+            rotation: DQuat::from_xyzw(rotation[1][i], rotation[2][i], rotation[3][i], rotation[0][i]),
+            opacity: 1.0 / (1.0 + (-opacity[i]).exp()),
+            colour,
+            variation: radiance.as_ref().map(|radiance| radiance.variation(i, colour)),
+        }
     });
     points(path, splats, notes)
 }
@@ -107,6 +117,7 @@ pub(super) fn packed(path: &Path, columns: &mut Columns, notes: &mut Vec<String>
             rotation: unpack_rotation(rotation[i] as u32),
             opacity: alpha,
             colour: between(&colours, i, DVec3::new(red, green, blue)),
+            variation: None,
         }
     });
     points(path, splats, notes)
@@ -166,6 +177,10 @@ fn points(path: &Path, splats: impl Iterator<Item = Splat>, notes: &mut Vec<Stri
         points.normals.push((splat.rotation.normalize() * thin).normalize_or_zero());
         points.radii.push(radius);
         points.colours.push(colour::bytes(splat.colour));
+        if let Some((variance, lobe)) = splat.variation {
+            points.variances.push(variance);
+            points.lobes.push(lobe);
+        }
     }
     if let Some(first) = misshapen.first() {
         return Err(Error::input(

@@ -112,7 +112,7 @@ mod tests {
             scores: vec![1.0, 1.5],
             lobes: vec![lobe, [0.0; 8]],
             oriented: true,
-            toward_cameras: Vec::new(),
+            ..Points::default()
         };
         let Surface::Points(back) = read(&surface_points(&surface)) else { panic!("not points") };
         assert_eq!(back, surface);

@@ -191,3 +191,58 @@ fn variance(values: &[f64]) -> f64 {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     values.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / (values.len() as f64 - 1.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn radiance(views: &Views, sharpness: f64) -> Vec<f64> {
+        let axis = DVec3::new(0.3, 0.2, 0.9).normalize();
+        views.directions.iter().map(|v| 0.8 * libm::exp(sharpness * (axis.dot(*v) - 1.0))).collect()
+    }
+
+    /// Density is what all is fitted to: a narrower highlight and a smaller error must ask for more views, and what does
+    /// not change for one.
+    #[test]
+    fn narrower_highlights_need_more_views() {
+        let views = Views::new(5);
+        let open = vec![true; views.directions.len()];
+        let needed = |sharpness, epsilon| views.density(&radiance(&views, sharpness), &open, epsilon);
+        assert_eq!(needed(0.0, 0.03), 1.0);
+        let broad = [0.1, 0.5, 2.0, 8.0, 20.0].map(|sharpness| needed(sharpness, 0.03));
+        assert!(broad.windows(2).all(|pair| pair[0] < pair[1]), "{broad:?}");
+        assert!(needed(2.0, 0.02) > broad[2]);
+    }
+
+    /// Hidden directions hold no radiance: whatever stands there must not change what is measured.
+    #[test]
+    fn hidden_directions_do_not_matter() {
+        let views = Views::new(5);
+        let open: Vec<bool> = views.directions.iter().map(|v| v.x > 0.1).collect();
+        let mut values = radiance(&views, 8.0);
+        let sparse = Sparse { count: [5, 15], candidates: 4 };
+        let measure = |values: &[f64]| {
+            let variance = sparse.variance(values, &views.directions, &open, &mut Draws::new(1, 1));
+            (views.density(values, &open, 0.03), expected_variance(values, &open), variance)
+        };
+        let before = measure(&values);
+        values.iter_mut().zip(&open).filter(|(_, open)| !**open).for_each(|(value, _)| *value = 1e3);
+        assert_eq!(before, measure(&values));
+    }
+
+    /// The variance of few views must be, on average, what it is said to be, whatever their number.
+    #[test]
+    fn random_draws_see_the_expected_variance_on_average() {
+        let views = Views::new(5);
+        let open = vec![true; views.directions.len()];
+        let values = radiance(&views, 3.0);
+        let expected = expected_variance(&values, &open);
+        for count in [2, 5, 15] {
+            let sparse = Sparse { count: [count, count], candidates: 1 };
+            let mut draws = Draws::new(2, count);
+            let draw = |_| sparse.variance(&values, &views.directions, &open, &mut draws);
+            let mean = (0..20_000).map(draw).sum::<f64>() / 20_000.0;
+            assert!((mean / expected - 1.0).abs() < 0.03, "{count} views: {mean} for {expected}");
+        }
+    }
+}

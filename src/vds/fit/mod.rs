@@ -40,7 +40,8 @@ pub const SEED: u64 = 1;
 /// Fewest and most samples that a cubic is fitted to.
 pub const RANGE: [usize; 2] = [50, 1_000_000];
 
-/// Share of the variances that the range covers; what is above is too rare to shape the curve.
+/// Share of the variances that the range covers. Above it samples are few and need no more views as variance grows: the
+/// score is level there, which a cubic cannot be by itself.
 const COVERED: f64 = 0.90;
 
 /// A surface in its surroundings.

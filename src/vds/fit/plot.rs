@@ -12,10 +12,11 @@ const FRAME: [f64; 4] = [90.0, 60.0, 850.0, 620.0];
 /// Colours of roughness 0, 1/2 and 1.
 const COLOURS: [[f64; 3]; 3] = [[0.0, 60.0, 190.0], [20.0, 160.0, 110.0], [240.0, 150.0, 20.0]];
 
-/// The variance that the axis, the square root of variance, is linear in, runs to this much above the fitted range.
+/// The axis of deviations ends at this many times that of the fitted range; points beyond stand at its end.
 const BEYOND: f64 = 1.4;
 
-/// An SVG picture: the standard deviation of the luma across, with variances written at it; views over the hemisphere up, logarithmic.
+/// An SVG picture: across the standard deviation of the luma, with variances written at the ticks; upwards the views over
+/// the hemisphere, logarithmic.
 pub fn svg(vdsf: &Vdsf, observations: &[Observation]) -> String {
     let [left, top, right, bottom] = FRAME;
     let most = vdsf.range[1].sqrt() * BEYOND;

@@ -8,7 +8,7 @@ const LEAST_SLOPE: f64 = 0.01;
 const ROOTS: u32 = 200;
 
 /// Coefficients a0 to a3 of the cubic in x, for x in [0, 1], that fits `points` (x, y) best in least squares among those
-/// whose slope is [`LEAST_SLOPE`] or more all over [0, 1].
+/// whose slope is `LEAST_SLOPE` or more all over [0, 1].
 ///
 /// A quadratic is nonnegative on [0, 1] exactly where it is `a (1-x)^2 + 2 b x (1-x) + c x^2` with a, c >= 0 and
 /// b >= -sqrt(a c). On the boundary of that cone, where the best one is unless it is free, either a or c is zero and b is
@@ -119,11 +119,10 @@ fn eliminate(rows: &mut [Vec<f64>]) -> Option<Vec<f64>> {
         if rows[column][column].abs() < 1e-14 {
             return None;
         }
-        for row in (0..n).filter(|row| *row != column) {
-            let factor = rows[row][column] / rows[column][column];
-            for i in column..=n {
-                rows[row][i] -= factor * rows[column][i];
-            }
+        let pivot = rows[column].clone();
+        for (_, row) in rows.iter_mut().enumerate().filter(|(row, _)| *row != column) {
+            let factor = row[column] / pivot[column];
+            row.iter_mut().zip(&pivot).for_each(|(value, pivot)| *value -= factor * pivot);
         }
     }
     Some((0..n).map(|i| rows[i][n] / rows[i][i]).collect())

@@ -1,0 +1,151 @@
+//! What the spherical harmonics of trained splats say of view dependency.
+
+use glam::DVec3;
+
+use super::super::colour;
+use super::elements::Columns;
+use super::splats::HARMONIC;
+use crate::scene::harmonics::{self, Lobe};
+use crate::scene::octahedral;
+
+/// Texels along a side of the map that a splat's radiance is sampled on.
+const RESOLUTION: u32 = 8;
+/// No direction counts for less than this part of the mean, so that harmonics that merely ring do not blind a point.
+const LEAST: f64 = 0.25;
+
+/// Harmonics above the constant one, as trained files store them: all of red, then of green, then of blue.
+pub(super) struct Radiance {
+    columns: Vec<Vec<f64>>,
+    directions: Vec<DVec3>,
+    /// The harmonics in each of the directions.
+    basis: Vec<[f64; 15]>,
+}
+
+impl Radiance {
+    /// Takes f_rest_0 and its like; none where there are no whole degrees of them, up to the third.
+    pub fn take(columns: &mut Columns) -> Option<Self> {
+        let rest = |k: usize| format!("f_rest_{k}");
+        let columns: Vec<_> = (0..).map_while(|k| columns.scalars("vertex", &rest(k))).collect();
+        if ![9, 24, 45].contains(&columns.len()) {
+            return None;
+        }
+        let directions = octahedral::directions(RESOLUTION);
+        // Renderers evaluate them in the direction from the camera to the splat.
+        let basis = directions.iter().map(|w| above_constant(-*w)).collect();
+        Some(Self { columns, directions, basis })
+    }
+
+    /// Variance over all directions of the luma of splat `i`'s linear colour, clamped to [0, 1] as a photo is, and the lobe
+    /// along which it departs from its mean; `dc` is its sRGB colour without the harmonics.
+    pub fn variation(&self, i: usize, dc: DVec3) -> (f32, Lobe) {
+        let each = self.columns.len() / 3;
+        let luma: Vec<f64> = self
+            .basis
+            .iter()
+            .map(|basis| {
+                let channel = |c: usize| (0..each).map(|k| basis[k] * self.columns[c * each + k][i]).sum::<f64>();
+                colour::luma(dc + DVec3::new(channel(0), channel(1), channel(2)))
+            })
+            .collect();
+        let count = luma.len() as f64;
+        let mean = luma.iter().sum::<f64>() / count;
+        let variance = luma.iter().map(|l| (l - mean).powi(2)).sum::<f64>() / count;
+        let departure = luma.iter().map(|l| (l - mean).abs()).sum::<f64>() / count;
+        // Nothing but rounding.
+        if departure < 1e-6 {
+            return (0.0, Lobe::default());
+        }
+        let mut lobe = [0.0; 8];
+        for (w, l) in self.directions.iter().zip(&luma) {
+            let part = (l - mean).abs() / departure / count;
+            harmonics::basis(*w).iter().zip(&mut lobe).for_each(|(b, c)| *c += part * b);
+        }
+        (variance as f32, harmonics::at_least(&lobe.map(|c| c as f32), LEAST))
+    }
+}
+
+/// Real spherical harmonics of degrees 1 to 3 with the signs and the order of 3D Gaussian splatting (Kerbl et al. 2023,
+/// after Sloan, "Efficient Spherical Harmonic Evaluation", JCGT 2013).
+fn above_constant(d: DVec3) -> [f64; 15] {
+    let DVec3 { x, y, z } = d;
+    let (xx, yy, zz) = (x * x, y * y, z * z);
+    let one = 3f64.sqrt() * HARMONIC;
+    let two = 15f64.sqrt() * HARMONIC;
+    let seven = 7f64.sqrt() * HARMONIC;
+    let (outer, inner, middle) = ((5.0f64 / 8.0).sqrt(), (3.0f64 / 8.0).sqrt(), 15f64.sqrt());
+    [
+        -one * y,
+        one * z,
+        -one * x,
+        two * x * y,
+        -two * y * z,
+        0.5 * 5f64.sqrt() * HARMONIC * (2.0 * zz - xx - yy),
+        -two * x * z,
+        0.5 * two * (xx - yy),
+        -seven * outer * y * (3.0 * xx - yy),
+        seven * middle * x * y * z,
+        -seven * inner * y * (4.0 * zz - xx - yy),
+        0.5 * seven * z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
+        -seven * inner * x * (4.0 * zz - xx - yy),
+        0.5 * seven * middle * z * (xx - yy),
+        -seven * outer * x * (xx - 3.0 * yy),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Constants as they stand in the published code; orthonormality over the sphere pins the rest.
+    #[test]
+    fn harmonics_are_those_of_the_published_code() {
+        let d = DVec3::new(0.48, -0.6, 0.64);
+        let found = above_constant(d);
+        let DVec3 { x, y, z } = d;
+        let (xx, yy, zz) = (x * x, y * y, z * z);
+        let published = [
+            -0.488_602_511_9 * y,
+            0.488_602_511_9 * z,
+            -0.488_602_511_9 * x,
+            1.092_548_430_6 * x * y,
+            -1.092_548_430_6 * y * z,
+            0.315_391_565_3 * (2.0 * zz - xx - yy),
+            -1.092_548_430_6 * x * z,
+            0.546_274_215_3 * (xx - yy),
+            -0.590_043_589_9 * y * (3.0 * xx - yy),
+            2.890_611_442_6 * x * y * z,
+            -0.457_045_799_5 * y * (4.0 * zz - xx - yy),
+            0.373_176_332_6 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
+            -0.457_045_799_5 * x * (4.0 * zz - xx - yy),
+            1.445_305_721_3 * z * (xx - yy),
+            -0.590_043_589_9 * x * (xx - 3.0 * yy),
+        ];
+        for (k, (a, b)) in found.iter().zip(published).enumerate() {
+            assert!((a - b).abs() < 1e-8, "harmonic {k}: {a} against {b}");
+        }
+    }
+
+    fn radiance(columns: Vec<Vec<f64>>) -> Radiance {
+        let directions = octahedral::directions(RESOLUTION);
+        let basis = directions.iter().map(|w| above_constant(-*w)).collect();
+        Radiance { columns, directions, basis }
+    }
+
+    /// A splat that is brighter from one side must be planned for around that axis, and a plain one not at all.
+    #[test]
+    fn a_splat_that_shines_one_way_has_a_lobe_there() {
+        // Grey: the same in all channels. Negative z of degree one, seen from +z: brighter there.
+        let mut columns = vec![vec![0.0, 0.0]; 9];
+        for channel in 0..3 {
+            columns[3 * channel + 1] = vec![-0.5, 0.0];
+        }
+        let shining = radiance(columns);
+        let (variance, lobe) = shining.variation(0, DVec3::splat(0.5));
+        assert!(variance > 1e-3, "{variance}");
+        let at = |w: DVec3| harmonics::value(&lobe, w);
+        // sRGB is steeper where it is bright, so the bright side departs from the mean the most.
+        assert!(at(DVec3::Z) > at(DVec3::X) + 0.2, "{} against {}", at(DVec3::Z), at(DVec3::X));
+        assert!(at(DVec3::Z) > at(DVec3::NEG_Z), "{} against {}", at(DVec3::Z), at(DVec3::NEG_Z));
+        assert_eq!(shining.variation(1, DVec3::splat(0.5)), (0.0, Lobe::default()));
+    }
+}
