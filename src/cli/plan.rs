@@ -229,11 +229,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let folder = if arguments.dry_run { None } else { Some(OutputFolder::create(&arguments.out, arguments.force)?) };
     arguments.region.choice()?;
     let mut opened = None;
-    let scored = match arguments.tuning.no_vds || arguments.tuning.base_loss {
-        true => None,
-        false => scored(arguments, &mut opened)?,
-    };
-    let target = match scored {
+    let target = match captured(arguments, &mut opened)? {
         Some(surface) => arguments.region.target_of(&surface, &arguments.surface, &intrinsics, None)?,
         None => arguments.region.target(&arguments.surface, &intrinsics, None)?,
     };
@@ -277,23 +273,34 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The points of a capture, scored from its photos; none where the surface is no capture with points and photos. The device is
-/// opened only for one.
-fn scored(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<Option<Surface>> {
+/// The points of a capture, scored from its photos where it has any; none where the surface is no capture with points. The
+/// device is opened only for photos.
+fn captured(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<Option<Surface>> {
     if !arguments.surface.is_dir() {
         return Ok(None);
     }
     let capture = io::photos::read(&arguments.surface, &io::photos::Options::default())?;
-    let images = capture.photos.iter().filter(|photo| photo.image.is_some()).count();
-    if capture.points.positions.is_empty() || images < 2 {
+    if capture.points.positions.is_empty() {
         return Ok(None);
     }
     for note in &capture.notes {
         say!("{note}");
     }
+    let surface = Surface::Points(capture.points.clone());
+    let images = capture.photos.iter().filter(|photo| photo.image.is_some()).count();
+    let unread = match &arguments.tuning {
+        Tuning { no_vds: true, .. } => Some("--no-vds"),
+        Tuning { base_loss: true, .. } => Some("--base-loss"),
+        _ if arguments.dry_run => Some("--dry-run"),
+        _ if images < 2 => Some("fewer than two have an image"),
+        _ => None,
+    };
+    if let Some(reason) = unread {
+        say!("vds      the photos are left unread ({reason})");
+        return Ok(Some(surface));
+    }
     let context = opened.insert(arguments.device.open()?);
     let settings = Settings { seed: arguments.tuning.seed, ..Settings::default() };
-    let surface = Surface::Points(capture.points.clone());
     Ok(Some(Surface::Points(vds::score(context, &capture, &surface, &settings)?.points)))
 }
 
