@@ -75,7 +75,8 @@ pub fn run(
         done += 1;
         decoder.next().map(|decoded| decoded.map(pyramid)).transpose()
     })?;
-    let estimate = estimate(&points, photos, &observations, settings.exposure, |v| Vdsf::embedded().apply(v));
+    let vdsf = Vdsf::embedded();
+    let estimate = estimate(&points, photos, &observations, settings.exposure, |v| vdsf.apply(v));
     if estimate.variances.iter().all(Option::is_none) {
         let what = "no point of the surface is seen in two photos or more; check that both are in one frame";
         return Err(Error::input(&capture.path, what));

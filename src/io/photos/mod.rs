@@ -131,7 +131,7 @@ fn find(path: &Path, options: &Options) -> Result<Found> {
     Err(Error::input(
         path,
         "the folder is no capture: it holds no COLMAP model (cameras and images as .bin or .txt, here or in sparse/0), no \
-         transforms.json, and no poses in the layout of NSVF",
+         transforms.json, and no poses in the layout of NSVF; give the folder of one, or a surface's file",
     ))
 }
 
