@@ -265,6 +265,18 @@ mod tests {
         names
     }
 
+    /// If this failed, a full disk would leave points without their picture, or hidden files for ever.
+    #[test]
+    fn files_are_written_all_or_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let [a, b] = ["a", "b"].map(|name| folder.path().join(name));
+        let lost = folder.path().join("none").join("c");
+        assert!(write_files(&[(&a, b"1"), (&lost, b"2")]).is_err());
+        assert_eq!(entries(folder.path()), [""; 0]);
+        write_files(&[(&a, b"1"), (&b, b"2")]).unwrap();
+        assert_eq!(entries(folder.path()), ["a", "b"]);
+    }
+
     /// If this failed, a process that is killed while it computes would leave a hidden folder for ever.
     #[test]
     fn nothing_is_there_before_the_first_file() {

@@ -151,3 +151,48 @@ fn in_parallel<T: Clone + Default + Send>(count: usize, of: impl Fn(usize) -> T 
     });
     values
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::camera::{Camera, Intrinsics, Pose};
+    use crate::scene::lens::Distortion;
+
+    /// If this failed, a point that no photo tells of would be planned for as if it were glossy, or the scale of the scores would
+    /// be set by a stray.
+    #[test]
+    fn scores_span_one_to_two_and_unknown_points_have_one() {
+        let photo = |k: u32| {
+            let pose = Pose::looking(DVec3::new(f64::from(k), 0.0, 5.0), DVec3::NEG_Z, DVec3::Y);
+            let camera = Camera { name: k.to_string(), pose, intrinsics: Intrinsics::from_fov(10, 10, 1.0) };
+            Photo { camera, distortion: Distortion::default(), image: None, mask: None }
+        };
+        let photos: Vec<Photo> = (0..3).map(photo).collect();
+        let point = SurfacePoint {
+            position: DVec3::ZERO,
+            normal: DVec3::Z,
+            radius: 0.1,
+            lift: 0.0,
+            colour: [0; 3],
+            score: 1.0,
+            lobe: Lobe::default(),
+        };
+        // Point p varies by p hundredths; the last two are seen once and never.
+        let mut observations = Observations { starts: vec![0], ..Observations::default() };
+        for p in 0..202u32 {
+            let seen = if p < 200 { 3 } else { 201 - p };
+            observations.photos.extend(0..seen);
+            observations.intensities.extend((0..seen).map(|k| 0.3 + 0.001 * (p * k) as f32));
+            observations.starts.push(observations.photos.len());
+        }
+        let estimate = estimate(&vec![point; 202], &photos, &observations, false, |v| v);
+        let scores = &estimate.points.scores;
+        assert!(scores[..200].windows(2).all(|pair| pair[0] <= pair[1]), "{scores:?}");
+        assert_eq!(
+            [scores[0], scores[2], scores[197], scores[199], scores[200], scores[201]],
+            [1.0, 1.0, 2.0, 2.0, 1.0, 1.0]
+        );
+        assert!(scores[100] > 1.2 && scores[100] < 1.3, "a quarter of the greatest variance: {}", scores[100]);
+        assert_eq!((&estimate.views[199..], estimate.variances[200], estimate.level), (&[3, 1, 0][..], None, None));
+    }
+}
