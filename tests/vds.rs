@@ -1,5 +1,5 @@
-//! View dependency from photos of a scene of which everything is known: a sphere, one half matt and one glossy, under one
-//! lamp and an even sky, rendered here point by point.
+//! View dependency from photos of a scene of which everything is known: a sphere, one half matt and one glossy, under
+//! one lamp and an even sky, rendered here point by point.
 
 mod planner_support;
 
@@ -59,8 +59,8 @@ fn photos(lenses: &[Distortion]) -> Vec<Photo> {
     (0..PHOTOS).map(photo).collect()
 }
 
-/// Radiance of the unit sphere at `n` toward `v`: a lamp and a sky, on a matt or (x > 0) glossy coat of the same albedo with
-/// stripes.
+/// Radiance of the unit sphere at `n` toward `v`: a lamp and a sky, on a matt or (x > 0) glossy coat of the same albedo
+/// with stripes.
 fn radiance(n: DVec3, v: DVec3) -> f64 {
     let lamp = DVec3::new(0.3, 0.2, 0.9).normalize();
     let albedo = if (3.0 * n.z).rem_euclid(2.0) < 1.0 { 0.5 } else { 0.25 };
@@ -127,9 +127,9 @@ fn points(proxy: &Proxy) -> Vec<SurfacePoint> {
     proxy.sample(3000, 1, 0)
 }
 
-/// Were the device's lens another than the host's, every photo with distortion would be read in the wrong place; were its
-/// visibility another, points would be given what lies before them. Rays within a millionth of an edge may differ, as may points
-/// at the rim of an image.
+/// Were the device's lens another than the host's, every photo with distortion would be read in the wrong place; were
+/// its visibility another, points would be given what lies before them. Rays within a millionth of an edge may differ,
+/// as may points at the rim of an image.
 #[test]
 fn the_device_observes_what_the_twin_does() {
     let photos = photos(&lenses());
@@ -160,8 +160,8 @@ fn the_device_observes_what_the_twin_does() {
     assert!(worst < 2e-3, "intensities differ by {worst}");
 }
 
-/// The lens of the device by itself: a point's intensity tells its pixel where the photo is a ramp. A term that is wrong in one
-/// model would move what is read by a part of a pixel or by many.
+/// The lens of the device by itself: a point's intensity tells its pixel where the photo is a ramp. A term that is
+/// wrong in one model would move what is read by a part of a pixel or by many.
 #[test]
 fn the_devices_lens_is_the_hosts() {
     let photos = photos(&lenses());

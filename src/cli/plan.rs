@@ -27,7 +27,8 @@ use crate::{Error, Result};
 /// Arguments of `camsplat plan`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model folder; capture folder, whose photos tell the scores
+    /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model folder; capture folder, whose photos tell the
+    /// scores
     surface: PathBuf,
     /// Cameras to place
     #[arg(long)]
@@ -273,8 +274,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The points of a capture, scored from its photos where it has any; none where the surface is no capture with points. The
-/// device is opened only for photos.
+/// The points of a capture, scored from its photos where it has any; none where the surface is no capture with points.
+/// The device is opened only for photos.
 fn captured(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<Option<Surface>> {
     if !arguments.surface.is_dir() {
         return Ok(None);

@@ -1,8 +1,8 @@
 //! Functions of direction: real spherical harmonics of degrees 1 and 2 on top of a constant of one.
 //!
-//! A lobe is eight coefficients c and stands for `f(w) = 1 + sum c_k B_k(w)`. The basis is the usual real orthonormal one
-//! times sqrt(4 pi), so that each function has a mean of zero and a mean square of one over the sphere and f has the
-//! mean one. Order: Y1-1, Y10, Y11, Y2-2, Y2-1, Y20, Y21, Y22.
+//! A lobe is eight coefficients c and stands for `f(w) = 1 + sum c_k B_k(w)`. The basis is the usual real orthonormal
+//! one times sqrt(4 pi), so that each function has a mean of zero and a mean square of one over the sphere and f has
+//! the mean one. Order: Y1-1, Y10, Y11, Y2-2, Y2-1, Y20, Y21, Y22.
 
 use std::sync::LazyLock;
 

@@ -8,20 +8,21 @@ use crate::scene::harmonics::{self, Lobe};
 const LEAST_VIEWS: usize = 6;
 /// Length of the mean direction up to which views are spread out: about that of a cone of 25 degrees to each side.
 const MOST_AGREEMENT: f64 = 0.95;
-/// Ridge: the variance of a single residual's size about its expectation (0.57 times the square, for normal deviates) over the
-/// variance that coefficients are expected to have (0.2 squared).
+/// Ridge: the variance of a single residual's size about its expectation (0.57 times the square, for normal deviates)
+/// over the variance that coefficients are expected to have (0.2 squared).
 const RIDGE: f64 = 0.57 / 0.04;
 /// Least of the function: views are never wanted less than a quarter as densely as on average.
 const LEAST: f64 = 0.25;
-/// Variance of a photo's noise, in luma: where the intensities vary no more than that, their residuals have no direction.
+/// Variance of a photo's noise, in luma: where the intensities vary no more than that, their residuals have no
+/// direction.
 const NOISE: f64 = 1e-4;
 
-/// The lobe of a point: how large the residuals of its intensities against their `mean` are in each direction, relative to
-/// their size on average, smoothed into a function of mean one. `toward` are the unit directions to the cameras.
+/// The lobe of a point: how large the residuals of its intensities against their `mean` are in each direction, relative
+/// to their size on average, smoothed into a function of mean one. `toward` are the unit directions to the cameras.
 ///
-/// Ridge regression of `|I_k - mean| / (mean of these) - 1` on the eight harmonics of degrees 1 and 2. All zero for fewer
-/// than six views, or where these are all within a narrow cone; and the less the intensities vary beyond the noise of photos,
-/// the flatter.
+/// Ridge regression of `|I_k - mean| / (mean of these) - 1` on the eight harmonics of degrees 1 and 2. All zero for
+/// fewer than six views, or where these are all within a narrow cone; and the less the intensities vary beyond the
+/// noise of photos, the flatter.
 pub fn lobe(intensities: &[f64], toward: &[DVec3], mean: f64) -> Lobe {
     let count = intensities.len() as f64;
     let agreement = toward.iter().sum::<DVec3>().length() / count;

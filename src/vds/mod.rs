@@ -2,8 +2,8 @@
 //!
 //! [`observe`] finds on the device which photos see a point and how bright it is there, [`gains`] the exposure of each
 //! photo, [`variance`] how much the intensity of a point varies beyond that, [`lobes`] along which directions. The
-//! variance becomes a score by a cubic, the [`vdsf`], which [`fit`] makes, and scores are spread over [1, 2]. [`job`] does it
-//! all.
+//! variance becomes a score by a cubic, the [`vdsf`], which [`fit`] makes, and scores are spread over [1, 2]. [`job`]
+//! does it all.
 
 pub mod fit;
 pub mod gains;
@@ -27,8 +27,8 @@ use crate::scene::harmonics::Lobe;
 use crate::scene::proxy::SurfacePoint;
 use crate::scene::surface::Points;
 
-/// Quantiles of the VDSF that become the scores 1 and 2: what lies outside counts as the nearer one. A single point on an
-/// edge that no photo registers well would otherwise set the scale of all.
+/// Quantiles of the VDSF that become the scores 1 and 2: what lies outside counts as the nearer one. A single point on
+/// an edge that no photo registers well would otherwise set the scale of all.
 const ENDS: [f64; 2] = [0.01, 0.99];
 
 /// What the photos tell of points.
@@ -44,8 +44,8 @@ pub struct Estimate {
     pub ends: [f64; 2],
     /// Exposure of each photo.
     pub gains: Gains,
-    /// Median over the points of their mean intensity, before it was brought to [`GREY`]; none where exposures were taken as
-    /// they are.
+    /// Median over the points of their mean intensity, before it was brought to [`GREY`]; none where exposures were
+    /// taken as they are.
     pub level: Option<f64>,
 }
 
@@ -55,11 +55,11 @@ pub const GREY: f64 = 0.18;
 /// What a point's views tell of it: variance and mean of its intensity, and its lobe.
 type Told = (Option<(f64, f64)>, Lobe);
 
-/// Scores points from what photos show of them; `observations` are those of `points`, photo by photo of `photos`. `vdsf`
-/// makes a score of a variance.
+/// Scores points from what photos show of them; `observations` are those of `points`, photo by photo of `photos`.
+/// `vdsf` makes a score of a variance.
 ///
-/// With `exposure`, each photo's gain and offset are evened out, and then all are brought to one exposure: photos that are a
-/// stop brighter vary four times as much, without the surface being any glossier.
+/// With `exposure`, each photo's gain and offset are evened out, and then all are brought to one exposure: photos that
+/// are a stop brighter vary four times as much, without the surface being any glossier.
 pub fn estimate(
     points: &[SurfacePoint],
     photos: &[Photo],
@@ -94,8 +94,8 @@ pub fn estimate(
     }
 }
 
-/// Scores in [1, 2] of the variances of a surface's points, and the values of `vdsf` that became 1 and 2. A point without a
-/// variance has the score 1, and so have all where none varies more than another.
+/// Scores in [1, 2] of the variances of a surface's points, and the values of `vdsf` that became 1 and 2. A point
+/// without a variance has the score 1, and so have all where none varies more than another.
 pub fn scores(variances: &[Option<f64>], vdsf: impl Fn(f64) -> f64) -> (Vec<f32>, [f64; 2]) {
     let raw: Vec<Option<f64>> = variances.iter().map(|variance| variance.map(&vdsf)).collect();
     let ends = ENDS.map(|part| quantile(raw.iter().flatten().copied().collect(), part));
@@ -158,8 +158,8 @@ mod tests {
     use crate::scene::camera::{Camera, Intrinsics, Pose};
     use crate::scene::lens::Distortion;
 
-    /// If this failed, a point that no photo tells of would be planned for as if it were glossy, or the scale of the scores would
-    /// be set by a stray.
+    /// If this failed, a point that no photo tells of would be planned for as if it were glossy, or the scale of the
+    /// scores would be set by a stray.
     #[test]
     fn scores_span_one_to_two_and_unknown_points_have_one() {
         let photo = |k: u32| {

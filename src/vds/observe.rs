@@ -69,7 +69,8 @@ pub struct Scene {
     pub views: Vec<LensView>,
     /// What blocks rays.
     pub bvh: Bvh,
-    /// Points that each photo is known to see, whatever blocks the way: empty where nothing is known, or a list per photo.
+    /// Points that each photo is known to see, whatever blocks the way: empty where nothing is known, or a list per
+    /// photo.
     pub matched: Vec<Vec<u32>>,
 }
 
@@ -118,9 +119,10 @@ impl Scene {
         })
     }
 
-    /// Takes over from the tracks of a capture which photos see a point: those it was found in. Discs stand for too much of a
-    /// sparse cloud for rays to tell: they block from a tenth to a half of the matches that the cloud was made from. `points` are
-    /// those that the scene was made of; ones that are none of the capture's are left to the rays.
+    /// Takes over from the tracks of a capture which photos see a point: those it was found in. Discs stand for too
+    /// much of a sparse cloud for rays to tell: they block from a tenth to a half of the matches that the cloud was
+    /// made from. `points` are those that the scene was made of; ones that are none of the capture's are left to the
+    /// rays.
     pub fn with_tracks(mut self, points: &[SurfacePoint], capture: &PhotoSet) -> Self {
         let key = |p: DVec3| p.to_array().map(f64::to_bits);
         let tracks: HashMap<_, _> =
@@ -141,8 +143,8 @@ impl Scene {
         bits
     }
 
-    /// Observes every point in the photos that `next` gives, each with its index among the cameras, in any order and until
-    /// it gives none. Photos follow one another on the device without waiting for the host.
+    /// Observes every point in the photos that `next` gives, each with its index among the cameras, in any order and
+    /// until it gives none. Photos follow one another on the device without waiting for the host.
     ///
     /// # Errors
     /// Those of `next`; a photo larger than its camera says; a device that fails or has no room.
@@ -252,8 +254,8 @@ impl Observations {
 }
 
 /// Pixel of a point in the frame of the view; none behind the camera, where the lens bends no light to, and outside the
-/// image. Twin of `lens_pixel`, by [`Lens::project`](crate::scene::lens::Lens::project) of the photo that the view was made
-/// of.
+/// image. Twin of `lens_pixel`, by [`Lens::project`](crate::scene::lens::Lens::project) of the photo that the view was
+/// made of.
 pub fn lens_pixel(view: &LensView, photo: &Photo, point: Vec3) -> Option<Vec2> {
     let off = (point - Vec3::from(view.position)).as_dvec3();
     let along = |axis: [f32; 3]| off.dot(Vec3::from(axis).as_dvec3());

@@ -17,8 +17,8 @@ const SCALE: u32 = 24;
 const VIEWS: usize = 3;
 const BACKGROUND: Rgb<u8> = Rgb([24, 24, 28]);
 
-/// PNG of the scores of points, dark for 1 and bright for 2, as three of the photos see them that look from as different
-/// directions as there are. The bar beneath is the scale from 1 to 2.
+/// PNG of the scores of points, dark for 1 and bright for 2, as three of the photos see them that look from as
+/// different directions as there are. The bar beneath is the scale from 1 to 2.
 ///
 /// # Errors
 /// Where the image cannot be encoded.

@@ -22,7 +22,8 @@ const fn halved(size: u32) -> u32 {
 }
 
 impl Pyramid {
-    /// The pyramid of a photo's luma (linear, in [0, 1]), row by row; a mask of the same size is white where the object is.
+    /// The pyramid of a photo's luma (linear, in [0, 1]), row by row; a mask of the same size is white where the object
+    /// is.
     pub fn new(width: u32, height: u32, luma: &[f32], mask: Option<&[u8]>) -> Self {
         let texel = |luma: f32, mask: u8| {
             let mask = 257 * u32::from(mask);
@@ -88,8 +89,8 @@ impl Pyramid {
         [(texel & 0xffff) as f32 / 65535.0, (texel >> 16) as f32 / 65535.0]
     }
 
-    /// Luma times mask, and mask, at `pixel` of the finest level, between the four nearest texels of a level: the twin of
-    /// `bilinear` in `observe.comp`.
+    /// Luma times mask, and mask, at `pixel` of the finest level, between the four nearest texels of a level: the twin
+    /// of `bilinear` in `observe.comp`.
     pub fn bilinear(&self, level: u32, pixel: [f32; 2]) -> [f32; 2] {
         let (mut offset, mut size) = (0, [self.width, self.height]);
         for _ in 0..level {

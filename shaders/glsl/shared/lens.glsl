@@ -1,4 +1,5 @@
-// Posed lenses with distortion. Twin: `Distortion` and `Lens` in src/scene/lens.rs; made by src/visibility/lens_view.rs.
+// Posed lenses with distortion. Twin: `Distortion` and `Lens` in src/scene/lens.rs; made by
+// src/visibility/lens_view.rs.
 
 struct LensView {
     vec3 position;
