@@ -23,6 +23,7 @@ mod options;
 mod plan;
 mod progress;
 mod score;
+mod select;
 
 use std::process::ExitCode;
 
@@ -43,6 +44,8 @@ enum Command {
     Plan(Box<plan::Arguments>),
     /// Score any camera set on a surface
     Score(Box<score::Arguments>),
+    /// Choose the best K photos of a capture
+    Select(Box<select::Arguments>),
     /// List every Vulkan device, what it has and what it lacks
     Devices,
     /// Plan two scenes of our own: an object (50 views) and a furnished room (300 views)
@@ -62,6 +65,7 @@ pub fn main() -> ExitCode {
     let result = match cli.command {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Score(arguments) => score::run(&arguments),
+        Command::Select(arguments) => select::run(&arguments),
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),
     };

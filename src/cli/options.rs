@@ -12,6 +12,7 @@ use crate::plan::job::{RegionChoice, Target};
 use crate::plan::record::SurfaceRecord;
 use crate::scene::camera::{Intrinsics, Pose};
 use crate::scene::region::{Region, Shape};
+use crate::scene::surface::Surface;
 use crate::vulkan::{self, Context};
 use crate::{Error, Result};
 
@@ -92,6 +93,26 @@ impl RegionOptions {
     /// Reads a surface and settles its region; prints what was understood. What the options leave out is taken from
     /// `stored`, the region of an earlier plan, where there is one.
     pub fn target(&self, path: &Path, intrinsics: &Intrinsics, stored: Option<Region>) -> Result<Target> {
+        let (surface, notes) = io::read_surface_with_notes(path)?;
+        for note in notes {
+            say!("{note}");
+        }
+        // A reconstruction knows where cameras could stand: where they did.
+        let photographed = if path.is_dir() { io::read_cameras(path).unwrap_or_default() } else { Vec::new() };
+        let poses: Vec<Pose> = photographed.iter().map(|camera| camera.pose).collect();
+        self.target_of(&surface, path, &poses, intrinsics, stored)
+    }
+
+    /// As [`RegionOptions::target`], of a surface that has been read from `path`, around cameras that stand in
+    /// `photographed`.
+    pub fn target_of(
+        &self,
+        surface: &Surface,
+        path: &Path,
+        photographed: &[Pose],
+        intrinsics: &Intrinsics,
+        stored: Option<Region>,
+    ) -> Result<Target> {
         let mut choice = self.choice()?;
         let mut preset = self.preset();
         if let (None, Some(region)) = (choice.shape, stored) {
@@ -102,18 +123,11 @@ impl RegionOptions {
                 preset = Preset::Room;
             }
         }
-        let (surface, notes) = io::read_surface_with_notes(path)?;
-        for note in notes {
-            say!("{note}");
-        }
-        // A reconstruction knows where cameras could stand: where they did.
-        let photographed = if path.is_dir() { io::read_cameras(path).unwrap_or_default() } else { Vec::new() };
-        let poses: Vec<Pose> = photographed.iter().map(|camera| camera.pose).collect();
-        let up = self.up.or(stored.map(|region| region.up)).unwrap_or_else(|| default_up(path, &poses));
+        let up = self.up.or(stored.map(|region| region.up)).unwrap_or_else(|| default_up(path, photographed));
         if choice.shape.is_none() && preset == Preset::Object {
-            choice.shape = Shape::around_cameras(&poses);
+            choice.shape = Shape::around_cameras(photographed);
         }
-        let target = Target::new(&surface, &path.to_string_lossy(), preset, &choice, up, intrinsics)?;
+        let target = Target::new(surface, &path.to_string_lossy(), preset, &choice, up, intrinsics)?;
         print_target(&target);
         Ok(target)
     }
