@@ -60,12 +60,9 @@ pub struct Arguments {
     /// Seed of every random number
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Points that the choice is made on
+    /// Points of the surface that the choice is made on, and as many others that it is scored on
     #[arg(long, default_value_t = 2000)]
     points: u32,
-    /// Held-out points for the metrics
-    #[arg(long, default_value_t = 1000)]
-    held_out: u32,
     #[command(flatten)]
     device: DeviceOptions,
 }
@@ -129,7 +126,6 @@ fn request(arguments: &Arguments, set: &PhotoSet) -> Result<Request> {
         never,
         seed: arguments.seed,
         points: arguments.points,
-        held_out: arguments.held_out,
         preset: arguments.region.preset(),
         ..Request::new(arguments.count)
     })

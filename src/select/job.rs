@@ -20,7 +20,7 @@ use crate::plan::preparation::{PROBE_STREAM, Preparation};
 use crate::plan::record::ControlRecord;
 use crate::scene::baselines;
 use crate::scene::camera::{Camera, Pose};
-use crate::scene::proxy::SurfacePoint;
+use crate::scene::proxy::{Occluder, Proxy, SurfacePoint};
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::vulkan::Context;
 use crate::{Error, Result};
@@ -99,10 +99,9 @@ pub struct Request {
     pub never: Vec<usize>,
     /// Seed of every random number.
     pub seed: u64,
-    /// Points that the choice is made on.
+    /// Points that the choice is made on, and as many that it is scored on; fewer where the surface is a cloud that holds
+    /// less than twice as many.
     pub points: u32,
-    /// Points that it is scored on.
-    pub held_out: u32,
     /// Kind of scene, for the planned cameras.
     pub preset: Preset,
 }
@@ -117,7 +116,6 @@ impl Request {
             never: Vec::new(),
             seed: 0,
             points: 2000,
-            held_out: 1000,
             preset: Preset::Object,
         }
     }
@@ -140,10 +138,8 @@ impl Request {
             let must = self.must.len();
             return wrong(format!("--must names {must} photos, more than --count {}; raise --count", self.count));
         }
-        for (name, value) in [("--points", self.points), ("--held-out", self.held_out)] {
-            if !(1..=1 << 20).contains(&value) {
-                return wrong(format!("{name} is {value}; give 1 to {}", 1 << 20));
-            }
+        if !(1..=1 << 20).contains(&self.points) {
+            return wrong(format!("--points is {}; give 1 to {}", self.points, 1 << 20));
         }
         Ok(())
     }
@@ -203,15 +199,17 @@ impl<'a> Prospect<'a> {
         request.validate(set.photos.len())?;
         let start = Instant::now();
         let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
-        let sample = |count, stream| target.proxy.sample(count as usize, request.seed, stream);
-        let survey = Survey::new(context, &scene, &set.photos, sample(request.points, PROBE_STREAM))?;
+        // Both samples follow the same law and share no point: of a cloud, each comes from a half of its own.
+        let count = (request.points as usize).min(half(&target.proxy)).max(1);
+        let sample = |stream| target.proxy.sample(count, request.seed, stream);
+        let survey = Survey::new(context, &scene, &set.photos, sample(PROBE_STREAM))?;
         if (0..survey.points.len()).all(|point| survey.sight.seers(point).count() < 2) {
             return Err(Error::input(
                 &set.path,
                 "no point of the surface is seen by two photos; do surface and photos share a frame?",
             ));
         }
-        let held_out = Survey::new(context, &scene, &set.photos, sample(request.held_out, HELD_OUT_STREAM))?;
+        let held_out = Survey::new(context, &scene, &set.photos, sample(HELD_OUT_STREAM))?;
         let seconds = start.elapsed().as_secs_f64();
         Ok(Self { context: context.clone(), set, target, scene, request, survey, held_out, seconds })
     }
@@ -379,6 +377,15 @@ impl<'a> Prospect<'a> {
             Method::Coverage => Ok(pool.coverage()),
         }
     }
+}
+
+/// Discs in the smaller of the halves that samples are drawn from; no bound for triangles.
+fn half(proxy: &Proxy) -> usize {
+    let Occluder::Discs(discs) = &proxy.occluder else { return usize::MAX };
+    let open = |parity: usize| {
+        (parity..discs.len()).step_by(2).filter(|i| !proxy.buried.get(*i).is_some_and(|buried| *buried)).count()
+    };
+    open(0).min(open(1))
 }
 
 /// Rank of each photo by its want of sharpness: 0 for the sharpest, 1 for the least sharp. Ranks, since the variance of the
