@@ -38,7 +38,7 @@ fn main() -> Result<()> {
     let data = std::env::var("CAMSPLAT_DATA").map_err(|_| Error::request("CAMSPLAT_DATA names no folder"))?;
     let context = Context::new(&Options::default())?;
     for pool in pools {
-        let set = io::photos::read(&Path::new(&data).join("photos").join(&pool))?;
+        let set = io::photos::read(&Path::new(&data).join("photos").join(&pool), &io::photos::Options::default())?;
         let poses: Vec<Pose> = set.photos.iter().map(|photo| photo.camera.pose).collect();
         let up = poses.iter().map(Pose::up).sum::<DVec3>().normalize();
         let choice = RegionChoice { shape: Shape::around_cameras(&poses), ..RegionChoice::default() };

@@ -207,7 +207,8 @@ fn parse_up(text: &str) -> Result<DVec3, String> {
     Ok(sign * axis)
 }
 
-fn parse_size(text: &str) -> Result<(u32, u32), String> {
+/// Reads an image size, such as 800x600.
+pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
     let parsed = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     match parsed {
         Some((w, h)) if (1..=65_535).contains(&w) && (1..=65_535).contains(&h) => Ok((w, h)),

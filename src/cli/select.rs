@@ -7,9 +7,10 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::options::{DeviceOptions, RegionOptions, print_messages};
+use super::options::{CameraOptions, DeviceOptions, RegionOptions, parse_size, print_messages};
 use super::plan::table;
 use crate::io::folder::OutputFolder;
+use crate::io::photos::Images;
 use crate::metrics::Metrics;
 use crate::photos::PhotoSet;
 use crate::plan::job::Target;
@@ -23,7 +24,7 @@ use crate::{Error, Result, io};
 /// Arguments of `camsplat select`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// Capture: a folder with a COLMAP model and images, or what else `camsplat vds` takes
+    /// Capture: a folder with a COLMAP model, a transforms.json, an NSVF folder, or a .log of poses
     capture: PathBuf,
     /// Photos to choose
     #[arg(long)]
@@ -39,6 +40,12 @@ pub struct Arguments {
     surface: Option<PathBuf>,
     #[command(flatten)]
     region: RegionOptions,
+    /// Horizontal field of view in degrees, for a file of poses without lenses
+    #[arg(long)]
+    fov: Option<f64>,
+    /// Image size in pixels, for a file of poses without lenses
+    #[arg(long, value_parser = parse_size, value_name = "WxH")]
+    size: Option<(u32, u32)>,
     /// How to choose
     #[arg(long, value_enum, default_value = "swap")]
     method: Method,
@@ -70,7 +77,7 @@ pub struct Arguments {
 /// Chooses, writes the folder and prints what came out.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let folder = OutputFolder::create(&arguments.out, arguments.force)?;
-    let set = io::photos::read(&arguments.capture)?;
+    let set = capture(arguments)?;
     for note in &set.notes {
         say!("{note}");
     }
@@ -99,11 +106,23 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     };
     let start = Instant::now();
     let path = folder.path().to_owned();
-    selection::write(&written, folder)?;
+    for note in selection::write(&written, folder)? {
+        say!("{note}");
+    }
     print_selection(&selection, &set, request.method);
     say!("written  in {:.2} s", start.elapsed().as_secs_f64());
     say!("report   {}", path.join("report.html").display());
     Ok(ExitCode::SUCCESS)
+}
+
+fn capture(arguments: &Arguments) -> Result<PhotoSet> {
+    let intrinsics = match (arguments.fov, arguments.size) {
+        (Some(fov), Some(size)) => Some(CameraOptions { fov, size }.intrinsics()?),
+        (None, None) => None,
+        _ => return Err(Error::request("--fov and --size belong together; give both or none")),
+    };
+    let images = if arguments.sharpness { Images::Needed } else { Images::Optional };
+    io::photos::read(&arguments.capture, &io::photos::Options { images, intrinsics })
 }
 
 fn request(arguments: &Arguments, set: &PhotoSet) -> Result<Request> {

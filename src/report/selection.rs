@@ -10,10 +10,10 @@ use serde::Serialize;
 
 use super::{Kind, ReportScene, SurfacePoint, Triangles, decimate};
 use crate::error::{Error, Result};
-use crate::io::export;
 use crate::io::folder::OutputFolder;
+use crate::io::{colmap, export, ply, transforms};
 use crate::metrics::{Metrics, PointMetrics};
-use crate::photos::PhotoSet;
+use crate::photos::{Convention, Photo, PhotoSet};
 use crate::plan::job::Target;
 use crate::plan::record::{ControlRecord, IterationRecord, PlanRecord, Status, SurfaceRecord};
 use crate::scene::camera::Camera;
@@ -70,13 +70,14 @@ struct ChosenRecord<'a> {
     sharpness: Option<f64>,
 }
 
-/// Writes everything and commits the folder.
+/// Writes everything and commits the folder; says what of the lenses could not be written.
 ///
 /// # Errors
-/// When the folder cannot be written or an image cannot be linked.
-pub fn write(written: &Written<'_>, folder: OutputFolder) -> Result<()> {
+/// When the folder cannot be written, an image cannot be linked, or the capture's model cannot be read again.
+pub fn write(written: &Written<'_>, folder: OutputFolder) -> Result<Vec<String>> {
     let Written { set, selection, suggested, .. } = written;
     images(written, &folder)?;
+    let notes = capture(written, &folder)?;
     folder.write("chosen.csv", chosen_csv(written))?;
     let unseen: Vec<DVec3> = selection
         .points
@@ -94,7 +95,7 @@ pub fn write(written: &Written<'_>, folder: OutputFolder) -> Result<()> {
         .collect();
     folder.write("unseen.ply", export::coverage_ply(&unseen, &shown, (0.0, 1.0)))?;
     if !suggested.is_empty() {
-        folder.write("suggested.json", crate::io::transforms::write(suggested, "points.ply"))?;
+        folder.write("suggested.json", transforms::write(suggested, "points.ply"))?;
         folder.write("suggested.csv", export::cameras_csv(suggested))?;
     }
     let record = Record {
@@ -123,7 +124,33 @@ pub fn write(written: &Written<'_>, folder: OutputFolder) -> Result<()> {
         .map_err(|e| Error::request(format!("select.json cannot be written: {e}")))?;
     folder.write("select.json", json)?;
     folder.write("report.html", page(written)?)?;
-    folder.commit()
+    folder.commit()?;
+    Ok(notes)
+}
+
+/// Writes the capture cut down to the chosen photos: `transforms.json`, the points that they saw, and `sparse/0` where the
+/// capture is a COLMAP model.
+fn capture(written: &Written<'_>, folder: &OutputFolder) -> Result<Vec<String>> {
+    let Written { set, selection, .. } = written;
+    let photos: Vec<&Photo> = selection.chosen.iter().map(|chosen| &set.photos[chosen.photo]).collect();
+    if let (Convention::Colmap, Some(model)) = (set.convention, colmap::model_folder(&set.path)) {
+        let names: Vec<String> = photos.iter().map(|photo| photo.camera.name.clone()).collect();
+        for (name, bytes) in colmap::subset(&model, &names)?.files {
+            folder.write(&format!("sparse/0/{name}"), bytes)?;
+        }
+    }
+    let is_chosen = |photo: &u32| selection.chosen.binary_search_by_key(&(*photo as usize), |c| c.photo).is_ok();
+    let kept: Vec<usize> = (0..set.points.positions.len())
+        .filter(|point| set.tracks.get(*point).is_none_or(|track| track.iter().any(is_chosen)))
+        .collect();
+    if !kept.is_empty() {
+        let positions: Vec<DVec3> = kept.iter().map(|point| set.points.positions[*point]).collect();
+        let colours: Vec<[u8; 3]> = kept.iter().filter_map(|point| set.points.colours.get(*point).copied()).collect();
+        folder.write("points.ply", ply::write::points(&positions, &colours, None))?;
+    }
+    let (text, notes) = transforms::write_photos(&photos, (!kept.is_empty()).then_some("points.ply"));
+    folder.write("transforms.json", text)?;
+    Ok(notes)
 }
 
 /// Links or copies the chosen images to `images/` and their masks to `masks/`.
