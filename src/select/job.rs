@@ -29,8 +29,9 @@ use crate::{Error, Result};
 const HELD_OUT_STREAM: u32 = 1;
 /// Pools above this size are looked at in coarser directions.
 const MANY: usize = 2000;
-/// How much of the cost sharpness may weigh against: the blurriest subset against the sharpest.
-const SHARPNESS_PART: f64 = 0.02;
+/// What the sharpest photo is worth over the least sharp, as a part of the cost that falls to a photo on average: more cost
+/// than that no swap takes on for sharpness.
+const SHARPNESS_PART: f64 = 0.1;
 
 /// How photos are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]

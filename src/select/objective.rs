@@ -1,14 +1,9 @@
-//! What is minimised over subsets of a pool: the angular gap on the real frusta, as it is to be expected of photos that
-//! may fail.
+//! What is minimised over subsets of a pool: the angular gap on the real frusta, exactly.
 //!
-//! For a point `p` and a direction `w` in which the pool can show it, the gap is the angle from `w` to the nearest chosen
+//! For a point `p` and a direction `w` in which the pool can show it, the cost is the angle from `w` to the nearest chosen
 //! photo that sees `p`, and pi where none does: a facility location (k-median) problem, whose facilities are photos and
-//! whose clients are pairs of point and direction. Whether a photo sees a point is known at a sample of a coarse surface
-//! only. The cost therefore takes every photo to fail a point with probability [`FAILURE`], independently, and counts the
-//! expected angle over the three nearest (Snyder and Daskin, "Reliability models for facility location", 2005):
-//! `(1 - q) d1 + (1 - q) q d2 + q² d3`, where what is missing is pi. A point's cost is the mean over its directions, the
-//! whole the mean over points, weighted by their scores. With `q = 0` it is the held-out metric itself, and worse at
-//! lowering that metric: swaps learn the sample's occlusion by heart (docs/selection.md).
+//! whose clients are pairs of point and direction. A point's cost is the mean over its directions, and the whole the mean
+//! over points, weighted by their scores; a shortage is added for each view that a point lacks of three.
 
 use std::f32::consts::PI;
 
@@ -20,11 +15,10 @@ use crate::scene::octahedral;
 
 /// A direction counts at a point where some photo of the pool that sees the point lies within this angle of it.
 pub const REACH_DEG: f64 = 15.0;
-/// Nearest photos that count, and one more, which steps in for one that is removed.
-const COUNTED: usize = 3;
-const KEPT: usize = COUNTED + 1;
-/// Probability that a photo fails a point that it is thought to see.
-pub const FAILURE: f32 = 0.2;
+/// Views that a point should have: two to triangulate, one to spare, as in the coverage metric.
+pub const WANTED: u32 = 3;
+/// What a point's lack of one view costs, in radians: settled on three pools (docs/selection.md).
+const SHORTAGE: f64 = 0.5;
 
 /// Directions that are looked at together.
 const LANES: usize = 16;
@@ -45,6 +39,8 @@ pub struct Objective<'s> {
     reach: Vec<bool>,
     /// Per point: weight of one texel's angle.
     texel_weight: Vec<f64>,
+    /// Per point: cost of each view it lacks.
+    lack: Vec<f64>,
     /// Per photo: what choosing it costs by itself (its want of sharpness).
     price: Vec<f64>,
 }
@@ -59,31 +55,16 @@ pub struct Choice<'o, 's> {
     losses: Vec<f64>,
 }
 
-/// One point's clients: for every texel the four nearest chosen photos that see the point, nearest first.
+/// One point's clients.
 #[derive(Clone)]
 struct Nearest {
-    /// Cosine of the last of them: what a photo must surpass to matter.
-    bar: Vec<f32>,
-    angle: Vec<[f32; KEPT]>,
-    slot: Vec<[u32; KEPT]>,
+    cos: [Vec<f32>; 2],
+    angle: [Vec<f32>; 2],
+    slot: Vec<u32>,
+    /// Chosen photos that see the point, and the slots of the first few.
+    views: u32,
+    seers: [u32; WANTED as usize],
     cost: f64,
-}
-
-/// Expected angle to the nearest photo that does not fail, from the angles in ascending order.
-fn expected(angles: [f32; COUNTED]) -> f32 {
-    let q = FAILURE;
-    (1.0 - q) * (angles[0] + q * angles[1]) + q * q * angles[2]
-}
-
-/// The list without its entry `k`.
-fn without(angles: &[f32; KEPT], k: usize) -> [f32; COUNTED] {
-    std::array::from_fn(|i| angles[if i < k { i } else { i + 1 }])
-}
-
-/// The least three of an ascending list and one more.
-fn with(angles: [f32; COUNTED], more: f32) -> [f32; COUNTED] {
-    let [a, b, c] = angles;
-    [a.min(more), b.min(a.max(more)), c.min(b.max(more))]
 }
 
 /// A swap: how the cost changes, and which slot gets the new photo.
@@ -141,6 +122,7 @@ impl<'s> Objective<'s> {
         Self {
             seen: survey.sight.by_photo(),
             texel_weight: of(&|point, count| share(point) / count as f64),
+            lack: of(&|point, _| SHORTAGE * share(point)),
             price: vec![0.0; survey.sight.photos],
             survey,
             axes,
@@ -165,8 +147,8 @@ impl<'s> Objective<'s> {
     /// Bytes that the clients and a choice take.
     pub fn bytes(&self) -> usize {
         let lists: usize = self.seen.iter().map(|list| 4 * list.len()).sum();
-        // A cosine, four angles and four slots to a client, and whether it counts.
-        self.reach.len() * (4 * (1 + 2 * KEPT) + 1) + lists
+        // Two cosines, two angles and a slot to a client, and whether it counts.
+        self.reach.len() * (5 * 4 + 1) + lists
     }
 
     /// Nothing chosen yet.
@@ -178,9 +160,11 @@ impl<'s> Objective<'s> {
     pub fn choose(&self, photos: &[usize]) -> Choice<'_, 's> {
         let (texels, points) = (self.texels(), self.survey.points.len());
         let nearest = Nearest {
-            bar: vec![NONE; texels],
-            angle: vec![[PI; KEPT]; texels],
-            slot: vec![[NO_SLOT; KEPT]; texels],
+            cos: [vec![NONE; texels], vec![NONE; texels]],
+            angle: [vec![PI; texels], vec![PI; texels]],
+            slot: vec![NO_SLOT; texels],
+            views: 0,
+            seers: [NO_SLOT; WANTED as usize],
             cost: 0.0,
         };
         let points = vec![nearest; points];
@@ -195,68 +179,50 @@ fn dot(axes: &[Vec<f32>; 3], t: usize, n: Vec3) -> f32 {
 }
 
 impl Nearest {
-    /// Finds the nearest of the chosen photos from scratch.
-    fn renew(&mut self, objective: &Objective<'_>, point: usize, chosen: &[usize], best: &mut Best) {
+    /// Finds the two nearest of the chosen photos from scratch.
+    fn renew(&mut self, objective: &Objective<'_>, point: usize, chosen: &[usize]) {
         let texels = objective.texels();
         let reach = &objective.reach[point * texels..(point + 1) * texels];
-        best.cos.iter_mut().for_each(|cos| cos.fill(NONE));
-        best.slot.iter_mut().for_each(|slot| slot.fill(NO_SLOT));
-        for (slot, &photo) in (0u32..).zip(chosen) {
-            if objective.survey.sight.sees(point, photo) {
-                let n = objective.survey.direction(point, photo);
-                for t in 0..texels {
-                    best.moved[t] = dot(&objective.axes, t, n);
-                }
-                best.insert(slot);
-            }
-        }
-        let mut sum = 0.0;
+        let [first, second] = &mut self.cos;
         for (t, reach) in reach.iter().enumerate() {
-            for k in 0..KEPT {
-                let cos = best.cos[k][t];
-                self.slot[t][k] = best.slot[k][t];
-                self.angle[t][k] = if cos == NONE { PI } else { angle(cos) };
-            }
-            self.bar[t] = if *reach { best.cos[KEPT - 1][t] } else { OUT };
-            if *reach {
-                sum += f64::from(expected(without(&self.angle[t], COUNTED)));
-            } else {
-                self.slot[t] = [NO_SLOT; KEPT];
-            }
+            first[t] = if *reach { NONE } else { OUT };
+            second[t] = first[t];
+            self.slot[t] = NO_SLOT;
         }
-        self.cost = objective.texel_weight[point] * sum;
-    }
-}
-
-/// Scratch of [`Nearest::renew`]: for every rank and texel, cosine and slot; and what is being put in.
-struct Best {
-    cos: [Vec<f32>; KEPT],
-    slot: [Vec<u32>; KEPT],
-    moved: Vec<f32>,
-}
-
-impl Best {
-    fn new(texels: usize) -> Self {
-        Self {
-            cos: std::array::from_fn(|_| vec![NONE; texels]),
-            slot: std::array::from_fn(|_| vec![NO_SLOT; texels]),
-            moved: vec![NONE; texels],
-        }
-    }
-
-    /// Puts the cosines in `moved`, of the photo in `slot`, where they belong; equal ones stay behind those that were there.
-    fn insert(&mut self, slot: u32) {
-        let mut slots = vec![slot; self.moved.len()];
-        for (cos, slot) in self.cos.iter_mut().zip(&mut self.slot) {
-            for (((cos, slot), moved), moved_slot) in cos.iter_mut().zip(slot).zip(&mut self.moved).zip(&mut slots) {
-                let nearer = *moved > *cos;
-                let (old, old_slot) = (*cos, *slot);
-                *cos = if nearer { *moved } else { old };
-                *slot = if nearer { *moved_slot } else { old_slot };
-                *moved = if nearer { old } else { *moved };
-                *moved_slot = if nearer { old_slot } else { *moved_slot };
+        self.views = 0;
+        self.seers = [NO_SLOT; WANTED as usize];
+        for (slot, &photo) in (0u32..).zip(chosen) {
+            if !objective.survey.sight.sees(point, photo) {
+                continue;
+            }
+            if let Some(seer) = self.seers.get_mut(self.views as usize) {
+                *seer = slot;
+            }
+            self.views += 1;
+            let n = objective.survey.direction(point, photo);
+            for t in 0..texels {
+                let cos = dot(&objective.axes, t, n);
+                let nearer = cos > first[t];
+                second[t] = if nearer { first[t] } else { second[t].max(cos) };
+                self.slot[t] = if nearer { slot } else { self.slot[t] };
+                first[t] = if nearer { cos } else { first[t] };
             }
         }
+        for (cos, out) in self.cos.iter().zip(&mut self.angle) {
+            for (cos, out) in cos.iter().zip(out) {
+                let known = angle(*cos);
+                *out = if *cos == OUT {
+                    0.0
+                } else if *cos == NONE {
+                    PI
+                } else {
+                    known
+                };
+            }
+        }
+        let sum: f64 = self.angle[0].iter().map(|a| f64::from(*a)).sum();
+        let lacking = f64::from(WANTED.saturating_sub(self.views));
+        self.cost = objective.texel_weight[point] * sum + objective.lack[point] * lacking;
     }
 }
 
@@ -279,18 +245,22 @@ impl Choice<'_, '_> {
 
     fn renew(&mut self, touched: impl Fn(usize) -> bool + Sync) {
         let (objective, chosen) = (self.objective, &self.chosen);
-        let scratch = || Best::new(objective.texels());
-        with_scratch(&mut self.points, 1, scratch, |point, nearest, best| {
+        in_parallel(&mut self.points, 1, |point, nearest| {
             if touched(point) {
-                nearest[0].renew(objective, point, chosen, best);
+                nearest[0].renew(objective, point, chosen);
             }
         });
         self.losses = self.chosen.iter().map(|photo| -objective.price[*photo]).collect();
-        for (nearest, weight) in self.points.iter().zip(&objective.texel_weight) {
-            for (angles, slots) in nearest.angle.iter().zip(&nearest.slot) {
-                let now = expected(without(angles, COUNTED));
-                for (k, slot) in slots.iter().take(COUNTED).enumerate().filter(|(_, slot)| **slot != NO_SLOT) {
-                    self.losses[*slot as usize] += weight * f64::from(expected(without(angles, k)) - now);
+        for (point, nearest) in self.points.iter().enumerate() {
+            let weight = objective.texel_weight[point];
+            for ((slot, first), second) in nearest.slot.iter().zip(&nearest.angle[0]).zip(&nearest.angle[1]) {
+                if *slot != NO_SLOT {
+                    self.losses[*slot as usize] += weight * f64::from(second - first);
+                }
+            }
+            if nearest.views <= WANTED {
+                for slot in &nearest.seers[..nearest.views as usize] {
+                    self.losses[*slot as usize] += objective.lack[point];
                 }
             }
         }
@@ -321,32 +291,34 @@ impl Choice<'_, '_> {
             let point = point as usize;
             let nearest = &self.points[point];
             let weight = objective.texel_weight[point];
+            if nearest.views < WANTED {
+                gain += objective.lack[point];
+            } else if nearest.views == WANTED {
+                nearest.seers.iter().for_each(|slot| spared[*slot as usize] += objective.lack[point]);
+            }
             let n = objective.survey.direction(point, photo);
             for base in (0..objective.texels()).step_by(LANES) {
                 let lanes = base..base + LANES;
                 let (x, y, z) = (&x[lanes.clone()], &y[lanes.clone()], &z[lanes.clone()]);
-                let bar = &nearest.bar[lanes];
+                let second = &nearest.cos[1][lanes];
                 let mut cos = [0f32; LANES];
                 let mut any = false;
                 for lane in 0..LANES {
                     cos[lane] = x[lane] * n.x + y[lane] * n.y + z[lane] * n.z;
-                    any |= cos[lane] > bar[lane];
+                    any |= cos[lane] > second[lane];
                 }
                 if !any {
                     continue;
                 }
-                for lane in (0..LANES).filter(|lane| cos[*lane] > bar[*lane]) {
+                for lane in (0..LANES).filter(|lane| cos[*lane] > second[*lane]) {
                     let t = base + lane;
-                    let (angles, own) = (&nearest.angle[t], angle(cos[lane]));
-                    let counted = without(angles, COUNTED);
-                    let fall = expected(counted) - expected(with(counted, own));
-                    gain += weight * f64::from(fall);
-                    for (k, slot) in nearest.slot[t].iter().take(COUNTED).enumerate() {
-                        if *slot != NO_SLOT {
-                            let rest = without(angles, k);
-                            let in_turn = expected(rest) - expected(with(rest, own));
-                            spared[*slot as usize] += weight * f64::from(in_turn - fall);
-                        }
+                    let (first, second) = (nearest.angle[0][t], nearest.angle[1][t]);
+                    let own = angle(cos[lane]);
+                    if own < first {
+                        gain += weight * f64::from(first - own);
+                    }
+                    if nearest.slot[t] != NO_SLOT {
+                        spared[nearest.slot[t] as usize] += weight * f64::from(second - own.max(first)).max(0.0);
                     }
                 }
             }
