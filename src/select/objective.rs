@@ -17,8 +17,8 @@ use crate::scene::octahedral;
 pub const REACH_DEG: f64 = 15.0;
 /// Views that a point should have: two to triangulate, one to spare, as in the coverage metric.
 pub const WANTED: u32 = 3;
-/// What a point's lack of one view costs, in radians: settled on three pools (docs/selection.md).
-const SHORTAGE: f64 = 0.5;
+/// What a point's lack of one view costs at first, in radians.
+const SHORTAGE: f64 = 0.1;
 
 /// Directions that are looked at together.
 const LANES: usize = 16;
@@ -29,6 +29,7 @@ const OUT: f32 = 2.0;
 const NO_SLOT: u32 = u32::MAX;
 
 /// The clients: points and directions, with their weights.
+#[derive(Clone)]
 pub struct Objective<'s> {
     pub(super) survey: &'s Survey,
     /// Points that each photo sees.
@@ -133,6 +134,11 @@ impl<'s> Objective<'s> {
     /// The same with a price on each photo.
     pub fn with_prices(self, price: Vec<f64>) -> Self {
         Self { price, ..self }
+    }
+
+    /// Lacking views costs half as much again from now on.
+    pub fn raise_shortage(&mut self) {
+        self.lack.iter_mut().for_each(|lack| *lack *= 1.5);
     }
 
     /// Texels along a side.

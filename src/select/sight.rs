@@ -95,6 +95,12 @@ impl Sight {
         lists
     }
 
+    /// Points that at least `least` photos of a subset see.
+    pub fn covered(&self, subset: &[usize], least: usize) -> usize {
+        let views = |point: usize| subset.iter().filter(|photo| self.sees(point, **photo)).count();
+        (0..self.bits.len() / self.words).filter(|point| views(*point) >= least).count()
+    }
+
     /// Bytes of the bits.
     pub fn bytes(&self) -> usize {
         4 * self.bits.len()
