@@ -81,7 +81,7 @@ pub struct Swap {
 /// so that it is the same on every host and fast in bulk.
 fn angle(cos: f32) -> f32 {
     const FACTORS: [f32; 8] = [
-        1.570_796_3,
+        std::f32::consts::FRAC_PI_2,
         -0.214_598_8,
         0.088_978_99,
         -0.050_174_305,
