@@ -8,6 +8,7 @@ use camsplat::plan::config::Preset;
 use camsplat::plan::job::{RegionChoice, Target};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::lens::Distortion;
+use camsplat::scene::proxy::SurfacePoint;
 use camsplat::scene::random;
 use camsplat::scene::region::Shape;
 use camsplat::scene::samples;
@@ -15,7 +16,7 @@ use camsplat::select::controls::{Distance, Pool};
 use camsplat::select::interchange::{grow, refine};
 use camsplat::select::job::{Method, Prospect, Request};
 use camsplat::select::objective::Objective;
-use camsplat::select::sight::{Survey, sight};
+use camsplat::select::sight::{Survey, framed, sight};
 use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
 use camsplat::vulkan::{Context, Options};
 use glam::DVec3;
@@ -89,6 +90,25 @@ fn the_device_sees_what_the_twin_sees() {
         assert!(listed.abs_diff(seen as usize) <= differ as usize);
     }
     silent(&context);
+}
+
+/// What a barrel lens draws into the image from beyond the pinhole's edge is seen, and what a pincushion pushes out is not: if
+/// this failed, photos would be chosen for points that they do not show.
+#[test]
+fn the_image_ends_where_the_lens_puts_its_edge() {
+    let intrinsics = Intrinsics { width: 200, height: 100, focal: [100.0; 2], principal: [100.0, 50.0] };
+    let seen = |k: f64, x: f64| {
+        let pose = Pose::looking(DVec3::ZERO, DVec3::Z, DVec3::Y);
+        let camera = Camera { name: "a".into(), pose, intrinsics };
+        let distortion = Distortion { radial: [k, 0.0, 0.0, 0.0, 0.0, 0.0], ..Distortion::default() };
+        let photo = Photo { camera, distortion, image: None, mask: None };
+        let position = pose.position + pose.rotation * DVec3::new(x, 0.0, 1.0);
+        let point = SurfacePoint { position, normal: DVec3::Z, radius: 0.1, lift: 0.0, colour: [0; 3], score: 1.0 };
+        framed(&[photo], &[point]).sees(0, 0)
+    };
+    assert!(seen(0.0, 0.99) && !seen(0.0, 1.05));
+    assert!(seen(-0.1, 1.05));
+    assert!(!seen(0.1, 0.99));
 }
 
 /// All subsets of so many of `n`.

@@ -1,5 +1,7 @@
 //! Simple ways to choose from a pool, against which a selection is measured.
 
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 use std::f64::consts::PI;
 
 use glam::DVec3;
@@ -52,7 +54,9 @@ impl Pool<'_> {
 
     /// Allowed photos that are not yet among `chosen`.
     fn free(&self, chosen: &[usize]) -> Vec<usize> {
-        self.allowed.iter().copied().filter(|photo| !chosen.contains(photo)).collect()
+        let mut taken = vec![false; self.set.photos.len()];
+        chosen.iter().for_each(|photo| taken[*photo] = true);
+        self.allowed.iter().copied().filter(|photo| !taken[*photo]).collect()
     }
 
     /// How far a planned camera is from a photo: the distance of their centres in radii of the region, and the angle between
@@ -154,13 +158,22 @@ impl Pool<'_> {
         for photo in self.must {
             seen[*photo].iter().for_each(|point| views[*point as usize] += 1);
         }
+        // Both counts only shrink as photos are chosen: most need not be taken again (Minoux 1978).
+        let worth = |photo: usize, views: &[u32]| {
+            let below = |bound: u32| seen[photo].iter().filter(|point| views[**point as usize] < bound).count();
+            ((below(1), below(3)), Reverse(photo))
+        };
+        let mut bounds: BinaryHeap<_> =
+            self.free(&chosen).into_iter().map(|photo| ((usize::MAX, usize::MAX), Reverse(photo))).collect();
         while chosen.len() < self.count {
-            let below = |photo: usize, bound: u32| seen[photo].iter().filter(|p| views[**p as usize] < bound).count();
-            let free = self.free(&chosen);
-            let best = free.iter().rev().max_by_key(|photo| (below(**photo, 1), below(**photo, 3)));
-            let Some(&best) = best else { return chosen };
-            seen[best].iter().for_each(|point| views[*point as usize] += 1);
-            chosen.push(best);
+            let Some((_, Reverse(photo))) = bounds.pop() else { break };
+            let now = worth(photo, &views);
+            if bounds.peek().is_some_and(|next| *next > now) {
+                bounds.push(now);
+            } else {
+                seen[photo].iter().for_each(|point| views[*point as usize] += 1);
+                chosen.push(photo);
+            }
         }
         chosen
     }

@@ -19,7 +19,7 @@ pub fn refine(choice: &mut Choice<'_, '_>, candidates: &[usize], fixed: &[bool])
     let mut cost = costs[0];
     let mut spared = vec![0.0; choice.chosen().len()];
     loop {
-        let outside: Vec<usize> = candidates.iter().copied().filter(|photo| !choice.chosen().contains(photo)).collect();
+        let outside = without(candidates, choice.chosen());
         let swaps = choice.best_swaps(&outside, fixed);
         let mut order: Vec<usize> = (0..swaps.len()).filter(|i| swaps[*i].change < -LEAST_GAIN * cost).collect();
         order.sort_by(|a, b| swaps[*a].change.total_cmp(&swaps[*b].change).then(outside[*a].cmp(&outside[*b])));
@@ -39,6 +39,13 @@ pub fn refine(choice: &mut Choice<'_, '_>, candidates: &[usize], fixed: &[bool])
             costs.push(cost);
         }
     }
+}
+
+/// The candidates that are not chosen.
+fn without(candidates: &[usize], chosen: &[usize]) -> Vec<usize> {
+    let mut chosen = chosen.to_vec();
+    chosen.sort_unstable();
+    candidates.iter().copied().filter(|photo| chosen.binary_search(photo).is_err()).collect()
 }
 
 /// A candidate and the most that it can gain.
@@ -65,7 +72,7 @@ impl Ord for Bound {
 /// Adds candidates, each time the one that lowers the cost most, until there are `count`. Gains only shrink as photos are
 /// added, so that most need not be evaluated again (Minoux, "Accelerated greedy algorithms", 1978).
 pub fn grow(choice: &mut Choice<'_, '_>, candidates: &[usize], count: usize) {
-    let free: Vec<usize> = candidates.iter().copied().filter(|photo| !choice.chosen().contains(photo)).collect();
+    let free = without(candidates, choice.chosen());
     let gains = choice.gains(&free);
     let mut bounds: BinaryHeap<Bound> = gains.into_iter().zip(&free).map(|(gain, photo)| Bound(gain, *photo)).collect();
     while choice.chosen().len() < count {

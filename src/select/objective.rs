@@ -146,6 +146,11 @@ impl<'s> Objective<'s> {
         self.texels().isqrt() as u32
     }
 
+    /// Slot and photo of those of `chosen` that see a point.
+    fn seers<'c>(&'c self, point: usize, chosen: &'c [usize]) -> impl Iterator<Item = (u32, usize)> + 'c {
+        (0..).zip(chosen.iter().copied()).filter(move |(_, photo)| self.survey.sight.sees(point, *photo))
+    }
+
     fn texels(&self) -> usize {
         self.axes[0].len()
     }
@@ -175,7 +180,8 @@ impl<'s> Objective<'s> {
         };
         let points = vec![nearest; points];
         let mut choice = Choice { objective: self, chosen: photos.to_vec(), points, losses: Vec::new() };
-        choice.renew(|_| true);
+        in_parallel(&mut choice.points, 1, |point, nearest| nearest[0].renew(self, point, photos));
+        choice.tally();
         choice
     }
 }
@@ -188,31 +194,67 @@ impl Nearest {
     /// Finds the two nearest of the chosen photos from scratch.
     fn renew(&mut self, objective: &Objective<'_>, point: usize, chosen: &[usize]) {
         let texels = objective.texels();
-        let reach = &objective.reach[point * texels..(point + 1) * texels];
-        let [first, second] = &mut self.cos;
-        for (t, reach) in reach.iter().enumerate() {
-            first[t] = if *reach { NONE } else { OUT };
-            second[t] = first[t];
-            self.slot[t] = NO_SLOT;
+        for (t, reach) in objective.reach[point * texels..(point + 1) * texels].iter().enumerate() {
+            self.clear(t, if *reach { NONE } else { OUT });
         }
-        self.views = 0;
-        self.seers = [NO_SLOT; WANTED as usize];
-        for (slot, &photo) in (0u32..).zip(chosen) {
-            if !objective.survey.sight.sees(point, photo) {
-                continue;
+        for (slot, photo) in objective.seers(point, chosen) {
+            self.insert(objective, objective.survey.direction(point, photo), slot);
+        }
+        self.settle(objective, point, chosen);
+    }
+
+    /// Takes note that `old`, where there was one, has given its slot to `new`; `chosen` is as it is after that. Only the
+    /// texels that `old` was one of the two nearest to are searched again.
+    fn change(&mut self, objective: &Objective<'_>, point: usize, chosen: &[usize], slot: u32, old: Option<usize>) {
+        let survey = objective.survey;
+        if let Some(old) = old.filter(|old| survey.sight.sees(point, *old)) {
+            let n = survey.direction(point, old);
+            // The same cosine as when it was put in, to the bit. What does not count is above all cosines.
+            let lost: Vec<usize> =
+                (0..objective.texels()).filter(|t| dot(&objective.axes, *t, n) >= self.cos[1][*t]).collect();
+            lost.iter().for_each(|t| self.clear(*t, NONE));
+            for (other, photo) in objective.seers(point, chosen).filter(|(other, _)| *other != slot) {
+                let n = survey.direction(point, photo);
+                for &t in &lost {
+                    self.offer(t, dot(&objective.axes, t, n), other);
+                }
             }
+        }
+        let new = chosen[slot as usize];
+        if survey.sight.sees(point, new) {
+            self.insert(objective, survey.direction(point, new), slot);
+        }
+        self.settle(objective, point, chosen);
+    }
+
+    fn clear(&mut self, t: usize, cos: f32) {
+        self.cos.iter_mut().for_each(|all| all[t] = cos);
+        self.slot[t] = NO_SLOT;
+    }
+
+    fn insert(&mut self, objective: &Objective<'_>, n: Vec3, slot: u32) {
+        for t in 0..objective.texels() {
+            self.offer(t, dot(&objective.axes, t, n), slot);
+        }
+    }
+
+    /// Without branches, so that it goes through many texels at once.
+    fn offer(&mut self, t: usize, cos: f32, slot: u32) {
+        let [first, second] = &mut self.cos;
+        let nearer = cos > first[t];
+        second[t] = if nearer { first[t] } else { second[t].max(cos) };
+        self.slot[t] = if nearer { slot } else { self.slot[t] };
+        first[t] = if nearer { cos } else { first[t] };
+    }
+
+    /// Views, angles and cost.
+    fn settle(&mut self, objective: &Objective<'_>, point: usize, chosen: &[usize]) {
+        (self.views, self.seers) = (0, [NO_SLOT; WANTED as usize]);
+        for (slot, _) in objective.seers(point, chosen) {
             if let Some(seer) = self.seers.get_mut(self.views as usize) {
                 *seer = slot;
             }
             self.views += 1;
-            let n = objective.survey.direction(point, photo);
-            for t in 0..texels {
-                let cos = dot(&objective.axes, t, n);
-                let nearer = cos > first[t];
-                second[t] = if nearer { first[t] } else { second[t].max(cos) };
-                self.slot[t] = if nearer { slot } else { self.slot[t] };
-                first[t] = if nearer { cos } else { first[t] };
-            }
         }
         for (cos, out) in self.cos.iter().zip(&mut self.angle) {
             for (cos, out) in cos.iter().zip(out) {
@@ -249,13 +291,9 @@ impl Choice<'_, '_> {
         self.points.iter().map(|point| point.cost).sum::<f64>() + prices
     }
 
-    fn renew(&mut self, touched: impl Fn(usize) -> bool + Sync) {
-        let (objective, chosen) = (self.objective, &self.chosen);
-        in_parallel(&mut self.points, 1, |point, nearest| {
-            if touched(point) {
-                nearest[0].renew(objective, point, chosen);
-            }
-        });
+    /// Rises of the cost if photos were removed, after all points have been brought up to date.
+    fn tally(&mut self) {
+        let objective = self.objective;
         self.losses = self.chosen.iter().map(|photo| -objective.price[*photo]).collect();
         for (point, nearest) in self.points.iter().enumerate() {
             let weight = objective.texel_weight[point];
@@ -272,18 +310,27 @@ impl Choice<'_, '_> {
         }
     }
 
+    fn change(&mut self, slot: usize, old: Option<usize>) {
+        let (objective, chosen) = (self.objective, &self.chosen);
+        let sees = |point: usize, photo: usize| objective.survey.sight.sees(point, photo);
+        in_parallel(&mut self.points, 1, |point, nearest| {
+            if sees(point, chosen[slot]) || old.is_some_and(|old| sees(point, old)) {
+                nearest[0].change(objective, point, chosen, slot as u32, old);
+            }
+        });
+        self.tally();
+    }
+
     /// Adds a photo in a new slot.
     pub fn add(&mut self, photo: usize) {
         self.chosen.push(photo);
-        let sight = &self.objective.survey.sight;
-        self.renew(|point| sight.sees(point, photo));
+        self.change(self.chosen.len() - 1, None);
     }
 
     /// Puts a photo into a slot in place of the one that is there.
     pub fn replace(&mut self, slot: usize, photo: usize) {
         let old = std::mem::replace(&mut self.chosen[slot], photo);
-        let sight = &self.objective.survey.sight;
-        self.renew(|point| sight.sees(point, photo) || sight.sees(point, old));
+        self.change(slot, Some(old));
     }
 
     /// Fall of the cost if a photo were added. `spared[r]` becomes how much less than its loss the removal of slot `r` would
