@@ -23,6 +23,7 @@ mod options;
 mod plan;
 mod progress;
 mod score;
+mod select;
 mod vds;
 mod vdsf;
 
@@ -47,6 +48,8 @@ enum Command {
     Score(Box<score::Arguments>),
     /// Score how much each part of a surface changes with the view, from photos
     Vds(vds::Arguments),
+    /// Choose the best K photos of a capture
+    Select(Box<select::Arguments>),
     /// List every Vulkan device, what it has and what it lacks
     Devices,
     /// Plan two scenes of our own: an object (50 views) and a furnished room (300 views)
@@ -69,6 +72,7 @@ pub fn main() -> ExitCode {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Score(arguments) => score::run(&arguments),
         Command::Vds(arguments) => vds::run(&arguments),
+        Command::Select(arguments) => select::run(&arguments),
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Vdsf(arguments) => vdsf::run(&arguments),

@@ -104,14 +104,19 @@ impl RegionOptions {
         {
             say!("scores of view dependency are made from the splats' harmonics");
         }
-        self.target_of(&surface, path, intrinsics, stored)
+        // A reconstruction knows where cameras could stand: where they did.
+        let photographed = if path.is_dir() { io::read_cameras(path).unwrap_or_default() } else { Vec::new() };
+        let poses: Vec<Pose> = photographed.iter().map(|camera| camera.pose).collect();
+        self.target_of(&surface, path, &poses, intrinsics, stored)
     }
 
-    /// Like [`RegionOptions::target`], for a surface that was read from `path` already.
+    /// As [`RegionOptions::target`], of a surface that has been read from `path`, around cameras that stand in
+    /// `photographed`.
     pub fn target_of(
         &self,
         surface: &Surface,
         path: &Path,
+        photographed: &[Pose],
         intrinsics: &Intrinsics,
         stored: Option<Region>,
     ) -> Result<Target> {
@@ -125,12 +130,9 @@ impl RegionOptions {
                 preset = Preset::Room;
             }
         }
-        // A reconstruction knows where cameras could stand: where they did.
-        let photographed = if path.is_dir() { io::read_cameras(path).unwrap_or_default() } else { Vec::new() };
-        let poses: Vec<Pose> = photographed.iter().map(|camera| camera.pose).collect();
-        let up = self.up.or(stored.map(|region| region.up)).unwrap_or_else(|| default_up(path, &poses));
+        let up = self.up.or(stored.map(|region| region.up)).unwrap_or_else(|| default_up(path, photographed));
         if choice.shape.is_none() && preset == Preset::Object {
-            choice.shape = Shape::around_cameras(&poses);
+            choice.shape = Shape::around_cameras(photographed);
         }
         let target = Target::new(surface, &path.to_string_lossy(), preset, &choice, up, intrinsics)?;
         print_target(&target);
@@ -216,7 +218,8 @@ fn parse_up(text: &str) -> Result<DVec3, String> {
     Ok(sign * axis)
 }
 
-fn parse_size(text: &str) -> Result<(u32, u32), String> {
+/// Reads an image size, such as 800x600.
+pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
     let parsed = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     match parsed {
         Some((w, h)) if (1..=65_535).contains(&w) && (1..=65_535).contains(&h) => Ok((w, h)),

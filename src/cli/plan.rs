@@ -16,6 +16,7 @@ use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Start};
 use crate::plan::job::{self, Plan, Tools};
 use crate::plan::preparation::Preparation;
 use crate::report;
+use crate::scene::camera::Pose;
 use crate::scene::surface::Surface;
 use crate::vds::job::Settings;
 use crate::visibility::device_scene::SceneGeometry;
@@ -231,7 +232,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     arguments.region.choice()?;
     let mut opened = None;
     let target = match captured(arguments, &mut opened)? {
-        Some(surface) => arguments.region.target_of(&surface, &arguments.surface, &intrinsics, None)?,
+        Some((surface, poses)) => {
+            arguments.region.target_of(&surface, &arguments.surface, &poses, &intrinsics, None)?
+        }
         None => arguments.region.target(&arguments.surface, &intrinsics, None)?,
     };
     let kept = match &arguments.keep {
@@ -276,7 +279,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 /// The points of a capture, scored from its photos where it has any; none where the surface is no capture with points.
 /// The device is opened only for photos.
-fn captured(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<Option<Surface>> {
+fn captured(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<Option<(Surface, Vec<Pose>)>> {
     if !arguments.surface.is_dir() {
         return Ok(None);
     }
@@ -288,6 +291,7 @@ fn captured(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<
         say!("{note}");
     }
     let surface = Surface::Points(capture.points.clone());
+    let poses = capture.photos.iter().map(|photo| photo.camera.pose).collect();
     let images = capture.photos.iter().filter(|photo| photo.image.is_some()).count();
     let unread = match &arguments.tuning {
         Tuning { no_vds: true, .. } => Some("--no-vds"),
@@ -298,11 +302,11 @@ fn captured(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<
     };
     if let Some(reason) = unread {
         say!("vds      the photos are left unread ({reason})");
-        return Ok(Some(surface));
+        return Ok(Some((surface, poses)));
     }
     let context = opened.insert(arguments.device.open()?);
     let settings = Settings { seed: arguments.tuning.seed, ..Settings::default() };
-    Ok(Some(Surface::Points(vds::score(context, &capture, &surface, &settings)?.points)))
+    Ok(Some((Surface::Points(vds::score(context, &capture, &surface, &settings)?.points), poses)))
 }
 
 /// Prints the metrics of a plan beside those of its controls.

@@ -230,31 +230,39 @@ pub fn score_point(
             finest = finest.min(distance / f64::from(view.focal));
         }
     }
-    let angle = |a: DVec3, b: DVec3| 2.0 * (0.5 * a.distance(b)).min(1.0).asin();
-    let resolution = depth.len().isqrt() as u32;
-    let (mut reachable, mut gap, mut cells) = (0.0, 0.0, vec![0.0f64; rays.len()]);
-    for (direction, _) in octahedral::directions(resolution).iter().zip(depth).filter(|(_, depth)| **depth > 0.0) {
-        let distances = rays.iter().map(|ray| angle(*ray, *direction)).enumerate();
-        let nearest = distances.min_by(|a, b| a.1.total_cmp(&b.1));
+    let directions = octahedral::directions(depth.len().isqrt() as u32);
+    let reachable =
+        directions.into_iter().zip(depth).filter(|(_, depth)| **depth > 0.0).map(|(direction, _)| direction);
+    of_rays(&rays, finest / geometry.to_internal.scale, reachable, depth.len())
+}
+
+/// What a point gets from views in the unit directions `rays`, the finest of which resolves `finest` world units a pixel;
+/// `reachable` are the directions that count, of `texels` that share the sphere evenly.
+pub fn of_rays(rays: &[DVec3], finest: f64, reachable: impl Iterator<Item = DVec3>, texels: usize) -> PointMetrics {
+    let angle = |chord: f64| 2.0 * (0.5 * chord.sqrt()).min(1.0).asin();
+    let (mut counted, mut gap, mut cells) = (0.0, 0.0, vec![0.0f64; rays.len()]);
+    for direction in reachable {
+        let chords = rays.iter().map(|ray| ray.distance_squared(direction)).enumerate();
+        let nearest = chords.min_by(|a, b| a.1.total_cmp(&b.1));
         if let Some((view, _)) = nearest {
             cells[view] += 1.0;
         }
-        reachable += 1.0;
-        gap += nearest.map_or(std::f64::consts::PI, |(_, distance)| distance);
+        counted += 1.0;
+        gap += nearest.map_or(std::f64::consts::PI, |(_, chord)| angle(chord));
     }
-    let area = 4.0 * std::f64::consts::PI / depth.len() as f64;
+    let area = 4.0 * std::f64::consts::PI / texels as f64;
     let views = rays.len() as f64;
-    let mean = if rays.is_empty() { 0.0 } else { reachable * area / views };
+    let mean = if rays.is_empty() { 0.0 } else { counted * area / views };
     let variance = cells.iter().map(|cell| (cell * area - mean).powi(2)).sum::<f64>() / views.max(1.0);
     let pairs = rays.iter().take(1024).enumerate().flat_map(|(k, a)| rays[..k].iter().map(move |b| (*a, *b)));
     PointMetrics {
         views: rays.len() as u32,
-        reachable: (reachable * area) as f32,
-        gap: if reachable > 0.0 { (gap / reachable) as f32 } else { 0.0 },
+        reachable: (counted * area) as f32,
+        gap: if counted > 0.0 { (gap / counted) as f32 } else { 0.0 },
         voronoi_mean: mean as f32,
         voronoi_deviation: variance.sqrt() as f32,
-        triangulation: pairs.map(|(a, b)| angle(a, b)).fold(0.0, f64::max) as f32,
-        sampling_distance: if rays.is_empty() { 0.0 } else { (finest / geometry.to_internal.scale) as f32 },
+        triangulation: angle(pairs.map(|(a, b)| a.distance_squared(b)).fold(0.0, f64::max)) as f32,
+        sampling_distance: if rays.is_empty() { 0.0 } else { finest as f32 },
     }
 }
 

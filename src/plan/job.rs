@@ -8,7 +8,7 @@ use std::time::Instant;
 use glam::DVec3;
 
 use super::config::{Config, Preset};
-use super::planner::Planner;
+use super::planner::{Outcome, Planner};
 use super::preparation::Preparation;
 use super::record::{CheckpointRecord, ControlRecord, PlanRecord, Status, SurfaceRecord};
 use crate::metrics::score_point::{Field, Scorer, aggregate};
@@ -163,16 +163,10 @@ pub fn run(
     mut observe: impl FnMut(Event) -> ControlFlow<()>,
 ) -> Result<Plan> {
     let Tools { mut profile, capture } = tools;
-    let mark = |profile: &mut Option<&mut Profile>, name: &str, start: Instant| {
-        if let Some(profile) = profile {
-            profile.host(name, start);
-        }
-    };
     let start = Instant::now();
     let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
-    let mut preparation = Preparation::new(context, &geometry, &target.proxy, &intrinsics, kept, config)?;
+    let preparation = Preparation::new(context, &geometry, &target.proxy, &intrinsics, kept, config)?;
     mark(&mut profile, "preparation", start);
-    let start = Instant::now();
     let scene = DeviceScene::new(context, geometry)?;
     if let Some((renderdoc, template)) = capture {
         let planner = Planner::new(context, &scene, preparation.clone())?;
@@ -182,20 +176,9 @@ pub fn run(
         commands.submit_and_wait()?;
         let _ = observe(Event::Captured(renderdoc.end()?));
     }
-    let (planner, outcome) = loop {
-        let planner = Planner::new(context, &scene, preparation.clone())?;
-        mark(&mut profile, "set-up", start);
-        let start = Instant::now();
-        let all = planner.settings().iterations;
-        let outcome = planner.run(profile.as_deref_mut(), |done| observe(Event::Iterations(done, all)));
-        mark(&mut profile, "optimisation", start);
-        match outcome {
-            Err(Error::Room { pairs, instances }) if preparation.binned() => {
-                preparation = preparation.with_room(context, pairs, instances);
-            }
-            outcome => break (planner, outcome?),
-        }
-    };
+    let (planner, outcome) = optimise(context, &scene, preparation, profile.as_deref_mut(), |done, all| {
+        observe(Event::Iterations(done, all))
+    })?;
 
     // A stop that comes now stops nothing any more.
     let _ = observe(Event::Scoring);
@@ -244,6 +227,41 @@ pub fn run(
     };
     drop((planner, scorer, few));
     Ok(Plan { record, points, scores, geometry: scene.into_geometry() })
+}
+
+fn mark(profile: &mut Option<&mut Profile>, name: &str, start: Instant) {
+    if let Some(profile) = profile {
+        profile.host(name, start);
+    }
+}
+
+/// Runs the planner of a preparation; again with more room where the binned pass turns out to need it. `observe` hears of
+/// iterations done, of all, and may break the run off.
+///
+/// # Errors
+/// A plan that does not fit the device, or a device that fails.
+pub fn optimise<'a>(
+    context: &Arc<Context>,
+    scene: &'a DeviceScene,
+    mut preparation: Preparation,
+    mut profile: Option<&mut Profile>,
+    mut observe: impl FnMut(u32, u32) -> ControlFlow<()>,
+) -> Result<(Planner<'a>, Outcome)> {
+    loop {
+        let start = Instant::now();
+        let planner = Planner::new(context, scene, preparation.clone())?;
+        mark(&mut profile, "set-up", start);
+        let start = Instant::now();
+        let all = planner.settings().iterations;
+        let outcome = planner.run(profile.as_deref_mut(), |done| observe(done, all));
+        mark(&mut profile, "optimisation", start);
+        match outcome {
+            Err(Error::Room { pairs, instances }) if preparation.binned() => {
+                preparation = preparation.with_room(context, pairs, instances);
+            }
+            outcome => return Ok((planner, outcome?)),
+        }
+    }
 }
 
 /// Held-out metrics of any camera set on a target.

@@ -5,7 +5,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::geometry::{bounds, nearest, pack, robust_bounds, split};
-use super::{ReportScene, SurfacePoint, Triangles};
+use super::{Kind, ReportScene, SurfacePoint, Triangles};
 use crate::plan::record::PlanRecord;
 use crate::scene::camera::Camera;
 use crate::scene::region::Shape;
@@ -18,6 +18,8 @@ const MAX_ITERATIONS: usize = 1000;
 
 #[derive(Serialize)]
 struct Data<'a> {
+    /// What a camera is called, and one that was kept or left out.
+    words: [&'static str; 2],
     origin: DVec3,
     up: DVec3,
     history: History,
@@ -120,7 +122,7 @@ struct TriangleData {
 }
 
 /// The JSON text, safe inside a `<script>` element.
-pub fn json(record: &PlanRecord, scene: &ReportScene) -> Result<String> {
+pub fn json(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<String> {
     let region = &record.region;
     let origin = region.bounding_sphere().0;
     let floor = region.floor.map(|floor| floor - origin.dot(region.up));
@@ -134,6 +136,10 @@ pub fn json(record: &PlanRecord, scene: &ReportScene) -> Result<String> {
     let points: Vec<SurfacePoint> = thin(scene.points, MAX_POINTS).filter(|p| p.position.is_finite()).collect();
     let planned = record.cameras.len() - record.kept;
     let data = Data {
+        words: match kind {
+            Kind::Plan => ["planned camera", "kept camera"],
+            Kind::Selection(_) => ["chosen photo", "photo left out"],
+        },
         origin,
         up: region.up,
         history: history(record),

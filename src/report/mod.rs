@@ -8,10 +8,12 @@ mod data;
 mod decimate;
 pub mod folder;
 mod geometry;
+pub mod selection;
 mod text;
 
 use glam::DVec3;
 
+use crate::metrics::Metrics;
 use crate::plan::record::PlanRecord;
 use crate::{Error, Result};
 
@@ -49,12 +51,25 @@ pub struct ReportScene<'a> {
     pub triangles: Option<Triangles<'a>>,
 }
 
+/// What the page is about, which settles its words.
+#[derive(Clone, Copy, Debug)]
+enum Kind<'a> {
+    /// Cameras planned, beside those kept.
+    Plan,
+    /// Photos chosen, beside those left out; and the metrics of the whole pool.
+    Selection(&'a Metrics),
+}
+
 /// The page of a plan.
 ///
 /// # Errors
 /// [`Error::Request`] if the triangles' colours are neither absent nor as many as the triangles, or if more cameras are
 /// kept than there are.
 pub fn html(record: &PlanRecord, scene: &ReportScene) -> Result<String> {
+    html_of(record, scene, Kind::Plan)
+}
+
+fn html_of(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<String> {
     if let Some(triangles) = scene.triangles
         && !triangles.colours.is_empty()
         && triangles.colours.len() != triangles.corners.len()
@@ -72,13 +87,13 @@ pub fn html(record: &PlanRecord, scene: &ReportScene) -> Result<String> {
             record.cameras.len()
         )));
     }
-    let data = data::json(record, scene)?;
+    let data = data::json(record, scene, kind)?;
     Ok(text::fill(include_str!("page.html"), |slot| match slot {
         "css" => include_str!("page.css").into(),
         "charts" => include_str!("charts.js").into(),
         "vectors" => include_str!("vectors.js").into(),
         "scene3d" => include_str!("scene3d.js").into(),
         "data" => data.as_str().into(),
-        slot => text::slot(slot, record).into(),
+        slot => text::slot(slot, record, kind).into(),
     }))
 }

@@ -134,7 +134,7 @@ function drawScene(plan) {
   if (!gl) return unavailable("The 3D view needs WebGL 2, which this browser does not offer. All else on this page works without it.");
   canvas.addEventListener("webglcontextlost", () => unavailable("The browser dropped the 3D view; reload the page to get it back."));
 
-  const { origin, region, cameras, up, bulk } = plan;
+  const { origin, region, cameras, up, bulk, words: [planned, kept] } = plan;
   const points = {
     count: plan.points.count,
     positions: unpack(plan.points.positions, Float32Array),
@@ -219,9 +219,8 @@ function drawScene(plan) {
       html("span", "", ramp.high, ends);
     }
     if (form.cameras.checked) {
-      const kept = cameras.filter((c) => c.kept).length;
-      if (kept < cameras.length) swatches.push(["planned camera", styleColour("--camera")]);
-      if (kept > 0) swatches.push(["kept camera", styleColour("--kept")]);
+      if (cameras.some((c) => !c.kept)) swatches.push([planned, styleColour("--camera")]);
+      if (cameras.some((c) => c.kept)) swatches.push([kept, styleColour("--kept")]);
     }
     const keys = html("div", "keys", "", box);
     for (const [text, colour] of swatches) {
@@ -242,10 +241,10 @@ function drawScene(plan) {
     };
     if (form.region.checked) push(regionOutline, styleColour("--region"), 150);
     if (form.cameras.checked) {
-      const [planned, kept, marked] = ["--camera", "--kept", "--chosen"].map(styleColour);
+      const [own, other, marked] = ["--camera", "--kept", "--chosen"].map(styleColour);
       cameras.forEach((camera, i) => {
         const marks = i === chosen || i === hovered;
-        push(frustum(camera, cameraDepth() * (marks ? 1.35 : 1)), marks ? marked : camera.kept ? kept : planned, 255);
+        push(frustum(camera, cameraDepth() * (marks ? 1.35 : 1)), marks ? marked : camera.kept ? other : own, 255);
       });
     }
     lineCount = lines.length;
@@ -366,7 +365,7 @@ function drawScene(plan) {
     if (index !== null) {
       tip.textContent = "";
       html("b", "", cameras[index].name, tip);
-      html("span", "", `${cameras[index].kept ? "kept, " : ""}at ${place(cameras[index])}`, tip);
+      html("span", "", `${cameras[index].kept ? `${kept}, ` : ""}at ${place(cameras[index])}`, tip);
       tip.style.left = `${Math.min(x + 14, canvas.clientWidth - tip.offsetWidth - 8)}px`;
       tip.style.top = `${Math.min(y + 14, canvas.clientHeight - tip.offsetHeight - 8)}px`;
     }
@@ -464,7 +463,7 @@ function drawScene(plan) {
     move(keys[event.key]);
   });
 
-  cameras.forEach((camera, i) => form.camera.add(new Option(camera.kept ? `${camera.name} (kept)` : camera.name, i)));
+  cameras.forEach((camera, i) => form.camera.add(new Option(camera.kept ? `${camera.name} (${kept})` : camera.name, i)));
   form.camera.addEventListener("change", () => {
     if (form.camera.value === "") through = null;
     choose(form.camera.value === "" ? null : Number(form.camera.value));

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use super::Kind;
 use crate::metrics::Metrics;
 use crate::plan::record::{PlanRecord, Status};
 use crate::scene::region::{Region, Shape};
@@ -24,13 +25,19 @@ pub fn fill<'a>(template: &str, value: impl Fn(&str) -> Cow<'a, str>) -> String 
 }
 
 /// The HTML for one of the template's text slots; empty for a slot it does not know.
-pub fn slot(name: &str, record: &PlanRecord) -> String {
+pub fn slot(name: &str, record: &PlanRecord, kind: Kind<'_>) -> String {
+    let selection = matches!(kind, Kind::Selection(_));
+    let either = |plan: &str, chosen: &str| if selection { chosen } else { plan }.to_owned();
     match name {
         "title" => format!("{}: {}", escape(surface_name(record)), views(record.cameras.len())),
-        "heading" => heading(record),
-        "summary" => summary(record),
+        "kind" => either("plan", "selection"),
+        "subject" => either("Plan", "Choice"),
+        "deed" => either("planned", "chosen"),
+        "loss" => either("the total is weighted, its terms are not", "the choice's cost in degrees, swap by swap"),
+        "heading" => heading(record, kind),
+        "summary" => summary(record, kind),
         "figures" => figures(record),
-        "metrics" => metrics_table(record),
+        "metrics" => metrics_table(record, kind),
         "config" => escape(&serde_json::to_string_pretty(&record.config).unwrap_or_default()),
         _ => String::new(),
     }
@@ -63,15 +70,21 @@ fn views(count: usize) -> String {
     format!("{} {}", grouped(count), if count == 1 { "view" } else { "views" })
 }
 
-fn heading(record: &PlanRecord) -> String {
+fn heading(record: &PlanRecord, kind: Kind<'_>) -> String {
     let status = match record.status {
         Status::Complete => r#"<span class="badge">complete</span>"#,
         Status::Interrupted => r#"<span class="badge warn">INTERRUPTED</span>"#,
     };
     let mut html = format!("<h1>{} {status}</h1>\n", escape(surface_name(record)));
     let planned = record.cameras.len().saturating_sub(record.kept);
-    let _ = write!(html, r#"<p class="lead">{}"#, views(record.cameras.len()));
-    if record.kept > 0 {
+    let _ = match kind {
+        Kind::Plan => write!(html, r#"<p class="lead">{}"#, views(record.cameras.len())),
+        Kind::Selection(_) => {
+            let (chosen, out) = (grouped(planned), grouped(record.kept));
+            write!(html, r#"<p class="lead">{chosen} photos chosen; {out} left out are shown"#)
+        }
+    };
+    if record.kept > 0 && matches!(kind, Kind::Plan) {
         let _ = write!(html, ": {} planned, {} kept", grouped(planned), grouped(record.kept));
     }
     let line = format!(
@@ -99,7 +112,7 @@ fn iterations(record: &PlanRecord) -> String {
     format!("{} {}", grouped(done), if done == 1 { "iteration" } else { "iterations" })
 }
 
-fn summary(record: &PlanRecord) -> String {
+fn summary(record: &PlanRecord, kind: Kind<'_>) -> String {
     let surface = &record.surface;
     let size = surface.max - surface.min;
     let primitives = grouped(surface.primitives);
@@ -131,10 +144,22 @@ fn summary(record: &PlanRecord) -> String {
     }
     rows.extend([
         ("Device", record.device.clone()),
-        ("Run", format!("{} in {}, seed {}", iterations(record), duration(record.seconds), record.seed)),
+        ("Run", run(record, kind)),
         ("Version", format!("camsplat {}", record.version)),
     ]);
+    if let Kind::Selection(pool) = kind {
+        let whole = ROWS.iter().take(4).map(|row| format!("{} {}", row.name, row.text(row.value(pool))));
+        rows.push(("Whole pool", whole.collect::<Vec<_>>().join("; ")));
+    }
     rows.iter().map(|(term, text)| format!("<div><dt>{term}</dt><dd>{}</dd></div>\n", escape(text))).collect()
+}
+
+fn run(record: &PlanRecord, kind: Kind<'_>) -> String {
+    let done = match kind {
+        Kind::Plan => iterations(record),
+        Kind::Selection(_) => format!("{} swaps", grouped(record.history.len().saturating_sub(1))),
+    };
+    format!("{done} in {}, seed {}", duration(record.seconds), record.seed)
 }
 
 fn region(region: &Region) -> String {
@@ -263,8 +288,16 @@ fn figures(record: &PlanRecord) -> String {
         .collect()
 }
 
-fn metrics_table(record: &PlanRecord) -> String {
-    let mut html = String::from("<thead><tr><th scope=\"col\">Metric</th><th scope=\"col\">Plan</th>");
+fn metrics_table(record: &PlanRecord, kind: Kind<'_>) -> String {
+    let (subject, reaches) = match kind {
+        Kind::Plan => ("plan", "the region reaches"),
+        Kind::Selection(_) => ("choice", "the pool shows"),
+    };
+    let mut html = format!(
+        "<thead><tr><th scope=\"col\">Metric</th><th scope=\"col\">{}{}</th>",
+        subject[..1].to_uppercase(),
+        &subject[1..]
+    );
     for control in &record.controls {
         let _ = write!(html, "<th scope=\"col\">{}</th>", escape(&control.name));
     }
@@ -290,7 +323,7 @@ fn metrics_table(record: &PlanRecord) -> String {
             let _ = write!(html, "<td>{}", row.text(row.value(&control.metrics)));
             if let Some((better, difference)) = verdict {
                 let (class, mark) = if better { ("better", '✓') } else { ("worse", '✗') };
-                let _ = write!(html, "<small class=\"{class}\">{mark} plan {difference}</small>");
+                let _ = write!(html, "<small class=\"{class}\">{mark} {subject} {difference}</small>");
             }
             html.push_str("</td>");
         }
@@ -298,13 +331,13 @@ fn metrics_table(record: &PlanRecord) -> String {
     }
     let _ = write!(
         html,
-        "</tbody>\n<caption>Scored on {} held-out points of which the region reaches {}, with exact occlusion. {}</caption>",
+        "</tbody>\n<caption>Scored on {} held-out points of which {reaches} {}, with exact occlusion. {}</caption>",
         grouped(record.metrics.points),
         ROWS[0].text(Some(100.0 * record.metrics.reachable).filter(|v| v.is_finite())),
         if record.controls.is_empty() {
-            "No controls were scored."
+            "No controls were scored.".into()
         } else {
-            "Small print compares the plan with the control: ✓ better, ✗ worse."
+            format!("Small print compares the {subject} with the control: ✓ better, ✗ worse.")
         }
     );
     html

@@ -1,0 +1,90 @@
+//! Time and memory of choosing: 40 of 300 and 1,000 of 20,000 poses around the demo's object, no images.
+//!
+//! Poses stand on a Fibonacci sphere, jittered, and look in. Wall time in whole, and its parts; memory is what the matrices of
+//! visibility and the swaps take, and the peak of the process. On a CPU device the large pool is left out unless a filter
+//! names it: `cargo bench --bench select -- 20000`.
+
+use std::time::Instant;
+
+use camsplat::photos::{Photo, PhotoSet};
+use camsplat::plan::config::Preset;
+use camsplat::plan::job::{RegionChoice, Target};
+use camsplat::scene::baselines;
+use camsplat::scene::camera::{Camera, Intrinsics, Pose};
+use camsplat::scene::lens::Distortion;
+use camsplat::scene::random;
+use camsplat::scene::samples;
+use camsplat::select::job::{Method, Prospect, Request};
+use camsplat::vulkan::{Context, Options};
+use camsplat::{Error, Result};
+use glam::DVec3;
+
+fn main() -> Result<()> {
+    let device = std::env::var("CAMSPLAT_DEVICE").ok();
+    let context = Context::new(&Options { device, ..Options::default() })?;
+    let physical = context.physical();
+    println!("{}, {}", physical.name, physical.driver.trim());
+    let filter = std::env::args().skip(1).find(|argument| !argument.starts_with("--"));
+    let mut rows = Vec::new();
+    for (count, photos, points) in [(40, 300, 2000), (1000, 20_000, 1000)] {
+        let name = format!("select_{count}_of_{photos}");
+        let wanted = filter.as_ref().map_or(physical.kind != "CPU" || photos < 1000, |filter| name.contains(filter));
+        if !wanted {
+            continue;
+        }
+        let intrinsics = Intrinsics::from_fov(800, 800, 40f64.to_radians());
+        let target =
+            Target::new(&samples::object(), "object", Preset::Object, &RegionChoice::default(), DVec3::Z, &intrinsics)?;
+        let set = PhotoSet { photos: pool(&target, photos, intrinsics)?, ..PhotoSet::default() };
+        for method in [Method::Swap, Method::Coverage] {
+            let start = Instant::now();
+            let request = Request { points, method, ..Request::new(count) };
+            let selection = Prospect::new(&context, &set, &target, request)?.select(None, false)?;
+            let wall = start.elapsed().as_secs_f64();
+            let [seeing, planning, choosing] = selection.seconds;
+            let mib = |bytes: f64| bytes / f64::from(1 << 20);
+            let peak = peak_bytes().map(mib);
+            println!(
+                "{name} {}: {wall:.2} s (visibility {seeing:.2}, plan {planning:.2}, choice {choosing:.2}, {} swaps); gap \
+                 {:.2}, seen >= 3 {:.1}%; {:.0} MiB of matrices, peak {:.0} MiB",
+                method.name(),
+                selection.costs_deg.len().saturating_sub(1),
+                selection.metrics.gap_mean_deg,
+                100.0 * selection.metrics.coverage_3,
+                mib(selection.bytes as f64),
+                peak.unwrap_or(f64::NAN),
+            );
+            rows.push(serde_json::json!({
+                "name": format!("{name}_{}", method.name()), "wall_seconds": wall, "visibility_seconds": seeing,
+                "plan_seconds": planning, "choice_seconds": choosing, "bytes": selection.bytes, "peak_mib": peak,
+                "gap_mean_deg": selection.metrics.gap_mean_deg, "coverage_3": selection.metrics.coverage_3,
+            }));
+        }
+    }
+    let path = std::env::var("CAMSPLAT_BENCH_OUT").unwrap_or_else(|_| "target/bench/select.json".into());
+    let folder = std::path::Path::new(&path).parent().unwrap_or(std::path::Path::new("."));
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let report = serde_json::json!({ "device": physical.name, "driver": physical.driver, "rows": rows });
+    std::fs::write(&path, format!("{report:#}\n")).map_err(|e| Error::io(&path, e))
+}
+
+/// Photos around a target.
+fn pool(target: &Target, count: usize, intrinsics: Intrinsics) -> Result<Vec<Photo>> {
+    let poses = baselines::fibonacci_shell(&target.region, count)?;
+    let jittered = |(i, pose): (usize, Pose)| {
+        let [u, v, w, x] = random::uniforms(1, 0, i as u32);
+        let position = pose.position * (0.85 + 0.3 * u) + 0.2 * random::direction(v, w);
+        let aim = 0.4 * (random::direction(x, u) * w);
+        let name = format!("{i:05}.jpg");
+        let camera = Camera { name, pose: Pose::looking(position, aim - position, DVec3::Z), intrinsics };
+        Photo { camera, distortion: Distortion::default(), image: None, mask: None }
+    };
+    Ok(poses.into_iter().enumerate().map(jittered).collect())
+}
+
+/// Most memory that the process has held, where the system tells.
+fn peak_bytes() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM"))?;
+    line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kib| 1024.0 * kib)
+}

@@ -1,0 +1,204 @@
+//! `camsplat select`.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::Args;
+
+use super::options::{CameraOptions, DeviceOptions, RegionOptions, parse_size, print_messages};
+use super::plan::table;
+use crate::io::folder::OutputFolder;
+use crate::io::photos::Images;
+use crate::metrics::Metrics;
+use crate::photos::PhotoSet;
+use crate::plan::job::Target;
+use crate::report::selection::{self, Written};
+use crate::scene::camera::Pose;
+use crate::scene::surface::Surface;
+use crate::select::job::{Method, Prospect, Request, Selection};
+use crate::select::sharpness;
+use crate::{Error, Result, io};
+
+/// Arguments of `camsplat select`.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    /// Capture: a folder with a COLMAP model, a transforms.json, an NSVF folder, or a .log of poses
+    capture: PathBuf,
+    /// Photos to choose
+    #[arg(long)]
+    count: usize,
+    /// Folder to write
+    #[arg(long)]
+    out: PathBuf,
+    /// Write into a folder that is not empty; files of the same names are replaced, all others stay
+    #[arg(long)]
+    force: bool,
+    /// The surface, in the frame of the capture: whatever `camsplat plan` takes [default: the capture's own points]
+    #[arg(long)]
+    surface: Option<PathBuf>,
+    #[command(flatten)]
+    region: RegionOptions,
+    /// Horizontal field of view in degrees, for a file of poses without lenses
+    #[arg(long)]
+    fov: Option<f64>,
+    /// Image size in pixels, for a file of poses without lenses
+    #[arg(long, value_parser = parse_size, value_name = "WxH")]
+    size: Option<(u32, u32)>,
+    /// How to choose
+    #[arg(long, value_enum, default_value = "swap")]
+    method: Method,
+    /// File with names of photos that are chosen in any case, one a line
+    #[arg(long, value_name = "FILE")]
+    must: Option<PathBuf>,
+    /// File with names of photos that are not chosen, one a line
+    #[arg(long, value_name = "FILE")]
+    never: Option<PathBuf>,
+    /// Among choices that are nearly as good, take sharper photos
+    #[arg(long)]
+    sharpness: bool,
+    /// Plan so many poses worth adding to the choice
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    suggest: usize,
+    /// Copy images and masks; else the folder gets symbolic links to them
+    #[arg(long)]
+    copy: bool,
+    /// Seed of every random number
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Points of the surface that the choice is made on, and as many others that it is scored on
+    #[arg(long, default_value_t = 2000)]
+    points: u32,
+    #[command(flatten)]
+    device: DeviceOptions,
+}
+
+/// Chooses, writes the folder and prints what came out.
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let folder = OutputFolder::create(&arguments.out, arguments.force)?;
+    let set = capture(arguments)?;
+    for note in &set.notes {
+        say!("{note}");
+    }
+    let request = request(arguments, &set)?;
+    request.validate(set.photos.len())?;
+    let target = target(arguments, &set)?;
+    let sharpness = arguments.sharpness.then(|| sharpness::of_photos(&set)).transpose()?;
+    let context = arguments.device.open()?;
+    let prospect = Prospect::new(&context, &set, &target, request.clone())?;
+    let selection = prospect.select(sharpness.as_deref(), true)?;
+    let suggested = match arguments.suggest {
+        0 => Vec::new(),
+        count => prospect.suggest(&selection.chosen, count)?,
+    };
+    drop(prospect);
+    print_messages(&context);
+    let physical = context.physical();
+    let written = Written {
+        set: &set,
+        target: &target,
+        request: &request,
+        selection: &selection,
+        suggested: &suggested,
+        device: format!("{} ({})", physical.name, physical.driver.trim()),
+        copy: arguments.copy,
+    };
+    let start = Instant::now();
+    let path = folder.path().to_owned();
+    for note in selection::write(&written, folder)? {
+        say!("{note}");
+    }
+    print_selection(&selection, &set, request.method);
+    say!("written  in {:.2} s", start.elapsed().as_secs_f64());
+    say!("report   {}", path.join("report.html").display());
+    Ok(ExitCode::SUCCESS)
+}
+
+fn capture(arguments: &Arguments) -> Result<PhotoSet> {
+    let intrinsics = match (arguments.fov, arguments.size) {
+        (Some(fov), Some(size)) => Some(CameraOptions { fov, size }.intrinsics()?),
+        (None, None) => None,
+        _ => return Err(Error::request("--fov and --size belong together; give both or none")),
+    };
+    let images = if arguments.sharpness { Images::Needed } else { Images::Optional };
+    io::photos::read(&arguments.capture, &io::photos::Options { images, intrinsics })
+}
+
+fn request(arguments: &Arguments, set: &PhotoSet) -> Result<Request> {
+    let number: HashMap<&str, usize> =
+        set.photos.iter().enumerate().map(|(i, photo)| (photo.camera.name.as_str(), i)).collect();
+    let read = |file: &Option<PathBuf>| file.as_deref().map_or(Ok(Vec::new()), |file| listed(file, &number));
+    let (must, never) = (read(&arguments.must)?, read(&arguments.never)?);
+    let both: Vec<&str> = must
+        .iter()
+        .filter(|photo| never.binary_search(photo).is_ok())
+        .map(|photo| set.photos[*photo].camera.name.as_str())
+        .collect();
+    if !both.is_empty() {
+        let what = format!("--must and --never both name {}; take them out of one", both.join(", "));
+        return Err(Error::request(what));
+    }
+    Ok(Request {
+        method: arguments.method,
+        must,
+        never,
+        seed: arguments.seed,
+        points: arguments.points,
+        preset: arguments.region.preset(),
+        ..Request::new(arguments.count)
+    })
+}
+
+/// Indices, ascending, of the photos that a file names.
+fn listed(file: &Path, number: &HashMap<&str, usize>) -> Result<Vec<usize>> {
+    let text = std::fs::read_to_string(file).map_err(|source| Error::io(file, source))?;
+    let names = || text.lines().map(str::trim).filter(|name| !name.is_empty());
+    let unknown: Vec<&str> = names().filter(|name| !number.contains_key(name)).collect();
+    if !unknown.is_empty() {
+        return Err(Error::input(file, format!("the capture has no photo called {}", unknown.join(", "))));
+    }
+    let mut photos: Vec<usize> = names().filter_map(|name| number.get(name).copied()).collect();
+    photos.sort_unstable();
+    photos.dedup();
+    Ok(photos)
+}
+
+fn target(arguments: &Arguments, set: &PhotoSet) -> Result<Target> {
+    let Some(first) = set.photos.first() else { return Err(Error::input(&set.path, "it holds no posed photos")) };
+    let poses: Vec<Pose> = set.photos.iter().map(|photo| photo.camera.pose).collect();
+    let (surface, path) = match &arguments.surface {
+        Some(path) => {
+            let (surface, notes) = io::read_surface_with_notes(path)?;
+            for note in notes {
+                say!("{note}");
+            }
+            (surface, path.as_path())
+        }
+        None if set.points.positions.is_empty() => {
+            return Err(Error::input(&set.path, "the capture has no points; give its surface with --surface"));
+        }
+        None => (Surface::Points(set.points.clone()), set.path.as_path()),
+    };
+    arguments.region.target_of(&surface, path, &poses, &first.camera.intrinsics, None)
+}
+
+fn print_selection(selection: &Selection, set: &PhotoSet, method: Method) {
+    let [seeing, planning, choosing] = selection.seconds;
+    say!(
+        "chosen   {} of {} photos; {} swaps; visibility {seeing:.2} s, plan {planning:.2} s, choice {choosing:.2} s",
+        selection.chosen.len(),
+        set.photos.len(),
+        selection.costs_deg.len().saturating_sub(1)
+    );
+    let mut rows: Vec<(&str, &Metrics)> = vec![("all photos", &selection.pool), (method.name(), &selection.metrics)];
+    rows.extend(selection.controls.iter().map(|control| (control.name.as_str(), &control.metrics)));
+    say!("{}", table(&rows).trim_end());
+    let reached =
+        |count: u32| selection.scores.iter().filter(|score| score.reachable > 0.0 && score.views <= count).count();
+    say!(
+        "unseen   {:.1}% of what the pool shows; {:.1}% of all points no photo shows",
+        100.0 * reached(0) as f64 / selection.scores.len().max(1) as f64,
+        100.0 * (1.0 - selection.pool.reachable)
+    );
+}

@@ -1,0 +1,243 @@
+//! The folder that a selection leaves: the chosen photos as a capture of their own, what each is worth, what is still
+//! unseen, and the record.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::{Kind, ReportScene, SurfacePoint, Triangles, decimate};
+use crate::error::{Error, Result};
+use crate::io::folder::OutputFolder;
+use crate::io::{colmap, export, ply, transforms};
+use crate::metrics::{Metrics, PointMetrics};
+use crate::photos::{Convention, Photo, PhotoSet};
+use crate::plan::job::Target;
+use crate::plan::record::{ControlRecord, IterationRecord, PlanRecord, Status, SurfaceRecord};
+use crate::scene::camera::Camera;
+use crate::scene::proxy::Occluder;
+use crate::scene::region::Region;
+use crate::select::job::{Request, Selection};
+
+/// Triangles that the page shows at most.
+const MOST_TRIANGLES: usize = 60_000;
+/// Photos left out that the page shows at most; the others are left out of the picture too.
+const MOST_SHOWN: usize = 3000;
+
+/// Everything that is written.
+pub struct Written<'a> {
+    /// The capture.
+    pub set: &'a PhotoSet,
+    /// Its surface.
+    pub target: &'a Target,
+    /// What was asked for.
+    pub request: &'a Request,
+    /// What came out.
+    pub selection: &'a Selection,
+    /// Poses worth adding.
+    pub suggested: &'a [Camera],
+    /// Device name and driver.
+    pub device: String,
+    /// Whether images are copied; else linked.
+    pub copy: bool,
+}
+
+/// The contents of select.json.
+#[derive(Serialize)]
+struct Record<'a> {
+    version: &'static str,
+    capture: String,
+    surface: &'a SurfaceRecord,
+    region: &'a Region,
+    device: &'a str,
+    request: &'a Request,
+    chosen: Vec<ChosenRecord<'a>>,
+    metrics: &'a Metrics,
+    /// The whole pool.
+    all_photos: &'a Metrics,
+    controls: &'a [ControlRecord],
+    costs_deg: &'a [f64],
+    seconds: [f64; 3],
+}
+
+#[derive(Serialize)]
+struct ChosenRecord<'a> {
+    name: &'a str,
+    contribution_deg: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sharpness: Option<f64>,
+}
+
+/// Writes everything and commits the folder; says what of the lenses could not be written.
+///
+/// # Errors
+/// When the folder cannot be written, an image cannot be linked, or the capture's model cannot be read again.
+pub fn write(written: &Written<'_>, folder: OutputFolder) -> Result<Vec<String>> {
+    let Written { set, selection, suggested, .. } = written;
+    images(written, &folder)?;
+    let notes = capture(written, &folder)?;
+    folder.write("chosen.csv", chosen_csv(written))?;
+    let unseen: Vec<DVec3> = selection
+        .points
+        .iter()
+        .zip(&selection.scores)
+        .filter(|(_, score)| score.views == 0)
+        .map(|(point, _)| point.position)
+        .collect();
+    // What the pool could show lies at 1, what no photo shows at 0.
+    let shown: Vec<f32> = selection
+        .scores
+        .iter()
+        .filter(|score| score.views == 0)
+        .map(|score| if score.reachable > 0.0 { 1.0 } else { 0.0 })
+        .collect();
+    folder.write("unseen.ply", export::coverage_ply(&unseen, &shown, (0.0, 1.0)))?;
+    if !suggested.is_empty() {
+        folder.write("suggested.json", transforms::write(suggested, "points.ply"))?;
+        folder.write("suggested.csv", export::cameras_csv(suggested))?;
+    }
+    let record = Record {
+        version: env!("CARGO_PKG_VERSION"),
+        capture: set.path.to_string_lossy().into_owned(),
+        surface: &written.target.record,
+        region: &written.target.region,
+        device: &written.device,
+        request: written.request,
+        chosen: selection
+            .chosen
+            .iter()
+            .map(|chosen| ChosenRecord {
+                name: &set.photos[chosen.photo].camera.name,
+                contribution_deg: chosen.contribution_deg,
+                sharpness: chosen.sharpness,
+            })
+            .collect(),
+        metrics: &selection.metrics,
+        all_photos: &selection.pool,
+        controls: &selection.controls,
+        costs_deg: &selection.costs_deg,
+        seconds: selection.seconds,
+    };
+    let json = serde_json::to_string_pretty(&record)
+        .map_err(|e| Error::request(format!("select.json cannot be written: {e}")))?;
+    folder.write("select.json", json)?;
+    folder.write("report.html", page(written)?)?;
+    folder.commit()?;
+    Ok(notes)
+}
+
+/// Writes the capture cut down to the chosen photos: `transforms.json`, the points that they saw, and `sparse/0` where the
+/// capture is a COLMAP model.
+fn capture(written: &Written<'_>, folder: &OutputFolder) -> Result<Vec<String>> {
+    let Written { set, selection, .. } = written;
+    let photos: Vec<&Photo> = selection.chosen.iter().map(|chosen| &set.photos[chosen.photo]).collect();
+    if let (Convention::Colmap, Some(model)) = (set.convention, colmap::model_folder(&set.path)) {
+        let names: Vec<String> = photos.iter().map(|photo| photo.camera.name.clone()).collect();
+        for (name, bytes) in colmap::subset(&model, &names)?.files {
+            folder.write(&format!("sparse/0/{name}"), bytes)?;
+        }
+    }
+    let is_chosen = |photo: &u32| selection.chosen.binary_search_by_key(&(*photo as usize), |c| c.photo).is_ok();
+    let kept: Vec<usize> = (0..set.points.positions.len())
+        .filter(|point| set.tracks.get(*point).is_none_or(|track| track.iter().any(is_chosen)))
+        .collect();
+    if !kept.is_empty() {
+        let positions: Vec<DVec3> = kept.iter().map(|point| set.points.positions[*point]).collect();
+        let colours: Vec<[u8; 3]> = kept.iter().filter_map(|point| set.points.colours.get(*point).copied()).collect();
+        folder.write("points.ply", ply::write::points(&positions, &colours, None))?;
+    }
+    let (text, notes) = transforms::write_photos(&photos, (!kept.is_empty()).then_some("points.ply"));
+    folder.write("transforms.json", text)?;
+    Ok(notes)
+}
+
+/// Links or copies the chosen images to `images/` and their masks to `masks/`.
+fn images(written: &Written<'_>, folder: &OutputFolder) -> Result<()> {
+    let place = |from: &Path, name: String| -> Result<()> {
+        let to = folder.stage(&name)?;
+        let done = if written.copy {
+            fs::copy(from, &to).map(|_| ())
+        } else {
+            fs::canonicalize(from).and_then(|from| std::os::unix::fs::symlink(from, &to))
+        };
+        done.map_err(|source| Error::io(from, source))
+    };
+    for chosen in &written.selection.chosen {
+        let photo = &written.set.photos[chosen.photo];
+        let name = export::image_name(&photo.camera);
+        if let Some(image) = &photo.image {
+            place(image, format!("images/{name}"))?;
+        }
+        if let Some(mask) = &photo.mask {
+            place(mask, format!("masks/{name}.png"))?;
+        }
+    }
+    Ok(())
+}
+
+/// Text of chosen.csv: the photos, those that the choice would miss most first.
+fn chosen_csv(written: &Written<'_>) -> String {
+    let mut rows: Vec<_> = written.selection.chosen.iter().collect();
+    rows.sort_by(|a, b| b.contribution_deg.total_cmp(&a.contribution_deg).then(a.photo.cmp(&b.photo)));
+    let mut text = String::from("name,contribution_deg,sharpness\n");
+    for row in rows {
+        let name = &written.set.photos[row.photo].camera.name;
+        let sharpness = row.sharpness.map(|s| format!("{s:.3}")).unwrap_or_default();
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{},{:.6},{sharpness}", quoted(name), row.contribution_deg);
+    }
+    text
+}
+
+/// A field of a CSV file (RFC 4180).
+fn quoted(field: &str) -> String {
+    if field.contains([',', '"', '\n', '\r']) { format!("\"{}\"", field.replace('"', "\"\"")) } else { field.into() }
+}
+
+/// A held-out point as the page has it.
+fn surface_point((point, score): (&crate::scene::proxy::SurfacePoint, &PointMetrics)) -> SurfacePoint {
+    SurfacePoint {
+        position: point.position,
+        colour: point.colour,
+        gap: if score.reachable > 0.0 { score.gap } else { f32::NAN },
+        views: score.views,
+        score: point.score,
+    }
+}
+
+fn page(written: &Written<'_>) -> Result<String> {
+    let Written { set, target, request, selection, .. } = written;
+    let points: Vec<SurfacePoint> = selection.points.iter().zip(&selection.scores).map(surface_point).collect();
+    let few = match &target.proxy.occluder {
+        Occluder::Triangles(corners) => Some(decimate::decimate(corners, target.proxy.colours(), MOST_TRIANGLES)),
+        Occluder::Discs(_) => None,
+    };
+    let triangles = few.as_ref().map(|(corners, colours)| Triangles { corners, colours });
+    let is_chosen = |photo: &usize| selection.chosen.iter().any(|chosen| chosen.photo == *photo);
+    let others = (0..set.photos.len()).filter(|photo| !is_chosen(photo));
+    let left_out: Vec<usize> = others.step_by(set.photos.len().div_ceil(MOST_SHOWN).max(1)).collect();
+    let shown = selection.chosen.iter().map(|chosen| chosen.photo).chain(left_out.iter().copied());
+    let record = PlanRecord {
+        version: env!("CARGO_PKG_VERSION").into(),
+        status: Status::Complete,
+        surface: target.record.clone(),
+        device: written.device.clone(),
+        seed: request.seed,
+        config: serde_json::to_value(request)
+            .map_err(|e| Error::request(format!("the request cannot be written: {e}")))?,
+        region: target.region,
+        cameras: shown.map(|photo| set.photos[photo].camera.clone()).collect(),
+        kept: left_out.len(),
+        history: (0..)
+            .zip(&selection.costs_deg)
+            .map(|(iteration, cost)| IterationRecord { iteration, loss: *cost as f32, ..IterationRecord::default() })
+            .collect(),
+        checkpoints: Vec::new(),
+        metrics: selection.metrics,
+        controls: selection.controls.clone(),
+        seconds: selection.seconds.iter().sum(),
+    };
+    super::html_of(&record, &ReportScene { points: &points, triangles }, Kind::Selection(&selection.pool))
+}

@@ -1,0 +1,411 @@
+//! A whole selection: what the pool sees, the photos chosen, the controls beside them, from a capture to a record.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::controls::{Distance, Pool};
+use super::interchange::{grow, refine};
+use super::objective::Objective;
+use super::score::SubsetScorer;
+use super::sight::Survey;
+use crate::metrics::score_point::aggregate;
+use crate::metrics::{Metrics, PointMetrics};
+use crate::photos::PhotoSet;
+use crate::plan::config::{Config, Gate, Preset};
+use crate::plan::job::{self, Target};
+use crate::plan::preparation::{PROBE_STREAM, Preparation};
+use crate::plan::record::ControlRecord;
+use crate::scene::baselines;
+use crate::scene::camera::{Camera, Pose};
+use crate::scene::proxy::{Occluder, Proxy, SurfacePoint};
+use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
+use crate::vulkan::Context;
+use crate::{Error, Result};
+
+/// Stream of the held-out points, as a plan has it.
+const HELD_OUT_STREAM: u32 = 1;
+/// Times that the cost of lacking views is raised at most.
+const RAISES: u32 = 8;
+/// Pools above this size are looked at in coarser directions.
+const MANY: usize = 2000;
+/// What the sharpest photo is worth over the least sharp, as a part of the cost that falls to a photo on average: more cost
+/// than that no swap takes on for sharpness.
+const SHARPNESS_PART: f64 = 0.1;
+
+/// How photos are chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Swaps that lower the angular gap on the real frusta, from the assigned photos and from a greedy start
+    Swap,
+    /// For each planned camera a photo of its own, nearest in sum
+    Assigned,
+    /// For each planned camera the nearest photo, as in the paper: perhaps fewer than asked for
+    Nearest,
+    /// At random
+    Random,
+    /// For each spherical Fibonacci point a photo of its own
+    Fibonacci,
+    /// Farthest view sampling by the angle between camera centres
+    Fvs,
+    /// Farthest view sampling by the distance between camera centres
+    FvsChord,
+    /// Farthest view sampling by angle and shared points
+    FvsShared,
+    /// Greedy on points seen by one photo, then by three
+    Coverage,
+}
+
+impl Method {
+    /// All of them, ours first.
+    pub const ALL: [Self; 9] = [
+        Self::Swap,
+        Self::Assigned,
+        Self::Nearest,
+        Self::Random,
+        Self::Fibonacci,
+        Self::Fvs,
+        Self::FvsChord,
+        Self::FvsShared,
+        Self::Coverage,
+    ];
+
+    /// As on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Swap => "swap",
+            Self::Assigned => "assigned",
+            Self::Nearest => "nearest",
+            Self::Random => "random",
+            Self::Fibonacci => "fibonacci",
+            Self::Fvs => "fvs",
+            Self::FvsChord => "fvs-chord",
+            Self::FvsShared => "fvs-shared",
+            Self::Coverage => "coverage",
+        }
+    }
+}
+
+/// What is asked for. Photos by index into the set, ascending.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Request {
+    /// Photos to choose.
+    pub count: usize,
+    /// How.
+    pub method: Method,
+    /// Photos that are chosen in any case.
+    pub must: Vec<usize>,
+    /// Photos that are not chosen.
+    pub never: Vec<usize>,
+    /// Seed of every random number.
+    pub seed: u64,
+    /// Points that the choice is made on, and as many that it is scored on; fewer where the surface is a cloud that holds
+    /// less than twice as many.
+    pub points: u32,
+    /// Kind of scene, for the planned cameras.
+    pub preset: Preset,
+}
+
+impl Request {
+    /// The defaults.
+    pub fn new(count: usize) -> Self {
+        Self {
+            count,
+            method: Method::Swap,
+            must: Vec::new(),
+            never: Vec::new(),
+            seed: 0,
+            points: 2000,
+            preset: Preset::Object,
+        }
+    }
+
+    /// Refuses what cannot be had from a pool of `photos`.
+    ///
+    /// # Errors
+    /// One line that says which number does not fit.
+    pub fn validate(&self, photos: usize) -> Result<()> {
+        let wrong = |what: String| Err(Error::request(what));
+        let allowed = photos - self.never.len();
+        if self.count == 0 {
+            return wrong("--count is 0; give at least 1".into());
+        }
+        if self.count > allowed {
+            let barred = if self.never.is_empty() { String::new() } else { format!(" of {photos}, without --never") };
+            return wrong(format!("--count is {}, but the pool has {allowed} photos{barred}; give fewer", self.count));
+        }
+        if self.must.len() > self.count {
+            let must = self.must.len();
+            return wrong(format!("--must names {must} photos, more than --count {}; raise --count", self.count));
+        }
+        if !(1..=1 << 20).contains(&self.points) {
+            return wrong(format!("--points is {}; give 1 to {}", self.points, 1 << 20));
+        }
+        Ok(())
+    }
+}
+
+/// A photo that was chosen.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Chosen {
+    /// Index into the set.
+    pub photo: usize,
+    /// Rise of the cost if it were removed, in degrees of mean angular gap.
+    pub contribution_deg: f64,
+    /// Its sharpness, where asked for.
+    pub sharpness: Option<f64>,
+}
+
+/// What was chosen and how good it is.
+pub struct Selection {
+    /// The chosen photos, ascending.
+    pub chosen: Vec<Chosen>,
+    /// The cost, in degrees, at the start of the last round of swaps and after each.
+    pub costs_deg: Vec<f64>,
+    /// Held-out points.
+    pub points: Vec<SurfacePoint>,
+    /// What the choice gives each of them.
+    pub scores: Vec<PointMetrics>,
+    /// Metrics of the choice.
+    pub metrics: Metrics,
+    /// Metrics of the whole pool: what cannot be surpassed.
+    pub pool: Metrics,
+    /// Metrics of the other methods on the same points.
+    pub controls: Vec<ControlRecord>,
+    /// Wall time in seconds of: finding out what the pool sees, planning, choosing.
+    pub seconds: [f64; 3],
+    /// Bytes of the matrices of visibility and of what the swaps keep.
+    pub bytes: usize,
+}
+
+/// A capture and its surface, looked at from all photos.
+pub struct Prospect<'a> {
+    context: Arc<Context>,
+    set: &'a PhotoSet,
+    target: &'a Target,
+    scene: DeviceScene,
+    request: Request,
+    survey: Survey,
+    held_out: Survey,
+    seconds: f64,
+}
+
+impl<'a> Prospect<'a> {
+    /// Finds out which photos see which points.
+    ///
+    /// # Errors
+    /// A request that does not fit the pool, a surface of which no photo pair sees any point, or a device that fails.
+    pub fn new(context: &Arc<Context>, set: &'a PhotoSet, target: &'a Target, request: Request) -> Result<Self> {
+        request.validate(set.photos.len())?;
+        let start = Instant::now();
+        let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
+        // Both samples follow the same law and share no point: of a cloud, each comes from a half of its own.
+        let count = (request.points as usize).min(half(&target.proxy)).max(1);
+        let sample = |stream| target.proxy.sample(count, request.seed, stream);
+        let survey = Survey::new(context, &scene, &set.photos, sample(PROBE_STREAM))?;
+        if (0..survey.points.len()).all(|point| survey.sight.seers(point).count() < 2) {
+            return Err(Error::input(
+                &set.path,
+                "no point of the surface is seen by two photos; do surface and photos share a frame?",
+            ));
+        }
+        let held_out = Survey::new(context, &scene, &set.photos, sample(HELD_OUT_STREAM))?;
+        let seconds = start.elapsed().as_secs_f64();
+        Ok(Self { context: context.clone(), set, target, scene, request, survey, held_out, seconds })
+    }
+
+    /// Plans cameras beside those that are kept, with the lens of the pool's first photo; in the user's world.
+    ///
+    /// # Errors
+    /// Where the plan does not fit the device, or the device fails.
+    pub fn plan(&self, views: usize, kept: &[Camera]) -> Result<Vec<Pose>> {
+        let (Some(first), true) = (self.set.photos.first(), views > 0) else { return Ok(Vec::new()) };
+        let base = Config::new(self.request.preset, views as u32);
+        let config = Config {
+            seed: self.request.seed,
+            // Photos are rectangular.
+            gate: Gate::Pinhole,
+            checkpoint_every: base.iterations,
+            ..base
+        };
+        let (geometry, proxy) = (&self.scene.geometry, &self.target.proxy);
+        let intrinsics = first.camera.intrinsics;
+        let preparation = Preparation::new(&self.context, geometry, proxy, &intrinsics, kept, config)?;
+        let (_, outcome) =
+            job::optimise(&self.context, &self.scene, preparation, None, |_, _| ControlFlow::Continue(()))?;
+        Ok(outcome.poses)
+    }
+
+    /// Poses worth adding to a choice: planned, with the chosen photos as cameras that are there already.
+    ///
+    /// # Errors
+    /// As [`Prospect::plan`].
+    pub fn suggest(&self, chosen: &[Chosen], count: usize) -> Result<Vec<Camera>> {
+        let kept: Vec<Camera> = chosen.iter().map(|c| self.set.photos[c.photo].camera.clone()).collect();
+        let Some(first) = self.set.photos.first() else { return Ok(Vec::new()) };
+        let poses = self.plan(count, &kept)?;
+        let camera =
+            |(i, pose)| Camera { name: format!("suggested_{i:04}.png"), pose, intrinsics: first.camera.intrinsics };
+        Ok(poses.into_iter().enumerate().map(camera).collect())
+    }
+
+    /// Chooses, and scores the choice beside the controls. `sharpness` is a value per photo, greater for sharper ones.
+    ///
+    /// # Errors
+    /// Where a plan does not fit the device, the device fails, or the method does not fit the pool.
+    pub fn select(&self, sharpness: Option<&[f64]>, with_controls: bool) -> Result<Selection> {
+        let request = &self.request;
+        let allowed: Vec<usize> =
+            (0..self.set.photos.len()).filter(|photo| request.never.binary_search(photo).is_err()).collect();
+        let pool = Pool {
+            set: self.set,
+            region: &self.target.region,
+            sight: &self.survey.sight,
+            must: &request.must,
+            allowed: &allowed,
+            count: request.count,
+            seed: request.seed,
+        };
+        let start = Instant::now();
+        let kept: Vec<Camera> = request.must.iter().map(|photo| self.set.photos[*photo].camera.clone()).collect();
+        let needs_plan = matches!(request.method, Method::Swap | Method::Assigned | Method::Nearest);
+        let planned = if needs_plan || with_controls {
+            self.plan(request.count - request.must.len(), &kept)?
+        } else {
+            Vec::new()
+        };
+        let planning = start.elapsed().as_secs_f64();
+
+        let start = Instant::now();
+        let resolution = if self.set.photos.len() > MANY { 12 } else { 16 };
+        let plain = Objective::new(&self.survey, resolution);
+        let (mut subset, costs) = match request.method {
+            Method::Swap => self.swap(&pool, &plain, &planned, sharpness),
+            method => (self.by(method, &pool, &planned)?, Vec::new()),
+        };
+        subset.sort_unstable();
+        let choosing = start.elapsed().as_secs_f64();
+
+        let choice = plain.choose(&subset);
+        let chosen = subset
+            .iter()
+            .zip(choice.losses())
+            .map(|(&photo, loss)| Chosen {
+                photo,
+                contribution_deg: loss.to_degrees(),
+                sharpness: sharpness.map(|sharpness| sharpness[photo]),
+            })
+            .collect();
+        let world = 1.0 / self.scene.geometry.to_internal.scale;
+        let scorer = SubsetScorer::new(&self.held_out, self.set, world);
+        let scores = scorer.score(&subset);
+        let mut controls = Vec::new();
+        for method in Method::ALL.into_iter().filter(|method| with_controls && *method != request.method) {
+            if method == Method::Swap {
+                continue;
+            }
+            // A control that does not fit the scene (a sphere in a room) is no reason to fail.
+            if let Ok(subset) = self.by(method, &pool, &planned) {
+                controls.push(ControlRecord { name: method.name().into(), metrics: aggregate(&scorer.score(&subset)) });
+            }
+        }
+        let everything: Vec<usize> = (0..self.set.photos.len()).collect();
+        Ok(Selection {
+            chosen,
+            costs_deg: costs.iter().map(|cost| cost.to_degrees()).collect(),
+            metrics: aggregate(&scores),
+            scores,
+            pool: aggregate(&scorer.score(&everything)),
+            points: self.held_out.points.clone(),
+            controls,
+            seconds: [self.seconds, planning, choosing],
+            bytes: plain.bytes() + self.survey.sight.bytes() + self.held_out.sight.bytes(),
+        })
+    }
+
+    /// Swaps from two starts, the assigned photos and the greedy ones; the better end is kept, the first where they are
+    /// equal. While that shows fewer points three times than greedy coverage does, of those that the choice is made on, lacking
+    /// views is made to cost more, and swapping goes on. Also the costs of the last round.
+    fn swap(
+        &self,
+        pool: &Pool<'_>,
+        plain: &Objective<'_>,
+        planned: &[Pose],
+        sharpness: Option<&[f64]>,
+    ) -> (Vec<usize>, Vec<f64>) {
+        let assigned = pool.assigned(planned);
+        let mut objective = plain.clone();
+        if let Some(sharpness) = sharpness {
+            let worth = SHARPNESS_PART * plain.choose(&assigned).cost() / pool.count as f64;
+            objective = objective.with_prices(blur(sharpness).into_iter().map(|blur| worth * blur).collect());
+        }
+        let fixed: Vec<bool> = (0..pool.count).map(|slot| slot < pool.must.len()).collect();
+        let mut choice = objective.choose(&assigned);
+        let mut costs = refine(&mut choice, pool.allowed, &fixed);
+        let mut greedy = objective.choose(pool.must);
+        grow(&mut greedy, pool.allowed, pool.count);
+        let greedy_costs = refine(&mut greedy, pool.allowed, &fixed);
+        if greedy.cost() < choice.cost() {
+            (choice, costs) = (greedy, greedy_costs);
+        }
+        let mut subset = choice.chosen().to_vec();
+        let coverage = pool.coverage();
+        let covered = |subset: &[usize]| self.survey.sight.covered(subset, 3);
+        for _ in 0..RAISES {
+            if covered(&subset) >= covered(&coverage) {
+                break;
+            }
+            objective.raise_shortage();
+            let mut choice = objective.choose(&subset);
+            costs = refine(&mut choice, pool.allowed, &fixed);
+            subset = choice.chosen().to_vec();
+        }
+        (subset, costs)
+    }
+
+    /// The subset of a method without swaps.
+    fn by(&self, method: Method, pool: &Pool<'_>, planned: &[Pose]) -> Result<Vec<usize>> {
+        let farthest = |distance| {
+            pool.farthest(distance).ok_or_else(|| {
+                Error::request("--method fvs-shared: shared points are counted in pools of up to 4000 photos; use fvs")
+            })
+        };
+        match method {
+            Method::Swap | Method::Assigned => Ok(pool.assigned(planned)),
+            Method::Nearest => Ok(pool.nearest(planned)),
+            Method::Random => Ok(pool.random()),
+            Method::Fibonacci => {
+                let count = pool.count - pool.must.len();
+                Ok(pool.assigned(&baselines::fibonacci_shell(&self.target.region, count)?))
+            }
+            Method::Fvs => farthest(Distance::GreatCircle),
+            Method::FvsChord => farthest(Distance::Chord),
+            Method::FvsShared => farthest(Distance::Shared),
+            Method::Coverage => Ok(pool.coverage()),
+        }
+    }
+}
+
+/// Discs in the smaller of the halves that samples are drawn from; no bound for triangles.
+fn half(proxy: &Proxy) -> usize {
+    let Occluder::Discs(discs) = &proxy.occluder else { return usize::MAX };
+    let open = |parity: usize| {
+        (parity..discs.len()).step_by(2).filter(|i| !proxy.buried.get(*i).is_some_and(|buried| *buried)).count()
+    };
+    open(0).min(open(1))
+}
+
+/// Rank of each photo by its want of sharpness: 0 for the sharpest, 1 for the least sharp. Ranks, since the variance of the
+/// Laplacian depends on what is in the image as much as on its focus.
+fn blur(sharpness: &[f64]) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..sharpness.len()).collect();
+    order.sort_by(|a, b| sharpness[*b].total_cmp(&sharpness[*a]).then(a.cmp(b)));
+    let mut blur = vec![0.0; sharpness.len()];
+    for (rank, photo) in order.into_iter().enumerate() {
+        blur[photo] = rank as f64 / sharpness.len().max(2).saturating_sub(1) as f64;
+    }
+    blur
+}

@@ -1,0 +1,15 @@
+//! Choosing from a pool: which K of the photos that have been taken train the best radiance field.
+//!
+//! The paper plans K cameras and takes the photo nearest to each. Here every planned camera gets a photo of its own
+//! ([`assignment`]), and photos are then swapped ([`interchange`]) while the actual objective, the angular gap on the real
+//! frusta ([`objective`]), falls.
+
+pub mod assignment;
+pub mod controls;
+pub mod interchange;
+pub mod job;
+pub mod objective;
+mod parallel;
+pub mod score;
+pub mod sharpness;
+pub mod sight;
