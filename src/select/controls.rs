@@ -7,6 +7,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::assignment::assign;
+use super::parallel::in_parallel;
 use super::sight::Sight;
 use crate::photos::PhotoSet;
 use crate::scene::camera::Pose;
@@ -70,7 +71,13 @@ impl Pool<'_> {
     /// `must`, and for each planned camera a photo of its own, nearest in sum.
     pub fn assigned(&self, planned: &[Pose]) -> Vec<usize> {
         let free = self.free(self.must);
-        let columns = assign(planned.len(), free.len(), |row, column| self.distance(&planned[row], free[column]));
+        // The search comes back to a row again and again.
+        let mut distances = vec![0f32; planned.len() * free.len()];
+        in_parallel(&mut distances, free.len(), |row, distances| {
+            let photos = distances.iter_mut().zip(&free);
+            photos.for_each(|(distance, photo)| *distance = self.distance(&planned[row], *photo) as f32);
+        });
+        let columns = assign(planned.len(), free.len(), |row, column| f64::from(distances[row * free.len() + column]));
         self.must.iter().copied().chain(columns.into_iter().map(|column| free[column])).collect()
     }
 

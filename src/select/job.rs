@@ -29,6 +29,10 @@ use crate::{Error, Result};
 const HELD_OUT_STREAM: u32 = 1;
 /// Times that the cost of lacking views is raised at most.
 const RAISES: u32 = 8;
+/// Cameras above which the plan is made with fewer iterations and coarser texels: on a CPU a thousand would take minutes.
+const MANY_VIEWS: usize = 200;
+const LIGHT_ITERATIONS: u32 = 300;
+const LIGHT_RESOLUTION: u32 = 32;
 /// Pools above this size are looked at in coarser directions.
 const MANY: usize = 2000;
 /// What the sharpest photo is worth over the least sharp, as a part of the cost that falls to a photo on average: more cost
@@ -224,8 +228,12 @@ impl<'a> Prospect<'a> {
     pub fn plan(&self, views: usize, kept: &[Camera]) -> Result<Vec<Pose>> {
         let (Some(first), true) = (self.set.photos.first(), views > 0) else { return Ok(Vec::new()) };
         let base = Config::new(self.request.preset, views as u32);
+        let many = views > MANY_VIEWS;
         let config = Config {
             seed: self.request.seed,
+            // A place to start from: swaps do the rest.
+            iterations: if many { LIGHT_ITERATIONS } else { base.iterations },
+            resolution: many.then_some(LIGHT_RESOLUTION),
             // Photos are rectangular.
             gate: Gate::Pinhole,
             checkpoint_every: base.iterations,
