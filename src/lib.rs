@@ -15,6 +15,7 @@ pub mod plan;
 pub mod primitives;
 pub mod report;
 pub mod scene;
+pub mod stereo;
 pub mod visibility;
 pub mod vulkan;
 

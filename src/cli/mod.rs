@@ -22,6 +22,7 @@ mod devices;
 mod options;
 mod plan;
 mod progress;
+mod proxy;
 mod score;
 
 use std::process::ExitCode;
@@ -43,6 +44,8 @@ enum Command {
     Plan(Box<plan::Arguments>),
     /// Score any camera set on a surface
     Score(Box<score::Arguments>),
+    /// Make a coarse surface from posed photos, without any points
+    Proxy(proxy::Arguments),
     /// List every Vulkan device, what it has and what it lacks
     Devices,
     /// Plan two scenes of our own: an object (50 views) and a furnished room (300 views)
@@ -62,6 +65,7 @@ pub fn main() -> ExitCode {
     let result = match cli.command {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Score(arguments) => score::run(&arguments),
+        Command::Proxy(arguments) => proxy::run(&arguments),
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),
     };

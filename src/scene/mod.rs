@@ -20,4 +20,4 @@ pub mod samples;
 mod sampling;
 pub mod similarity;
 pub mod surface;
-mod voxels;
+pub mod voxels;

@@ -20,7 +20,8 @@ use crate::scene::surface::{Mesh, Points, Surface};
 ///
 /// A file with a `face` element is a mesh; one with the properties of a trained or packed splat is read by [`splats`];
 /// the rest is points. Known properties of `vertex`: x y z, nx ny nz (normals of any length, zero where unknown),
-/// red green blue (8 bits, 16 bits, or floats in [0, 1], all sRGB), and vds or score (view dependency in [1, 2]).
+/// radius (of
+/// points), red green blue (8 bits, 16 bits, or floats in [0, 1], all sRGB), and vds or score (view dependency in [1, 2]).
 /// Frame and units are the file's.
 ///
 /// # Errors
@@ -59,7 +60,9 @@ fn plain(path: &Path, bytes: &[u8], header: &Header, notes: &mut Vec<String>) ->
     if faces.is_none() {
         let normals = normals(&mut columns);
         let oriented = !normals.is_empty();
-        return Ok(Surface::Points(Points { positions, normals, colours, scores, oriented, ..Points::default() }));
+        let radii = columns.scalars("vertex", "radius").unwrap_or_default().into_iter().map(|r| r as f32).collect();
+        let points = Points { positions, normals, radii, colours, scores, oriented, ..Points::default() };
+        return Ok(Surface::Points(points));
     }
     let triangles = triangles(path, &mut columns, positions.len(), notes)?;
     let colours = match colours[..] {

@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::scene::surface::Points;
+
 /// Bytes of a file of coloured points: x y z, red green blue (8-bit sRGB) and, where given, one more float property.
 /// Points without a colour are mid grey; `colours` and the property's values go by point.
 pub fn points(positions: &[DVec3], colours: &[[u8; 3]], property: Option<(&str, &[f32])>) -> Vec<u8> {
@@ -13,6 +15,21 @@ pub fn points(positions: &[DVec3], colours: &[[u8; 3]], property: Option<(&str, 
         if let Some((_, values)) = property {
             bytes.extend(values.get(i).copied().unwrap_or(f32::NAN).to_le_bytes());
         }
+    }
+    bytes
+}
+
+/// Bytes of a file of oriented points: x y z, red green blue, nx ny nz and radius. Points without a colour are mid grey,
+/// those without a normal or radius have a zero one.
+pub fn oriented(points: &Points) -> Vec<u8> {
+    let more = ["nx", "ny", "nz", "radius"].map(|name| format!("property float {name}\n")).concat();
+    let mut bytes = header(points.positions.len(), &more);
+    bytes.extend(b"end_header\n");
+    for (i, &position) in points.positions.iter().enumerate() {
+        vertex(&mut bytes, position, points.colours.get(i).copied().unwrap_or([128; 3]));
+        let normal = points.normals.get(i).copied().unwrap_or(DVec3::ZERO).as_vec3();
+        let radius = points.radii.get(i).copied().unwrap_or(0.0);
+        normal.extend(radius).to_array().iter().for_each(|v| bytes.extend(v.to_le_bytes()));
     }
     bytes
 }
@@ -68,6 +85,20 @@ mod tests {
             panic!("not points")
         };
         assert_eq!((points.positions, points.colours, points.scores), (positions, colours, vec![1.0, 1.5]));
+    }
+
+    /// If this failed, a proxy from photos would lose its normals, radii or colours on the way to a plan.
+    #[test]
+    fn oriented_points_survive_a_round_trip() {
+        let written = Points {
+            positions: vec![DVec3::new(0.5, -1.0, 2.0), DVec3::ZERO],
+            normals: vec![DVec3::Z, DVec3::NEG_X],
+            radii: vec![0.25, 0.5],
+            colours: vec![[1, 2, 3], [250, 128, 0]],
+            oriented: true,
+            ..Points::default()
+        };
+        assert_eq!(read(&oriented(&written)), Surface::Points(written));
     }
 
     /// If this failed, exported meshes would have wrong faces in a viewer.
