@@ -71,14 +71,14 @@ pub(crate) fn surface(path: &Path, surface: Surface) -> Result<Surface> {
     Ok(surface)
 }
 
-/// Passes cameras on when there is at least one, names are unique, poses are finite with unit rotations, and images and
+/// Accepts cameras when there is at least one, names are unique, poses are finite with unit rotations, and images and
 /// focal lengths have a size.
-pub(crate) fn cameras(path: &Path, cameras: Vec<Camera>) -> Result<Vec<Camera>> {
-    if cameras.is_empty() {
+pub(crate) fn cameras<'a>(path: &Path, cameras: impl ExactSizeIterator<Item = &'a Camera>) -> Result<()> {
+    if cameras.len() == 0 {
         return Err(Error::input(path, "it holds no cameras; export the poses again"));
     }
     let mut seen = HashMap::with_capacity(cameras.len());
-    for (i, camera) in cameras.iter().enumerate() {
+    for (i, camera) in cameras.enumerate() {
         let refuse = |what: String| Err(Error::input(path, format!("camera {i} ({:?}) {what}", camera.name)));
         let k = &camera.intrinsics;
         if !usable(camera.pose.position) || !camera.pose.rotation.is_finite() {
@@ -100,7 +100,7 @@ pub(crate) fn cameras(path: &Path, cameras: Vec<Camera>) -> Result<Vec<Camera>> 
             return refuse(format!("has the name of camera {first}; names must differ"));
         }
     }
-    Ok(cameras)
+    Ok(())
 }
 
 #[cfg(test)]

@@ -12,6 +12,8 @@
 //! | COLMAP model, text or binary | [`colmap`] | [`colmap`] |
 //! | transforms.json of nerfstudio, instant-ngp, Blender | | [`transforms`] |
 //! | plan.json | | [`plan_json`] |
+//!
+//! [`photos`] reads captures: cameras with their lenses, images and masks, and the points of a reconstruction.
 
 mod binary;
 mod checks;
@@ -20,6 +22,7 @@ mod colour;
 pub mod export;
 pub mod folder;
 pub mod gltf;
+mod matrix;
 pub mod obj;
 pub mod photos;
 pub mod plan_json;

@@ -19,8 +19,8 @@ struct Plan {
 /// # Errors
 /// When the file is no such JSON, or a camera fails the checks that all cameras pass.
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<Camera>> {
-    let plan: Plan = super::json(path, bytes)?;
-    let mut cameras = checks::cameras(path, plan.cameras)?;
+    let Plan { mut cameras } = super::json(path, bytes)?;
+    checks::cameras(path, cameras.iter())?;
     // The checks allow for few digits; whoever turns vectors with the rotation relies on its unit length.
     for camera in &mut cameras {
         camera.pose.rotation = camera.pose.rotation.normalize();

@@ -1,7 +1,15 @@
 //! Photos that have been taken: posed images with their lenses, and what a reconstruction knows of them.
 
+mod convention;
+pub mod decode;
+mod describe;
+mod header;
+
 use std::path::PathBuf;
 
+pub use self::convention::{Convention, check_convention, looked_at};
+pub use self::describe::describe;
+pub use self::header::Header;
 use crate::scene::camera::Camera;
 use crate::scene::lens::{Distortion, Lens};
 use crate::scene::surface::Points;
@@ -13,9 +21,9 @@ pub struct Photo {
     pub camera: Camera,
     /// What the pinhole does not explain.
     pub distortion: Distortion,
-    /// The image file; none where it was not found.
+    /// The image file; none where it was not found or cannot be read.
     pub image: Option<PathBuf>,
-    /// A mask file of the same size, white where the object is.
+    /// A mask file of the same shape, white where the object is. Without one, the image may have an alpha channel.
     pub mask: Option<PathBuf>,
 }
 
@@ -26,12 +34,16 @@ pub struct PhotoSet {
     pub path: PathBuf,
     /// The photos, ordered by name.
     pub photos: Vec<Photo>,
+    /// What the poses were in the file.
+    pub convention: Convention,
     /// Triangulated points in the same world frame; empty where there are none.
     pub points: Points,
     /// Indices into `photos` that each point was seen in; as long as `points`, or empty.
     pub tracks: Vec<Vec<u32>>,
     /// Mean reprojection error of each point in pixels; as long as `points`, or empty.
     pub errors: Vec<f32>,
+    /// Images that were not found, and files that cannot be read, with the reason.
+    pub missing: Vec<String>,
     /// What was understood, for the user to check: one line each.
     pub notes: Vec<String>,
 }
@@ -47,5 +59,24 @@ impl PhotoSet {
     /// The cameras, ordered as the photos are.
     pub fn cameras(&self) -> Vec<Camera> {
         self.photos.iter().map(|photo| photo.camera.clone()).collect()
+    }
+
+    /// The set with only the photos that `keep` says. All points stay; tracks lose the photos that are gone.
+    pub fn filtered(mut self, keep: impl Fn(&Photo) -> bool) -> Self {
+        let kept: Vec<bool> = self.photos.iter().map(keep).collect();
+        let mut next = 0;
+        let numbers: Vec<Option<u32>> = kept
+            .iter()
+            .map(|kept| {
+                next += u32::from(*kept);
+                kept.then(|| next - 1)
+            })
+            .collect();
+        for track in &mut self.tracks {
+            *track = track.iter().filter_map(|&photo| numbers[photo as usize]).collect();
+        }
+        let mut kept = kept.into_iter();
+        self.photos.retain(|_| kept.next().unwrap_or_default());
+        self
     }
 }

@@ -23,6 +23,33 @@ impl Intrinsics {
         Self { width, height, focal: [f, f], principal: [0.5 * width as f64, 0.5 * height as f64] }
     }
 
+    /// The same lens for an image of another size, stretched with it; none where the shapes of the two images differ by more
+    /// than a pixel of rounding.
+    pub fn resized(&self, width: u32, height: u32) -> Option<Self> {
+        let (w, h) = (f64::from(self.width), f64::from(self.height));
+        let (x, y) = (f64::from(width) / w, f64::from(height) / h);
+        let off = (f64::from(height) - h * x).abs().min((f64::from(width) - w * y).abs());
+        (off <= 1.0).then(|| Self {
+            width,
+            height,
+            focal: [self.focal[0] * x, self.focal[1] * y],
+            principal: [self.principal[0] * x, self.principal[1] * y],
+        })
+    }
+
+    /// The same lens where each pixel stands for a square of `factor` x `factor` pixels; what is left over at the right and at
+    /// the bottom is cut off, unless nothing would remain.
+    pub fn shrunk(&self, factor: u32) -> Self {
+        let size = |size: u32| (size / factor).max(1);
+        let scaled = |values: [f64; 2]| values.map(|value| value / f64::from(factor));
+        Self {
+            width: size(self.width),
+            height: size(self.height),
+            focal: scaled(self.focal),
+            principal: scaled(self.principal),
+        }
+    }
+
     /// Full horizontal and vertical fields of view in radians.
     pub fn fov(&self) -> [f64; 2] {
         let full = |size: u32, f: f64, c: f64| (c / f).atan() + ((size as f64 - c) / f).atan();
@@ -79,6 +106,7 @@ pub struct Camera {
     /// How it maps directions to pixels.
     pub intrinsics: Intrinsics,
 }
+
 impl Camera {
     /// Whether a world point lies in front of the camera and inside its image.
     pub fn sees(&self, point: DVec3) -> bool {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::{Image, Lens, PROJECTIONS, Point, pose};
+use super::{Image, Lens, Observation, PROJECTIONS, Point, pose};
 use crate::error::Result;
 use crate::io::binary::Cursor;
 
@@ -48,6 +48,11 @@ pub fn cameras(path: &Path, bytes: &[u8]) -> Result<BTreeMap<u32, Lens>> {
 
 /// Parses images.bin, without the observations.
 pub fn images(path: &Path, bytes: &[u8]) -> Result<Vec<Image>> {
+    observed(path, bytes, |_| false)
+}
+
+/// Parses images.bin, with the observations of the images whose name `wanted` accepts.
+pub fn observed(path: &Path, bytes: &[u8], wanted: impl Fn(&str) -> bool) -> Result<Vec<Image>> {
     let mut cursor = Cursor::new(path, bytes, 0);
     let count = cursor.count(IMAGE, "images")?;
     let mut images = Vec::with_capacity(count);
@@ -66,9 +71,18 @@ pub fn images(path: &Path, bytes: &[u8]) -> Result<Vec<Image>> {
         let length = cursor.rest().iter().position(|&b| b == 0).unwrap_or(cursor.rest().len());
         let name = cursor.take(length + 1, format!("the name of {what}"))?;
         let name = String::from_utf8_lossy(&name[..length]).into_owned();
-        let observations = cursor.count(OBSERVATION, format!("observations in {what}"))?;
-        cursor.take(observations * OBSERVATION, format!("the observations in {what}"))?;
-        images.push(Image { id, lens, pose, name });
+        let count = cursor.count(OBSERVATION, format!("observations in {what}"))?;
+        let mut observations = Vec::new();
+        if wanted(&name) {
+            observations.reserve_exact(count);
+            for _ in 0..count {
+                let pixel = [cursor.f64(&what)?, cursor.f64(&what)?];
+                observations.push(Observation { pixel, point: cursor.u64(&what)? });
+            }
+        } else {
+            cursor.take(count * OBSERVATION, format!("the observations in {what}"))?;
+        }
+        images.push(Image { id, lens, pose, name, stored: ([w, x, y, z], [tx, ty, tz]), observations });
     }
     Ok(images)
 }
@@ -80,17 +94,16 @@ pub fn points(path: &Path, bytes: &[u8]) -> Result<Vec<Point>> {
     let mut points = Vec::with_capacity(count);
     for i in 0..count {
         let what = format!("point {i}");
-        cursor.u64(&what)?;
+        let id = cursor.u64(&what)?;
         let position = DVec3::new(cursor.f64(&what)?, cursor.f64(&what)?, cursor.f64(&what)?);
         let colour = cursor.array(&what)?;
         let error = cursor.f64(&what)?;
         let length = cursor.count(TRACK, format!("entries in the track of {what}"))?;
         let mut track = Vec::with_capacity(length);
         for _ in 0..length {
-            track.push(cursor.u32(&what)?);
-            cursor.u32(&what)?;
+            track.push([cursor.u32(&what)?, cursor.u32(&what)?]);
         }
-        points.push(Point { position, colour, error, track });
+        points.push(Point { id, position, colour, error, track });
     }
     Ok(points)
 }

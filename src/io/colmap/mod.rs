@@ -5,6 +5,7 @@
 //! not needed: images.txt and images.bin hold every pose as well.
 
 pub mod binary;
+mod subset;
 pub mod text;
 pub mod write;
 
@@ -13,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
 
+pub use self::subset::{Subset, subset};
 use super::checks;
 use crate::error::{Error, Result};
 use crate::scene::camera::{Camera, Intrinsics, Pose};
@@ -84,6 +86,12 @@ impl Lens {
 }
 
 impl Lens {
+    /// COLMAP's parameters, in its order.
+    pub fn parameters(&self) -> Vec<f64> {
+        let focal = if self.projection.one_focal { &self.intrinsics.focal[..1] } else { &self.intrinsics.focal };
+        [focal, &self.intrinsics.principal, &self.distortion].concat()
+    }
+
     /// The distortion in the form that holds every model (formulae: COLMAP's `models.h`).
     pub fn unified(&self) -> Distortion {
         let none = Distortion::default();
@@ -139,19 +147,37 @@ pub struct Image {
     pub pose: Pose,
     /// File name, relative to the image folder.
     pub name: String,
+    /// Camera-from-world quaternion (w, x, y, z) and translation, as they stand in the file.
+    pub stored: ([f64; 4], [f64; 3]),
+    /// What was observed in it, in the order of the file; empty where the reader was not asked for it.
+    pub observations: Vec<Observation>,
 }
+
+/// A feature in an image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation {
+    /// Where, in pixels.
+    pub pixel: [f64; 2],
+    /// Number of the point that it shows, or [`NO_POINT`].
+    pub point: u64,
+}
+
+/// The number that stands for no point.
+pub const NO_POINT: u64 = u64::MAX;
 
 /// A reconstructed point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Point {
+    /// Number that observations refer to.
+    pub id: u64,
     /// Position in the world.
     pub position: DVec3,
     /// 8-bit sRGB.
     pub colour: [u8; 3],
     /// Mean reprojection error in pixels.
     pub error: f64,
-    /// Numbers of the images it was seen in.
-    pub track: Vec<u32>,
+    /// Where it was seen: number of the image, and which of its observations.
+    pub track: Vec<[u32; 2]>,
 }
 
 /// World-from-camera pose of a camera-from-world quaternion (w, x, y, z) and translation; none where the quaternion has
@@ -180,17 +206,19 @@ fn file(folder: &Path, name: &str) -> Option<PathBuf> {
     ["bin", "txt"].iter().map(|extension| folder.join(name).with_extension(extension)).find(|path| path.is_file())
 }
 
-/// A parser of one of the model's files.
-type Parser<T> = fn(&Path, &[u8]) -> Result<T>;
-
 /// Reads one of the model's files with the parser of its encoding.
-fn read<T>(folder: &Path, name: &str, binary: Parser<T>, text: Parser<T>) -> Result<(PathBuf, T)> {
+fn read<T>(
+    folder: &Path,
+    name: &str,
+    binary: impl Fn(&Path, &[u8]) -> Result<T>,
+    text: impl Fn(&Path, &[u8]) -> Result<T>,
+) -> Result<(PathBuf, T)> {
     let path = file(folder, name).ok_or_else(|| {
         Error::input(folder, format!("it holds no {name}.bin and no {name}.txt; export the model again"))
     })?;
     let bytes = super::read_file(&path)?;
-    let parse = if path.extension().is_some_and(|e| e == "bin") { binary } else { text };
-    let value = parse(&path, &bytes)?;
+    let is_binary = path.extension().is_some_and(|e| e == "bin");
+    let value = if is_binary { binary(&path, &bytes)? } else { text(&path, &bytes)? };
     Ok((path, value))
 }
 
@@ -214,7 +242,7 @@ pub struct Model {
 }
 
 /// Reads a whole model folder.
-pub fn model(folder: &Path, notes: &mut Vec<String>) -> Result<Model> {
+pub fn model(folder: &Path) -> Result<Model> {
     let (_, lenses) = read(folder, "cameras", binary::cameras, text::cameras)?;
     let (path, mut images) = read(folder, "images", binary::images, text::images)?;
     images.sort_by(|a, b| a.name.cmp(&b.name));
@@ -224,12 +252,6 @@ pub fn model(folder: &Path, notes: &mut Vec<String>) -> Result<Model> {
         let (path, sparse) = read(folder, "points3D", binary::points, text::points)?;
         if !sparse.is_empty() {
             let centres = images.iter().map(|image| (image.id, image.pose.position)).collect();
-            let error = sparse.iter().map(|p| p.error).sum::<f64>() / sparse.len() as f64;
-            notes.push(format!(
-                "COLMAP model of {} images and {} points, mean reprojection error {error:.2} pixels",
-                images.len(),
-                sparse.len()
-            ));
             points = Some((points_surface(&path, &sparse, &centres)?, sparse));
         }
     }
@@ -269,7 +291,8 @@ pub fn join(
             cameras.len()
         ));
     }
-    checks::cameras(path, cameras)
+    checks::cameras(path, cameras.iter())?;
+    Ok(cameras)
 }
 
 /// Reads the points of a model folder.
@@ -293,7 +316,7 @@ pub fn points_surface(path: &Path, points: &[Point], centres: &HashMap<u32, DVec
     let mut surface = Points::default();
     for (i, point) in points.iter().enumerate() {
         let mut toward = DVec3::ZERO;
-        for image in &point.track {
+        for [image, _] in &point.track {
             let Some(centre) = centres.get(image) else {
                 let what = format!("point {i} was seen in image {image}, which the model lacks; export it again");
                 return Err(Error::input(path, what));

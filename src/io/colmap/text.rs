@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use glam::DVec3;
 
-use super::{Image, Lens, PROJECTIONS, Point, pose};
+use super::{Image, Lens, NO_POINT, Observation, PROJECTIONS, Point, pose};
 use crate::error::{Error, Result};
 
 /// A line of a file, for its words and for messages about it.
@@ -89,6 +89,11 @@ pub fn cameras(path: &Path, bytes: &[u8]) -> Result<BTreeMap<u32, Lens>> {
 /// Parses images.txt, without the observations. Each image has two lines; the second, of observations, may be empty
 /// but must be there.
 pub fn images(path: &Path, bytes: &[u8]) -> Result<Vec<Image>> {
+    observed(path, bytes, |_| false)
+}
+
+/// Parses images.txt, with the observations of the images whose name `wanted` accepts.
+pub fn observed(path: &Path, bytes: &[u8], wanted: impl Fn(&str) -> bool) -> Result<Vec<Image>> {
     let text = decode(bytes);
     let mut lines = lines(path, &text);
     let mut images = Vec::new();
@@ -109,13 +114,21 @@ pub fn images(path: &Path, bytes: &[u8]) -> Result<Vec<Image>> {
         };
         let is_observations =
             |line: &Line| line.words.len().is_multiple_of(3) && line.words.iter().all(|w| w.parse::<f64>().is_ok());
-        if !lines.next().as_ref().is_some_and(is_observations) {
+        let Some(second) = lines.next().filter(is_observations) else {
             return Err(line.error(format!(
                 "image {name:?} is not followed by its line of observations; each image has two lines, the second may \
                  be empty but must be there"
             )));
+        };
+        let mut observations = Vec::new();
+        if wanted(&name) {
+            for i in (0..second.words.len()).step_by(3) {
+                let point: i64 = second.number(i + 2, "the point of an observation")?;
+                let pixel = second.numbers(i, "an observation")?;
+                observations.push(Observation { pixel, point: u64::try_from(point).unwrap_or(NO_POINT) });
+            }
         }
-        images.push(Image { id, lens, pose, name });
+        images.push(Image { id, lens, pose, name, stored: (rotation, translation), observations });
     }
     Ok(images)
 }
@@ -125,14 +138,15 @@ pub fn points(path: &Path, bytes: &[u8]) -> Result<Vec<Point>> {
     let text = decode(bytes);
     let mut points = Vec::new();
     for line in lines(path, &text).filter(speaks) {
+        let id = line.number(0, "the point's number")?;
         let position = DVec3::from_array(line.numbers(1, "the position")?);
         let colour = line.numbers(4, "the colour")?;
         let error = line.number(7, "the reprojection error")?;
         if line.words.len() % 2 != 0 {
             return Err(line.error("the track is no list of pairs; export the model again"));
         }
-        let track = (8..line.words.len()).step_by(2).map(|i| line.number(i, "an image of the track"));
-        points.push(Point { position, colour, error, track: track.collect::<Result<_>>()? });
+        let track = (8..line.words.len()).step_by(2).map(|i| line.numbers(i, "an entry of the track"));
+        points.push(Point { id, position, colour, error, track: track.collect::<Result<_>>()? });
     }
     Ok(points)
 }

@@ -139,8 +139,11 @@ mod tests {
         let tracks = [vec![0, 1], vec![1, 2]];
         let path = Path::new("model.bin");
         let read = binary::points(path, &points(&positions, &[[1, 2, 3]], 3, &tracks)).unwrap();
-        assert_eq!((read[0].position, read[0].colour, &read[0].track), (positions[0], [1, 2, 3], &vec![1, 2]));
-        assert_eq!((read[1].position, read[1].colour, &read[1].track), (positions[1], [128; 3], &vec![2, 3]));
+        assert_eq!(
+            (read[0].position, read[0].colour, &read[0].track),
+            (positions[0], [1, 2, 3], &vec![[1, 0], [2, 0]])
+        );
+        assert_eq!((read[1].position, read[1].colour, &read[1].track), (positions[1], [128; 3], &vec![[2, 1], [3, 0]]));
         // The second point is the second observation of the second image: the last eight bytes of the third entry.
         let bytes = points(&positions, &[], 3, &tracks);
         assert_eq!(bytes[bytes.len() - 16..], [2, 0, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 0, 0, 0, 0]);

@@ -6,22 +6,25 @@
 //! has an `applied_transform`, its poses are already transformed by it and are taken as they stand, and instant-ngp's
 //! own scale and offset are not applied.
 
-use std::collections::BTreeMap;
+mod write;
+
 use std::path::{Component, Path, PathBuf};
 
-use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
-use serde_json::json;
 
+pub use self::write::{write, write_photos};
 use super::checks;
+use super::matrix::{self, Axes};
 use crate::error::{Error, Result};
-use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::photos::Photo;
+use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::lens::Distortion;
 
 /// Extensions that stored images have, in the order they are looked for.
 const IMAGE_EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
 
-/// Camera models that no pinhole comes near to.
-const NO_PINHOLES: [&str; 4] = ["EQUIRECTANGULAR", "OMNIDIRECTIONAL", "VR180", "ORTHOPHOTO"];
+/// Camera models that are no pinhole with the distortion that k1 to k4, p1 and p2 stand for.
+const NO_PINHOLES: [&str; 5] = ["EQUIRECTANGULAR", "OMNIDIRECTIONAL", "VR180", "ORTHOPHOTO", "FISHEYE624"];
 
 /// Intrinsics of the file or of one frame.
 #[derive(Deserialize, Default, Clone, Copy)]
@@ -34,25 +37,20 @@ struct Lens {
     h: Option<f64>,
     camera_angle_x: Option<f64>,
     camera_angle_y: Option<f64>,
-    #[serde(default)]
-    k1: f64,
-    #[serde(default)]
-    k2: f64,
-    #[serde(default)]
-    k3: f64,
-    #[serde(default)]
-    k4: f64,
-    #[serde(default)]
-    p1: f64,
-    #[serde(default)]
-    p2: f64,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    k3: Option<f64>,
+    k4: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
 }
 
 #[derive(Deserialize)]
 struct Frame {
     file_path: String,
-    transform_matrix: Vec<[f64; 4]>,
+    transform_matrix: Option<Vec<[f64; 4]>>,
     camera_model: Option<String>,
+    mask_path: Option<String>,
     #[serde(flatten)]
     lens: Lens,
 }
@@ -62,50 +60,86 @@ struct File {
     #[serde(flatten)]
     lens: Lens,
     camera_model: Option<String>,
+    /// instant-ngp's way to name the fisheye.
+    #[serde(default)]
+    is_fisheye: bool,
     applied_transform: Option<serde::de::IgnoredAny>,
+    ply_file_path: Option<String>,
     frames: Vec<Frame>,
 }
 
-/// Reads cameras from the bytes of a transforms.json. Images are looked for beside `path`: their headers give the size
-/// where the file does not, and the intrinsics are rescaled where a stored image has another size than w and h say.
-/// A camera is named by its `file_path` after the folder `images`, which is how COLMAP names the same image.
-/// Distortion is left out; `notes` says so, and of all else that a user should know.
+/// What a transforms.json holds.
+pub struct Transforms {
+    /// The photos in the order of the frames. An image is none where no file was found.
+    pub photos: Vec<Photo>,
+    /// Masks that the file names and that are not there.
+    pub missing_masks: Vec<String>,
+    /// The file of seed points that `ply_file_path` names.
+    pub points: Option<PathBuf>,
+}
+
+/// Reads cameras as [`photos`] does, without their distortion; `notes` says so, and of all else that a user should know.
 ///
 /// # Errors
-/// When the file is no such JSON, a matrix is no pose, or an image size or focal length cannot be known.
+/// See [`photos`].
 pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<Camera>> {
+    let photos = photos(path, bytes, notes)?.photos;
+    let distorted = photos.iter().filter(|photo| !photo.distortion.is_none()).count();
+    if distorted > 0 {
+        notes.push(format!(
+            "{distorted} of {} images have lens distortion, which is left out: their cameras are taken as pinholes",
+            photos.len()
+        ));
+    }
+    Ok(photos.into_iter().map(|photo| photo.camera).collect())
+}
+
+/// Reads photos from the bytes of a transforms.json. Images are looked for beside `path`: their headers give the size
+/// where the file does not, and the intrinsics are rescaled where a stored image has another size than w and h say.
+/// A camera is named by its `file_path` after the folder `images`, which is how COLMAP names the same image.
+///
+/// # Errors
+/// When the file is no such JSON, a frame has no pose or a matrix that is none, or an image size or focal length cannot be
+/// known.
+pub fn photos(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Transforms> {
     let file: File = super::json(path, bytes)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut cameras = Vec::with_capacity(file.frames.len());
-    let (mut distorted, mut rescaled) = (0, 0);
+    let mut photos = Vec::with_capacity(file.frames.len());
+    let mut missing_masks = Vec::new();
+    let mut rescaled = 0;
     for (i, frame) in file.frames.iter().enumerate() {
         let refuse = |what: &str| Error::input(path, format!("frame {i} ({:?}): {what}", frame.file_path));
         let model = frame.camera_model.as_ref().or(file.camera_model.as_ref());
         if let Some(model) = model.filter(|model| NO_PINHOLES.iter().any(|start| model.starts_with(start))) {
             return Err(refuse(&format!("camera_model {model:?} is no pinhole; give perspective images")));
         }
-        let pose = pose(&frame.transform_matrix).map_err(|what| refuse(&what))?;
+        let Some(rows) = &frame.transform_matrix else {
+            return Err(refuse("it has no transform_matrix; give the camera's pose or remove the frame"));
+        };
+        let pose = matrix::pose(rows, Axes::OpenGl).map_err(|what| refuse(&format!("transform_matrix {what}")))?;
         let lens = frame.lens.or(file.lens);
         let image = stored_image(folder, &frame.file_path);
-        let stored = image.as_deref().and_then(|image| image::image_dimensions(image).ok());
+        let stored = image.as_deref().and_then(super::photos::files::size);
         let intrinsics = lens.intrinsics(stored).map_err(|what| refuse(&what))?;
         rescaled += usize::from(stored.is_some() && lens.size().is_ok_and(|size| size.is_some() && size != stored));
-        distorted += usize::from([lens.k1, lens.k2, lens.k3, lens.k4, lens.p1, lens.p2].iter().any(|&k| k != 0.0));
-        cameras.push(Camera { name: name(&frame.file_path, image.as_deref()), pose, intrinsics });
+        let fisheye = file.is_fisheye || model.is_some_and(|model| model.contains("FISHEYE"));
+        let named_mask = frame.mask_path.as_ref().map(|mask| folder.join(mask));
+        missing_masks.extend(named_mask.iter().filter(|mask| !mask.is_file()).map(|mask| mask.display().to_string()));
+        photos.push(Photo {
+            camera: Camera { name: name(&frame.file_path, image.as_deref()), pose, intrinsics },
+            distortion: lens.distortion(fisheye),
+            image,
+            mask: named_mask.filter(|mask| mask.is_file()),
+        });
     }
     if rescaled > 0 {
         notes.push(format!("the intrinsics of {rescaled} cameras were rescaled to the size of their stored images"));
     }
-    if distorted > 0 {
-        notes.push(format!(
-            "{distorted} of {} images have lens distortion, which is left out: their cameras are taken as pinholes",
-            cameras.len()
-        ));
-    }
     if file.applied_transform.is_some() {
         notes.push("poses are taken as they stand, in the frame after the file's applied_transform".into());
     }
-    checks::cameras(path, cameras)
+    checks::cameras(path, photos.iter().map(|photo| &photo.camera))?;
+    Ok(Transforms { photos, missing_masks, points: file.ply_file_path.map(|points| folder.join(points)) })
 }
 
 impl Lens {
@@ -113,7 +147,8 @@ impl Lens {
     fn or(self, file: Self) -> Self {
         // A frame's own focal length or angle must not be mixed with the file's other one.
         let angles = self.fl_x.or(self.camera_angle_x).map_or(file, |_| self);
-        let distortion = if self.fl_x.is_some() { self } else { file };
+        let own = [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2].iter().any(Option::is_some);
+        let distortion = if own { self } else { file };
         Self {
             fl_x: self.fl_x.or(angles.fl_x),
             fl_y: self.fl_y.or(angles.fl_y),
@@ -150,32 +185,20 @@ impl Lens {
             return Err("no focal length is given; add fl_x, or camera_angle_x in radians".into());
         };
         let principal = [self.cx.unwrap_or(half[0]), self.cy.unwrap_or(half[1])];
+        let given = Intrinsics { width: w, height: h, focal: [x, y], principal };
         let (width, height) = stored.unwrap_or((w, h));
-        let scale = [f64::from(width) / f64::from(w), f64::from(height) / f64::from(h)];
-        Ok(Intrinsics {
-            width,
-            height,
-            focal: [x * scale[0], y * scale[1]],
-            principal: [principal[0] * scale[0], principal[1] * scale[1]],
-        })
+        given.resized(width, height).ok_or_else(|| super::photos::files::disagreement(&given, width, height))
     }
-}
 
-/// The world-from-camera pose of a camera-to-world matrix in OpenGL axes; the axes may have any one length.
-fn pose(rows: &[[f64; 4]]) -> Result<Pose, String> {
-    let last_is_sound = rows.len() == 3 || rows.len() == 4 && rows[3] == [0.0, 0.0, 0.0, 1.0];
-    if !last_is_sound {
-        return Err("transform_matrix must have the rows of a 4x4 pose, the last one 0 0 0 1".into());
+    /// The distortion. nerfstudio has four radial factors for perspective cameras as for fisheyes.
+    fn distortion(&self, fisheye: bool) -> Distortion {
+        Distortion {
+            fisheye,
+            radial: [self.k1, self.k2, self.k3, self.k4, None, None].map(Option::unwrap_or_default),
+            tangential: if fisheye { [0.0; 2] } else { [self.p1, self.p2].map(Option::unwrap_or_default) },
+            ..Distortion::default()
+        }
     }
-    let column = |c: usize| DVec3::new(rows[0][c], rows[1][c], rows[2][c]);
-    let [x, y, z] = [0, 1, 2].map(|c| column(c).normalize_or_zero());
-    let axes = DMat3::from_cols(x, -y, -z);
-    // Matrices are often printed with few digits; a shear or a mirror is far from this.
-    let skew = x.dot(y).abs().max(y.dot(z).abs()).max(z.dot(x).abs());
-    if !(skew < 1e-2 && axes.determinant() > 0.9) {
-        return Err("transform_matrix is no rotation; its first three columns must be right-handed unit axes".into());
-    }
-    Ok(Pose { position: column(3), rotation: DQuat::from_mat3(&axes).normalize() })
 }
 
 /// The image file of a frame, which may be named without an extension.
@@ -209,56 +232,10 @@ fn name(file_path: &str, image: Option<&Path>) -> String {
     }
 }
 
-/// The text of a transforms.json in nerfstudio's dialect, which instant-ngp reads as well: OpenGL camera-to-world
-/// matrices in the untouched world frame, `camera_model` OPENCV without distortion (some loaders refuse PINHOLE), and
-/// both camera angles (some need them where images are not square). Images are named `images/` and
-/// [`crate::io::export::image_name`]. Intrinsics stand at the top where all cameras share them, else in each frame.
-/// `ply_file_path` is the seed cloud, relative to the file.
-pub fn write(cameras: &[Camera], ply_file_path: &str) -> String {
-    let shared = cameras.first().map(|c| c.intrinsics).filter(|k| cameras.iter().all(|c| c.intrinsics == *k));
-    let frames: Vec<_> = cameras
-        .iter()
-        .map(|camera| {
-            let axes = DMat3::from_quat(camera.pose.rotation);
-            let p = camera.pose.position;
-            let rows: Vec<[f64; 4]> = (0..3)
-                .map(|r| [axes.x_axis[r], -axes.y_axis[r], -axes.z_axis[r], p[r]])
-                .chain([[0.0, 0.0, 0.0, 1.0]])
-                .collect();
-            let mut frame = if shared.is_some() { BTreeMap::new() } else { lens_entries(&camera.intrinsics) };
-            frame.insert("file_path", json!(format!("images/{}", super::export::image_name(camera))));
-            frame.insert("transform_matrix", json!(rows));
-            frame
-        })
-        .collect();
-    let mut file = shared.as_ref().map(lens_entries).unwrap_or_default();
-    file.insert("camera_model", json!("OPENCV"));
-    file.insert("ply_file_path", json!(ply_file_path));
-    file.insert("frames", json!(frames));
-    format!("{:#}\n", json!(file))
-}
-
-/// The entries that describe a lens.
-fn lens_entries(k: &Intrinsics) -> BTreeMap<&'static str, serde_json::Value> {
-    let angle = |size: u32, focal: f64| 2.0 * (0.5 * f64::from(size) / focal).atan();
-    BTreeMap::from([
-        ("fl_x", json!(k.focal[0])),
-        ("fl_y", json!(k.focal[1])),
-        ("cx", json!(k.principal[0])),
-        ("cy", json!(k.principal[1])),
-        ("w", json!(k.width)),
-        ("h", json!(k.height)),
-        ("camera_angle_x", json!(angle(k.width, k.focal[0]))),
-        ("camera_angle_y", json!(angle(k.height, k.focal[1]))),
-        ("k1", json!(0.0)),
-        ("k2", json!(0.0)),
-        ("p1", json!(0.0)),
-        ("p2", json!(0.0)),
-    ])
-}
-
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
     fn read(text: &str) -> Result<Vec<Camera>> {
@@ -266,26 +243,6 @@ mod tests {
     }
 
     const IDENTITY: &str = "[[1,0,0,1],[0,1,0,2],[0,0,1,3],[0,0,0,1]]";
-
-    /// If this failed, what a trainer reads would not be what was planned, for shared and for separate lenses.
-    #[test]
-    fn cameras_survive_a_round_trip() {
-        let camera = |name: &str, x: f64, width| Camera {
-            name: name.into(),
-            pose: Pose::looking(DVec3::new(x, 0.5, -4.0), DVec3::new(-x, 0.1, 4.0), DVec3::Z),
-            intrinsics: Intrinsics::from_fov(width, 480, 1.0),
-        };
-        for second in [640, 320] {
-            let written = vec![camera("0000.png", 0.3, 640), camera("0001.png", -2.0, second)];
-            let text = write(&written, "points.ply");
-            assert!(text.contains("camera_angle_y") && text.contains("\"OPENCV\""), "{text}");
-            for (a, b) in written.iter().zip(&read(&text).unwrap()) {
-                assert_eq!((&a.name, a.intrinsics), (&b.name, b.intrinsics));
-                assert!((a.pose.position - b.pose.position).length() < 1e-12);
-                assert!(a.pose.rotation.dot(b.pose.rotation).abs() > 1.0 - 1e-12);
-            }
-        }
-    }
 
     /// If this failed, cameras would look backwards: the commonest mistake with these files.
     #[test]
@@ -316,8 +273,8 @@ mod tests {
         let cameras = parse(Path::new("no-such-folder/t.json"), text.as_bytes(), &mut notes).unwrap();
         assert_eq!((cameras[0].name.as_str(), cameras[0].intrinsics.focal), ("a.jpg", [10.0, 11.0]));
         assert_eq!((cameras[1].name.as_str(), cameras[1].intrinsics.focal), ("b.jpg", [20.0, 20.0]));
-        assert!(notes[0].starts_with("1 of 2 images have lens distortion"), "{notes:?}");
-        assert!(notes[1].contains("applied_transform"), "{notes:?}");
+        assert!(notes[0].contains("applied_transform"), "{notes:?}");
+        assert!(notes[1].starts_with("1 of 2 images have lens distortion"), "{notes:?}");
     }
 
     /// If this failed, the same image would have another name here than in COLMAP's model of the same capture.

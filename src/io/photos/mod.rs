@@ -1,0 +1,210 @@
+//! Captures: posed photos with lenses, images and masks, and the sparse points where a reconstruction has them.
+//!
+//! | capture | poses in the files |
+//! |---|---|
+//! | COLMAP model, text or binary, with `images` and `masks` beside it | camera-from-world, OpenCV axes |
+//! | transforms.json of nerfstudio, instant-ngp, Blender | world-from-camera, OpenGL axes |
+//! | NSVF ([`nsvf`]) | world-from-camera, OpenCV axes |
+//! | Tanks and Temples `.log` ([`trajectory`]) | world-from-camera, OpenCV axes |
+
+pub(crate) mod files;
+pub mod nsvf;
+pub mod trajectory;
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use self::files::Settled;
+use super::{colmap, ply, transforms};
+use crate::error::{Error, Result};
+use crate::photos::{self, Convention, Photo, PhotoSet};
+use crate::scene::camera::Intrinsics;
+use crate::scene::surface::{Points, Surface};
+
+/// What to do about images that are missing or cannot be read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Images {
+    /// Poses are enough: such photos stay, without an image.
+    #[default]
+    Optional,
+    /// Such photos are left out (`--skip-missing`).
+    SkipMissing,
+    /// They are an error.
+    Needed,
+}
+
+/// How to read a capture.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options {
+    /// Images that are missing or cannot be read.
+    pub images: Images,
+    /// The lens of a file of poses only; a guess, which the notes state, where none is given.
+    pub intrinsics: Option<Intrinsics>,
+}
+
+/// What a format's reader hands over, before the files of images have been looked at.
+#[derive(Default)]
+struct Found {
+    photos: Vec<Photo>,
+    convention: Convention,
+    points: Points,
+    tracks: Vec<Vec<u32>>,
+    errors: Vec<f32>,
+    notes: Vec<String>,
+    /// Images that lie there without a pose.
+    unposed: Vec<String>,
+    /// Masks that a file names and that are not there.
+    missing_masks: Vec<String>,
+}
+
+/// Reads a capture: a COLMAP model folder or the folder around one, a transforms.json or a folder with one (of
+/// transforms_{train,val,test}.json the first), an NSVF folder, or a `.log` trajectory. Photos are ordered by name, poses are
+/// world-from-camera in OpenCV axes in the file's world frame, and lenses are those of the stored images. The notes tell a user
+/// what was understood.
+///
+/// # Errors
+/// As [`super::read_cameras`]; where the path is no capture; where an image or mask is of another shape than its camera; where
+/// images are missing or unreadable, unless `options` bears it; where [`photos::check_convention`] finds the poses wrong.
+pub fn read(path: &Path, options: &Options) -> Result<PhotoSet> {
+    let mut found = find(path, options)?;
+    if !found.unposed.is_empty() {
+        found.notes.push(format!("left out, for they have no pose: {}", some(&found.unposed)));
+    }
+    let Settled { mut missing, rescaled } = files::settle(&mut found.photos)?;
+    missing.append(&mut found.missing_masks);
+    if !missing.is_empty() && options.images == Images::Needed {
+        let what =
+            format!("missing or unreadable: {}; bring them back, or go on without (--skip-missing)", some(&missing));
+        return Err(Error::input(path, what));
+    }
+    if rescaled > 0 {
+        let what = format!("the intrinsics of {rescaled} cameras were rescaled to the size of their stored images");
+        found.notes.push(what);
+    }
+    let Found { photos, convention, points, tracks, errors, notes, .. } = found;
+    let mut set =
+        PhotoSet { path: path.to_owned(), photos, convention, points, tracks, errors, missing, notes: Vec::new() };
+    if options.images == Images::SkipMissing {
+        set = set.filtered(|photo| photo.image.is_some());
+        if set.photos.is_empty() {
+            return Err(Error::input(path, "no photo has an image that can be read; give the folder with the images"));
+        }
+    }
+    photos::check_convention(&set)?;
+    set.notes = photos::describe(&set);
+    set.notes.extend(notes);
+    Ok(set)
+}
+
+/// The first few of a list and its length.
+fn some(names: &[String]) -> String {
+    const FEW: usize = 3;
+    let rest = names.len().saturating_sub(FEW);
+    let more = if rest > 0 { format!(" and {rest} more") } else { String::new() };
+    format!("{}{more} ({} in all)", names[..names.len() - rest].join(", "), names.len())
+}
+
+/// Reads whatever format lies at `path`.
+fn find(path: &Path, options: &Options) -> Result<Found> {
+    if !path.is_dir() {
+        let bytes = super::read_file(path)?;
+        return match path.extension().is_some_and(|extension| extension == "log") {
+            true => trajectory::read(path, &bytes, options.intrinsics),
+            false => from_transforms(path, &bytes),
+        };
+    }
+    if let Some(model) = colmap::model_folder(path) {
+        return from_colmap(path, &model);
+    }
+    let names = ["transforms.json", "transforms_train.json"];
+    if let Some(file) = names.iter().map(|name| path.join(name)).find(|file| file.is_file()) {
+        let mut found = from_transforms(&file, &super::read_file(&file)?)?;
+        let others = ["transforms_val.json", "transforms_test.json"].map(|name| path.join(name).is_file());
+        if file.ends_with(names[1]) && others.contains(&true) {
+            found.notes.push("only transforms_train.json is read; name one of the others to read that".into());
+        }
+        return Ok(found);
+    }
+    if nsvf::is_layout(path) {
+        return nsvf::read(path);
+    }
+    Err(Error::input(
+        path,
+        "the folder is no capture: it holds no COLMAP model (cameras and images as .bin or .txt, here or in sparse/0), no \
+         transforms.json, and no poses in the layout of NSVF",
+    ))
+}
+
+fn from_transforms(path: &Path, bytes: &[u8]) -> Result<Found> {
+    let mut notes = Vec::new();
+    let mut read = transforms::photos(path, bytes, &mut notes)?;
+    let root = path.parent().unwrap_or(Path::new(""));
+    for photo in read.photos.iter_mut().filter(|photo| photo.mask.is_none()) {
+        photo.mask = files::mask(root, &photo.camera.name);
+    }
+    read.photos.sort_by(|a, b| a.camera.name.cmp(&b.camera.name));
+    let mut found = Found {
+        photos: read.photos,
+        convention: Convention::Transforms,
+        missing_masks: read.missing_masks,
+        ..Found::default()
+    };
+    match read.points {
+        Some(file) if file.is_file() => {
+            match ply::parse(&file, &super::read_file(&file)?, &mut notes)? {
+                Surface::Points(points) => found.points = points,
+                Surface::Mesh(_) => notes.push(format!("{} is a mesh and no seed cloud: left out", file.display())),
+            };
+        }
+        Some(file) => notes.push(format!("the seed cloud {} is not there", file.display())),
+        None => {}
+    }
+    found.notes = notes;
+    Ok(found)
+}
+
+fn from_colmap(path: &Path, model: &Path) -> Result<Found> {
+    let parts = colmap::model(model)?;
+    let root = root(path, model, &parts.images);
+    let folders = files::image_folders(&root);
+    let number: HashMap<u32, u32> = parts.images.iter().zip(0..).map(|(image, i)| (image.id, i)).collect();
+    let photos: Vec<Photo> = parts
+        .cameras
+        .into_iter()
+        .zip(&parts.images)
+        .map(|(camera, image)| {
+            let distortion = parts.lenses.get(&image.lens).map(colmap::Lens::unified).unwrap_or_default();
+            let image = files::image(&folders, &camera.name);
+            let mask = files::mask(&root, &camera.name);
+            Photo { camera, distortion, image, mask }
+        })
+        .collect();
+    let mut found = Found { photos, ..Found::default() };
+    if let Some(folder) = folders.first() {
+        let known = |name: &String| parts.images.binary_search_by(|image| image.name.cmp(name)).is_ok();
+        found.unposed = files::images_in(folder).into_iter().filter(|name| !known(name)).collect();
+    }
+    if let Some((Surface::Points(surface), sparse)) = parts.points {
+        found.points = surface;
+        for point in sparse {
+            let mut track: Vec<u32> = point.track.iter().filter_map(|[id, _]| number.get(id).copied()).collect();
+            track.sort_unstable();
+            track.dedup();
+            found.tracks.push(track);
+            found.errors.push(point.error as f32);
+        }
+    }
+    Ok(found)
+}
+
+/// The folder that the images of a model lie under: the capture itself, or one above the model.
+fn root(path: &Path, model: &Path, images: &[colmap::Image]) -> PathBuf {
+    let holds = |folder: &&Path| {
+        let folders = files::image_folders(folder);
+        !folders.is_empty() && images.iter().any(|image| files::image(&folders, &image.name).is_some())
+    };
+    std::iter::once(path).chain(model.ancestors().take(4)).find(holds).unwrap_or(path).to_owned()
+}
+
+#[cfg(test)]
+mod tests;

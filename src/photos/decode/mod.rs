@@ -1,0 +1,178 @@
+//! Decoding photos in the background: in order, in parallel, in bounded memory.
+//!
+//! EXIF orientation is ignored, as trainers and COLMAP's models ignore it: pixels are taken as they are stored. Colours are
+//! straight (an alpha channel does not darken them) and taken for sRGB; embedded colour profiles are ignored.
+
+mod budget;
+mod pixels;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+use half::f16;
+
+use self::budget::Queue;
+use super::Photo;
+use crate::error::{Error, Result};
+use crate::scene::camera::Intrinsics;
+
+/// What is made of the colours of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channels {
+    /// Linear red, green and blue.
+    Rgb,
+    /// Luminance: 0.2126 R + 0.7152 G + 0.0722 B of linear values (ITU-R BT.709).
+    Luma,
+}
+
+/// How values are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// 16-bit floats, rounded to the nearest.
+    Half,
+    /// 32-bit floats.
+    Single,
+}
+
+/// How to decode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Channels of the values.
+    pub channels: Channels,
+    /// Precision of the values.
+    pub precision: Precision,
+    /// Each pixel is the mean of `shrink` x `shrink` stored pixels, of linear values; the lens is then
+    /// [`Intrinsics::shrunk`]. At least 1.
+    pub shrink: u32,
+    /// Bytes that photos take together from the start of their decoding until they are handed out: file, decoded pixels,
+    /// scratch and result. A photo that takes more on its own is decoded alone.
+    pub memory: u64,
+    /// Threads; 0 for one per core.
+    pub threads: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { channels: Channels::Rgb, precision: Precision::Single, shrink: 1, memory: 1 << 30, threads: 0 }
+    }
+}
+
+impl Settings {
+    /// Bytes of a decoded photo of `width` x `height` pixels with its mask.
+    fn result_bytes(&self, width: u32, height: u32) -> u64 {
+        let channels = if self.channels == Channels::Rgb { 3 } else { 1 };
+        let bytes = if self.precision == Precision::Half { 2 } else { 4 };
+        u64::from(width / self.shrink).max(1) * u64::from(height / self.shrink).max(1) * (channels * bytes + 1)
+    }
+}
+
+/// Linear values in [0, 1], row by row from the top left; of three channels side by side.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Values {
+    /// 16-bit floats.
+    Half(Vec<f16>),
+    /// 32-bit floats.
+    Single(Vec<f32>),
+}
+
+/// A photo that has been decoded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decoded {
+    /// Its place among the photos that were given.
+    pub index: usize,
+    /// Width in pixels, after shrinking.
+    pub width: u32,
+    /// Height in pixels, after shrinking.
+    pub height: u32,
+    /// The values.
+    pub values: Values,
+    /// How much of each pixel belongs to the object, 255 for all of it: from the mask file, or else from the image's alpha
+    /// channel. None where there is neither. Values are means over the part that belongs to the object where there is any.
+    pub mask: Option<Vec<u8>>,
+}
+
+/// Photos on their way: an iterator in the order in which they were given, whose values depend on nothing but the files and the
+/// settings. Dropped, it ends its threads after the photos that they are at.
+///
+/// # Errors
+/// Each photo may fail on its own, in a line that names its file: no image, an image or a mask that is damaged, cut short or
+/// of another size than the camera.
+pub struct Decoder {
+    queue: Arc<Queue>,
+    workers: Vec<JoinHandle<()>>,
+}
+
+impl Decoder {
+    /// Starts to decode `photos`.
+    ///
+    /// # Errors
+    /// Where the system gives no threads.
+    pub fn new(photos: &[Photo], settings: Settings) -> Result<Self> {
+        let settings = Settings { shrink: settings.shrink.max(1), ..settings };
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let threads = if settings.threads == 0 { cores } else { settings.threads }.min(photos.len());
+        let photos: Arc<[Photo]> = photos.into();
+        let mut decoder = Self { queue: Arc::new(Queue::new(photos.len(), settings.memory)), workers: Vec::new() };
+        for _ in 0..threads {
+            let (photos, queue) = (Arc::clone(&photos), Arc::clone(&decoder.queue));
+            let worker = std::thread::Builder::new()
+                .name("decode".into())
+                .spawn(move || work(&photos, settings, &queue))
+                .map_err(|e| Error::request(format!("the system gives no thread to decode photos in ({e})")))?;
+            decoder.workers.push(worker);
+        }
+        Ok(decoder)
+    }
+
+    /// Most bytes that were in flight at once so far, by the estimates that the budget is kept by.
+    pub fn most_in_flight(&self) -> u64 {
+        self.queue.most()
+    }
+}
+
+impl Iterator for Decoder {
+    type Item = Result<Decoded>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.queue.next()
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        let left = self.queue.left();
+        (left, Some(left))
+    }
+}
+
+impl ExactSizeIterator for Decoder {}
+
+impl Drop for Decoder {
+    fn drop(&mut self) {
+        self.queue.stop();
+        for worker in self.workers.drain(..) {
+            // A worker cannot panic: what decoders do is caught in `work`.
+            let _ = worker.join();
+        }
+    }
+}
+
+/// Decodes photos until there are none left.
+fn work(photos: &[Photo], settings: Settings, queue: &Queue) {
+    while let Some(index) = queue.take() {
+        let photo = &photos[index];
+        // A header that cannot be read costs nothing; decoding it says why.
+        let bytes = pixels::estimate(photo, &settings).unwrap_or(0);
+        if !queue.reserve(index, bytes) {
+            return;
+        }
+        let decoded = std::panic::catch_unwind(|| pixels::decode(photo, index, &settings)).unwrap_or_else(|_| {
+            let path = photo.image.as_deref().unwrap_or(Path::new(&photo.camera.name));
+            Err(Error::input(path, "the decoder failed on this image; save it again"))
+        });
+        let Intrinsics { width, height, .. } = photo.camera.intrinsics;
+        let left = if decoded.is_ok() { settings.result_bytes(width, height) } else { 0 };
+        queue.finish(index, bytes, left.min(bytes), decoded);
+    }
+}

@@ -1,0 +1,181 @@
+use std::path::PathBuf;
+
+use image::{ImageFormat, Rgb, RgbImage, Rgba, RgbaImage};
+use tempfile::TempDir;
+
+use super::*;
+use crate::photos::Photo;
+use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::lens::Distortion;
+
+fn photo(path: PathBuf, width: u32, height: u32) -> Photo {
+    let pose = Pose::looking(glam::DVec3::ZERO, glam::DVec3::Z, glam::DVec3::Y);
+    let camera = Camera {
+        name: path.file_name().unwrap().to_string_lossy().into_owned(),
+        pose,
+        intrinsics: Intrinsics::from_fov(width, height, 1.0),
+    };
+    Photo { camera, distortion: Distortion::default(), image: Some(path), mask: None }
+}
+
+/// `count` photos of several sizes, as PNG and JPEG, that differ in every pixel.
+fn photos(folder: &TempDir, count: u32) -> Vec<Photo> {
+    (0..count)
+        .map(|i| {
+            let (width, height) = (40 + 37 * (i % 4), 30 + 11 * (i % 3));
+            let pixel = |x: u32, y: u32| Rgb([(x * 7 + i) as u8, (y * 5 + 3 * i) as u8, (x * y + i) as u8]);
+            let path = folder.path().join(format!("{i:03}.{}", if i % 2 == 0 { "png" } else { "jpg" }));
+            RgbImage::from_fn(width, height, pixel).save(&path).unwrap();
+            photo(path, width, height)
+        })
+        .collect()
+}
+
+fn single(decoded: &Decoded) -> &[f32] {
+    match &decoded.values {
+        Values::Single(values) => values,
+        Values::Half(_) => panic!("half precision"),
+    }
+}
+
+/// If this failed, results would depend on how many cores a machine has, or photos be mistaken for each other.
+#[test]
+fn order_and_bits_do_not_depend_on_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = photos(&folder, 25);
+    for (channels, precision, shrink) in [
+        (Channels::Rgb, Precision::Single, 1),
+        (Channels::Luma, Precision::Half, 1),
+        (Channels::Rgb, Precision::Half, 3),
+    ] {
+        let decode = |threads, memory| -> Vec<Decoded> {
+            let settings = Settings { channels, precision, shrink, memory, threads };
+            Decoder::new(&photos, settings).unwrap().map(Result::unwrap).collect()
+        };
+        let one = decode(1, 1 << 30);
+        assert!(one.iter().enumerate().all(|(i, decoded)| decoded.index == i) && one.len() == 25);
+        assert!(
+            one == decode(2, 1 << 30) && one == decode(7, 1 << 30) && one == decode(7, 1) && one == decode(0, 200_000)
+        );
+    }
+}
+
+/// If this failed, thousands of photos would fill the memory while their consumer is busy.
+#[test]
+fn the_budget_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = photos(&folder, 30);
+    let settings = Settings { threads: 4, ..Settings::default() };
+    let most = |memory, patience: u64| {
+        let mut decoder = Decoder::new(&photos, Settings { memory, ..settings }).unwrap();
+        assert_eq!(decoder.len(), 30);
+        let mut count = 0;
+        while let Some(decoded) = decoder.next() {
+            decoded.unwrap();
+            count += 1;
+            std::thread::sleep(std::time::Duration::from_millis(patience));
+        }
+        assert_eq!(count, 30);
+        decoder.most_in_flight()
+    };
+    let largest = photos.iter().map(|photo| pixels::estimate(photo, &settings).unwrap()).max().unwrap();
+    for memory in [largest, 2 * largest, 5 * largest] {
+        let most = most(memory, 2);
+        assert!(most <= memory && most > memory / 3, "{most} of {memory} bytes");
+    }
+    // One that is larger than the budget goes alone.
+    assert_eq!(most(1, 0), largest);
+}
+
+/// If this failed, a user who presses Ctrl-C would wait for thousands of photos, or threads would outlive their work.
+#[test]
+fn dropping_ends_the_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = photos(&folder, 200);
+    for memory in [1, 100_000, 1 << 30] {
+        let mut decoder = Decoder::new(&photos, Settings { memory, threads: 3, ..Settings::default() }).unwrap();
+        assert_eq!(decoder.next().unwrap().unwrap().index, 0);
+        let queue = Arc::clone(&decoder.queue);
+        drop(decoder);
+        assert_eq!(Arc::strong_count(&queue), 1);
+    }
+}
+
+/// If this failed, a damaged photo would be decoded to grey without a word, or take the photos behind it along.
+#[test]
+fn faults_name_their_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut photos = photos(&folder, 6);
+    for i in [0, 1] {
+        let path = photos[i].image.clone().unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() * 3 / 4]).unwrap();
+    }
+    photos[2].camera.intrinsics.width = 7;
+    photos[3].image = None;
+    photos[4].mask = Some(folder.path().join("none.png"));
+    let all: Vec<Result<Decoded>> = Decoder::new(&photos, Settings::default()).unwrap().collect();
+    let message = |i: usize| all[i].as_ref().unwrap_err().to_string();
+    for (i, fragment) in [(0, "cannot be decoded"), (1, "cut short"), (2, "its camera 7 x"), (3, "no image file")] {
+        let name = format!("{i:03}.");
+        assert!(message(i).contains(&name) && message(i).contains(fragment), "{}", message(i));
+    }
+    assert!(message(4).contains("none.png"), "{}", message(4));
+    assert!(all[5].is_ok());
+}
+
+/// By hand. If this failed, intensities would be compared that are not proportional to light.
+#[test]
+fn values_are_linear() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let mut image = RgbImage::new(5, 3);
+    image.put_pixel(0, 0, Rgb([255, 188, 0]));
+    image.put_pixel(1, 1, Rgb([255, 255, 255]));
+    image.save(&path).unwrap();
+    let photos = [photo(path, 5, 3)];
+    let decode = |settings| Decoder::new(&photos, settings).unwrap().next().unwrap().unwrap();
+    // (188/255 + 0.055)/1.055 to the 2.4 is 0.5029.
+    let rgb = decode(Settings::default());
+    assert_eq!((rgb.width, rgb.height, single(&rgb).len()), (5, 3, 45));
+    assert!((single(&rgb)[1] - 0.5029).abs() < 1e-4 && single(&rgb)[0] == 1.0 && single(&rgb)[2] == 0.0);
+    assert_eq!(rgb.mask, None);
+    let luma = decode(Settings { channels: Channels::Luma, ..Settings::default() });
+    assert!((single(&luma)[0] - (0.2126 + 0.7152 * 0.5029)).abs() < 1e-4, "{:?}", single(&luma));
+    let small = decode(Settings { shrink: 2, ..Settings::default() });
+    assert_eq!((small.width, small.height, single(&small).len()), (2, 1, 6));
+    assert!((single(&small)[0] - 0.5).abs() < 1e-6 && (single(&small)[1] - 1.5029 / 4.0).abs() < 1e-4);
+    let half = decode(Settings { precision: Precision::Half, ..Settings::default() });
+    let Values::Half(values) = &half.values else { panic!("single precision") };
+    assert_eq!(values[1], half::f16::from_f32(single(&rgb)[1]));
+}
+
+/// If this failed, background would be taken for the object, or darken its border.
+#[test]
+fn alpha_and_mask_files_cover_the_object() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let mut image = RgbaImage::new(4, 2);
+    image.put_pixel(0, 0, Rgba([255, 255, 255, 255]));
+    image.put_pixel(1, 0, Rgba([255, 255, 255, 128]));
+    image.save(&path).unwrap();
+    let mut photos = [photo(path, 4, 2)];
+    let decode = |photos: &[Photo], shrink| {
+        Decoder::new(photos, Settings { shrink, ..Settings::default() }).unwrap().next().unwrap().unwrap()
+    };
+    let whole = decode(&photos, 1);
+    assert_eq!(whole.mask.as_deref(), Some(&[255, 128, 0, 0, 0, 0, 0, 0][..]));
+    assert_eq!(single(&whole)[3], 1.0);
+    let small = decode(&photos, 2);
+    // (255 + 128) / 4 covered; the part that is covered is white.
+    assert_eq!(small.mask.as_deref(), Some(&[96, 0][..]));
+    assert_eq!(single(&small), [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    // A mask file goes before alpha; it may be of half the size, and of 16 bits.
+    let mask = folder.path().join("mask.png");
+    image::ImageBuffer::<image::Luma<u16>, _>::from_raw(2, 1, vec![0u16, 65_535])
+        .unwrap()
+        .save_with_format(&mask, ImageFormat::Png)
+        .unwrap();
+    photos[0].mask = Some(mask);
+    assert_eq!(decode(&photos, 1).mask.as_deref(), Some(&[0, 0, 255, 255, 0, 0, 255, 255][..]));
+}
