@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     );
     println!("|---|---|---|---|---|---|---|");
     for (name, photos) in cases {
-        let set = photos::read(&data.join(&name))?;
+        let set = photos::read(&data.join(&name), &photos::Options::default())?;
         let options = Options { photos, ..Options::default() };
         let found = reconstruct(&context, &set, &options)?;
         let (what, reference) = reference(&context, &set)?;
@@ -81,11 +81,7 @@ fn reference(context: &std::sync::Arc<Context>, set: &PhotoSet) -> Result<(&'sta
     if set.photos.iter().all(|photo| photo.mask.is_none()) {
         return Ok(("sparse points", set.points.positions.clone()));
     }
-    let frames: Vec<Frame> = set
-        .photos
-        .iter()
-        .map(|photo| Frame::read(photo, 480, &Similarity::IDENTITY))
-        .collect::<camsplat::Result<_>>()?;
+    let frames = Frame::read(&set.photos, 480, 1 << 30, &Similarity::IDENTITY)?;
     // A point of the object is in the mask of nearly every photo that it was found in.
     let masked = |i: &usize| {
         let track = &set.tracks[*i];

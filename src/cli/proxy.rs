@@ -7,14 +7,15 @@ use clap::Args;
 
 use super::options::{DeviceOptions, print_messages};
 use crate::io::folder::check_file;
+use crate::io::photos::{self, Images};
 use crate::io::ply::write;
 use crate::stereo::{self, Options, Reconstruction};
-use crate::{Error, Result, io};
+use crate::{Error, Result};
 
 /// Arguments of `camsplat proxy`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// Photos with poses: COLMAP folder or transforms.json
+    /// Photos with poses: COLMAP folder, transforms.json, NSVF folder
     capture: PathBuf,
     /// PLY file to write: oriented points that `plan` reads
     #[arg(long, value_name = "FILE")]
@@ -40,6 +41,12 @@ pub struct Arguments {
     /// Largest depth, in the capture's units [default: from the cameras]
     #[arg(long, requires = "near")]
     far: Option<f64>,
+    /// Go on without photos whose image is missing or cannot be read
+    #[arg(long)]
+    skip_missing: bool,
+    /// MiB that photos take together while they are decoded
+    #[arg(long, default_value_t = 1024, value_name = "MIB")]
+    memory: u64,
     /// Seed of the choice of photos and of the refinement
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -67,6 +74,7 @@ impl Arguments {
             hull: !self.no_hull,
             use_points: self.use_points,
             depths,
+            memory: self.memory.saturating_mul(1 << 20),
             seed: self.seed,
         })
     }
@@ -76,7 +84,8 @@ impl Arguments {
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let options = arguments.options()?;
     check_file(&arguments.out)?;
-    let set = io::photos::read(&arguments.capture)?;
+    let images = if arguments.skip_missing { Images::SkipMissing } else { Images::Needed };
+    let set = photos::read(&arguments.capture, &photos::Options { images, ..photos::Options::default() })?;
     for note in &set.notes {
         say!("{note}");
     }

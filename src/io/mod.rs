@@ -18,7 +18,7 @@
 mod binary;
 mod checks;
 pub mod colmap;
-mod colour;
+pub(crate) mod colour;
 pub mod export;
 pub mod folder;
 pub mod gltf;

@@ -1,13 +1,14 @@
 //! Frames: photos at the size that stereo works at, as pinholes, in a normalised world; and what the device holds of them.
 
-use glam::{DMat3, DVec2, DVec3, Vec3};
-use image::imageops;
+use glam::{DMat3, DVec2, DVec3, DVec4, Vec3};
 
+use crate::Result;
+use crate::io::colour;
 use crate::photos::Photo;
+use crate::photos::decode::{Decoded, Decoder, Settings, Values};
 use crate::scene::camera::{Camera, Intrinsics};
-use crate::scene::lens::Lens;
+use crate::scene::lens::{Distortion, Lens};
 use crate::scene::similarity::Similarity;
-use crate::{Error, Result};
 
 /// A photo at working size without distortion. Pixels run row by row.
 #[derive(Clone, Debug)]
@@ -174,81 +175,74 @@ impl StereoPair {
 }
 
 impl Frame {
-    /// Reads a photo, shrinks it so that its longer side is at most `longest`, and takes the distortion out. Its mask, or
-    /// else its alpha, says where the object is. The pose is mapped by `to_internal`.
+    /// Photos at the size that stereo works at: their longer side is at most `longest` pixels, what their lenses bend is
+    /// straightened, and `to_internal` maps their poses. Decoding takes at most `memory` bytes at once, or a photo's own.
     ///
     /// # Errors
-    /// Where the image or its mask cannot be read, or is of another size than the camera says.
-    pub fn read(photo: &Photo, longest: u32, to_internal: &Similarity) -> Result<Self> {
-        let Some(path) = &photo.image else {
-            return Err(Error::request(format!("{} has no image", photo.camera.name)));
-        };
-        let open = |path: &std::path::Path| {
-            image::open(path)
-                .map_err(|e| Error::input(path, format!("the image cannot be read ({e}); export it again")))
-        };
-        let mut whole = open(path)?.into_rgba8();
-        let Intrinsics { width, height, focal, principal } = photo.camera.intrinsics;
-        let check = |path: &std::path::Path, (w, h): (u32, u32)| match (w, h) == (width, height) {
-            true => Ok(()),
-            false => Err(Error::input(
-                path,
-                format!("the image is {w}x{h} and its camera {width}x{height}; give the images that were posed"),
-            )),
-        };
-        check(path, whole.dimensions())?;
-        let mut masked = whole.pixels().any(|pixel| pixel.0[3] < 255);
-        if let Some(mask) = &photo.mask {
-            let cover = open(mask)?.into_luma8();
-            check(mask, cover.dimensions())?;
-            whole.pixels_mut().zip(cover.pixels()).for_each(|(pixel, cover)| pixel.0[3] = cover.0[0]);
-            masked = true;
-        }
-        let scale = f64::from(longest.min(width.max(height))) / f64::from(width.max(height));
-        let [w, h] = [width, height].map(|side| ((f64::from(side) * scale).round() as u32).max(1));
-        // Alpha is no colour: what a mask hides may be the background, which stays in the picture as it is.
-        let (colours, cover) = if photo.mask.is_some() || !masked {
-            (imageops::thumbnail(&image::DynamicImage::ImageRgba8(whole.clone()).into_rgb8(), w, h), {
-                let cover = image::GrayImage::from_fn(width, height, |x, y| image::Luma([whole.get_pixel(x, y).0[3]]));
-                imageops::thumbnail(&cover, w, h)
-            })
-        } else {
-            over_grey(&whole, w, h)
-        };
-        let sides = DVec2::new(f64::from(w) / f64::from(width), f64::from(h) / f64::from(height));
+    /// Where a photo cannot be decoded; see [`Decoder`].
+    pub fn read(photos: &[Photo], longest: u32, memory: u64, to_internal: &Similarity) -> Result<Vec<Self>> {
+        // Whole steps while decoding; the rest of the way each photo goes on its own.
+        let shrink = photos.iter().map(|photo| longer(&photo.camera.intrinsics) / longest).min().unwrap_or(1).max(1);
+        let settings = Settings { shrink, memory, ..Settings::default() };
+        let decoder = Decoder::new(photos, settings)?;
+        photos
+            .iter()
+            .zip(decoder)
+            .map(|(photo, decoded)| Ok(Self::new(photo, &decoded?, shrink, longest, to_internal)))
+            .collect()
+    }
+
+    /// A photo that was decoded with its pixels `shrink` times as wide.
+    fn new(photo: &Photo, decoded: &Decoded, shrink: u32, longest: u32, to_internal: &Similarity) -> Self {
+        let stored = photo.camera.intrinsics.shrunk(shrink);
+        let scale = (f64::from(longest) / f64::from(longer(&stored))).min(1.0);
+        let [w, h] = [stored.width, stored.height].map(|side| ((f64::from(side) * scale).round() as u32).max(1));
+        let sides = DVec2::new(f64::from(w) / f64::from(stored.width), f64::from(h) / f64::from(stored.height));
         let intrinsics = Intrinsics {
             width: w,
             height: h,
-            focal: (DVec2::from(focal) * sides).to_array(),
-            principal: (DVec2::from(principal) * sides).to_array(),
+            focal: (DVec2::from(stored.focal) * sides).to_array(),
+            principal: (DVec2::from(stored.principal) * sides).to_array(),
         };
-        let lens = Lens::new(intrinsics, photo.distortion);
-        let straight = Lens::new(intrinsics, Default::default());
+        let lens = Lens::new(stored, photo.distortion);
+        let straight = Lens::new(intrinsics, Distortion::default());
+        let camera = Camera { name: photo.camera.name.clone(), pose: to_internal.pose(&photo.camera.pose), intrinsics };
         let mut frame = Self {
-            camera: Camera { name: photo.camera.name.clone(), pose: to_internal.pose(&photo.camera.pose), intrinsics },
-            colours: Vec::with_capacity((w * h) as usize),
-            brightness: Vec::with_capacity((w * h) as usize),
-            mask: masked.then(|| Vec::with_capacity((w * h) as usize)),
+            camera,
+            colours: Vec::new(),
+            brightness: Vec::new(),
+            mask: decoded.mask.as_ref().map(|_| Vec::new()),
         };
-        for y in 0..h {
-            for x in 0..w {
-                let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                let at = match photo.distortion.is_none() {
-                    true => centre,
-                    // Where the lens shows nothing the picture's rim goes on.
-                    false => straight.unproject(centre).and_then(|d| lens.project(d)).unwrap_or(centre),
-                };
-                let colour = between(w, h, at, |x, y| DVec3::from_array(colours.get_pixel(x, y).0.map(f64::from)));
-                frame.colours.push(colour.round().to_array().map(|c| c as u8));
-                // Rec. 601 luma of the encoded colours: what 8-bit pictures are even in.
-                frame.brightness.push((colour.dot(DVec3::new(0.299, 0.587, 0.114)) / 255.0) as f32);
-                if let Some(mask) = &mut frame.mask {
-                    let covered = between(w, h, at, |x, y| DVec3::splat(f64::from(cover.get_pixel(x, y).0[0])));
-                    mask.push((covered.x / 255.0) as f32);
-                }
+        // Colours under an alpha of zero are whatever the renderer left there; what a mask hides is a picture like the rest.
+        let cut_out = photo.mask.is_none();
+        let sample = |at: DVec2| {
+            between(decoded.width, decoded.height, at, |index| {
+                let cover = decoded.mask.as_ref().map_or(1.0, |mask| f64::from(mask[index]) / 255.0);
+                let colour = DVec3::from_array([0, 1, 2].map(|channel| value(&decoded.values, 3 * index + channel)));
+                let shown = if cut_out { BEHIND.lerp(colour, cover) } else { colour };
+                shown.extend(cover)
+            })
+        };
+        // As many samples in a pixel as it has stored pixels, or nearly.
+        let across = (1.0 / scale).ceil() as u32;
+        let offsets = (0..across * across)
+            .map(|i| (DVec2::new(f64::from(i % across), f64::from(i / across)) + 0.5) / f64::from(across));
+        let offsets: Vec<DVec2> = offsets.collect();
+        for (y, x) in (0..h).flat_map(|y| (0..w).map(move |x| (y, x))) {
+            let mean = offsets.iter().map(|offset| {
+                let pixel = DVec2::new(f64::from(x), f64::from(y)) + offset;
+                // Where the lens shows nothing, the picture goes on without its distortion.
+                sample(straight.unproject(pixel).and_then(|ray| lens.project(ray)).unwrap_or(pixel / sides))
+            });
+            let mean = mean.sum::<DVec4>() / offsets.len() as f64;
+            frame.colours.push(colour::srgb(mean.truncate()));
+            let luminance = mean.truncate().dot(DVec3::new(0.2126, 0.7152, 0.0722));
+            frame.brightness.push(colour::encoded(luminance) as f32);
+            if let Some(mask) = &mut frame.mask {
+                mask.push(mean.w as f32);
             }
         }
-        Ok(frame)
+        frame
     }
 
     /// Pixels.
@@ -262,23 +256,27 @@ impl Frame {
     }
 }
 
-/// Shrinks a picture with alpha: its colours over mid grey, and its alpha.
-fn over_grey(whole: &image::RgbaImage, w: u32, h: u32) -> (image::RgbImage, image::GrayImage) {
-    let (width, height) = whole.dimensions();
-    let mixed = image::RgbImage::from_fn(width, height, |x, y| {
-        let [r, g, b, a] = whole.get_pixel(x, y).0.map(u32::from);
-        image::Rgb([r, g, b].map(|c| ((c * a + 128 * (255 - a) + 127) / 255) as u8))
-    });
-    let alpha = image::GrayImage::from_fn(width, height, |x, y| image::Luma([whole.get_pixel(x, y).0[3]]));
-    (imageops::thumbnail(&mixed, w, h), imageops::thumbnail(&alpha, w, h))
+/// Linear colour behind pictures with alpha: mid grey.
+const BEHIND: DVec3 = DVec3::splat(0.2);
+
+/// The longer side in pixels.
+fn longer(intrinsics: &Intrinsics) -> u32 {
+    intrinsics.width.max(intrinsics.height)
 }
 
-/// Bilinear value between pixel centres; the rim goes on beyond it.
-fn between(w: u32, h: u32, at: DVec2, value: impl Fn(u32, u32) -> DVec3) -> DVec3 {
+fn value(values: &Values, index: usize) -> f64 {
+    match values {
+        Values::Half(values) => values[index].to_f64(),
+        Values::Single(values) => f64::from(values[index]),
+    }
+}
+
+/// Bilinear value between pixel centres, of what pixels with an index hold; the rim goes on beyond it.
+fn between(w: u32, h: u32, at: DVec2, value: impl Fn(usize) -> DVec4) -> DVec4 {
     let at = (at - 0.5).clamp(DVec2::ZERO, DVec2::new(f64::from(w - 1), f64::from(h - 1)));
     let (x, y) = (at.x as u32, at.y as u32);
     let (u, v) = (at.x - f64::from(x), at.y - f64::from(y));
     let (right, below) = ((x + 1).min(w - 1), (y + 1).min(h - 1));
-    let upper = value(x, y).lerp(value(right, y), u);
-    upper.lerp(value(x, below).lerp(value(right, below), u), v)
+    let at = |x: u32, y: u32| value((y * w + x) as usize);
+    at(x, y).lerp(at(right, y), u).lerp(at(x, below).lerp(at(right, below), u), v)
 }

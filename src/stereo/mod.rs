@@ -15,9 +15,7 @@ pub mod fusion;
 pub mod hull;
 pub mod volume;
 
-use std::num::NonZero;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
@@ -62,13 +60,24 @@ pub struct Options {
     pub use_points: bool,
     /// Smallest and largest depth, in the capture's units, where they are known.
     pub depths: Option<[f64; 2]>,
+    /// Bytes that photos take together while they are decoded.
+    pub memory: u64,
     /// Seed of the choice of photos and of the refinement.
     pub seed: u64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { photos: 30, resolution: 320, hypotheses: 64, hull: true, use_points: false, depths: None, seed: 0 }
+        Self {
+            photos: 30,
+            resolution: 320,
+            hypotheses: 64,
+            hull: true,
+            use_points: false,
+            depths: None,
+            memory: 1 << 30,
+            seed: 0,
+        }
     }
 }
 
@@ -102,7 +111,7 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
     let cameras: Vec<Camera> = chosen.iter().map(|photo| photo.camera.clone()).collect();
     let volume = find_volume(set, &cameras, options)?;
     let to_internal = Similarity::to_unit_sphere(volume.centre, volume.radius);
-    let frames = read(&chosen, options.resolution, &to_internal)?;
+    let frames = Frame::read(&chosen, options.resolution, options.memory, &to_internal)?;
     clock.stage("photos");
 
     let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera.clone()).collect();
@@ -216,7 +225,7 @@ pub fn hull_of(context: &Arc<Context>, set: &PhotoSet, options: &Options) -> Res
     let cameras: Vec<Camera> = chosen.iter().map(|photo| photo.camera.clone()).collect();
     let volume = find_volume(set, &cameras, options)?;
     let to_internal = Similarity::to_unit_sphere(volume.centre, volume.radius);
-    let frames = read(&chosen, options.resolution, &to_internal)?;
+    let frames = Frame::read(&chosen, options.resolution, options.memory, &to_internal)?;
     let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera.clone()).collect();
     let views = device_views(&cameras, &vec![[0.5, 1.0]; cameras.len()]);
     let hull = first_hull(context, &views, &masks(&frames))?;
@@ -268,7 +277,7 @@ impl Clock {
     }
 }
 
-fn choose_photos<'a>(set: &'a PhotoSet, options: &Options) -> Result<Vec<&'a Photo>> {
+fn choose_photos(set: &PhotoSet, options: &Options) -> Result<Vec<Photo>> {
     let usable: Vec<&Photo> = set.photos.iter().filter(|photo| photo.image.is_some()).collect();
     let count = options.photos.min(usable.len());
     if count < LEAST_PHOTOS {
@@ -281,7 +290,7 @@ fn choose_photos<'a>(set: &'a PhotoSet, options: &Options) -> Result<Vec<&'a Pho
         return Err(Error::input(&set.path, what));
     }
     let directions: Vec<DVec3> = usable.iter().map(|photo| photo.camera.pose.forward()).collect();
-    Ok(choose::spread(&directions, count, options.seed).into_iter().map(|i| usable[i]).collect())
+    Ok(choose::spread(&directions, count, options.seed).into_iter().map(|i| usable[i].clone()).collect())
 }
 
 fn find_volume(set: &PhotoSet, cameras: &[Camera], options: &Options) -> Result<Volume> {
@@ -293,26 +302,6 @@ fn find_volume(set: &PhotoSet, cameras: &[Camera], options: &Options) -> Result<
             false => "the cameras do not look at one place, so that nothing says how far the scene is; give --near and --far in the capture's units",
         })
     })
-}
-
-/// Reads the photos in parallel; the frames are in their order.
-fn read(photos: &[&Photo], longest: u32, to_internal: &Similarity) -> Result<Vec<Frame>> {
-    let threads = std::thread::available_parallelism().map_or(1, NonZero::get).min(photos.len());
-    let next = AtomicUsize::new(0);
-    let work = || {
-        let mut done = Vec::new();
-        loop {
-            let i = next.fetch_add(1, Ordering::Relaxed);
-            let Some(photo) = photos.get(i) else { return done };
-            done.push((i, Frame::read(photo, longest, to_internal)));
-        }
-    };
-    let mut frames: Vec<(usize, Result<Frame>)> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-        workers.into_iter().flat_map(|worker| worker.join().unwrap_or_default()).collect()
-    });
-    frames.sort_by_key(|(i, _)| *i);
-    frames.into_iter().map(|(_, frame)| frame).collect()
 }
 
 fn device_views(cameras: &[Camera], ranges: &[[f64; 2]]) -> Vec<StereoView> {

@@ -1,8 +1,8 @@
 //! Where the scene is, from the cameras alone.
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
-use crate::photos::PhotoSet;
+use crate::photos::{PhotoSet, looked_at};
 use crate::scene::bounding_sphere::bounding_sphere;
 use crate::scene::camera::{Camera, Intrinsics};
 
@@ -15,22 +15,9 @@ pub struct Volume {
     pub radius: f64,
 }
 
-/// The point nearest to all optical axes by least squares, where at least four fifths of the cameras look towards it; none
-/// where the axes are too much alike or meet behind the cameras.
+/// The point nearest to all optical axes, where at least four fifths of the cameras look towards it.
 pub fn focus(cameras: &[Camera]) -> Option<DVec3> {
-    let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
-    for camera in cameras {
-        let d = camera.pose.forward();
-        let across = DMat3::IDENTITY - DMat3::from_cols(d * d.x, d * d.y, d * d.z);
-        normal += across;
-        right += across * camera.pose.position;
-    }
-    // The determinant is n^3 (2/3)^3 for axes spread over the sphere and 0 for parallel ones.
-    let count = cameras.len() as f64;
-    if normal.determinant() < 1e-4 * count.powi(3) {
-        return None;
-    }
-    let focus = normal.inverse() * right;
+    let focus = looked_at(cameras)?;
     let towards = cameras.iter().filter(|c| (focus - c.pose.position).dot(c.pose.forward()) > 0.0).count();
     (5 * towards >= 4 * cameras.len()).then_some(focus)
 }
