@@ -49,14 +49,17 @@ void main() {
         }
         last = cost;
     }
-    float w = 0.0;
-    if (best < NO_MATCH) {
-        // The parabola through the winner and both beside it.
-        float bend = before - 2.0 * best + after;
-        bool known = before < NO_MATCH && after < NO_MATCH && bend > 1e-6;
-        float shift = known ? clamp(0.5 * (before - after) / bend, -0.5, 0.5) : 0.0;
+    float w = best < NO_MATCH ? inverse_depth(view, winner) : 0.0;
+    // The parabola through the winner and both beside it, where its lowest point matches better indeed.
+    float bend = before - 2.0 * best + after;
+    if (before < NO_MATCH && after < NO_MATCH && bend > 1e-6) {
         float spacing = (1.0 / view.near - 1.0 / view.far) / float(hypotheses - 1);
-        w = inverse_depth(view, winner) + shift * spacing;
+        float between = w + clamp(0.5 * (before - after) / bend, -0.5, 0.5) * spacing;
+        float cost = plane_cost(view, reference, centre, vec3(0.0, 0.0, between), around);
+        if (cost < best) {
+            best = cost;
+            w = between;
+        }
     }
     planes[uint(pixel.y) * view.width + uint(pixel.x)] = vec4(0.0, 0.0, w, best);
 }

@@ -2,6 +2,7 @@
 
 use glam::{DMat3, DVec2, DVec3, DVec4, Vec3};
 
+use super::cost::MOST_PAIRS;
 use crate::Result;
 use crate::io::colour;
 use crate::photos::Photo;
@@ -172,6 +173,28 @@ impl StereoPair {
             ..Self::default()
         }
     }
+}
+
+/// The views as the device takes them, their pixels one view after the other, each searched in its range of depths; without
+/// neighbours.
+pub fn device_views(cameras: &[Camera], ranges: &[[f64; 2]]) -> Vec<StereoView> {
+    let mut first = 0;
+    let view = |(camera, range): (&Camera, &[f64; 2])| {
+        let view = StereoView::new(camera, first, *range);
+        first += view.width * view.height;
+        view
+    };
+    cameras.iter().zip(ranges).map(view).collect()
+}
+
+/// [`MOST_PAIRS`] pairs for each view, of which as many count as it has neighbours.
+pub fn device_pairs(cameras: &[Camera], neighbours: &[Vec<usize>]) -> Vec<StereoPair> {
+    let row = |(camera, near): (&Camera, &Vec<usize>)| {
+        let mut row = [StereoPair::default(); MOST_PAIRS];
+        row.iter_mut().zip(near).for_each(|(pair, i)| *pair = StereoPair::new(camera, &cameras[*i], *i as u32));
+        row
+    };
+    cameras.iter().zip(neighbours).flat_map(row).collect()
 }
 
 impl Frame {

@@ -20,9 +20,8 @@ use std::time::Instant;
 
 use glam::{DVec3, Vec3};
 
-use self::cost::MOST_PAIRS;
 use self::depth::{DepthMap, Sweeper};
-use self::frame::{Frame, StereoPair, StereoView};
+use self::frame::{Frame, StereoView, device_pairs, device_views};
 use self::fusion::Sample;
 use self::hull::{Evidence, Hull};
 use self::volume::Volume;
@@ -302,25 +301,6 @@ fn find_volume(set: &PhotoSet, cameras: &[Camera], options: &Options) -> Result<
             false => "the cameras do not look at one place, so that nothing says how far the scene is; give --near and --far in the capture's units",
         })
     })
-}
-
-fn device_views(cameras: &[Camera], ranges: &[[f64; 2]]) -> Vec<StereoView> {
-    let mut first = 0;
-    let view = |(camera, range): (&Camera, &[f64; 2])| {
-        let view = StereoView::new(camera, first, *range);
-        first += view.width * view.height;
-        view
-    };
-    cameras.iter().zip(ranges).map(view).collect()
-}
-
-fn device_pairs(cameras: &[Camera], neighbours: &[Vec<usize>]) -> Vec<StereoPair> {
-    let row = |(camera, near): (&Camera, &Vec<usize>)| {
-        let mut row = [StereoPair::default(); MOST_PAIRS];
-        row.iter_mut().zip(near).for_each(|(pair, i)| *pair = StereoPair::new(camera, &cameras[*i], *i as u32));
-        row
-    };
-    cameras.iter().zip(neighbours).flat_map(row).collect()
 }
 
 /// The grid of cubes over a box, [`HULL_CELLS`] along its longest side.

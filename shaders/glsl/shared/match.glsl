@@ -40,25 +40,6 @@ float dissimilarity(float a, float aa, float b, float bb, float ab) {
     return 1.0 - (ab - a * b / TAPS) * inversesqrt(va * vb);
 }
 
-// Mean of the better half of the neighbours: an occlusion spoils the others only.
-float better_half(float costs[MOST_PAIRS]) {
-    // Sorted by comparing: the count is small and fixed.
-    for (uint i = 1; i < MOST_PAIRS; ++i) {
-        for (uint j = i; j > 0 && costs[j] < costs[j - 1]; --j) {
-            float swapped = costs[j];
-            costs[j] = costs[j - 1];
-            costs[j - 1] = swapped;
-        }
-    }
-    uint comparable = 0;
-    for (uint i = 0; i < MOST_PAIRS; ++i) comparable += costs[i] < NO_MATCH ? 1 : 0;
-    if (comparable == 0) return NO_MATCH;
-    uint half_ = (comparable + 1) / 2;
-    float sum = 0.0;
-    for (uint i = 0; i < half_; ++i) sum += costs[i];
-    return sum / float(half_);
-}
-
 // A window of the reference view: its pixels less their middle one, their sum and the sum of their squares.
 struct Window {
     float own[25];
@@ -84,12 +65,12 @@ Window window(StereoView view, ivec2 pixel) {
     return w;
 }
 
-// Cost of a plane (slope of inverse depth, inverse depth) at pixel `centre`, whose window is `w`.
+// Cost of a plane (slope of inverse depth, inverse depth) at pixel `centre`, whose window is `w`: the mean over the better
+// half of the neighbours, since an occlusion spoils the others only.
 float plane_cost(StereoView view, uint reference, vec2 centre, vec3 plane, Window w) {
-    float costs[MOST_PAIRS];
-    for (uint n = 0; n < MOST_PAIRS; ++n) {
-        costs[n] = NO_MATCH;
-        if (n >= view.pairs) continue;
+    float best = NO_MATCH, second = NO_MATCH;
+    uint compared = 0;
+    for (uint n = 0; n < view.pairs; ++n) {
         StereoPair pair = pairs[MOST_PAIRS * reference + n];
         vec3 at = carried(pair, centre, plane.z);
         if (at.z <= 0.0 || !in_picture(views[pair.view], at.xy)) continue;
@@ -105,7 +86,11 @@ float plane_cost(StereoView view, uint reference, vec2 centre, vec3 plane, Windo
                 ab += w.own[tap++] * other;
             }
         }
-        costs[n] = dissimilarity(w.sum, w.squares, b, bb, ab);
+        float cost = dissimilarity(w.sum, w.squares, b, bb, ab);
+        second = min(second, max(best, cost));
+        best = min(best, cost);
+        ++compared;
     }
-    return better_half(costs);
+    // Of at most four neighbours the better half is one or two.
+    return compared > 2 ? 0.5 * (best + second) : best;
 }
