@@ -15,8 +15,8 @@ pub const NO_MATCH: f32 = 4.0;
 const RADIUS: i32 = 3;
 /// Pixels compared.
 const TAPS: f32 = 25.0;
-/// Added to the sums of squares: about the noise of 8-bit pictures.
-const NOISE: f32 = 2e-3;
+/// Added to the sums of squares: about the noise of shrunk 8-bit pictures.
+const NOISE: f32 = 3e-4;
 
 /// A plane in front of a view: inverse depth, which is linear in the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,8 +6,8 @@ const uint MOST_PAIRS = 4;
 // Half a window; of its pixels every other one is compared, as on a chequerboard.
 const int RADIUS = 3;
 const float TAPS = 25.0;
-// Added to the sums of squares: about the noise of 8-bit pictures. Where there is no texture, nothing matches.
-const float NOISE = 2e-3;
+// Added to the sums of squares: about the noise of shrunk 8-bit pictures. Where there is no texture, nothing matches.
+const float NOISE = 3e-4;
 // Cost of what cannot be compared; matches cost 0 to 2.
 const float NO_MATCH = 4.0;
 
