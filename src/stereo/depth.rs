@@ -128,6 +128,24 @@ impl DepthMap {
         }
     }
 
+    /// Takes over the depths in `closed` of pixels that have none in `depths`, with the slope that they have in the picture.
+    pub fn close(&mut self, width: usize, depths: &[f32], closed: &[f32]) {
+        for at in (0..closed.len()).filter(|at| closed[*at] > 0.0 && depths[*at] <= 0.0) {
+            let inverse = |at: Option<usize>| at.and_then(|at| closed.get(at)).filter(|d| **d > 0.0).map(|d| 1.0 / d);
+            let own = 1.0 / closed[at];
+            let slope = |before: Option<usize>, after: Option<usize>| match (inverse(before), inverse(after)) {
+                (Some(before), Some(after)) => 0.5 * (after - before),
+                (Some(before), None) => own - before,
+                (None, Some(after)) => after - own,
+                (None, None) => 0.0,
+            };
+            let x = at % width;
+            let across = slope((x > 0).then(|| at - 1), (x + 1 < width).then_some(at + 1));
+            let down = slope(at.checked_sub(width), Some(at + width));
+            self.planes[at] = Plane { slope: Vec2::new(across, down), inverse_depth: own };
+        }
+    }
+
     /// Unit normal in camera axes of the surface at pixel (x, y) of a row of `intrinsics.width`, towards the camera.
     ///
     /// A plane n . X = 1 has inverse depth n . K^-1 (x, y, 1), so that n is K^T times inverse depth as a form in (x, y, 1).

@@ -2,7 +2,8 @@
 //!
 //! Photos are shrunk and taken as pinholes ([`frame`]), those that spread best are chosen and paired ([`choose`]), the cameras
 //! say where to look ([`volume`]), masks carve a hull ([`hull`]), planes are swept through it and refined for each view
-//! ([`depth`]), depths that no other view agrees with go ([`consistency`]), and the rest is fused into oriented points, with
+//! ([`depth`]), depths that no other view agrees with go ([`consistency`]), gaps between the others
+//! are closed where a wall is too smooth to be matched ([`smooth`]), and the rest is fused into oriented points, with
 //! the hull's own surface where stereo sees nothing ([`fusion`]). All of it happens in a frame in which the scene's ball is the
 //! unit ball.
 
@@ -13,6 +14,7 @@ pub mod depth;
 pub mod frame;
 pub mod fusion;
 pub mod hull;
+pub mod smooth;
 pub mod volume;
 
 use std::sync::Arc;
@@ -161,14 +163,34 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
     for (view, map) in views.iter().zip(&maps) {
         (0..map.costs.len()).for_each(|pixel| depths[view.first as usize + pixel] = map.depth(pixel));
     }
-    let support = consistency::check(context, &views, &sweeper.view_buffer, &depths, TOLERANCE)?;
-    let agree = if views.len() >= 12 { 2 } else { 1 };
-    for (depth, support) in depths.iter_mut().zip(&support) {
-        if support.agree < agree || support.through >= support.agree {
+    let check = |depths: &[f32]| consistency::check(context, &views, &sweeper.view_buffer, depths, TOLERANCE);
+    let least_agree = if views.len() >= 12 { 2 } else { 1 };
+    let support = check(&depths)?;
+    for (depth, support) in depths.iter_mut().zip(support) {
+        if support.agree < least_agree || support.through >= support.agree {
             *depth = 0.0;
         }
     }
     clock.stage("check");
+
+    // What closes a gap in one view must agree with another's depth or filling.
+    let mut closed = depths.clone();
+    for (view, frame) in views.iter().zip(&frames) {
+        let pixels = view.first as usize..view.first as usize + frame.len();
+        let gaps = smooth::across_gaps(frame, &depths[pixels.clone()]);
+        closed[pixels].iter_mut().zip(gaps).filter(|(_, gap)| *gap > 0.0).for_each(|(depth, gap)| *depth = gap);
+    }
+    for (i, support) in check(&closed)?.into_iter().enumerate() {
+        if depths[i] <= 0.0 && (support.agree == 0 || support.through >= support.agree) {
+            closed[i] = 0.0;
+        }
+    }
+    for (view, map) in views.iter().zip(&mut maps) {
+        let pixels = view.first as usize..view.first as usize + map.costs.len();
+        map.close(view.width as usize, &depths[pixels.clone()], &closed[pixels]);
+    }
+    depths = closed;
+    clock.stage("gaps");
 
     let searched = masks.iter().filter(|mask| **mask >= 0.5).count().max(1);
     let kept = depths.iter().filter(|depth| **depth > 0.0).count() as f64 / searched as f64;
