@@ -11,7 +11,7 @@ use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 /// Coverage of a pixel from which it counts as the object: a thin part does not fill its pixels.
 const COVERED: f32 = 0.3;
-/// Views that must see through a voxel for it to be empty.
+/// Views that must see through a voxel for it to be empty; more than have their own depth there.
 const VOTES: u32 = 2;
 
 /// A part of the hull stays where it is at least this much of the largest.
@@ -34,7 +34,7 @@ crate::gpu_struct! {
         pub count: u32,
         /// Views that must hold a voxel.
         pub least: u32,
-        /// How far behind a voxel a depth is that sees through it.
+        /// How far behind a voxel a depth is that sees through it; nearer, it is there.
         pub behind: f32,
     }
 }
@@ -55,7 +55,7 @@ pub struct Evidence<'a> {
     pub depths: &'a [f32],
     /// Views that must hold a voxel.
     pub least: u32,
-    /// How far behind a voxel a depth is that sees through it.
+    /// How far behind a voxel a depth is that sees through it; nearer, it is there.
     pub behind: f32,
 }
 
@@ -235,14 +235,19 @@ fn blurred(field: &[f32], dims: [u32; 3]) -> Vec<f32> {
 
 /// Whether the voxel around `p` may be the object: the twin of `carve`.
 pub fn carve(evidence: &Evidence, p: Vec3) -> bool {
-    let (mut held, mut through) = (0, 0);
+    let (mut held, mut through, mut there) = (0, 0, 0);
     for view in evidence.views {
         let Some((texel, depth)) = view.texel(p) else { continue };
         held += 1;
         if evidence.masks[texel] < COVERED {
             return false;
         }
-        through += u32::from(evidence.depths[texel] > depth + evidence.behind);
+        if evidence.depths[texel] > depth + evidence.behind {
+            through += 1;
+        } else if evidence.depths[texel] >= depth - evidence.behind {
+            there += 1;
+        }
     }
-    held >= evidence.least && through < VOTES
+    let open = through >= VOTES && through > there;
+    held >= evidence.least && !open
 }

@@ -223,7 +223,7 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
         points: Points {
             positions: all.iter().map(|sample| out.point(sample.position)).collect(),
             normals: all.iter().map(|sample| sample.normal).collect(),
-            radii: vec![out.length(cell) as f32; all.len()],
+            radii: vec![out.length(COVER * cell) as f32; all.len()],
             colours: all.iter().map(|sample| sample.colour.round().to_array().map(|c| c as u8)).collect(),
             oriented: true,
             ..Points::default()
@@ -282,6 +282,8 @@ fn first_hull(context: &Arc<Context>, views: &[StereoView], masks: &[f32]) -> Re
     Ok(hull)
 }
 
+/// Radius of a point's disc in cells: points lie anywhere in theirs, and a surface of discs should have no gaps.
+const COVER: f64 = 1.25;
 /// Fewest points that are a surface.
 const LEAST_POINTS: usize = 100;
 
