@@ -30,9 +30,8 @@ fn cell(p: DVec3, size: f64) -> Cell {
     (p / size).floor().as_ivec3().to_array()
 }
 
-/// The means of the samples in each cell of side `size`, in the order of cells. Dropped are cells with less than two samples, with
-/// few others around them, and in small clusters.
-pub fn fuse(samples: &[Sample], size: f64) -> Vec<Sample> {
+/// Sums and counts of the samples in each cell.
+fn sums(samples: &[Sample], size: f64) -> BTreeMap<Cell, (Sample, u32)> {
     let mut cells: BTreeMap<Cell, (Sample, u32)> = BTreeMap::new();
     for sample in samples {
         let nothing = Sample { position: DVec3::ZERO, normal: DVec3::ZERO, colour: DVec3::ZERO };
@@ -42,6 +41,24 @@ pub fn fuse(samples: &[Sample], size: f64) -> Vec<Sample> {
         sum.colour += sample.colour;
         *count += 1;
     }
+    cells
+}
+
+/// The mean of a sum, with a normal.
+fn mean(sum: &Sample, count: u32, normal: DVec3) -> Sample {
+    let scale = 1.0 / f64::from(count);
+    Sample { position: scale * sum.position, normal: normal.normalize_or(DVec3::Z), colour: scale * sum.colour }
+}
+
+/// The means of the samples in each cell of side `size`, in the order of cells.
+pub fn means(samples: &[Sample], size: f64) -> Vec<Sample> {
+    sums(samples, size).values().map(|(sum, count)| mean(sum, *count, sum.normal)).collect()
+}
+
+/// As [`means`], of samples that may be wrong: dropped are cells with less than two of them, with few others around, and in small
+/// clusters.
+pub fn fuse(samples: &[Sample], size: f64) -> Vec<Sample> {
+    let mut cells = sums(samples, size);
     cells.retain(|_, (_, count)| *count >= LEAST_SAMPLES);
     let alone: Vec<Cell> = cells
         .keys()
@@ -55,17 +72,13 @@ pub fn fuse(samples: &[Sample], size: f64) -> Vec<Sample> {
     // Patches of a few pixels tilt by chance: a normal is that of its surroundings, as far as they face the same way.
     let smooth = |at: &Cell, normal: DVec3| {
         let beside = around(*at).filter_map(|beside| cells.get(&beside)).map(|(sum, _)| sum.normal);
-        beside.filter(|other| other.dot(normal) > 0.0).fold(normal, |sum, other| sum + other).normalize_or(DVec3::Z)
+        beside.filter(|other| other.dot(normal) > 0.0).fold(normal, |sum, other| sum + other)
     };
     cells
         .iter()
         .zip(stays)
         .filter(|(_, stays)| *stays)
-        .map(|((at, (sum, count)), _)| Sample {
-            position: sum.position / f64::from(*count),
-            normal: smooth(at, sum.normal),
-            colour: sum.colour / f64::from(*count),
-        })
+        .map(|((at, (sum, count)), _)| mean(sum, *count, smooth(at, sum.normal)))
         .collect()
 }
 
@@ -104,7 +117,7 @@ fn around([x, y, z]: Cell) -> impl Iterator<Item = Cell> {
 }
 
 /// Those of `fill` that have no point of `points` within about `gap`: what closes the holes.
-pub fn holes<'a>(points: &[Sample], fill: &'a [Sample], gap: f64) -> Vec<&'a Sample> {
+pub fn holes(points: &[Sample], fill: &[Sample], gap: f64) -> Vec<Sample> {
     let mut near: BTreeMap<Cell, Vec<DVec3>> = BTreeMap::new();
     for point in points {
         near.entry(cell(point.position, gap)).or_default().push(point.position);
@@ -117,5 +130,5 @@ pub fn holes<'a>(points: &[Sample], fill: &'a [Sample], gap: f64) -> Vec<&'a Sam
                 .is_some_and(|points| points.iter().any(|p| p.distance_squared(sample.position) < gap * gap))
         })
     };
-    fill.iter().filter(is_hole).collect()
+    fill.iter().filter(is_hole).copied().collect()
 }

@@ -196,7 +196,7 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
     let kept = depths.iter().filter(|depth| **depth > 0.0).count() as f64 / searched as f64;
     let inside = |p: DVec3| options.depths.is_some() || p.length() <= 1.0;
     let (samples, footprint) = samples(&frames, &views, &maps, &depths, inside);
-    let cell = if hull.exists() { hull.grid().cell } else { 1.5 * footprint };
+    let cell = if hull.exists() { FUSED_VOXELS * hull.grid().cell } else { FUSED_PIXELS * footprint };
     let stereo = fusion::fuse(&samples, cell);
     clock.stage("fusion");
     let mut filling = Vec::new();
@@ -207,9 +207,9 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
         filling = coloured(&carved, &frames, &views, &depths);
         clock.stage("filling");
     }
-    let holes = fusion::holes(&stereo, &filling, 1.5 * cell);
+    let holes = fusion::holes(&stereo, &fusion::means(&filling, cell), cell);
     let from_stereo = stereo.len();
-    let all: Vec<Sample> = stereo.into_iter().chain(holes.into_iter().copied()).collect();
+    let all: Vec<Sample> = stereo.into_iter().chain(holes).collect();
     if all.len() < LEAST_POINTS {
         return Err(Error::request(format!(
             "only {} points were found; give photos with more overlap (--photos), --near and --far, or masks",
@@ -282,6 +282,10 @@ fn first_hull(context: &Arc<Context>, views: &[StereoView], masks: &[f32]) -> Re
     Ok(hull)
 }
 
+/// Side of a cell that points are fused in, in voxels of the hull or else in pixels at the median depth: wider than depths are
+/// off, so that a surface is one layer.
+const FUSED_VOXELS: f64 = 2.0;
+const FUSED_PIXELS: f64 = 2.5;
 /// Radius of a point's disc in cells: points lie anywhere in theirs, and a surface of discs should have no gaps.
 const COVER: f64 = 1.25;
 /// Fewest points that are a surface.
