@@ -11,6 +11,7 @@
 //! | glTF 2.0 (.glb, .gltf) | [`gltf`] | |
 //! | COLMAP model, text or binary | [`colmap`] | [`colmap`] |
 //! | transforms.json of nerfstudio, instant-ngp, Blender | | [`transforms`] |
+//! | NSVF folder, `.log` trajectory | | [`photos`] |
 //! | plan.json | | [`plan_json`] |
 //!
 //! [`photos`] reads captures: cameras with their lenses, images and masks, and the points of a reconstruction.
@@ -87,7 +88,7 @@ pub fn read_surface_with_notes(path: &Path) -> Result<(Surface, Vec<String>)> {
 }
 
 /// Reads cameras: a COLMAP model folder, a capture folder with a model under `sparse/0` (or else a transforms.json), a
-/// transforms.json of any dialect, or a plan.json. Poses are world-from-camera with OpenCV axes in the file's own world
+/// transforms.json of any dialect, an NSVF folder, a `.log` trajectory, or a plan.json. Poses are world-from-camera with OpenCV axes in the file's own world
 /// frame; lens distortion is left out.
 ///
 /// # Errors
@@ -109,6 +110,10 @@ pub fn read_cameras_with_notes(path: &Path) -> Result<(Vec<Camera>, Vec<String>)
     {
         let cameras = colmap::cameras(&folder, &mut notes)?;
         return Ok((cameras, notes));
+    }
+    if photos::nsvf::is_layout(path) || path.extension().is_some_and(|extension| extension == "log") {
+        let set = photos::read(path, &photos::Options::default())?;
+        return Ok((set.cameras(), set.notes));
     }
     let file = json_file(path)?;
     let bytes = read_file(&file)?;

@@ -83,37 +83,41 @@ impl Mistake {
 }
 
 /// Checks that the cameras look at the points: for each camera those of its tracks, or where there are no tracks all of
-/// them, or where there are no points the one nearest to all viewing axes.
+/// them. Without points, the point nearest to all viewing axes stands for them where cameras stand all around it; that
+/// cameras look away from it is a warning and no error, for they may stand in the middle of a room and look out.
 ///
 /// # Errors
-/// When photos show little of them and another convention explains them far better, or they show nothing. The line names the convention under which they would, if there is one.
-pub fn check_convention(set: &PhotoSet) -> Result<()> {
+/// When photos show little of the points and another convention explains them far better, or they show nothing. The line
+/// names the convention if there is one; so does the warning.
+pub fn check_convention(set: &PhotoSet) -> Result<Option<String>> {
     let sample = Sample::new(set);
-    let Some(shown) = sample.shown(&NONE) else { return Ok(()) };
+    let Some(shown) = sample.shown(&NONE) else { return Ok(None) };
     let best = MISTAKES
         .iter()
         .filter_map(|mistake| Some((mistake, sample.shown(mistake)?)))
         .max_by(|a, b| a.1.total_cmp(&b.1).then(std::cmp::Ordering::Greater));
-    let what = if set.points.positions.is_empty() { "what they stand around" } else { "the points" };
+    let best = best.filter(|(_, better)| *better > 3.0 * shown + 0.1);
     let percent = |share: f64| format!("{:.0}%", 100.0 * share);
     match best {
-        Some((mistake, better)) if better > 3.0 * shown + 0.1 => {
+        Some((mistake, _)) if set.points.positions.is_empty() => Ok(Some(format!(
+            "the cameras look away from the place that they stand around: right where they look out into a room, but if not, {}",
+            mistake.remedy(set.convention)
+        ))),
+        Some((mistake, better)) => {
             let what = format!(
-                "the cameras look away from {what} ({} of it in sight, {} otherwise): {}",
+                "the cameras look away from the points ({} of them in sight, {} otherwise): {}",
                 percent(shown),
                 percent(better),
                 mistake.remedy(set.convention)
             );
             Err(Error::input(&set.path, what))
         }
-        _ if shown == 0.0 => {
-            let what = format!(
-                "no camera sees any of {what}, and no usual mistake of conventions explains it; check that poses and \
-                 points are in one frame"
-            );
+        None if shown == 0.0 && !set.points.positions.is_empty() => {
+            let what = "no camera sees any of the points, and no usual mistake of conventions explains it; check that poses \
+                        and points are in one frame";
             Err(Error::input(&set.path, what))
         }
-        _ => Ok(()),
+        None => Ok(None),
     }
 }
 
@@ -171,11 +175,13 @@ impl<'a> Sample<'a> {
     }
 }
 
-/// The share of cameras that look towards the point nearest to all viewing axes; none where the axes do not meet there to
-/// within a tenth of their distance, for then the cameras stand around nothing: they walk through a room, or fly over land.
+/// The share of cameras that look towards the point nearest to all viewing axes; none where they stand around nothing: the
+/// axes do not meet there to within a tenth of their distance (a walk through a room), or all point much the same way (a
+/// flight over land).
 fn shown_of_axes(cameras: &[Camera]) -> Option<f64> {
     let at = looked_at(cameras)?;
     let (mut off, mut away, mut towards) = (0.0, 0.0, 0);
+    let mean: DVec3 = cameras.iter().map(|camera| camera.pose.forward()).sum::<DVec3>() / cameras.len() as f64;
     for camera in cameras {
         let d = at - camera.pose.position;
         let f = camera.pose.forward();
@@ -183,7 +189,7 @@ fn shown_of_axes(cameras: &[Camera]) -> Option<f64> {
         away += d.length();
         towards += usize::from(f.dot(d) > 0.0);
     }
-    (cameras.len() >= 3 && off < 0.1 * away).then(|| towards as f64 / cameras.len() as f64)
+    (cameras.len() >= 3 && mean.length() < 0.8 && off < 0.1 * away).then(|| towards as f64 / cameras.len() as f64)
 }
 
 /// The point nearest to all viewing axes in the least-squares sense; none where they are all but parallel.
@@ -230,13 +236,19 @@ mod tests {
     /// applied in the other order.
     fn message(convention: Convention, with_points: bool, mistake: Mistake) -> String {
         let mut set = capture(convention, with_points);
-        assert!(check_convention(&set).is_ok());
+        assert_eq!(check_convention(&set).unwrap(), None);
         for photo in &mut set.photos {
             let Mistake { inverse, turned } = mistake;
             let turned = Mistake { inverse: false, turned }.undo(convention, &photo.camera.pose);
             photo.camera.pose = Mistake { inverse, turned: false }.undo(convention, &turned);
         }
-        check_convention(&set).unwrap_err().to_string()
+        match check_convention(&set) {
+            Ok(warning) => {
+                assert!(!with_points, "{warning:?}");
+                warning.unwrap()
+            }
+            Err(refusal) => refusal.to_string(),
+        }
     }
 
     /// If this failed, the commonest mistake with poses would end in empty renders and not in a line that names it.
@@ -274,8 +286,8 @@ mod tests {
                 DVec3::new(3.0, -2.0, 5.0) + 5.0 * DVec3::new(t.cos(), t.sin(), 0.5 * (2.3 * t).sin())
             })
             .collect();
-        assert!(check_convention(&set).is_ok());
+        assert_eq!(check_convention(&set).unwrap(), None);
         set.points.positions.clear();
-        assert!(check_convention(&set).is_ok());
+        assert_eq!(check_convention(&set).unwrap(), None);
     }
 }

@@ -17,19 +17,23 @@ pub struct Subset {
     pub points: usize,
 }
 
-/// Cuts the model in `folder` down to the images named in `keep`. Numbers, poses, camera models and their parameters,
-/// observations, positions, colours and errors stay what they are, bit for bit; tracks lose the images that are gone, and
-/// points that no image sees any more are dropped. Images and points keep their order, whatever that of `keep`. Files of
-/// rigs and frames are left out, as older versions of COLMAP do; newer ones read the model without them.
+/// Cuts the model in or under `folder` (as [`super::model_folder`] finds it) down to the images named in `keep`. Numbers,
+/// poses, camera models and their parameters, observations, positions, colours and errors stay what they are, bit for
+/// bit; tracks lose the images that are gone, and points that no image sees any more are dropped. Images and points keep
+/// their order, whatever that of `keep`. Files of rigs and frames are left out, as older versions of COLMAP do; newer ones
+/// read the model without them.
 ///
 /// # Errors
 /// When the model cannot be read, lacks an image that is named, or two of its files contradict each other.
 pub fn subset(folder: &Path, keep: &[String]) -> Result<Subset> {
+    let Some(folder) = super::model_folder(folder) else {
+        return Err(Error::input(folder, "the folder holds no COLMAP model (cameras and images as .bin or .txt)"));
+    };
     let names: HashSet<&str> = keep.iter().map(String::as_str).collect();
     let wanted = |name: &str| names.contains(name);
-    let (_, lenses) = read(folder, "cameras", binary::cameras, text::cameras)?;
+    let (_, lenses) = read(&folder, "cameras", binary::cameras, text::cameras)?;
     let (path, mut images) = read(
-        folder,
+        &folder,
         "images",
         |path, bytes| binary::observed(path, bytes, wanted),
         |path, bytes| text::observed(path, bytes, wanted),
@@ -48,9 +52,9 @@ pub fn subset(folder: &Path, keep: &[String]) -> Result<Subset> {
     let mut files = vec![("cameras.bin", cameras_bin(&kept_lenses))];
 
     let mut points = Vec::new();
-    let has_points = super::file(folder, "points3D").is_some();
+    let has_points = super::file(&folder, "points3D").is_some();
     if has_points {
-        let (path, all) = read(folder, "points3D", binary::points, text::points)?;
+        let (path, all) = read(&folder, "points3D", binary::points, text::points)?;
         points = cut(&path, all, &images)?;
     }
     let kept: HashSet<u64> = points.iter().map(|point| point.id).collect();

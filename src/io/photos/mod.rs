@@ -90,9 +90,9 @@ pub fn read(path: &Path, options: &Options) -> Result<PhotoSet> {
             return Err(Error::input(path, "no photo has an image that can be read; give the folder with the images"));
         }
     }
-    photos::check_convention(&set)?;
+    let warning = photos::check_convention(&set)?;
     set.notes = photos::describe(&set);
-    set.notes.extend(notes);
+    set.notes.extend(notes.into_iter().chain(warning));
     Ok(set)
 }
 

@@ -12,7 +12,7 @@ use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::lens::Distortion;
 
 /// Whether a folder has this layout.
-pub(super) fn is_layout(folder: &Path) -> bool {
+pub(crate) fn is_layout(folder: &Path) -> bool {
     folder.join("pose").is_dir() && folder.join("intrinsics.txt").is_file()
 }
 

@@ -225,6 +225,7 @@ fn an_nsvf_folder() {
     for fragment in ["only the 2 views for training (0_) of 3", "no pose: 0_z.png", "from [-1, -1, -1]"] {
         assert!(set.notes.iter().any(|note| note.contains(fragment)), "{fragment:?} is not in {:?}", set.notes);
     }
+    assert_eq!(crate::io::read_cameras(place.0.path()).unwrap(), set.cameras());
     fs::write(place.path("pose/0_a.txt"), "1 0 0\n").unwrap();
     assert!(place.refusal(Images::Optional).contains("0_a.txt: the matrix must have the rows"));
 }

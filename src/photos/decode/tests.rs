@@ -70,7 +70,7 @@ fn the_budget_holds() {
         let mut decoder = Decoder::new(&photos, Settings { memory, ..settings }).unwrap();
         assert_eq!(decoder.len(), 30);
         let mut count = 0;
-        while let Some(decoded) = decoder.next() {
+        for decoded in decoder.by_ref() {
             decoded.unwrap();
             count += 1;
             std::thread::sleep(std::time::Duration::from_millis(patience));
