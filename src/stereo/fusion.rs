@@ -132,3 +132,31 @@ pub fn holes(points: &[Sample], fill: &[Sample], gap: f64) -> Vec<Sample> {
     };
     fill.iter().filter(is_hole).copied().collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, single wrong depths would float before the surface, or parts of the surface would be lost.
+    #[test]
+    fn a_sheet_stays_and_what_stands_alone_goes() {
+        let at =
+            |x: f64, y: f64, z: f64| Sample { position: DVec3::new(x, y, z), normal: DVec3::Z, colour: DVec3::ONE };
+        let sheet = (0..400).map(|i| at(0.05 * f64::from(i % 20), 0.05 * f64::from(i / 20), 0.05));
+        let mut samples: Vec<Sample> = sheet.collect();
+        samples.extend([at(0.5, 0.5, 3.05), at(0.5, 0.5, 3.06)]);
+        let fused = fuse(&samples, 0.1);
+        assert_eq!(fused.len(), 100);
+        assert!(fused.iter().all(|point| (point.position.z - 0.05).abs() < 1e-12 && point.normal == DVec3::Z));
+        let fill = [at(0.52, 0.48, 0.07), at(0.5, 0.5, 1.0)];
+        assert_eq!(holes(&fused, &fill, 0.1), [fill[1]]);
+    }
+
+    /// If this failed, the order of the photos' pixels could change where points are put.
+    #[test]
+    fn means_are_of_cells() {
+        let at = |x: f64| Sample { position: DVec3::new(x, 0.5, 0.5), normal: DVec3::X, colour: DVec3::splat(x) };
+        let points = means(&[at(0.2), at(0.6), at(1.5)], 1.0);
+        assert_eq!(points.iter().map(|point| point.position.x).collect::<Vec<_>>(), [0.4, 1.5]);
+    }
+}

@@ -55,3 +55,34 @@ pub fn across_gaps(frame: &Frame, depths: &[f32]) -> Vec<f32> {
     };
     (0..depths.len()).map(fill).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::camera::{Camera, Intrinsics, Pose};
+    use glam::{DQuat, DVec3};
+
+    const SIDE: u32 = 40;
+
+    fn frame(brightness: Vec<f32>) -> Frame {
+        let pose = Pose { position: DVec3::ZERO, rotation: DQuat::IDENTITY };
+        let camera = Camera { name: String::new(), pose, intrinsics: Intrinsics::from_fov(SIDE, SIDE, 1.0) };
+        Frame { camera, colours: Vec::new(), brightness, mask: None }
+    }
+
+    /// If this failed, smooth walls would keep their holes, or holes would be closed across an outline with what is neither
+    /// of the two surfaces beside it.
+    #[test]
+    fn a_gap_in_a_tilted_plane_is_closed_and_one_across_an_edge_is_not() {
+        let plane = |i: u32| 1.0 / (0.5 + 0.002 * (i % SIDE) as f32 + 0.001 * (i / SIDE) as f32);
+        let gap = |i: u32| (18..22).contains(&(i % SIDE)) && (18..22).contains(&(i / SIDE));
+        let depths: Vec<f32> = (0..SIDE * SIDE).map(|i| if gap(i) { 0.0 } else { plane(i) }).collect();
+        let even = across_gaps(&frame(vec![0.5; depths.len()]), &depths);
+        for (i, closed) in (0..).zip(&even) {
+            let wanted = if gap(i) { plane(i) } else { 0.0 };
+            assert!((closed - wanted).abs() < 1e-4, "pixel {i}: {closed}, not {wanted}");
+        }
+        let edged = (0..SIDE * SIDE).map(|i| if i % SIDE < 20 { 0.3 } else { 0.7 }).collect();
+        assert!(across_gaps(&frame(edged), &depths).iter().all(|closed| *closed == 0.0));
+    }
+}
