@@ -90,7 +90,7 @@ fn pixel(camera: &Camera, x: u32, y: u32, ball_only: bool) -> (f64, f64) {
 fn cameras(count: u32) -> Vec<Camera> {
     let camera = |i: u32| {
         let (sin, cos) = (2.0 * PI * f64::from(i) / f64::from(count)).sin_cos();
-        let lift = if i % 2 == 0 { 1.4 } else { 2.0 };
+        let lift = if i.is_multiple_of(2) { 1.4 } else { 2.0 };
         let position = DVec3::new(2.2 * cos, 2.2 * sin, lift);
         Camera {
             name: format!("{i:02}.png"),
@@ -224,7 +224,7 @@ fn support_is_that_of_the_twin_and_knows_wrong_depths() {
         .flat_map(|camera| (0..WIDTH * HEIGHT).map(move |i| true_depth(camera, i % WIDTH, i / WIDTH, false) as f32))
         .collect();
     // A patch of view 4 floats before the scene.
-    let wrong = |i: usize| i / (WIDTH * HEIGHT) as usize == 4 && i % 5 == 0;
+    let wrong = |i: usize| i / (WIDTH * HEIGHT) as usize == 4 && i.is_multiple_of(5);
     (0..depths.len()).filter(|i| wrong(*i)).for_each(|i| depths[i] *= 0.8);
     let buffer = Buffer::from_slice(&context, "views", &given.views).unwrap();
     let device = check(&context, &given.views, &buffer, &depths, 0.01).unwrap();
@@ -449,7 +449,7 @@ fn photos_without_overlap_are_refused() {
 #[test]
 fn views_project_as_cameras_do() {
     let camera = cameras(3).remove(1);
-    let view = device_views(&[camera.clone()], &[[1.0, 4.0]]).remove(0);
+    let view = device_views(std::slice::from_ref(&camera), &[[1.0, 4.0]]).remove(0);
     for (x, y, depth) in [(64.0, 48.0, 2.0), (65.0, 48.0, 2.0), (0.5, 95.5, 3.0)] {
         let p = camera.pose.position + depth * ray(&camera, DVec2::new(x, y));
         let at = view.project(p.as_vec3());
