@@ -16,6 +16,7 @@ pub mod primitives;
 pub mod report;
 pub mod scene;
 pub mod select;
+pub mod stereo;
 pub mod vds;
 pub mod visibility;
 pub mod vulkan;

@@ -103,7 +103,15 @@ fn the_image_ends_where_the_lens_puts_its_edge() {
         let distortion = Distortion { radial: [k, 0.0, 0.0, 0.0, 0.0, 0.0], ..Distortion::default() };
         let photo = Photo { camera, distortion, image: None, mask: None };
         let position = pose.position + pose.rotation * DVec3::new(x, 0.0, 1.0);
-        let point = SurfacePoint { position, normal: DVec3::Z, radius: 0.1, lift: 0.0, colour: [0; 3], score: 1.0 };
+        let point = SurfacePoint {
+            position,
+            normal: DVec3::Z,
+            radius: 0.1,
+            lift: 0.0,
+            colour: [0; 3],
+            score: 1.0,
+            lobe: [0.0; 8],
+        };
         framed(&[photo], &[point]).sees(0, 0)
     };
     assert!(seen(0.0, 0.99) && !seen(0.0, 1.05));

@@ -22,6 +22,7 @@ mod devices;
 mod options;
 mod plan;
 mod progress;
+mod proxy;
 mod score;
 mod select;
 mod vds;
@@ -50,6 +51,8 @@ enum Command {
     Vds(vds::Arguments),
     /// Choose the best K photos of a capture
     Select(Box<select::Arguments>),
+    /// Make a coarse surface from posed photos, without any points
+    Proxy(proxy::Arguments),
     /// List every Vulkan device, what it has and what it lacks
     Devices,
     /// Plan two scenes of our own: an object (50 views) and a furnished room (300 views)
@@ -73,6 +76,7 @@ pub fn main() -> ExitCode {
         Command::Score(arguments) => score::run(&arguments),
         Command::Vds(arguments) => vds::run(&arguments),
         Command::Select(arguments) => select::run(&arguments),
+        Command::Proxy(arguments) => proxy::run(&arguments),
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Vdsf(arguments) => vdsf::run(&arguments),

@@ -9,8 +9,9 @@ use clap::Args;
 use super::options::{CameraOptions, DeviceOptions, RegionOptions, print_messages};
 use super::progress::{Progress, stop_on_interrupt};
 use super::vds;
+use crate::Result;
 use crate::io;
-use crate::io::folder::{OutputFolder, check_file};
+use crate::io::folder::{OutputFolder, check_file, write_files};
 use crate::metrics::Metrics;
 use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Start};
 use crate::plan::job::{self, Plan, Tools};
@@ -23,7 +24,6 @@ use crate::visibility::device_scene::SceneGeometry;
 use crate::vulkan::Context;
 use crate::vulkan::capture::RenderDoc;
 use crate::vulkan::profile::Profile;
-use crate::{Error, Result};
 
 /// Arguments of `camsplat plan`.
 #[derive(Args, Debug)]
@@ -263,7 +263,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let path = folder.path().to_owned();
     report::folder::write(&plan, &target, folder)?;
     if let (Some(file), Some(profile)) = (&arguments.trace, &profile) {
-        std::fs::write(file, profile.trace()).map_err(|source| Error::io(file, source))?;
+        write_files(&[(file, profile.trace().as_bytes())])?;
     }
     print_plan(&plan);
     if let (true, Some(profile)) = (arguments.profile, &profile) {

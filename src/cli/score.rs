@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::options::{DeviceOptions, RegionOptions, print_messages};
 use super::plan::table;
-use crate::io::folder::check_file;
+use crate::io::folder::{check_file, write_files};
 use crate::metrics::score_point::Field;
 use crate::plan::job;
 use crate::scene::region::Region;
@@ -65,7 +65,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if let Some(file) = &arguments.json {
         let text = serde_json::to_string_pretty(&metrics)
             .map_err(|e| Error::request(format!("the metrics cannot be written: {e}")))?;
-        std::fs::write(file, text).map_err(|source| Error::io(file, source))?;
+        write_files(&[(file, text.as_bytes())])?;
     }
     Ok(ExitCode::SUCCESS)
 }

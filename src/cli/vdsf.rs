@@ -1,11 +1,11 @@
 //! `camsplat vdsf`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
 
-use crate::io::folder::check_file;
+use crate::io::folder::{check_file, write_files};
 use crate::vds::fit;
 use crate::vds::vdsf::Vdsf;
 use crate::{Error, Result};
@@ -52,11 +52,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let text = vdsf.text()?;
     // What would be refused when read, a cubic that falls among it, is not written.
     Vdsf::parse(&arguments.out, &text)?;
-    let write = |path: &PathBuf, text: &str| std::fs::write(path, text).map_err(|source| Error::io(path, source));
-    write(&arguments.out, &text)?;
-    if let Some(path) = &arguments.plot {
-        write(path, &fit::plot::svg(&vdsf, &observations))?;
-    }
+    let plot = arguments.plot.as_ref().map(|path| (path, fit::plot::svg(&vdsf, &observations)));
+    let mut written: Vec<(&Path, &[u8])> = vec![(&arguments.out, text.as_bytes())];
+    written.extend(plot.iter().map(|(path, svg)| (path.as_path(), svg.as_bytes())));
+    write_files(&written)?;
     let [a0, a1, a2, a3] = vdsf.coefficients;
     say!("vdsf     s = {a0} {a1:+} v {a2:+} v^2 {a3:+} v^3 for v in [{}, {}]", vdsf.range[0], vdsf.range[1]);
     let quality = &vdsf.quality;

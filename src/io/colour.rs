@@ -10,12 +10,13 @@ pub(crate) fn linear(value: u8) -> f64 {
 
 /// 8-bit sRGB values of a linear colour, clamped to [0, 1].
 pub(crate) fn srgb(colour: DVec3) -> [u8; 3] {
-    let encode = |v: f64| {
-        let v = v.clamp(0.0, 1.0);
-        let v = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-        (255.0 * v).round() as u8
-    };
-    colour.to_array().map(encode)
+    colour.to_array().map(|v| (255.0 * encoded(v)).round() as u8)
+}
+
+/// sRGB value in [0, 1] of a linear one, clamped to [0, 1].
+pub(crate) fn encoded(value: f64) -> f64 {
+    let v = value.clamp(0.0, 1.0);
+    if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
 }
 
 /// Luma of the linear colour (Rec. 709 weights) of an sRGB colour, clamped to [0, 1].

@@ -21,4 +21,4 @@ pub mod samples;
 mod sampling;
 pub mod similarity;
 pub mod surface;
-mod voxels;
+pub mod voxels;

@@ -1,0 +1,114 @@
+//! `camsplat proxy`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+
+use super::options::{DeviceOptions, print_messages};
+use crate::io::folder::{check_file, write_files};
+use crate::io::photos::{self, Images};
+use crate::io::ply::write;
+use crate::stereo::{self, Options, Reconstruction};
+use crate::{Error, Result};
+
+/// Arguments of `camsplat proxy`.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    /// Photos with poses: COLMAP folder, transforms.json, NSVF folder
+    capture: PathBuf,
+    /// PLY file to write: oriented points that `plan` reads
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Photos to use at most, those that spread best
+    #[arg(long, default_value_t = 30)]
+    photos: usize,
+    /// Longest side in pixels that photos are shrunk to
+    #[arg(long, default_value_t = 320)]
+    resolution: u32,
+    /// Depths tried for each pixel before refinement
+    #[arg(long, default_value_t = 64)]
+    hypotheses: u32,
+    /// Carve no hull from masks or alpha
+    #[arg(long)]
+    no_hull: bool,
+    /// Take the depth range from the capture's sparse points, not from its cameras
+    #[arg(long)]
+    use_points: bool,
+    /// Smallest depth, in the capture's units [default: from the cameras]
+    #[arg(long, requires = "far")]
+    near: Option<f64>,
+    /// Largest depth, in the capture's units [default: from the cameras]
+    #[arg(long, requires = "near")]
+    far: Option<f64>,
+    /// Go on without photos whose image is missing or cannot be read
+    #[arg(long)]
+    skip_missing: bool,
+    /// MiB that photos take together while they are decoded
+    #[arg(long, default_value_t = 1024, value_name = "MIB")]
+    memory: u64,
+    /// Seed of the choice of photos and of the refinement
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    #[command(flatten)]
+    device: DeviceOptions,
+}
+
+impl Arguments {
+    fn options(&self) -> Result<Options> {
+        for (option, value, low, high) in
+            [("--resolution", self.resolution, 64, 1024), ("--hypotheses", self.hypotheses, 16, 256)]
+        {
+            if !(low..=high).contains(&value) {
+                return Err(Error::request(format!("{option} is {value}; give {low} to {high}")));
+            }
+        }
+        let depths = self.near.zip(self.far).map(|(near, far)| [near, far]);
+        if let Some([near, far]) = depths.filter(|[near, far]| !(*near > 0.0 && far > near && far.is_finite())) {
+            return Err(Error::request(format!("--near {near} and --far {far} are no range; give 0 < near < far")));
+        }
+        Ok(Options {
+            photos: self.photos,
+            resolution: self.resolution,
+            hypotheses: self.hypotheses,
+            hull: !self.no_hull,
+            use_points: self.use_points,
+            depths,
+            memory: self.memory.saturating_mul(1 << 20),
+            seed: self.seed,
+        })
+    }
+}
+
+/// Makes the surface, writes it and prints what came out.
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let options = arguments.options()?;
+    check_file(&arguments.out)?;
+    let images = if arguments.skip_missing { Images::SkipMissing } else { Images::Needed };
+    let set = photos::read(&arguments.capture, &photos::Options { images, ..photos::Options::default() })?;
+    for note in &set.notes {
+        say!("{note}");
+    }
+    let context = arguments.device.open()?;
+    say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+    let found = stereo::reconstruct(&context, &set, &options)?;
+    print_messages(&context);
+    write_files(&[(&arguments.out, &write::surface_points(&found.points))])?;
+    print(&found);
+    say!("proxy    {}", arguments.out.display());
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints how a surface came about.
+fn print(found: &Reconstruction) {
+    let Reconstruction { points, from_stereo, photos, pairs, depths: [near, far], kept, seconds } = found;
+    say!("photos   {} used, {pairs} pairs compared, depths from {near:.3} to {far:.3}", photos.len());
+    let all = points.positions.len();
+    say!(
+        "points   {all}: {from_stereo} from stereo, {} from the hull; {:.0}% of pixels kept a depth",
+        all - from_stereo,
+        100.0 * kept
+    );
+    let stages: Vec<String> = seconds.iter().map(|(name, seconds)| format!("{name} {seconds:.2} s")).collect();
+    say!("time     {:.2} s: {}", seconds.iter().map(|(_, s)| s).sum::<f64>(), stages.join(", "));
+}

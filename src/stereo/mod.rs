@@ -1,0 +1,404 @@
+//! A coarse surface from posed photos alone: plane-sweep stereo and visual hull.
+//!
+//! Photos are shrunk and taken as pinholes ([`frame`]), those that spread best are chosen and paired ([`choose`]), the cameras
+//! say where to look ([`volume`]), masks carve a hull ([`hull`]), planes are swept through it and refined for each view
+//! ([`depth`]), depths that no other view agrees with go ([`consistency`]), gaps between the others
+//! are closed where a wall is too smooth to be matched ([`smooth`]), and the rest is fused into oriented points, with
+//! the hull's own surface where stereo sees nothing ([`fusion`]). All of it happens in a frame in which the scene's ball is the
+//! unit ball.
+
+pub mod choose;
+pub mod consistency;
+pub mod cost;
+pub mod depth;
+pub mod frame;
+pub mod fusion;
+pub mod hull;
+pub mod smooth;
+pub mod volume;
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::{DVec3, Vec3};
+
+use self::depth::{DepthMap, Sweeper};
+use self::frame::{Frame, StereoView, device_pairs, device_views};
+use self::fusion::Sample;
+use self::hull::{Evidence, Hull};
+use self::volume::Volume;
+use crate::photos::{Photo, PhotoSet};
+use crate::scene::camera::Camera;
+use crate::scene::similarity::Similarity;
+use crate::scene::surface::Points;
+use crate::scene::voxels::Grid;
+use crate::vulkan::Context;
+use crate::{Error, Result};
+
+/// Fewest photos that a surface is made from.
+pub const LEAST_PHOTOS: usize = 5;
+/// Voxels along the longest side of the hull.
+const HULL_CELLS: u32 = 128;
+/// Worst match that counts as one.
+const MOST_COST: f32 = 0.5;
+/// Pixels of the smallest patch of depth that stays, in a picture of 100,000.
+const LEAST_PATCH: usize = 50;
+/// Difference of depth at which two views still agree, as a fraction of depth.
+const TOLERANCE: f32 = 0.01;
+
+/// What to make a surface from, and how finely.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Photos to use at most, those that spread best.
+    pub photos: usize,
+    /// Longest side in pixels that photos are shrunk to.
+    pub resolution: u32,
+    /// Planes of the sweep, 16 to 256.
+    pub hypotheses: u32,
+    /// Whether masks carve a hull.
+    pub hull: bool,
+    /// Whether the set's sparse points say where the scene is; else the cameras do.
+    pub use_points: bool,
+    /// Smallest and largest depth, in the capture's units, where they are known.
+    pub depths: Option<[f64; 2]>,
+    /// Bytes that photos take together while they are decoded.
+    pub memory: u64,
+    /// Seed of the choice of photos and of the refinement.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            photos: 30,
+            resolution: 320,
+            hypotheses: 64,
+            hull: true,
+            use_points: false,
+            depths: None,
+            memory: 1 << 30,
+            seed: 0,
+        }
+    }
+}
+
+/// A surface and how it came about.
+#[derive(Clone, Debug)]
+pub struct Reconstruction {
+    /// Oriented points in the capture's frame, with normals, radii and colours: first those from stereo.
+    pub points: Points,
+    /// How many of the points are from stereo.
+    pub from_stereo: usize,
+    /// Names of the photos used.
+    pub photos: Vec<String>,
+    /// Pairs of photos compared.
+    pub pairs: usize,
+    /// Smallest and largest depth searched, in the capture's units.
+    pub depths: [f64; 2],
+    /// Part of the pixels searched that kept a depth.
+    pub kept: f64,
+    /// Seconds of each stage.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// Makes a surface from photos.
+///
+/// # Errors
+/// Where there are fewer than [`LEAST_PHOTOS`] with images, where images cannot be read, where the cameras do not tell where to
+/// look, where no two photos overlap, where nothing was found, and where the device fails.
+pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) -> Result<Reconstruction> {
+    let mut clock = Clock { last: Instant::now(), seconds: Vec::new() };
+    let chosen = choose_photos(set, options)?;
+    let cameras: Vec<Camera> = chosen.iter().map(|photo| photo.camera.clone()).collect();
+    let volume = find_volume(set, &cameras, options)?;
+    let to_internal = Similarity::to_unit_sphere(volume.centre, volume.radius);
+    let frames = Frame::read(&chosen, options.resolution, options.memory, &to_internal)?;
+    clock.stage("photos");
+
+    let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera.clone()).collect();
+    let ball = Volume { centre: DVec3::ZERO, radius: 1.0 };
+    let mut ranges = match options.depths {
+        Some(depths) => vec![depths.map(|depth| to_internal.length(depth)); cameras.len()],
+        None => volume::depths(&cameras, &ball),
+    };
+    let masks = masks(&frames);
+    let masked = options.hull && frames.iter().any(|frame| frame.mask.is_some());
+    let mut views = device_views(&cameras, &ranges);
+    let mut depths = vec![0f32; masks.len()];
+    let mut hull = Hull::none(context)?;
+    if masked {
+        hull = first_hull(context, &views, &masks)?;
+        if options.depths.is_none() {
+            let (low, high) = hull.bounds().unwrap_or((DVec3::NEG_ONE, DVec3::ONE));
+            ranges = cameras.iter().map(|camera| box_depths(camera, low, high)).collect();
+        }
+        clock.stage("hull");
+    }
+
+    let neighbours = choose::neighbours(&cameras, &ranges);
+    let pairs: usize = neighbours.iter().map(Vec::len).sum();
+    if pairs == 0 {
+        return Err(Error::request(
+            "no two of the photos see the same from 3 to 60 degrees apart; give more photos of the same place (--photos)",
+        ));
+    }
+    views = device_views(&cameras, &ranges);
+    views.iter_mut().zip(&neighbours).for_each(|(view, near)| view.pairs = near.len() as u32);
+    let pictures: Vec<f32> = frames.iter().flat_map(|frame| frame.brightness.iter().copied()).collect();
+    let sweeper = Sweeper::new(context, &views, &pictures, &device_pairs(&cameras, &neighbours))?;
+    let mut maps = Vec::with_capacity(views.len());
+    for (reference, frame) in frames.iter().enumerate() {
+        let mut map = sweeper.depth(reference, options.hypotheses, usize::MAX, &hull, options.seed)?;
+        let hidden = |pixel: usize| frame.mask.as_ref().is_some_and(|mask| mask[pixel] < 0.5);
+        for pixel in 0..frame.len() {
+            if map.costs[pixel] > MOST_COST || hidden(pixel) {
+                map.costs[pixel] = cost::NO_MATCH;
+            }
+        }
+        map.drop_specks(frame.camera.intrinsics.width as usize, LEAST_PATCH * frame.len() / 100_000);
+        maps.push(map);
+    }
+    clock.stage("depth");
+
+    for (view, map) in views.iter().zip(&maps) {
+        (0..map.costs.len()).for_each(|pixel| depths[view.first as usize + pixel] = map.depth(pixel));
+    }
+    let check = |depths: &[f32]| consistency::check(context, &views, &sweeper.view_buffer, depths, TOLERANCE);
+    let least_agree = if views.len() >= 12 { 2 } else { 1 };
+    let support = check(&depths)?;
+    for (depth, support) in depths.iter_mut().zip(support) {
+        if support.agree < least_agree || support.through >= support.agree {
+            *depth = 0.0;
+        }
+    }
+    clock.stage("check");
+
+    // What closes a gap in one view must agree with another's depth or filling.
+    let mut closed = depths.clone();
+    for (view, frame) in views.iter().zip(&frames) {
+        let pixels = view.first as usize..view.first as usize + frame.len();
+        let gaps = smooth::across_gaps(frame, &depths[pixels.clone()]);
+        closed[pixels].iter_mut().zip(gaps).filter(|(_, gap)| *gap > 0.0).for_each(|(depth, gap)| *depth = gap);
+    }
+    for (i, support) in check(&closed)?.into_iter().enumerate() {
+        if depths[i] <= 0.0 && (support.agree == 0 || support.through >= support.agree) {
+            closed[i] = 0.0;
+        }
+    }
+    for (view, map) in views.iter().zip(&mut maps) {
+        let pixels = view.first as usize..view.first as usize + map.costs.len();
+        map.close(view.width as usize, &depths[pixels.clone()], &closed[pixels]);
+    }
+    depths = closed;
+    clock.stage("gaps");
+
+    let searched = masks.iter().filter(|mask| **mask >= 0.5).count().max(1);
+    let kept = depths.iter().filter(|depth| **depth > 0.0).count() as f64 / searched as f64;
+    let inside = |p: DVec3| options.depths.is_some() || p.length() <= 1.0;
+    let (samples, footprint) = samples(&frames, &views, &maps, &depths, inside);
+    let cell = if hull.exists() { FUSED_VOXELS * hull.grid().cell } else { FUSED_PIXELS * footprint };
+    let stereo = fusion::fuse(&samples, cell);
+    clock.stage("fusion");
+    let mut filling = Vec::new();
+    if hull.exists() {
+        let behind = 2.0 * hull.grid().cell as f32;
+        let evidence = Evidence { views: &views, masks: &masks, depths: &depths, least: least(&views), behind };
+        let carved = Hull::carve(context, *hull.grid(), &evidence)?;
+        filling = coloured(&carved, &frames, &views, &depths);
+        clock.stage("filling");
+    }
+    let holes = fusion::holes(&stereo, &fusion::means(&filling, cell), cell);
+    let from_stereo = stereo.len();
+    let all: Vec<Sample> = stereo.into_iter().chain(holes).collect();
+    if all.len() < LEAST_POINTS {
+        return Err(Error::request(format!(
+            "only {} points were found; give photos with more overlap (--photos), --near and --far, or masks",
+            all.len()
+        )));
+    }
+    let out = to_internal.inverse();
+    let near = ranges.iter().map(|range| range[0]).fold(f64::INFINITY, f64::min);
+    let far = ranges.iter().map(|range| range[1]).fold(0.0, f64::max);
+    Ok(Reconstruction {
+        points: Points {
+            positions: all.iter().map(|sample| out.point(sample.position)).collect(),
+            normals: all.iter().map(|sample| sample.normal).collect(),
+            radii: vec![out.length(COVER * cell) as f32; all.len()],
+            colours: all.iter().map(|sample| sample.colour.round().to_array().map(|c| c as u8)).collect(),
+            oriented: true,
+            ..Points::default()
+        },
+        from_stereo,
+        photos: cameras.into_iter().map(|camera| camera.name).collect(),
+        pairs,
+        depths: [near, far].map(|depth| out.length(depth)),
+        kept,
+        seconds: clock.seconds,
+    })
+}
+
+/// The visual hull of the chosen photos alone, as oriented points in the capture's frame.
+///
+/// # Errors
+/// As [`reconstruct`], and where no photo has a mask.
+pub fn hull_of(context: &Arc<Context>, set: &PhotoSet, options: &Options) -> Result<Points> {
+    let chosen = choose_photos(set, options)?;
+    let cameras: Vec<Camera> = chosen.iter().map(|photo| photo.camera.clone()).collect();
+    let volume = find_volume(set, &cameras, options)?;
+    let to_internal = Similarity::to_unit_sphere(volume.centre, volume.radius);
+    let frames = Frame::read(&chosen, options.resolution, options.memory, &to_internal)?;
+    let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera.clone()).collect();
+    let views = device_views(&cameras, &vec![[0.5, 1.0]; cameras.len()]);
+    let hull = first_hull(context, &views, &masks(&frames))?;
+    let out = to_internal.inverse();
+    let (positions, normals) = hull.surface().into_iter().map(|(p, n)| (out.point(p), n)).unzip();
+    Ok(Points { positions, normals, oriented: true, ..Points::default() })
+}
+
+/// Masks of all frames' pixels; 1 where a frame has none.
+fn masks(frames: &[Frame]) -> Vec<f32> {
+    frames.iter().flat_map(|frame| frame.mask.clone().unwrap_or_else(|| vec![1.0; frame.len()])).collect()
+}
+
+/// Views that must hold a voxel of a hull.
+fn least(views: &[StereoView]) -> u32 {
+    (views.len() as u32).div_ceil(3).max(2)
+}
+
+/// The hull of the masks in the unit ball's cube, carved twice: the second grid is as tight as the first hull allows.
+fn first_hull(context: &Arc<Context>, views: &[StereoView], masks: &[f32]) -> Result<Hull> {
+    let depths = vec![0f32; masks.len()];
+    let evidence = Evidence { views, masks, depths: &depths, least: least(views), behind: 0.0 };
+    let bounds = |hull: &Hull| {
+        hull.bounds().ok_or_else(|| {
+            Error::request("the masks of the photos have nothing in common; check that poses and masks belong together")
+        })
+    };
+    let coarse = Hull::carve(context, grid(DVec3::NEG_ONE, DVec3::ONE), &evidence)?;
+    let (low, high) = bounds(&coarse)?;
+    let margin = DVec3::splat(coarse.grid().cell);
+    let hull = Hull::carve(context, grid(low - margin, high + margin), &evidence)?;
+    bounds(&hull)?;
+    Ok(hull)
+}
+
+/// Side of a cell that points are fused in, in voxels of the hull or else in pixels at the median depth: wider than depths are
+/// off, so that a surface is one layer.
+const FUSED_VOXELS: f64 = 2.0;
+const FUSED_PIXELS: f64 = 2.5;
+/// Radius of a point's disc in cells: points lie anywhere in theirs, and a surface of discs should have no gaps.
+const COVER: f64 = 1.25;
+/// Fewest points that are a surface.
+const LEAST_POINTS: usize = 100;
+
+/// Takes the time of stages.
+struct Clock {
+    last: Instant,
+    seconds: Vec<(&'static str, f64)>,
+}
+
+impl Clock {
+    fn stage(&mut self, name: &'static str) {
+        self.seconds.push((name, self.last.elapsed().as_secs_f64()));
+        self.last = Instant::now();
+    }
+}
+
+fn choose_photos(set: &PhotoSet, options: &Options) -> Result<Vec<Photo>> {
+    let usable: Vec<&Photo> = set.photos.iter().filter(|photo| photo.image.is_some()).collect();
+    let count = options.photos.min(usable.len());
+    if count < LEAST_PHOTOS {
+        let what = format!(
+            "{} of {} photos have images and {} are asked for; a surface needs at least {LEAST_PHOTOS}",
+            usable.len(),
+            set.photos.len(),
+            options.photos
+        );
+        return Err(Error::input(&set.path, what));
+    }
+    let directions: Vec<DVec3> = usable.iter().map(|photo| photo.camera.pose.forward()).collect();
+    Ok(choose::spread(&directions, count, options.seed).into_iter().map(|i| usable[i].clone()).collect())
+}
+
+fn find_volume(set: &PhotoSet, cameras: &[Camera], options: &Options) -> Result<Volume> {
+    let found = if options.use_points { volume::around_points(set) } else { volume::around_focus(cameras) };
+    let centre = || cameras.iter().map(|camera| camera.pose.position).sum::<DVec3>() / cameras.len() as f64;
+    found.or_else(|| options.depths.map(|[_, far]| Volume { centre: centre(), radius: far })).ok_or_else(|| {
+        Error::request(match options.use_points {
+            true => "the capture has no points to use; leave --use-points out",
+            false => "the cameras do not look at one place, so that nothing says how far the scene is; give --near and --far in the capture's units",
+        })
+    })
+}
+
+/// The grid of cubes over a box, [`HULL_CELLS`] along its longest side.
+fn grid(low: DVec3, high: DVec3) -> Grid {
+    let cell = (high - low).max_element() / f64::from(HULL_CELLS);
+    let along = |side: f64| ((side / cell).ceil() as u32).clamp(1, HULL_CELLS);
+    Grid { origin: low, cell, dims: (high - low).to_array().map(along) }
+}
+
+/// Depths between which a camera sees a box.
+fn box_depths(camera: &Camera, low: DVec3, high: DVec3) -> [f64; 2] {
+    let depth = |i: usize| {
+        let part = DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2 & 1) as f64);
+        (low + part * (high - low) - camera.pose.position).dot(camera.pose.forward())
+    };
+    let (near, far) = (0..8).map(depth).fold((f64::INFINITY, 0f64), |(near, far), d| (near.min(d), far.max(d)));
+    [near.max(0.1 * far), far]
+}
+
+/// The points of all depths, and the median width of a pixel at them.
+fn samples(
+    frames: &[Frame],
+    views: &[StereoView],
+    maps: &[DepthMap],
+    depths: &[f32],
+    inside: impl Fn(DVec3) -> bool,
+) -> (Vec<Sample>, f64) {
+    let mut samples = Vec::new();
+    let mut widths = Vec::new();
+    for ((frame, view), map) in frames.iter().zip(views).zip(maps) {
+        let Camera { pose, intrinsics, .. } = &frame.camera;
+        for pixel in 0..frame.len() as u32 {
+            let depth = depths[(view.first + pixel) as usize];
+            if depth <= 0.0 {
+                continue;
+            }
+            let [x, y] = [pixel % view.width, pixel / view.width];
+            let position = view.unproject(x as f32 + 0.5, y as f32 + 0.5, depth).as_dvec3();
+            if !inside(position) {
+                continue;
+            }
+            let normal = pose.rotation * map.normal(intrinsics, [x, y]);
+            let colour = DVec3::from_array(frame.colours[pixel as usize].map(f64::from));
+            samples.push(Sample { position, normal, colour });
+            widths.push(f64::from(depth) / intrinsics.focal[0]);
+        }
+    }
+    widths.sort_unstable_by(f64::total_cmp);
+    (samples, widths.get(widths.len() / 2).copied().unwrap_or(1.0))
+}
+
+/// The hull's surface, each point with its colour in the view that sees it most squarely, as far as depths tell.
+fn coloured(hull: &Hull, frames: &[Frame], views: &[StereoView], depths: &[f32]) -> Vec<Sample> {
+    let slack = 2.0 * hull.grid().cell as f32;
+    let colour = |p: Vec3, normal: Vec3| {
+        let mut best = (f32::NEG_INFINITY, DVec3::splat(128.0));
+        for (frame, view) in frames.iter().zip(views) {
+            let Some((texel, depth)) = view.texel(p) else { continue };
+            let square = normal.dot((Vec3::from(view.centre) - p).normalize());
+            let hidden = depths[texel] > 0.0 && depths[texel] < depth - slack;
+            if square > best.0 && !hidden {
+                best = (square, DVec3::from_array(frame.colours[texel - view.first as usize].map(f64::from)));
+            }
+        }
+        best.1
+    };
+    let sample = |(position, normal): (DVec3, DVec3)| Sample {
+        position,
+        normal,
+        colour: colour(position.as_vec3(), normal.as_vec3()),
+    };
+    hull.surface().into_iter().map(sample).collect()
+}
