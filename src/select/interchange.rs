@@ -11,6 +11,9 @@ const LEAST_GAIN: f64 = 1e-7;
 /// Part of what a swap promised before others were made that it must still be worth to be made in the same round.
 const STILL_WORTH: f64 = 0.5;
 
+/// Candidates whose gains are taken again together, so that threads have something to share.
+const TOGETHER: usize = 32;
+
 /// Swaps photos of `candidates` into slots that are not `fixed` while that lowers the cost; returns the cost at first and
 /// after every swap. Every round evaluates all candidates, then makes the best swap, and after it those of the others that
 /// are still worth half of what they promised. The cost falls with every swap.
@@ -48,8 +51,12 @@ fn without(candidates: &[usize], chosen: &[usize]) -> Vec<usize> {
     candidates.iter().copied().filter(|photo| chosen.binary_search(photo).is_err()).collect()
 }
 
-/// A candidate and the most that it can gain.
-struct Bound(f64, usize);
+/// The most that a candidate can gain, by its gain when there were so many photos.
+struct Bound {
+    gain: f64,
+    photo: usize,
+    photos: usize,
+}
 
 impl PartialEq for Bound {
     fn eq(&self, other: &Self) -> bool {
@@ -65,24 +72,28 @@ impl PartialOrd for Bound {
 impl Ord for Bound {
     /// Greater gains first, then lower indices.
     fn cmp(&self, other: &Self) -> Ordering {
-        self.0.total_cmp(&other.0).then(other.1.cmp(&self.1))
+        self.gain.total_cmp(&other.gain).then(other.photo.cmp(&self.photo))
     }
 }
 
 /// Adds candidates, each time the one that lowers the cost most, until there are `count`. Gains only shrink as photos are
 /// added, so that most need not be evaluated again (Minoux, "Accelerated greedy algorithms", 1978).
 pub fn grow(choice: &mut Choice<'_, '_>, candidates: &[usize], count: usize) {
-    let free = without(candidates, choice.chosen());
-    let gains = choice.gains(&free);
-    let mut bounds: BinaryHeap<Bound> = gains.into_iter().zip(&free).map(|(gain, photo)| Bound(gain, *photo)).collect();
+    let mut stale = without(candidates, choice.chosen());
+    let mut bounds = BinaryHeap::new();
     while choice.chosen().len() < count {
-        let Some(Bound(_, photo)) = bounds.pop() else { return };
-        let mut spared = vec![0.0; choice.chosen().len()];
-        let now = Bound(choice.gain(photo, &mut spared), photo);
-        if bounds.peek().is_some_and(|next| *next > now) {
-            bounds.push(now);
-        } else {
-            choice.add(photo);
+        let photos = choice.chosen().len();
+        let gains = choice.gains(&stale);
+        bounds.extend(gains.into_iter().zip(stale.drain(..)).map(|(gain, photo)| Bound { gain, photo, photos }));
+        match bounds.pop() {
+            None => return,
+            Some(best) if best.photos == photos => choice.add(best.photo),
+            Some(first) => {
+                stale.push(first.photo);
+                while stale.len() < TOGETHER && bounds.peek().is_some_and(|next| next.photos < photos) {
+                    stale.extend(bounds.pop().map(|next| next.photo));
+                }
+            }
         }
     }
 }

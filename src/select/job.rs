@@ -382,6 +382,7 @@ impl<'a> Prospect<'a> {
             })
         };
         match method {
+            // What swaps begin with.
             Method::Swap | Method::Assigned => Ok(pool.assigned(planned)),
             Method::Nearest => Ok(pool.nearest(planned)),
             Method::Random => Ok(pool.random()),
