@@ -7,6 +7,7 @@ pub mod footprint;
 pub mod job;
 pub mod planner;
 pub mod preparation;
+mod probes;
 pub mod record;
 pub mod relocate;
 pub mod shared;

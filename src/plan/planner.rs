@@ -7,10 +7,11 @@ use std::time::{Duration, Instant};
 use glam::Vec3;
 
 use super::binned::Binned;
-use super::config::{Config, Gate, Objective, Preset};
+use super::config::{Config, Gate, Objective};
 use super::dense::DENSE;
 use super::footprint::{self, Footprint};
 use super::preparation::{Preparation, dense_shape};
+use super::probes;
 use super::record::{IterationRecord, Status};
 use super::relocate::{RANK, RELOCATE};
 use super::shared::{Control, Gradient, Moments, Record, Settings, Splat, Tally, Terms};
@@ -18,8 +19,7 @@ use super::snapshot::{SNAPSHOT, SnapshotPush};
 use super::tally::mailbox;
 use super::update::UPDATE;
 use crate::scene::camera::Pose;
-use crate::scene::proxy::SurfacePoint;
-use crate::scene::{harmonics, octahedral};
+use crate::scene::octahedral;
 use crate::visibility::device_scene::DeviceScene;
 use crate::visibility::probe_depth::ProbeMaps;
 use crate::visibility::probe_lobe::{self, Lobe};
@@ -103,9 +103,9 @@ impl<'a> Planner<'a> {
         let Preparation { config, mut settings, points, start, start_scale, resolution, binned, footprint, .. } =
             preparation;
         footprint.check(context)?;
-        let points = reachable(context, scene, points, config.preset)?;
+        let points = probes::reachable(context, scene, points, config.preset)?;
         let maps = ProbeMaps::new(context, scene, &points, resolution)?;
-        let lobes = lobes(&config, &points);
+        let lobes = probes::lobes(&config, &points);
         settings.pool = maps.probes.len() as u32;
         settings.probes = settings.probes.min(settings.pool);
         let gate = match config.gate {
@@ -497,35 +497,6 @@ impl Buffers {
             mailbox: Buffer::host(context, "mailbox", plan.bytes_of("mailbox")?)?,
         })
     }
-}
-
-/// How the targets of `points` vary with direction; empty where they do not or shall not.
-fn lobes(config: &Config, points: &[SurfacePoint]) -> Vec<harmonics::Lobe> {
-    let varies = points.iter().any(|point| point.lobe != harmonics::Lobe::default());
-    let wanted = varies && config.vds && config.directional;
-    if wanted { points.iter().map(|point| point.lobe).collect() } else { Vec::new() }
-}
-
-/// The points that some feasible position sees, as far as a coarse map can tell; the others would only dilute a batch.
-fn reachable(
-    context: &Arc<Context>,
-    scene: &DeviceScene,
-    points: Vec<SurfacePoint>,
-    preset: Preset,
-) -> Result<Vec<SurfacePoint>> {
-    let maps = ProbeMaps::new(context, scene, &points, 16)?;
-    let seen: Vec<SurfacePoint> =
-        points.into_iter().zip(&maps.probes).filter(|(_, probe)| probe.sky > 0.0).map(|(point, _)| point).collect();
-    if seen.is_empty() {
-        let outside = match preset {
-            Preset::Object => "",
-            Preset::Room => ", or give --preset object for a surface that is seen from outside",
-        };
-        return Err(Error::request(format!(
-            "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance){outside}"
-        )));
-    }
-    Ok(seen)
 }
 
 /// Bytes of one element of the buffers whose structs are the planner's own.
