@@ -94,7 +94,7 @@ impl DepthMap {
     }
 
     /// Takes away the depths that stand in patches of fewer than `least` pixels; a patch goes on from a pixel to the next
-    /// where inverse depth changes by at most [`PATCH_STEP`]. Chance matches seldom have neighbours that agree.
+    /// where inverse depth changes by at most `PATCH_STEP`. Chance matches seldom have neighbours that agree.
     pub fn drop_specks(&mut self, width: usize, least: usize) {
         let found = |costs: &[f32], i: usize| costs[i] < NO_MATCH;
         let mut seen = vec![false; self.costs.len()];
