@@ -10,6 +10,7 @@
 pub mod error;
 pub mod io;
 pub mod metrics;
+mod parallel;
 pub mod photos;
 pub mod plan;
 pub mod primitives;

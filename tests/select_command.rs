@@ -54,7 +54,7 @@ fn place() -> Place {
         mask.save(folder.stage(&format!("masks/{}.png", camera.name)).unwrap()).unwrap();
     }
     folder.commit().unwrap();
-    place.write("poses.json", camsplat::io::transforms::write(&cameras, "none.ply"));
+    place.write("poses.json", camsplat::io::transforms::write(&cameras, None));
     place
 }
 
@@ -102,6 +102,32 @@ fn the_folder_is_a_capture_of_the_chosen_photos() {
     place.done(&format!("select poses.json --surface ball.ply --count 5 --out poses {SMALL}"));
     assert_eq!(io::read_cameras(&place.path("poses/transforms.json")).unwrap().len(), 5);
     assert!(!Path::new(&place.path("poses/images")).exists());
+}
+
+/// If this failed, a user would lose his photos: links to themselves in their place, and a model of the chosen few.
+#[test]
+fn a_capture_is_never_written_over() {
+    let place = place();
+    let before = place.files("capture");
+    for out in ["capture", "capture/images", "capture/sparse"] {
+        let ran = place.run(&format!("select capture --count 4 --out {out} --force {SMALL}"));
+        assert_eq!(ran.code, Some(2), "{out}: {}", ran.err);
+        assert!(ran.err.contains("would be written over") && ran.err.lines().count() == 1, "{}", ran.err);
+    }
+    for photo in before.iter().filter(|name| name.starts_with("images/")) {
+        assert!(image::open(place.path("capture").join(photo)).is_ok(), "{photo}");
+    }
+}
+
+/// If this failed, the chosen folder would list photos that it does not hold.
+#[test]
+fn photos_that_are_not_there_are_not_chosen() {
+    let place = place();
+    std::fs::remove_file(place.path("capture/images/photo_02.png")).unwrap();
+    let ran = place.done(&format!("select capture --count 5 --out o {SMALL}"));
+    assert!(ran.out.contains("1 photos whose image is missing"), "{}", ran.out);
+    assert!(!chosen(&place, "o").contains(&"photo_02.png".into()));
+    assert_eq!(place.files("o").iter().filter(|name| name.starts_with("images/")).count(), 5);
 }
 
 /// The same bits, whatever the threads of the device do.

@@ -95,15 +95,7 @@ impl RegionOptions {
     /// `stored`, the region of an earlier plan, where there is one.
     pub fn target(&self, path: &Path, intrinsics: &Intrinsics, stored: Option<Region>) -> Result<Target> {
         self.choice()?;
-        let (mut surface, notes) = io::read_surface_with_notes(path)?;
-        for note in notes {
-            say!("{note}");
-        }
-        if let Surface::Points(points) = &mut surface
-            && vds::score_by_variances(points)
-        {
-            say!("scores of view dependency are made from the splats' harmonics");
-        }
+        let surface = read_surface(path)?;
         // A reconstruction knows where cameras could stand: where they did.
         let photographed = if path.is_dir() { io::read_cameras(path).unwrap_or_default() } else { Vec::new() };
         let poses: Vec<Pose> = photographed.iter().map(|camera| camera.pose).collect();
@@ -161,6 +153,23 @@ impl RegionOptions {
         };
         Ok(RegionChoice { shape, floor: self.floor, clearance: self.clearance })
     }
+}
+
+/// Reads a surface, prints what was understood of it, and scores the points of trained splats.
+///
+/// # Errors
+/// As [`io::read_surface`].
+pub fn read_surface(path: &Path) -> Result<Surface> {
+    let (mut surface, notes) = io::read_surface_with_notes(path)?;
+    for note in notes {
+        say!("{note}");
+    }
+    if let Surface::Points(points) = &mut surface
+        && vds::score_by_variances(points)
+    {
+        say!("scores of view dependency are made from the splats' harmonics");
+    }
+    Ok(surface)
 }
 
 /// Prints what the validation layers said; nothing where they are off.

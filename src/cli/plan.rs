@@ -9,7 +9,6 @@ use clap::Args;
 use super::options::{CameraOptions, DeviceOptions, RegionOptions, print_messages};
 use super::progress::{Progress, stop_on_interrupt};
 use super::vds;
-use crate::Result;
 use crate::io;
 use crate::io::folder::{OutputFolder, check_file, write_files};
 use crate::metrics::Metrics;
@@ -24,6 +23,7 @@ use crate::visibility::device_scene::SceneGeometry;
 use crate::vulkan::Context;
 use crate::vulkan::capture::RenderDoc;
 use crate::vulkan::profile::Profile;
+use crate::{Error, Result};
 
 /// Arguments of `camsplat plan`.
 #[derive(Args, Debug)]
@@ -280,12 +280,14 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 /// The points of a capture, scored from its photos where it has any; none where the surface is no capture with points.
 /// The device is opened only for photos.
 fn captured(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<Option<(Surface, Vec<Pose>)>> {
-    if !arguments.surface.is_dir() {
+    if !arguments.surface.is_dir() && arguments.surface.extension().is_none_or(|extension| extension != "json") {
         return Ok(None);
     }
     let capture = io::photos::read(&arguments.surface, &io::photos::Options::default())?;
     if capture.points.positions.is_empty() {
-        return Ok(None);
+        let what =
+            "the capture holds no points; make a surface from its photos with `camsplat proxy` and plan for that";
+        return Err(Error::input(&arguments.surface, what));
     }
     for note in &capture.notes {
         say!("{note}");
@@ -305,7 +307,7 @@ fn captured(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<
         return Ok(Some((surface, poses)));
     }
     let context = opened.insert(arguments.device.open()?);
-    let settings = Settings { seed: arguments.tuning.seed, ..Settings::default() };
+    let settings = Settings { seed: arguments.tuning.seed, skip_unreadable: true, ..Settings::default() };
     Ok(Some((Surface::Points(vds::score(context, &capture, &surface, &settings)?.points), poses)))
 }
 

@@ -41,7 +41,7 @@ pub struct Arguments {
     /// Largest depth, in the capture's units [default: from the cameras]
     #[arg(long, requires = "near")]
     far: Option<f64>,
-    /// Go on without photos whose image is missing or cannot be read
+    /// Go on without photos whose image is missing or has no header that can be read
     #[arg(long)]
     skip_missing: bool,
     /// MiB that photos take together while they are decoded

@@ -7,8 +7,9 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::options::{CameraOptions, DeviceOptions, RegionOptions, parse_size, print_messages};
+use super::options::{CameraOptions, DeviceOptions, RegionOptions, parse_size, print_messages, read_surface};
 use super::plan::table;
+use super::progress::stop_on_interrupt;
 use crate::io::folder::OutputFolder;
 use crate::io::photos::Images;
 use crate::metrics::Metrics;
@@ -78,6 +79,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let folder = OutputFolder::create(&arguments.out, arguments.force)?;
     let set = capture(arguments)?;
+    check_apart(&arguments.out, &set)?;
     for note in &set.notes {
         say!("{note}");
     }
@@ -104,6 +106,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         device: format!("{} ({})", physical.name, physical.driver.trim()),
         copy: arguments.copy,
     };
+    // From here on the first Ctrl-C is not heard, so that no half of a folder is left.
+    stop_on_interrupt()?;
     let start = Instant::now();
     let path = folder.path().to_owned();
     for note in selection::write(&written, folder)? {
@@ -121,8 +125,17 @@ fn capture(arguments: &Arguments) -> Result<PhotoSet> {
         (None, None) => None,
         _ => return Err(Error::request("--fov and --size belong together; give both or none")),
     };
-    let images = if arguments.sharpness { Images::Needed } else { Images::Optional };
-    io::photos::read(&arguments.capture, &io::photos::Options { images, intrinsics })
+    let options = io::photos::Options { images: Images::Optional, intrinsics };
+    let set = io::photos::read(&arguments.capture, &options)?;
+    // A pool of poses alone is one to choose from; a photo that is not there among others that are is none.
+    let there = set.photos.iter().filter(|photo| photo.image.is_some()).count();
+    if there == 0 || there == set.photos.len() {
+        return Ok(set);
+    }
+    let missing = set.photos.len() - there;
+    let mut set = set.filtered(|photo| photo.image.is_some());
+    set.notes.push(format!("{missing} photos whose image is missing or unreadable are left out of the pool"));
+    Ok(set)
 }
 
 fn request(arguments: &Arguments, set: &PhotoSet) -> Result<Request> {
@@ -164,19 +177,34 @@ fn listed(file: &Path, number: &HashMap<&str, usize>) -> Result<Vec<usize>> {
     Ok(photos)
 }
 
+/// Refuses to write over the capture that is chosen from: its photos and model would be replaced by what was chosen.
+fn check_apart(out: &Path, set: &PhotoSet) -> Result<()> {
+    let real = |path: &Path| std::fs::canonicalize(path).ok();
+    let Some(out) = real(out) else { return Ok(()) };
+    let sources = set.photos.iter().flat_map(|photo| photo.image.iter().chain(&photo.mask)).map(PathBuf::as_path);
+    let inside = |path: &Path| path.parent().and_then(real).is_some_and(|folder| folder.starts_with(&out));
+    // A capture may be a file, or a model two folders down.
+    let model = io::colmap::model_folder(&set.path);
+    let capture = [Some(set.path.clone()), model]
+        .into_iter()
+        .flatten()
+        .any(|path| real(&path).is_some_and(|path| path.starts_with(&out)));
+    if capture || sources.into_iter().any(inside) {
+        return Err(Error::input(out, "the capture itself lies here and would be written over; name another folder"));
+    }
+    Ok(())
+}
+
 fn target(arguments: &Arguments, set: &PhotoSet) -> Result<Target> {
     let Some(first) = set.photos.first() else { return Err(Error::input(&set.path, "it holds no posed photos")) };
     let poses: Vec<Pose> = set.photos.iter().map(|photo| photo.camera.pose).collect();
     let (surface, path) = match &arguments.surface {
-        Some(path) => {
-            let (surface, notes) = io::read_surface_with_notes(path)?;
-            for note in notes {
-                say!("{note}");
-            }
-            (surface, path.as_path())
-        }
+        Some(path) => (read_surface(path)?, path.as_path()),
         None if set.points.positions.is_empty() => {
-            return Err(Error::input(&set.path, "the capture has no points; give its surface with --surface"));
+            return Err(Error::input(
+                &set.path,
+                "the capture has no points; give its surface with --surface, or make one with `camsplat proxy`",
+            ));
         }
         None => (Surface::Points(set.points.clone()), set.path.as_path()),
     };

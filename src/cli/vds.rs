@@ -14,7 +14,7 @@ use crate::io::folder::{check_file, write_files};
 use crate::io::photos::{Images, Options};
 use crate::photos::PhotoSet;
 use crate::scene::surface::Surface;
-use crate::vds::job::{self, Settings};
+use crate::vds::job::{self, Event, Settings};
 use crate::vds::{Estimate, picture, quantile};
 use crate::vulkan::Context;
 use crate::{Error, Result};
@@ -77,6 +77,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         seed: arguments.seed,
         exposure: !arguments.no_exposure,
         memory: arguments.memory.saturating_mul(1 << 20),
+        skip_unreadable: arguments.skip_missing,
     };
     let context = arguments.device.open()?;
     let estimate = score(&context, &capture, &surface, &settings)?;
@@ -101,7 +102,10 @@ fn sparse_points(capture: &PhotoSet) -> Result<Surface> {
 pub fn score(context: &Arc<Context>, capture: &PhotoSet, surface: &Surface, settings: &Settings) -> Result<Estimate> {
     let start = Instant::now();
     let bar = ProgressBar::new(capture.photos.len() as u64).with_message("photos");
-    let estimate = job::run(context, capture, surface, settings, |done| bar.set_position(done as u64));
+    let estimate = job::run(context, capture, surface, settings, |event| match event {
+        Event::Done(done) => bar.set_position(done as u64),
+        Event::Skipped(error) => bar.suspend(|| complain!("left out: {error}")),
+    });
     bar.finish_and_clear();
     let estimate = estimate?;
     print(&estimate, start.elapsed().as_secs_f64());

@@ -119,10 +119,14 @@ impl OutputFolder {
 /// Checks, before anything has been computed, that a file can be written at `path`, and leaves nothing there.
 ///
 /// # Errors
-/// When the path is a folder, lies in none, or in one that cannot be written to.
+/// When the path is a folder or a device, lies in no folder, or in one that cannot be written to.
 pub fn check_file(path: &Path) -> Result<()> {
     if path.is_dir() {
         return Err(Error::input(path, "a folder stands here; name a file"));
+    }
+    // Moving a file onto a device would replace the device.
+    if path.exists() && !path.is_file() {
+        return Err(Error::input(path, "what stands here is no regular file; name another"));
     }
     check_parent(path)
 }

@@ -1,6 +1,7 @@
 //! The folder that a selection leaves: the chosen photos as a capture of their own, what each is worth, what is still
 //! unseen, and the record.
 
+use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
@@ -16,7 +17,7 @@ use crate::metrics::{Metrics, PointMetrics};
 use crate::photos::{Convention, Photo, PhotoSet};
 use crate::plan::job::Target;
 use crate::plan::record::{ControlRecord, IterationRecord, PlanRecord, Status, SurfaceRecord};
-use crate::scene::camera::Camera;
+use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::proxy::Occluder;
 use crate::scene::region::Region;
 use crate::select::job::{Request, Selection};
@@ -95,7 +96,10 @@ pub fn write(written: &Written<'_>, folder: OutputFolder) -> Result<Vec<String>>
         .collect();
     folder.write("unseen.ply", export::coverage_ply(&unseen, &shown, (0.0, 1.0)))?;
     if !suggested.is_empty() {
-        folder.write("suggested.json", transforms::write(suggested, "points.ply"))?;
+        folder.write(
+            "suggested.json",
+            transforms::write(suggested, (!kept_points(written).is_empty()).then_some("points.ply")),
+        )?;
         folder.write("suggested.csv", export::cameras_csv(suggested))?;
     }
     let record = Record {
@@ -133,24 +137,43 @@ pub fn write(written: &Written<'_>, folder: OutputFolder) -> Result<Vec<String>>
 fn capture(written: &Written<'_>, folder: &OutputFolder) -> Result<Vec<String>> {
     let Written { set, selection, .. } = written;
     let photos: Vec<&Photo> = selection.chosen.iter().map(|chosen| &set.photos[chosen.photo]).collect();
+    let mut rescaled = false;
     if let (Convention::Colmap, Some(model)) = (set.convention, colmap::model_folder(&set.path)) {
         let names: Vec<String> = photos.iter().map(|photo| photo.camera.name.clone()).collect();
-        for (name, bytes) in colmap::subset(&model, &names)?.files {
+        // The subset keeps the model's cameras to the bit, which are those of the photos' full size.
+        let full: HashMap<String, Intrinsics> = colmap::cameras(&model, &mut Vec::new())?
+            .into_iter()
+            .map(|camera| (camera.name, camera.intrinsics))
+            .collect();
+        rescaled = photos.iter().any(|photo| full.get(&photo.camera.name) != Some(&photo.camera.intrinsics));
+        let files = if rescaled { Vec::new() } else { colmap::subset(&model, &names)?.files };
+        for (name, bytes) in files {
             folder.write(&format!("sparse/0/{name}"), bytes)?;
         }
     }
-    let is_chosen = |photo: &u32| selection.chosen.binary_search_by_key(&(*photo as usize), |c| c.photo).is_ok();
-    let kept: Vec<usize> = (0..set.points.positions.len())
-        .filter(|point| set.tracks.get(*point).is_none_or(|track| track.iter().any(is_chosen)))
-        .collect();
+    let kept = kept_points(written);
     if !kept.is_empty() {
         let positions: Vec<DVec3> = kept.iter().map(|point| set.points.positions[*point]).collect();
         let colours: Vec<[u8; 3]> = kept.iter().filter_map(|point| set.points.colours.get(*point).copied()).collect();
         folder.write("points.ply", ply::write::points(&positions, &colours, None))?;
     }
-    let (text, notes) = transforms::write_photos(&photos, (!kept.is_empty()).then_some("points.ply"));
+    let (text, mut notes) = transforms::write_photos(&photos, (!kept.is_empty()).then_some("points.ply"));
     folder.write("transforms.json", text)?;
+    if rescaled {
+        notes.push(
+            "sparse/0 is left out: the images are of another size than the model's; transforms.json has theirs".into(),
+        );
+    }
     Ok(notes)
+}
+
+/// The capture's points that a chosen photo saw, or all where nothing says who saw what.
+fn kept_points(written: &Written<'_>) -> Vec<usize> {
+    let Written { set, selection, .. } = written;
+    let is_chosen = |photo: &u32| selection.chosen.binary_search_by_key(&(*photo as usize), |c| c.photo).is_ok();
+    (0..set.points.positions.len())
+        .filter(|point| set.tracks.get(*point).is_none_or(|track| track.iter().any(is_chosen)))
+        .collect()
 }
 
 /// Links or copies the chosen images to `images/` and their masks to `masks/`.

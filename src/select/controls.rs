@@ -7,8 +7,8 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::assignment::assign;
-use super::parallel::in_parallel;
 use super::sight::Sight;
+use crate::parallel::in_parallel;
 use crate::photos::PhotoSet;
 use crate::scene::camera::Pose;
 use crate::scene::random;
@@ -103,17 +103,17 @@ impl Pool<'_> {
     /// Farthest view sampling: again and again the photo whose distance to the nearest chosen one is greatest; the first at
     /// random. None where counting shared points would take too long.
     pub fn farthest(&self, distance: Distance) -> Option<Vec<usize>> {
-        let lists = if distance == Distance::Shared { self.saw() } else { Vec::new() };
         if distance == Distance::Shared && self.set.photos.len() > MOST_SHARED {
             return None;
         }
-        let most = (0..lists.len()).map(|photo| most_shared(&lists, photo)).max().unwrap_or(0).max(1);
+        let shared = (distance == Distance::Shared).then(|| Shared::new(self.saw()));
+        let most = shared.as_ref().map_or(1, Shared::most);
         let centre = self.region.bounding_sphere().0;
         let outward = |photo: usize| (self.pose(photo).position - centre).try_normalize().unwrap_or(DVec3::Z);
         let mut chosen = self.must.to_vec();
         let mut apart = vec![f64::INFINITY; self.set.photos.len()];
         let mut near = |photo: usize| {
-            let shared = if lists.is_empty() { Vec::new() } else { shared_with(&lists, photo) };
+            let shared = shared.as_ref().map_or_else(Vec::new, |shared| shared.with(photo));
             for &other in self.allowed {
                 let great_circle = || 2.0 * (0.5 * outward(photo).distance(outward(other))).min(1.0).asin();
                 let away = match distance {
@@ -186,26 +186,40 @@ impl Pool<'_> {
     }
 }
 
-/// Points that each photo shares with one.
-fn shared_with(lists: &[Vec<u32>], photo: usize) -> Vec<u32> {
-    lists.iter().map(|list| common(list, &lists[photo])).collect()
+/// Points that photos have in common.
+struct Shared {
+    /// Points of each photo.
+    points: Vec<Vec<u32>>,
+    /// Photos of each point.
+    photos: Vec<Vec<u32>>,
 }
 
-/// The most points that a photo shares with another.
-fn most_shared(lists: &[Vec<u32>], photo: usize) -> u32 {
-    let others = lists.iter().enumerate().filter(|(other, _)| *other != photo);
-    others.map(|(_, list)| common(list, &lists[photo])).max().unwrap_or(0)
-}
-
-/// Items that two ascending lists have in common.
-fn common(a: &[u32], b: &[u32]) -> u32 {
-    let (mut i, mut j, mut count) = (0, 0, 0);
-    while i < a.len() && j < b.len() {
-        match a[i].cmp(&b[j]) {
-            std::cmp::Ordering::Less => i += 1,
-            std::cmp::Ordering::Greater => j += 1,
-            std::cmp::Ordering::Equal => (i, j, count) = (i + 1, j + 1, count + 1),
+impl Shared {
+    fn new(points: Vec<Vec<u32>>) -> Self {
+        let count = points.iter().flatten().max().map_or(0, |most| *most as usize + 1);
+        let mut photos = vec![Vec::new(); count];
+        for (photo, points) in (0u32..).zip(&points) {
+            points.iter().for_each(|point| photos[*point as usize].push(photo));
         }
+        Self { points, photos }
     }
-    count
+
+    /// How many points each photo shares with `photo`, itself included.
+    fn with(&self, photo: usize) -> Vec<u32> {
+        let mut counts = vec![0; self.points.len()];
+        for point in &self.points[photo] {
+            self.photos[*point as usize].iter().for_each(|other| counts[*other as usize] += 1);
+        }
+        counts
+    }
+
+    /// The most points that any two photos share; at least 1.
+    fn most(&self) -> u32 {
+        let mut most = vec![1; self.points.len()];
+        in_parallel(&mut most, 1, |photo, most| {
+            let others = self.with(photo).into_iter().enumerate().filter(|(other, _)| *other != photo);
+            most[0] = others.map(|(_, count)| count).max().unwrap_or(0).max(1);
+        });
+        most.into_iter().max().unwrap_or(1)
+    }
 }

@@ -9,7 +9,6 @@ pub mod controls;
 pub mod interchange;
 pub mod job;
 pub mod objective;
-mod parallel;
 pub mod score;
 pub mod sharpness;
 pub mod sight;

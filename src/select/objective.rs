@@ -9,8 +9,8 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use super::parallel::{in_parallel, with_scratch};
 use super::sight::Survey;
+use crate::parallel::{in_parallel, with_scratch};
 use crate::scene::octahedral;
 
 /// A direction counts at a point where some photo of the pool that sees the point lies within this angle of it.

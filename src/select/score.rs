@@ -3,10 +3,10 @@
 use glam::DVec3;
 
 use super::objective::REACH_DEG;
-use super::parallel::in_parallel;
 use super::sight::Survey;
 use crate::metrics::PointMetrics;
 use crate::metrics::score_point::{RESOLUTION, of_rays};
+use crate::parallel::in_parallel;
 use crate::photos::PhotoSet;
 use crate::scene::octahedral;
 

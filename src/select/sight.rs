@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use super::parallel::in_parallel;
 use crate::Result;
+use crate::parallel::in_parallel;
 use crate::photos::Photo;
 use crate::scene::lens::Lens;
 use crate::scene::proxy::SurfacePoint;

@@ -152,7 +152,7 @@ mod tests {
         assert_eq!(holes(&fused, &fill, 0.1), [fill[1]]);
     }
 
-    /// If this failed, the order of the photos' pixels could change where points are put.
+    /// If this failed, points would not stand in the middle of what fell into their cell.
     #[test]
     fn means_are_of_cells() {
         let at = |x: f64| Sample { position: DVec3::new(x, 0.5, 0.5), normal: DVec3::X, colour: DVec3::splat(x) };

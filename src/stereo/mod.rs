@@ -338,14 +338,15 @@ fn grid(low: DVec3, high: DVec3) -> Grid {
     Grid { origin: low, cell, dims: (high - low).to_array().map(along) }
 }
 
-/// Depths between which a camera sees a box.
+/// Depths between which a camera sees a box: something small, where it looks away from it.
 fn box_depths(camera: &Camera, low: DVec3, high: DVec3) -> [f64; 2] {
     let depth = |i: usize| {
         let part = DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2 & 1) as f64);
         (low + part * (high - low) - camera.pose.position).dot(camera.pose.forward())
     };
     let (near, far) = (0..8).map(depth).fold((f64::INFINITY, 0f64), |(near, far), d| (near.min(d), far.max(d)));
-    [near.max(0.1 * far), far]
+    let far = far.max(1e-3 * (high - low).length());
+    [near.clamp(0.1 * far, 0.9 * far), far]
 }
 
 /// The points of all depths, and the median width of a pixel at them.

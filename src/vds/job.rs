@@ -32,16 +32,32 @@ pub struct Settings {
     pub exposure: bool,
     /// Bytes that photos being decoded take together; see [`decode::Settings::memory`].
     pub memory: u64,
+    /// Whether a photo that cannot be decoded is left out; else it is an error.
+    pub skip_unreadable: bool,
+}
+
+/// What is heard of a run while it goes on.
+pub enum Event<'e> {
+    /// Photos done.
+    Done(usize),
+    /// A photo was left out, and why.
+    Skipped(&'e Error),
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { points: None, seed: 0, exposure: true, memory: decode::Settings::default().memory }
+        Self {
+            points: None,
+            seed: 0,
+            exposure: true,
+            memory: decode::Settings::default().memory,
+            skip_unreadable: false,
+        }
     }
 }
 
 /// Scores points of `surface`, which is in the frame of `capture`, from the photos of the capture that have an image.
-/// `progress` hears how many photos are done.
+/// `observe` hears how it goes on.
 ///
 /// # Errors
 /// A surface that makes no sense; an image that cannot be read; no point that two photos see; a device that fails.
@@ -50,7 +66,7 @@ pub fn run(
     capture: &PhotoSet,
     surface: &Surface,
     settings: &Settings,
-    mut progress: impl FnMut(usize),
+    mut observe: impl FnMut(Event<'_>),
 ) -> Result<Estimate> {
     let capture = capture.clone().filtered(|photo| photo.image.is_some());
     let photos = &capture.photos;
@@ -71,9 +87,14 @@ pub fn run(
     let scene = Scene::new(&proxy, &points, photos)?.with_tracks(&points, &capture);
     let mut done = 0;
     let observations = scene.observe(context, || {
-        progress(done);
-        done += 1;
-        decoder.next().map(|decoded| decoded.map(pyramid)).transpose()
+        loop {
+            observe(Event::Done(done));
+            done += 1;
+            match decoder.next() {
+                Some(Err(error)) if settings.skip_unreadable => observe(Event::Skipped(&error)),
+                decoded => return decoded.map(|decoded| decoded.map(pyramid)).transpose(),
+            }
+        }
     })?;
     let vdsf = Vdsf::embedded();
     let estimate = estimate(&points, photos, &observations, settings.exposure, |v| vdsf.apply(v));

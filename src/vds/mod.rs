@@ -15,13 +15,12 @@ pub mod pyramid;
 pub mod variance;
 pub mod vdsf;
 
-use std::thread;
-
 use glam::DVec3;
 
 use self::gains::Gains;
 use self::observe::Observations;
 use self::vdsf::Vdsf;
+use crate::parallel::in_parallel;
 use crate::photos::Photo;
 use crate::scene::harmonics::Lobe;
 use crate::scene::proxy::SurfacePoint;
@@ -49,6 +48,9 @@ pub struct Estimate {
     pub level: Option<f64>,
 }
 
+/// Points that a thread takes at a time.
+const POINTS_AT_ONCE: usize = 256;
+
 /// Luma that the points are brought to: middle grey, what the photos are exposed for that the VDSF is made from.
 pub const GREY: f64 = 0.18;
 
@@ -68,7 +70,12 @@ pub fn estimate(
     vdsf: impl Fn(f64) -> f64,
 ) -> Estimate {
     let gains = if exposure { Gains::fit(observations, photos.len()) } else { Gains::none(photos.len()) };
-    let told = in_parallel(points.len(), |i| tell(points[i].position, photos, observations.of(i), &gains));
+    let mut told: Vec<Told> = vec![(None, Lobe::default()); points.len()];
+    in_parallel(&mut told, POINTS_AT_ONCE, |chunk, told| {
+        for (i, told) in (chunk * POINTS_AT_ONCE..).zip(told) {
+            *told = tell(points[i].position, photos, observations.of(i), &gains);
+        }
+    });
     let means = || told.iter().filter_map(|(moments, _)| moments.map(|(_, mean)| mean)).collect::<Vec<_>>();
     let level = exposure.then(|| quantile(means(), 0.5)).filter(|level| *level > 0.0);
     let factor = level.map_or(1.0, |level| (GREY / level).powi(2));
@@ -123,7 +130,11 @@ fn tell(position: DVec3, photos: &[Photo], (seen_in, intensities): (&[u32], &[f3
         seen_in.iter().map(|k| (photos[*k as usize].camera.pose.position - position).normalize_or_zero()).collect();
     let corrected: Vec<f64> =
         seen_in.iter().zip(intensities).map(|(k, v)| gains.corrected(*k as usize, f64::from(*v))).collect();
-    match variance::variance(&corrected, &toward) {
+    // A view that is not believed is no reason to look there either.
+    let believed = variance::believed(&corrected, &toward);
+    let (corrected, toward): (Vec<f64>, Vec<DVec3>) =
+        corrected.into_iter().zip(toward).zip(believed).filter(|(_, believed)| *believed).map(|(view, _)| view).unzip();
+    match variance::moments(&corrected) {
         Some((variance, mean)) => (Some((variance, mean)), lobes::lobe(&corrected, &toward, mean)),
         None => (None, Lobe::default()),
     }
@@ -136,63 +147,4 @@ pub fn quantile(mut values: Vec<f64>, part: f64) -> f64 {
     }
     let at = (part * (values.len() - 1) as f64).round() as usize;
     *values.select_nth_unstable_by(at, f64::total_cmp).1
-}
-
-/// `of` for each index below `count`, on all cores.
-fn in_parallel<T: Clone + Default + Send>(count: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    let workers = thread::available_parallelism().map_or(1, |n| n.get());
-    let part = count.div_ceil(workers).max(1);
-    let mut values = vec![T::default(); count];
-    thread::scope(|scope| {
-        let of = &of;
-        for (k, values) in values.chunks_mut(part).enumerate() {
-            scope.spawn(move || (k * part..).zip(values).for_each(|(i, value)| *value = of(i)));
-        }
-    });
-    values
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::camera::{Camera, Intrinsics, Pose};
-    use crate::scene::lens::Distortion;
-
-    /// If this failed, a point that no photo tells of would be planned for as if it were glossy, or the scale of the
-    /// scores would be set by a stray.
-    #[test]
-    fn scores_span_one_to_two_and_unknown_points_have_one() {
-        let photo = |k: u32| {
-            let pose = Pose::looking(DVec3::new(f64::from(k), 0.0, 5.0), DVec3::NEG_Z, DVec3::Y);
-            let camera = Camera { name: k.to_string(), pose, intrinsics: Intrinsics::from_fov(10, 10, 1.0) };
-            Photo { camera, distortion: Distortion::default(), image: None, mask: None }
-        };
-        let photos: Vec<Photo> = (0..3).map(photo).collect();
-        let point = SurfacePoint {
-            position: DVec3::ZERO,
-            normal: DVec3::Z,
-            radius: 0.1,
-            lift: 0.0,
-            colour: [0; 3],
-            score: 1.0,
-            lobe: Lobe::default(),
-        };
-        // Point p varies by p hundredths; the last two are seen once and never.
-        let mut observations = Observations { starts: vec![0], ..Observations::default() };
-        for p in 0..202u32 {
-            let seen = if p < 200 { 3 } else { 201 - p };
-            observations.photos.extend(0..seen);
-            observations.intensities.extend((0..seen).map(|k| 0.3 + 0.001 * (p * k) as f32));
-            observations.starts.push(observations.photos.len());
-        }
-        let estimate = estimate(&vec![point; 202], &photos, &observations, false, |v| v);
-        let scores = &estimate.points.scores;
-        assert!(scores[..200].windows(2).all(|pair| pair[0] <= pair[1]), "{scores:?}");
-        assert_eq!(
-            [scores[0], scores[2], scores[197], scores[199], scores[200], scores[201]],
-            [1.0, 1.0, 2.0, 2.0, 1.0, 1.0]
-        );
-        assert!(scores[100] > 1.2 && scores[100] < 1.3, "a quarter of the greatest variance: {}", scores[100]);
-        assert_eq!((&estimate.views[199..], estimate.variances[200], estimate.level), (&[3, 1, 0][..], None, None));
-    }
 }

@@ -161,8 +161,7 @@ impl Scene {
         let surface = Buffer::from_slice(context, "surface", &self.points)?;
         let views = Buffer::from_slice(context, "views", &self.views)?;
         let pipeline = Pipeline::new(context, &OBSERVE, &[0, 0, 0, 0, 0, discs])?;
-        // Rounding may leave a stored image a pixel larger than the camera's.
-        let texels = |view: &LensView| Pyramid::size(view.size[0] as u32 + 1, view.size[1] as u32 + 1);
+        let texels = |view: &LensView| Pyramid::size(view.size[0] as u32, view.size[1] as u32);
         let room = 4 * (self.views.iter().map(texels).max().unwrap_or(0) + self.points.len().div_ceil(32) as u64);
         let slot = || -> Result<Slot> {
             Ok(Slot {
@@ -182,8 +181,10 @@ impl Scene {
             {
                 commands.wait()?;
                 let intensities: &[f32] = bytemuck::cast_slice(slot.intensities.mapped());
-                let shown = (0..).zip(&intensities[..self.points.len()]).filter(|(_, v)| **v >= 0.0);
-                seen[view] = shown.map(|(point, v)| (point, *v)).collect();
+                let shown = || (0..).zip(&intensities[..self.points.len()]).filter(|(_, v)| **v >= 0.0);
+                // Counted first: room to spare in thousands of lists would add up.
+                seen[view].reserve_exact(shown().count());
+                seen[view].extend(shown().map(|(point, v)| (point, *v)));
                 free.push(slot);
             }
             let Some((view, mut pyramid)) = photo else {

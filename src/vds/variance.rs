@@ -27,18 +27,22 @@ const WITNESSED: f64 = 0.25;
 /// few views see.
 pub fn variance(intensities: &[f64], toward: &[DVec3]) -> Option<(f64, f64)> {
     let believed = believed(intensities, toward);
-    let all = || intensities.iter().zip(&believed).filter(|(_, believed)| **believed).map(|(v, _)| *v);
-    let count = all().count();
+    moments(&intensities.iter().zip(&believed).filter(|(_, believed)| **believed).map(|(v, _)| *v).collect::<Vec<_>>())
+}
+
+/// Variance and mean as [`variance`] has them, of intensities that are all believed.
+pub fn moments(intensities: &[f64]) -> Option<(f64, f64)> {
+    let count = intensities.len();
     if count < 2 {
         return None;
     }
-    let mean = all().sum::<f64>() / count as f64;
-    let squares: f64 = all().map(|v| (v - mean) * (v - mean)).sum();
+    let mean = intensities.iter().sum::<f64>() / count as f64;
+    let squares: f64 = intensities.iter().map(|v| (v - mean) * (v - mean)).sum();
     Some((squares / (count - 1) as f64, mean))
 }
 
-/// Which views are believed.
-fn believed(intensities: &[f64], toward: &[DVec3]) -> Vec<bool> {
+/// Which views [`variance`] believes.
+pub fn believed(intensities: &[f64], toward: &[DVec3]) -> Vec<bool> {
     if intensities.len() < LEAST_VIEWS {
         return vec![true; intensities.len()];
     }

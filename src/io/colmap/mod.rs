@@ -34,7 +34,7 @@ pub struct Projection {
     pub one_focal: bool,
 }
 
-/// Every model that COLMAP knows.
+/// The models that COLMAP numbers 0 to 11; later ones are refused by their number.
 pub const PROJECTIONS: [Projection; 12] = [
     projection(0, "SIMPLE_PINHOLE", 3, true),
     projection(1, "PINHOLE", 4, false),
@@ -328,4 +328,66 @@ pub fn points_surface(path: &Path, points: &[Point], centres: &HashMap<u32, DVec
         surface.toward_cameras.push(toward.normalize_or_zero());
     }
     checks::surface(path, Surface::Points(surface))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, the coefficients of a lens would be taken for one another: each model at one point, by the formulae of
+    /// COLMAP's `models.h` written out, with a different number for every parameter.
+    #[test]
+    fn every_model_bends_as_colmap_says() {
+        let (u, v) = (0.4f64, -0.3f64);
+        let r2 = u * u + v * v;
+        let r = r2.sqrt();
+        let theta = r.atan();
+        let (fu, fv) = (u * theta / r, v * theta / r);
+        let t2 = theta * theta;
+        let series = |k: &[f64], x: f64| k.iter().rev().fold(0.0, |sum, k| (sum + k) * x);
+        let tangent = |x: f64, y: f64, p1: f64, p2: f64| {
+            let r2 = x * x + y * y;
+            (2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), 2.0 * p2 * x * y + p1 * (r2 + 2.0 * y * y))
+        };
+        let full = (1.0 + series(&[0.1, 0.02, 0.03], r2)) / (1.0 + series(&[0.04, 0.05, 0.06], r2));
+        let (tu, tv) = tangent(u, v, 1e-3, 2e-3);
+        let (gu, gv) = tangent(fu, fv, 1e-3, 2e-3);
+        let prism = 1.0 + series(&[0.1, 0.02, 0.03, 0.04], t2);
+        let fov = (2.0 * r * 0.4f64.tan()).atan() / (r * 0.8);
+        let six = 1.0 + series(&[0.1, 0.02, 0.03, 0.04, 0.05, 0.06], t2);
+        let (su, sv) = (six * fu, six * fv);
+        let s2 = su * su + sv * sv;
+        let both = 2.0 * (1e-3 * su + 2e-3 * sv);
+        let cases: [(&str, &[f64], [f64; 2]); 8] = [
+            ("RADIAL", &[0.1, 0.02], [u, v].map(|x| x * (1.0 + series(&[0.1, 0.02], r2)))),
+            ("FULL_OPENCV", &[0.1, 0.02, 1e-3, 2e-3, 0.03, 0.04, 0.05, 0.06], [u * full + tu, v * full + tv]),
+            ("FOV", &[0.8], [u * fov, v * fov]),
+            ("OPENCV_FISHEYE", &[0.1, 0.02, 0.03, 0.04], [fu * prism, fv * prism]),
+            ("SIMPLE_RADIAL_FISHEYE", &[0.1], [fu, fv].map(|x| x * (1.0 + 0.1 * t2))),
+            ("RADIAL_FISHEYE", &[0.1, 0.02], [fu, fv].map(|x| x * (1.0 + series(&[0.1, 0.02], t2)))),
+            (
+                "THIN_PRISM_FISHEYE",
+                &[0.1, 0.02, 1e-3, 2e-3, 0.03, 0.04, 5e-3, 6e-3],
+                [fu * prism + gu + 5e-3 * t2, fv * prism + gv + 6e-3 * t2],
+            ),
+            (
+                "RAD_TAN_THIN_PRISM_FISHEYE",
+                &[0.1, 0.02, 0.03, 0.04, 0.05, 0.06, 1e-3, 2e-3, 5e-3, 6e-3, 7e-3, 8e-3],
+                [
+                    su + both * su + s2 * 1e-3 + 5e-3 * s2 + 6e-3 * s2 * s2,
+                    sv + both * sv + s2 * 2e-3 + 7e-3 * s2 + 8e-3 * s2 * s2,
+                ],
+            ),
+        ];
+        for (name, distortion, expected) in cases {
+            let projection = *PROJECTIONS.iter().find(|p| p.name == name).unwrap();
+            let focal: &[f64] = if projection.one_focal { &[100.0] } else { &[100.0, 100.0] };
+            let parameters = [focal, &[50.0, 60.0], distortion].concat();
+            let lens = Lens::new(projection, [100, 120], &parameters).unwrap();
+            let bent = lens.unified().distort(glam::DVec2::new(u, v)).to_array();
+            for axis in 0..2 {
+                assert!((bent[axis] - expected[axis]).abs() < 1e-12, "{name}: {bent:?} instead of {expected:?}");
+            }
+        }
+    }
 }

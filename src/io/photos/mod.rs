@@ -73,8 +73,10 @@ pub fn read(path: &Path, options: &Options) -> Result<PhotoSet> {
     let Settled { mut missing, rescaled } = files::settle(&mut found.photos)?;
     missing.append(&mut found.missing_masks);
     if !missing.is_empty() && options.images == Images::Needed {
-        let what =
-            format!("missing or unreadable: {}; bring them back, or go on without (--skip-missing)", some(&missing));
+        let all = found.photos.iter().all(|photo| photo.image.is_none());
+        let way_out =
+            if all { "give the folder with the images" } else { "bring them back, or go on without (--skip-missing)" };
+        let what = format!("missing or unreadable: {}; {way_out}", some(&missing));
         return Err(Error::input(path, what));
     }
     if rescaled > 0 {

@@ -20,15 +20,15 @@ type View<'a> = (&'a Camera, Distortion, bool);
 /// matrices in the untouched world frame, `camera_model` OPENCV without distortion (some loaders refuse PINHOLE), and
 /// both camera angles (some need them where images are not square). Images are named `images/` and
 /// [`crate::io::export::image_name`]. Intrinsics stand at the top where all cameras share them, else in each frame.
-/// `ply_file_path` is the seed cloud, relative to the file.
-pub fn write(cameras: &[Camera], ply_file_path: &str) -> String {
+/// `ply_file_path` is the seed cloud, relative to the file, where there is one.
+pub fn write(cameras: &[Camera], ply_file_path: Option<&str>) -> String {
     let views: Vec<View> = cameras.iter().map(|camera| (camera, Distortion::default(), false)).collect();
-    text(&views, Some(ply_file_path))
+    text(&views, ply_file_path)
 }
 
 /// As [`write()`], for photos: with their distortion, as OPENCV or OPENCV_FISHEYE, and with `masks/NAME.png` for those that
 /// have a mask. The second value is what must be said: how many lenses the format cannot express, which are written
-/// as pinholes.
+/// as pinholes, and whether fisheyes and others are mixed.
 pub fn write_photos(photos: &[&Photo], ply_file_path: Option<&str>) -> (String, Vec<String>) {
     let mut beyond = 0;
     let views: Vec<View> = photos
@@ -45,6 +45,14 @@ pub fn write_photos(photos: &[&Photo], ply_file_path: Option<&str>) -> (String, 
         notes.push(format!(
             "transforms.json cannot express the lenses of {beyond} of {} photos: they stand in it as pinholes; train \
              from the COLMAP model",
+            photos.len()
+        ));
+    }
+    let fisheyes = views.iter().filter(|view| view.1.fisheye).count();
+    if fisheyes > 0 && fisheyes < views.len() {
+        notes.push(format!(
+            "transforms.json says OPENCV of the whole set, as loaders look for one model: the {fisheyes} fisheye photos of \
+             {} are misread by those that do not look at each frame; train from the COLMAP model",
             photos.len()
         ));
     }
@@ -156,7 +164,7 @@ mod tests {
     fn cameras_survive_a_round_trip() {
         for second in [640, 320] {
             let written = vec![camera("0000.png", 0.3, 640), camera("0001.png", -2.0, second)];
-            let text = write(&written, "points.ply");
+            let text = write(&written, Some("points.ply"));
             assert!(text.contains("camera_angle_y") && text.contains("\"OPENCV\""), "{text}");
             let read = parse(Path::new(PATH), text.as_bytes(), &mut Vec::new()).unwrap();
             written.iter().zip(&read).for_each(|(a, b)| assert_same(a, b));
@@ -174,7 +182,8 @@ mod tests {
         for lenses in [[perspective; 2], [fisheye; 2], [perspective, none], [fisheye, perspective]] {
             let written = [photo("a.png", lenses[0]), photo("b.png", lenses[1])];
             let (text, notes) = write_photos(&[&written[0], &written[1]], None);
-            assert!(notes.is_empty(), "{notes:?}");
+            // Loaders that ask the top of the file alone take the fisheye for the other.
+            assert_eq!(notes.len(), usize::from(lenses[0].fisheye != lenses[1].fisheye), "{notes:?}");
             let read = photos(Path::new(PATH), text.as_bytes(), &mut Vec::new()).unwrap().photos;
             for (a, b) in written.iter().zip(&read) {
                 assert_same(&a.camera, &b.camera);
