@@ -81,7 +81,7 @@ fn reference(context: &std::sync::Arc<Context>, set: &PhotoSet) -> Result<(&'sta
     if set.photos.iter().all(|photo| photo.mask.is_none()) {
         return Ok(("sparse points", set.points.positions.clone()));
     }
-    let frames = Frame::read(&set.photos, 480, 1 << 30, &Similarity::IDENTITY)?;
+    let frames = Frame::read(&set.photos, 480, 1 << 30, &Similarity::IDENTITY, Err)?;
     // A point of the object is in the mask of nearly every photo that it was found in.
     let masked = |i: &usize| {
         let track = &set.tracks[*i];

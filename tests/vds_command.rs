@@ -63,6 +63,25 @@ fn a_plan_for_a_capture_scores_its_points_first() {
     assert!(ran.out.contains("photos are left unread (--no-vds)"), "{}", ran.out);
 }
 
+/// If this failed, one photo that was cut short on its way would cost a user all others, or pass for a whole one.
+#[test]
+fn a_photo_that_is_cut_short_is_left_out_on_demand() {
+    let place = capture();
+    let file = place.path("shots/images/3.png");
+    let whole = std::fs::read(&file).unwrap();
+    // The header is whole: only decoding shows it.
+    std::fs::write(&file, &whole[..whole.len() / 2]).unwrap();
+    for command in ["vds shots --surface ball.ply --points 300 --out a.ply", "proxy shots --resolution 64 --out a.ply"]
+    {
+        let ran = place.run(command);
+        assert_eq!(ran.code, Some(2), "{command}: {}", ran.out);
+        assert!(ran.err.contains("3.png") && ran.err.trim_end().lines().count() == 1, "{command}: {}", ran.err);
+        assert!(!place.path("a.ply").exists());
+    }
+    let ran = place.done("vds shots --surface ball.ply --points 300 --skip-missing --out a.ply");
+    assert!(ran.out.contains("left out") && ran.out.contains("3.png"), "{}", ran.out);
+}
+
 /// If this failed, a user would wait for photos to be decoded, or look at half a result, before hearing what is wrong.
 #[test]
 fn what_cannot_be_scored_is_refused_in_one_line() {

@@ -41,7 +41,7 @@ pub struct Arguments {
     /// Largest depth, in the capture's units [default: from the cameras]
     #[arg(long, requires = "near")]
     far: Option<f64>,
-    /// Go on without photos whose image is missing or has no header that can be read
+    /// Go on without photos whose image is missing or cannot be read
     #[arg(long)]
     skip_missing: bool,
     /// MiB that photos take together while they are decoded
@@ -75,6 +75,7 @@ impl Arguments {
             use_points: self.use_points,
             depths,
             memory: self.memory.saturating_mul(1 << 20),
+            skip_unreadable: self.skip_missing,
             seed: self.seed,
         })
     }
@@ -101,7 +102,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 /// Prints how a surface came about.
 fn print(found: &Reconstruction) {
-    let Reconstruction { points, from_stereo, photos, pairs, depths: [near, far], kept, seconds } = found;
+    let Reconstruction { points, from_stereo, photos, skipped, pairs, depths: [near, far], kept, seconds } = found;
+    for reason in skipped {
+        say!("left out: {reason}");
+    }
     say!("photos   {} used, {pairs} pairs compared, depths from {near:.3} to {far:.3}", photos.len());
     let all = points.positions.len();
     say!(

@@ -104,7 +104,7 @@ pub fn score(context: &Arc<Context>, capture: &PhotoSet, surface: &Surface, sett
     let bar = ProgressBar::new(capture.photos.len() as u64).with_message("photos");
     let estimate = job::run(context, capture, surface, settings, |event| match event {
         Event::Done(done) => bar.set_position(done as u64),
-        Event::Skipped(error) => bar.suspend(|| complain!("left out: {error}")),
+        Event::Skipped(error) => bar.suspend(|| say!("left out: {error}")),
     });
     bar.finish_and_clear();
     let estimate = estimate?;

@@ -3,13 +3,13 @@
 use glam::{DMat3, DVec2, DVec3, DVec4, Vec3};
 
 use super::cost::MOST_PAIRS;
-use crate::Result;
 use crate::io::colour;
 use crate::photos::Photo;
 use crate::photos::decode::{Decoded, Decoder, Settings, Values};
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::lens::{Distortion, Lens};
 use crate::scene::similarity::Similarity;
+use crate::{Error, Result};
 
 /// A photo at working size without distortion. Pixels run row by row.
 #[derive(Clone, Debug)]
@@ -199,11 +199,18 @@ pub fn device_pairs(cameras: &[Camera], neighbours: &[Vec<usize>]) -> Vec<Stereo
 
 impl Frame {
     /// Photos at the size that stereo works at: their longer side is at most `longest` pixels, what their lenses bend is
-    /// straightened, and `to_internal` maps their poses. Decoding takes at most `memory` bytes at once, or a photo's own.
+    /// straightened, and `to_internal` maps their poses. Decoding takes at most `memory` bytes at once, or a photo's own. A photo
+    /// that cannot be decoded is handed to `unreadable`, which lets it pass or not.
     ///
     /// # Errors
-    /// Where a photo cannot be decoded; see [`Decoder`].
-    pub fn read(photos: &[Photo], longest: u32, memory: u64, to_internal: &Similarity) -> Result<Vec<Self>> {
+    /// Where a photo cannot be decoded and `unreadable` says so; see [`Decoder`].
+    pub fn read(
+        photos: &[Photo],
+        longest: u32,
+        memory: u64,
+        to_internal: &Similarity,
+        mut unreadable: impl FnMut(Error) -> Result<()>,
+    ) -> Result<Vec<Self>> {
         // Whole steps while decoding; the rest of the way each photo goes on its own.
         let shrink = photos.iter().map(|photo| longer(&photo.camera.intrinsics) / longest).min().unwrap_or(1).max(1);
         let settings = Settings { shrink, memory, ..Settings::default() };
@@ -211,7 +218,10 @@ impl Frame {
         photos
             .iter()
             .zip(decoder)
-            .map(|(photo, decoded)| Ok(Self::new(photo, &decoded?, shrink, longest, to_internal)))
+            .filter_map(|(photo, decoded)| match decoded {
+                Ok(decoded) => Some(Ok(Self::new(photo, &decoded, shrink, longest, to_internal))),
+                Err(error) => unreadable(error).err().map(Err),
+            })
             .collect()
     }
 

@@ -63,6 +63,8 @@ pub struct Options {
     pub depths: Option<[f64; 2]>,
     /// Bytes that photos take together while they are decoded.
     pub memory: u64,
+    /// Whether photos that cannot be decoded are left out; else they are errors.
+    pub skip_unreadable: bool,
     /// Seed of the choice of photos and of the refinement.
     pub seed: u64,
 }
@@ -77,6 +79,7 @@ impl Default for Options {
             use_points: false,
             depths: None,
             memory: 1 << 30,
+            skip_unreadable: false,
             seed: 0,
         }
     }
@@ -91,6 +94,8 @@ pub struct Reconstruction {
     pub from_stereo: usize,
     /// Names of the photos used.
     pub photos: Vec<String>,
+    /// Why photos were left out, a line each.
+    pub skipped: Vec<String>,
     /// Pairs of photos compared.
     pub pairs: usize,
     /// Smallest and largest depth searched, in the capture's units.
@@ -112,7 +117,15 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
     let cameras: Vec<Camera> = chosen.iter().map(|photo| photo.camera.clone()).collect();
     let volume = find_volume(set, &cameras, options)?;
     let to_internal = Similarity::to_unit_sphere(volume.centre, volume.radius);
-    let frames = Frame::read(&chosen, options.resolution, options.memory, &to_internal)?;
+    let mut skipped = Vec::new();
+    let frames = Frame::read(&chosen, options.resolution, options.memory, &to_internal, |error| {
+        skipped.push(error.to_string());
+        if options.skip_unreadable { Ok(()) } else { Err(error) }
+    })?;
+    if frames.len() < LEAST_PHOTOS {
+        let what = format!("{} photos can be decoded; a surface needs at least {LEAST_PHOTOS}", frames.len());
+        return Err(Error::input(&set.path, what));
+    }
     clock.stage("photos");
 
     let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera.clone()).collect();
@@ -230,6 +243,7 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
         },
         from_stereo,
         photos: cameras.into_iter().map(|camera| camera.name).collect(),
+        skipped,
         pairs,
         depths: [near, far].map(|depth| out.length(depth)),
         kept,
@@ -246,7 +260,7 @@ pub fn hull_of(context: &Arc<Context>, set: &PhotoSet, options: &Options) -> Res
     let cameras: Vec<Camera> = chosen.iter().map(|photo| photo.camera.clone()).collect();
     let volume = find_volume(set, &cameras, options)?;
     let to_internal = Similarity::to_unit_sphere(volume.centre, volume.radius);
-    let frames = Frame::read(&chosen, options.resolution, options.memory, &to_internal)?;
+    let frames = Frame::read(&chosen, options.resolution, options.memory, &to_internal, Err)?;
     let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera.clone()).collect();
     let views = device_views(&cameras, &vec![[0.5, 1.0]; cameras.len()]);
     let hull = first_hull(context, &views, &masks(&frames))?;
