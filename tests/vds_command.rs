@@ -59,6 +59,14 @@ fn a_plan_for_a_capture_scores_its_points_first() {
     place.write("shots/transforms.json", transforms);
     let ran = place.done(&format!("plan shots --keep shots {} --out plan", command::SHORT));
     assert!(ran.out.contains("8 photos in") && ran.out.contains("5 views, 8 kept"), "{}", ran.out);
+    // Scores change what is aimed at, not the surface: whoever scores the plan on the capture sees the same.
+    let row = |text: &str, name: &str| {
+        let line = text.lines().find(|line| line.starts_with(name) && line.contains('%')).unwrap();
+        line.split_whitespace().skip(1).map(str::to_owned).collect::<Vec<_>>()
+    };
+    let held_out = command::SHORT.split_whitespace().skip_while(|word| *word != "--held-out").nth(1).unwrap_or("1000");
+    let scored = place.done(&format!("score shots plan/plan.json --held-out {held_out}"));
+    assert_eq!(row(&ran.out, "plan "), row(&scored.out, "cameras"));
     let ran = place.done(&format!("plan shots --no-vds {} --out bare", command::SHORT));
     assert!(ran.out.contains("photos are left unread (--no-vds)"), "{}", ran.out);
 }

@@ -97,7 +97,8 @@ impl RegionOptions {
         self.choice()?;
         let surface = read_surface(path)?;
         // A reconstruction knows where cameras could stand: where they did.
-        let photographed = if path.is_dir() { io::read_cameras(path).unwrap_or_default() } else { Vec::new() };
+        let photographed =
+            if io::may_be_capture(path) { io::read_cameras(path).unwrap_or_default() } else { Vec::new() };
         let poses: Vec<Pose> = photographed.iter().map(|camera| camera.pose).collect();
         self.target_of(&surface, path, &poses, intrinsics, stored)
     }

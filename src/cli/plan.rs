@@ -280,7 +280,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 /// The points of a capture, scored from its photos where it has any; none where the surface is no capture with points.
 /// The device is opened only for photos.
 fn captured(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<Option<(Surface, Vec<Pose>)>> {
-    if !arguments.surface.is_dir() && arguments.surface.extension().is_none_or(|extension| extension != "json") {
+    if !io::may_be_capture(&arguments.surface) {
         return Ok(None);
     }
     let capture = io::photos::read(&arguments.surface, &io::photos::Options::default())?;
@@ -308,7 +308,8 @@ fn captured(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<
     }
     let context = opened.insert(arguments.device.open()?);
     let settings = Settings { seed: arguments.tuning.seed, skip_unreadable: true, ..Settings::default() };
-    Ok(Some((Surface::Points(vds::score(context, &capture, &surface, &settings)?.points), poses)))
+    let scored = vds::score(context, &capture, &surface, &settings)?.onto(&capture.points);
+    Ok(Some((Surface::Points(scored), poses)))
 }
 
 /// Prints the metrics of a plan beside those of its controls.

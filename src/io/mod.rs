@@ -41,8 +41,8 @@ use crate::error::{Error, Result};
 use crate::scene::camera::Camera;
 use crate::scene::surface::Surface;
 
-/// Reads a surface: a .ply, .obj, .glb or .gltf file, a COLMAP model folder, or a capture folder with a model under
-/// `sparse/0`. Frame and units are the file's.
+/// Reads a surface: a .ply, .obj, .glb or .gltf file, a COLMAP model folder, or the points of a capture (a folder with a model
+/// under `sparse/0`, a transforms.json with a cloud). Frame and units are the file's.
 ///
 /// # Errors
 /// See [`read_surface_with_notes`].
@@ -58,16 +58,17 @@ pub fn read_surface(path: &Path) -> Result<Surface> {
 /// no surface: fewer than two distinct points, positions that are not finite, indices out of range.
 pub fn read_surface_with_notes(path: &Path) -> Result<(Surface, Vec<String>)> {
     let mut notes = Vec::new();
-    if path.is_dir() {
-        let Some(folder) = colmap::model_folder(path) else {
-            return Err(Error::input(
-                path,
-                "the folder holds no COLMAP model (cameras and images as .bin or .txt, here or in sparse/0); give the \
-                 surface's file instead",
-            ));
-        };
+    if let Some(folder) = colmap::model_folder(path) {
         let surface = colmap::surface(&folder, &mut notes)?;
         return Ok((surface, notes));
+    }
+    if may_be_capture(path) {
+        let set = photos::read(path, &photos::Options::default())?;
+        if set.points.positions.is_empty() {
+            let what = "the capture holds no points; make a surface from its photos with `camsplat proxy`";
+            return Err(Error::input(path, what));
+        }
+        return Ok((Surface::Points(set.points), set.notes));
     }
     let bytes = read_file(path)?;
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
@@ -85,6 +86,11 @@ pub fn read_surface_with_notes(path: &Path) -> Result<(Surface, Vec<String>)> {
         ));
     };
     Ok((surface, notes))
+}
+
+/// Whether a surface's path is that of a capture rather than of a file of triangles or points: a folder, or a .json.
+pub fn may_be_capture(path: &Path) -> bool {
+    path.is_dir() || path.extension().is_some_and(|extension| extension == "json")
 }
 
 /// Reads cameras: a COLMAP model folder, a capture folder with a model under `sparse/0` (or else a transforms.json), a

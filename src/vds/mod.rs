@@ -15,6 +15,8 @@ pub mod pyramid;
 pub mod variance;
 pub mod vdsf;
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 
 use self::gains::Gains;
@@ -50,6 +52,22 @@ pub struct Estimate {
 
 /// Points that a thread takes at a time.
 const POINTS_AT_ONCE: usize = 256;
+
+impl Estimate {
+    /// `cloud` with what is told of its points, which are found by where they are: the same cloud else, so that a plan for it
+    /// has the surface that anybody has who reads the file. Points that nothing is told of have the score 1.
+    pub fn onto(&self, cloud: &Points) -> Points {
+        let key = |p: &DVec3| p.to_array().map(f64::to_bits);
+        let told: HashMap<[u64; 3], usize> =
+            self.points.positions.iter().enumerate().map(|(i, position)| (key(position), i)).collect();
+        let found: Vec<Option<usize>> = cloud.positions.iter().map(|p| told.get(&key(p)).copied()).collect();
+        Points {
+            scores: found.iter().map(|i| i.map_or(1.0, |i| self.points.scores[i])).collect(),
+            lobes: found.iter().map(|i| i.map_or_else(Lobe::default, |i| self.points.lobes[i])).collect(),
+            ..cloud.clone()
+        }
+    }
+}
 
 /// Luma that the points are brought to: middle grey, what the photos are exposed for that the VDSF is made from.
 pub const GREY: f64 = 0.18;
