@@ -2,7 +2,9 @@
 
 mod command;
 
+use camsplat::scene::surface::Surface;
 use command::{Place, ended};
+use glam::DVec3;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 
 /// A capture `shots` of the ball: eight photos around it, brighter where it faces +X, and masks.
@@ -54,7 +56,13 @@ fn scored_points_can_be_planned_for() {
 #[test]
 fn a_plan_for_a_capture_scores_its_points_first() {
     let place = capture();
-    place.done("vds shots --surface ball.ply --points 500 --out shots/sparse.ply");
+    place.done("vds shots --surface ball.ply --points 500 --out all.ply");
+    // Bare positions, as a reconstruction has them, and strays of which some are left out as outliers.
+    let Ok(Surface::Points(mut cloud)) = camsplat::io::read_surface(&place.path("all.ply")) else {
+        panic!("no points")
+    };
+    cloud.positions.extend((1..20).map(|i| DVec3::new(0.1 * f64::from(i * i), 1.2, 0.3)));
+    place.write("shots/sparse.ply", camsplat::io::ply::write::points(&cloud.positions, &[], None));
     let transforms = place.read("shots/transforms.json").replacen('{', "{\"ply_file_path\":\"sparse.ply\",", 1);
     place.write("shots/transforms.json", transforms);
     let ran = place.done(&format!("plan shots --keep shots {} --out plan", command::SHORT));
