@@ -6,9 +6,10 @@ use glam::DVec3;
 
 use super::colmap::write::Tracks;
 use super::folder::OutputFolder;
-use super::{colmap, ply, transforms, viridis};
+use super::{colmap, ply, transforms};
 use crate::error::Result;
 use crate::scene::camera::Camera;
+use crate::scene::colour::viridis;
 use crate::scene::surface::Points;
 
 /// File name of a camera's image, relative to `images/`: its name, with `.png` where that has no extension.

@@ -19,7 +19,6 @@
 mod binary;
 mod checks;
 pub mod colmap;
-pub(crate) mod colour;
 pub mod export;
 pub mod folder;
 pub mod gltf;
@@ -36,7 +35,6 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
 
-pub use self::colour::viridis;
 use crate::error::{Error, Result};
 use crate::scene::camera::Camera;
 use crate::scene::surface::Surface;

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::{checks, colour};
+use super::checks;
 use crate::error::{Error, Result};
+use crate::scene::colour;
 use crate::scene::surface::{Mesh, Points, Surface};
 
 /// Colour of faces without one where others have one: the format's default diffuse colour of 0.8.

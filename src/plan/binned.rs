@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use super::planner::Buffers;
+use super::buffers::Buffers;
 use super::shared::{Control, Gradient, InstanceSum, Settings, Splat, Tally};
 use crate::Result;
 use crate::primitives::{Count, RadixSort, Scan};

@@ -1,9 +1,9 @@
 //! How much device memory a plan takes, known before anything is allocated.
 
 use super::binned::TILE;
+use super::buffers::element_sizes;
 use super::config::Config;
 use super::dense::KERNEL_CUTOFF;
-use super::planner::element_sizes;
 use super::shared::{Control, Settings};
 use super::tally::mailbox;
 use crate::metrics::score_point;

@@ -1,6 +1,7 @@
 //! Planning: from a surface and a region to the camera poses that sample it best.
 
 pub mod binned;
+mod buffers;
 pub mod config;
 pub mod dense;
 pub mod footprint;

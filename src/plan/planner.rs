@@ -7,19 +7,19 @@ use std::time::{Duration, Instant};
 use glam::Vec3;
 
 use super::binned::Binned;
+use super::buffers::Buffers;
 use super::config::{Config, Gate, Objective};
 use super::dense::DENSE;
-use super::footprint::{self, Footprint};
+use super::footprint;
 use super::preparation::{Preparation, dense_shape};
 use super::probes;
 use super::record::{IterationRecord, Status};
 use super::relocate::{RANK, RELOCATE};
-use super::shared::{Control, Gradient, Moments, Record, Settings, Splat, Tally, Terms};
+use super::shared::{Control, Gradient, Record, Settings, Splat, Tally};
 use super::snapshot::{SNAPSHOT, SnapshotPush};
 use super::tally::mailbox;
 use super::update::UPDATE;
 use crate::scene::camera::Pose;
-use crate::scene::octahedral;
 use crate::visibility::device_scene::DeviceScene;
 use crate::visibility::probe_depth::ProbeMaps;
 use crate::visibility::probe_lobe::{self, Lobe};
@@ -56,28 +56,6 @@ struct Pipelines {
     rank: Pipeline,
     relocate: Pipeline,
     snapshot: Pipeline,
-}
-
-/// Everything that lives as long as the run, allocated once.
-pub(super) struct Buffers {
-    pub(super) settings: Buffer,
-    pub(super) control: Buffer,
-    pub(super) splats: Buffer,
-    pub(super) directions: Buffer,
-    visible: Buffer,
-    pub(super) slots: Buffer,
-    pub(super) partials: Buffer,
-    pub(super) tallies: Buffer,
-    pub(super) deficit: Buffer,
-    pub(super) lobes: Buffer,
-    moments: Buffer,
-    terms: Buffer,
-    arrivals: Buffer,
-    gradients: Buffer,
-    order: Buffer,
-    history: Buffer,
-    snapshots: Buffer,
-    pub(super) mailbox: Buffer,
 }
 
 /// What a run leaves.
@@ -469,45 +447,4 @@ impl<'a> Planner<'a> {
             })
             .collect()
     }
-}
-
-impl Buffers {
-    fn new(context: &Arc<Context>, plan: &Footprint, resolution: u32, lobes: Buffer) -> Result<Self> {
-        let directions: Vec<[f32; 4]> =
-            octahedral::directions(resolution).iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect();
-        let device = |name: &str| Buffer::device(context, name, plan.bytes_of(name)?);
-        Ok(Self {
-            settings: device("settings")?,
-            control: device("control")?,
-            splats: device("splats")?,
-            directions: Buffer::from_slice(context, "directions", &directions)?,
-            visible: device("visible")?,
-            slots: device("slots")?,
-            partials: device("partials")?,
-            tallies: device("tallies")?,
-            deficit: device("deficit")?,
-            lobes,
-            moments: device("moments")?,
-            terms: device("terms")?,
-            arrivals: device("arrivals")?,
-            gradients: device("gradients")?,
-            order: device("order")?,
-            history: device("history")?,
-            snapshots: device("snapshots")?,
-            mailbox: Buffer::host(context, "mailbox", plan.bytes_of("mailbox")?)?,
-        })
-    }
-}
-
-/// Bytes of one element of the buffers whose structs are the planner's own.
-pub(super) fn element_sizes() -> [u64; 6] {
-    [
-        size_of::<Splat>(),
-        size_of::<Gradient>(),
-        size_of::<Tally>(),
-        size_of::<Moments>(),
-        size_of::<Terms>(),
-        size_of::<Record>(),
-    ]
-    .map(|size| size as u64)
 }

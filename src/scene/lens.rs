@@ -124,6 +124,14 @@ impl Lens {
         Some(DVec2::from(focal) * self.distortion.distort(flat) + DVec2::from(principal))
     }
 
+    /// As [`Lens::project`], and none outside the image.
+    pub fn pixel(&self, p: DVec3) -> Option<DVec2> {
+        let Intrinsics { width, height, .. } = self.intrinsics;
+        let inside =
+            |pixel: &DVec2| (0.0..f64::from(width)).contains(&pixel.x) && (0.0..f64::from(height)).contains(&pixel.y);
+        self.project(p).filter(inside)
+    }
+
     /// Unit direction in camera axes of what a pixel shows, by Newton's method on [`Lens::project`]; none where no direction
     /// in front of the camera maps there.
     pub fn unproject(&self, pixel: DVec2) -> Option<DVec3> {

@@ -159,9 +159,7 @@ pub fn framed(photos: &[Photo], points: &[SurfacePoint]) -> Sight {
 
 fn in_image(photo: &Photo, lens: &Lens, point: DVec3) -> bool {
     let pose = &photo.camera.pose;
-    let size = [f64::from(lens.intrinsics.width), f64::from(lens.intrinsics.height)];
-    lens.project(pose.rotation.inverse() * (point - pose.position))
-        .is_some_and(|pixel| (0.0..size[0]).contains(&pixel.x) && (0.0..size[1]).contains(&pixel.y))
+    lens.pixel(pose.rotation.inverse() * (point - pose.position)).is_some()
 }
 
 fn cast(

@@ -3,10 +3,10 @@
 use glam::{DMat3, DVec2, DVec3, DVec4, Vec3};
 
 use super::cost::MOST_PAIRS;
-use crate::io::colour;
 use crate::photos::Photo;
 use crate::photos::decode::{Decoded, Decoder, Settings, Values};
 use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::colour;
 use crate::scene::lens::{Distortion, Lens};
 use crate::scene::similarity::Similarity;
 use crate::{Error, Result};
@@ -269,7 +269,7 @@ impl Frame {
             });
             let mean = mean.sum::<DVec4>() / offsets.len() as f64;
             frame.colours.push(colour::srgb(mean.truncate()));
-            let luminance = mean.truncate().dot(DVec3::new(0.2126, 0.7152, 0.0722));
+            let luminance = mean.truncate().dot(colour::LUMA);
             frame.brightness.push(colour::encoded(luminance) as f32);
             if let Some(mask) = &mut frame.mask {
                 mask.push(mean.w as f32);

@@ -255,15 +255,13 @@ impl Observations {
 }
 
 /// Pixel of a point in the frame of the view; none behind the camera, where the lens bends no light to, and outside the
-/// image. Twin of `lens_pixel`, by [`Lens::project`](crate::scene::lens::Lens::project) of the photo that the view was
+/// image. Twin of `lens_pixel`, by [`Lens::pixel`](crate::scene::lens::Lens::pixel) of the photo that the view was
 /// made of.
 pub fn lens_pixel(view: &LensView, photo: &Photo, point: Vec3) -> Option<Vec2> {
     let off = (point - Vec3::from(view.position)).as_dvec3();
     let along = |axis: [f32; 3]| off.dot(Vec3::from(axis).as_dvec3());
-    let pixel = photo.lens().project(DVec3::new(along(view.right), along(view.down), along(view.forward)))?;
-    let inside =
-        pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < f64::from(view.size[0]) && pixel.y < f64::from(view.size[1]);
-    inside.then(|| pixel.as_vec2())
+    let pixel = photo.lens().pixel(DVec3::new(along(view.right), along(view.down), along(view.forward)))?;
+    Some(pixel.as_vec2())
 }
 
 /// What a photo shows of a point, none where it does not: the twin of `observe`.

@@ -5,8 +5,8 @@ use std::io::Cursor;
 use glam::{DVec2, DVec3};
 use image::{ImageFormat, Rgb, RgbImage};
 
-use crate::io::viridis;
 use crate::photos::Photo;
+use crate::scene::colour::viridis;
 use crate::scene::surface::Points;
 use crate::{Error, Result};
 

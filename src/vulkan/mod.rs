@@ -6,6 +6,7 @@
 
 pub mod buffer;
 pub mod capture;
+mod clock;
 pub mod context;
 pub mod host;
 pub mod instance;

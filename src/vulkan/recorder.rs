@@ -6,6 +6,8 @@ use ash::vk;
 use bytemuck::Pod;
 
 use super::buffer::Buffer;
+use super::clock::Clock;
+pub use super::clock::Timing;
 use super::context::Context;
 use super::pipeline::Pipeline;
 use super::stage::Access;
@@ -25,25 +27,6 @@ pub struct Recorder<'a> {
     clock: Option<Clock>,
     failure: Option<Error>,
     borrowed: std::marker::PhantomData<&'a Buffer>,
-}
-
-struct Clock {
-    pool: vk::QueryPool,
-    capacity: u32,
-    names: Vec<&'static str>,
-    // One pair of timestamps around everything, not one around each stage.
-    whole: bool,
-}
-
-/// GPU time of one stage, in nanoseconds since an arbitrary start that the stages of one recorder share.
-#[derive(Clone, Copy, Debug)]
-pub struct Timing {
-    /// The stage's name.
-    pub name: &'static str,
-    /// When everything before it had ended.
-    pub start: f64,
-    /// When it had ended.
-    pub end: f64,
 }
 
 impl<'a> Recorder<'a> {
@@ -87,9 +70,8 @@ impl<'a> Recorder<'a> {
     pub fn timed_whole(context: &Arc<Context>) -> Result<Self> {
         let mut recorder = Self::clocked(context, 1, true)?;
         if let Some(clock) = &mut recorder.clock {
-            clock.names.push("whole");
+            clock.start(context, recorder.raw, "whole");
         }
-        recorder.timestamp(false);
         Ok(recorder)
     }
 
@@ -98,17 +80,7 @@ impl<'a> Recorder<'a> {
         if context.physical().timestamp_bits == 0 {
             return Err(Error::NoDevice(format!("{} has no timestamps", context.physical().name)));
         }
-        let info =
-            vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2 * capacity.max(1));
-        // SAFETY: the info is valid; the recording has begun, outside a render pass.
-        unsafe {
-            let pool = context
-                .device
-                .create_query_pool(&info, None)
-                .map_err(|code| context.failure("vkCreateQueryPool", code))?;
-            context.device.cmd_reset_query_pool(recorder.raw, pool, 0, 2 * capacity.max(1));
-            recorder.clock = Some(Clock { pool, capacity, names: Vec::new(), whole });
-        }
+        recorder.clock = Some(Clock::new(context, recorder.raw, capacity, whole)?);
         Ok(recorder)
     }
 
@@ -244,8 +216,8 @@ impl<'a> Recorder<'a> {
         }
         if !self.ended {
             self.barrier();
-            if self.clock.as_ref().is_some_and(|clock| clock.whole) {
-                self.timestamp(true);
+            if let Some(clock) = self.clock.as_ref().filter(|clock| clock.whole) {
+                clock.stop(&self.context, self.raw);
             }
             // SAFETY: the command buffer is in the recording state.
             unsafe { self.context.device.end_command_buffer(self.raw) }
@@ -298,58 +270,18 @@ impl<'a> Recorder<'a> {
     /// # Errors
     /// Where the device fails.
     pub fn timings(&self) -> Result<Vec<Timing>> {
-        let Some(clock) = &self.clock else { return Ok(Vec::new()) };
-        let mut ticks = vec![0u64; 2 * clock.names.len().min(clock.capacity as usize)];
-        if ticks.is_empty() {
-            return Ok(Vec::new());
-        }
-        // SAFETY: the first `ticks.len()` queries were written by the submission, which has ended.
-        unsafe {
-            self.context.device.get_query_pool_results(
-                clock.pool,
-                0,
-                &mut ticks,
-                vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT,
-            )
-        }
-        .map_err(|code| self.context.failure("vkGetQueryPoolResults", code))?;
-        let physical = self.context.physical();
-        let mask = u64::MAX >> (64 - physical.timestamp_bits.clamp(1, 64));
-        let origin = ticks[0] & mask;
-        let since = |tick: u64| ((tick & mask).wrapping_sub(origin) & mask) as f64 * physical.timestamp_period as f64;
-        let pairs = ticks.chunks_exact(2).zip(&clock.names);
-        Ok(pairs.map(|(pair, name)| Timing { name, start: since(pair[0]), end: since(pair[1]) }).collect())
+        self.clock.as_ref().map_or_else(|| Ok(Vec::new()), |clock| clock.timings(&self.context))
     }
 
     fn start_clock(&mut self, name: &'static str) {
-        if let Some(clock) = &mut self.clock
-            && !clock.whole
-        {
-            clock.names.push(name);
-            self.timestamp(false);
+        if let Some(clock) = self.clock.as_mut().filter(|clock| !clock.whole) {
+            clock.start(&self.context, self.raw, name);
         }
     }
 
-    fn stop_clock(&mut self) {
-        if self.clock.as_ref().is_some_and(|clock| !clock.whole) {
-            self.timestamp(true);
-        }
-    }
-
-    fn timestamp(&mut self, end: bool) {
-        if let Some(clock) = &self.clock
-            && clock.names.len() as u32 <= clock.capacity
-        {
-            let query = 2 * (clock.names.len() as u32 - 1) + end as u32;
-            // SAFETY: the query lies inside the pool and was reset at the start of the recording.
-            unsafe {
-                self.context.device.cmd_write_timestamp(
-                    self.raw,
-                    vk::PipelineStageFlags::BOTTOM_OF_PIPE,
-                    clock.pool,
-                    query,
-                );
-            }
+    fn stop_clock(&self) {
+        if let Some(clock) = self.clock.as_ref().filter(|clock| !clock.whole) {
+            clock.stop(&self.context, self.raw);
         }
     }
 
@@ -496,12 +428,10 @@ impl Drop for Recorder<'_> {
         }
         // A failure cannot be acted on here; a lost device runs nothing any more.
         let _ = self.wait();
-        // SAFETY: no submission of this command buffer is pending.
-        unsafe {
-            if let Some(clock) = self.clock.take() {
-                self.context.device.destroy_query_pool(clock.pool, None);
-            }
-            self.context.device.destroy_command_pool(self.pool, None);
+        if let Some(clock) = self.clock.take() {
+            clock.destroy(&self.context);
         }
+        // SAFETY: no submission of this command buffer is pending.
+        unsafe { self.context.device.destroy_command_pool(self.pool, None) };
     }
 }

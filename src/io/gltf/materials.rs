@@ -10,7 +10,7 @@ use json::texture::{Sampler, WrappingMode};
 use json::validation::Checked;
 
 use super::buffers::{Buffers, resolve};
-use crate::io::colour;
+use crate::scene::colour;
 
 /// Longest side that a texture is kept at: a triangle takes one texel, and a mean is a better one.
 const LONGEST_SIDE: u32 = 1024;

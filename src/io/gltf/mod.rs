@@ -17,8 +17,9 @@ use json::validation::Checked;
 
 use self::buffers::Buffers;
 use self::materials::Paint;
-use super::{checks, colour};
+use super::checks;
 use crate::error::{Error, Result};
+use crate::scene::colour;
 use crate::scene::surface::{Mesh, Surface};
 
 /// Triangles that instancing may unfold a scene into. A small file can ask for more than any memory holds.

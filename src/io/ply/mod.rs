@@ -12,8 +12,8 @@ use glam::DVec3;
 
 use self::elements::Columns;
 use self::header::{Header, Kind};
-use super::colour;
 use crate::error::{Error, Result};
+use crate::scene::colour;
 use crate::scene::harmonics::Lobe;
 use crate::scene::surface::{Mesh, Points, Surface};
 

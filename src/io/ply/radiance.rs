@@ -2,11 +2,10 @@
 
 use glam::DVec3;
 
-use super::super::colour;
 use super::elements::Columns;
 use super::splats::HARMONIC;
 use crate::scene::harmonics::{self, Lobe};
-use crate::scene::octahedral;
+use crate::scene::{colour, octahedral};
 
 /// Texels along a side of the map that a splat's radiance is sampled on.
 const RESOLUTION: u32 = 8;

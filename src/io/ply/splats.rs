@@ -10,10 +10,11 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
-use super::super::{checks, colour};
+use super::super::checks;
 use super::elements::Columns;
 use super::radiance::Radiance;
 use crate::error::{Error, Result};
+use crate::scene::colour;
 use crate::scene::harmonics::Lobe;
 use crate::scene::surface::{Points, Surface};
 

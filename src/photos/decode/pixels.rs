@@ -10,6 +10,7 @@ use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
 use super::{Channels, Decoded, Precision, Settings, Values};
 use crate::error::{Error, Result};
 use crate::photos::{Header, Photo};
+use crate::scene::colour;
 
 /// Most bytes that one image may decode to; a header that announces more is taken for damaged.
 const LARGEST: u64 = 4 << 30;
@@ -85,7 +86,8 @@ pub(super) fn decode(photo: &Photo, index: usize, settings: &Settings) -> Result
 }
 
 fn luma(r: f32, g: f32, b: f32) -> f32 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
+    let [red, green, blue] = colour::LUMA.as_vec3().to_array();
+    red * r + green * g + blue * b
 }
 
 /// The mask file as a byte per pixel of its image, 255 for white; of another size, the nearest pixel is taken.
@@ -107,12 +109,7 @@ fn coverage(path: &Path, width: u32, height: u32) -> Result<Vec<u8>> {
 }
 
 /// Linear values of 8-bit sRGB.
-static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|v| linear(v as f64 / 255.0)));
-
-/// Linear value of an sRGB value in [0, 1] (IEC 61966-2-1).
-fn linear(v: f64) -> f32 {
-    (if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }) as f32
-}
+static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|v| colour::linear(v as u8) as f32));
 
 impl Stored {
     /// Whether the last sample is alpha.
@@ -131,7 +128,7 @@ impl Stored {
 
     fn linear(&self, i: usize, c: usize) -> f32 {
         match self.wide {
-            true => linear(self.sample(i, c)),
+            true => colour::decoded(self.sample(i, c)) as f32,
             false => LINEAR[usize::from(self.bytes[i * self.samples + c])],
         }
     }

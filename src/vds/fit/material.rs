@@ -4,9 +4,7 @@
 use glam::{DVec2, DVec3};
 
 use super::draws::Draws;
-
-/// Luma of linear RGB (Rec. 709).
-const LUMA: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
+use crate::scene::colour::LUMA;
 
 /// What a surface is made of.
 #[derive(Clone, Copy, Debug)]

@@ -2,10 +2,17 @@
 
 use glam::DVec3;
 
-/// Linear value in [0, 1] of an 8-bit sRGB value (IEC 61966-2-1).
-pub(crate) fn linear(value: u8) -> f64 {
-    let v = f64::from(value) / 255.0;
+/// Weights of linear red, green and blue in the luma (Rec. 709).
+pub(crate) const LUMA: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
+
+/// Linear value of an sRGB value in [0, 1] (IEC 61966-2-1).
+pub(crate) fn decoded(v: f64) -> f64 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Linear value in [0, 1] of an 8-bit sRGB value.
+pub(crate) fn linear(value: u8) -> f64 {
+    decoded(f64::from(value) / 255.0)
 }
 
 /// 8-bit sRGB values of a linear colour, clamped to [0, 1].
@@ -19,13 +26,9 @@ pub(crate) fn encoded(value: f64) -> f64 {
     if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Luma of the linear colour (Rec. 709 weights) of an sRGB colour, clamped to [0, 1].
+/// Luma of the linear colour of an sRGB colour, clamped to [0, 1].
 pub(crate) fn luma(colour: DVec3) -> f64 {
-    let decode = |v: f64| {
-        let v = v.clamp(0.0, 1.0);
-        if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-    };
-    0.2126 * decode(colour.x) + 0.7152 * decode(colour.y) + 0.0722 * decode(colour.z)
+    LUMA.dot(colour.clamp(DVec3::ZERO, DVec3::ONE).map(decoded))
 }
 
 /// Nearest 8-bit value of each channel of `colour`, which is sRGB already, clamped to [0, 1].
