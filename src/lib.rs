@@ -8,6 +8,7 @@
 //! [`visibility`], then [`io`], [`photos`], [`scene`], [`primitives`] and [`vulkan`].
 
 pub mod error;
+pub mod gaussians;
 pub mod io;
 pub mod metrics;
 mod parallel;

@@ -10,6 +10,7 @@ pub mod colour;
 mod discs;
 mod distance_transform;
 pub mod free_space;
+pub mod gaussians;
 pub mod harmonics;
 pub mod lens;
 mod morton;

@@ -1,0 +1,1 @@
+//! Gaussian splatting: rendering trained splats, and training them from photos.

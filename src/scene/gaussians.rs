@@ -1,0 +1,46 @@
+//! Trained splats: three-dimensional Gaussians with an opacity and a colour that changes with the view.
+
+use glam::DVec3;
+
+/// Highest degree of the harmonics.
+pub const MOST_DEGREE: u32 = 3;
+
+/// Gaussians, one entry of every list each; values are those that a trainer optimises and a .ply file stores.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Gaussians {
+    /// Centres, in the file's frame and units.
+    pub centres: Vec<DVec3>,
+    /// Natural logarithms of the standard deviations along the three axes.
+    pub log_scales: Vec<[f32; 3]>,
+    /// World-from-splat quaternions (w, x, y, z) of any length but zero.
+    pub rotations: Vec<[f32; 4]>,
+    /// Logits of the opacities.
+    pub opacities: Vec<f32>,
+    /// Degree of the spherical harmonics, 0 to [`MOST_DEGREE`].
+    pub degree: u32,
+    /// Coefficients of the real spherical harmonics: `(degree + 1)^2` of red, green and blue side by side for each Gaussian.
+    /// With basis B in the direction w from the camera to the centre, the sRGB colour is `max(0, 0.5 + sum_k c_k B_k(w))`.
+    pub harmonics: Vec<f32>,
+}
+
+impl Gaussians {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.centres.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.centres.is_empty()
+    }
+
+    /// Coefficients of each Gaussian and channel: `(degree + 1)^2`.
+    pub fn coefficients(&self) -> usize {
+        coefficients(self.degree)
+    }
+}
+
+/// Coefficients of all harmonics up to a degree.
+pub const fn coefficients(degree: u32) -> usize {
+    ((degree + 1) * (degree + 1)) as usize
+}
