@@ -1,0 +1,12 @@
+// Push constants of the stages that make one picture.
+layout(push_constant) uniform Push {
+    // From one plane of parameters to the next: the most Gaussians there can be.
+    uint stride;
+    uint view;
+    // Degree of the harmonics that take part.
+    uint degree;
+    // Room for instances.
+    uint room;
+    vec3 background;
+    uint iteration;
+};

@@ -1,0 +1,108 @@
+//! The loss of a picture against a photo and its gradient by the pixels: 0.8 L1 + 0.2 (1 - SSIM) (`photo_ssim.comp`,
+//! `photo_gradient.comp`, `train_tally.comp`).
+
+use std::sync::Arc;
+
+use super::layout::PassPush;
+use super::rasterizer::{Size, Sizes};
+use super::view::View;
+use crate::Result;
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+
+crate::stage!(
+    /// L1 and SSIM, and the derivatives of SSIM by the windowed means.
+    pub PHOTO_SSIM = photo_ssim(PassPush) { read views, read picture, read photo, write slopes, write tile_losses }
+    with [View]
+);
+crate::stage!(
+    /// The gradient by each pixel.
+    pub PHOTO_GRADIENT = photo_gradient(PassPush) { read views, read picture, read photo, read slopes, write by_pixel }
+    with [View]
+);
+crate::stage!(
+    /// Sums over tiles; whether the iteration counts.
+    pub TRAIN_TALLY = train_tally(PassPush) {
+        read views, read counts, read tile_losses, write control, write history, write mailbox,
+    } with [View]
+);
+
+/// Share of L1 in the loss; the rest is 1 - SSIM.
+pub const L1_SHARE: f64 = 0.8;
+
+/// Pipelines and buffers.
+pub struct Loss {
+    ssim: Pipeline,
+    gradient: Pipeline,
+    tally: Pipeline,
+    slopes: Buffer,
+    tile_losses: Buffer,
+    /// The photo: a word per pixel.
+    pub photo: Buffer,
+    /// Gradient of the loss by each pixel, a vec4 each.
+    pub by_pixel: Buffer,
+}
+
+/// Where the sums go.
+pub struct Ledger {
+    /// Not zero once a run is halted.
+    pub control: Buffer,
+    /// A vec4 per iteration, in host memory: means of |x - y|, SSIM and (x - y)^2, and the instances.
+    pub history: Buffer,
+    /// In host memory: iterations done; instances that an iteration lacked room for; whether a loss was no number.
+    pub mailbox: Buffer,
+}
+
+/// Buffers by name and bytes.
+pub fn footprint(sizes: &Sizes) -> Vec<(&'static str, u64)> {
+    let [pixels, tiles] = [sizes.pixels, sizes.tiles].map(u64::from);
+    vec![("photo", 4 * pixels), ("slopes", 36 * pixels), ("tile_losses", 16 * tiles), ("by_pixel", 16 * pixels)]
+}
+
+impl Loss {
+    /// Makes room for pictures of these sizes.
+    ///
+    /// # Errors
+    /// Where the device has not that much memory, or fails.
+    pub fn new(context: &Arc<Context>, sizes: &Sizes) -> Result<Self> {
+        let plan = footprint(sizes);
+        let buffer = |name: &str| {
+            let bytes = plan.iter().find(|entry| entry.0 == name).map_or(0, |entry| entry.1);
+            Buffer::device(context, name, bytes)
+        };
+        Ok(Self {
+            ssim: Pipeline::new(context, &PHOTO_SSIM, &[])?,
+            gradient: Pipeline::new(context, &PHOTO_GRADIENT, &[])?,
+            tally: Pipeline::new(context, &TRAIN_TALLY, &[])?,
+            slopes: buffer("slopes")?,
+            tile_losses: buffer("tile_losses")?,
+            photo: buffer("photo")?,
+            by_pixel: buffer("by_pixel")?,
+        })
+    }
+
+    /// Records loss and gradient of `picture` against [`Loss::photo`], and the entry into the ledger.
+    pub fn record<'a>(
+        &'a self,
+        commands: &mut Recorder<'a>,
+        [views, picture, counts]: [&'a Buffer; 3],
+        ledger: &'a Ledger,
+        size: Size,
+        push: &PassPush,
+    ) {
+        commands
+            .stage(&self.ssim)
+            .bind(&[views, picture, &self.photo, &self.slopes, &self.tile_losses])
+            .push(push)
+            .linear(size.tiles());
+        commands
+            .stage(&self.tally)
+            .bind(&[views, counts, &self.tile_losses, &ledger.control, &ledger.history, &ledger.mailbox])
+            .push(push)
+            .groups([1, 1, 1]);
+        commands
+            .stage(&self.gradient)
+            .bind(&[views, picture, &self.photo, &self.slopes, &self.by_pixel])
+            .push(push)
+            .linear(size.tiles());
+    }
+}

@@ -1,0 +1,178 @@
+//! A hard budget of Gaussians: dead ones move to where living ones are, and new ones join them, until the budget is spent
+//! (`mcmc_*.comp`; Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte Carlo").
+
+use std::sync::Arc;
+
+use super::rasterizer::Model;
+use super::update::Moments;
+use crate::Result;
+use crate::primitives::{Count, Scan};
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+
+crate::gpu_struct! {
+    /// Push constants of the four stages.
+    pub struct McmcPush {
+        /// From one plane of parameters to the next.
+        pub stride: u32,
+        /// Planes that parameters and moments have.
+        pub planes: u32,
+        /// Gaussians before.
+        pub before: u32,
+        /// Gaussians after.
+        pub after: u32,
+        /// Seed, low half first.
+        pub seed: [u32; 2],
+        /// Iteration, from zero.
+        pub iteration: u32,
+        /// Weights are opacities in steps of `1 / steps`.
+        pub steps: u32,
+        /// Opacity up to which a Gaussian is dead.
+        pub least: f32,
+    }
+}
+
+crate::stage!(
+    /// How likely each Gaussian is to be drawn.
+    pub MCMC_WEIGH = mcmc_weigh(McmcPush) { read parameters, write weights, write picks }
+);
+crate::stage!(
+    /// Which one each dead or new Gaussian draws.
+    pub MCMC_PICK = mcmc_pick(McmcPush) { read weights, read cumulative, read total, write picks, write sources }
+);
+crate::stage!(
+    /// Opacity and size of those that were drawn.
+    pub MCMC_SPLIT = mcmc_split(McmcPush) { read control, read picks, write parameters, write first, write second }
+);
+crate::stage!(
+    /// Dead and new Gaussians become what they drew.
+    pub MCMC_COPY = mcmc_copy(McmcPush) {
+        read control, read sources, write parameters, write first, write second, write population,
+    }
+);
+
+/// Share by which the population grows at each refinement.
+const GROWTH: f64 = 1.05;
+/// Opacity up to which a Gaussian is dead.
+pub const LEAST_OPACITY: f32 = 0.005;
+
+/// How many Gaussians there are after a refinement.
+pub fn grown(before: u32, budget: u32) -> u32 {
+    ((f64::from(before) * GROWTH).ceil() as u32).clamp(before, budget.max(before))
+}
+
+/// Pipelines and buffers.
+pub struct Mcmc {
+    weigh: Pipeline,
+    pick: Pipeline,
+    split: Pipeline,
+    copy: Pipeline,
+    scan: Scan,
+    weights: Buffer,
+    cumulative: Buffer,
+    total: Buffer,
+    picks: Buffer,
+    sources: Buffer,
+    budget: u32,
+}
+
+/// Buffers by name and bytes.
+pub fn footprint(budget: u32) -> Vec<(&'static str, u64)> {
+    let bytes = 4 * u64::from(budget);
+    vec![
+        ("weights", bytes),
+        ("cumulative", bytes),
+        ("total", 4),
+        ("picks", bytes),
+        ("sources", bytes),
+        ("draws scan", Scan::footprint(budget)),
+    ]
+}
+
+impl Mcmc {
+    /// Makes room for `budget` Gaussians.
+    ///
+    /// # Errors
+    /// Where the device has not that much memory, or fails.
+    pub fn new(context: &Arc<Context>, budget: u32) -> Result<Self> {
+        let buffer = |name: &str| Buffer::device(context, name, 4 * u64::from(budget));
+        Ok(Self {
+            weigh: Pipeline::new(context, &MCMC_WEIGH, &[])?,
+            pick: Pipeline::new(context, &MCMC_PICK, &[])?,
+            split: Pipeline::new(context, &MCMC_SPLIT, &[])?,
+            copy: Pipeline::new(context, &MCMC_COPY, &[])?,
+            scan: Scan::new(context, budget)?,
+            weights: buffer("weights")?,
+            cumulative: buffer("cumulative")?,
+            total: Buffer::device(context, "total", 4)?,
+            picks: buffer("picks")?,
+            sources: buffer("sources")?,
+            budget,
+        })
+    }
+
+    /// Records a refinement of `before` Gaussians, after which there are [`grown`].
+    ///
+    /// # Errors
+    /// None that the budget does not rule out.
+    pub fn record<'a>(
+        &'a self,
+        commands: &mut Recorder<'a>,
+        control: &'a Buffer,
+        model: &'a Model,
+        moments: &'a Moments,
+        planes: usize,
+        before: u32,
+        [seed, iteration]: [u64; 2],
+    ) -> Result<()> {
+        let after = grown(before, self.budget);
+        let push = McmcPush {
+            stride: model.stride,
+            planes: planes as u32,
+            before,
+            after,
+            seed: [seed as u32, (seed >> 32) as u32],
+            iteration: iteration as u32,
+            steps: (u32::MAX / self.budget.max(1)).min(1 << 20),
+            least: LEAST_OPACITY,
+        };
+        let (all, moved) = (before.div_ceil(256), after.div_ceil(64));
+        let changed = [&model.parameters, &moments.first, &moments.second];
+        commands.stage(&self.weigh).bind(&[&model.parameters, &self.weights, &self.picks]).push(&push).linear(all);
+        self.scan.record(commands, &self.weights, &self.cumulative, Count::Host(before), (&self.total, 0))?;
+        commands
+            .stage(&self.pick)
+            .bind(&[&self.weights, &self.cumulative, &self.total, &self.picks, &self.sources])
+            .push(&push)
+            .linear(after.div_ceil(256));
+        commands
+            .stage(&self.split)
+            .bind(&[&[control, &self.picks], &changed[..]].concat())
+            .push(&push)
+            .linear(before.div_ceil(64));
+        commands
+            .stage(&self.copy)
+            .bind(&[&[control, &self.sources], &changed[..], &[&model.population]].concat())
+            .push(&push)
+            .linear(moved);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a run would never spend its budget, or pass it.
+    #[test]
+    fn the_population_grows_to_the_budget_and_stays_there() {
+        let (mut n, mut steps) = (1000, 0);
+        while n < 100_000 {
+            let next = grown(n, 100_000);
+            assert!(next > n, "{n} grew to {next}");
+            (n, steps) = (next, steps + 1);
+        }
+        assert!((90..110).contains(&steps), "{steps} refinements");
+        assert_eq!(grown(n, 100_000), 100_000);
+        assert_eq!(grown(5, 3), 5);
+    }
+}

@@ -1,0 +1,339 @@
+//! From Gaussians to a picture and back: projection, tiles, sort, compositing (`splat_project.comp` to
+//! `splat_forward.comp`), and the gradient by what each Gaussian brings to each tile (`splat_backward.comp`).
+
+use std::sync::Arc;
+
+use super::layout::{BLOCK, PassPush, Projected, SUMS, TILE};
+use super::view::View;
+use crate::Result;
+use crate::primitives::{Count, RadixSort, Scan};
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+
+crate::stage!(
+    /// Every Gaussian as a view sees it.
+    pub SPLAT_PROJECT = splat_project(PassPush) {
+        read views, read population, read parameters, write projected, write depth_keys, write depth_splats,
+    } with [View, Projected]
+);
+crate::stage!(
+    /// Tiles of each Gaussian, in the order of depth.
+    pub SPLAT_COUNT = splat_count(PassPush) {
+        read views, read population, read projected, read depth_splats, write tile_counts,
+    } with [View, Projected]
+);
+crate::stage!(
+    /// An instance per tile of each Gaussian.
+    pub SPLAT_EMIT = splat_emit(PassPush) {
+        read views, read population, read projected, read depth_splats, read tile_counts, read tile_offsets,
+        write tile_keys, write tile_instances, write instance_splats, write runs,
+    } with [View, Projected]
+);
+crate::stage!(
+    /// Instances of each tile.
+    pub SPLAT_RANGES = splat_ranges(PassPush) { read counts, read tile_keys, write ranges }
+);
+crate::stage!(
+    /// Compositing, a workgroup per tile.
+    pub SPLAT_FORWARD = splat_forward(PassPush) {
+        read views, read projected, read instance_splats, read tile_instances, read ranges, write picture, write ends,
+        write tile_ends, write checkpoints, write depths,
+    } with [View, Projected]
+);
+crate::stage!(
+    /// Sums over pixels, a workgroup per block of instances.
+    pub SPLAT_BACKWARD = splat_backward(PassPush) {
+        read views, read projected, read counts, read instance_splats, read tile_keys, read tile_instances, read ranges,
+        read picture, read ends, read tile_ends, read checkpoints, read by_pixel, write partials,
+    } with [View, Projected]
+);
+
+/// How large pictures and models can be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sizes {
+    /// Gaussians.
+    pub gaussians: u32,
+    /// Instances: pairs of a Gaussian and a tile that it reaches.
+    pub room: u32,
+    /// Pixels of a picture.
+    pub pixels: u32,
+    /// Tiles of a picture.
+    pub tiles: u32,
+}
+
+/// What is wanted of the pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wanted {
+    /// Opacities reduced by what the low-pass widens (Mip-Splatting's 2D filter).
+    pub antialiased: bool,
+    /// Sums of depths beside the colours.
+    pub depths: bool,
+    /// Gradients afterwards.
+    pub gradients: bool,
+}
+
+/// Gaussians on the device.
+pub struct Model {
+    /// Planes of values, see [`super::layout`].
+    pub parameters: Buffer,
+    /// One word: how many there are.
+    pub population: Buffer,
+    /// From one plane to the next.
+    pub stride: u32,
+}
+
+/// Instances in the order of their tiles, as the forward pass left them.
+#[derive(Clone, Copy)]
+pub struct Instances<'a> {
+    keys: &'a Buffer,
+    values: &'a Buffer,
+}
+
+/// Size of a picture to be made; the rest of the view is on the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+}
+
+impl Size {
+    /// Tiles.
+    pub fn tiles(self) -> u32 {
+        self.width.div_ceil(TILE) * self.height.div_ceil(TILE)
+    }
+
+    /// Pixels.
+    pub fn pixels(self) -> u32 {
+        self.width * self.height
+    }
+}
+
+/// Pipelines and buffers.
+pub struct Rasterizer {
+    project: Pipeline,
+    count: Pipeline,
+    emit: Pipeline,
+    ranges: Pipeline,
+    forward: Pipeline,
+    backward: Pipeline,
+    scan: Scan,
+    sort: RadixSort,
+    sizes: Sizes,
+    depth_keys: Buffer,
+    depth_splats: Buffer,
+    tile_counts: Buffer,
+    tile_offsets: Buffer,
+    tile_keys: Buffer,
+    tile_instances: Buffer,
+    instance_splats: Buffer,
+    tile_ranges: Buffer,
+    ends: Buffer,
+    tile_ends: Buffer,
+    checkpoints: Buffer,
+    /// Every Gaussian as the view sees it.
+    pub projected: Buffer,
+    /// First instance and number of instances of each Gaussian.
+    pub runs: Buffer,
+    /// One word: the instances of the picture, also where there was room for fewer.
+    pub counts: Buffer,
+    /// Colour over the background and the light that is left, per pixel.
+    pub picture: Buffer,
+    /// Sums of depths per pixel, where they are wanted.
+    pub depths: Buffer,
+    /// Sums of each instance in the order of emission, where gradients are wanted.
+    pub partials: Buffer,
+}
+
+/// Buffers by name and bytes.
+pub fn footprint(context: &Context, sizes: &Sizes, wanted: Wanted) -> Vec<(&'static str, u64)> {
+    let [gaussians, room, pixels, tiles] = [sizes.gaussians, sizes.room, sizes.pixels, sizes.tiles].map(u64::from);
+    let checkpoints = 16 * u64::from(TILE * TILE) * (room / u64::from(BLOCK) + 1);
+    let only = |there: bool, bytes: u64| if there { bytes } else { 0 };
+    vec![
+        ("projected", size_of::<Projected>() as u64 * gaussians),
+        ("depth_keys", 4 * gaussians),
+        ("depth_splats", 4 * gaussians),
+        ("tile_counts", 4 * gaussians),
+        ("tile_offsets", 4 * gaussians),
+        ("runs", 8 * gaussians),
+        ("counts", 4),
+        ("tile_keys", 4 * room),
+        ("tile_instances", 4 * room),
+        ("instance_splats", 4 * room),
+        ("ranges", 8 * tiles),
+        ("picture", 16 * pixels),
+        ("ends", 4 * pixels),
+        ("tile_ends", 4 * tiles),
+        // The forward pass writes them in any case.
+        ("checkpoints", checkpoints),
+        ("depths", only(wanted.depths, 4 * pixels)),
+        ("partials", only(wanted.gradients, 4 * SUMS * room)),
+        ("sort", RadixSort::footprint(context, sizes.gaussians.max(sizes.room))),
+        ("scan", Scan::footprint(sizes.gaussians)),
+    ]
+}
+
+/// Threads of the stages that work on a tile: a pixel each, or four each where a barrier costs every thread a switch.
+fn threads(context: &Context) -> u32 {
+    if context.physical().kind == "CPU" { 64 } else { 256 }
+}
+
+impl Rasterizer {
+    /// Makes room for `sizes`.
+    ///
+    /// # Errors
+    /// Where the device has not that much memory, or fails.
+    pub fn new(context: &Arc<Context>, sizes: Sizes, wanted: Wanted) -> Result<Self> {
+        let plan = footprint(context, &sizes, wanted);
+        let buffer = |name: &str| {
+            let bytes = plan.iter().find(|entry| entry.0 == name).map_or(0, |entry| entry.1);
+            Buffer::device(context, name, bytes)
+        };
+        let antialiased = u32::from(wanted.antialiased);
+        let pipeline = |stage| Pipeline::new(context, stage, &[antialiased]);
+        let threads = threads(context);
+        Ok(Self {
+            project: pipeline(&SPLAT_PROJECT)?,
+            count: pipeline(&SPLAT_COUNT)?,
+            emit: pipeline(&SPLAT_EMIT)?,
+            ranges: pipeline(&SPLAT_RANGES)?,
+            forward: Pipeline::new(context, &SPLAT_FORWARD, &[antialiased, threads, u32::from(wanted.depths)])?,
+            backward: Pipeline::new(context, &SPLAT_BACKWARD, &[antialiased, threads])?,
+            scan: Scan::new(context, sizes.gaussians)?,
+            sort: RadixSort::new(context, sizes.gaussians.max(sizes.room))?,
+            sizes,
+            depth_keys: buffer("depth_keys")?,
+            depth_splats: buffer("depth_splats")?,
+            tile_counts: buffer("tile_counts")?,
+            tile_offsets: buffer("tile_offsets")?,
+            tile_keys: buffer("tile_keys")?,
+            tile_instances: buffer("tile_instances")?,
+            instance_splats: buffer("instance_splats")?,
+            tile_ranges: buffer("ranges")?,
+            ends: buffer("ends")?,
+            tile_ends: buffer("tile_ends")?,
+            checkpoints: buffer("checkpoints")?,
+            projected: buffer("projected")?,
+            runs: buffer("runs")?,
+            counts: buffer("counts")?,
+            picture: buffer("picture")?,
+            depths: buffer("depths")?,
+            partials: buffer("partials")?,
+        })
+    }
+
+    /// What there is room for.
+    pub fn sizes(&self) -> &Sizes {
+        &self.sizes
+    }
+
+    /// Records the way from the model to the picture of view `push.view`, which is of size `size`. Where `counts` then says
+    /// more than `push.room`, instances are missing and the picture is wrong.
+    ///
+    /// # Errors
+    /// None that the sizes do not rule out.
+    pub fn forward<'a>(
+        &'a self,
+        commands: &mut Recorder<'a>,
+        model: &'a Model,
+        views: &'a Buffer,
+        size: Size,
+        push: &PassPush,
+    ) -> Result<Instances<'a>> {
+        let Sizes { gaussians, room, .. } = self.sizes;
+        let population = || Count::Device(&model.population, 0);
+        let by_gaussian = gaussians.div_ceil(64);
+        commands
+            .stage(&self.project)
+            .bind(&[
+                views,
+                &model.population,
+                &model.parameters,
+                &self.projected,
+                &self.depth_keys,
+                &self.depth_splats,
+            ])
+            .push(push)
+            .linear(by_gaussian);
+        let by_depth = self.sort.pairs(commands, &self.depth_keys, &self.depth_splats, population(), 31)?;
+        commands
+            .stage(&self.count)
+            .bind(&[views, &model.population, &self.projected, by_depth.values, &self.tile_counts])
+            .push(push)
+            .linear(by_gaussian);
+        self.scan.record(commands, &self.tile_counts, &self.tile_offsets, population(), (&self.counts, 0))?;
+        commands
+            .stage(&self.emit)
+            .bind(&[
+                views,
+                &model.population,
+                &self.projected,
+                by_depth.values,
+                &self.tile_counts,
+                &self.tile_offsets,
+                &self.tile_keys,
+                &self.tile_instances,
+                &self.instance_splats,
+                &self.runs,
+            ])
+            .push(push)
+            .linear(by_gaussian);
+        let bits = (32 - (size.tiles() - 1).leading_zeros()).max(1);
+        let instances = Count::Device(&self.counts, 0);
+        let by_tile = self.sort.pairs(commands, &self.tile_keys, &self.tile_instances, instances, bits)?;
+        commands.fill(&self.tile_ranges, 0);
+        commands
+            .stage(&self.ranges)
+            .bind(&[&self.counts, by_tile.keys, &self.tile_ranges])
+            .push(push)
+            .linear(room.div_ceil(256));
+        commands
+            .stage(&self.forward)
+            .bind(&[
+                views,
+                &self.projected,
+                &self.instance_splats,
+                by_tile.values,
+                &self.tile_ranges,
+                &self.picture,
+                &self.ends,
+                &self.tile_ends,
+                &self.checkpoints,
+                &self.depths,
+            ])
+            .push(push)
+            .linear(size.tiles());
+        Ok(Instances { keys: by_tile.keys, values: by_tile.values })
+    }
+
+    /// Records the way back: from the gradient of the loss by each pixel (`by_pixel`, a vec4 each) to `partials`.
+    pub fn backward<'a>(
+        &'a self,
+        commands: &mut Recorder<'a>,
+        views: &'a Buffer,
+        instances: Instances<'a>,
+        by_pixel: &'a Buffer,
+        push: &PassPush,
+    ) {
+        commands
+            .stage(&self.backward)
+            .bind(&[
+                views,
+                &self.projected,
+                &self.counts,
+                &self.instance_splats,
+                instances.keys,
+                instances.values,
+                &self.tile_ranges,
+                &self.picture,
+                &self.ends,
+                &self.tile_ends,
+                &self.checkpoints,
+                by_pixel,
+                &self.partials,
+            ])
+            .push(push)
+            .linear(self.sizes.room.div_ceil(BLOCK));
+    }
+}

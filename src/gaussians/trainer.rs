@@ -1,0 +1,413 @@
+//! A training run on the device: iterations recorded ahead of it, block by block, and nothing read back between them.
+//!
+//! Everything that outlives an iteration (parameters, moments, population, statistics) is a function of the start, the
+//! configuration and the photos. Where an iteration needs more room for instances than there is, the stages leave all of
+//! that as it was, and the run goes on from that iteration with more room.
+
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::config::{Background, Config, Schedule, Strategy};
+use super::layout::{self, PassPush};
+use super::loss::{self, Ledger, Loss};
+use super::mcmc::{self, Mcmc};
+use super::rasterizer::{self, Model, Rasterizer, Size, Sizes, Wanted};
+use super::store::PhotoStore;
+use super::update::{Moments, Update, UpdatePush};
+use super::view::View;
+use crate::scene::gaussians::Gaussians;
+use crate::scene::random;
+use crate::vulkan::profile::Profile;
+use crate::vulkan::{Buffer, Context, Recorder};
+use crate::{Error, Result};
+
+/// Iterations of a block, and blocks that are submitted ahead of the device.
+const BLOCK: u32 = 10;
+const AHEAD: usize = 3;
+/// Stages of an iteration, with its sorts and a refinement, at most.
+const MOST_STAGES: u32 = 96;
+const VIEW_STREAM: u32 = 0x4600_0000;
+const BACKGROUND_STREAM: u32 = 0x4580_0000;
+
+/// What an iteration came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Record {
+    /// Mean |x - y| over pixels and channels.
+    pub l1: f32,
+    /// Mean SSIM.
+    pub ssim: f32,
+    /// Mean (x - y)^2.
+    pub squared: f32,
+    /// Instances.
+    pub instances: u32,
+}
+
+impl Record {
+    /// The loss, without the regularisers of parameters.
+    pub fn loss(&self) -> f64 {
+        loss::L1_SHARE * f64::from(self.l1) + (1.0 - loss::L1_SHARE) * (1.0 - f64::from(self.ssim))
+    }
+
+    /// PSNR in decibels of the picture as it is, without rounding.
+    pub fn psnr(&self) -> f64 {
+        -10.0 * f64::from(self.squared).log10()
+    }
+}
+
+/// All that a run carries from one iteration to the next, on the host.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Iterations done.
+    pub done: u32,
+    /// Gaussians.
+    pub population: u32,
+    /// Parameters, and Adam's two means: planes, `population` apart.
+    pub planes: [Vec<f32>; 3],
+}
+
+/// A run.
+pub struct Trainer {
+    context: Arc<Context>,
+    config: Config,
+    schedule: Schedule,
+    /// Gaussians at the start.
+    started_with: u32,
+    sizes: Sizes,
+    views: Vec<View>,
+    view_buffer: Buffer,
+    photos: PhotoStore,
+    model: Model,
+    moments: Moments,
+    rasterizer: Rasterizer,
+    loss: Loss,
+    update: Update,
+    mcmc: Mcmc,
+    ledger: Ledger,
+    done: u32,
+}
+
+/// Room for instances that a run starts with: four tiles for every Gaussian that there may be, and enough for few large ones.
+pub fn first_room(max_splats: u32) -> u32 {
+    max_splats.saturating_mul(4).clamp(1 << 18, 1 << 28)
+}
+
+/// Sizes for pictures of these views.
+pub fn sizes(config: &Config, views: &[View], room: u32) -> Sizes {
+    let of = |view: &View| Size { width: view.width, height: view.height };
+    Sizes {
+        gaussians: config.max_splats,
+        room,
+        pixels: views.iter().map(|view| of(view).pixels()).max().unwrap_or(1),
+        tiles: views.iter().map(|view| of(view).tiles()).max().unwrap_or(1),
+    }
+}
+
+/// Long-lived buffers of a run by name and bytes, but for the photos.
+pub fn footprint(context: &Context, config: &Config, sizes: &Sizes, views: usize) -> Vec<(&'static str, u64)> {
+    let planes = 4 * layout::planes(config.degree) as u64 * u64::from(config.max_splats);
+    let wanted = Wanted { antialiased: config.antialiased, depths: false, gradients: true };
+    let mut buffers = vec![
+        ("parameters", planes),
+        ("first", planes),
+        ("second", planes),
+        ("statistics", 0),
+        ("population", 4),
+        ("views", (size_of::<View>() * views) as u64),
+        ("control", 4),
+        ("history", 16 * u64::from(config.iterations)),
+        ("mailbox", 16),
+    ];
+    buffers.extend(rasterizer::footprint(context, sizes, wanted));
+    buffers.extend(loss::footprint(sizes));
+    buffers.extend(mcmc::footprint(config.max_splats));
+    buffers
+}
+
+impl Trainer {
+    /// Prepares a run from `start`, which is in the training frame; `views` are those of `photos`, in their order, and
+    /// may be followed by others that are only looked from.
+    ///
+    /// # Errors
+    /// Where there is nothing to start from or more than the budget, or the device has not enough memory.
+    pub fn new(
+        context: &Arc<Context>,
+        config: Config,
+        start: &Gaussians,
+        views: Vec<View>,
+        photos: PhotoStore,
+    ) -> Result<Self> {
+        config.validate()?;
+        let population = u32::try_from(start.len()).unwrap_or(u32::MAX);
+        if population == 0 || population > config.max_splats {
+            let most = config.max_splats;
+            return Err(Error::request(format!("training starts with 1 to {most} splats, not with {population}")));
+        }
+        let sizes = sizes(&config, &views, first_room(config.max_splats));
+        let planes = layout::planes(config.degree);
+        let stride = config.max_splats;
+        let bytes = 4 * planes as u64 * u64::from(stride);
+        let plane_buffer = |name: &str| Buffer::device(context, name, bytes);
+        let model = Model {
+            parameters: plane_buffer("parameters")?,
+            population: Buffer::from_slice(context, "population", &[population])?,
+            stride,
+        };
+        model.parameters.upload(&layout::to_planes(start, config.degree, stride as usize))?;
+        let moments = Moments {
+            first: plane_buffer("first")?,
+            second: plane_buffer("second")?,
+            statistics: Buffer::device(context, "statistics", 16)?,
+        };
+        let ledger = Ledger {
+            control: Buffer::device(context, "control", 4)?,
+            history: Buffer::host(context, "history", 16 * u64::from(config.iterations))?,
+            mailbox: Buffer::host(context, "mailbox", 16)?,
+        };
+        ledger.mailbox.write(&[0u32; 4])?;
+        let mut commands = Recorder::new(context)?;
+        commands.fill(&moments.first, 0);
+        commands.fill(&moments.second, 0);
+        commands.fill(&ledger.control, 0);
+        commands.submit_and_wait()?;
+        drop(commands);
+        Ok(Self {
+            context: context.clone(),
+            schedule: config.schedule(),
+            started_with: population,
+            view_buffer: Buffer::from_slice(context, "views", &views)?,
+            views,
+            photos,
+            model,
+            moments,
+            rasterizer: rasterizer(context, &config, sizes)?,
+            loss: Loss::new(context, &sizes)?,
+            update: Update::new(context, config.antialiased, false)?,
+            mcmc: Mcmc::new(context, config.max_splats)?,
+            ledger,
+            sizes,
+            config,
+            done: 0,
+        })
+    }
+
+    /// Iterations done.
+    pub fn done(&self) -> u32 {
+        self.done
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Gaussians at an iteration: a function of the schedule alone.
+    pub fn population(&self, iteration: u32) -> u32 {
+        (0..self.schedule.refinements_before(iteration))
+            .fold(self.started_with, |n, _| mcmc::grown(n, self.config.max_splats))
+    }
+
+    /// What the iterations so far came to.
+    pub fn history(&self) -> Vec<Record> {
+        let words: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(self.ledger.history.mapped());
+        let record = |w: &[f32; 4]| Record { l1: w[0], ssim: w[1], squared: w[2], instances: w[3] as u32 };
+        words[..self.done as usize].iter().map(record).collect()
+    }
+
+    /// Trains until `until` iterations are done. `observe` is called now and then with the number of iterations done and
+    /// may break the run off after the block that is running. With a profile every stage is timed.
+    ///
+    /// # Errors
+    /// Where the device fails or has not enough memory, or the loss is no number any more.
+    pub fn run(
+        &mut self,
+        until: u32,
+        mut profile: Option<&mut Profile>,
+        mut observe: impl FnMut(u32) -> ControlFlow<()>,
+    ) -> Result<ControlFlow<()>> {
+        let until = until.min(self.config.iterations);
+        loop {
+            let flow = self.advance(until, profile.as_deref_mut(), &mut observe)?;
+            self.done = self.ledger.mailbox.peek(0).unwrap_or(0).max(self.done);
+            let [needed, broken] = [1, 2].map(|word| self.ledger.mailbox.peek(word).unwrap_or(0));
+            if broken != 0 {
+                let what = "the loss of iteration {} is no number; a photo or a start value may be damaged";
+                return Err(Error::request(what.replace("{}", &self.done.to_string())));
+            }
+            if needed == 0 {
+                return Ok(flow);
+            }
+            self.make_room(needed)?;
+        }
+    }
+
+    /// Submits blocks until `until` iterations are done, the run is halted or `observe` breaks it off; waits for all of them.
+    fn advance(
+        &self,
+        until: u32,
+        mut profile: Option<&mut Profile>,
+        observe: &mut impl FnMut(u32) -> ControlFlow<()>,
+    ) -> Result<ControlFlow<()>> {
+        let done = || self.ledger.mailbox.peek(0).unwrap_or(0).max(self.done);
+        let halted = || (1..3).any(|word| self.ledger.mailbox.peek(word).unwrap_or(0) != 0);
+        let mut flow = ControlFlow::Continue(());
+        let mut running: VecDeque<(Recorder, Instant)> = VecDeque::new();
+        let mut next = self.done;
+        loop {
+            while flow.is_continue() && !halted() && next < until && running.len() < AHEAD {
+                let mut commands = match &profile {
+                    Some(_) => Recorder::timed(&self.context, BLOCK * MOST_STAGES)?,
+                    None => Recorder::new(&self.context)?,
+                };
+                for iteration in next..(next + BLOCK).min(until) {
+                    self.record_iteration(&mut commands, iteration)?;
+                }
+                next = (next + BLOCK).min(until);
+                let submitted = Instant::now();
+                commands.submit()?;
+                running.push_back((commands, submitted));
+            }
+            let Some((oldest, submitted)) = running.front_mut() else { return Ok(flow) };
+            if oldest.pending() == 0 {
+                oldest.wait()?;
+                if let Some(profile) = &mut profile {
+                    profile.device(*submitted, &oldest.timings()?);
+                }
+                running.pop_front();
+            } else {
+                std::thread::sleep(Duration::from_micros(500));
+            }
+            if flow.is_continue() {
+                flow = observe(done());
+            }
+        }
+    }
+
+    /// Makes room for so many instances and half as many more, and takes the halt back.
+    fn make_room(&mut self, needed: u32) -> Result<()> {
+        self.sizes.room = (needed / 2).saturating_mul(3).clamp(self.sizes.room, 1 << 28);
+        if needed > self.sizes.room {
+            return Err(Error::OutOfMemory {
+                what: "the list of tiles that splats reach".into(),
+                wanted: 4 * u64::from(needed),
+                available: 4 << 28,
+                remedy: "train with fewer splats (--max-splats) or smaller photos (--shrink)".into(),
+            });
+        }
+        // The old buffers go first: there may be no room for both.
+        self.rasterizer = rasterizer(&self.context, &self.config, Sizes { room: 1, ..self.sizes })?;
+        self.rasterizer = rasterizer(&self.context, &self.config, self.sizes)?;
+        let mailbox = [self.done, 0, 0, 0];
+        self.ledger.mailbox.write(&mailbox)?;
+        let mut commands = Recorder::new(&self.context)?;
+        commands.fill(&self.ledger.control, 0);
+        commands.submit_and_wait()
+    }
+
+    /// The photo that an iteration looks at: every photo once, in another order in each round.
+    fn view_of(&self, iteration: u32) -> u32 {
+        let photos = self.photos.len() as u32;
+        let mut order: Vec<u32> = (0..photos).collect();
+        random::shuffle(&mut order, self.config.seed, VIEW_STREAM + iteration / photos);
+        order[(iteration % photos) as usize]
+    }
+
+    fn background_of(&self, iteration: u32) -> [f32; 3] {
+        match self.config.background {
+            Background::Black => [0.0; 3],
+            Background::White => [1.0; 3],
+            Background::Random => {
+                let [r, g, b, _] = random::uniforms(self.config.seed, BACKGROUND_STREAM, iteration);
+                [r, g, b].map(|v| v as f32)
+            }
+        }
+    }
+
+    /// Records one iteration, and the refinement that follows it where one is due.
+    fn record_iteration<'a>(&'a self, commands: &mut Recorder<'a>, iteration: u32) -> Result<()> {
+        let view = self.view_of(iteration);
+        let View { width, height, .. } = self.views[view as usize];
+        let size = Size { width, height };
+        let push = PassPush {
+            stride: self.model.stride,
+            view,
+            degree: self.schedule.degree(iteration, self.config.degree),
+            room: self.sizes.room,
+            background: self.background_of(iteration),
+            iteration,
+        };
+        self.photos.record_copy(commands, view as usize, &self.loss.photo);
+        let Self { rasterizer, model, view_buffer, ledger, .. } = self;
+        let instances = rasterizer.forward(commands, model, view_buffer, size, &push)?;
+        self.loss.record(commands, [view_buffer, &rasterizer.picture, &rasterizer.counts], ledger, size, &push);
+        rasterizer.backward(commands, view_buffer, instances, &self.loss.by_pixel, &push);
+        let step = self.step(iteration, &push);
+        self.update.record(commands, [view_buffer, &ledger.control], rasterizer, model, &self.moments, &step);
+        if self.schedule.refines_after(iteration) {
+            let planes = layout::planes(self.config.degree);
+            let keys = [self.config.seed, u64::from(iteration)];
+            let before = self.population(iteration);
+            self.mcmc.record(commands, &ledger.control, model, &self.moments, planes, before, keys)?;
+        }
+        Ok(())
+    }
+
+    /// Adam's step of an iteration.
+    fn step(&self, iteration: u32, push: &PassPush) -> UpdatePush {
+        let t = f64::from(iteration + 1);
+        let progress = f64::from(iteration) / f64::from(self.config.iterations);
+        // From 1.6e-4 of the extent to a hundredth of it.
+        let centre_rate = 1.6e-4 * 0.01f64.powf(progress);
+        let weight = if self.config.strategy == Strategy::Mcmc { 0.01 } else { 0.0 };
+        let noise = if self.config.strategy == Strategy::Mcmc { 5e5 * centre_rate } else { 0.0 };
+        UpdatePush {
+            stride: push.stride,
+            view: push.view,
+            degree: push.degree,
+            iteration,
+            seed: [self.config.seed as u32, (self.config.seed >> 32) as u32],
+            centre_rate: centre_rate as f32,
+            scale_rate: 5e-3,
+            rotation_rate: 1e-3,
+            opacity_rate: 5e-2,
+            colour_rate: 2.5e-3,
+            harmonics_rate: 1.25e-4,
+            first_correction: (1.0 / (1.0 - 0.9f64.powf(t))) as f32,
+            second_correction: (1.0 / (1.0 - 0.999f64.powf(t))) as f32,
+            opacity_weight: weight,
+            scale_weight: weight,
+            noise: noise as f32,
+        }
+    }
+
+    /// Reads back all that the next iteration needs.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn state(&self) -> Result<State> {
+        let population = self.model.population.download::<u32>(1)?[0];
+        let (planes, stride) = (layout::planes(self.config.degree), self.model.stride as usize);
+        let packed = |buffer: &Buffer| -> Result<Vec<f32>> {
+            let values = buffer.download::<f32>(planes * stride)?;
+            Ok(values.chunks(stride).flat_map(|plane| plane[..population as usize].iter().copied()).collect())
+        };
+        let planes =
+            [packed(&self.model.parameters)?, packed(&self.moments.first)?, packed(&self.moments.second)?];
+        Ok(State { done: self.done, population, planes })
+    }
+
+    /// The Gaussians as they are, in the training frame.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn gaussians(&self) -> Result<Gaussians> {
+        let State { population, planes: [parameters, ..], .. } = self.state()?;
+        Ok(layout::from_planes(&parameters, self.config.degree, population as usize, population as usize))
+    }
+}
+
+fn rasterizer(context: &Arc<Context>, config: &Config, sizes: Sizes) -> Result<Rasterizer> {
+    let wanted = Wanted { antialiased: config.antialiased, depths: false, gradients: true };
+    Rasterizer::new(context, sizes, wanted)
+}

@@ -1,0 +1,110 @@
+//! From the sums of all instances to the parameters: projection backward, Adam and exploration noise in one stage
+//! (`splat_update.comp`).
+
+use std::sync::Arc;
+
+use super::layout::Projected;
+use super::rasterizer::{Model, Rasterizer};
+use super::view::View;
+use crate::Result;
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+
+crate::gpu_struct! {
+    /// Push constants of [`SPLAT_UPDATE`].
+    pub struct UpdatePush {
+        /// From one plane of parameters to the next.
+        pub stride: u32,
+        /// The view's index.
+        pub view: u32,
+        /// Degree of the harmonics that take part.
+        pub degree: u32,
+        /// Iteration, from zero.
+        pub iteration: u32,
+        /// Seed, low half first.
+        pub seed: [u32; 2],
+        /// Adam's rate for centres.
+        pub centre_rate: f32,
+        /// For logarithms of standard deviations.
+        pub scale_rate: f32,
+        /// For quaternions.
+        pub rotation_rate: f32,
+        /// For logits of opacities.
+        pub opacity_rate: f32,
+        /// For the constant harmonic.
+        pub colour_rate: f32,
+        /// For the other harmonics.
+        pub harmonics_rate: f32,
+        /// `1 / (1 - 0.9^t)`, t from one.
+        pub first_correction: f32,
+        /// `1 / (1 - 0.999^t)`.
+        pub second_correction: f32,
+        /// Weight of the mean opacity in the loss.
+        pub opacity_weight: f32,
+        /// Weight of the mean standard deviation in the loss.
+        pub scale_weight: f32,
+        /// Factor of the exploration noise; none where zero.
+        pub noise: f32,
+    }
+}
+
+crate::stage!(
+    /// Gradients by parameters, Adam, noise.
+    pub SPLAT_UPDATE = splat_update(UpdatePush) {
+        read views, read population, read control, read projected, read runs, read partials, write parameters,
+        write first, write second, write statistics,
+    } with [View, Projected]
+);
+
+/// Adam's memory and what densification is decided by.
+pub struct Moments {
+    /// Running means of gradients, in planes as the parameters are.
+    pub first: Buffer,
+    /// Running means of their squares.
+    pub second: Buffer,
+    /// Sum of lengths of gradients by the mean and number of views, two floats a Gaussian, where they are wanted.
+    pub statistics: Buffer,
+}
+
+/// The stage.
+pub struct Update {
+    pipeline: Pipeline,
+}
+
+impl Update {
+    /// Compiles it, with or without statistics.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn new(context: &Arc<Context>, antialiased: bool, statistics: bool) -> Result<Self> {
+        let constants = [u32::from(antialiased), u32::from(statistics)];
+        Ok(Self { pipeline: Pipeline::new(context, &SPLAT_UPDATE, &constants)? })
+    }
+
+    /// Records it after the backward pass.
+    pub fn record<'a>(
+        &'a self,
+        commands: &mut Recorder<'a>,
+        [views, control]: [&'a Buffer; 2],
+        rasterizer: &'a Rasterizer,
+        model: &'a Model,
+        moments: &'a Moments,
+        push: &UpdatePush,
+    ) {
+        commands
+            .stage(&self.pipeline)
+            .bind(&[
+                views,
+                &model.population,
+                control,
+                &rasterizer.projected,
+                &rasterizer.runs,
+                &rasterizer.partials,
+                &model.parameters,
+                &moments.first,
+                &moments.second,
+                &moments.statistics,
+            ])
+            .push(push)
+            .linear(rasterizer.sizes().gaussians.div_ceil(64));
+    }
+}
