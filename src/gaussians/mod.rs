@@ -1,1 +1,3 @@
 //! Gaussian splatting: rendering trained splats, and training them from photos.
+
+pub mod twin;
