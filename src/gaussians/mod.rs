@@ -7,5 +7,6 @@ pub mod mcmc;
 pub mod rasterizer;
 pub mod store;
 pub mod trainer;
+pub mod twin;
 pub mod update;
 pub mod view;

@@ -3,8 +3,7 @@
 use glam::DVec3;
 
 use super::elements::Columns;
-use super::splats::HARMONIC;
-use crate::scene::harmonics::{self, Lobe};
+use crate::scene::harmonics::{self, Lobe, above_constant};
 use crate::scene::{colour, octahedral};
 
 /// Texels along a side of the map that a splat's radiance is sampled on.
@@ -63,66 +62,9 @@ impl Radiance {
     }
 }
 
-/// Real spherical harmonics of degrees 1 to 3 with the signs and the order of 3D Gaussian splatting (Kerbl et al. 2023,
-/// after Sloan, "Efficient Spherical Harmonic Evaluation", JCGT 2013).
-fn above_constant(d: DVec3) -> [f64; 15] {
-    let DVec3 { x, y, z } = d;
-    let (xx, yy, zz) = (x * x, y * y, z * z);
-    let one = 3f64.sqrt() * HARMONIC;
-    let two = 15f64.sqrt() * HARMONIC;
-    let seven = 7f64.sqrt() * HARMONIC;
-    let (outer, inner, middle) = ((5.0f64 / 8.0).sqrt(), (3.0f64 / 8.0).sqrt(), 15f64.sqrt());
-    [
-        -one * y,
-        one * z,
-        -one * x,
-        two * x * y,
-        -two * y * z,
-        0.5 * 5f64.sqrt() * HARMONIC * (2.0 * zz - xx - yy),
-        -two * x * z,
-        0.5 * two * (xx - yy),
-        -seven * outer * y * (3.0 * xx - yy),
-        seven * middle * x * y * z,
-        -seven * inner * y * (4.0 * zz - xx - yy),
-        0.5 * seven * z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
-        -seven * inner * x * (4.0 * zz - xx - yy),
-        0.5 * seven * middle * z * (xx - yy),
-        -seven * outer * x * (xx - 3.0 * yy),
-    ]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Constants as they stand in the published code; orthonormality over the sphere pins the rest.
-    #[test]
-    fn harmonics_are_those_of_the_published_code() {
-        let d = DVec3::new(0.48, -0.6, 0.64);
-        let found = above_constant(d);
-        let DVec3 { x, y, z } = d;
-        let (xx, yy, zz) = (x * x, y * y, z * z);
-        let published = [
-            -0.488_602_511_9 * y,
-            0.488_602_511_9 * z,
-            -0.488_602_511_9 * x,
-            1.092_548_430_6 * x * y,
-            -1.092_548_430_6 * y * z,
-            0.315_391_565_3 * (2.0 * zz - xx - yy),
-            -1.092_548_430_6 * x * z,
-            0.546_274_215_3 * (xx - yy),
-            -0.590_043_589_9 * y * (3.0 * xx - yy),
-            2.890_611_442_6 * x * y * z,
-            -0.457_045_799_5 * y * (4.0 * zz - xx - yy),
-            0.373_176_332_6 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
-            -0.457_045_799_5 * x * (4.0 * zz - xx - yy),
-            1.445_305_721_3 * z * (xx - yy),
-            -0.590_043_589_9 * x * (xx - 3.0 * yy),
-        ];
-        for (k, (a, b)) in found.iter().zip(published).enumerate() {
-            assert!((a - b).abs() < 1e-8, "harmonic {k}: {a} against {b}");
-        }
-    }
 
     fn radiance(columns: Vec<Vec<f64>>) -> Radiance {
         let directions = octahedral::directions(RESOLUTION);

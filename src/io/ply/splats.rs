@@ -15,14 +15,11 @@ use super::elements::Columns;
 use super::radiance::Radiance;
 use crate::error::{Error, Result};
 use crate::scene::colour;
-use crate::scene::harmonics::Lobe;
+use crate::scene::harmonics::{self, Lobe};
 use crate::scene::surface::{Points, Surface};
 
 /// Splats that are fainter than this are no surface.
 pub const LEAST_OPACITY: f64 = 0.1;
-
-/// Value of the constant spherical harmonic, 1 / (2 sqrt(pi)).
-pub(super) const HARMONIC: f64 = 0.282_094_791_773_878_14;
 
 /// Splats that share one set of bounds in a packed file.
 const CHUNK: usize = 256;
@@ -59,7 +56,7 @@ pub(super) fn trained(path: &Path, columns: &mut Columns, notes: &mut Vec<String
     let vector = |columns: &[Vec<f64>; 3], i: usize| DVec3::new(columns[0][i], columns[1][i], columns[2][i]);
     let radiance = Radiance::take(columns);
     let splats = (0..opacity.len()).map(|i| {
-        let colour = 0.5 + HARMONIC * vector(&dc, i);
+        let colour = 0.5 + harmonics::CONSTANT * vector(&dc, i);
         Splat {
             centre: vector(&centre, i),
             log_scales: DVec3::new(scale_0[i], scale_1[i], scale_2.as_ref().map_or(f64::MIN, |s| s[i])),

@@ -1,0 +1,118 @@
+//! Adam's step, and the split of a splat into equal ones.
+
+use super::Splat;
+
+/// Decay of Adam's first and second moment, and what keeps it from dividing by zero.
+const DECAYS: [f64; 2] = [0.9, 0.999];
+const LEAST: f64 = 1e-15;
+
+/// A value after Adam's step number `step`, from 1 (Kingma and Ba 2015), with correction of the moments' bias; `moments` are
+/// the means of the gradient and of its square, zero at the start.
+pub fn adam(value: f64, gradient: f64, moments: &mut [f64; 2], rate: f64, step: i32) -> f64 {
+    for (k, sample) in [gradient, gradient * gradient].into_iter().enumerate() {
+        moments[k] = DECAYS[k] * moments[k] + (1.0 - DECAYS[k]) * sample;
+    }
+    let [first, second] = std::array::from_fn(|k| moments[k] / (1.0 - DECAYS[k].powi(step)));
+    value - rate * first / (second.sqrt() + LEAST)
+}
+
+/// One of `n` equal splats in one place that look like `splat` together (Kheradmand et al. 2024, "3D Gaussian Splatting as
+/// Markov Chain Monte Carlo", equation 9): they let as much light through at the centre, and along any line across it they
+/// hide as much in all.
+pub fn split(splat: &Splat, n: u32) -> Splat {
+    // log(1 - o), which is exact where o is all but 1.
+    let passed = -softplus(splat.opacity);
+    let (old, opacity) = (-passed.exp_m1(), -(passed / f64::from(n)).exp_m1());
+    let shrunk = (old / denominator(opacity, n)).ln();
+    Splat { log_scale: splat.log_scale + shrunk, opacity: (-passed / f64::from(n)).exp_m1().ln(), ..splat.clone() }
+}
+
+/// `sum_{i=1..n} sum_{k=0..i-1} C(i-1, k) (-1)^k / sqrt(k + 1) o^(k + 1)`. The sum over i is `C(n, k + 1)`.
+fn denominator(opacity: f64, n: u32) -> f64 {
+    let mut term = -1.0;
+    let mut sum = 0.0;
+    for k in 0..n {
+        term *= -opacity * f64::from(n - k) / f64::from(k + 1);
+        sum += term / f64::from(k + 1).sqrt();
+    }
+    sum
+}
+
+/// log(1 + exp(x)).
+fn softplus(x: f64) -> f64 {
+    x.max(0.0) + (-x.abs()).exp().ln_1p()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    /// The first step is the rate along the sign, whatever the gradient's size; the second is by hand.
+    #[test]
+    fn steps_are_those_of_the_published_method() {
+        for gradient in [1e-9, -0.02, 300.0] {
+            let mut moments = [0.0; 2];
+            let value = adam(1.0, gradient, &mut moments, 0.1, 1);
+            assert!((value - (1.0 - 0.1f64.copysign(gradient))).abs() < 1e-6, "{value}");
+            let value = adam(value, -2.0 * gradient, &mut moments, 0.1, 2) - value;
+            // (0.9 * 0.1 - 2 * 0.1) / (1 - 0.81) over the root of (0.999 + 4) / (1 - 0.999^2) * 0.001.
+            let expected = -0.1 * (-0.11 / 0.19) / (0.004_999f64 / 0.001_999).sqrt();
+            assert!((value - expected.copysign(expected * gradient)).abs() < 1e-6, "{value} for {expected}");
+        }
+        assert_eq!(adam(5.0, 0.0, &mut [0.0; 2], 0.1, 1), 5.0);
+    }
+
+    /// Integral of what `n` splats of opacity `o` and deviation `s` in one place hide along a line through their middle.
+    fn hidden(o: f64, s: f64, n: u32) -> f64 {
+        let step = 0.001;
+        let at = |x: f64| 1.0 - (1.0 - o * (-0.5 * (x / s).powi(2)).exp()).powi(n as i32);
+        (-12_000..=12_000).map(|i| step * at(step * f64::from(i))).sum()
+    }
+
+    /// If this failed, relocating splats would change the picture, by more the oftener it is done.
+    #[test]
+    fn parts_look_like_the_whole() {
+        for logit in [-4.0f64, 0.0, 3.0, 9.0] {
+            for n in [1, 2, 3, 7, 20, 51] {
+                let splat = Splat {
+                    centre: DVec3::ONE,
+                    log_scale: DVec3::new(0.0, -1.0, 0.2),
+                    rotation: [1.0, 2.0, 3.0, 4.0],
+                    opacity: logit,
+                    harmonics: vec![DVec3::X],
+                };
+                let part = split(&splat, n);
+                let o = |splat: &Splat| 1.0 / (1.0 + (-splat.opacity).exp());
+                let passed = (1.0 - o(&part)).powi(n as i32);
+                assert!((passed - (1.0 - o(&splat))).abs() < 1e-12, "opacity of {n} of {logit}");
+                let shrunk = part.log_scale - splat.log_scale;
+                assert!((shrunk.x - shrunk.y).abs() < 1e-12 && (shrunk.x - shrunk.z).abs() < 1e-12);
+                let (whole, parts) = (hidden(o(&splat), 1.0, 1), hidden(o(&part), shrunk.x.exp(), n));
+                assert!((whole - parts).abs() < 1e-6 * whole, "{n} of {logit}: {parts} for {whole}");
+                assert_eq!(
+                    (part.centre, part.rotation, &part.harmonics),
+                    (splat.centre, splat.rotation, &splat.harmonics)
+                );
+            }
+        }
+    }
+
+    /// The sum as it is published, binomials and all, against the short one.
+    #[test]
+    fn the_denominator_is_the_published_sum() {
+        for (o, n) in [(0.3f64, 5u32), (0.9, 9), (0.01, 30)] {
+            let mut sum = 0.0;
+            for i in 1..=n {
+                let mut binomial = 1.0;
+                for k in 0..i {
+                    let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+                    sum += binomial * sign / f64::from(k + 1).sqrt() * o.powi(k as i32 + 1);
+                    binomial *= f64::from(i - 1 - k) / f64::from(k + 1);
+                }
+            }
+            assert!((denominator(o, n) - sum).abs() < 1e-9 * sum, "{} for {sum}", denominator(o, n));
+        }
+    }
+}
