@@ -106,6 +106,15 @@ impl Values {
             Self::Single(values) => values,
         }
     }
+
+    /// All values as bytes of sRGB.
+    pub fn into_bytes(self) -> Vec<u8> {
+        match self {
+            Self::Byte(values) => values,
+            Self::Half(values) => values.into_iter().map(|value| pixels::byte(value.to_f32())).collect(),
+            Self::Single(values) => values.into_iter().map(pixels::byte).collect(),
+        }
+    }
 }
 
 /// A photo that has been decoded.

@@ -92,7 +92,7 @@ pub(super) fn decode(photo: &Photo, index: usize, settings: &Settings) -> Result
 }
 
 /// 8-bit sRGB of a linear value.
-fn byte(linear: f32) -> u8 {
+pub(super) fn byte(linear: f32) -> u8 {
     (255.0 * colour::encoded(f64::from(linear))).round() as u8
 }
 
