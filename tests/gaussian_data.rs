@@ -32,7 +32,8 @@ fn load(photos: &[Photo], shrink: u32) -> Vec<Picture> {
         1e-6 * picture_bytes(photos, shrink) as f64,
         1e-6 * decoder.most_in_flight() as f64
     );
-    assert_eq!(picture_bytes(photos, shrink), all.iter().map(|picture| 4 * picture.pixels.len() as u64).sum());
+    let bytes: u64 = all.iter().map(|picture| 4 * picture.pixels.len() as u64).sum();
+    assert_eq!(picture_bytes(photos, shrink), bytes);
     assert!(all.iter().zip(0..).all(|(picture, i)| picture.index == i));
     all
 }

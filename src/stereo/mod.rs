@@ -353,7 +353,7 @@ fn grid(low: DVec3, high: DVec3) -> Grid {
 }
 
 /// Depths, near and far, between which each camera looks for the ball. None is nearer than a tenth of its far end.
-fn ball_depths(cameras: &[Camera], volume: &Volume) -> Vec<[f64; 2]> {
+pub fn ball_depths(cameras: &[Camera], volume: &Volume) -> Vec<[f64; 2]> {
     let of = |camera: &Camera| {
         let along = (volume.centre - camera.pose.position).dot(camera.pose.forward());
         let far = (along + volume.radius).max(0.5 * volume.radius);
