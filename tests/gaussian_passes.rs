@@ -5,7 +5,7 @@ mod gaussian_support;
 use camsplat::Result;
 use camsplat::gaussians::layout;
 use camsplat::gaussians::twin;
-use camsplat::gaussians::view::View;
+use camsplat::gaussians::frame::View;
 use camsplat::scene::gaussians::Gaussians;
 use gaussian_support::{Pass, context, pass, photo, scene, silent, twin_view, view};
 use glam::DVec3;

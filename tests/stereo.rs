@@ -7,6 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use camsplat::io;
+use camsplat::photos::volume::{Volume, around_focus};
 use camsplat::photos::{Photo, PhotoSet};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::lens::Distortion;
@@ -18,8 +19,7 @@ use camsplat::stereo::cost::{MOST_PAIRS, NO_MATCH, Plane, Scene};
 use camsplat::stereo::depth::Sweeper;
 use camsplat::stereo::frame::{StereoPair, StereoView, device_pairs, device_views};
 use camsplat::stereo::hull::{Evidence, Hull, carve};
-use camsplat::stereo::volume::{Volume, around_focus, depths};
-use camsplat::stereo::{Options, reconstruct};
+use camsplat::stereo::{Options, ball_depths, reconstruct};
 use camsplat::vulkan::{self, Buffer, Context};
 use command::{Place, ended};
 use glam::{DVec2, DVec3, Vec2, Vec3};
@@ -112,7 +112,7 @@ struct Given {
 
 fn given(count: u32) -> Given {
     let cameras = cameras(count);
-    let ranges = depths(&cameras, &Volume { centre: DVec3::ZERO, radius: 1.0 });
+    let ranges = ball_depths(&cameras, &Volume { centre: DVec3::ZERO, radius: 1.0 });
     let near = neighbours(&cameras, &ranges);
     let mut views = device_views(&cameras, &ranges);
     views.iter_mut().zip(&near).for_each(|(view, near)| view.pairs = near.len() as u32);

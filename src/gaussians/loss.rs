@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::layout::PassPush;
 use super::rasterizer::{Size, Sizes};
-use super::view::View;
+use super::frame::View;
 use crate::Result;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 

@@ -1,12 +1,16 @@
 //! Gaussian splatting: rendering trained splats, and training them from photos.
 
 pub mod config;
+pub mod frame;
 pub mod layout;
 pub mod loss;
 pub mod mcmc;
+pub mod pictures;
 pub mod rasterizer;
+pub mod split;
+pub mod start;
 pub mod store;
 pub mod trainer;
 pub mod twin;
+mod undistort;
 pub mod update;
-pub mod view;

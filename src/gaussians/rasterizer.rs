@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use super::layout::{BLOCK, PassPush, Projected, SUMS, TILE};
-use super::view::View;
+use super::frame::View;
 use crate::Result;
 use crate::primitives::{Count, RadixSort, Scan};
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};

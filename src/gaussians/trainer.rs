@@ -16,7 +16,7 @@ use super::mcmc::{self, Mcmc};
 use super::rasterizer::{self, Model, Rasterizer, Size, Sizes, Wanted};
 use super::store::PhotoStore;
 use super::update::{Moments, Update, UpdatePush};
-use super::view::View;
+use super::frame::View;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::random;
 use crate::vulkan::profile::Profile;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::layout::Projected;
 use super::rasterizer::{Model, Rasterizer};
-use super::view::View;
+use super::frame::View;
 use crate::Result;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 

@@ -4,6 +4,7 @@ mod convention;
 pub mod decode;
 mod describe;
 mod header;
+pub mod volume;
 
 use std::path::PathBuf;
 

@@ -5,7 +5,7 @@ use image::GrayImage;
 use image::imageops::FilterType;
 
 use crate::photos::PhotoSet;
-use crate::photos::decode::{Channels, Decoded, Decoder, Precision, Settings, Values};
+use crate::photos::decode::{Channels, Decoded, Decoder, Precision, Settings};
 use crate::{Error, Result};
 
 /// Longer side of the reduced image, in pixels.
@@ -29,10 +29,8 @@ pub fn of_photos(set: &PhotoSet) -> Result<Vec<f64>> {
 fn of_photo(photo: &Decoded) -> f64 {
     // Square roots, as an eye sees it: near enough to the curve of the file.
     let eight_bit = |luma: f32| (255.0 * luma.clamp(0.0, 1.0).sqrt()).round() as u8;
-    let bytes: Vec<u8> = match &photo.values {
-        Values::Half(luma) => luma.iter().map(|luma| eight_bit(luma.to_f32())).collect(),
-        Values::Single(luma) => luma.iter().map(|luma| eight_bit(*luma)).collect(),
-    };
+    let pixels = photo.width as usize * photo.height as usize;
+    let bytes: Vec<u8> = (0..pixels).map(|i| eight_bit(photo.values.linear(i))).collect();
     // One value a pixel: the image is as large as it says.
     let grey = GrayImage::from_raw(photo.width, photo.height, bytes).unwrap_or_default();
     let longer = grey.width().max(grey.height()).max(1);

@@ -4,7 +4,7 @@ use glam::{DMat3, DVec2, DVec3, DVec4, Vec3};
 
 use super::cost::MOST_PAIRS;
 use crate::photos::Photo;
-use crate::photos::decode::{Decoded, Decoder, Settings, Values};
+use crate::photos::decode::{Decoded, Decoder, Settings};
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::colour;
 use crate::scene::lens::{Distortion, Lens};
@@ -251,7 +251,8 @@ impl Frame {
         let sample = |at: DVec2| {
             between(decoded.width, decoded.height, at, |index| {
                 let cover = decoded.mask.as_ref().map_or(1.0, |mask| f64::from(mask[index]) / 255.0);
-                let colour = DVec3::from_array([0, 1, 2].map(|channel| value(&decoded.values, 3 * index + channel)));
+                let colour =
+                    DVec3::from_array([0, 1, 2].map(|channel| f64::from(decoded.values.linear(3 * index + channel))));
                 let shown = if cut_out { BEHIND.lerp(colour, cover) } else { colour };
                 shown.extend(cover)
             })
@@ -295,13 +296,6 @@ const BEHIND: DVec3 = DVec3::splat(0.2);
 /// The longer side in pixels.
 fn longer(intrinsics: &Intrinsics) -> u32 {
     intrinsics.width.max(intrinsics.height)
-}
-
-fn value(values: &Values, index: usize) -> f64 {
-    match values {
-        Values::Half(values) => values[index].to_f64(),
-        Values::Single(values) => f64::from(values[index]),
-    }
 }
 
 /// Bilinear value between pixel centres, of what pixels with an index hold; the rim goes on beyond it.

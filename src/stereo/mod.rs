@@ -15,7 +15,6 @@ pub mod frame;
 pub mod fusion;
 pub mod hull;
 pub mod smooth;
-pub mod volume;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -26,7 +25,7 @@ use self::depth::{DepthMap, Sweeper};
 use self::frame::{Frame, StereoView, device_pairs, device_views};
 use self::fusion::Sample;
 use self::hull::{Evidence, Hull};
-use self::volume::Volume;
+use crate::photos::volume::{self, Volume};
 use crate::photos::{Photo, PhotoSet};
 use crate::scene::camera::Camera;
 use crate::scene::similarity::Similarity;
@@ -132,7 +131,7 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
     let ball = Volume { centre: DVec3::ZERO, radius: 1.0 };
     let mut ranges = match options.depths {
         Some(depths) => vec![depths.map(|depth| to_internal.length(depth)); cameras.len()],
-        None => volume::depths(&cameras, &ball),
+        None => ball_depths(&cameras, &ball),
     };
     let masks = masks(&frames);
     let masked = options.hull && frames.iter().any(|frame| frame.mask.is_some());
@@ -335,7 +334,8 @@ fn choose_photos(set: &PhotoSet, options: &Options) -> Result<Vec<Photo>> {
 }
 
 fn find_volume(set: &PhotoSet, cameras: &[Camera], options: &Options) -> Result<Volume> {
-    let found = if options.use_points { volume::around_points(set) } else { volume::around_focus(cameras) };
+    let found =
+        if options.use_points { volume::around_points(&set.points.positions) } else { volume::around_focus(cameras) };
     let centre = || cameras.iter().map(|camera| camera.pose.position).sum::<DVec3>() / cameras.len() as f64;
     found.or_else(|| options.depths.map(|[_, far]| Volume { centre: centre(), radius: far })).ok_or_else(|| {
         Error::request(match options.use_points {
@@ -350,6 +350,16 @@ fn grid(low: DVec3, high: DVec3) -> Grid {
     let cell = (high - low).max_element() / f64::from(HULL_CELLS);
     let along = |side: f64| ((side / cell).ceil() as u32).clamp(1, HULL_CELLS);
     Grid { origin: low, cell, dims: (high - low).to_array().map(along) }
+}
+
+/// Depths, near and far, between which each camera looks for the ball. None is nearer than a tenth of its far end.
+pub fn ball_depths(cameras: &[Camera], volume: &Volume) -> Vec<[f64; 2]> {
+    let of = |camera: &Camera| {
+        let along = (volume.centre - camera.pose.position).dot(camera.pose.forward());
+        let far = (along + volume.radius).max(0.5 * volume.radius);
+        [(along - volume.radius).max(0.1 * far), far]
+    };
+    cameras.iter().map(of).collect()
 }
 
 /// Depths between which a camera sees a box: something small, where it looks away from it.

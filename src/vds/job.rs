@@ -9,7 +9,7 @@ use super::pyramid::Pyramid;
 use super::vdsf::Vdsf;
 use super::{Estimate, estimate};
 use crate::photos::PhotoSet;
-use crate::photos::decode::{self, Channels, Decoded, Decoder, Precision, Values};
+use crate::photos::decode::{self, Channels, Decoded, Decoder, Precision};
 use crate::scene::camera::Pose;
 use crate::scene::proxy::{Occluder, Orientation, Proxy};
 use crate::scene::region::Shape;
@@ -115,10 +115,7 @@ fn standard(proxy: &Proxy) -> usize {
 
 /// A decoded photo with its place, as it is sampled.
 fn pyramid(photo: Decoded) -> (usize, Pyramid) {
-    let luma = match photo.values {
-        Values::Single(luma) => luma,
-        Values::Half(luma) => luma.iter().map(|luma| luma.to_f32()).collect(),
-    };
+    let luma = photo.values.into_linear();
     (photo.index, Pyramid::new(photo.width, photo.height, &luma, photo.mask.as_deref()))
 }
 

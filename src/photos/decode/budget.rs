@@ -3,20 +3,18 @@
 use std::collections::BTreeMap;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-use super::Decoded;
 use crate::error::Result;
 
 /// Photos are reserved memory for in their order, so that those that are waited for next always have theirs: nothing can
 /// hang, whatever the budget.
-pub(super) struct Queue {
+pub(super) struct Queue<T> {
     count: usize,
     memory: u64,
-    state: Mutex<State>,
+    state: Mutex<State<T>>,
     changed: Condvar,
 }
 
-#[derive(Default)]
-struct State {
+struct State<T> {
     /// The next photo that a thread takes up.
     untaken: usize,
     /// The next photo that memory is reserved for.
@@ -27,21 +25,23 @@ struct State {
     bytes: u64,
     most: u64,
     /// Photos that are done and not handed out yet, with the bytes they hold.
-    done: BTreeMap<usize, (u64, Result<Decoded>)>,
+    done: BTreeMap<usize, (u64, Result<T>)>,
     stopped: bool,
 }
 
-impl Queue {
+impl<T> Queue<T> {
     pub fn new(count: usize, memory: u64) -> Self {
-        Self { count, memory, state: Mutex::default(), changed: Condvar::new() }
+        let state =
+            State { untaken: 0, unreserved: 0, awaited: 0, bytes: 0, most: 0, done: BTreeMap::new(), stopped: false };
+        Self { count, memory, state: Mutex::new(state), changed: Condvar::new() }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, State<T>> {
         // Nothing panics while it holds the lock.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn wait<'a>(&self, state: MutexGuard<'a, State>) -> MutexGuard<'a, State> {
+    fn wait<'a>(&self, state: MutexGuard<'a, State<T>>) -> MutexGuard<'a, State<T>> {
         self.changed.wait(state).unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -77,26 +77,26 @@ impl Queue {
     }
 
     /// Puts a photo in for which `bytes` were reserved and which keeps `left` of them.
-    pub fn finish(&self, index: usize, bytes: u64, left: u64, decoded: Result<Decoded>) {
+    pub fn finish(&self, index: usize, bytes: u64, left: u64, made: Result<T>) {
         let mut state = self.lock();
         state.bytes -= bytes - left;
-        state.done.insert(index, (left, decoded));
+        state.done.insert(index, (left, made));
         self.changed.notify_all();
     }
 
     /// Waits for the next photo in order; none after the last.
-    pub fn next(&self) -> Option<Result<Decoded>> {
+    pub fn next(&self) -> Option<Result<T>> {
         let mut state = self.lock();
         if state.awaited == self.count {
             return None;
         }
         loop {
             let awaited = state.awaited;
-            if let Some((bytes, decoded)) = state.done.remove(&awaited) {
+            if let Some((bytes, made)) = state.done.remove(&awaited) {
                 state.awaited += 1;
                 state.bytes -= bytes;
                 self.changed.notify_all();
-                return Some(decoded);
+                return Some(made);
             }
             state = self.wait(state);
         }

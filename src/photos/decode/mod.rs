@@ -8,6 +8,7 @@ mod pixels;
 #[cfg(test)]
 mod tests;
 
+use std::panic::AssertUnwindSafe;
 use std::path::Path;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -18,6 +19,7 @@ use self::budget::Queue;
 use super::Photo;
 use crate::error::{Error, Result};
 use crate::scene::camera::Intrinsics;
+use crate::scene::colour;
 
 /// What is made of the colours of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +33,8 @@ pub enum Channels {
 /// How values are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
+    /// 8 bits, encoded as sRGB, rounded to the nearest. Of an 8-bit image that is not shrunk these are its own values.
+    Byte,
     /// 16-bit floats, rounded to the nearest.
     Half,
     /// 32-bit floats.
@@ -64,18 +68,53 @@ impl Settings {
     /// Bytes of a decoded photo of `width` x `height` pixels with its mask.
     fn result_bytes(&self, width: u32, height: u32) -> u64 {
         let channels = if self.channels == Channels::Rgb { 3 } else { 1 };
-        let bytes = if self.precision == Precision::Half { 2 } else { 4 };
+        let bytes = match self.precision {
+            Precision::Byte => 1,
+            Precision::Half => 2,
+            Precision::Single => 4,
+        };
         u64::from(width / self.shrink).max(1) * u64::from(height / self.shrink).max(1) * (channels * bytes + 1)
     }
 }
 
-/// Linear values in [0, 1], row by row from the top left; of three channels side by side.
+/// Values row by row from the top left, of three channels side by side: linear ones in [0, 1], or bytes of sRGB.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
+    /// 8-bit sRGB.
+    Byte(Vec<u8>),
     /// 16-bit floats.
     Half(Vec<f16>),
     /// 32-bit floats.
     Single(Vec<f32>),
+}
+
+impl Values {
+    /// The linear value at a place.
+    pub fn linear(&self, index: usize) -> f32 {
+        match self {
+            Self::Byte(values) => colour::linear(values[index]) as f32,
+            Self::Half(values) => values[index].to_f32(),
+            Self::Single(values) => values[index],
+        }
+    }
+
+    /// All linear values.
+    pub fn into_linear(self) -> Vec<f32> {
+        match self {
+            Self::Byte(values) => values.into_iter().map(|value| colour::linear(value) as f32).collect(),
+            Self::Half(values) => values.into_iter().map(f16::to_f32).collect(),
+            Self::Single(values) => values,
+        }
+    }
+
+    /// All values as bytes of sRGB.
+    pub fn into_bytes(self) -> Vec<u8> {
+        match self {
+            Self::Byte(values) => values,
+            Self::Half(values) => values.into_iter().map(|value| pixels::byte(value.to_f32())).collect(),
+            Self::Single(values) => values.into_iter().map(pixels::byte).collect(),
+        }
+    }
 }
 
 /// A photo that has been decoded.
@@ -94,14 +133,14 @@ pub struct Decoded {
     pub mask: Option<Vec<u8>>,
 }
 
-/// Photos on their way: an iterator in the order in which they were given, whose values depend on nothing but the files and the
-/// settings. Dropped, it ends its threads after the photos that they are at.
+/// Photos on their way, or what is made of them: an iterator in the order in which they were given, whose values depend on
+/// nothing but the files and the settings. Dropped, it ends its threads after the photos that they are at.
 ///
 /// # Errors
 /// Each photo may fail on its own, in a line that names its file: no image, an image or a mask that is damaged, cut short or
 /// of another size than the camera.
-pub struct Decoder {
-    queue: Arc<Queue>,
+pub struct Decoder<T = Decoded> {
+    queue: Arc<Queue<T>>,
     workers: Vec<JoinHandle<()>>,
 }
 
@@ -111,30 +150,57 @@ impl Decoder {
     /// # Errors
     /// Where the system gives no threads.
     pub fn new(photos: &[Photo], settings: Settings) -> Result<Self> {
+        Self::start(photos, settings, 1, |_, decoded| decoded)
+    }
+}
+
+impl<T: Send + 'static> Decoder<T> {
+    /// Starts to decode `photos` and to make of each what `make` says, on the same threads. What it makes takes no more bytes
+    /// than the decoded photo.
+    ///
+    /// # Errors
+    /// Where the system gives no threads.
+    pub fn making(
+        photos: &[Photo],
+        settings: Settings,
+        make: impl Fn(&Photo, Decoded) -> T + Send + Sync + 'static,
+    ) -> Result<Self> {
+        // While it is made, both are there.
+        Self::start(photos, settings, 2, make)
+    }
+
+    fn start(
+        photos: &[Photo],
+        settings: Settings,
+        copies: u64,
+        make: impl Fn(&Photo, Decoded) -> T + Send + Sync + 'static,
+    ) -> Result<Self> {
         let settings = Settings { shrink: settings.shrink.max(1), ..settings };
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let threads = if settings.threads == 0 { cores } else { settings.threads }.min(photos.len());
-        let photos: Arc<[Photo]> = photos.into();
+        let work = Arc::new(Work { photos: photos.into(), settings, copies, make });
         let mut decoder = Self { queue: Arc::new(Queue::new(photos.len(), settings.memory)), workers: Vec::new() };
         for _ in 0..threads {
-            let (photos, queue) = (Arc::clone(&photos), Arc::clone(&decoder.queue));
+            let (work, queue) = (Arc::clone(&work), Arc::clone(&decoder.queue));
             let worker = std::thread::Builder::new()
                 .name("decode".into())
-                .spawn(move || work(&photos, settings, &queue))
+                .spawn(move || work.run(&queue))
                 .map_err(|e| Error::request(format!("the system gives no thread to decode photos in ({e})")))?;
             decoder.workers.push(worker);
         }
         Ok(decoder)
     }
+}
 
+impl<T> Decoder<T> {
     /// Most bytes that were in flight at once so far, by the estimates that the budget is kept by.
     pub fn most_in_flight(&self) -> u64 {
         self.queue.most()
     }
 }
 
-impl Iterator for Decoder {
-    type Item = Result<Decoded>;
+impl<T> Iterator for Decoder<T> {
+    type Item = Result<T>;
 
     fn next(&mut self) -> Option<Self::Item> {
         self.queue.next()
@@ -146,33 +212,52 @@ impl Iterator for Decoder {
     }
 }
 
-impl ExactSizeIterator for Decoder {}
+impl<T> ExactSizeIterator for Decoder<T> {}
 
-impl Drop for Decoder {
+impl<T> Drop for Decoder<T> {
     fn drop(&mut self) {
         self.queue.stop();
         for worker in self.workers.drain(..) {
-            // A worker cannot panic: what decoders do is caught in `work`.
+            // A worker cannot panic: what decoders do is caught in `Work::run`.
             let _ = worker.join();
         }
     }
 }
 
-/// Decodes photos until there are none left.
-fn work(photos: &[Photo], settings: Settings, queue: &Queue) {
-    while let Some(index) = queue.take() {
-        let photo = &photos[index];
-        // A header that cannot be read costs nothing; decoding it says why.
-        let bytes = pixels::estimate(photo, &settings).unwrap_or(0);
-        if !queue.reserve(index, bytes) {
-            return;
+/// What the threads share.
+struct Work<M> {
+    photos: Arc<[Photo]>,
+    settings: Settings,
+    /// Results of a photo that are there at once.
+    copies: u64,
+    make: M,
+}
+
+impl<M> Work<M> {
+    /// Decodes photos until there are none left.
+    fn run<T>(&self, queue: &Queue<T>)
+    where
+        M: Fn(&Photo, Decoded) -> T,
+    {
+        while let Some(index) = queue.take() {
+            let photo = &self.photos[index];
+            let Intrinsics { width, height, .. } = photo.camera.intrinsics;
+            let result = self.settings.result_bytes(width, height);
+            // A header that cannot be read costs nothing; decoding it says why.
+            let bytes = pixels::estimate(photo).map_or(0, |bytes| bytes + self.copies * result);
+            if !queue.reserve(index, bytes) {
+                return;
+            }
+            // What panics leaves nothing behind that others see: photos are only read.
+            let made = std::panic::catch_unwind(AssertUnwindSafe(|| {
+                pixels::decode(photo, index, &self.settings).map(|decoded| (self.make)(photo, decoded))
+            }));
+            let made = made.unwrap_or_else(|_| {
+                let path = photo.image.as_deref().unwrap_or(Path::new(&photo.camera.name));
+                Err(Error::input(path, "the decoder failed on this image; save it again"))
+            });
+            let left = if made.is_ok() { result } else { 0 };
+            queue.finish(index, bytes, left.min(bytes), made);
         }
-        let decoded = std::panic::catch_unwind(|| pixels::decode(photo, index, &settings)).unwrap_or_else(|_| {
-            let path = photo.image.as_deref().unwrap_or(Path::new(&photo.camera.name));
-            Err(Error::input(path, "the decoder failed on this image; save it again"))
-        });
-        let Intrinsics { width, height, .. } = photo.camera.intrinsics;
-        let left = if decoded.is_ok() { settings.result_bytes(width, height) } else { 0 };
-        queue.finish(index, bytes, left.min(bytes), decoded);
     }
 }

@@ -24,8 +24,8 @@ struct Stored {
     bytes: Vec<u8>,
 }
 
-/// Bytes that decoding a photo takes at its height; none where that cannot be told.
-pub(super) fn estimate(photo: &Photo, settings: &Settings) -> Option<u64> {
+/// Bytes that decoding a photo takes at its height besides the result; none where that cannot be told.
+pub(super) fn estimate(photo: &Photo) -> Option<u64> {
     let file = |path: &Path| -> Option<u64> {
         let header = Header::read(path).ok()?;
         // The bytes of the file are there twice: here and in the decoder.
@@ -38,7 +38,7 @@ pub(super) fn estimate(photo: &Photo, settings: &Settings) -> Option<u64> {
     let mask = photo.mask.as_deref().map_or(Some(0), file)?;
     // The mask is held while the image is decoded, reduced to a byte per pixel.
     let held = if mask > 0 { u64::from(k.width) * u64::from(k.height) } else { 0 };
-    Some((image + held).max(mask + held) + settings.result_bytes(k.width, k.height))
+    Some((image + held).max(mask + held))
 }
 
 /// Decodes a photo and its mask.
@@ -63,15 +63,21 @@ pub(super) fn decode(photo: &Photo, index: usize, settings: &Settings) -> Result
     let channels = if settings.channels == Channels::Rgb { 3 } else { 1 };
     let pixels = width as usize * height as usize;
     let mut out = match settings.precision {
+        Precision::Byte => Values::Byte(Vec::with_capacity(channels * pixels)),
         Precision::Half => Values::Half(Vec::with_capacity(channels * pixels)),
         Precision::Single => Values::Single(Vec::with_capacity(channels * pixels)),
     };
+    // To linear and back would give the same bytes, slowly.
+    let is_stored = shrink == 1 && !stored.wide;
     let mut covered = Vec::with_capacity(if has_mask { pixels } else { 0 });
     for y in 0..height {
         for x in 0..width {
             let (colour, cover) = stored.block(x, y, shrink, mask.as_deref());
             let [r, g, b] = colour;
             match (&mut out, settings.channels) {
+                (Values::Byte(values), Channels::Rgb) if is_stored => values.extend(stored.bytes(x, y)),
+                (Values::Byte(values), Channels::Rgb) => values.extend(colour.map(byte)),
+                (Values::Byte(values), Channels::Luma) => values.push(byte(luma(r, g, b))),
                 (Values::Single(values), Channels::Rgb) => values.extend(colour),
                 (Values::Half(values), Channels::Rgb) => values.extend(colour.map(f16::from_f32)),
                 (Values::Single(values), Channels::Luma) => values.push(luma(r, g, b)),
@@ -83,6 +89,11 @@ pub(super) fn decode(photo: &Photo, index: usize, settings: &Settings) -> Result
         }
     }
     Ok(Decoded { index, width, height, values: out, mask: has_mask.then_some(covered) })
+}
+
+/// 8-bit sRGB of a linear value.
+pub(super) fn byte(linear: f32) -> u8 {
+    (255.0 * colour::encoded(f64::from(linear))).round() as u8
 }
 
 fn luma(r: f32, g: f32, b: f32) -> f32 {
@@ -130,6 +141,15 @@ impl Stored {
         match self.wide {
             true => colour::decoded(self.sample(i, c)) as f32,
             false => LINEAR[usize::from(self.bytes[i * self.samples + c])],
+        }
+    }
+
+    /// The bytes of a pixel of an image with 8 bits.
+    fn bytes(&self, x: u32, y: u32) -> [u8; 3] {
+        let at = (y as usize * self.width as usize + x as usize) * self.samples;
+        match self.samples {
+            1 | 2 => [self.bytes[at]; 3],
+            _ => [0, 1, 2].map(|c| self.bytes[at + c]),
         }
     }
 

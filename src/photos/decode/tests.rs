@@ -34,7 +34,7 @@ fn photos(folder: &TempDir, count: u32) -> Vec<Photo> {
 fn single(decoded: &Decoded) -> &[f32] {
     match &decoded.values {
         Values::Single(values) => values,
-        Values::Half(_) => panic!("half precision"),
+        _ => panic!("not single precision"),
     }
 }
 
@@ -47,6 +47,7 @@ fn order_and_bits_do_not_depend_on_threads() {
         (Channels::Rgb, Precision::Single, 1),
         (Channels::Luma, Precision::Half, 1),
         (Channels::Rgb, Precision::Half, 3),
+        (Channels::Rgb, Precision::Byte, 2),
     ] {
         let decode = |threads, memory| -> Vec<Decoded> {
             let settings = Settings { channels, precision, shrink, memory, threads };
@@ -78,13 +79,41 @@ fn the_budget_holds() {
         assert_eq!(count, 30);
         decoder.most_in_flight()
     };
-    let largest = photos.iter().map(|photo| pixels::estimate(photo, &settings).unwrap()).max().unwrap();
+    let bytes = |photo: &Photo| {
+        let Intrinsics { width, height, .. } = photo.camera.intrinsics;
+        pixels::estimate(photo).unwrap() + settings.result_bytes(width, height)
+    };
+    let largest = photos.iter().map(|photo| bytes(photo)).max().unwrap();
     for memory in [largest, 2 * largest, 5 * largest] {
         let most = most(memory, 2);
         assert!(most <= memory && most > memory / 3, "{most} of {memory} bytes");
     }
     // One that is larger than the budget goes alone.
     assert_eq!(most(1, 0), largest);
+}
+
+/// If this failed, what is made of photos would come in another order, on the consumer's thread, or past the budget.
+#[test]
+fn what_is_made_of_photos_comes_in_their_order_and_within_the_budget() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = photos(&folder, 30);
+    let settings = Settings { precision: Precision::Byte, memory: 200_000, threads: 3, ..Settings::default() };
+    let make = |photo: &Photo, decoded: Decoded| {
+        assert_ne!(decoded.index, 7, "for the test");
+        (photo.camera.name.clone(), decoded.width, std::thread::current().id())
+    };
+    let mut decoder = Decoder::making(&photos, settings, make).unwrap();
+    let all: Vec<_> = decoder.by_ref().collect();
+    for (i, (photo, made)) in photos.iter().zip(all).enumerate() {
+        match made {
+            Ok((name, width, thread)) => {
+                assert_eq!((name, width), (photo.camera.name.clone(), photo.camera.intrinsics.width));
+                assert_ne!(thread, std::thread::current().id());
+            }
+            Err(error) => assert!(i == 7 && error.to_string().contains("007.jpg"), "{error}"),
+        }
+    }
+    assert!(decoder.most_in_flight() <= settings.memory);
 }
 
 /// If this failed, a user who presses Ctrl-C would wait for thousands of photos, or threads would outlive their work.
@@ -148,6 +177,13 @@ fn values_are_linear() {
     let half = decode(Settings { precision: Precision::Half, ..Settings::default() });
     let Values::Half(values) = &half.values else { panic!("single precision") };
     assert_eq!(values[1], half::f16::from_f32(single(&rgb)[1]));
+    let byte = |shrink| decode(Settings { precision: Precision::Byte, shrink, ..Settings::default() }).values;
+    let Values::Byte(values) = byte(1) else { panic!("not bytes") };
+    assert_eq!(values, image.into_raw());
+    // A linear 1.5029 / 4 is 164.9 of 255 in sRGB, and a quarter 137.0.
+    let Values::Byte(values) = byte(2) else { panic!("not bytes") };
+    assert_eq!(values[..3], [188, 165, 137]);
+    assert_eq!(byte(1).into_linear(), single(&rgb));
 }
 
 /// If this failed, background would be taken for the object, or darken its border.

@@ -1,8 +1,8 @@
-//! Where the scene is, from the cameras alone.
+//! Where the scene is: from the cameras alone, or from points.
 
 use glam::DVec3;
 
-use crate::photos::{PhotoSet, looked_at};
+use super::looked_at;
 use crate::scene::bounding_sphere::bounding_sphere;
 use crate::scene::camera::{Camera, Intrinsics};
 
@@ -42,9 +42,8 @@ pub fn around_focus(cameras: &[Camera]) -> Option<Volume> {
     Some(Volume { centre, radius })
 }
 
-/// The ball around the set's own sparse points, less the outermost hundredth on each side of each axis.
-pub fn around_points(set: &PhotoSet) -> Option<Volume> {
-    let positions = &set.points.positions;
+/// The ball around points, less the outermost hundredth on each side of each axis.
+pub fn around_points(positions: &[DVec3]) -> Option<Volume> {
     let percentiles = |axis: usize| {
         let mut values: Vec<f64> = positions.iter().map(|p| p[axis]).collect();
         values.sort_unstable_by(f64::total_cmp);
@@ -58,14 +57,4 @@ pub fn around_points(set: &PhotoSet) -> Option<Volume> {
     };
     let (centre, radius) = bounding_sphere(&(0..8).map(corner).collect::<Vec<_>>())?;
     Some(Volume { centre, radius })
-}
-
-/// Depths, near and far, between which each camera looks for the ball. None is nearer than a tenth of its far end.
-pub fn depths(cameras: &[Camera], volume: &Volume) -> Vec<[f64; 2]> {
-    let of = |camera: &Camera| {
-        let along = (volume.centre - camera.pose.position).dot(camera.pose.forward());
-        let far = (along + volume.radius).max(0.5 * volume.radius);
-        [(along - volume.radius).max(0.1 * far), far]
-    };
-    cameras.iter().map(of).collect()
 }
