@@ -6,7 +6,8 @@
 // from the checkpoint that the forward pass left.
 //
 // SPLATS instances at a time: first pixel by pixel, front to back, what each pixel says to each instance, into shared memory;
-// then instance by instance the sums over the pixels, each in fixed order. Each instance has a place of its own to write to.
+// then instance by instance the sums over the pixels in its bounds, each in fixed order. Each instance has a place of its own
+// to write to.
 //
 // With x = sum_j c_j a_j T_j + T_end * background and g = dL/dx: dL/da_k = T_k c_k.g - (x.g - sum_{j <= k} c_j.g a_j T_j)/(1 - a_k).
 #include "shared/group.glsl"
@@ -38,11 +39,13 @@ const uint SPLATS = 8;
 // Pixels of a splat's row in shared memory, with what keeps rows out of one another's banks.
 const uint ROW = TILE_PIXELS + 4;
 // Parts that a sum over pixels is made of.
-const uint PARTS = 8;
+const uint PARTS = 4;
 
 shared vec3 means[BLOCK];  // mean, opacity
 shared vec3 conics[BLOCK];
 shared vec3 colours[BLOCK];
+// Pixels inside of which alpha can count, in x and y: first in the lower half, one past the last in the upper.
+shared uvec2 bounds[BLOCK];
 shared float weights[SPLATS * ROW];
 shared float slopes[SPLATS * ROW];
 shared vec3 by_colour[TILE_PIXELS];
@@ -53,21 +56,46 @@ vec2 pixel_centre(uvec2 corner, uint k) {
     return vec2(corner + uvec2(k % TILE, k / TILE)) + 0.5;
 }
 
-// Sums over a part of the pixels: three of the nine values of a splat.
+// Bounds of the ellipse on which alpha falls to its least value.
+uvec2 bounds_of(Projected splat) {
+    float level = 2.0 * log(splat.opacity / LEAST_ALPHA);
+    float determinant = splat.conic.x * splat.conic.z - splat.conic.y * splat.conic.y;
+    // A hundredth of a pixel for what rounding takes; pixel i has its centre at i + 0.5.
+    vec2 half_extent = sqrt(max(level * splat.conic.zx / determinant, 0.0)) + 0.01;
+    uvec2 first = uvec2(clamp(ceil(splat.mean - half_extent - 0.5), 0.0, 65535.0));
+    uvec2 end = uvec2(clamp(floor(splat.mean + half_extent + 0.5), 0.0, 65535.0));
+    return first | end << 16;
+}
+
+// Bounds of instance `k` of the block within the tile at `corner`: first pixel, and one past the last.
+uvec4 within(uint k, uvec2 corner) {
+    uvec2 first = clamp(bounds[k] & 0xffffu, corner, corner + TILE), end = clamp(bounds[k] >> 16, corner, corner + TILE);
+    return uvec4(first - corner, max(first, end) - corner);
+}
+
+// Sums over a part of the pixels: of a splat's colour, or of its shape.
 void sum_part(uint item, uint from, uvec2 corner) {
-    uint s = item % SPLATS, part = item / SPLATS % PARTS, which = item / (SPLATS * PARTS);
-    vec3 sum = vec3(0.0);
-    vec2 mean = means[min(from + s, BLOCK - 1)].xy;
-    for (uint j = part; j < TILE_PIXELS; j += PARTS) {
-        if (which == 0) {
+    uint s = item % SPLATS, part = item / SPLATS % PARTS, k = min(from + s, BLOCK - 1);
+    uvec4 inside = within(k, corner);
+    uint wide = inside.z - inside.x, count = wide * (inside.w - inside.y);
+    vec3 sum = vec3(0.0), more = vec3(0.0);
+    bool of_colour = item < SPLATS * PARTS;
+    for (uint n = part; n < count; n += PARTS) {
+        uint x = inside.x + n % wide, y = inside.y + n / wide, j = y * TILE + x;
+        if (of_colour) {
             sum += weights[s * ROW + j] * by_colour[j];
         } else {
-            vec2 d = pixel_centre(corner, j) - mean;
+            vec2 d = vec2(corner + uvec2(x, y)) + 0.5 - means[k].xy;
             float q = slopes[s * ROW + j];
-            sum += which == 1 ? q * vec3(1.0, d) : q * vec3(d.x * d.x, d.x * d.y, d.y * d.y);
+            sum += q * vec3(1.0, d);
+            more += q * vec3(d.x * d.x, d.x * d.y, d.y * d.y);
         }
     }
-    [[unroll]] for (uint c = 0; c < 3; ++c) sums[((3 * which + c) * SPLATS + s) * PARTS + part] = sum[c];
+    uint first = of_colour ? 0 : 3;
+    [[unroll]] for (uint c = 0; c < 3; ++c) {
+        sums[((first + c) * SPLATS + s) * PARTS + part] = sum[c];
+        if (!of_colour) sums[((6 + c) * SPLATS + s) * PARTS + part] = more[c];
+    }
 }
 
 void main() {
@@ -77,11 +105,13 @@ void main() {
     if (first >= stop) return;
     for (uint k = thread; k < BLOCK; k += THREADS) {
         means[k] = conics[k] = colours[k] = vec3(0.0);
+        bounds[k] = uvec2(0);
         if (first + k < stop) {
             Projected splat = projected[instance_splats[tile_instances[first + k]]];
             means[k] = vec3(splat.mean, splat.opacity);
             conics[k] = splat.conic;
             colours[k] = splat.colour;
+            bounds[k] = bounds_of(splat);
         }
     }
     uint wide = tiles_of(camera).x;
@@ -123,16 +153,17 @@ void main() {
         for (uint base = begin; base < used; base += SPLATS) {
             uint from = base - first;
             for (uint s = 0; s < SPLATS; ++s) {
-                vec3 mean = means[min(from + s, BLOCK - 1)], conic = conics[min(from + s, BLOCK - 1)];
-                vec3 colour = colours[min(from + s, BLOCK - 1)];
+                uint instance = min(from + s, BLOCK - 1);
+                vec3 mean = means[instance], conic = conics[instance], colour = colours[instance];
+                uvec4 inside = within(instance, corner);
                 [[unroll]] for (uint p = 0; p < PIXELS; ++p) {
-                    uint k = p * THREADS + thread;
+                    uint k = p * THREADS + thread, x = k % TILE, y = k / TILE;
+                    if (x < inside.x || x >= inside.z || y < inside.y || y >= inside.w) continue;
                     vec2 d = pixel_centre(corner, k) - mean.xy;
                     float sigma = 0.5 * (conic.x * d.x * d.x + conic.z * d.y * d.y) + conic.y * d.x * d.y;
                     float full = mean.z * exp(-sigma), alpha = min(MOST_ALPHA, full);
-                    bool counts_here = base + s < last[p] && sigma >= 0.0 && alpha >= LEAST_ALPHA;
                     float weight = 0.0, slope = 0.0;
-                    if (counts_here) {
+                    if (base + s < last[p] && sigma >= 0.0 && alpha >= LEAST_ALPHA) {
                         float shade = dot(gradient[p], colour);
                         weight = left[p] * alpha;
                         passed[p] += weight * shade;
@@ -145,7 +176,7 @@ void main() {
                 }
             }
             barrier();
-            for (uint item = thread; item < 3 * SPLATS * PARTS; item += THREADS) sum_part(item, from, corner);
+            for (uint item = thread; item < 2 * SPLATS * PARTS; item += THREADS) sum_part(item, from, corner);
             barrier();
             for (uint item = thread; item < SUMS * SPLATS; item += THREADS) {
                 uint s = item / SUMS, value = item % SUMS;
