@@ -3,9 +3,9 @@
 mod gaussian_support;
 
 use camsplat::Result;
+use camsplat::gaussians::frame::View;
 use camsplat::gaussians::layout;
 use camsplat::gaussians::twin;
-use camsplat::gaussians::frame::View;
 use camsplat::scene::gaussians::Gaussians;
 use gaussian_support::{Pass, context, pass, photo, scene, silent, twin_view, view};
 use glam::DVec3;
@@ -43,8 +43,9 @@ fn compare(name: &str, gaussians: &Gaussians, view: View, antialiased: bool, pas
     for (i, got) in pass.picture.iter().enumerate() {
         let colour = DVec3::new(got[0].into(), got[1].into(), got[2].into());
         let error = (colour - picture.colour[i]).abs().max_element();
-        let others = (f64::from(got[3]) - picture.transmittance[i]).abs().max(
-            (f64::from(pass.depths[i]) - picture.depth[i]).abs() / 10.0);
+        let others = (f64::from(got[3]) - picture.transmittance[i])
+            .abs()
+            .max((f64::from(pass.depths[i]) - picture.depth[i]).abs() / 10.0);
         if error.max(others) > 1e-4 {
             wrong += 1;
         }

@@ -13,6 +13,7 @@ use crate::io;
 use crate::io::folder::{OutputFolder, check_file, write_files};
 use crate::metrics::Metrics;
 use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Start};
+use crate::plan::footprint;
 use crate::plan::job::{self, Plan, Tools};
 use crate::plan::preparation::Preparation;
 use crate::report;
@@ -247,7 +248,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
         let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &kept, config)?;
         say!("{}", preparation.footprint().table().trim_end());
-        preparation.footprint().check(&context)?;
+        footprint::check(preparation.footprint(), &context)?;
         say!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));
         return Ok(ExitCode::SUCCESS);
     };

@@ -3,9 +3,9 @@
 
 use std::sync::Arc;
 
+use super::frame::View;
 use super::layout::PassPush;
 use super::rasterizer::{Size, Sizes};
-use super::frame::View;
 use crate::Result;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 

@@ -7,6 +7,8 @@ pub mod loss;
 pub mod mcmc;
 pub mod pictures;
 pub mod rasterizer;
+pub mod record;
+pub mod renderer;
 pub mod split;
 pub mod start;
 pub mod store;

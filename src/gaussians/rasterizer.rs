@@ -3,8 +3,8 @@
 
 use std::sync::Arc;
 
-use super::layout::{BLOCK, PassPush, Projected, SUMS, TILE};
 use super::frame::View;
+use super::layout::{BLOCK, PassPush, Projected, SUMS, TILE};
 use crate::Result;
 use crate::primitives::{Count, RadixSort, Scan};
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
@@ -246,14 +246,7 @@ impl Rasterizer {
         let by_gaussian = gaussians.div_ceil(64);
         commands
             .stage(&self.project)
-            .bind(&[
-                views,
-                &model.population,
-                &model.parameters,
-                &self.projected,
-                &self.depth_keys,
-                &self.depth_splats,
-            ])
+            .bind(&[views, &model.population, &model.parameters, &self.projected, &self.depth_keys, &self.depth_splats])
             .push(push)
             .linear(by_gaussian);
         let by_depth = self.sort.pairs(commands, &self.depth_keys, &self.depth_splats, population(), 31)?;

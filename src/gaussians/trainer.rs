@@ -10,13 +10,14 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::config::{Background, Config, Schedule, Strategy};
+use super::frame::View;
 use super::layout::{self, PassPush};
 use super::loss::{self, Ledger, Loss};
 use super::mcmc::{self, Mcmc};
 use super::rasterizer::{self, Model, Rasterizer, Size, Sizes, Wanted};
+use super::renderer::room_for;
 use super::store::PhotoStore;
 use super::update::{Moments, Update, UpdatePush};
-use super::frame::View;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::random;
 use crate::vulkan::profile::Profile;
@@ -286,15 +287,7 @@ impl Trainer {
 
     /// Makes room for so many instances and half as many more, and takes the halt back.
     fn make_room(&mut self, needed: u32) -> Result<()> {
-        self.sizes.room = (needed / 2).saturating_mul(3).clamp(self.sizes.room, 1 << 28);
-        if needed > self.sizes.room {
-            return Err(Error::OutOfMemory {
-                what: "the list of tiles that splats reach".into(),
-                wanted: 4 * u64::from(needed),
-                available: 4 << 28,
-                remedy: "train with fewer splats (--max-splats) or smaller photos (--shrink)".into(),
-            });
-        }
+        self.sizes.room = room_for(needed, self.sizes.room)?;
         // The old buffers go first: there may be no room for both.
         self.rasterizer = rasterizer(&self.context, &self.config, Sizes { room: 1, ..self.sizes })?;
         self.rasterizer = rasterizer(&self.context, &self.config, self.sizes)?;
@@ -392,8 +385,7 @@ impl Trainer {
             let values = buffer.download::<f32>(planes * stride)?;
             Ok(values.chunks(stride).flat_map(|plane| plane[..population as usize].iter().copied()).collect())
         };
-        let planes =
-            [packed(&self.model.parameters)?, packed(&self.moments.first)?, packed(&self.moments.second)?];
+        let planes = [packed(&self.model.parameters)?, packed(&self.moments.first)?, packed(&self.moments.second)?];
         Ok(State { done: self.done, population, planes })
     }
 

@@ -3,9 +3,9 @@
 
 use std::sync::Arc;
 
+use super::frame::View;
 use super::layout::Projected;
 use super::rasterizer::{Model, Rasterizer};
-use super::frame::View;
 use crate::Result;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use super::footprint::Footprint;
 use super::shared::{Gradient, Moments, Record, Splat, Tally, Terms};
 use crate::Result;
 use crate::scene::octahedral;
+use crate::vulkan::footprint::Footprint;
 use crate::vulkan::{Buffer, Context};
 
 /// Everything that lives as long as the run, allocated once.

@@ -6,12 +6,13 @@ use super::config::Config;
 use super::dense::KERNEL_CUTOFF;
 use super::shared::{Control, Settings};
 use super::tally::mailbox;
+use crate::Result;
 use crate::metrics::score_point;
 use crate::visibility::probe_depth::Probe;
 use crate::visibility::probe_lobe::Lobe;
 use crate::vulkan::Context;
+use crate::vulkan::footprint::Footprint;
 use crate::vulkan::physical::Physical;
-use crate::{Error, Result};
 
 /// What the metrics need beside everything else: depth maps of the held-out points, and lists of directions.
 const HELD_OUT: &str = "held-out metrics";
@@ -20,103 +21,60 @@ const SEVERAL: [&str; 4] = ["surface and region", "sort", "scan", HELD_OUT];
 /// Depth maps of the pool take at most this much, and no more than an eighth of the device.
 const POOL_BYTES: u64 = 256 << 20;
 
-/// Buffers by name and size, in bytes.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Footprint {
-    /// Name and bytes of every buffer.
-    pub buffers: Vec<(&'static str, u64)>,
+/// The buffers of a plan; `scene` is the size of surface and region on the device.
+pub(super) fn footprint(
+    context: &Context,
+    s: &Settings,
+    config: &Config,
+    resolution: u32,
+    scene: u64,
+    binned: bool,
+) -> Footprint {
+    let (splats, probes, texels) = (s.splats as u64, s.probes as u64, (resolution * resolution) as u64);
+    let slots = if binned { s.capacity as u64 } else { probes * s.blocks as u64 * s.capacity as u64 };
+    let snapshots = (s.iterations.div_ceil(config.checkpoint_every.max(1)) + 1) as u64;
+    let [splat, gradient, tally, moments, terms, record] = element_sizes();
+    let mut buffers = vec![
+        ("surface and region", scene),
+        ("probes", size_of::<Probe>() as u64 * s.pool as u64),
+        ("depth", 4 * s.pool as u64 * texels),
+        ("directions", 16 * texels),
+        ("settings", size_of::<Settings>() as u64),
+        ("control", size_of::<Control>() as u64),
+        ("splats", splat * splats),
+        ("visible", if binned { 0 } else { 4 * slots }),
+        ("slots", 4 * probes * splats),
+        ("partials", gradient * slots),
+        ("tallies", tally * probes * s.blocks as u64),
+        ("deficit", 4 * probes * texels),
+        ("lobes", size_of::<Lobe>() as u64 * s.pool as u64),
+        ("moments", moments * splats),
+        ("terms", terms * splats),
+        ("arrivals", 8),
+        ("gradients", gradient * splats),
+        ("order", 4 * splats),
+        ("history", record * s.iterations as u64),
+        ("snapshots", splat * splats * snapshots),
+        ("mailbox", 4 * mailbox::WORDS as u64),
+        (HELD_OUT, score_point::footprint(2 * config.held_out as u64, splats)),
+    ];
+    if binned {
+        buffers.extend(super::binned::footprint(context, s, resolution));
+    }
+    Footprint { buffers, several: &SEVERAL }
 }
 
-impl Footprint {
-    /// The buffers of a plan; `scene` is the size of surface and region on the device.
-    pub fn new(context: &Context, s: &Settings, config: &Config, resolution: u32, scene: u64, binned: bool) -> Self {
-        let (splats, probes, texels) = (s.splats as u64, s.probes as u64, (resolution * resolution) as u64);
-        let slots = if binned { s.capacity as u64 } else { probes * s.blocks as u64 * s.capacity as u64 };
-        let snapshots = (s.iterations.div_ceil(config.checkpoint_every.max(1)) + 1) as u64;
-        let [splat, gradient, tally, moments, terms, record] = element_sizes();
-        let mut buffers = vec![
-            ("surface and region", scene),
-            ("probes", size_of::<Probe>() as u64 * s.pool as u64),
-            ("depth", 4 * s.pool as u64 * texels),
-            ("directions", 16 * texels),
-            ("settings", size_of::<Settings>() as u64),
-            ("control", size_of::<Control>() as u64),
-            ("splats", splat * splats),
-            ("visible", if binned { 0 } else { 4 * slots }),
-            ("slots", 4 * probes * splats),
-            ("partials", gradient * slots),
-            ("tallies", tally * probes * s.blocks as u64),
-            ("deficit", 4 * probes * texels),
-            ("lobes", size_of::<Lobe>() as u64 * s.pool as u64),
-            ("moments", moments * splats),
-            ("terms", terms * splats),
-            ("arrivals", 8),
-            ("gradients", gradient * splats),
-            ("order", 4 * splats),
-            ("history", record * s.iterations as u64),
-            ("snapshots", splat * splats * snapshots),
-            ("mailbox", 4 * mailbox::WORDS as u64),
-            (HELD_OUT, score_point::footprint(2 * config.held_out as u64, splats)),
-        ];
-        if binned {
-            buffers.extend(super::binned::footprint(context, s, resolution));
-        }
-        Self { buffers }
-    }
-
-    /// Bytes of a buffer.
-    ///
-    /// # Errors
-    /// A name that is not in the list.
-    pub fn bytes_of(&self, name: &str) -> Result<u64> {
-        let found = self.buffers.iter().find(|buffer| buffer.0 == name);
-        found.map(|buffer| buffer.1).ok_or_else(|| Error::request(format!("the footprint knows no buffer `{name}`")))
-    }
-
-    /// Bytes of all buffers.
-    pub fn total(&self) -> u64 {
-        self.buffers.iter().map(|buffer| buffer.1).sum()
-    }
-
-    /// Checks the footprint against the device.
-    ///
-    /// # Errors
-    /// Where the whole does not fit the memory that is free, or one buffer is larger than the device allows.
-    pub fn check(&self, context: &Context) -> Result<()> {
-        let physical = context.physical();
-        let limit = physical.storage_range.min(physical.allocation);
-        let free = context.memory_available();
-        let largest = |single: bool| {
-            let counted = self.buffers.iter().filter(|buffer| !(single && SEVERAL.contains(&buffer.0)));
-            counted.max_by_key(|buffer| buffer.1)
-        };
-        let Some((name, bytes)) = largest(true).filter(|buffer| buffer.1 > limit).or(largest(false)) else {
-            return Ok(());
-        };
-        let (what, wanted, available) = if *bytes > limit && !SEVERAL.contains(name) {
-            (format!("the plan's buffer `{name}`"), *bytes, limit)
-        } else if self.total() > free {
-            ("the plan".to_owned(), self.total(), free)
-        } else {
-            return Ok(());
-        };
-        let remedy = match *name {
-            HELD_OUT => "use fewer held-out points (--held-out)",
-            "history" => "run fewer iterations (--iterations)",
-            "snapshots" => "plan fewer views, or take fewer checkpoints (--checkpoint-every)",
-            _ => "plan fewer views, or use fewer probes (--probes) or texels (--resolution)",
-        };
-        Err(Error::OutOfMemory { what, wanted, available, remedy: remedy.into() })
-    }
-
-    /// The table that `--dry-run` prints.
-    pub fn table(&self) -> String {
-        let mut text = String::new();
-        for (name, bytes) in &self.buffers {
-            text += &format!("{name:<20} {:>10.2} MiB\n", *bytes as f64 / f64::from(1 << 20));
-        }
-        text + &format!("{:<20} {:>10.2} MiB\n", "all", self.total() as f64 / f64::from(1 << 20))
-    }
+/// Checks a plan's footprint against the device.
+///
+/// # Errors
+/// As for [`Footprint::check`].
+pub fn check(footprint: &Footprint, context: &Context) -> Result<()> {
+    footprint.check(context, "the plan", |name| match name {
+        HELD_OUT => "use fewer held-out points (--held-out)",
+        "history" => "run fewer iterations (--iterations)",
+        "snapshots" => "plan fewer views, or take fewer checkpoints (--checkpoint-every)",
+        _ => "plan fewer views, or use fewer probes (--probes) or texels (--resolution)",
+    })
 }
 
 /// Iterations of a block of commands: snapshots and relocations both fall on the start of one.
@@ -134,7 +92,7 @@ pub(super) fn block(s: &Settings, config: &Config) -> u32 {
 /// probe or placed a single splat: those would take the host's memory first.
 ///
 /// # Errors
-/// As for [`Footprint::check`].
+/// As for [`check`].
 pub(super) fn check_counts(config: &Config, kept: usize, context: &Context) -> Result<()> {
     let splats = config.views.saturating_add(u32::try_from(kept).unwrap_or(u32::MAX));
     let probes = config.probes.min(config.pool);
@@ -149,7 +107,7 @@ pub(super) fn check_counts(config: &Config, kept: usize, context: &Context) -> R
         relocate_every: config.relocate_every,
         ..Settings::default()
     };
-    Footprint::new(context, &settings, config, 16, 0, false).check(context)
+    check(&footprint(context, &settings, config, 16, 0, false), context)
 }
 
 /// How many of `points` probes have room for their depth maps; never fewer than one step needs.

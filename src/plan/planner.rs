@@ -80,7 +80,7 @@ impl<'a> Planner<'a> {
     pub fn new(context: &Arc<Context>, scene: &'a DeviceScene, preparation: Preparation) -> Result<Self> {
         let Preparation { config, mut settings, points, start, start_scale, resolution, binned, footprint, .. } =
             preparation;
-        footprint.check(context)?;
+        super::footprint::check(&footprint, context)?;
         let points = probes::reachable(context, scene, points, config.preset)?;
         let maps = ProbeMaps::new(context, scene, &points, resolution)?;
         let lobes = probes::lobes(&config, &points);

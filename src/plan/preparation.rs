@@ -1,7 +1,7 @@
 //! What is settled of a run before the device has allocated anything.
 
 use super::config::{Config, MOST_DENSE, MOST_VIEWS, Objective, Pass};
-use super::footprint::{self, Footprint, Room};
+use super::footprint::{self, Room};
 use super::shared::{Settings, Splat};
 use super::start;
 use crate::scene::camera::{Camera, Intrinsics};
@@ -10,6 +10,7 @@ use crate::scene::random;
 use crate::visibility::device_scene::SceneGeometry;
 use crate::visibility::probe_depth::Probe;
 use crate::vulkan::Context;
+use crate::vulkan::footprint::Footprint;
 use crate::vulkan::physical::Physical;
 use crate::{Error, Result};
 
@@ -126,7 +127,7 @@ impl Preparation {
             nearest_tau: config.nearest_tau,
         };
         let scene_bytes = geometry.bytes();
-        let footprint = Footprint::new(context, &settings, &config, resolution, scene_bytes, binned);
+        let footprint = footprint::footprint(context, &settings, &config, resolution, scene_bytes, binned);
         Ok(Self { config, settings, points, start, start_scale, resolution, binned, scene_bytes, footprint })
     }
 
@@ -135,7 +136,8 @@ impl Preparation {
         self.settings.capacity = self.settings.capacity.max(pairs.saturating_add(pairs / 4));
         self.settings.instances = self.settings.instances.max(instances.saturating_add(instances / 4));
         let (settings, config) = (&self.settings, &self.config);
-        self.footprint = Footprint::new(context, settings, config, self.resolution, self.scene_bytes, self.binned);
+        self.footprint =
+            footprint::footprint(context, settings, config, self.resolution, self.scene_bytes, self.binned);
         self
     }
 

@@ -8,6 +8,7 @@ pub mod buffer;
 pub mod capture;
 mod clock;
 pub mod context;
+pub mod footprint;
 pub mod host;
 pub mod instance;
 pub mod physical;

@@ -4,12 +4,12 @@
 use std::sync::Arc;
 
 use camsplat::Result;
+use camsplat::gaussians::frame::View;
 use camsplat::gaussians::layout::{self, PassPush};
 use camsplat::gaussians::loss::{Ledger, Loss};
 use camsplat::gaussians::rasterizer::{Model, Rasterizer, Size, Sizes, Wanted};
 use camsplat::gaussians::twin;
 use camsplat::gaussians::update::{Moments, Update, UpdatePush};
-use camsplat::gaussians::frame::View;
 use camsplat::scene::gaussians::{Gaussians, coefficients};
 use camsplat::scene::random;
 use camsplat::vulkan::{Buffer, Context, Options, Recorder};

@@ -1,0 +1,135 @@
+//! What a training run leaves behind: the contents of `train.json`, from which the report is drawn as well.
+
+use serde::{Deserialize, Serialize};
+
+use super::config::Config;
+
+/// How far a run has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// It is running, or was killed.
+    Running,
+    /// The user stopped it; it can be resumed.
+    Interrupted,
+    /// All iterations ran.
+    Complete,
+}
+
+/// The photos of a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PhotosRecord {
+    /// Path of the capture as the user gave it.
+    pub capture: String,
+    /// Photos that are trained on.
+    pub train: usize,
+    /// Photos that are tested with.
+    pub test: usize,
+    /// Largest width and height in pixels, after shrinking.
+    pub largest: [u32; 2],
+    /// Each pixel is a square of so many stored pixels.
+    pub shrink: u32,
+    /// Points of the capture; none where the start was random.
+    pub points: usize,
+    /// Extent of the training cameras in the capture's units.
+    pub extent: f64,
+}
+
+/// Means over a stretch of iterations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Last iteration of the stretch, counted from one.
+    pub iteration: u32,
+    /// Loss, without the regularisers of parameters.
+    pub loss: f64,
+    /// PSNR of the training pictures in decibels, without rounding.
+    pub psnr: f64,
+    /// Splats at its end.
+    pub splats: u32,
+    /// Instances (pairs of a splat and a tile) of a picture.
+    pub instances: f64,
+}
+
+/// Image metrics, in the mean over test views or of one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Quality {
+    /// PSNR in decibels, of 8-bit values.
+    pub psnr: f64,
+    /// SSIM, of 8-bit values.
+    pub ssim: f64,
+    /// LPIPS with AlexNet; absent where it was not measured.
+    pub lpips: Option<f64>,
+}
+
+/// Metrics of the test views at an iteration.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Evaluation {
+    /// Iterations done.
+    pub iteration: u32,
+    /// Test views that were looked at.
+    pub views: usize,
+    /// Means over them.
+    pub quality: Quality,
+}
+
+/// A test view at the end.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TestView {
+    /// Name of the photo.
+    pub name: String,
+    /// Its metrics.
+    pub quality: Quality,
+}
+
+/// GPU time of a stage, sampled from blocks of iterations throughout the run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StageTime {
+    /// Stage.
+    pub name: String,
+    /// Milliseconds in an iteration, all its dispatches together.
+    pub ms: f64,
+}
+
+/// Device memory.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MemoryRecord {
+    /// Bytes of each buffer that a dry run announces.
+    pub buffers: Vec<(String, u64)>,
+    /// Their sum.
+    pub announced: u64,
+    /// Most bytes of buffers that were allocated at once.
+    pub peak: u64,
+}
+
+/// A run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrainRecord {
+    /// Version of camsplat.
+    pub version: String,
+    /// How far it has come.
+    pub status: Status,
+    /// Device.
+    pub device: String,
+    /// Photos.
+    pub photos: PhotosRecord,
+    /// Configuration.
+    pub config: Config,
+    /// Iterations done.
+    pub iterations: u32,
+    /// Splats now.
+    pub splats: u32,
+    /// Wall-clock seconds of training in this process.
+    pub seconds: f64,
+    /// Iterations that these seconds were spent on.
+    pub seconds_for: u32,
+    /// The course of the run; a few hundred points at most.
+    pub curve: Vec<CurvePoint>,
+    /// Test metrics on the way and at the end.
+    pub evaluations: Vec<Evaluation>,
+    /// Test views, worst PSNR first; empty before the first evaluation.
+    pub test_views: Vec<TestView>,
+    /// Time per stage, longest first.
+    pub stages: Vec<StageTime>,
+    /// Device memory.
+    pub memory: MemoryRecord,
+}

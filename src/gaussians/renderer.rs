@@ -1,0 +1,117 @@
+//! Pictures of Gaussians that are trained, by whatever program.
+
+use std::sync::Arc;
+
+use super::frame::View;
+use super::layout::{self, PassPush};
+use super::rasterizer::{Model, Rasterizer, Size, Sizes, Wanted};
+use crate::scene::gaussians::Gaussians;
+use crate::vulkan::{Buffer, Context, Recorder};
+use crate::{Error, Result};
+
+/// A picture. Values run row by row from the top left.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rendering {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// sRGB colour over the background, and what is left of the light behind (1 - alpha).
+    pub pixels: Vec<[f32; 4]>,
+    /// Sum of depths as the colours are summed, in the frame's units; the expected depth is this over alpha. Empty where it
+    /// was not asked for.
+    pub depths: Vec<f32>,
+}
+
+/// Gaussians on the device, and what makes pictures of them.
+pub struct Renderer {
+    context: Arc<Context>,
+    model: Model,
+    rasterizer: Rasterizer,
+    view: Buffer,
+    wanted: Wanted,
+    degree: u32,
+}
+
+impl Renderer {
+    /// Brings Gaussians, which are in a frame whose origin is near (see [`super::frame::Frame`]), to the device, for pictures of
+    /// at most `largest` size.
+    ///
+    /// # Errors
+    /// Where there are none, or the device has not enough memory.
+    pub fn new(context: &Arc<Context>, gaussians: &Gaussians, largest: Size, wanted: Wanted) -> Result<Self> {
+        let count = u32::try_from(gaussians.len()).unwrap_or(u32::MAX);
+        if count == 0 {
+            return Err(Error::request("there are no splats to render"));
+        }
+        let room = count.saturating_mul(4).clamp(1 << 16, 1 << 28);
+        let sizes = Sizes { gaussians: count, room, pixels: largest.pixels(), tiles: largest.tiles() };
+        let planes = layout::to_planes(gaussians, gaussians.degree, count as usize);
+        Ok(Self {
+            context: context.clone(),
+            model: Model {
+                parameters: Buffer::from_slice(context, "parameters", &planes)?,
+                population: Buffer::from_slice(context, "population", &[count])?,
+                stride: count,
+            },
+            rasterizer: Rasterizer::new(context, sizes, wanted)?,
+            view: Buffer::device(context, "view", size_of::<View>() as u64)?,
+            wanted,
+            degree: gaussians.degree,
+        })
+    }
+
+    /// The picture of a view of at most the largest size.
+    ///
+    /// # Errors
+    /// Where the view is larger, or the device fails or has not enough memory.
+    pub fn picture(&mut self, view: &View, background: [f32; 3]) -> Result<Rendering> {
+        let size = Size { width: view.width, height: view.height };
+        let sizes = *self.rasterizer.sizes();
+        if size.width == 0 || size.height == 0 || size.pixels() > sizes.pixels || size.tiles() > sizes.tiles {
+            let what = format!("a picture of {} x {} pixels was not provided for", size.width, size.height);
+            return Err(Error::request(what));
+        }
+        self.view.upload(&[*view])?;
+        loop {
+            let Sizes { room, .. } = *self.rasterizer.sizes();
+            let push =
+                PassPush { stride: self.model.stride, view: 0, degree: self.degree, room, background, iteration: 0 };
+            let mut commands = Recorder::new(&self.context)?;
+            self.rasterizer.forward(&mut commands, &self.model, &self.view, size, &push)?;
+            commands.submit_and_wait()?;
+            drop(commands);
+            let needed = self.rasterizer.counts.download::<u32>(1)?[0];
+            if needed > room {
+                let sizes = Sizes { room: room_for(needed, room)?, ..sizes };
+                self.rasterizer = Rasterizer::new(&self.context, sizes, self.wanted)?;
+                continue;
+            }
+            let pixels = size.pixels() as usize;
+            let depths = if self.wanted.depths { self.rasterizer.depths.download(pixels)? } else { Vec::new() };
+            return Ok(Rendering {
+                width: size.width,
+                height: size.height,
+                pixels: self.rasterizer.picture.download(pixels)?,
+                depths,
+            });
+        }
+    }
+}
+
+/// Room for so many instances and half as many more.
+///
+/// # Errors
+/// Where lists of that many cannot be sorted.
+pub(super) fn room_for(needed: u32, room: u32) -> Result<u32> {
+    const MOST: u32 = 1 << 28;
+    if needed > MOST {
+        return Err(Error::OutOfMemory {
+            what: "the list of tiles that splats reach".into(),
+            wanted: 4 * u64::from(needed),
+            available: 4 * u64::from(MOST),
+            remedy: "take fewer splats or smaller pictures".into(),
+        });
+    }
+    Ok((needed / 2).saturating_mul(3).clamp(room, MOST))
+}
