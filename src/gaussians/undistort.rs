@@ -17,12 +17,16 @@ impl Map {
     /// The map of a lens.
     pub fn new(lens: Lens) -> Self {
         let Intrinsics { width, height, focal, principal } = lens.intrinsics;
-        let place = |(x, y): (u32, u32)| {
+        let place = |x: u32, y: u32| {
             let pixel = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
             let ray = ((pixel - DVec2::from(principal)) / DVec2::from(focal)).extend(1.0);
             lens.pixel(ray).map_or(Vec2::NAN, |at| (at - 0.5).as_vec2())
         };
-        Self { lens, places: (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(place).collect() }
+        let mut places = Vec::with_capacity(width as usize * height as usize);
+        for y in 0..height {
+            places.extend((0..width).map(|x| place(x, y)));
+        }
+        Self { lens, places }
     }
 
     /// Whether it is that of a lens.

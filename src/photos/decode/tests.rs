@@ -83,7 +83,7 @@ fn the_budget_holds() {
         let Intrinsics { width, height, .. } = photo.camera.intrinsics;
         pixels::estimate(photo).unwrap() + settings.result_bytes(width, height)
     };
-    let largest = photos.iter().map(|photo| bytes(photo)).max().unwrap();
+    let largest = photos.iter().map(bytes).max().unwrap();
     for memory in [largest, 2 * largest, 5 * largest] {
         let most = most(memory, 2);
         assert!(most <= memory && most > memory / 3, "{most} of {memory} bytes");
