@@ -1,6 +1,8 @@
 //! Pictures to train on: photos in 8 bits, without distortion, decoded in the background.
 
-use super::undistort::straightened;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::undistort::Map;
 use crate::Result;
 use crate::photos::Photo;
 use crate::photos::decode::{self, Channels, Decoded, Decoder, Precision};
@@ -56,13 +58,29 @@ pub struct Picture {
 pub fn pictures(photos: &[Photo], settings: &Settings) -> Result<Decoder<Picture>> {
     let Settings { shrink, memory, threads } = *settings;
     let decoding = decode::Settings { channels: Channels::Rgb, precision: Precision::Byte, shrink, memory, threads };
-    Decoder::making(photos, decoding, move |photo, decoded| {
+    // Photos of one lens mostly follow each other.
+    let last: Mutex<Option<Arc<Map>>> = Mutex::default();
+    // The photo and its picture, and a map that takes as much as both.
+    let copies = if photos.iter().any(|photo| !photo.distortion.is_none()) { 4 } else { 2 };
+    Decoder::making(photos, decoding, copies, move |photo, decoded| {
         let Decoded { index, width, height, .. } = decoded;
         let bent = packed(decoded);
         let lens = Lens::new(photo.camera.intrinsics.shrunk(shrink.max(1)), photo.distortion);
-        let pixels = if lens.distortion.is_none() { bent } else { straightened(&lens, &bent) };
+        let pixels = if lens.distortion.is_none() { bent } else { map(&last, lens).straightened(&bent) };
         Picture { index, width, height, pixels }
     })
+}
+
+/// The map of a lens: that of the last photo, or a new one.
+fn map(last: &Mutex<Option<Arc<Map>>>, lens: Lens) -> Arc<Map> {
+    let lock = || last.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(map) = lock().as_ref().filter(|map| map.is_of(&lens)) {
+        return Arc::clone(map);
+    }
+    // Not under the lock: where every photo has its own lens, threads shall not wait for each other.
+    let map = Arc::new(Map::new(lens));
+    *lock() = Some(Arc::clone(&map));
+    map
 }
 
 /// The pixels of a photo as it was taken.

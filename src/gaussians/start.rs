@@ -315,4 +315,21 @@ mod tests {
         let few = super::start(&inward, &frame, &Settings { budget: 70, ..settings }).unwrap();
         assert_eq!(few.len(), 70);
     }
+
+    /// If this failed, a capture in millimetres would start otherwise than the same in metres.
+    #[test]
+    fn a_capture_in_another_unit_starts_the_same() {
+        let settings = Settings { random: 500, ..Settings::default() };
+        for points in [0, 200] {
+            // A power of two: nothing is rounded otherwise.
+            let starts = [1.0, 4096.0].map(|unit| {
+                let away = |t: f64| DVec3::new(4.0 * t.cos(), 3.0 * t.sin(), 2.0);
+                let mut set = photos(|t| Pose::looking(unit * (DVec3::X + away(t)), -away(t), DVec3::Z));
+                set.points.positions = scattered(points).into_iter().map(|p| unit * p).collect();
+                start(&set, &Frame::new(&set.cameras(), &set.points.positions), &settings).unwrap()
+            });
+            assert_eq!(starts[0], starts[1]);
+            assert_eq!(starts[0].len(), if points > 0 { 200 } else { 500 });
+        }
+    }
 }

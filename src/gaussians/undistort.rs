@@ -1,29 +1,54 @@
 //! Straightening pictures: from what a lens bends to its pinhole.
 
-use glam::{DVec2, DVec3, Vec4};
+use glam::{DVec2, Vec2, Vec4};
 
 use super::pictures::UNKNOWN;
 use crate::scene::camera::Intrinsics;
 use crate::scene::lens::Lens;
 
-/// A picture that was taken through `lens`, as its pinhole alone shows it: bilinear between the nearest pixels, colours
-/// weighted by alpha, [`UNKNOWN`] where the picture does not reach. Pixels are those of [`Picture`](super::pictures::Picture),
-/// as many as the lens has.
-pub fn straightened(lens: &Lens, pixels: &[u32]) -> Vec<u32> {
-    let Intrinsics { width, height, focal, principal } = lens.intrinsics;
-    let ray = |x: u32, y: u32| {
-        let pixel = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
-        ((pixel - DVec2::from(principal)) / DVec2::from(focal)).extend(1.0)
-    };
-    let pixel = |ray: DVec3| lens.pixel(ray).map_or(UNKNOWN, |at| between(width, height, pixels, at));
-    (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixel(ray(x, y))).collect()
+/// Where the pixels of a lens's pinhole lie in the pictures that are taken through it.
+pub struct Map {
+    lens: Lens,
+    /// By row: pixels, less half a pixel. Not finite where the lens shows nothing.
+    places: Vec<Vec2>,
 }
 
-/// The value at a place in a picture, whose pixels' centres are at halves; the rim goes on beyond the outermost centres.
-fn between(width: u32, height: u32, pixels: &[u32], at: DVec2) -> u32 {
-    let at = (at - 0.5).clamp(DVec2::ZERO, DVec2::new(f64::from(width - 1), f64::from(height - 1)));
+impl Map {
+    /// The map of a lens.
+    pub fn new(lens: Lens) -> Self {
+        let Intrinsics { width, height, focal, principal } = lens.intrinsics;
+        let place = |x: u32, y: u32| {
+            let pixel = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
+            let ray = ((pixel - DVec2::from(principal)) / DVec2::from(focal)).extend(1.0);
+            lens.pixel(ray).map_or(Vec2::NAN, |at| (at - 0.5).as_vec2())
+        };
+        let mut places = Vec::with_capacity(width as usize * height as usize);
+        for y in 0..height {
+            places.extend((0..width).map(|x| place(x, y)));
+        }
+        Self { lens, places }
+    }
+
+    /// Whether it is that of a lens.
+    pub fn is_of(&self, lens: &Lens) -> bool {
+        self.lens == *lens
+    }
+
+    /// A picture that was taken through the lens, as its pinhole alone shows it: bilinear between the nearest pixels, colours
+    /// weighted by alpha, [`UNKNOWN`] where the picture does not reach. Pixels are those of
+    /// [`Picture`](super::pictures::Picture), as many as the lens has.
+    pub fn straightened(&self, pixels: &[u32]) -> Vec<u32> {
+        let Intrinsics { width, height, .. } = self.lens.intrinsics;
+        let value = |at: &Vec2| if at.is_nan() { UNKNOWN } else { between(width, height, pixels, *at) };
+        self.places.iter().map(value).collect()
+    }
+}
+
+/// The value at a place in a picture, whose pixels' centres are at whole numbers; the rim goes on beyond the outermost.
+fn between(width: u32, height: u32, pixels: &[u32], at: Vec2) -> u32 {
+    let at = at.clamp(Vec2::ZERO, Vec2::new((width - 1) as f32, (height - 1) as f32));
     let (x, y) = (at.x as u32, at.y as u32);
-    let (u, v) = ((at.x - f64::from(x)) as f32, (at.y - f64::from(y)) as f32);
+    let (u, v) = (at.x - x as f32, at.y - y as f32);
     let (right, below) = ((x + 1).min(width - 1), (y + 1).min(height - 1));
     let pixel = |x: u32, y: u32| premultiplied(pixels[y as usize * width as usize + x as usize]);
     straight(pixel(x, y).lerp(pixel(right, y), u).lerp(pixel(x, below).lerp(pixel(right, below), u), v))
@@ -48,6 +73,8 @@ fn straight(colour: Vec4) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
     use crate::scene::lens::Distortion;
 
@@ -91,7 +118,7 @@ mod tests {
             none,
         ] {
             let lens = Lens::new(INTRINSICS, distortion);
-            let pixels = straightened(&lens, &taken(&lens, |_| 255.0));
+            let pixels = Map::new(lens).straightened(&taken(&lens, |_| 255.0));
             assert_eq!(pixels.len(), 200 * 140);
             let mut worst = 0f64;
             for (i, pixel) in pixels.iter().enumerate().filter(|(_, pixel)| **pixel != UNKNOWN) {
@@ -111,7 +138,7 @@ mod tests {
     fn pixels_past_the_photos_rim_are_unknown() {
         let k = 0.3;
         let lens = Lens::new(INTRINSICS, Distortion { radial: [k, 0.0, 0.0, 0.0, 0.0, 0.0], ..Distortion::default() });
-        let pixels = straightened(&lens, &taken(&lens, |_| 255.0));
+        let pixels = Map::new(lens).straightened(&taken(&lens, |_| 255.0));
         let mut unknown = 0;
         for (i, pixel) in pixels.iter().enumerate() {
             let p = shown(i);
@@ -124,7 +151,7 @@ mod tests {
         assert!(unknown > 1000 && unknown < 14_000, "{unknown}");
         let barrel =
             Lens::new(INTRINSICS, Distortion { radial: [-k, 0.0, 0.0, 0.0, 0.0, 0.0], ..Distortion::default() });
-        assert!(!straightened(&barrel, &taken(&barrel, |_| 255.0)).contains(&UNKNOWN));
+        assert!(!Map::new(barrel).straightened(&taken(&barrel, |_| 255.0)).contains(&UNKNOWN));
     }
 
     /// If this failed, the colour behind cut-out objects would bleed into their border.
@@ -133,7 +160,7 @@ mod tests {
         let opaque = u32::from_le_bytes([200, 100, 50, 255]);
         let half = u32::from_le_bytes([100, 100, 150, 51]);
         // A quarter of the way from the first pixel to the second.
-        let mix = |a, b| between(2, 1, &[a, b], DVec2::new(0.75, 0.5)).to_le_bytes();
+        let mix = |a, b| between(2, 1, &[a, b], Vec2::new(0.25, 0.0)).to_le_bytes();
         assert_eq!(mix(opaque, 0), [200, 100, 50, 191]);
         // 0.75 of the first, and 0.25 * 0.2 of the second: shares 15/16 and 1/16.
         assert_eq!(mix(opaque, half), [194, 100, 56, 204]);
@@ -143,7 +170,7 @@ mod tests {
         let lens =
             Lens::new(INTRINSICS, Distortion { radial: [-0.15, 0.02, 0.0, 0.0, 0.0, 0.0], ..Distortion::default() });
         let cover = |p: DVec2| (300.0 - 600.0 * p.length()).clamp(0.0, 255.0);
-        for (i, pixel) in straightened(&lens, &taken(&lens, cover)).iter().enumerate() {
+        for (i, pixel) in Map::new(lens).straightened(&taken(&lens, cover)).iter().enumerate() {
             let [r, _, _, a] = pixel.to_le_bytes();
             assert!((f64::from(a) - cover(shown(i))).abs() < 6.0, "pixel {i}: alpha {a}");
             assert!(a < 8 || (f64::from(r) - scene(shown(i))[0]).abs() < 2.5, "pixel {i}: red {r}");

@@ -150,26 +150,17 @@ impl Decoder {
     /// # Errors
     /// Where the system gives no threads.
     pub fn new(photos: &[Photo], settings: Settings) -> Result<Self> {
-        Self::start(photos, settings, 1, |_, decoded| decoded)
+        Self::making(photos, settings, 1, |_, decoded| decoded)
     }
 }
 
 impl<T: Send + 'static> Decoder<T> {
-    /// Starts to decode `photos` and to make of each what `make` says, on the same threads. What it makes takes no more bytes
-    /// than the decoded photo.
+    /// Starts to decode `photos` and to make of each what `make` says, on the same threads. What is made takes no more bytes
+    /// than the decoded photo, and making it no more than `copies` times as many, the photo itself included.
     ///
     /// # Errors
     /// Where the system gives no threads.
     pub fn making(
-        photos: &[Photo],
-        settings: Settings,
-        make: impl Fn(&Photo, Decoded) -> T + Send + Sync + 'static,
-    ) -> Result<Self> {
-        // While it is made, both are there.
-        Self::start(photos, settings, 2, make)
-    }
-
-    fn start(
         photos: &[Photo],
         settings: Settings,
         copies: u64,
@@ -228,7 +219,7 @@ impl<T> Drop for Decoder<T> {
 struct Work<M> {
     photos: Arc<[Photo]>,
     settings: Settings,
-    /// Results of a photo that are there at once.
+    /// See [`Decoder::making`].
     copies: u64,
     make: M,
 }

@@ -83,7 +83,7 @@ fn the_budget_holds() {
         let Intrinsics { width, height, .. } = photo.camera.intrinsics;
         pixels::estimate(photo).unwrap() + settings.result_bytes(width, height)
     };
-    let largest = photos.iter().map(|photo| bytes(photo)).max().unwrap();
+    let largest = photos.iter().map(bytes).max().unwrap();
     for memory in [largest, 2 * largest, 5 * largest] {
         let most = most(memory, 2);
         assert!(most <= memory && most > memory / 3, "{most} of {memory} bytes");
@@ -102,7 +102,7 @@ fn what_is_made_of_photos_comes_in_their_order_and_within_the_budget() {
         assert_ne!(decoded.index, 7, "for the test");
         (photo.camera.name.clone(), decoded.width, std::thread::current().id())
     };
-    let mut decoder = Decoder::making(&photos, settings, make).unwrap();
+    let mut decoder = Decoder::making(&photos, settings, 2, make).unwrap();
     let all: Vec<_> = decoder.by_ref().collect();
     for (i, (photo, made)) in photos.iter().zip(all).enumerate() {
         match made {
@@ -184,6 +184,9 @@ fn values_are_linear() {
     let Values::Byte(values) = byte(2) else { panic!("not bytes") };
     assert_eq!(values[..3], [188, 165, 137]);
     assert_eq!(byte(1).into_linear(), single(&rgb));
+    for values in [rgb.values, half.values] {
+        assert_eq!(values.into_bytes(), byte(1).into_bytes());
+    }
 }
 
 /// If this failed, background would be taken for the object, or darken its border.
