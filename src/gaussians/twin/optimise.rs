@@ -49,7 +49,8 @@ mod tests {
 
     use super::*;
 
-    /// The first step is the rate along the sign, whatever the gradient's size; the second is by hand.
+    /// If this failed, rates would mean something else than in every other trainer. The first step is the rate along the sign,
+    /// whatever the gradient's size; the second is by hand.
     #[test]
     fn steps_are_those_of_the_published_method() {
         for gradient in [1e-9, -0.02, 300.0] {
@@ -99,7 +100,7 @@ mod tests {
         }
     }
 
-    /// The sum as it is published, binomials and all, against the short one.
+    /// If this failed, the short sum would not be the published one, binomials and all, which it stands for.
     #[test]
     fn the_denominator_is_the_published_sum() {
         for (o, n) in [(0.3f64, 5u32), (0.9, 9), (0.01, 30)] {
