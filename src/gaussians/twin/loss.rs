@@ -128,8 +128,8 @@ mod tests {
         }
     }
 
-    /// If this failed, the parts of the loss would have other weights or edges: the middle of even pictures sees no edge, and
-    /// SSIM there is that of the means alone; equal pictures lose nothing.
+    /// If this failed, the parts of the loss would have other weights or edges: the middle of even pictures sees no edge, so
+    /// that SSIM there is that of the means alone; equal pictures lose nothing.
     #[test]
     fn even_pictures_have_the_loss_of_their_means() {
         let (a, b) = (0.3, 0.7);
