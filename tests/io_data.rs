@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use camsplat::io::{read_cameras, read_surface, read_surface_with_notes};
+use camsplat::io::{read_cameras, read_gaussians_with_notes, read_surface, read_surface_with_notes};
 use camsplat::scene::camera::Camera;
 use camsplat::scene::surface::{Mesh, Points, Surface};
 use glam::DVec3;
@@ -215,4 +215,38 @@ fn packed_splats_lie_in_the_surface() {
     println!("{aligned} of {tried} splats lie in the plane of their neighbours");
     // Chance is a half, give or take 0.025; many splats of this file are blobs or needles and say little.
     assert!(aligned as f64 > 0.57 * tried as f64, "{aligned} of {tried}");
+}
+
+/// If this failed, somebody else's splats would be rendered with another shape, place or colour than they were trained with.
+#[test]
+fn splats_are_read_as_gaussians() {
+    let Some(data) = data() else { return };
+    let known = [
+        ("donut_3dgs_dc_45624.ply", 45_624, 0, 1.0),
+        // Its quaternions are not of unit length, and are left as they are.
+        ("tnt_train_1000_sh3.ply", 1000, 3, 0.92),
+        ("guitar.compressed.ply", 90_854, 0, 1.0),
+    ];
+    for (name, count, degree, length) in known {
+        let path = data.join("splats").join(name);
+        let (splats, notes) = read_gaussians_with_notes(&path).unwrap();
+        assert_eq!((splats.len(), splats.degree), (count, degree), "{name}");
+        assert!(notes[0].contains(&format!("{count} splats with harmonics of degree {degree}")), "{notes:?}");
+        assert_eq!(splats.harmonics.len(), 3 * count * splats.coefficients(), "{name}");
+        let norm = |q: &[f32; 4]| q.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
+        let mean = splats.rotations.iter().map(norm).sum::<f64>() / count as f64;
+        assert!((mean - length).abs() < 0.02, "{name}: quaternions are {mean} long");
+        // What is opaque enough is where the surface has it.
+        let opaque = |i: &usize| 1.0 / (1.0 + (-f64::from(splats.opacities[*i])).exp()) >= 0.1;
+        let centres: Vec<DVec3> = (0..count).filter(opaque).map(|i| splats.centres[i]).collect();
+        assert_eq!(centres, points(&path).0.positions, "{name}");
+        // Splats are small parts of what they make up, and most colours are those of a photo.
+        let (min, max) = bounds(&splats.centres);
+        let small = |s: &&[f32; 3]| s.iter().all(|v| f64::from(v.exp()) < 0.1 * (max - min).max_element());
+        let smaller = splats.log_scales.iter().filter(small).count();
+        assert!(smaller as f64 > 0.99 * count as f64, "{name}: {smaller} of {count} are small");
+        let constants = splats.harmonics.chunks_exact(3 * splats.coefficients()).flat_map(|h| &h[..3]);
+        let photo = constants.filter(|c| (-0.1..=1.1).contains(&(0.5 + 0.282_094_8 * **c))).count();
+        assert!(photo as f64 > 0.9 * 3.0 * count as f64, "{name}: {photo} of {} channels", 3 * count);
+    }
 }

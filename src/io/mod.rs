@@ -14,6 +14,7 @@
 //! | NSVF folder, `.log` trajectory | | [`photos`] |
 //! | plan.json | | [`plan_json`] |
 //!
+//! Trained splats are also read as what they are, for rendering: [`read_gaussians_with_notes`].
 //! [`photos`] reads captures: cameras with their lenses, images and masks, and the points of a reconstruction.
 
 mod binary;
@@ -37,6 +38,7 @@ use serde::de::{DeserializeOwned, IgnoredAny};
 
 use crate::error::{Error, Result};
 use crate::scene::camera::Camera;
+use crate::scene::gaussians::Gaussians;
 use crate::scene::surface::Surface;
 
 /// Reads a surface: a .ply, .obj, .glb or .gltf file, a COLMAP model folder, or the points of a capture (a folder with a model
@@ -84,6 +86,18 @@ pub fn read_surface_with_notes(path: &Path) -> Result<(Surface, Vec<String>)> {
         ));
     };
     Ok((surface, notes))
+}
+
+/// Reads trained splats for rendering: a .ply file of the usual 3DGS layout, or packed. Says in a few lines what was understood
+/// on the way, for the user to check. Frame and units are the file's.
+///
+/// # Errors
+/// [`Error::Io`] where the system refuses; [`Error::Input`] where the file is no PLY file, damaged or cut short, or where
+/// [`ply::gaussians`] refuses what it holds.
+pub fn read_gaussians_with_notes(path: &Path) -> Result<(Gaussians, Vec<String>)> {
+    let mut notes = Vec::new();
+    let gaussians = ply::gaussians(path, &read_file(path)?, &mut notes)?;
+    Ok((gaussians, notes))
 }
 
 /// Whether a surface's path is that of a capture rather than of a file of triangles or points: a folder, or a .json.

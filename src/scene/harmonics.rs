@@ -1,8 +1,9 @@
 //! Functions of direction: lobes of surfaces, and the basis that trained splats are stored in.
 //!
-//! A lobe has real spherical harmonics of degrees 1 and 2 on top of a constant of one: it is eight coefficients c and stands for `f(w) = 1 + sum c_k B_k(w)`. The basis is the usual real orthonormal
-//! one times sqrt(4 pi), so that each function has a mean of zero and a mean square of one over the sphere and f has
-//! the mean one. Order: Y1-1, Y10, Y11, Y2-2, Y2-1, Y20, Y21, Y22.
+//! A lobe has real spherical harmonics of degrees 1 and 2 on top of a constant of one: it is eight coefficients c and stands
+//! for `f(w) = 1 + sum c_k B_k(w)`. Its basis is the usual real orthonormal one times sqrt(4 pi), so that each function has
+//! a mean of zero and a mean square of one over the sphere and f has the mean one. Order: Y1-1, Y10, Y11, Y2-2, Y2-1, Y20,
+//! Y21, Y22.
 
 use std::sync::LazyLock;
 
@@ -27,7 +28,7 @@ const THREE: [f64; 4] =
 /// Directions over which the least value of a lobe is looked for: texels along a side of an octahedral map.
 const RESOLUTION: u32 = 16;
 
-/// The eight functions in unit direction `w`.
+/// The eight functions of a lobe in unit direction `w`.
 pub fn basis(w: DVec3) -> [f64; 8] {
     let DVec3 { x, y, z } = w;
     let (three, five, fifteen) = (3f64.sqrt(), 5f64.sqrt(), 15f64.sqrt());
@@ -62,7 +63,7 @@ pub fn at_least(lobe: &Lobe, least: f64) -> Lobe {
 }
 
 /// Real spherical harmonics of degrees 1 to 3 in unit direction `w`, with the signs and the order of 3D Gaussian splatting
-/// (Kerbl et al. 2023, after Sloan, "Efficient Spherical Harmonic Evaluation", JCGT 2013). Orthonormal, [`CONSTANT`] with them.
+/// (Kerbl et al. 2023, after Sloan, "Efficient Spherical Harmonic Evaluation", JCGT 2013). With [`CONSTANT`] orthonormal.
 pub fn above_constant(w: DVec3) -> [f64; 15] {
     let DVec3 { x, y, z } = w;
     let (xx, yy, zz) = (x * x, y * y, z * z);
@@ -131,7 +132,7 @@ mod tests {
         }
     }
 
-    /// Constants and signs as they stand in the published code.
+    /// If this failed, colours would turn the wrong way: constants and signs as they stand in the published code.
     #[test]
     fn the_basis_is_that_of_the_published_code() {
         let d = DVec3::new(0.48, -0.6, 0.64);

@@ -97,7 +97,7 @@ mod tests {
         (0..pixels as u32).map(|i| DVec3::from_slice(&uniforms(seed, 0, i)[..3])).collect()
     }
 
-    /// SSIM as it is defined: all weights of the window in two dimensions, and covariances as means of products of deviations.
+    /// SSIM as it is defined: all weights of the window in two dimensions, covariances as means of products of deviations.
     /// If this failed, the trainer would chase, and report, another measure than everybody else's.
     #[test]
     fn similarity_is_what_its_definition_says() {
@@ -128,8 +128,8 @@ mod tests {
         }
     }
 
-    /// Closed forms: the middle of even pictures sees no edge, where SSIM is that of the means alone; equal pictures have none
-    /// to lose; and a picture that is off by a constant everywhere has that as its L1.
+    /// If this failed, the parts of the loss would have other weights or edges: the middle of even pictures sees no edge, so
+    /// that SSIM there is that of the means alone; equal pictures lose nothing.
     #[test]
     fn even_pictures_have_the_loss_of_their_means() {
         let (a, b) = (0.3, 0.7);

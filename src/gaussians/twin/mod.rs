@@ -32,7 +32,7 @@ pub struct View {
     pub width: u32,
     /// Rows of pixels.
     pub height: u32,
-    /// Centres nearer than this, along the axis, are not drawn.
+    /// Centres nearer than this, along the axis, are not drawn; more than 0.
     pub near: f64,
 }
 

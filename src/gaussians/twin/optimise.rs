@@ -16,9 +16,9 @@ pub fn adam(value: f64, gradient: f64, moments: &mut [f64; 2], rate: f64, step: 
     value - rate * first / (second.sqrt() + LEAST)
 }
 
-/// One of `n` equal splats in one place that look like `splat` together (Kheradmand et al. 2024, "3D Gaussian Splatting as
-/// Markov Chain Monte Carlo", equation 9): they let as much light through at the centre, and along any line across it they
-/// hide as much in all.
+/// One of `n` (1 or more) equal splats in one place that look like `splat` together: they let as much light through at the
+/// centre, and along any line through it they hide as much in all. Kheradmand et al. 2024, "3D Gaussian Splatting as Markov
+/// Chain Monte Carlo", equation 9.
 pub fn split(splat: &Splat, n: u32) -> Splat {
     // log(1 - o), which is exact where o is all but 1.
     let passed = -softplus(splat.opacity);
@@ -49,7 +49,8 @@ mod tests {
 
     use super::*;
 
-    /// The first step is the rate along the sign, whatever the gradient's size; the second is by hand.
+    /// If this failed, rates would mean something else than in every other trainer. The first step is the rate along the
+    /// sign, whatever the gradient's size; the second is by hand.
     #[test]
     fn steps_are_those_of_the_published_method() {
         for gradient in [1e-9, -0.02, 300.0] {
@@ -99,7 +100,7 @@ mod tests {
         }
     }
 
-    /// The sum as it is published, binomials and all, against the short one.
+    /// If this failed, the short sum would not be the published one, binomials and all, which it stands for.
     #[test]
     fn the_denominator_is_the_published_sum() {
         for (o, n) in [(0.3f64, 5u32), (0.9, 9), (0.01, 30)] {

@@ -71,10 +71,11 @@ pub fn backward(splat: &Splat, view: &View, rules: &Rules, by: &Gradient) -> Spl
     let p = view.rotation * splat.centre + view.translation;
     let shape = Shape::new(splat, view, p);
 
-    let opacity = logistic(splat.opacity);
+    // 1 - o has no digits left where o is all but 1.
+    let (opacity, clear) = (logistic(splat.opacity), logistic(-splat.opacity));
     let (compensation, by_compensation) =
         if rules.antialiased { (shape.compensation(), by.opacity * opacity) } else { (1.0, 0.0) };
-    to.opacity = by.opacity * compensation * opacity * (1.0 - opacity);
+    to.opacity = by.opacity * compensation * opacity * clear;
 
     let by_factor = shape.by_factor(by.conic, by_compensation);
     let by_jacobian = multiplied(by_factor, shape.spread.transpose());
@@ -226,7 +227,7 @@ fn backward_colour(splat: &Splat, view: &View, by_colour: DVec3, by_harmonics: &
 }
 
 /// 1 / (1 + exp(-x)).
-pub(super) fn logistic(x: f64) -> f64 {
+fn logistic(x: f64) -> f64 {
     1.0 / (1.0 + (-x).exp())
 }
 

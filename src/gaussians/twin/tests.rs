@@ -210,7 +210,7 @@ fn gradients_keep_to_the_hard_decisions_of_the_picture() {
     }
 }
 
-/// Densification goes by this gradient; it must be that of moving the splat's mean alone.
+/// If this failed, densification would add splats in the wrong places: the gradient must be that of moving the mean alone.
 #[test]
 fn the_gradient_by_the_mean_is_that_of_a_shift_in_the_picture() {
     let (view, rules) = (view(), Rules::smooth());
@@ -382,7 +382,7 @@ fn tiles_lose_nothing() {
     let rules = Rules::default();
     let picture = render(&splats, &view, &rules, BACKGROUND);
     for (i, j) in [(0u32, 0u32), (15, 15), (16, 16), (47, 31), (48, 32), (69, 52)] {
-        // The same pixel in a picture of its own; the clamp of the rays goes by the picture's size, so only the tiles change.
+        // The same pixel in a picture of its own, of the same projected splats.
         let mut projected = project_all(&splats, &view, &rules);
         let shift = DVec2::new(f64::from(i), f64::from(j));
         projected.iter_mut().flatten().for_each(|splat| splat.mean -= shift);

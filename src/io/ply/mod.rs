@@ -1,6 +1,8 @@
 //! PLY: points, meshes and trained splats, as ascii or binary of either byte order.
 
+mod decode;
 mod elements;
+mod gaussians;
 mod header;
 mod radiance;
 pub mod splats;
@@ -10,7 +12,9 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use self::decode::Decoded;
 use self::elements::Columns;
+pub use self::gaussians::gaussians;
 use self::header::{Header, Kind};
 use crate::error::{Error, Result};
 use crate::scene::colour;
@@ -29,11 +33,8 @@ use crate::scene::surface::{Mesh, Points, Surface};
 /// When the file is damaged or cut short, lacks positions, or fails the checks that all surfaces pass.
 pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surface> {
     let header = Header::parse(path, bytes)?;
-    let has = |property: &str| header.kind("vertex", property).is_some();
-    let surface = if has("packed_position") {
-        splats::packed(path, &mut elements::read(path, bytes, &header, |element, _| element != "sh")?, notes)?
-    } else if has("f_dc_0") && has("scale_0") && has("rot_0") {
-        splats::trained(path, &mut elements::read(path, bytes, &header, splats::is_used)?, notes)?
+    let surface = if decode::is_splats(&header) {
+        splats::points(path, &Decoded::read(path, bytes, &header, false)?, notes)?
     } else {
         plain(path, bytes, &header, notes)?
     };

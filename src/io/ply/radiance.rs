@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 
-use super::elements::Columns;
 use crate::scene::harmonics::{self, Lobe, above_constant};
 use crate::scene::{colour, octahedral};
 
@@ -12,18 +11,16 @@ const RESOLUTION: u32 = 8;
 const LEAST: f64 = 0.25;
 
 /// Harmonics above the constant one, as trained files store them: all of red, then of green, then of blue.
-pub(super) struct Radiance {
-    columns: Vec<Vec<f64>>,
+pub(super) struct Radiance<'a> {
+    columns: &'a [Vec<f64>],
     directions: Vec<DVec3>,
     /// The harmonics in each of the directions.
     basis: Vec<[f64; 15]>,
 }
 
-impl Radiance {
-    /// Takes f_rest_0 and its like; none where there are no whole degrees of them, up to the third.
-    pub fn take(columns: &mut Columns) -> Option<Self> {
-        let rest = |k: usize| format!("f_rest_{k}");
-        let columns: Vec<_> = (0..).map_while(|k| columns.scalars("vertex", &rest(k))).collect();
+impl<'a> Radiance<'a> {
+    /// From the columns of f_rest_0 and its like; none where they are no whole degrees of them, up to the third.
+    pub fn new(columns: &'a [Vec<f64>]) -> Option<Self> {
         if ![9, 24, 45].contains(&columns.len()) {
             return None;
         }
@@ -66,12 +63,6 @@ impl Radiance {
 mod tests {
     use super::*;
 
-    fn radiance(columns: Vec<Vec<f64>>) -> Radiance {
-        let directions = octahedral::directions(RESOLUTION);
-        let basis = directions.iter().map(|w| above_constant(-*w)).collect();
-        Radiance { columns, directions, basis }
-    }
-
     /// A splat that is brighter from one side must be planned for around that axis, and a plain one not at all.
     #[test]
     fn a_splat_that_shines_one_way_has_a_lobe_there() {
@@ -80,7 +71,7 @@ mod tests {
         for channel in 0..3 {
             columns[3 * channel + 1] = vec![-0.5, 0.0];
         }
-        let shining = radiance(columns);
+        let shining = Radiance::new(&columns).unwrap();
         let (variance, lobe) = shining.variation(0, DVec3::splat(0.5));
         assert!(variance > 1e-3, "{variance}");
         let at = |w: DVec3| harmonics::value(&lobe, w);

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::scene::gaussians::Gaussians;
 use crate::scene::surface::Points;
 
 /// Bytes of a file of coloured points: x y z, red green blue (8-bit sRGB) and, where given, one more float property.
@@ -58,6 +59,37 @@ pub fn mesh(vertices: &[(DVec3, [u8; 3])], triangles: &[[u32; 3]]) -> Vec<u8> {
     for triangle in triangles {
         bytes.push(3);
         triangle.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+    }
+    bytes
+}
+
+/// Bytes of a file of trained splats in the usual 3DGS layout, which other programs read: x y z, nx ny nz (zero), f_dc_0 to
+/// f_dc_2, f_rest_0 and on (all of red first; none at degree 0), opacity, scale_0 to scale_2, rot_0 to rot_3, all float.
+pub fn gaussians(gaussians: &Gaussians) -> Vec<u8> {
+    let each = gaussians.coefficients();
+    let rest: Vec<String> = (0..3 * (each - 1)).map(|k| format!("f_rest_{k}")).collect();
+    let first = "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2".split(' ');
+    let last = "opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3".split(' ');
+    let names = first.chain(rest.iter().map(String::as_str)).chain(last);
+    let properties: String = names.map(|name| format!("property float {name}\n")).collect();
+    let count = gaussians.len();
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\ncomment written by camsplat\nelement vertex {count}\n\
+         {properties}end_header\n"
+    )
+    .into_bytes();
+    for i in 0..count {
+        let harmonics = &gaussians.harmonics[3 * each * i..3 * each * (i + 1)];
+        let mut put = |values: &[f32]| values.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+        put(&gaussians.centres[i].as_vec3().to_array());
+        put(&[0.0; 3]);
+        put(&harmonics[..3]);
+        for channel in 0..3 {
+            (1..each).for_each(|k| put(&[harmonics[3 * k + channel]]));
+        }
+        put(&[gaussians.opacities[i]]);
+        put(&gaussians.log_scales[i]);
+        put(&gaussians.rotations[i]);
     }
     bytes
 }
