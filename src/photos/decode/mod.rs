@@ -133,6 +133,33 @@ pub struct Decoded {
     pub mask: Option<Vec<u8>>,
 }
 
+/// An image of 8-bit sRGB-encoded colours.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Encoded {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Red, green and blue side by side, row by row from the top left.
+    pub pixels: Vec<u8>,
+}
+
+/// Decodes a PNG or JPEG file to 8-bit colours as they are stored. Where it has an alpha channel, colours are straight and laid
+/// over `background`: encoded values are mixed, as programs do that composite what they read.
+///
+/// # Errors
+/// When the file cannot be opened, or is damaged, cut short or of another format.
+pub fn encoded(path: &Path, background: [u8; 3]) -> Result<Encoded> {
+    guarded(path, || pixels::encoded(path, background))
+}
+
+/// What a decoder makes of the file at `path`; should it panic, an error.
+fn guarded<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Result<T> {
+    // What panics leaves nothing behind that others see: files are only read.
+    std::panic::catch_unwind(AssertUnwindSafe(decode))
+        .unwrap_or_else(|_| Err(Error::input(path, "the decoder failed on this image; save it again")))
+}
+
 /// Photos on their way, or what is made of them: an iterator in the order in which they were given, whose values depend on
 /// nothing but the files and the settings. Dropped, it ends its threads after the photos that they are at.
 ///
@@ -239,13 +266,9 @@ impl<M> Work<M> {
             if !queue.reserve(index, bytes) {
                 return;
             }
-            // What panics leaves nothing behind that others see: photos are only read.
-            let made = std::panic::catch_unwind(AssertUnwindSafe(|| {
+            let path = photo.image.as_deref().unwrap_or(Path::new(&photo.camera.name));
+            let made = guarded(path, || {
                 pixels::decode(photo, index, &self.settings).map(|decoded| (self.make)(photo, decoded))
-            }));
-            let made = made.unwrap_or_else(|_| {
-                let path = photo.image.as_deref().unwrap_or(Path::new(&photo.camera.name));
-                Err(Error::input(path, "the decoder failed on this image; save it again"))
             });
             let left = if made.is_ok() { result } else { 0 };
             queue.finish(index, bytes, left.min(bytes), made);
