@@ -59,9 +59,8 @@ vec2 pixel_centre(uvec2 corner, uint k) {
 // Bounds of the ellipse on which alpha falls to its least value.
 uvec2 bounds_of(Projected splat) {
     float level = 2.0 * log(splat.opacity / LEAST_ALPHA);
-    float determinant = splat.conic.x * splat.conic.z - splat.conic.y * splat.conic.y;
     // A hundredth of a pixel for what rounding takes; pixel i has its centre at i + 0.5.
-    vec2 half_extent = sqrt(max(level * splat.conic.zx / determinant, 0.0)) + 0.01;
+    vec2 half_extent = sqrt(max(level * splat.conic.zx / splat.determinant, 0.0)) + 0.01;
     uvec2 first = uvec2(clamp(ceil(splat.mean - half_extent - 0.5), 0.0, 65535.0));
     uvec2 end = uvec2(clamp(floor(splat.mean + half_extent + 0.5), 0.0, 65535.0));
     return first | end << 16;

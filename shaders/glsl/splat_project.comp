@@ -25,7 +25,7 @@ vec3 vector(uint plane, uint i) {
 
 // The picture of Gaussian `i`; of no opacity where it is not seen.
 Projected project(View view, uint i) {
-    Projected none = Projected(vec2(0.0), 0.0, 0.0, vec3(0.0), 0, vec3(0.0), 0);
+    Projected none = Projected(vec2(0.0), 0.0, 0.0, vec3(0.0), 0.0, vec3(0.0), 0);
     vec3 centre = vector(CENTRE, i), p = to_camera(view, centre);
     if (!(p.z >= view.near)) return none;
     float opacity = sigmoid(value(OPACITY, i));
@@ -35,14 +35,14 @@ Projected project(View view, uint i) {
     mat3 axes = rotation_of(normalize(q)) * mat3(scale.x, 0.0, 0.0, 0.0, scale.y, 0.0, 0.0, 0.0, scale.z);
     vec3 m[2];
     linearised(view, p, clamped_ray(view, p), m);
-    vec3 narrow = projected_covariance(m, axes);
-    vec3 covariance = narrow + vec3(LOW_PASS, 0.0, LOW_PASS);
-    float determinant = determinant_of(covariance);
-    if (!(determinant > 0.0) || isinf(determinant)) return none;
+    Spread spread = spread_of(m[0] * axes, m[1] * axes);
+    // Neither negative nor infinite, nor no number at all.
+    if (!(spread.determinant > 0.0 && spread.determinant < 1e38)) return none;
     if (ANTIALIASED != 0) {
-        opacity *= compensation(narrow, determinant);
+        opacity *= compensation(spread);
         if (!(opacity >= LEAST_ALPHA)) return none;
     }
+    vec3 covariance = spread.narrow + vec3(LOW_PASS, 0.0, LOW_PASS);
     vec2 mean = view.focal * p.xy / p.z + view.principal;
     // The ellipse on which alpha falls to its least value, against the picture.
     vec2 half_extent = sqrt(2.0 * log(opacity / LEAST_ALPHA) * covariance.xz);
@@ -56,8 +56,8 @@ Projected project(View view, uint i) {
     [[unroll]] for (uint k = 0; k < 16; ++k) {
         if (k < terms) colour += b[k] * vector(HARMONICS + 3 * k, i);
     }
-    vec3 conic = vec3(covariance.z, -covariance.y, covariance.x) / determinant;
-    return Projected(mean, p.z, opacity, conic, 0, max(colour, 0.0), 0);
+    vec3 conic = vec3(covariance.z, -covariance.y, covariance.x) / spread.determinant;
+    return Projected(mean, p.z, opacity, conic, 1.0 / spread.determinant, max(colour, 0.0), 0);
 }
 
 void main() {

@@ -135,18 +135,19 @@ Gradients through_projection(View camera, uint i, vec2 by_mean, vec3 by_conic, f
     vec2 ray = clamped_ray(camera, p);
     vec3 m[2];
     linearised(camera, p, ray, m);
-    vec3 narrow = projected_covariance(m, axes), conic = projected[i].conic;
+    vec3 x = m[0] * axes, y = m[1] * axes, conic = projected[i].conic;
 
     // The conic is the covariance's inverse: by_covariance = -conic * by_conic * conic, symmetric, each entry for itself.
     mat2 inverse = mat2(conic.x, conic.y, conic.y, conic.z);
     mat2 by_covariance = -inverse * mat2(by_conic.x, 0.5 * by_conic.y, 0.5 * by_conic.y, by_conic.z) * inverse;
     float by_plain = by_opacity;
     if (ANTIALIASED != 0) {
-        vec3 wide = narrow + vec3(LOW_PASS, 0.0, LOW_PASS);
-        float area = determinant_of(wide), factor = compensation(narrow, area);
+        Spread spread = spread_of(x, y);
+        vec3 narrow = spread.narrow, wide = narrow + vec3(LOW_PASS, 0.0, LOW_PASS);
+        float factor = compensation(spread);
         by_plain *= factor;
         if (factor > 0.0) {
-            float by_ratio = by_opacity * plain * 0.5 / (factor * area), ratio = factor * factor;
+            float by_ratio = by_opacity * plain * 0.5 / (factor * spread.determinant), ratio = factor * factor;
             by_covariance[0][0] += by_ratio * (narrow.z - ratio * wide.z);
             by_covariance[1][1] += by_ratio * (narrow.x - ratio * wide.x);
             float across = -by_ratio * (narrow.y - ratio * wide.y);
@@ -156,7 +157,6 @@ Gradients through_projection(View camera, uint i, vec2 by_mean, vec3 by_conic, f
     }
 
     // covariance = (m axes)(m axes)^T, of which the rows are f * (row - ray * row_z) / z.
-    vec3 x = m[0] * axes, y = m[1] * axes;
     vec3 by_x = 2.0 * (by_covariance[0][0] * x + by_covariance[0][1] * y);
     vec3 by_y = 2.0 * (by_covariance[1][0] * x + by_covariance[1][1] * y);
     mat3 by_axes = outerProduct(m[0], by_x) + outerProduct(m[1], by_y);

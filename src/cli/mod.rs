@@ -26,6 +26,7 @@ mod progress;
 mod proxy;
 mod score;
 mod select;
+mod train;
 mod vds;
 mod vdsf;
 
@@ -54,6 +55,8 @@ enum Command {
     Select(Box<select::Arguments>),
     /// Compare images with their references: PSNR, SSIM, LPIPS
     Metrics(metrics::Arguments),
+    /// Train a Gaussian splatting model on a capture and test it
+    Train(Box<train::Arguments>),
     /// Make a coarse surface from posed photos, without any points
     Proxy(proxy::Arguments),
     /// List every Vulkan device, what it has and what it lacks
@@ -80,6 +83,7 @@ pub fn main() -> ExitCode {
         Command::Vds(arguments) => vds::run(&arguments),
         Command::Select(arguments) => select::run(&arguments),
         Command::Metrics(arguments) => metrics::run(&arguments),
+        Command::Train(arguments) => train::run(&arguments),
         Command::Proxy(arguments) => proxy::run(&arguments),
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),

@@ -31,6 +31,11 @@ pub fn stop_on_interrupt() -> Result<()> {
     .map_err(|e| Error::request(format!("Ctrl-C cannot be watched for: {e}")))
 }
 
+/// Whether the user has asked to stop.
+pub fn stopped() -> bool {
+    STOP.load(Ordering::SeqCst)
+}
+
 /// Time between two lines of progress where there is no terminal.
 const BETWEEN_LINES: Duration = Duration::from_secs(10);
 
@@ -70,7 +75,7 @@ impl Progress {
                 self.bar.set_message("scoring");
             }
         }
-        if STOP.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
     /// Takes the bar away.

@@ -44,6 +44,10 @@ pub struct Config {
     pub antialiased: bool,
     /// Seed of every random draw.
     pub seed: u64,
+    /// Opacity at the start.
+    pub first_opacity: f64,
+    /// Standard deviation at the start, in mean distances to the nearest neighbours.
+    pub first_scale: f64,
 }
 
 /// Iterations that the schedule of the papers is written for; shorter runs go through it faster.
@@ -75,7 +79,19 @@ impl Config {
             background: Background::Black,
             antialiased: false,
             seed: 0,
+            first_opacity: 0.5,
+            first_scale: 0.1,
         }
+    }
+
+    /// The same with another strategy and what it starts with: few small and dense Gaussians that spread, or wide and faint
+    /// ones that are split.
+    pub fn with_strategy(self, strategy: Strategy) -> Self {
+        let (first_opacity, first_scale) = match strategy {
+            Strategy::Mcmc => (0.5, 0.1),
+            Strategy::Classic => (0.1, 1.0),
+        };
+        Self { strategy, first_opacity, first_scale, ..self }
     }
 
     /// Refuses what makes no sense.
@@ -92,6 +108,12 @@ impl Config {
         }
         if self.degree > MOST_DEGREE {
             return refuse(format!("--sh is {}; give 0 to {MOST_DEGREE}", self.degree));
+        }
+        if !(self.first_opacity > 0.0 && self.first_opacity < 1.0) {
+            return refuse(format!("--first-opacity is {}; give a number between 0 and 1", self.first_opacity));
+        }
+        if !(self.first_scale > 0.0 && self.first_scale <= 100.0) {
+            return refuse(format!("--first-scale is {}; give a number between 0 and 100", self.first_scale));
         }
         Ok(())
     }

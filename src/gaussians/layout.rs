@@ -15,12 +15,12 @@ crate::gpu_struct! {
         pub opacity: f32,
         /// Inverse covariance (xx, xy, yy) in pixels^-2.
         pub conic: [f32; 3],
-        /// Unused.
-        pub spare0: u32,
+        /// Determinant of it.
+        pub determinant: f32,
         /// sRGB colour, not negative.
         pub colour: [f32; 3],
         /// Unused.
-        pub spare1: u32,
+        pub spare0: u32,
     }
 }
 

@@ -1,7 +1,10 @@
 //! Gaussian splatting: rendering trained splats, and training them from photos.
 
+pub mod checkpoint;
 pub mod config;
+pub mod evaluate;
 pub mod frame;
+pub mod job;
 pub mod layout;
 pub mod loss;
 pub mod mcmc;

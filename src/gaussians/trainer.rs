@@ -193,6 +193,35 @@ impl Trainer {
         })
     }
 
+    /// Takes up a run where it was left: the trainer must have been made of the same configuration, start and photos.
+    ///
+    /// # Errors
+    /// Where there are more Gaussians than the budget, or the device fails.
+    pub fn restore(&mut self, state: &State, history: &[Record]) -> Result<()> {
+        let (population, stride) = (state.population as usize, self.model.stride as usize);
+        if population > stride || state.planes.iter().any(|plane| plane.len() != self.planes() * population) {
+            return Err(Error::request("a state of another size cannot be taken up"));
+        }
+        let buffers = [&self.model.parameters, &self.moments.first, &self.moments.second];
+        for (buffer, packed) in buffers.into_iter().zip(&state.planes) {
+            let mut values = vec![0f32; self.planes() * stride];
+            for (to, from) in values.chunks_mut(stride).zip(packed.chunks(population.max(1))) {
+                to[..from.len()].copy_from_slice(from);
+            }
+            buffer.upload(&values)?;
+        }
+        self.model.population.upload(&[state.population])?;
+        let words: Vec<[f32; 4]> = history.iter().map(|r| [r.l1, r.ssim, r.squared, r.instances as f32]).collect();
+        self.ledger.history.write(&words)?;
+        self.ledger.mailbox.write(&[state.done, 0, 0, 0])?;
+        self.done = state.done;
+        Ok(())
+    }
+
+    fn planes(&self) -> usize {
+        layout::planes(self.config.degree)
+    }
+
     /// Iterations done.
     pub fn done(&self) -> u32 {
         self.done
@@ -338,10 +367,9 @@ impl Trainer {
         let step = self.step(iteration, &push);
         self.update.record(commands, [view_buffer, &ledger.control], rasterizer, model, &self.moments, &step);
         if self.schedule.refines_after(iteration) {
-            let planes = layout::planes(self.config.degree);
             let keys = [self.config.seed, u64::from(iteration)];
             let before = self.population(iteration);
-            self.mcmc.record(commands, &ledger.control, model, &self.moments, planes, before, keys)?;
+            self.mcmc.record(commands, &ledger.control, model, &self.moments, self.planes(), before, keys)?;
         }
         Ok(())
     }
@@ -374,13 +402,49 @@ impl Trainer {
         }
     }
 
+    /// What the model looks like from a view, over the background that tests are shown over.
+    ///
+    /// # Errors
+    /// Where the device fails or has not enough memory.
+    pub fn picture(&mut self, view: usize) -> Result<Vec<[f32; 4]>> {
+        let View { width, height, .. } = self.views[view];
+        let size = Size { width, height };
+        loop {
+            let push = PassPush {
+                stride: self.model.stride,
+                view: view as u32,
+                degree: self.schedule.degree(self.done.saturating_sub(1), self.config.degree),
+                room: self.sizes.room,
+                background: self.test_background(),
+                iteration: 0,
+            };
+            let mut commands = Recorder::new(&self.context)?;
+            self.rasterizer.forward(&mut commands, &self.model, &self.view_buffer, size, &push)?;
+            commands.submit_and_wait()?;
+            drop(commands);
+            let needed = self.rasterizer.counts.download::<u32>(1)?[0];
+            if needed <= self.sizes.room {
+                return self.rasterizer.picture.download(size.pixels() as usize);
+            }
+            self.make_room(needed)?;
+        }
+    }
+
+    /// The background that test views are shown over.
+    pub fn test_background(&self) -> [f32; 3] {
+        match self.config.background {
+            Background::White => [1.0; 3],
+            Background::Black | Background::Random => [0.0; 3],
+        }
+    }
+
     /// Reads back all that the next iteration needs.
     ///
     /// # Errors
     /// Where the device fails.
     pub fn state(&self) -> Result<State> {
         let population = self.model.population.download::<u32>(1)?[0];
-        let (planes, stride) = (layout::planes(self.config.degree), self.model.stride as usize);
+        let (planes, stride) = (self.planes(), self.model.stride as usize);
         let packed = |buffer: &Buffer| -> Result<Vec<f32>> {
             let values = buffer.download::<f32>(planes * stride)?;
             Ok(values.chunks(stride).flat_map(|plane| plane[..population as usize].iter().copied()).collect())

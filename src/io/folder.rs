@@ -3,7 +3,7 @@
 use std::cell::OnceCell;
 use std::ffi::OsStr;
 use std::fs;
-use std::io::ErrorKind;
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Component, Path, PathBuf};
 
 use tempfile::TempDir;
@@ -151,6 +151,27 @@ pub fn write_files(files: &[(&Path, &[u8])]) -> Result<()> {
         files.iter().for_each(|(path, _)| drop(fs::remove_file(hidden(path))));
     }
     moved
+}
+
+/// Writes a file that may be too large to hold twice in memory: `write` fills it beside its place, under a hidden name that
+/// the next attempt takes as well, then it is moved there. Until then what stood there stays.
+///
+/// # Errors
+/// When the system refuses, a full disk among others; the unfinished file is removed.
+pub fn replace_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let hidden = parent(path).join(format!(".{name}.part"));
+    let filled = fs::File::create(&hidden).and_then(|file| {
+        let mut file = BufWriter::with_capacity(1 << 20, file);
+        write(&mut file)?;
+        file.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()
+    });
+    let moved = filled.and_then(|()| fs::rename(&hidden, path));
+    if moved.is_err() {
+        // What cannot be removed either is not worth a second error.
+        drop(fs::remove_file(&hidden));
+    }
+    moved.map_err(|source| Error::io(path, source))
 }
 
 /// The folder that `path` lies in.

@@ -13,6 +13,8 @@ pub struct Header {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
+    /// Whether it has an alpha channel.
+    pub alpha: bool,
     /// Bytes per pixel that it decodes to, at most.
     pub pixel_bytes: u64,
     /// Bytes per pixel that the decoder needs besides, at most.
@@ -32,7 +34,9 @@ impl Header {
         }
         let decoder = reader.into_decoder()?;
         let (width, height) = decoder.dimensions();
-        Ok(Self { width, height, pixel_bytes: u64::from(decoder.color_type().bytes_per_pixel()), scratch_bytes: 0 })
+        let colour = decoder.color_type();
+        let pixel_bytes = u64::from(colour.bytes_per_pixel());
+        Ok(Self { width, height, alpha: colour.has_alpha(), pixel_bytes, scratch_bytes: 0 })
     }
 
     /// Reads the segments of a JPEG up to its first scan (ITU-T T.81, annex B).
@@ -72,7 +76,7 @@ impl Header {
                     // Where the first scan does not complete the picture, decoders keep 16-bit coefficients to the end.
                     let at_once = matches!(kind, 0xc0 | 0xc1) && scanned[0] == components;
                     let scratch_bytes = if at_once { 0 } else { 2 * u64::from(components) };
-                    return Ok(Self { width, height, pixel_bytes: 3, scratch_bytes });
+                    return Ok(Self { width, height, alpha: false, pixel_bytes: 3, scratch_bytes });
                 }
                 (0xda, None) => return Err(damaged()),
                 _ => file.seek_relative(left)?,
@@ -102,7 +106,7 @@ mod tests {
     /// If this failed, progressive photos would take more memory than was set aside, or a size be read out of a comment.
     #[test]
     fn scratch_depends_on_the_first_scan() {
-        let whole = Header { width: 300, height: 200, pixel_bytes: 3, scratch_bytes: 0 };
+        let whole = Header { width: 300, height: 200, alpha: false, pixel_bytes: 3, scratch_bytes: 0 };
         assert_eq!(read(&jpeg(0xc0, 3, 1)).unwrap(), whole);
         assert_eq!(read(&jpeg(0xc2, 3, 1)).unwrap(), Header { scratch_bytes: 6, ..whole });
         assert_eq!(read(&jpeg(0xc0, 1, 1)).unwrap(), Header { scratch_bytes: 6, ..whole });

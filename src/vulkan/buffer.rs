@@ -12,6 +12,9 @@ use super::context::{Context, lock};
 use super::recorder::Recorder;
 use crate::{Error, Result};
 
+/// Bytes of a staging buffer at most: larger transfers go through it part by part.
+const STAGING: usize = 32 << 20;
+
 /// A storage buffer on the device.
 pub struct Buffer {
     pub(super) raw: vk::Buffer,
@@ -57,7 +60,7 @@ impl Buffer {
             what: format!("the buffer `{name}`"),
             wanted: size,
             available,
-            remedy: "plan fewer views or probes, or take a larger device".into(),
+            remedy: "ask for less, or take a larger device".into(),
         };
         if size > limit {
             return Err(out_of_memory(limit));
@@ -88,6 +91,7 @@ impl Buffer {
             }
         };
         let buffer = Self { raw, allocation: Some(allocation), size, name: name.to_owned(), context: context.clone() };
+        context.count_allocated(size);
         if let Some(allocation) = &buffer.allocation {
             // SAFETY: the allocation was made for this buffer's requirements and is bound once. On failure dropping
             // `buffer` frees both.
@@ -174,13 +178,17 @@ impl Buffer {
         if bytes.is_empty() {
             return Ok(());
         }
-        let mut staging = Self::new(&self.context, "staging", bytes.len() as u64, MemoryLocation::CpuToGpu)?;
-        if let Some(target) = staging.allocation.as_mut().and_then(Allocation::mapped_slice_mut) {
-            target[..bytes.len()].copy_from_slice(bytes);
+        let longest = bytes.len().min(STAGING);
+        let mut staging = Self::new(&self.context, "staging", longest as u64, MemoryLocation::CpuToGpu)?;
+        for (i, part) in bytes.chunks(longest).enumerate() {
+            if let Some(target) = staging.allocation.as_mut().and_then(Allocation::mapped_slice_mut) {
+                target[..part.len()].copy_from_slice(part);
+            }
+            let mut commands = Recorder::new(&self.context)?;
+            commands.copy_region(&staging, 0, self, (i * longest) as u64, part.len() as u64);
+            commands.submit_and_wait()?;
         }
-        let mut commands = Recorder::new(&self.context)?;
-        commands.copy(&staging, self, bytes.len() as u64);
-        commands.submit_and_wait()
+        Ok(())
     }
 
     /// Copies the first `count` elements back and waits for them.
@@ -195,11 +203,17 @@ impl Buffer {
         if count == 0 {
             return Ok(Vec::new());
         }
-        let staging = Self::new(&self.context, "staging", bytes, MemoryLocation::GpuToCpu)?;
-        let mut commands = Recorder::new(&self.context)?;
-        commands.copy(self, &staging, bytes);
-        commands.submit_and_wait()?;
-        Ok(bytemuck::pod_collect_to_vec(&staging.mapped()[..bytes as usize]))
+        let longest = bytes.min(STAGING as u64);
+        let staging = Self::new(&self.context, "staging", longest, MemoryLocation::GpuToCpu)?;
+        let mut values: Vec<T> = vec![T::zeroed(); count];
+        let target: &mut [u8] = bytemuck::cast_slice_mut(&mut values);
+        for (i, part) in target.chunks_mut(longest as usize).enumerate() {
+            let mut commands = Recorder::new(&self.context)?;
+            commands.copy_region(self, i as u64 * longest, &staging, 0, part.len() as u64);
+            commands.submit_and_wait()?;
+            part.copy_from_slice(&staging.mapped()[..part.len()]);
+        }
+        Ok(values)
     }
 }
 
@@ -208,6 +222,7 @@ impl Drop for Buffer {
         // SAFETY: recorders wait for their submissions before they let go of the buffers that they use.
         unsafe { self.context.device.destroy_buffer(self.raw, None) };
         if let Some(allocation) = self.allocation.take() {
+            self.context.count_freed(self.size);
             // A failure to free cannot be acted on in a destructor; the device's memory goes with the context.
             let _ = lock(&self.context.allocator).free(allocation);
         }

@@ -1,6 +1,7 @@
 //! The context: one device and one queue, our own or a host application's.
 
 use std::mem::ManuallyDrop;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ash::vk;
@@ -33,6 +34,8 @@ pub struct Context {
     queue_lock: Arc<Mutex<()>>,
     physical: Physical,
     owned: bool,
+    // Bytes of buffers now, and most at once.
+    allocated: [AtomicU64; 2],
     instance: Instance,
 }
 
@@ -94,7 +97,8 @@ impl Context {
             physical_device: physical.raw,
             debug_settings,
             buffer_device_address: false,
-            allocation_sizes: gpu_allocator::AllocationSizes::default(),
+            // Large blocks would take more from the device than was announced.
+            allocation_sizes: gpu_allocator::AllocationSizes::new(16 << 20, 16 << 20),
         })
         .map_err(|e| Error::NoDevice(format!("{}: {e}", physical.name)))?;
         Ok(Arc::new(Self {
@@ -108,6 +112,7 @@ impl Context {
             queue_lock,
             physical,
             owned,
+            allocated: Default::default(),
             device,
             instance,
         }))
@@ -121,6 +126,20 @@ impl Context {
     /// Whether every stage is waited for.
     pub fn debug_sync(&self) -> bool {
         self.debug_sync
+    }
+
+    /// Most bytes of buffers that were allocated at once so far, on the host those that the device sees among them.
+    pub fn peak_allocated(&self) -> u64 {
+        self.allocated[1].load(Ordering::Relaxed)
+    }
+
+    pub(super) fn count_allocated(&self, bytes: u64) {
+        let now = self.allocated[0].fetch_add(bytes, Ordering::Relaxed) + bytes;
+        self.allocated[1].fetch_max(now, Ordering::Relaxed);
+    }
+
+    pub(super) fn count_freed(&self, bytes: u64) {
+        self.allocated[0].fetch_sub(bytes, Ordering::Relaxed);
     }
 
     /// Messages of the validation layers so far. Empty where they are off, and must be empty where they are on.

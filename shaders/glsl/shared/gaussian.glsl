@@ -18,16 +18,16 @@ struct View {
     uint spare1;
 };
 
-// A Gaussian as a view sees it: centre in pixels, inverse covariance (xx, xy, yy) in pixels^-2, opacity with the loss by
-// antialiasing, sRGB colour, depth along the optical axis. An opacity of zero: not seen.
+// A Gaussian as a view sees it: centre in pixels, inverse covariance (xx, xy, yy) in pixels^-2 and its determinant, opacity
+// with the loss by antialiasing, sRGB colour, depth along the optical axis. An opacity of zero: not seen.
 struct Projected {
     vec2 mean;
     float depth;
     float opacity;
     vec3 conic;
-    uint spare0;
+    float determinant;
     vec3 colour;
-    uint spare1;
+    uint spare0;
 };
 
 // Planes of the parameters: value `plane` of Gaussian `i` is at `plane * stride + i`.
@@ -84,24 +84,28 @@ vec2 clamped_ray(View view, vec3 p) {
     return clamp(p.xy / p.z, -view.principal / view.focal - margin, (size - view.principal) / view.focal + margin);
 }
 
-// Covariance (xx, xy, yy) in pixels^2, before the low-pass. `m` is the Jacobian times the camera's rotation, by rows;
-// `axes` holds the Gaussian's axes times their standard deviations as columns.
-vec3 projected_covariance(vec3 m[2], mat3 axes) {
-    vec3 x = m[0] * axes, y = m[1] * axes;
-    return vec3(dot(x, x), dot(x, y), dot(y, y));
-}
-
 // Rows of the projection's Jacobian times the camera's rotation.
 void linearised(View view, vec3 p, vec2 ray, out vec3 m[2]) {
     m[0] = view.focal.x / p.z * (view.row_x.xyz - ray.x * view.row_z.xyz);
     m[1] = view.focal.y / p.z * (view.row_y.xyz - ray.y * view.row_z.xyz);
 }
 
-float determinant_of(vec3 covariance) {
-    return covariance.x * covariance.z - covariance.y * covariance.y;
+// The covariance in pixels^2 of what has the axes `x` and `y` in the picture's two directions.
+struct Spread {
+    // Before the low-pass: xx, xy, yy.
+    vec3 narrow;
+    // Determinants before and after it. From the cross product: products of variances would lose all digits of needles.
+    float sharp;
+    float determinant;
+};
+
+Spread spread_of(vec3 x, vec3 y) {
+    vec3 across = cross(x, y), narrow = vec3(dot(x, x), dot(x, y), dot(y, y));
+    float sharp = dot(across, across);
+    return Spread(narrow, sharp, sharp + LOW_PASS * (narrow.x + narrow.z) + LOW_PASS * LOW_PASS);
 }
 
 // What the low-pass takes from the opacity: square root of the ratio of areas.
-float compensation(vec3 covariance, float widened) {
-    return sqrt(max(determinant_of(covariance), 0.0) / widened);
+float compensation(Spread spread) {
+    return sqrt(spread.sharp / spread.determinant);
 }

@@ -17,7 +17,7 @@ struct Reach {
 
 Reach reach_of(Projected splat, uvec2 tiles) {
     precise float level = 2.0 * log(splat.opacity / LEAST_ALPHA);
-    precise float determinant = splat.conic.x * splat.conic.z - splat.conic.y * splat.conic.y;
+    float determinant = splat.determinant;
     precise float half_width = sqrt(max(level * splat.conic.z / determinant, 0.0));
     precise float half_height = sqrt(max(level * splat.conic.x / determinant, 0.0));
     // Tile t has the pixel centres from 16 t + 0.5 to 16 t + 15.5.

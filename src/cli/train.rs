@@ -1,0 +1,303 @@
+//! `camsplat train`.
+
+use std::cell::RefCell;
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::options::{DeviceOptions, print_messages};
+use super::progress::{stop_on_interrupt, stopped};
+use crate::gaussians::config::{Background, Config, Strategy};
+use crate::gaussians::job::{CHECKPOINT, Event, MODEL, Request, Run};
+use crate::gaussians::record::{Evaluation, Quality, Status, TrainRecord};
+use crate::gaussians::split::{Split, Test};
+use crate::io;
+use crate::io::folder::{OutputFolder, check_file, write_files};
+use crate::io::photos::{Images, Options};
+use crate::vulkan::Context;
+use crate::vulkan::profile::Profile;
+use crate::{Error, Result};
+
+/// Arguments of `camsplat train`.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    /// Capture: posed photos, as COLMAP, transforms.json or NSVF have them
+    capture: PathBuf,
+    /// Folder for the trained file, test pictures, metrics, checkpoint and report
+    #[arg(long)]
+    out: PathBuf,
+    /// Iterations; the schedule is that of 30000, compressed for fewer
+    #[arg(long, default_value_t = 30_000)]
+    iterations: u32,
+    /// Most splats [default: 1000000, or as many as the device can address]
+    #[arg(long)]
+    max_splats: Option<u32>,
+    /// How the number of splats changes
+    #[arg(long, value_enum, default_value_t = Strategy::Mcmc)]
+    strategy: Strategy,
+    /// Degree of the spherical harmonics, 0 to 3
+    #[arg(long, default_value_t = 3)]
+    sh: u32,
+    /// What lies behind everything [default: white where photos have masks or alpha, else black]
+    #[arg(long, value_enum)]
+    background: Option<Background>,
+    /// Fade splats by what the pixel's low-pass widens (for pictures at several scales)
+    #[arg(long)]
+    antialiased: bool,
+    /// Opacity of splats at the start [default: 0.5, classic 0.1]
+    #[arg(long)]
+    first_opacity: Option<f64>,
+    /// Size of splats at the start, in distances to their neighbours [default: 0.1, classic 1]
+    #[arg(long)]
+    first_scale: Option<f64>,
+    /// Test with every so many photos, by name; 0 for none [default: transforms_test.json where there is one, else 8]
+    #[arg(long, conflicts_with = "test")]
+    test_every: Option<u32>,
+    /// Test with the photos of another capture in the same frame
+    #[arg(long)]
+    test: Option<PathBuf>,
+    /// Take squares of so many pixels for one
+    #[arg(long, default_value_t = 1)]
+    shrink: u32,
+    /// Go on without the images that are missing or cannot be read
+    #[arg(long)]
+    skip_missing: bool,
+    /// Seed of every random draw
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Iterations between checkpoints; 0 for one at the end
+    #[arg(long, default_value_t = 5000)]
+    save_every: u32,
+    /// Iterations between looks at test views; 0 for one at the end [default: a tenth of the iterations]
+    #[arg(long)]
+    evaluate_every: Option<u32>,
+    /// Go on from the checkpoint in the folder
+    #[arg(long, conflicts_with = "force")]
+    resume: bool,
+    /// Replace files in a folder that is not empty
+    #[arg(long)]
+    force: bool,
+    /// Print how much device memory the training takes, and stop
+    #[arg(long)]
+    dry_run: bool,
+    /// Time every stage and print a table
+    #[arg(long)]
+    profile: bool,
+    /// Time every stage and write a trace that Perfetto opens
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceOptions,
+}
+
+/// Splats where nothing is said, on a device that can address so many.
+const USUAL: u32 = 1_000_000;
+
+/// Trains and writes the folder.
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    if !(1..=64).contains(&arguments.shrink) {
+        return Err(Error::request(format!("--shrink is {}; give 1 to 64", arguments.shrink)));
+    }
+    let mut config = configuration(arguments);
+    config.validate()?;
+    if let Some(file) = &arguments.trace {
+        check_file(file)?;
+    }
+    if !arguments.dry_run {
+        check_folder(arguments)?;
+    }
+    let images = if arguments.skip_missing { Images::SkipMissing } else { Images::Needed };
+    let capture = io::photos::read(&arguments.capture, &Options { images, ..Options::default() })?;
+    for note in &capture.notes {
+        say!("{note}");
+    }
+    let test = match (arguments.test_every, &arguments.test) {
+        (Some(every), _) => Test::Every(every),
+        (None, Some(capture)) => Test::Capture(capture.clone()),
+        (None, None) => Test::Usual,
+    };
+    let split = Split::new(capture, &test, images)?;
+    for note in &split.notes {
+        say!("{note}");
+    }
+    config.background = arguments.background.unwrap_or_else(|| usual_background(&split));
+    let context = arguments.device.open()?;
+    say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+    config.max_splats = arguments.max_splats.unwrap_or_else(|| usual_splats(&context, config.degree));
+    let request = Request {
+        capture: arguments.capture.display().to_string(),
+        split,
+        shrink: arguments.shrink,
+        folder: arguments.out.clone(),
+        save_every: arguments.save_every,
+        evaluate_every: arguments.evaluate_every.unwrap_or((config.iterations / 10).max(1)),
+        config,
+    };
+    let (photos, tests) = (request.split.train.photos.len(), request.split.test.len());
+    let all = request.config.iterations;
+    let run = Run::new(&context, request)?;
+    if arguments.dry_run {
+        say!("{}", run.footprint().table().trim_end());
+        run.check()?;
+        say!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));
+        return Ok(ExitCode::SUCCESS);
+    }
+    say!("photos   {photos} to train on, {tests} to test with");
+    stop_on_interrupt()?;
+    fs::create_dir_all(&arguments.out).map_err(|source| Error::io(&arguments.out, source))?;
+    let mut profile = (arguments.profile || arguments.trace.is_some()).then(Profile::default);
+    let view = Watch::new(&arguments.out, all);
+    let record = run.run(arguments.resume, profile.as_mut(), &mut |event| view.observe(event));
+    view.bar.finish_and_clear();
+    let record = record?;
+    print_messages(&context);
+    view.write(&record, &[])?;
+    if let (Some(file), Some(profile)) = (&arguments.trace, &profile) {
+        write_files(&[(file, profile.trace().as_bytes())])?;
+    }
+    print(&record, &arguments.out);
+    if let (true, Some(profile)) = (arguments.profile, &profile) {
+        say!("\n{}", profile.table().trim_end());
+    }
+    if record.status == Status::Interrupted {
+        say!("stopped after {} iterations; go on with --resume", record.iterations);
+        return Ok(ExitCode::from(super::INTERRUPTED));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn configuration(arguments: &Arguments) -> Config {
+    let config =
+        Config::new(arguments.iterations, arguments.max_splats.unwrap_or(USUAL)).with_strategy(arguments.strategy);
+    Config {
+        degree: arguments.sh,
+        antialiased: arguments.antialiased,
+        seed: arguments.seed,
+        first_opacity: arguments.first_opacity.unwrap_or(config.first_opacity),
+        first_scale: arguments.first_scale.unwrap_or(config.first_scale),
+        ..config
+    }
+}
+
+/// Refuses a folder that is not to be written to, before anything has been read.
+fn check_folder(arguments: &Arguments) -> Result<()> {
+    let file = arguments.out.join(CHECKPOINT);
+    if arguments.resume && !file.is_file() {
+        return Err(Error::input(&file, "there is no checkpoint to resume from; train without --resume"));
+    }
+    OutputFolder::create(&arguments.out, arguments.force || arguments.resume)?;
+    if arguments.force {
+        // A checkpoint of another run must not be taken for this one's, should this one be killed early.
+        let removed = if file.is_file() { fs::remove_file(&file) } else { Ok(()) };
+        removed.map_err(|source| Error::io(&file, source))?;
+    }
+    Ok(())
+}
+
+/// White where photos say what belongs to the object.
+fn usual_background(split: &Split) -> Background {
+    let masked = split.train.photos.iter().any(|photo| {
+        let alpha = photo.image.as_deref().and_then(|file| crate::photos::Header::read(file).ok());
+        photo.mask.is_some() || alpha.is_some_and(|header| header.alpha)
+    });
+    if masked { Background::White } else { Background::Black }
+}
+
+/// As many splats as are usual, or as fit one buffer of the device.
+fn usual_splats(context: &Context, degree: u32) -> u32 {
+    let limit = context.physical().storage_range.min(context.physical().allocation);
+    let most = limit / (4 * crate::gaussians::layout::planes(degree) as u64);
+    USUAL.min(u32::try_from(most / 1000 * 1000).unwrap_or(u32::MAX))
+}
+
+/// What the user sees of a run, and the files that are kept fresh.
+struct Watch {
+    bar: ProgressBar,
+    folder: PathBuf,
+    told: RefCell<Option<Instant>>,
+}
+
+/// Time between two lines of progress where there is no terminal.
+const BETWEEN_LINES: std::time::Duration = std::time::Duration::from_secs(10);
+
+impl Watch {
+    fn new(folder: &Path, iterations: u32) -> Self {
+        let bar = ProgressBar::new(u64::from(iterations));
+        let style = ProgressStyle::with_template("{msg:22} {wide_bar} {pos}/{len} {per_sec}, {eta} left");
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        bar.set_message("decoding photos");
+        Self { bar, folder: folder.to_owned(), told: RefCell::default() }
+    }
+
+    fn observe(&self, event: Event) -> ControlFlow<()> {
+        match event {
+            Event::Photos(done, all) => {
+                self.bar.set_length(all as u64);
+                self.bar.set_position(done as u64);
+            }
+            Event::Iterations(done) => self.bar.set_position(u64::from(done)),
+            Event::Evaluated(evaluation) => self.line(&line(evaluation)),
+            Event::NotSaved(error) => self.line(&format!("warning: no checkpoint was written: {error}")),
+            Event::Report(record, worst) => {
+                let psnr = record.curve.last().map_or(String::new(), |point| format!(", {:.2} dB", point.psnr));
+                if self.bar.length() != Some(u64::from(record.config.iterations)) {
+                    self.bar.reset();
+                    self.bar.set_length(u64::from(record.config.iterations));
+                }
+                self.bar.set_message(format!("training{psnr}"));
+                let due = self.told.borrow().is_none_or(|told| told.elapsed() >= BETWEEN_LINES);
+                if self.bar.is_hidden() && record.status == Status::Running && record.iterations > 0 && due {
+                    let (done, all) = (record.iterations, record.config.iterations);
+                    say!("running  {done} of {all} iterations, {} splats{psnr}", record.splats);
+                    *self.told.borrow_mut() = Some(Instant::now());
+                }
+                if let Err(error) = self.write(record, worst) {
+                    self.line(&format!("warning: no report was written: {error}"));
+                }
+            }
+        }
+        if stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    fn line(&self, text: &str) {
+        self.bar.suspend(|| say!("{text}"));
+    }
+
+    /// Writes the record.
+    fn write(&self, record: &TrainRecord, _worst: &[(String, crate::gaussians::evaluate::Pair)]) -> Result<()> {
+        let json = serde_json::to_string_pretty(record)
+            .map_err(|e| Error::input(&self.folder, format!("train.json cannot be written: {e}")))?;
+        write_files(&[(&self.folder.join("train.json"), json.as_bytes())])
+    }
+}
+
+fn line(evaluation: &Evaluation) -> String {
+    let Evaluation { iteration, views, quality } = evaluation;
+    format!("tested   {iteration} iterations, {views} views: {}", text(quality))
+}
+
+fn text(quality: &Quality) -> String {
+    let lpips = quality.lpips.map_or(String::new(), |lpips| format!(", LPIPS {lpips:.4}"));
+    format!("PSNR {:.2} dB, SSIM {:.4}{lpips}", quality.psnr, quality.ssim)
+}
+
+fn print(record: &TrainRecord, folder: &Path) {
+    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    say!(
+        "trained  {} iterations in {:.1} s ({:.1} a second), {} splats",
+        record.seconds_for,
+        record.seconds,
+        f64::from(record.seconds_for) / record.seconds.max(1e-9),
+        record.splats
+    );
+    say!("memory   {:.0} MiB at most, {:.0} announced", mib(record.memory.peak), mib(record.memory.announced));
+    if let (Status::Complete, Some(last)) = (record.status, record.evaluations.last()) {
+        say!("test     {} views: {}", last.views, text(&last.quality));
+    }
+    say!("model    {}", folder.join(MODEL).display());
+}

@@ -1,0 +1,436 @@
+//! A whole training run: from a capture to a folder with the trained file, test pictures, metrics, checkpoint and report.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::checkpoint::{self, Checkpoint, Header, Input};
+use super::config::Config;
+use super::evaluate::{self, Pair, Tests};
+use super::frame::{Frame, View};
+use super::pictures::{self, Picture};
+use super::record::{CurvePoint, Evaluation, MemoryRecord, PhotosRecord, StageTime, Status, TestView, TrainRecord};
+use super::split::Split;
+use super::start;
+use super::store::PhotoStore;
+use super::trainer::{self, Trainer};
+use crate::io::folder::replace_file;
+use crate::photos::Photo;
+use crate::vulkan::Context;
+use crate::vulkan::footprint::Footprint;
+use crate::vulkan::profile::Profile;
+use crate::{Error, Result};
+
+/// Files of a run.
+pub const CHECKPOINT: &str = "checkpoint.bin";
+/// The trained Gaussians in the capture's frame, in the usual layout.
+pub const MODEL: &str = "point_cloud.ply";
+
+/// Entries of the footprint that stand for several buffers.
+const SEVERAL: [&str; 4] = ["sort", "scan", "draws scan", "photos"];
+/// Time between two looks at a run by its report.
+const BETWEEN_REPORTS: Duration = Duration::from_secs(15);
+/// Iterations whose stages are timed before each report.
+const SAMPLED: u32 = 10;
+/// Points of the curves at most.
+const CURVE: usize = 400;
+/// Test views that are looked at on the way.
+const FEW: usize = 16;
+/// Test views whose pictures go into the report.
+pub const WORST: usize = 8;
+
+/// What is wanted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Request {
+    /// Path of the capture as the user gave it.
+    pub capture: String,
+    /// The capture, taken apart.
+    pub split: Split,
+    /// Configuration.
+    pub config: Config,
+    /// Each pixel is a square of so many stored pixels.
+    pub shrink: u32,
+    /// The folder of the run, which exists.
+    pub folder: PathBuf,
+    /// Iterations between checkpoints; none but the last where zero.
+    pub save_every: u32,
+    /// Iterations between evaluations; none but the last where zero.
+    pub evaluate_every: u32,
+}
+
+/// What happens on the way.
+pub enum Event<'a> {
+    /// So many photos of so many have been decoded.
+    Photos(usize, usize),
+    /// So many iterations are done.
+    Iterations(u32),
+    /// The test views have been looked at.
+    Evaluated(&'a Evaluation),
+    /// Something could not be written; the run goes on with what was there before.
+    NotSaved(&'a Error),
+    /// The record has changed, and with it the pictures of the worst test views (worst first).
+    Report(&'a TrainRecord, &'a [(String, Pair)]),
+}
+
+/// A run that is prepared: nothing is on the device yet.
+pub struct Run {
+    context: Arc<Context>,
+    request: Request,
+    frame: Frame,
+    views: Vec<View>,
+    footprint: Footprint,
+}
+
+impl Run {
+    /// Prepares a run.
+    ///
+    /// # Errors
+    /// Where the configuration makes no sense.
+    pub fn new(context: &Arc<Context>, request: Request) -> Result<Self> {
+        request.config.validate()?;
+        let Split { train, test, .. } = &request.split;
+        let cameras = pictures::cameras(&train.photos, request.shrink);
+        let frame = Frame::new(&cameras, &train.points.positions);
+        let mut views: Vec<View> = cameras.iter().map(|camera| frame.view(camera)).collect();
+        views.extend(pictures::cameras(test, request.shrink).iter().map(|camera| frame.view(camera)));
+        let sizes = trainer::sizes(&request.config, &views, trainer::first_room(request.config.max_splats));
+        let mut buffers = trainer::footprint(context, &request.config, &sizes, views.len());
+        buffers.push(("photos", pictures::picture_bytes(&train.photos, request.shrink)));
+        let footprint = Footprint { buffers, several: &SEVERAL };
+        Ok(Self { context: context.clone(), request, frame, views, footprint })
+    }
+
+    /// Device memory that the run takes. Photos that find no place there stay on the host.
+    pub fn footprint(&self) -> &Footprint {
+        &self.footprint
+    }
+
+    /// Checks the footprint against the device.
+    ///
+    /// # Errors
+    /// Where it does not fit.
+    pub fn check(&self) -> Result<()> {
+        let without_photos = self.footprint.buffers.iter().filter(|buffer| buffer.0 != "photos").copied().collect();
+        let footprint = Footprint { buffers: without_photos, several: &SEVERAL };
+        footprint.check(
+            &self.context,
+            "the training",
+            |_| "train with fewer splats (--max-splats) or smaller photos (--shrink)",
+        )
+    }
+
+    /// Trains, from the checkpoint in the folder where `resume` says so. `profile` takes the time of every stage. `observe`
+    /// may break the run off; what there is is written then as well.
+    ///
+    /// # Errors
+    /// Where a photo cannot be read, the checkpoint is of another run, the device fails or has not enough memory, or the
+    /// folder cannot be written at the end. Checkpoints that are there stay.
+    pub fn run(
+        &self,
+        resume: bool,
+        mut profile: Option<&mut Profile>,
+        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<TrainRecord> {
+        self.check()?;
+        let Request { split, config, shrink, folder, .. } = &self.request;
+        let begun = start::Settings {
+            budget: config.max_splats as usize,
+            degree: config.degree,
+            scale: config.first_scale,
+            opacity: config.first_opacity,
+            seed: config.seed,
+            ..start::Settings::default()
+        };
+        let first = start::start(&split.train, &self.frame, &begun)?;
+        let input = Input {
+            photos: split.train.photos.len(),
+            cameras: self.fingerprint(),
+            shrink: *shrink,
+            start: first.len(),
+        };
+        let file = folder.join(CHECKPOINT);
+        let resumed = if resume { Some(checkpoint::read(&file)?) } else { None };
+        if let Some(resumed) = &resumed {
+            checkpoint::check(&file, &resumed.header, config, &input)?;
+        }
+        let (photos, tests) = self.photos(observe)?;
+        let mut trainer = Trainer::new(&self.context, config.clone(), &first, self.views.clone(), photos)?;
+        let mut course = Course::new(self, input, first.len(), tests);
+        if let Some(Checkpoint { header, history, state }) = resumed {
+            trainer.restore(&state, &history)?;
+            course.record.evaluations = header.evaluations;
+        }
+        course.train(&mut trainer, &mut profile, observe)?;
+        Ok(course.record)
+    }
+
+    /// CRC-32 of the training photos' names, sizes and cameras.
+    fn fingerprint(&self) -> u32 {
+        let mut sum = crc32fast::Hasher::new();
+        for (photo, view) in self.request.split.train.photos.iter().zip(&self.views) {
+            sum.update(photo.camera.name.as_bytes());
+            sum.update(bytemuck::bytes_of(view));
+        }
+        sum.finalize()
+    }
+
+    /// Decodes all photos: those to train on into the store, those to test with as they are.
+    fn photos(&self, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<(PhotoStore, Tests)> {
+        let Split { train, test, .. } = &self.request.split;
+        let settings = pictures::Settings { shrink: self.request.shrink, ..pictures::Settings::default() };
+        // The run itself comes first; half of what it leaves is for photos.
+        let announced = self.footprint.total() - self.footprint.bytes_of("photos")?;
+        let most = self.context.memory_available().saturating_sub(announced) / 2;
+        let mut store = PhotoStore::new(&self.context, most);
+        let all = train.photos.len() + test.len();
+        let mut stopped = false;
+        for picture in pictures::pictures(&train.photos, &settings)? {
+            store.add(&picture?.pixels)?;
+            stopped |= observe(Event::Photos(store.len(), all)).is_break();
+            if stopped {
+                return Err(Error::request("stopped before training began; nothing was written"));
+            }
+        }
+        store.flush()?;
+        let mut tests: Vec<Picture> = Vec::new();
+        for picture in pictures::pictures(test, &settings)? {
+            tests.push(picture?);
+            let _ = observe(Event::Photos(train.photos.len() + tests.len(), all));
+        }
+        let names = test.iter().map(|photo: &Photo| photo.camera.name.clone()).collect();
+        Ok((store, Tests::new(names, tests, train.photos.len())))
+    }
+}
+
+/// A run while it runs.
+struct Course<'a> {
+    run: &'a Run,
+    input: Input,
+    tests: Tests,
+    record: TrainRecord,
+    worst: Vec<(String, Pair)>,
+    sampled: Profile,
+    sampled_iterations: u32,
+}
+
+impl<'a> Course<'a> {
+    fn new(run: &'a Run, input: Input, start: usize, tests: Tests) -> Self {
+        let Run { context, request, frame, views, footprint } = run;
+        let largest = |of: fn(&View) -> u32| views.iter().map(of).max().unwrap_or(0);
+        let record = TrainRecord {
+            version: env!("CARGO_PKG_VERSION").into(),
+            status: Status::Running,
+            device: context.physical().name.clone(),
+            photos: PhotosRecord {
+                capture: request.capture.clone(),
+                train: request.split.train.photos.len(),
+                test: request.split.test.len(),
+                largest: [largest(|view| view.width), largest(|view| view.height)],
+                shrink: request.shrink,
+                points: request.split.train.points.positions.len(),
+                extent: frame.extent(),
+            },
+            config: request.config.clone(),
+            iterations: 0,
+            splats: start as u32,
+            seconds: 0.0,
+            seconds_for: 0,
+            curve: Vec::new(),
+            evaluations: Vec::new(),
+            test_views: Vec::new(),
+            stages: Vec::new(),
+            memory: MemoryRecord {
+                buffers: footprint.buffers.iter().map(|(name, bytes)| ((*name).to_owned(), *bytes)).collect(),
+                announced: footprint.total(),
+                peak: 0,
+            },
+        };
+        Self { run, input, tests, record, worst: Vec::new(), sampled: Profile::default(), sampled_iterations: 0 }
+    }
+
+    /// Trains to the end or until `observe` breaks it off, with stops for evaluations, checkpoints and reports.
+    fn train(
+        &mut self,
+        trainer: &mut Trainer,
+        profile: &mut Option<&mut Profile>,
+        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<()> {
+        let Request { config, save_every, evaluate_every, .. } = &self.run.request;
+        let due = |every: u32, done: u32| every > 0 && done.is_multiple_of(every);
+        let next = |every: u32, done: u32| match every {
+            0 => config.iterations,
+            every => (done / every + 1).saturating_mul(every).min(config.iterations),
+        };
+        let mut flow = ControlFlow::Continue(());
+        self.report(trainer, observe);
+        while flow.is_continue() && trainer.done() < config.iterations {
+            let done = trainer.done();
+            let stop = next(*save_every, done).min(next(*evaluate_every, done));
+            let started = Instant::now();
+            flow = self.stretch(trainer, stop, profile, observe)?;
+            self.record.seconds += started.elapsed().as_secs_f64();
+            self.record.seconds_for += trainer.done() - done;
+            let done = trainer.done();
+            let last = done == config.iterations;
+            if !last && flow.is_continue() && due(*evaluate_every, done) {
+                self.evaluate(trainer, false, observe)?;
+            }
+            if flow.is_break() || last || due(*save_every, done) {
+                self.save(trainer, observe)?;
+            }
+            self.report(trainer, observe);
+        }
+        self.finish(trainer, observe)
+    }
+
+    /// Trains until `stop` iterations are done, or it is time for a report.
+    fn stretch(
+        &mut self,
+        trainer: &mut Trainer,
+        stop: u32,
+        profile: &mut Option<&mut Profile>,
+        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<ControlFlow<()>> {
+        let first = trainer.done();
+        if let Some(profile) = profile {
+            return trainer.run(stop, Some(profile), |done| observe(Event::Iterations(done)));
+        }
+        let sampled =
+            trainer.run(stop.min(first + SAMPLED), Some(&mut self.sampled), |done| observe(Event::Iterations(done)))?;
+        self.sampled_iterations += trainer.done() - first;
+        if sampled.is_break() {
+            return Ok(sampled);
+        }
+        let begun = Instant::now();
+        let mut stopped = ControlFlow::Continue(());
+        let _ = trainer.run(stop, None, |done| {
+            stopped = observe(Event::Iterations(done));
+            if stopped.is_break() || begun.elapsed() > BETWEEN_REPORTS { ControlFlow::Break(()) } else { stopped }
+        })?;
+        Ok(stopped)
+    }
+
+    /// Looks at test views: some of them on the way, all of them, with LPIPS, at the end.
+    fn evaluate(
+        &mut self,
+        trainer: &mut Trainer,
+        all: bool,
+        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<()> {
+        if self.tests.is_empty() {
+            return Ok(());
+        }
+        let step = if all { 1 } else { self.tests.len().div_ceil(FEW) };
+        let (names, mut seen) = (self.tests.names.clone(), Vec::new());
+        let views = self.tests.evaluate(&self.run.context, trainer, step, all, |i, pair| {
+            seen.push((names[i].clone(), pair.clone()));
+            Ok(())
+        })?;
+        let mut order: Vec<usize> = (0..views.len()).collect();
+        order.sort_by(|&a, &b| views[a].quality.psnr.total_cmp(&views[b].quality.psnr));
+        self.worst = order.iter().take(WORST).map(|&i| seen[i].clone()).collect();
+        let evaluation = Evaluation { iteration: trainer.done(), views: views.len(), quality: evaluate::mean(&views) };
+        self.record.test_views = order.into_iter().map(|i| views[i].clone()).collect::<Vec<TestView>>();
+        self.record.evaluations.push(evaluation);
+        let _ = observe(Event::Evaluated(&evaluation));
+        Ok(())
+    }
+
+    /// Writes the checkpoint. What cannot be written is told, and the run goes on.
+    fn save(&self, trainer: &Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<()> {
+        let state = trainer.state()?;
+        let header = Header {
+            config: self.run.request.config.clone(),
+            input: self.input.clone(),
+            done: state.done,
+            population: state.population,
+            evaluations: self.record.evaluations.clone(),
+        };
+        let checkpoint = Checkpoint { header, history: trainer.history(), state };
+        if let Err(error) = checkpoint::write(&self.run.request.folder.join(CHECKPOINT), &checkpoint) {
+            let _ = observe(Event::NotSaved(&error));
+        }
+        Ok(())
+    }
+
+    /// Brings the record up to date and shows it.
+    fn report(&mut self, trainer: &Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) {
+        let record = &mut self.record;
+        record.iterations = trainer.done();
+        record.splats = trainer.population(trainer.done());
+        record.curve = curve(trainer);
+        record.memory.peak = self.run.context.peak_allocated();
+        let stage = |row: crate::vulkan::profile::Row| StageTime {
+            name: row.name.into(),
+            ms: row.total_ms / f64::from(self.sampled_iterations.max(1)),
+        };
+        record.stages = self.sampled.rows().into_iter().map(stage).collect();
+        let _ = observe(Event::Report(&self.record, &self.worst));
+    }
+
+    /// The products.
+    fn finish(&mut self, trainer: &mut Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<()> {
+        let folder = &self.run.request.folder;
+        let complete = trainer.done() == self.run.request.config.iterations;
+        let model = self.run.frame.gaussians_to_world(trainer.gaussians()?);
+        let bytes = crate::io::ply::write::gaussians(&model);
+        replace_file(&folder.join(MODEL), |file| file.write_all(&bytes))?;
+        if complete {
+            self.record.evaluations.retain(|evaluation| evaluation.iteration < trainer.done());
+            self.evaluate(trainer, true, observe)?;
+            self.pictures(trainer)?;
+        }
+        self.record.status = if complete { Status::Complete } else { Status::Interrupted };
+        self.report(trainer, observe);
+        Ok(())
+    }
+
+    /// Writes the test views as they are at the end.
+    fn pictures(&self, trainer: &mut Trainer) -> Result<()> {
+        for (i, name) in self.tests.names.iter().enumerate() {
+            let pair = self.tests.pair(trainer, i)?;
+            let file = picture_file(&self.run.request.folder, name);
+            if let Some(parent) = file.parent() {
+                std::fs::create_dir_all(parent).map_err(|source| Error::io(parent, source))?;
+            }
+            let png = png(&file, &pair)?;
+            replace_file(&file, |out| out.write_all(&png))?;
+        }
+        Ok(())
+    }
+}
+
+/// Where the rendered picture of a test photo goes: under `test`, by the photo's name.
+pub fn picture_file(folder: &Path, name: &str) -> PathBuf {
+    let inside = Path::new(name).components().filter(|part| matches!(part, std::path::Component::Normal(_)));
+    folder.join("test").join(inside.collect::<PathBuf>()).with_extension("png")
+}
+
+/// The rendered picture of a pair as a PNG file.
+fn png(file: &Path, pair: &Pair) -> Result<Vec<u8>> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image::RgbImage::from_raw(pair.width, pair.height, pair.rendered.clone())
+        .map(|picture| picture.write_to(&mut bytes, image::ImageFormat::Png))
+        .transpose()
+        .map_err(|e| Error::input(file, format!("it cannot be encoded: {e}")))?;
+    Ok(bytes.into_inner())
+}
+
+/// The course of a run in a few hundred points: means over stretches.
+fn curve(trainer: &Trainer) -> Vec<CurvePoint> {
+    let history = trainer.history();
+    let stretch = history.len().div_ceil(CURVE).max(1);
+    let point = |(i, part): (usize, &[trainer::Record])| {
+        let mean = |of: fn(&trainer::Record) -> f64| part.iter().map(of).sum::<f64>() / part.len() as f64;
+        let iteration = (i * stretch + part.len()) as u32;
+        CurvePoint {
+            iteration,
+            loss: mean(trainer::Record::loss),
+            psnr: mean(trainer::Record::psnr),
+            splats: trainer.population(iteration),
+            instances: mean(|record| f64::from(record.instances)),
+        }
+    };
+    history.chunks(stretch).enumerate().map(point).collect()
+}
