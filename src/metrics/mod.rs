@@ -1,5 +1,7 @@
-//! How good a set of cameras is, measured on points that no optimiser has used (hard gate, exact occlusion).
+//! How good a set of cameras is, measured on points that no optimiser has used (hard gate, exact occlusion); and how like two
+//! images are ([`image`]).
 
+pub mod image;
 pub mod score_point;
 
 use serde::{Deserialize, Serialize};

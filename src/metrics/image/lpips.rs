@@ -1,0 +1,207 @@
+//! LPIPS on the device: how far apart two pictures look (Zhang et al. 2018, "The Unreasonable Effectiveness of Deep
+//! Features as a Perceptual Metric"), version 0.1 with its learnt weights.
+
+use std::sync::Arc;
+
+use super::Rgb8;
+use super::convolve::{CONVOLVE, Kernels};
+use super::lpips_distance::{DistancePush, LPIPS_DISTANCE};
+use super::max_pool::{self, MAX_POOL};
+use super::network::{Network, Pool, Size, Step, TAPS};
+use super::weights::Weights;
+use crate::primitives::{Count, Operation, Reduce};
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::{Error, Result};
+
+/// A network on the device. Buffers are kept from one pair of pictures to the next of the same size.
+pub struct Lpips {
+    context: Arc<Context>,
+    network: Network,
+    parts: Vec<Part>,
+    pipelines: Pipelines,
+    room: Option<Room>,
+}
+
+/// A step of the network with its weights.
+enum Part {
+    Convolve(Box<Kernels>),
+    Pool(Pool),
+    /// What each channel counts.
+    Compare(Buffer),
+}
+
+struct Pipelines {
+    convolve: Pipeline,
+    max_pool: Pipeline,
+    distance: Pipeline,
+}
+
+/// Buffers for pictures of one size.
+struct Room {
+    sizes: Vec<Size>,
+    // Of each picture, what a step reads and what it writes, in turns.
+    features: [[Buffer; 2]; 2],
+    distances: Buffer,
+    sums: Buffer,
+    reduce: Reduce,
+}
+
+impl Lpips {
+    /// Uploads the weights.
+    ///
+    /// # Errors
+    /// Where device memory runs out or the device fails.
+    pub fn new(context: &Arc<Context>, weights: &Weights) -> Result<Self> {
+        let (mut layers, mut linear) = (weights.layers.iter(), weights.linear.iter());
+        // Weights have a layer for each convolution and a list of what channels count for each comparison: none is left
+        // out.
+        let parts = weights.network.steps().iter().filter_map(|step| match step {
+            Step::Convolve(_) => layers.next().map(|layer| Ok(Part::Convolve(Box::new(Kernels::new(context, layer)?)))),
+            Step::Pool(pool) => Some(Ok(Part::Pool(*pool))),
+            Step::Tap => linear.next().map(|counts| Ok(Part::Compare(Buffer::from_slice(context, "counts", counts)?))),
+        });
+        Ok(Self {
+            context: context.clone(),
+            network: weights.network,
+            parts: parts.collect::<Result<_>>()?,
+            pipelines: Pipelines {
+                convolve: Pipeline::new(context, &CONVOLVE, &[])?,
+                max_pool: Pipeline::new(context, &MAX_POOL, &[])?,
+                distance: Pipeline::new(context, &LPIPS_DISTANCE, &[])?,
+            },
+            room: None,
+        })
+    }
+
+    /// The network.
+    pub fn network(&self) -> Network {
+        self.network
+    }
+
+    /// The distance of two pictures: 0 where they are the same, about 1 where they have nothing in common.
+    ///
+    /// # Errors
+    /// Where the pictures differ in size, are smaller than [`Network::least`] or too large for the device, or it fails.
+    pub fn distance(&mut self, a: &Rgb8, b: &Rgb8) -> Result<f64> {
+        Ok(self.per_layer(a, b)?.iter().sum())
+    }
+
+    /// What each of the layers that are compared adds to the distance.
+    ///
+    /// # Errors
+    /// As for [`Lpips::distance`].
+    pub fn per_layer(&mut self, a: &Rgb8, b: &Rgb8) -> Result<[f64; TAPS]> {
+        a.check_size(b)?;
+        let size = Size { channels: 3, width: a.width(), height: a.height() };
+        // What is kept goes first: there may not be room for both.
+        let kept = self.room.take().filter(|room| room.sizes.first() == Some(&size));
+        let room = match kept {
+            Some(room) => room,
+            None => Room::new(&self.context, self.network, size)?,
+        };
+        let layers = self.run(&room, [a, b]);
+        self.room = Some(room);
+        layers
+    }
+
+    fn run(&self, room: &Room, pictures: [&Rgb8; 2]) -> Result<[f64; TAPS]> {
+        for (picture, features) in pictures.into_iter().zip(&room.features) {
+            features[0].upload(&planes(picture))?;
+        }
+        let mut commands = Recorder::new(&self.context)?;
+        let (mut from, mut pixels) = (0, Vec::with_capacity(TAPS));
+        for (part, sizes) in self.parts.iter().zip(room.sizes.windows(2)) {
+            let sizes = [sizes[0], sizes[1]];
+            let in_turns = room.features.each_ref().map(|buffers| [&buffers[from], &buffers[1 - from]]);
+            match part {
+                Part::Convolve(kernels) => {
+                    for buffers in in_turns {
+                        kernels.record(&mut commands, &self.pipelines.convolve, buffers, sizes);
+                    }
+                    from = 1 - from;
+                }
+                Part::Pool(pool) => {
+                    for buffers in in_turns {
+                        max_pool::record(&mut commands, &self.pipelines.max_pool, *pool, buffers, sizes);
+                    }
+                    from = 1 - from;
+                }
+                Part::Compare(counts) => {
+                    let [[first, _], [second, _]] = in_turns;
+                    let count = sizes[0].pixels();
+                    commands
+                        .stage(&self.pipelines.distance)
+                        .bind(&[counts, first, second, &room.distances])
+                        .push(&DistancePush { channels: sizes[0].channels, pixels: count })
+                        .linear(count.div_ceil(LPIPS_DISTANCE.local_size[0]));
+                    let tap = pixels.len() as u32;
+                    room.reduce.record(&mut commands, &room.distances, Count::Host(count), &room.sums, tap)?;
+                    pixels.push(f64::from(count));
+                }
+            }
+        }
+        commands.submit_and_wait()?;
+        drop(commands);
+        let sums: Vec<f32> = room.sums.download(TAPS)?;
+        Ok(std::array::from_fn(|tap| f64::from(sums[tap]) / pixels[tap]))
+    }
+}
+
+impl Room {
+    fn new(context: &Arc<Context>, network: Network, size: Size) -> Result<Self> {
+        let Size { width, height, .. } = size;
+        let sizes = network.sizes(width, height).ok_or_else(|| {
+            let (name, least) = (network.name(), network.least());
+            Error::request(format!(
+                "LPIPS with {name} needs {least} pixels a side and the images have {width} x {height}; compare larger ones"
+            ))
+        })?;
+        let refuse = |part: &str, wanted, available| {
+            Err(Error::OutOfMemory {
+                what: format!("LPIPS with {} of {width} x {height} pixels ({part})", network.name()),
+                wanted,
+                available,
+                remedy: "compare smaller images, take the smaller network (AlexNet) or a larger device".into(),
+            })
+        };
+        // Some devices show a shader no more than a part of a buffer, so that the largest layer may be too large by itself.
+        let largest = 4 * sizes.iter().map(|size| size.values() as u64).max().unwrap_or(0);
+        let physical = context.physical();
+        let limit = physical.storage_range.min(physical.allocation);
+        if largest > limit {
+            return refuse("the largest layer", largest, limit);
+        }
+        let compared = network.steps().iter().zip(&sizes).filter(|(step, _)| **step == Step::Tap);
+        let pixels = compared.map(|(_, size)| size.pixels()).max().unwrap_or(0);
+        let all = 4 * largest + 4 * u64::from(pixels) + Reduce::footprint(pixels);
+        let free = context.memory_available();
+        if all > free {
+            return refuse("what is kept of both", all, free);
+        }
+        let features = |name| Buffer::device(context, name, largest);
+        Ok(Self {
+            features: [
+                [features("features a 0")?, features("features a 1")?],
+                [features("features b 0")?, features("features b 1")?],
+            ],
+            distances: Buffer::device(context, "distances", 4 * u64::from(pixels))?,
+            sums: Buffer::device(context, "sums", 4 * TAPS as u64)?,
+            reduce: Reduce::new(context, Operation::SumF32, pixels)?,
+            sizes,
+        })
+    }
+}
+
+/// A picture as networks take it: plane by plane, with the mean and deviation that they were trained with taken out.
+pub fn planes(picture: &Rgb8) -> Vec<f32> {
+    // ImageNet's, of values in [0, 1]; LPIPS has them for values in [-1, 1] (`ScalingLayer` of its code).
+    const SHIFT: [f64; 3] = [-0.030, -0.088, -0.188];
+    const SCALE: [f64; 3] = [0.458, 0.448, 0.450];
+    let channels = SHIFT.into_iter().zip(SCALE).enumerate();
+    channels
+        .flat_map(|(c, (shift, scale))| {
+            let scaled: [f32; 256] = std::array::from_fn(|v| ((2.0 * v as f64 / 255.0 - 1.0 - shift) / scale) as f32);
+            picture.pixels().iter().skip(c).step_by(3).map(move |v| scaled[usize::from(*v)])
+        })
+        .collect()
+}
