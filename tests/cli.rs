@@ -155,6 +155,20 @@ fn every_option_of_the_help_is_accepted() {
     let untried: Vec<String> =
         options(&place, "score").into_keys().filter(|name| !given.contains(name) && name != "shell").collect();
     assert_eq!(untried, ["help"]);
+
+    for name in ["a.png", "b.png"] {
+        image::RgbImage::from_fn(40, 32, |x, y| image::Rgb([x as u8, y as u8, 9])).save(place.path(name)).unwrap();
+    }
+    let assets = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/lpips/alex_f16.safetensors");
+    let given = format!("--lpips-alex {assets} --lpips-vgg none --json m.json --device 0 --debug-sync");
+    let known = options(&place, "metrics");
+    let untried: Vec<&String> = known.keys().filter(|name| !given.contains(&format!("--{name} "))).collect();
+    assert_eq!(untried, ["background", "debug-sync", "help", "lpips"]);
+    place.done(&format!("metrics a.png b.png {given}"));
+    // What needs the weights of VGG16 is tried where they are at hand.
+    for (option, values) in [("background", &["black", "white"][..]), ("lpips", &["alex", "none"])] {
+        values.iter().for_each(|value| drop(place.done(&format!("metrics a.png b.png --{option} {value}"))));
+    }
 }
 
 /// If this failed, an option would be accepted and then ignored.

@@ -300,3 +300,63 @@ fn devices_that_are_not_there() {
         assert_eq!(names(&place.path("")), before, "{arguments}");
     }
 }
+
+/// If this failed, renders would be held against the wrong photos, or a slip in a path end in a panic or half a table.
+#[test]
+fn images_that_cannot_be_compared() {
+    let place = Place::new();
+    let image = |name: &str, width, height| {
+        fs::create_dir_all(place.path(name).parent().unwrap()).unwrap();
+        image::RgbImage::from_fn(width, height, |x, y| image::Rgb([x as u8, y as u8, 7]))
+            .save(place.path(name))
+            .unwrap();
+    };
+    image("a.png", 40, 36);
+    image("b.png", 36, 40);
+    image("c.png", 30, 36);
+    image("d.png", 30, 10);
+    image("one/a.png", 40, 36);
+    image("two/b.png", 40, 36);
+    image("both/a.png", 40, 36);
+    image("both/a.jpg", 40, 36);
+    fs::create_dir(place.path("none")).unwrap();
+    place.write("none/a.txt", "an apple");
+    place.write("text.png", "an apple");
+    let whole = fs::read(place.path("a.png")).unwrap();
+    place.write("cut.png", &whole[..whole.len() - 40]);
+    let weights = fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/lpips/alex_f16.safetensors")).unwrap();
+    place.write("cut.safetensors", &weights[..weights.len() / 2]);
+    place.write("alex.safetensors", &weights);
+    assert_refused(
+        &place,
+        &[
+            ("metrics a.png none.png", &["none.png: ", "no such file or folder", "check the path"]),
+            ("metrics none.png a.png", &["none.png: ", "no such file or folder"]),
+            ("metrics a.png one", &["one: ", "this is a folder", "two images or two folders"]),
+            ("metrics a.png b.png", &["a.png: ", "40 x 36", "b.png 36 x 40", "one size"]),
+            ("metrics a.png text.png", &["text.png: ", "cannot be decoded", "give a PNG or JPEG"]),
+            ("metrics a.png cut.png", &["cut.png: ", "cannot be decoded", "whole one"]),
+            ("metrics c.png c.png", &["c.png: ", "30 x 36", "LPIPS alex needs 31", "another --lpips"]),
+            ("metrics d.png d.png --lpips none", &["d.png: ", "30 x 10", "SSIM needs 11", "larger images"]),
+            ("metrics one two", &["one: ", "no image here has the name of one in two", "without extension"]),
+            ("metrics one none", &["none: ", "holds no PNG or JPEG"]),
+            ("metrics both one", &["both: ", "two images are called `a`", "leave one"]),
+            ("metrics a.png a.png --lpips vgg", &["needs its weights", "make_lpips_weights.py", "--lpips-vgg"]),
+            ("metrics a.png a.png --lpips both", &["needs its weights", "CAMSPLAT_LPIPS_VGG"]),
+            (
+                "metrics a.png a.png --lpips vgg --lpips-vgg none.safetensors",
+                &["none.safetensors: ", "no such file", "check the path"],
+            ),
+            ("metrics a.png a.png --lpips-alex one", &["one: ", "this is a folder", "file of weights"]),
+            ("metrics a.png a.png --lpips-alex cut.safetensors", &["cut.safetensors: ", "no whole safetensors file"]),
+            (
+                "metrics a.png a.png --lpips vgg --lpips-vgg alex.safetensors",
+                &["alex.safetensors: ", "`conv0.weight` has the shape", "weights of VGG16"],
+            ),
+            ("metrics a.png a.png --lpips squeeze", &["'squeeze' for '--lpips", "possible values"]),
+            ("metrics a.png a.png --json none/m/m.json", &["m.json: ", "create it first"]),
+            ("metrics a.png a.png --device abacus", &["no device `abacus`", "camsplat devices"]),
+            ("metrics a.png", &["not provided", "<REFERENCE>"]),
+        ],
+    );
+}

@@ -19,6 +19,7 @@ macro_rules! complain {
 
 mod demo;
 mod devices;
+mod metrics;
 mod options;
 mod plan;
 mod progress;
@@ -51,6 +52,8 @@ enum Command {
     Vds(vds::Arguments),
     /// Choose the best K photos of a capture
     Select(Box<select::Arguments>),
+    /// Compare images with their references: PSNR, SSIM, LPIPS
+    Metrics(metrics::Arguments),
     /// Make a coarse surface from posed photos, without any points
     Proxy(proxy::Arguments),
     /// List every Vulkan device, what it has and what it lacks
@@ -76,6 +79,7 @@ pub fn main() -> ExitCode {
         Command::Score(arguments) => score::run(&arguments),
         Command::Vds(arguments) => vds::run(&arguments),
         Command::Select(arguments) => select::run(&arguments),
+        Command::Metrics(arguments) => metrics::run(&arguments),
         Command::Proxy(arguments) => proxy::run(&arguments),
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),

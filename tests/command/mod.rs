@@ -80,7 +80,8 @@ impl Place {
     pub fn command(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_camsplat"));
         command.args(arguments.split_whitespace()).current_dir(self.folder.path());
-        command.env_remove("CAMSPLAT_VALIDATION").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.env_remove("CAMSPLAT_VALIDATION").env_remove("CAMSPLAT_LPIPS_VGG");
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     }
 

@@ -94,6 +94,32 @@ pub struct Decoded {
     pub mask: Option<Vec<u8>>,
 }
 
+/// An image of 8-bit sRGB-encoded colours.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Encoded {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Red, green and blue side by side, row by row from the top left.
+    pub pixels: Vec<u8>,
+}
+
+/// Decodes a PNG or JPEG file to 8-bit colours as they are stored. Where it has an alpha channel, colours are straight and
+/// laid over `background`: encoded values are mixed, as programs do that composite what they read.
+///
+/// # Errors
+/// When the file cannot be opened, or is damaged, cut short or of another format.
+pub fn encoded(path: &Path, background: [u8; 3]) -> Result<Encoded> {
+    guarded(path, || pixels::encoded(path, background))
+}
+
+/// What a decoder makes of the file at `path`; should it panic, an error.
+fn guarded<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Result<T> {
+    std::panic::catch_unwind(std::panic::AssertUnwindSafe(decode))
+        .unwrap_or_else(|_| Err(Error::input(path, "the decoder failed on this image; save it again")))
+}
+
 /// Photos on their way: an iterator in the order in which they were given, whose values depend on nothing but the files and the
 /// settings. Dropped, it ends its threads after the photos that they are at.
 ///
@@ -167,10 +193,8 @@ fn work(photos: &[Photo], settings: Settings, queue: &Queue) {
         if !queue.reserve(index, bytes) {
             return;
         }
-        let decoded = std::panic::catch_unwind(|| pixels::decode(photo, index, &settings)).unwrap_or_else(|_| {
-            let path = photo.image.as_deref().unwrap_or(Path::new(&photo.camera.name));
-            Err(Error::input(path, "the decoder failed on this image; save it again"))
-        });
+        let path = photo.image.as_deref().unwrap_or(Path::new(&photo.camera.name));
+        let decoded = guarded(path, || pixels::decode(photo, index, &settings));
         let Intrinsics { width, height, .. } = photo.camera.intrinsics;
         let left = if decoded.is_ok() { settings.result_bytes(width, height) } else { 0 };
         queue.finish(index, bytes, left.min(bytes), decoded);

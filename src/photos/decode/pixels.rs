@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use half::f16;
 use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
 
-use super::{Channels, Decoded, Precision, Settings, Values};
+use super::{Channels, Decoded, Encoded, Precision, Settings, Values};
 use crate::error::{Error, Result};
 use crate::photos::{Header, Photo};
 use crate::scene::colour;
@@ -83,6 +83,19 @@ pub(super) fn decode(photo: &Photo, index: usize, settings: &Settings) -> Result
         }
     }
     Ok(Decoded { index, width, height, values: out, mask: has_mask.then_some(covered) })
+}
+
+/// Decodes an image file to 8-bit colours as they are stored.
+pub(super) fn encoded(path: &Path, background: [u8; 3]) -> Result<Encoded> {
+    let stored = read(path)?;
+    let (width, height) = (stored.width, stored.height);
+    let value = |i: usize, c: usize| {
+        let colour = stored.sample(i, if stored.samples > 2 { c } else { 0 });
+        let cover = if stored.has_alpha() { stored.sample(i, stored.samples - 1) } else { 1.0 };
+        (255.0 * cover * colour + (1.0 - cover) * f64::from(background[c])).round() as u8
+    };
+    let pixels = (0..width as usize * height as usize).flat_map(|i| [0, 1, 2].map(|c| value(i, c))).collect();
+    Ok(Encoded { width, height, pixels })
 }
 
 fn luma(r: f32, g: f32, b: f32) -> f32 {

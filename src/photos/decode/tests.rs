@@ -179,3 +179,22 @@ fn alpha_and_mask_files_cover_the_object() {
     photos[0].mask = Some(mask);
     assert_eq!(decode(&photos, 1).mask.as_deref(), Some(&[0, 0, 255, 255, 0, 0, 255, 255][..]));
 }
+
+/// If this failed, metrics would be taken of other colours than a viewer shows: of grey images, of 16 bits, of
+/// transparent ones.
+#[test]
+fn encoded_colours_are_those_stored_over_the_background() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let pixels = |background: u8| encoded(&path, [background, 0, background]).unwrap().pixels;
+    RgbImage::from_pixel(2, 1, Rgb([1, 2, 253])).save(&path).unwrap();
+    assert_eq!(pixels(255), [1, 2, 253, 1, 2, 253]);
+    image::GrayAlphaImage::from_pixel(1, 1, image::LumaA([100, 51])).save(&path).unwrap();
+    assert_eq!((pixels(0), pixels(255)), (vec![20; 3], vec![224, 20, 224]));
+    let wide = image::ImageBuffer::<Rgba<u16>, _>::from_pixel(1, 1, Rgba([65_535, 257 * 7 + 128, 0, 65_535]));
+    wide.save(&path).unwrap();
+    assert_eq!(pixels(255), [255, 7, 0]);
+    let whole = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &whole[..whole.len() - 30]).unwrap();
+    assert!(encoded(&path, [0; 3]).unwrap_err().to_string().contains("cannot be decoded"));
+}
