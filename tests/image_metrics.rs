@@ -36,7 +36,8 @@ fn values(seed: u64, count: usize) -> Vec<f32> {
 ///     i = np.arange(3 * w * h, dtype=np.uint64)
 ///     noise = ((i * 2654435761 + seed * 2246822519) % 2**32 >> 24) % amount
 ///     return ((5 * (i // 3 % w) + 3 * (i // 3 // w) + 50 * (i % 3)) % 200 + noise).astype(np.uint8).reshape(h, w, 3)
-/// for w, h, p, q in [(61, 47, (1, 20), (2, 20)), (61, 47, (1, 1), (2, 56)), (11, 11, (3, 50), (4, 50)), (200, 13, (5, 3), (6, 9))]:
+/// for w, h, p, q in [(61, 47, (1, 20), (2, 20)), (61, 47, (1, 1), (2, 56)),
+///                    (11, 11, (3, 50), (4, 50)), (200, 13, (5, 3), (6, 9))]:
 ///     a, b = image(w, h, *p), image(w, h, *q)
 ///     print(psnr(a, b, data_range=255), ssim(a, b, gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
 ///                                            data_range=255, channel_axis=2))
@@ -207,8 +208,8 @@ fn by_twins(weights: &Weights, a: &Rgb8, b: &Rgb8) -> Vec<f64> {
     distances
 }
 
-/// A safetensors file in f16 with every tensor of a network. `value` is told the tensor's name, the index of the value and how
-/// many values make one channel.
+/// A safetensors file in f16 with every tensor of a network. `value` is told the tensor's name, the index of the value
+/// and how many values make one channel.
 fn file(network: Network, value: impl Fn(&str, usize, usize) -> f32) -> Vec<u8> {
     let mut tensors = Vec::new();
     let mut add = |name: String, shape: Vec<usize>| {
@@ -242,8 +243,8 @@ static VGG: LazyLock<Weights> = LazyLock::new(|| {
     Weights::parse(Path::new("vgg"), &bytes, Network::Vgg).unwrap()
 });
 
-/// If this failed, layers would be in the wrong order, buffers of one size be used for another, or a result depend on what was
-/// compared before.
+/// If this failed, layers would be in the wrong order, buffers of one size be used for another, or a result depend on
+/// what was compared before.
 #[test]
 fn whole_networks_match_their_twins_and_keep_their_buffers() -> Result<()> {
     let context = context()?;
@@ -313,6 +314,8 @@ fn weights_that_are_none() {
         &["`conv0.weight` has the shape [3, 64, 11, 11], not [64, 3, 11, 11]"],
     );
     refused(&with("\"F16\"", "\"I16\""), &["is of type I16, not F16 or F32"]);
+    // A name with a line break in it does not break the message.
+    refused(&with("\"F16\"", "\"F\\n\""), &["no whole safetensors file", "unknown variant"]);
     let mut infinite = whole.clone();
     let last = infinite.len() - 2;
     infinite[last..].copy_from_slice(&f16::INFINITY.to_le_bytes());

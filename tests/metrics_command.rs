@@ -108,8 +108,8 @@ fn transparent_pixels_are_laid_over_the_background() {
     assert!(psnr("white", "").as_f64().unwrap() < 20.0);
 }
 
-/// If this failed, the same images would get other figures on another machine, or stages race. (On other drivers than lavapipe
-/// the variables are not read, and this is the same run again.)
+/// If this failed, the same images would get other figures on another machine, or stages race. (On other drivers than
+/// lavapipe the variables are not read, and this is the same run again.)
 #[test]
 fn figures_do_not_depend_on_threads_or_subgroups() {
     let (place, _) = place();

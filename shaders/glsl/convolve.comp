@@ -1,10 +1,10 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
-// A convolution as networks have it (cross-correlation), its bias and ReLU: the product of the matrix of weights and of the
-// patches under the output's pixels, which are gathered as they are needed. A workgroup makes 64 channels of 64 pixels in
-// steps of 16 taps through shared memory, a thread 8 channels of 8 pixels. Taps are added in their order, so a value has the
-// same bits in every run. Twin: src/metrics/image/convolve.rs.
+// A convolution as networks have it (cross-correlation), its bias and ReLU: the product of the matrix of weights and of
+// the patches under the output's pixels, which are gathered as they are needed. A workgroup makes 64 channels of 64
+// pixels in steps of 16 taps through shared memory, a thread 8 channels of 8 pixels. Taps are added in their order, so
+// a value has the same bits in every run. Twin: src/metrics/image/convolve.rs.
 #include "shared/group.glsl"
 
 layout(local_size_x = 64) in;
@@ -37,7 +37,8 @@ const uint QUADS = TILE / 4;
 shared vec4 weight_tile[STEP * QUADS];
 shared vec4 patch_tile[STEP * QUADS];
 
-// Row and column of the input under the first tap of an output pixel; beyond the border they wrap, and so fail as too large.
+// Row and column of the input under the first tap of an output pixel; beyond the border they wrap, and so fail as too
+// large.
 uvec2 corner(uint pixel) {
     return uvec2(pixel % out_width, pixel / out_width) * stride - padding;
 }

@@ -1,6 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// The largest value under a square window, channel by channel; windows lie inside the input. Twin: src/metrics/image/max_pool.rs.
+// The largest value under a square window, channel by channel; windows lie inside the input. Twin:
+// src/metrics/image/max_pool.rs.
 #include "shared/group.glsl"
 
 layout(local_size_x = 64) in;

@@ -1,5 +1,5 @@
-//! LPIPS on the device: how far apart two pictures look (Zhang et al. 2018, "The Unreasonable Effectiveness of Deep Features as
-//! a Perceptual Metric"), version 0.1 with its learnt weights.
+//! LPIPS on the device: how far apart two pictures look (Zhang et al. 2018, "The Unreasonable Effectiveness of Deep
+//! Features as a Perceptual Metric"), version 0.1 with its learnt weights.
 
 use std::sync::Arc;
 
@@ -53,7 +53,8 @@ impl Lpips {
     /// Where device memory runs out or the device fails.
     pub fn new(context: &Arc<Context>, weights: &Weights) -> Result<Self> {
         let (mut layers, mut linear) = (weights.layers.iter(), weights.linear.iter());
-        // Weights have a layer for each convolution and a list of what channels count for each comparison: none is left out.
+        // Weights have a layer for each convolution and a list of what channels count for each comparison: none is left
+        // out.
         let parts = weights.network.steps().iter().filter_map(|step| match step {
             Step::Convolve(_) => layers.next().map(|layer| Ok(Part::Convolve(Box::new(Kernels::new(context, layer)?)))),
             Step::Pool(pool) => Some(Ok(Part::Pool(*pool))),

@@ -1,7 +1,7 @@
 //! How like two images are: PSNR, SSIM, LPIPS.
 //!
-//! All take 8-bit colours as they are stored (sRGB-encoded): what a viewer and other programs see. PSNR and SSIM run on the host in
-//! f64 and are those of scikit-image; [`Lpips`] runs on the device.
+//! All take 8-bit colours as they are stored (sRGB-encoded): what a viewer and other programs see. PSNR and SSIM run on
+//! the host in f64 and are those of scikit-image; [`Lpips`] runs on the device.
 
 pub mod convolve;
 pub mod lpips;
@@ -68,7 +68,8 @@ impl<'a> Rgb8<'a> {
     }
 }
 
-/// Peak signal-to-noise ratio in decibels, over all pixels and channels, of a peak of 255; infinite where the images are the same.
+/// Peak signal-to-noise ratio in decibels, over all pixels and channels, of a peak of 255; infinite where the images
+/// are the same.
 ///
 /// # Errors
 /// Where the images differ in size.

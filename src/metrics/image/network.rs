@@ -48,7 +48,7 @@ pub struct Convolution {
 }
 
 impl Convolution {
-    /// Weights of one channel of the output. Stages take at most 32,768: they loop over them twice, and some drivers end an
+    /// Weights of one channel of the output. The stage takes at most 32,768: it loops over them, and some drivers end an
     /// invocation's loops after 65,535 rounds.
     pub fn taps(&self) -> u32 {
         self.from * self.kernel * self.kernel

@@ -54,7 +54,8 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// AlexNet's that come with the crate, in half precision: distances differ from those of full precision by less than 1e-3.
+    /// AlexNet's that come with the crate, in half precision: distances differ from those of full precision by less
+    /// than 1e-3.
     ///
     /// # Errors
     /// None that a user could cause.
@@ -83,7 +84,9 @@ impl Weights {
     /// As for [`Weights::read`].
     pub fn parse(path: &Path, bytes: &[u8], network: Network) -> Result<Self> {
         let file = SafeTensors::deserialize(bytes).map_err(|e| {
-            Error::input(path, format!("this is no whole safetensors file ({e}); copy or make it again"))
+            // What the message quotes of the file may hold line breaks, and be of any length.
+            let why: String = e.to_string().chars().filter(|c| !c.is_control()).take(200).collect();
+            Error::input(path, format!("this is no whole safetensors file ({why}); copy or make it again"))
         })?;
         let tensor = |name: String, shape: &[u32]| tensor(path, &file, &name, shape, network);
         let layer = |(i, convolution): (usize, Convolution)| {
@@ -123,8 +126,9 @@ fn tensor(path: &Path, file: &SafeTensors, name: &str, shape: &[u32], network: N
         Error::input(path, format!("{what}; {remedy}"))
     };
     let Ok(view) = file.tensor(name) else { return Err(refuse(format!("it has no tensor `{name}`"))) };
-    if !view.shape().iter().eq(shape.iter().map(|side| *side as usize).collect::<Vec<_>>().iter()) {
-        return Err(refuse(format!("`{name}` has the shape {:?}, not {shape:?}", view.shape())));
+    let wanted: Vec<usize> = shape.iter().map(|side| *side as usize).collect();
+    if view.shape() != wanted {
+        return Err(refuse(format!("`{name}` has the shape {:?}, not {wanted:?}", view.shape())));
     }
     // The reader has held shape and type against the bytes that are there.
     let values: Vec<f32> = match view.dtype() {

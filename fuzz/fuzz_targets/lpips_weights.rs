@@ -1,0 +1,9 @@
+#![no_main]
+
+use std::path::Path;
+
+use camsplat::metrics::image::{Network, Weights};
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let _ = Weights::parse(Path::new("fuzz.safetensors"), bytes, Network::Alex);
+});
