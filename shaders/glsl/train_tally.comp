@@ -7,15 +7,26 @@
 #include "shared/frame.glsl"
 layout(local_size_x = 256) in;
 
+// What an iteration came to: means over pixels and channels of |x - y|, SSIM and (x - y)^2.
+struct Record {
+    float l1;
+    float ssim;
+    float squared;
+    uint instances;
+    uint splats;
+};
+
 layout(binding = 0, std430) readonly buffer Views { View views[]; };
 layout(binding = 1, std430) readonly buffer Counts { uint counts[]; };
 layout(binding = 2, std430) readonly buffer TileLosses { vec4 tile_losses[]; };
 // [0] not zero: halted.
 layout(binding = 3, std430) buffer Control { uint control[]; };
-// Host-visible: means over pixels and channels of |x - y|, SSIM and (x - y)^2, and the instances, of each iteration.
-layout(binding = 4, std430) writeonly buffer History { vec4 history[]; };
+// Host-visible.
+layout(binding = 4, std430) writeonly buffer History { Record history[]; };
 // Host-visible: [0] iterations done, [1] instances that an iteration needed where there was less room, [2] a loss that is no number.
 layout(binding = 5, std430) writeonly buffer Mailbox { uint mailbox[]; };
+
+layout(binding = 6, std430) readonly buffer Population { uint population[]; };
 
 shared vec4 sums[256];
 
@@ -38,6 +49,6 @@ void main() {
         mailbox[crowded ? 1 : 2] = crowded ? counts[0] : 1;
         return;
     }
-    history[iteration] = vec4(means, float(counts[0]));
+    history[iteration] = Record(means.x, means.y, means.z, counts[0], population[0]);
     mailbox[0] = iteration + 1;
 }

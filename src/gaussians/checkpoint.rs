@@ -1,17 +1,19 @@
 //! What a stopped run is resumed from: one file with all that the next iteration depends on.
 //!
-//! Layout, little-endian: [`MAGIC`]; bytes of the header as u64 and the header as JSON; a record of 16 bytes for each iteration
-//! done; the planes of parameters and of Adam's two means without gaps, as f32; the CRC-32 of everything before.
+//! Layout, little-endian: [`MAGIC`]; bytes of the header as u64 and the header as JSON; a record of 20 bytes for each iteration
+//! done; the planes of parameters and of Adam's two means without gaps, as f32; two f32 a Gaussian of statistics, where there are
+//! any; the CRC-32 of everything before.
 
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::config::Config;
+use super::config::{Config, Strategy};
 use super::layout::planes;
+use super::loss::Record;
 use super::record::Evaluation;
-use super::trainer::{Record, State};
+use super::trainer::State;
 use crate::io::folder::replace_file;
 use crate::{Error, Result};
 
@@ -75,15 +77,18 @@ pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
         put(MAGIC)?;
         put(&(header.len() as u64).to_le_bytes())?;
         put(&header)?;
-        for record in history {
-            let Record { l1, ssim, squared, instances } = record;
-            put(&[l1.to_le_bytes(), ssim.to_le_bytes(), squared.to_le_bytes(), instances.to_le_bytes()].concat())?;
+        for Record { l1, ssim, squared, instances, splats } in history {
+            put(&[l1.to_le_bytes(), ssim.to_le_bytes(), squared.to_le_bytes()].concat())?;
+            put(&[instances.to_le_bytes(), splats.to_le_bytes()].concat())?;
         }
         for plane in &state.planes {
             for part in plane.chunks(1 << 16) {
                 let bytes: Vec<u8> = part.iter().flat_map(|value| value.to_le_bytes()).collect();
                 put(&bytes)?;
             }
+        }
+        for pair in &state.statistics {
+            put(&[pair[0].to_le_bytes(), pair[1].to_le_bytes()].concat())?;
         }
         let sum = sum.finalize();
         file.write_all(&sum.to_le_bytes())
@@ -116,23 +121,30 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
     let header: Header = serde_json::from_slice(header).map_err(|e| damaged(&format!("its header: {e}")))?;
     header.config.validate()?;
     let values = planes(header.config.degree) as u64 * u64::from(header.population);
-    if rest.len() as u64 != 16 * u64::from(header.done) + 12 * values || header.population > header.config.max_splats {
+    let counted = if header.config.strategy == Strategy::Classic { header.population as usize } else { 0 };
+    if rest.len() as u64 != 20 * u64::from(header.done) + 12 * values + 8 * counted as u64
+        || header.population > header.config.max_splats
+    {
         return Err(damaged("it is not as long as its header says"));
     }
-    let (history, rest) = rest.split_at(16 * header.done as usize);
-    let word = |bytes: &[u8]| [bytes[0], bytes[1], bytes[2], bytes[3]];
+    let (history, rest) = rest.split_at(20 * header.done as usize);
+    let word = |bytes: &[u8], i: usize| [0, 1, 2, 3].map(|k| bytes[4 * i + k]);
+    let float = |bytes: &[u8], i: usize| f32::from_le_bytes(word(bytes, i));
     let history = history
-        .chunks_exact(16)
-        .map(|record| {
-            let [l1, ssim, squared] = [0, 4, 8].map(|at| f32::from_le_bytes(word(&record[at..])));
-            Record { l1, ssim, squared, instances: u32::from_le_bytes(word(&record[12..])) }
+        .chunks_exact(20)
+        .map(|record| Record {
+            l1: float(record, 0),
+            ssim: float(record, 1),
+            squared: float(record, 2),
+            instances: u32::from_le_bytes(word(record, 3)),
+            splats: u32::from_le_bytes(word(record, 4)),
         })
         .collect();
     let part = 4 * values as usize;
-    let plane = |i: usize| -> Vec<f32> {
-        rest[i * part..][..part].chunks_exact(4).map(|bytes| f32::from_le_bytes(word(bytes))).collect()
-    };
-    let state = State { done: header.done, population: header.population, planes: [plane(0), plane(1), plane(2)] };
+    let plane = |i: usize| (0..values as usize).map(|k| float(&rest[i * part..], k)).collect();
+    let statistics = (0..counted).map(|k| [0, 1].map(|c| float(&rest[3 * part..], 2 * k + c))).collect();
+    let planes = [plane(0), plane(1), plane(2)];
+    let state = State { done: header.done, population: header.population, planes, statistics };
     Ok(Checkpoint { header, history, state })
 }
 
@@ -197,8 +209,8 @@ mod tests {
                 population: 3,
                 evaluations: vec![Evaluation { iteration: 1, views: 2, ..Evaluation::default() }],
             },
-            history: (0..2).map(|i| Record { l1: 0.5, ssim: 0.25, squared: 0.1, instances: i }).collect(),
-            state: State { done: 2, population: 3, planes: [plane(0), plane(1), plane(2)] },
+            history: (0..2).map(|i| Record { l1: 0.5, ssim: 0.25, squared: 0.1, instances: i, splats: 3 }).collect(),
+            state: State { done: 2, population: 3, planes: [plane(0), plane(1), plane(2)], statistics: Vec::new() },
         }
     }
 

@@ -127,7 +127,8 @@ impl Config {
             refine_from: scaled(500.0),
             refine_until: scaled(if self.strategy == Strategy::Mcmc { 25_000.0 } else { 15_000.0 }),
             refine_every: scaled(100.0),
-            reset_every: scaled(3000.0),
+            // Opacities need a few hundred steps to come back.
+            reset_every: scaled(3000.0).max(500),
         }
     }
 }

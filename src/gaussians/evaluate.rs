@@ -5,11 +5,11 @@ use std::sync::Arc;
 use super::pictures::{Picture, UNKNOWN};
 use super::record::{Quality, TestView};
 use super::trainer::Trainer;
-use crate::Result;
 use crate::metrics::image::weights::Weights;
 use crate::metrics::image::{Lpips, Rgb8, psnr, ssim};
 use crate::parallel::in_parallel;
 use crate::vulkan::Context;
+use crate::{Error, Result};
 
 /// Photos to test with, as 8-bit colours over the background.
 pub struct Tests {
@@ -105,7 +105,12 @@ impl Tests {
                 if lpips && let Some(network) = &mut self.lpips {
                     let least = network.network().least();
                     if pair.width.min(pair.height) >= least {
-                        quality.lpips = Some(network.distance(&pair.of(&pair.rendered)?, &pair.of(&pair.reference)?)?);
+                        let distance = network.distance(&pair.of(&pair.rendered)?, &pair.of(&pair.reference)?);
+                        quality.lpips = match distance {
+                            // No reason to lose a model.
+                            Err(Error::OutOfMemory { .. }) => None,
+                            distance => Some(distance?),
+                        };
                     }
                 }
                 look(i, &pair)?;

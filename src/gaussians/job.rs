@@ -9,6 +9,7 @@ use super::checkpoint::{self, Checkpoint, Header, Input};
 use super::config::Config;
 use super::evaluate::{self, Pair, Tests};
 use super::frame::{Frame, View};
+use super::loss::Record;
 use super::pictures::{self, Picture};
 use super::record::{CurvePoint, Evaluation, MemoryRecord, PhotosRecord, StageTime, Status, TestView, TrainRecord};
 use super::split::Split;
@@ -16,6 +17,7 @@ use super::start;
 use super::store::PhotoStore;
 use super::trainer::{self, Trainer};
 use crate::io::folder::replace_file;
+use crate::metrics::image::{Weights, lpips};
 use crate::photos::Photo;
 use crate::vulkan::Context;
 use crate::vulkan::footprint::Footprint;
@@ -28,7 +30,7 @@ pub const CHECKPOINT: &str = "checkpoint.bin";
 pub const MODEL: &str = "point_cloud.ply";
 
 /// Entries of the footprint that stand for several buffers.
-const SEVERAL: [&str; 4] = ["sort", "scan", "draws scan", "photos"];
+const SEVERAL: [&str; 5] = ["sort", "scan", "draws scan", "photos", "test metrics"];
 /// Time between two looks at a run by its report.
 const BETWEEN_REPORTS: Duration = Duration::from_secs(15);
 /// Iterations whose stages are timed before each report.
@@ -96,6 +98,10 @@ impl Run {
         views.extend(pictures::cameras(test, request.shrink).iter().map(|camera| frame.view(camera)));
         let sizes = trainer::sizes(&request.config, &views, trainer::first_room(request.config.max_splats));
         let mut buffers = trainer::footprint(context, &request.config, &sizes, views.len());
+        let [width, height] = largest(&views[train.photos.len()..]);
+        if width > 0 {
+            buffers.push(("test metrics", lpips::footprint(&Weights::alex()?, width, height)));
+        }
         buffers.push(("photos", pictures::picture_bytes(&train.photos, request.shrink)));
         let footprint = Footprint { buffers, several: &SEVERAL };
         Ok(Self { context: context.clone(), request, frame, views, footprint })
@@ -203,6 +209,12 @@ impl Run {
     }
 }
 
+/// Largest width and height of views.
+fn largest(views: &[View]) -> [u32; 2] {
+    let of = |side: fn(&View) -> u32| views.iter().map(side).max().unwrap_or(0);
+    [of(|view| view.width), of(|view| view.height)]
+}
+
 /// A run while it runs.
 struct Course<'a> {
     run: &'a Run,
@@ -217,7 +229,6 @@ struct Course<'a> {
 impl<'a> Course<'a> {
     fn new(run: &'a Run, input: Input, start: usize, tests: Tests) -> Self {
         let Run { context, request, frame, views, footprint } = run;
-        let largest = |of: fn(&View) -> u32| views.iter().map(of).max().unwrap_or(0);
         let record = TrainRecord {
             version: env!("CARGO_PKG_VERSION").into(),
             status: Status::Running,
@@ -226,7 +237,7 @@ impl<'a> Course<'a> {
                 capture: request.capture.clone(),
                 train: request.split.train.photos.len(),
                 test: request.split.test.len(),
-                largest: [largest(|view| view.width), largest(|view| view.height)],
+                largest: largest(views),
                 shrink: request.shrink,
                 points: request.split.train.points.positions.len(),
                 extent: frame.extent(),
@@ -358,7 +369,7 @@ impl<'a> Course<'a> {
     fn report(&mut self, trainer: &Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) {
         let record = &mut self.record;
         record.iterations = trainer.done();
-        record.splats = trainer.population(trainer.done());
+        record.splats = trainer.history().last().map_or(record.splats, |last| last.splats);
         record.curve = curve(trainer);
         record.memory.peak = self.run.context.peak_allocated();
         let stage = |row: crate::vulkan::profile::Row| StageTime {
@@ -421,14 +432,14 @@ fn png(file: &Path, pair: &Pair) -> Result<Vec<u8>> {
 fn curve(trainer: &Trainer) -> Vec<CurvePoint> {
     let history = trainer.history();
     let stretch = history.len().div_ceil(CURVE).max(1);
-    let point = |(i, part): (usize, &[trainer::Record])| {
-        let mean = |of: fn(&trainer::Record) -> f64| part.iter().map(of).sum::<f64>() / part.len() as f64;
+    let point = |(i, part): (usize, &[Record])| {
+        let mean = |of: fn(&Record) -> f64| part.iter().map(of).sum::<f64>() / part.len() as f64;
         let iteration = (i * stretch + part.len()) as u32;
         CurvePoint {
             iteration,
-            loss: mean(trainer::Record::loss),
-            psnr: mean(trainer::Record::psnr),
-            splats: trainer.population(iteration),
+            loss: mean(Record::loss),
+            psnr: mean(Record::psnr),
+            splats: part.last().map_or(0, |record| record.splats),
             instances: mean(|record| f64::from(record.instances)),
         }
     };

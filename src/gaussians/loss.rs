@@ -22,9 +22,37 @@ crate::stage!(
 crate::stage!(
     /// Sums over tiles; whether the iteration counts.
     pub TRAIN_TALLY = train_tally(PassPush) {
-        read views, read counts, read tile_losses, write control, write history, write mailbox,
-    } with [View]
+        read views, read counts, read tile_losses, write control, write history, write mailbox, read population,
+    } with [View, Record]
 );
+
+crate::gpu_struct! {
+    /// What an iteration came to: means over pixels and channels.
+    pub struct Record {
+        /// Mean |x - y|.
+        pub l1: f32,
+        /// Mean SSIM.
+        pub ssim: f32,
+        /// Mean (x - y)^2.
+        pub squared: f32,
+        /// Instances.
+        pub instances: u32,
+        /// Gaussians, with what the classic densification keeps of free slots.
+        pub splats: u32,
+    }
+}
+
+impl Record {
+    /// The loss, without the regularisers of parameters.
+    pub fn loss(&self) -> f64 {
+        L1_SHARE * f64::from(self.l1) + (1.0 - L1_SHARE) * (1.0 - f64::from(self.ssim))
+    }
+
+    /// PSNR in decibels of the picture as it is, without rounding.
+    pub fn psnr(&self) -> f64 {
+        -10.0 * f64::from(self.squared).log10()
+    }
+}
 
 /// Share of L1 in the loss; the rest is 1 - SSIM.
 pub const L1_SHARE: f64 = 0.8;
@@ -46,7 +74,7 @@ pub struct Loss {
 pub struct Ledger {
     /// Not zero once a run is halted.
     pub control: Buffer,
-    /// A vec4 per iteration, in host memory: means of |x - y|, SSIM and (x - y)^2, and the instances.
+    /// A [`Record`] per iteration, in host memory.
     pub history: Buffer,
     /// In host memory: iterations done; instances that an iteration lacked room for; whether a loss was no number.
     pub mailbox: Buffer,
@@ -84,7 +112,7 @@ impl Loss {
     pub fn record<'a>(
         &'a self,
         commands: &mut Recorder<'a>,
-        [views, picture, counts]: [&'a Buffer; 3],
+        [views, picture, counts, population]: [&'a Buffer; 4],
         ledger: &'a Ledger,
         size: Size,
         push: &PassPush,
@@ -96,7 +124,7 @@ impl Loss {
             .linear(size.tiles());
         commands
             .stage(&self.tally)
-            .bind(&[views, counts, &self.tile_losses, &ledger.control, &ledger.history, &ledger.mailbox])
+            .bind(&[views, counts, &self.tile_losses, &ledger.control, &ledger.history, &ledger.mailbox, population])
             .push(push)
             .groups([1, 1, 1]);
         commands

@@ -1,6 +1,7 @@
 //! Gaussian splatting: rendering trained splats, and training them from photos.
 
 pub mod checkpoint;
+pub mod classic;
 pub mod config;
 pub mod evaluate;
 pub mod frame;

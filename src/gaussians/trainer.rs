@@ -9,10 +9,11 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use super::classic::{self, Classic};
 use super::config::{Background, Config, Schedule, Strategy};
 use super::frame::View;
 use super::layout::{self, PassPush};
-use super::loss::{self, Ledger, Loss};
+use super::loss::{self, Ledger, Loss, Record};
 use super::mcmc::{self, Mcmc};
 use super::rasterizer::{self, Model, Rasterizer, Size, Sizes, Wanted};
 use super::renderer::room_for;
@@ -32,31 +33,6 @@ const MOST_STAGES: u32 = 96;
 const VIEW_STREAM: u32 = 0x4600_0000;
 const BACKGROUND_STREAM: u32 = 0x4580_0000;
 
-/// What an iteration came to.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Record {
-    /// Mean |x - y| over pixels and channels.
-    pub l1: f32,
-    /// Mean SSIM.
-    pub ssim: f32,
-    /// Mean (x - y)^2.
-    pub squared: f32,
-    /// Instances.
-    pub instances: u32,
-}
-
-impl Record {
-    /// The loss, without the regularisers of parameters.
-    pub fn loss(&self) -> f64 {
-        loss::L1_SHARE * f64::from(self.l1) + (1.0 - loss::L1_SHARE) * (1.0 - f64::from(self.ssim))
-    }
-
-    /// PSNR in decibels of the picture as it is, without rounding.
-    pub fn psnr(&self) -> f64 {
-        -10.0 * f64::from(self.squared).log10()
-    }
-}
-
 /// All that a run carries from one iteration to the next, on the host.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
@@ -66,6 +42,14 @@ pub struct State {
     pub population: u32,
     /// Parameters, and Adam's two means: planes, `population` apart.
     pub planes: [Vec<f32>; 3],
+    /// Sum of lengths of gradients and number of views of each Gaussian; empty where nothing is decided by them.
+    pub statistics: Vec<[f32; 2]>,
+}
+
+/// What changes the number of Gaussians.
+enum Density {
+    Mcmc(Mcmc),
+    Classic(Classic),
 }
 
 /// A run.
@@ -84,7 +68,7 @@ pub struct Trainer {
     rasterizer: Rasterizer,
     loss: Loss,
     update: Update,
-    mcmc: Mcmc,
+    density: Density,
     ledger: Ledger,
     done: u32,
 }
@@ -113,17 +97,24 @@ pub fn footprint(context: &Context, config: &Config, sizes: &Sizes, views: usize
         ("parameters", planes),
         ("first", planes),
         ("second", planes),
-        ("statistics", 0),
+        ("statistics", statistics_bytes(config)),
         ("population", 4),
         ("views", (size_of::<View>() * views) as u64),
         ("control", 4),
-        ("history", 16 * u64::from(config.iterations)),
+        ("history", size_of::<Record>() as u64 * u64::from(config.iterations)),
         ("mailbox", 16),
     ];
     buffers.extend(rasterizer::footprint(context, sizes, wanted));
     buffers.extend(loss::footprint(sizes));
-    buffers.extend(mcmc::footprint(config.max_splats));
+    buffers.extend(match config.strategy {
+        Strategy::Mcmc => mcmc::footprint(config.max_splats),
+        Strategy::Classic => classic::footprint(config.max_splats),
+    });
     buffers
+}
+
+fn statistics_bytes(config: &Config) -> u64 {
+    if config.strategy == Strategy::Classic { 8 * u64::from(config.max_splats) } else { 0 }
 }
 
 impl Trainer {
@@ -159,17 +150,18 @@ impl Trainer {
         let moments = Moments {
             first: plane_buffer("first")?,
             second: plane_buffer("second")?,
-            statistics: Buffer::device(context, "statistics", 16)?,
+            statistics: Buffer::device(context, "statistics", statistics_bytes(&config))?,
         };
         let ledger = Ledger {
             control: Buffer::device(context, "control", 4)?,
-            history: Buffer::host(context, "history", 16 * u64::from(config.iterations))?,
+            history: Buffer::host(context, "history", size_of::<Record>() as u64 * u64::from(config.iterations))?,
             mailbox: Buffer::host(context, "mailbox", 16)?,
         };
         ledger.mailbox.write(&[0u32; 4])?;
         let mut commands = Recorder::new(context)?;
         commands.fill(&moments.first, 0);
         commands.fill(&moments.second, 0);
+        commands.fill(&moments.statistics, 0);
         commands.fill(&ledger.control, 0);
         commands.submit_and_wait()?;
         drop(commands);
@@ -184,8 +176,11 @@ impl Trainer {
             moments,
             rasterizer: rasterizer(context, &config, sizes)?,
             loss: Loss::new(context, &sizes)?,
-            update: Update::new(context, config.antialiased, false)?,
-            mcmc: Mcmc::new(context, config.max_splats)?,
+            update: Update::new(context, config.antialiased, config.strategy == Strategy::Classic)?,
+            density: match config.strategy {
+                Strategy::Mcmc => Density::Mcmc(Mcmc::new(context, config.max_splats)?),
+                Strategy::Classic => Density::Classic(Classic::new(context, config.max_splats)?),
+            },
             ledger,
             sizes,
             config,
@@ -211,8 +206,8 @@ impl Trainer {
             buffer.upload(&values)?;
         }
         self.model.population.upload(&[state.population])?;
-        let words: Vec<[f32; 4]> = history.iter().map(|r| [r.l1, r.ssim, r.squared, r.instances as f32]).collect();
-        self.ledger.history.write(&words)?;
+        self.ledger.history.write(history)?;
+        self.moments.statistics.upload(&state.statistics)?;
         self.ledger.mailbox.write(&[state.done, 0, 0, 0])?;
         self.done = state.done;
         Ok(())
@@ -232,17 +227,16 @@ impl Trainer {
         &self.config
     }
 
-    /// Gaussians at an iteration: a function of the schedule alone.
-    pub fn population(&self, iteration: u32) -> u32 {
+    /// Gaussians of a hard budget at an iteration: a function of the schedule alone.
+    fn budgeted(&self, iteration: u32) -> u32 {
         (0..self.schedule.refinements_before(iteration))
             .fold(self.started_with, |n, _| mcmc::grown(n, self.config.max_splats))
     }
 
     /// What the iterations so far came to.
     pub fn history(&self) -> Vec<Record> {
-        let words: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(self.ledger.history.mapped());
-        let record = |w: &[f32; 4]| Record { l1: w[0], ssim: w[1], squared: w[2], instances: w[3] as u32 };
-        words[..self.done as usize].iter().map(record).collect()
+        let bytes = self.done as usize * size_of::<Record>();
+        bytemuck::pod_collect_to_vec(&self.ledger.history.mapped()[..bytes])
     }
 
     /// Trains until `until` iterations are done. `observe` is called now and then with the number of iterations done and
@@ -362,14 +356,33 @@ impl Trainer {
         self.photos.record_copy(commands, view as usize, &self.loss.photo);
         let Self { rasterizer, model, view_buffer, ledger, .. } = self;
         let instances = rasterizer.forward(commands, model, view_buffer, size, &push)?;
-        self.loss.record(commands, [view_buffer, &rasterizer.picture, &rasterizer.counts], ledger, size, &push);
+        self.loss.record(
+            commands,
+            [view_buffer, &rasterizer.picture, &rasterizer.counts, &model.population],
+            ledger,
+            size,
+            &push,
+        );
         rasterizer.backward(commands, view_buffer, instances, &self.loss.by_pixel, &push);
         let step = self.step(iteration, &push);
         self.update.record(commands, [view_buffer, &ledger.control], rasterizer, model, &self.moments, &step);
-        if self.schedule.refines_after(iteration) {
-            let keys = [self.config.seed, u64::from(iteration)];
-            let before = self.population(iteration);
-            self.mcmc.record(commands, &ledger.control, model, &self.moments, self.planes(), before, keys)?;
+        let (keys, planes) = ([self.config.seed, u64::from(iteration)], self.planes());
+        let refines = self.schedule.refines_after(iteration);
+        match &self.density {
+            Density::Mcmc(mcmc) if refines => {
+                let before = self.budgeted(iteration);
+                mcmc.record(commands, &ledger.control, model, &self.moments, planes, before, keys)?;
+            }
+            Density::Classic(classic) => {
+                if refines {
+                    let removes_wide = iteration >= self.schedule.reset_every;
+                    classic.record(commands, &ledger.control, model, &self.moments, planes, keys, removes_wide)?;
+                }
+                if self.schedule.resets_after(iteration) {
+                    classic.record_reset(commands, &ledger.control, model, &self.moments);
+                }
+            }
+            Density::Mcmc(_) => {}
         }
         Ok(())
     }
@@ -450,7 +463,9 @@ impl Trainer {
             Ok(values.chunks(stride).flat_map(|plane| plane[..population as usize].iter().copied()).collect())
         };
         let planes = [packed(&self.model.parameters)?, packed(&self.moments.first)?, packed(&self.moments.second)?];
-        Ok(State { done: self.done, population, planes })
+        let counted = if self.config.strategy == Strategy::Classic { population as usize } else { 0 };
+        let statistics = self.moments.statistics.download(counted)?;
+        Ok(State { done: self.done, population, planes, statistics })
     }
 
     /// The Gaussians as they are, in the training frame.
@@ -459,7 +474,9 @@ impl Trainer {
     /// Where the device fails.
     pub fn gaussians(&self) -> Result<Gaussians> {
         let State { population, planes: [parameters, ..], .. } = self.state()?;
-        Ok(layout::from_planes(&parameters, self.config.degree, population as usize, population as usize))
+        let all = layout::from_planes(&parameters, self.config.degree, population as usize, population as usize);
+        // Below half of it, a slot counts as free.
+        Ok(all.filtered(|i| all.opacities[i] >= 0.5 * classic::FREE))
     }
 }
 

@@ -34,6 +34,20 @@ impl Gaussians {
         self.centres.is_empty()
     }
 
+    /// Those of which `keep` says so, by their number.
+    pub fn filtered(&self, keep: impl Fn(usize) -> bool) -> Self {
+        let kept: Vec<usize> = (0..self.len()).filter(|&i| keep(i)).collect();
+        let row = 3 * self.coefficients();
+        Self {
+            centres: kept.iter().map(|&i| self.centres[i]).collect(),
+            log_scales: kept.iter().map(|&i| self.log_scales[i]).collect(),
+            rotations: kept.iter().map(|&i| self.rotations[i]).collect(),
+            opacities: kept.iter().map(|&i| self.opacities[i]).collect(),
+            degree: self.degree,
+            harmonics: kept.iter().flat_map(|&i| self.harmonics[row * i..][..row].iter().copied()).collect(),
+        }
+    }
+
     /// Coefficients of each Gaussian and channel: `(degree + 1)^2`.
     pub fn coefficients(&self) -> usize {
         coefficients(self.degree)

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use camsplat::Result;
 use camsplat::gaussians::frame::View;
 use camsplat::gaussians::layout::{self, PassPush};
-use camsplat::gaussians::loss::{Ledger, Loss};
+use camsplat::gaussians::loss::{Ledger, Loss, Record};
 use camsplat::gaussians::rasterizer::{Model, Rasterizer, Size, Sizes, Wanted};
 use camsplat::gaussians::twin;
 use camsplat::gaussians::update::{Moments, Update, UpdatePush};
@@ -122,8 +122,8 @@ pub struct Pass {
     pub picture: Vec<[f32; 4]>,
     /// Sum of depths of each pixel.
     pub depths: Vec<f32>,
-    /// Means of |x - y|, SSIM and (x - y)^2, and the instances.
-    pub record: [f32; 4],
+    /// What the iteration came to.
+    pub record: Record,
     /// Gradient of the loss by each pixel.
     pub by_pixel: Vec<[f32; 4]>,
     /// Gradient of the loss by each parameter, in planes without gaps.
@@ -160,7 +160,7 @@ pub fn pass(
     };
     let ledger = Ledger {
         control: Buffer::from_slice(context, "control", &[0u32])?,
-        history: Buffer::host(context, "history", 16)?,
+        history: Buffer::host(context, "history", size_of::<Record>() as u64)?,
         mailbox: Buffer::host(context, "mailbox", 16)?,
     };
     let views = Buffer::from_slice(context, "views", &[view])?;
@@ -173,16 +173,22 @@ pub fn pass(
     let step = UpdatePush { stride, degree: gaussians.degree, ..UpdatePush::default() };
     let mut commands = Recorder::new(context)?;
     let instances = rasterizer.forward(&mut commands, &model, &views, size, &push)?;
-    loss.record(&mut commands, [&views, &rasterizer.picture, &rasterizer.counts], &ledger, size, &push);
+    loss.record(
+        &mut commands,
+        [&views, &rasterizer.picture, &rasterizer.counts, &model.population],
+        &ledger,
+        size,
+        &push,
+    );
     rasterizer.backward(&mut commands, &views, instances, &loss.by_pixel, &push);
     update.record(&mut commands, [&views, &ledger.control], &rasterizer, &model, &moments, &step);
     commands.submit_and_wait()?;
     let pixels = size.pixels() as usize;
-    let record: Vec<f32> = bytemuck::pod_collect_to_vec(ledger.history.mapped());
+    let records: Vec<Record> = bytemuck::pod_collect_to_vec(&ledger.history.mapped()[..size_of::<Record>()]);
     Ok(Pass {
         picture: rasterizer.picture.download(pixels)?,
         depths: rasterizer.depths.download(pixels)?,
-        record: [record[0], record[1], record[2], record[3]],
+        record: records[0],
         by_pixel: loss.by_pixel.download(pixels)?,
         gradients: moments.first.download::<f32>(planes.len())?.into_iter().map(|m| 10.0 * m).collect(),
         instances: rasterizer.counts.download::<u32>(1)?[0],

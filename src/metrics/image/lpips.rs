@@ -171,9 +171,8 @@ impl Room {
         if largest > limit {
             return refuse("the largest layer", largest, limit);
         }
-        let compared = network.steps().iter().zip(&sizes).filter(|(step, _)| **step == Step::Tap);
-        let pixels = compared.map(|(_, size)| size.pixels()).max().unwrap_or(0);
-        let all = 4 * largest + 4 * u64::from(pixels) + Reduce::footprint(pixels);
+        let pixels = compared_pixels(network, &sizes);
+        let all = room_bytes(largest, pixels);
         let free = context.memory_available();
         if all > free {
             return refuse("what is kept of both", all, free);
@@ -190,6 +189,26 @@ impl Room {
             sizes,
         })
     }
+}
+
+/// Pixels of the largest layer that is compared.
+fn compared_pixels(network: Network, sizes: &[Size]) -> u32 {
+    let compared = network.steps().iter().zip(sizes).filter(|(step, _)| **step == Step::Tap);
+    compared.map(|(_, size)| size.pixels()).max().unwrap_or(0)
+}
+
+/// Bytes of the buffers for layers of at most `largest` bytes.
+fn room_bytes(largest: u64, pixels: u32) -> u64 {
+    4 * largest + 4 * u64::from(pixels) + Reduce::footprint(pixels)
+}
+
+/// Bytes of device memory that comparing pictures of a size takes, with the weights; nothing where they are too small.
+pub fn footprint(weights: &Weights, width: u32, height: u32) -> u64 {
+    let Some(sizes) = weights.network().sizes(width, height) else { return 0 };
+    let largest = 4 * sizes.iter().map(|size| size.values() as u64).max().unwrap_or(0);
+    let values: usize = weights.layers().iter().map(|layer| layer.weights.len() + layer.biases.len()).sum::<usize>()
+        + weights.linear().iter().map(Vec::len).sum::<usize>();
+    room_bytes(largest, compared_pixels(weights.network(), &sizes)) + 4 * values as u64
 }
 
 /// A picture as networks take it: plane by plane, with the mean and deviation that they were trained with taken out.
