@@ -90,7 +90,9 @@ fn html_of(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<S
     let data = data::json(record, scene, kind)?;
     Ok(text::fill(include_str!("page.html"), |slot| match slot {
         "css" => include_str!("page.css").into(),
+        "fault" => include_str!("fault.js").into(),
         "charts" => include_str!("charts.js").into(),
+        "plan" => include_str!("plan.js").into(),
         "vectors" => include_str!("vectors.js").into(),
         "scene3d" => include_str!("scene3d.js").into(),
         "data" => data.as_str().into(),
