@@ -1,6 +1,8 @@
 //! One self-contained HTML page per plan: what was planned, how good it is beside the controls, how the optimiser got
 //! there, and a 3D view of the cameras around the surface. The page asks nothing of any network.
 //!
+//! A training run has a page of the same make ([`training`]).
+//!
 //! Text and the table are made here; plots and the 3D view are drawn in the browser, from numbers embedded as JSON and
 //! geometry embedded as base64.
 
@@ -8,8 +10,10 @@ mod data;
 mod decimate;
 pub mod folder;
 mod geometry;
+mod pictures;
 pub mod selection;
 mod text;
+pub mod training;
 
 use glam::DVec3;
 
