@@ -1,8 +1,7 @@
 //! The report page, opened in a real browser where there is one: scripts must run, plots must hold data and the 3D view
 //! must draw. The pages stay in the test's folder under the target directory, to be looked at.
 
-use std::path::{Path, PathBuf};
-use std::process::Command;
+mod report_support;
 
 use camsplat::metrics::Metrics;
 use camsplat::plan::record::{CheckpointRecord, ControlRecord, IterationRecord, PlanRecord, Status, SurfaceRecord};
@@ -10,6 +9,7 @@ use camsplat::report::{ReportScene, SurfacePoint, Triangles, html};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::region::{Region, Shape};
 use glam::DVec3;
+use report_support::{figure, number_after, rendered, write};
 
 /// A stage set: a record, and geometry to draw it with.
 struct Stage {
@@ -218,54 +218,6 @@ fn room() -> Stage {
         (checkpoint.voronoi_low_vds, checkpoint.voronoi_high_vds) = (None, None);
     }
     Stage { record, points, corners, colours }
-}
-
-/// Writes a page to this test's folder. Frames are drawn by timers there: the browser's virtual time waits for timers, while
-/// under load it may be over before the first animation frame has come.
-fn write(name: &str, page: &str) -> PathBuf {
-    let frames = "<head><script>window.requestAnimationFrame = (draw) => setTimeout(draw, 0);</script>";
-    let page = page.replacen("<head>", frames, 1);
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("report");
-    std::fs::create_dir_all(&folder).unwrap();
-    let path = folder.join(format!("{name}.html"));
-    std::fs::write(&path, page).unwrap();
-    path
-}
-
-/// The page's document after its scripts have run, or `None` (and a word on it) without a browser.
-fn rendered(page: &Path, flags: &[&str]) -> Option<String> {
-    let profile = tempfile::tempdir().unwrap();
-    for browser in ["chromium", "chromium-browser", "google-chrome"] {
-        let output = Command::new(browser)
-            .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
-            .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
-            .args(["--enable-unsafe-swiftshader", "--virtual-time-budget=5000", "--window-size=1400,2400"])
-            .arg(format!("--user-data-dir={}", profile.path().display()))
-            .args(flags)
-            .arg("--dump-dom")
-            .arg(format!("file://{}", page.display()))
-            .output();
-        if let Ok(output) = output {
-            let dom = String::from_utf8_lossy(&output.stdout).into_owned();
-            assert!(dom.contains("</html>"), "{browser} gave no document: {}", String::from_utf8_lossy(&output.stderr));
-            return Some(dom);
-        }
-    }
-    println!("skipped: no Chromium");
-    None
-}
-
-/// The number in `name="..."`, looked for after `anchor`.
-fn number_after(dom: &str, anchor: &str, name: &str) -> Option<u64> {
-    let rest = &dom[dom.find(anchor)?..];
-    let rest = &rest[rest.find(&format!("{name}=\""))? + name.len() + 2..];
-    rest[..rest.find('"')?].parse().ok()
-}
-
-/// The part of the document that holds a plot.
-fn figure<'a>(dom: &'a str, plot: &str) -> &'a str {
-    let figure = &dom[dom.find(&format!(r#"id="{plot}""#)).unwrap()..];
-    &figure[..figure.find("</figure>").unwrap()]
 }
 
 /// Whether a plot has a line of that name.

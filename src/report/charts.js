@@ -3,46 +3,6 @@
 const HEIGHT = 240;
 const MARGIN = { left: 58, right: 14, top: 10, bottom: 42 };
 
-function drawCharts(plan) {
-  const { history, checkpoints, histograms } = plan;
-  const line = (name, y, colour, style = "") => ({ name, y, colour, style });
-
-  const terms = [line("total", history.loss, 1)];
-  for (const [name, y, colour] of [["image", history.image, 2], ["regulariser", history.reg, 3], ["region", history.bound, 4]]) {
-    if (y.some((v) => v)) terms.push(line(name, y, colour, "fine"));
-  }
-  // The nearest-view objective may go below zero, where a logarithm has nothing to show.
-  const log = history.loss.every((v) => v === null || v > 0);
-  lineChart("chart-loss", history.iteration, terms.reverse(), { y: "loss", log });
-  lineChart("chart-scale", history.iteration, [line("scale s", history.scale, 1)], { y: "scale s" });
-  // The nearest-view objective knows no scale: a constant has nothing to show.
-  if (new Set(history.scale).size === 1) document.getElementById("chart-scale").style.display = "none";
-
-  const percent = (values) => values.map((v) => (v === null ? null : 100 * v));
-  lineChart("chart-coverage", checkpoints.iteration, [
-    line("reachable", percent(checkpoints.reachable), 4, "dashed"),
-    line("≥ 3 views", percent(checkpoints.coverage_3), 2),
-    line("≥ 1 view", percent(checkpoints.coverage_1), 1),
-  ], { y: "points (%)", top: 100 });
-  lineChart("chart-gap", checkpoints.iteration, [line("mean gap", checkpoints.gap, 1)], { y: "gap (degrees)" });
-  const byScore = [
-    line("low scores", checkpoints.voronoi_low, 2),
-    line("high scores", checkpoints.voronoi_high, 1),
-  ];
-  const voronoi = byScore.every((s) => s.y.some((v) => v !== null)) ? byScore : [line("all points", checkpoints.voronoi, 1)];
-  lineChart("chart-voronoi", checkpoints.iteration, voronoi, { y: "area (steradians)" });
-
-  barChart("chart-views", histograms.views, { x: "views that see a point", unit: "" });
-  barChart("chart-gaps", histograms.gap, { x: "gap (degrees)", unit: "°" });
-  const note = (id, parts) => {
-    const missing = parts.filter(([count]) => count > 0).map(([count, what]) => `${count} ${what}`);
-    if (missing.length > 0) document.querySelector(`#${id} .note`).textContent = `without ${missing.join(" and ")}`;
-  };
-  const unreachable = [histograms.unreachable, "out of reach"];
-  note("chart-views", [unreachable]);
-  note("chart-gaps", [[histograms.unseen, "unseen"], unreachable]);
-}
-
 /* ---- scales and ticks ---- */
 
 /** Round numbers that cover [low, high] in about `count` steps. */
@@ -124,11 +84,54 @@ function frame(figure, width, x, y, xTicks, yTicks, names, description) {
   return svg;
 }
 
+/** A line of values by iteration. */
+function line(name, y, colour, style = "") {
+  return { name, y, colour, style };
+}
+
+/** Points at iterations of their own, among lines. */
+function dots(name, x, y, colour) {
+  return { name, x, y, colour, style: "" };
+}
+
+/** Index of the value that is nearest to `to`. */
+function nearest(values, to) {
+  let best = 0;
+  values.forEach((v, i) => { if (Math.abs(v - to) < Math.abs(values[best] - to)) best = i; });
+  return best;
+}
+
 function empty(figure) {
   html("p", "empty", "No data: nothing was recorded.", figure);
 }
 
-/** Lines over iterations. Values that are null, or not positive on a log scale, leave a gap. */
+/** The path of a series; `y` gives null where it has a gap. */
+function drawLine(svg, series, iterations, x, y) {
+  let path = "", pen = "M";
+  series.y.forEach((v, i) => {
+    const height = y(v);
+    if (height === null) {
+      pen = "M";
+      return;
+    }
+    path += `${pen}${x(iterations[i]).toFixed(1)} ${height.toFixed(1)}`;
+    pen = "L";
+  });
+  // A lone point has no length: let its round cap show.
+  if (!path.includes("L") && path) path += "h0.01";
+  element("path", { d: path, class: `series ${series.style}`, style: `stroke:var(--series-${series.colour})` }, svg);
+}
+
+function drawPoints(svg, series, iterations, x, y) {
+  series.y.forEach((v, i) => {
+    const height = y(v);
+    if (height === null) return;
+    const mark = element("circle", { class: "mark", cx: x(series.x[i]), cy: height, r: 4.5, style: `fill:var(--series-${series.colour})` }, svg);
+    element("title", {}, mark).textContent = `${series.name} ${format(v)} at ${series.x[i]}`;
+  });
+}
+
+/** Lines and points over iterations. Values that are null, or not positive on a log scale, leave a gap. */
 function lineChart(id, iterations, series, { y: yName, log = false, top = Infinity }) {
   const figure = document.getElementById(id);
   const usable = (v) => v !== null && Number.isFinite(v) && (!log || v > 0);
@@ -144,7 +147,8 @@ function lineChart(id, iterations, series, { y: yName, log = false, top = Infini
     low = low >= 0 ? Math.max(0, low - air) : low - air;
     high = high <= top ? Math.min(top, high + air) : high + air;
   }
-  const first = iterations[0], last = Math.max(iterations[iterations.length - 1], first + 1);
+  const along = series.flatMap((s) => s.x ?? iterations);
+  const first = along.reduce((a, b) => Math.min(a, b)), last = Math.max(along.reduce((a, b) => Math.max(a, b)), first + 1);
   const width = innerWidth(figure);
   const x = (v) => MARGIN.left + ((v - first) / (last - first)) * (width - MARGIN.left - MARGIN.right);
   const unit = log ? (v) => Math.log(v / low) / Math.log(high / low) : (v) => (v - low) / (high - low);
@@ -155,27 +159,15 @@ function lineChart(id, iterations, series, { y: yName, log = false, top = Infini
     const key = html("span", "", "", keys);
     const stroke = `stroke:var(--series-${s.colour})`;
     const swatch = element("svg", { viewBox: "0 0 14 8", style: "display:inline-block;width:14px;height:8px;margin-right:5px", "aria-hidden": "true" }, key);
-    element("path", { d: "M1 4H13", class: `series ${s.style.replace("fine", "")}`, style: stroke }, swatch);
+    if (s.x) element("circle", { cx: 7, cy: 4, r: 3.5, style: `fill:var(--series-${s.colour})` }, swatch);
+    else element("path", { d: "M1 4H13", class: `series ${s.style.replace("fine", "")}`, style: stroke }, swatch);
     key.append(`${s.name} `);
     return { series: s, text: html("b", "", "", key) };
   });
   const description = `${series.map((s) => s.name).join(", ")} by iteration; last value of ${yName} ${format(series[series.length - 1].y.findLast(usable))}`;
   const svg = frame(figure, width, x, y, ticks(first, last, width / 70).filter(Number.isInteger), log ? logTicks(low, high) : ticks(low, high, 5),
     { x: "iteration", y: yName }, description);
-  for (const s of series) {
-    let path = "", pen = "M";
-    s.y.forEach((v, i) => {
-      if (usable(v)) {
-        path += `${pen}${x(iterations[i]).toFixed(1)} ${y(v).toFixed(1)}`;
-        pen = "L";
-      } else {
-        pen = "M";
-      }
-    });
-    // A lone point has no length: let its round cap show.
-    if (!path.includes("L") && path) path += "h0.01";
-    element("path", { d: path, class: `series ${s.style}`, style: `stroke:var(--series-${s.colour})` }, svg);
-  }
+  for (const s of series) (s.x ? drawPoints : drawLine)(svg, s, iterations, x, (v) => (usable(v) ? y(v) : null));
   svg.dataset.values = values.length;
 
   // The values under the pointer, else the last ones.
@@ -183,7 +175,8 @@ function lineChart(id, iterations, series, { y: yName, log = false, top = Infini
   const where = html("span", "", "", keys);
   const read = (index) => {
     for (const { series: s, text } of readings) {
-      text.textContent = format(index === null ? s.y.findLast((v) => v !== null) ?? null : s.y[index]);
+      const at = index === null ? s.y.findLastIndex((v) => v !== null) : s.x ? nearest(s.x, iterations[index]) : index;
+      text.textContent = format(s.y[at] ?? null) + (s.x && at in s.x ? ` at ${s.x[at]}` : "");
     }
     where.textContent = index === null ? "" : `at ${iterations[index]}`;
     cursor.setAttribute("visibility", index === null ? "hidden" : "visible");
@@ -192,9 +185,7 @@ function lineChart(id, iterations, series, { y: yName, log = false, top = Infini
   svg.addEventListener("pointermove", (event) => {
     const box = svg.getBoundingClientRect();
     const at = ((event.clientX - box.left) / box.width) * width;
-    let best = 0;
-    iterations.forEach((v, i) => { if (Math.abs(x(v) - at) < Math.abs(x(iterations[best]) - at)) best = i; });
-    read(best);
+    if (iterations.length > 0) read(nearest(iterations.map(x), at));
   });
   svg.addEventListener("pointerleave", () => read(null));
   read(null);

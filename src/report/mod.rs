@@ -1,6 +1,8 @@
 //! One self-contained HTML page per plan: what was planned, how good it is beside the controls, how the optimiser got
 //! there, and a 3D view of the cameras around the surface. The page asks nothing of any network.
 //!
+//! A training run has a page of the same make ([`training`]).
+//!
 //! Text and the table are made here; plots and the 3D view are drawn in the browser, from numbers embedded as JSON and
 //! geometry embedded as base64.
 
@@ -8,8 +10,10 @@ mod data;
 mod decimate;
 pub mod folder;
 mod geometry;
+mod pictures;
 pub mod selection;
 mod text;
+pub mod training;
 
 use glam::DVec3;
 
@@ -90,7 +94,9 @@ fn html_of(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<S
     let data = data::json(record, scene, kind)?;
     Ok(text::fill(include_str!("page.html"), |slot| match slot {
         "css" => include_str!("page.css").into(),
+        "fault" => include_str!("fault.js").into(),
         "charts" => include_str!("charts.js").into(),
+        "plan" => include_str!("plan.js").into(),
         "vectors" => include_str!("vectors.js").into(),
         "scene3d" => include_str!("scene3d.js").into(),
         "data" => data.as_str().into(),

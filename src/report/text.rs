@@ -60,10 +60,14 @@ pub fn escape(text: &str) -> String {
 }
 
 fn surface_name(record: &PlanRecord) -> &str {
-    // A COLMAP model's folder is `capture/sparse/0`: the capture is what has a name.
-    let names = Path::new(&record.surface.path).iter().rev().filter_map(|name| name.to_str());
+    telling_name(&record.surface.path)
+}
+
+/// The name in a path that tells a reader most: a COLMAP model's folder is `capture/sparse/0`, and the capture has a name.
+pub fn telling_name(path: &str) -> &str {
+    let names = Path::new(path).iter().rev().filter_map(|name| name.to_str());
     let mut telling = names.filter(|name| !matches!(*name, "0" | "sparse" | "." | ".." | "/"));
-    telling.next().unwrap_or(&record.surface.path)
+    telling.next().unwrap_or(path)
 }
 
 fn views(count: usize) -> String {
@@ -344,7 +348,7 @@ fn metrics_table(record: &PlanRecord, kind: Kind<'_>) -> String {
 }
 
 /// Four significant digits, without trailing zeros.
-fn number(value: f64) -> String {
+pub fn number(value: f64) -> String {
     if !value.is_finite() {
         return "–".into();
     }
@@ -360,7 +364,7 @@ fn number(value: f64) -> String {
 }
 
 /// A whole number with thin spaces between thousands.
-fn grouped(value: usize) -> String {
+pub fn grouped(value: usize) -> String {
     let digits = value.to_string();
     let mut out = String::new();
     for (i, digit) in digits.chars().enumerate() {
@@ -372,7 +376,8 @@ fn grouped(value: usize) -> String {
     out
 }
 
-fn duration(seconds: f64) -> String {
+/// A duration in the units that suit it.
+pub fn duration(seconds: f64) -> String {
     if !seconds.is_finite() {
         return "unknown time".into();
     }
