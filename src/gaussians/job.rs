@@ -303,23 +303,26 @@ impl<'a> Course<'a> {
         profile: &mut Option<&mut Profile>,
         observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
     ) -> Result<ControlFlow<()>> {
-        let first = trainer.done();
+        let (first, begun) = (trainer.done(), Instant::now());
+        let mut flow = ControlFlow::Continue(());
+        let mut watch = |done| {
+            flow = observe(Event::Iterations(done));
+            flow
+        };
         if let Some(profile) = profile {
-            return trainer.run(stop, Some(profile), |done| observe(Event::Iterations(done)));
+            trainer.run(stop, Some(profile), &mut watch)?;
+            return Ok(flow);
         }
-        let sampled =
-            trainer.run(stop.min(first + SAMPLED), Some(&mut self.sampled), |done| observe(Event::Iterations(done)))?;
+        trainer.run(stop.min(first + SAMPLED), Some(&mut self.sampled), &mut watch)?;
         self.sampled_iterations += trainer.done() - first;
-        if sampled.is_break() {
-            return Ok(sampled);
+        if flow.is_continue() {
+            let enough = || begun.elapsed() > BETWEEN_REPORTS;
+            trainer.run(stop, None, |done| {
+                flow = observe(Event::Iterations(done));
+                if flow.is_break() || enough() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            })?;
         }
-        let begun = Instant::now();
-        let mut stopped = ControlFlow::Continue(());
-        let _ = trainer.run(stop, None, |done| {
-            stopped = observe(Event::Iterations(done));
-            if stopped.is_break() || begun.elapsed() > BETWEEN_REPORTS { ControlFlow::Break(()) } else { stopped }
-        })?;
-        Ok(stopped)
+        Ok(flow)
     }
 
     /// Looks at test views: some of them on the way, all of them, with LPIPS, at the end.

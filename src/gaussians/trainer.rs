@@ -249,10 +249,10 @@ impl Trainer {
         until: u32,
         mut profile: Option<&mut Profile>,
         mut observe: impl FnMut(u32) -> ControlFlow<()>,
-    ) -> Result<ControlFlow<()>> {
+    ) -> Result<()> {
         let until = until.min(self.config.iterations);
         loop {
-            let flow = self.advance(until, profile.as_deref_mut(), &mut observe)?;
+            self.advance(until, profile.as_deref_mut(), &mut observe)?;
             self.done = self.ledger.mailbox.peek(0).unwrap_or(0).max(self.done);
             let [needed, broken] = [1, 2].map(|word| self.ledger.mailbox.peek(word).unwrap_or(0));
             if broken != 0 {
@@ -260,7 +260,7 @@ impl Trainer {
                 return Err(Error::request(what.replace("{}", &self.done.to_string())));
             }
             if needed == 0 {
-                return Ok(flow);
+                return Ok(());
             }
             self.make_room(needed)?;
         }
@@ -272,7 +272,7 @@ impl Trainer {
         until: u32,
         mut profile: Option<&mut Profile>,
         observe: &mut impl FnMut(u32) -> ControlFlow<()>,
-    ) -> Result<ControlFlow<()>> {
+    ) -> Result<()> {
         let done = || self.ledger.mailbox.peek(0).unwrap_or(0).max(self.done);
         let halted = || (1..3).any(|word| self.ledger.mailbox.peek(word).unwrap_or(0) != 0);
         let mut flow = ControlFlow::Continue(());
@@ -292,7 +292,7 @@ impl Trainer {
                 commands.submit()?;
                 running.push_back((commands, submitted));
             }
-            let Some((oldest, submitted)) = running.front_mut() else { return Ok(flow) };
+            let Some((oldest, submitted)) = running.front_mut() else { return Ok(()) };
             if oldest.pending() == 0 {
                 oldest.wait()?;
                 if let Some(profile) = &mut profile {
@@ -308,9 +308,17 @@ impl Trainer {
         }
     }
 
-    /// Makes room for so many instances and half as many more, and takes the halt back.
+    /// Makes room for so many instances and half as many more.
     fn make_room(&mut self, needed: u32) -> Result<()> {
-        self.sizes.room = room_for(needed, self.sizes.room)?;
+        self.set_room(room_for(needed, self.sizes.room)?)
+    }
+
+    /// Makes room for so many instances, and takes a halt back. A run sees to that by itself, and no result depends on it.
+    ///
+    /// # Errors
+    /// Where the device has not enough memory.
+    pub fn set_room(&mut self, room: u32) -> Result<()> {
+        self.sizes.room = room;
         // The old buffers go first: there may be no room for both.
         self.rasterizer = rasterizer(&self.context, &self.config, Sizes { room: 1, ..self.sizes })?;
         self.rasterizer = rasterizer(&self.context, &self.config, self.sizes)?;
@@ -366,25 +374,41 @@ impl Trainer {
         rasterizer.backward(commands, view_buffer, instances, &self.loss.by_pixel, &push);
         let step = self.step(iteration, &push);
         self.update.record(commands, [view_buffer, &ledger.control], rasterizer, model, &self.moments, &step);
-        let (keys, planes) = ([self.config.seed, u64::from(iteration)], self.planes());
-        let refines = self.schedule.refines_after(iteration);
-        match &self.density {
-            Density::Mcmc(mcmc) if refines => {
-                let before = self.budgeted(iteration);
-                mcmc.record(commands, &ledger.control, model, &self.moments, planes, before, keys)?;
-            }
-            Density::Classic(classic) => {
-                if refines {
-                    let removes_wide = iteration >= self.schedule.reset_every;
-                    classic.record(commands, &ledger.control, model, &self.moments, planes, keys, removes_wide)?;
-                }
-                if self.schedule.resets_after(iteration) {
-                    classic.record_reset(commands, &ledger.control, model, &self.moments);
-                }
-            }
-            Density::Mcmc(_) => {}
+        if self.schedule.refines_after(iteration) {
+            self.record_refinement(commands, iteration)?;
+        }
+        if let Density::Classic(classic) = &self.density
+            && self.schedule.resets_after(iteration)
+        {
+            classic.record_reset(commands, &ledger.control, model, &self.moments);
         }
         Ok(())
+    }
+
+    /// Records the refinement that follows an iteration.
+    fn record_refinement<'a>(&'a self, commands: &mut Recorder<'a>, iteration: u32) -> Result<()> {
+        let Self { model, moments, ledger, .. } = self;
+        let (keys, planes) = ([self.config.seed, u64::from(iteration)], self.planes());
+        match &self.density {
+            Density::Mcmc(mcmc) => {
+                let before = self.budgeted(iteration);
+                mcmc.record(commands, &ledger.control, model, moments, planes, before, keys)
+            }
+            Density::Classic(classic) => {
+                let removes_wide = iteration >= self.schedule.reset_every;
+                classic.record(commands, &ledger.control, model, moments, planes, keys, removes_wide)
+            }
+        }
+    }
+
+    /// Refines now, whatever the schedule says: for tests, since a run would then grow otherwise than it counts on.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn refine(&mut self) -> Result<()> {
+        let mut commands = Recorder::new(&self.context)?;
+        self.record_refinement(&mut commands, self.done)?;
+        commands.submit_and_wait()
     }
 
     /// Adam's step of an iteration.

@@ -1,6 +1,8 @@
 //! What the tests of Gaussian splatting share: random scenes, and one pass over them on the device.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
+pub mod capture;
+
 use std::sync::Arc;
 
 use camsplat::Result;
