@@ -38,7 +38,7 @@ const uint SUMS = 9;
 const uint SPLATS = 8;
 // Pixels of a splat's row in shared memory, with what keeps rows out of one another's banks.
 const uint ROW = TILE_PIXELS + 4;
-// Parts that a sum over pixels is made of.
+// Parts that a sum over pixels is made of: every so many rows.
 const uint PARTS = 4;
 
 shared vec3 means[BLOCK];  // mean, opacity
@@ -76,16 +76,20 @@ uvec4 within(uint k, uvec2 corner) {
 void sum_part(uint item, uint from, uvec2 corner) {
     uint s = item % SPLATS, part = item / SPLATS % PARTS, k = min(from + s, BLOCK - 1);
     uvec4 inside = within(k, corner);
-    uint wide = inside.z - inside.x, count = wide * (inside.w - inside.y);
     vec3 sum = vec3(0.0), more = vec3(0.0);
     bool of_colour = item < SPLATS * PARTS;
-    for (uint n = part; n < count; n += PARTS) {
-        uint x = inside.x + n % wide, y = inside.y + n / wide, j = y * TILE + x;
-        if (of_colour) {
+    // Two loops, of which one is empty: some devices walk through both sides of a branch.
+    for (uint y = inside.y + part; y < (of_colour ? inside.w : 0); y += PARTS) {
+        for (uint x = inside.x; x < inside.z; ++x) {
+            uint j = y * TILE + x;
             sum += weights[s * ROW + j] * by_colour[j];
-        } else {
-            vec2 d = vec2(corner + uvec2(x, y)) + 0.5 - means[k].xy;
-            float q = slopes[s * ROW + j];
+        }
+    }
+    vec2 origin = vec2(corner) + 0.5 - means[k].xy;
+    for (uint y = inside.y + part; y < (of_colour ? 0 : inside.w); y += PARTS) {
+        for (uint x = inside.x; x < inside.z; ++x) {
+            vec2 d = origin + vec2(x, y);
+            float q = slopes[s * ROW + y * TILE + x];
             sum += q * vec3(1.0, d);
             more += q * vec3(d.x * d.x, d.x * d.y, d.y * d.y);
         }

@@ -499,8 +499,8 @@ impl Trainer {
     pub fn gaussians(&self) -> Result<Gaussians> {
         let State { population, planes: [parameters, ..], .. } = self.state()?;
         let all = layout::from_planes(&parameters, self.config.degree, population as usize, population as usize);
-        // Below half of it, a slot counts as free.
-        Ok(all.filtered(|i| all.opacities[i] >= 0.5 * classic::FREE))
+        // Free slots, and whatever is no number, are never drawn.
+        Ok(all.filtered(|i| all.opacities[i] >= 0.5 * classic::FREE && all.is_finite(i)))
     }
 }
 

@@ -48,6 +48,13 @@ impl Gaussians {
         }
     }
 
+    /// Whether all values of Gaussian `i` are finite.
+    pub fn is_finite(&self, i: usize) -> bool {
+        let row = 3 * self.coefficients();
+        let shape = self.log_scales[i].iter().chain(&self.rotations[i]).chain(&self.opacities[i..=i]);
+        self.centres[i].is_finite() && shape.chain(&self.harmonics[row * i..][..row]).all(|value| value.is_finite())
+    }
+
     /// Coefficients of each Gaussian and channel: `(degree + 1)^2`.
     pub fn coefficients(&self) -> usize {
         coefficients(self.degree)
