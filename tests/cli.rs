@@ -10,7 +10,9 @@ use camsplat::io;
 use camsplat::metrics::Metrics;
 use camsplat::plan::record::Status;
 use camsplat::scene::camera::Camera;
+use camsplat::scene::gaussians::Gaussians;
 use command::{FILES, Place, Ran, SHORT, SMALL, ended};
+use glam::DVec3;
 
 /// Asserts that two camera sets are the same up to what a round trip through another format costs.
 #[track_caller]
@@ -155,6 +157,24 @@ fn every_option_of_the_help_is_accepted() {
     let untried: Vec<String> =
         options(&place, "score").into_keys().filter(|name| !given.contains(name) && name != "shell").collect();
     assert_eq!(untried, ["help"]);
+
+    place.write("splats.ply", io::ply::write::gaussians(&one_splat()));
+    let given = "--out r --format exr --alpha --depth --antialiased --size 64x64 --near 0.1 --device 0 --debug-sync";
+    place.done(&format!("render splats.ply first {given}"));
+    place.done("render splats.ply first --out r --force --format png --background 0.2,0.5,1 --size 32x32");
+    let untried: Vec<String> = options(&place, "render").into_keys().filter(|name| !given.contains(name)).collect();
+    assert_eq!(untried, ["background", "force", "help"]);
+}
+
+fn one_splat() -> Gaussians {
+    Gaussians {
+        centres: vec![DVec3::ZERO],
+        log_scales: vec![[-1.0; 3]],
+        rotations: vec![[1.0, 0.0, 0.0, 0.0]],
+        opacities: vec![2.0],
+        degree: 0,
+        harmonics: vec![0.5; 3],
+    }
 }
 
 /// If this failed, an option would be accepted and then ignored.

@@ -23,6 +23,7 @@ mod options;
 mod plan;
 mod progress;
 mod proxy;
+mod render;
 mod score;
 mod select;
 mod vds;
@@ -53,6 +54,8 @@ enum Command {
     Select(Box<select::Arguments>),
     /// Make a coarse surface from posed photos, without any points
     Proxy(proxy::Arguments),
+    /// Render trained splats, of whatever program, from given cameras
+    Render(render::Arguments),
     /// List every Vulkan device, what it has and what it lacks
     Devices,
     /// Plan two scenes of our own: an object (50 views) and a furnished room (300 views)
@@ -77,6 +80,7 @@ pub fn main() -> ExitCode {
         Command::Vds(arguments) => vds::run(&arguments),
         Command::Select(arguments) => select::run(&arguments),
         Command::Proxy(arguments) => proxy::run(&arguments),
+        Command::Render(arguments) => render::run(&arguments),
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Vdsf(arguments) => vdsf::run(&arguments),
