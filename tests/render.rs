@@ -184,6 +184,27 @@ fn one_camera_among_the_splats_sees_them() {
     }
 }
 
+/// If this failed, splats that reach more tiles than were reckoned with would be missing, or pictures of several sizes be mixed
+/// up.
+#[test]
+fn splats_that_fill_pictures_of_several_sizes_are_all_drawn() {
+    let mut gaussians = scene(13, 200, 1);
+    gaussians.log_scales.as_flattened_mut().iter_mut().for_each(|s| *s += 2.0);
+    gaussians.opacities.iter_mut().for_each(|o| *o = o.min(-2.0));
+    let sizes = [(31, 47), (800, 600), (450, 750)];
+    let mut cameras = around(DVec3::ZERO, 6.0, 3, (0, 0));
+    for (camera, (width, height)) in cameras.iter_mut().zip(sizes) {
+        camera.intrinsics = Intrinsics::from_fov(width, height, 0.8);
+    }
+    let place = place_with(&gaussians, &cameras);
+    place.done("render splats.ply cameras.json --out o");
+    for (i, size) in sizes.into_iter().enumerate() {
+        let want = seen(&gaussians, &cameras, i, Rules::default(), DVec3::ZERO);
+        let got = png(&place.path(&format!("o/views/{i:02}.png")), size);
+        assert_close(&format!("{size:?}"), &got, &shown(&want), LEVEL);
+    }
+}
+
 /// If this failed, --size would show another part of the scene, or --near would cut elsewhere than it says.
 #[test]
 fn size_and_near_are_what_they_say() {
@@ -288,10 +309,12 @@ fn bad_input_is_refused_and_nothing_is_written() {
     named("nameless.json", 1, &|camera| camera.name = "..".into());
     named("huge.json", 1, &|camera| camera.intrinsics.width = 100_000);
     named("large.json", 1, &|camera| (camera.intrinsics.width, camera.intrinsics.height) = (65_535, 65_535));
+    let long: Vec<Camera> = (0..9).map(|i| Camera { name: "x".repeat(300 + i), ..cameras[0].clone() }).collect();
+    place.write("long.json", serde_json::json!({ "cameras": long }).to_string());
     std::fs::create_dir(place.path("full")).unwrap();
     place.write("full/mine.txt", "mine");
     let before = place.files("");
-    let cases: [(&str, &[&str]); 20] = [
+    let cases: [(&str, &[&str]); 21] = [
         ("missing.ply cameras.json --out o", &["missing.ply", "no such file"]),
         ("ball.ply cameras.json --out o", &["ball.ply", "has no property f_dc_0"]),
         ("nan.ply cameras.json --out o", &["1 of 20 splats have a colour that is not finite", "vertex 1"]),
@@ -304,6 +327,7 @@ fn bad_input_is_refused_and_nothing_is_written() {
         ("splats.ply nameless.json --out o", &["names no file"]),
         ("splats.ply huge.json --out o", &["100000 x 32 pixels", "--size"]),
         ("splats.ply large.json --out o", &["the picture", "bytes of device memory", "smaller pictures"]),
+        ("splats.ply long.json --out o", &["xxx.png: File name too long"]),
         ("splats.ply cameras.json --out full", &["not empty", "--force"]),
         ("splats.ply cameras.json --out a/b", &["create it first"]),
         ("splats.ply cameras.json --out o --size 32x16", &["another shape", "take 32x32"]),
