@@ -10,7 +10,9 @@ use camsplat::io;
 use camsplat::metrics::Metrics;
 use camsplat::plan::record::Status;
 use camsplat::scene::camera::Camera;
+use camsplat::scene::gaussians::Gaussians;
 use command::{FILES, Place, Ran, SHORT, SMALL, ended};
+use glam::DVec3;
 
 /// Asserts that two camera sets are the same up to what a round trip through another format costs.
 #[track_caller]
@@ -156,6 +158,13 @@ fn every_option_of_the_help_is_accepted() {
         options(&place, "score").into_keys().filter(|name| !given.contains(name) && name != "shell").collect();
     assert_eq!(untried, ["help"]);
 
+    place.write("splats.ply", io::ply::write::gaussians(&one_splat()));
+    let given = "--out r --format exr --alpha --depth --antialiased --size 64x64 --near 0.1 --device 0 --debug-sync";
+    place.done(&format!("render splats.ply first {given}"));
+    place.done("render splats.ply first --out r --force --format png --background 0.2,0.5,1 --size 32x32");
+    let untried: Vec<String> = options(&place, "render").into_keys().filter(|name| !given.contains(name)).collect();
+    assert_eq!(untried, ["background", "force", "help"]);
+
     for name in ["a.png", "b.png"] {
         image::RgbImage::from_fn(40, 32, |x, y| image::Rgb([x as u8, y as u8, 9])).save(place.path(name)).unwrap();
     }
@@ -168,6 +177,17 @@ fn every_option_of_the_help_is_accepted() {
     // What needs the weights of VGG16 is tried where they are at hand.
     for (option, values) in [("background", &["black", "white"][..]), ("lpips", &["alex", "none"])] {
         values.iter().for_each(|value| drop(place.done(&format!("metrics a.png b.png --{option} {value}"))));
+    }
+}
+
+fn one_splat() -> Gaussians {
+    Gaussians {
+        centres: vec![DVec3::ZERO],
+        log_scales: vec![[-1.0; 3]],
+        rotations: vec![[1.0, 0.0, 0.0, 0.0]],
+        opacities: vec![2.0],
+        degree: 0,
+        harmonics: vec![0.5; 3],
     }
 }
 

@@ -24,6 +24,7 @@ mod options;
 mod plan;
 mod progress;
 mod proxy;
+mod render;
 mod score;
 mod select;
 mod train;
@@ -59,6 +60,8 @@ enum Command {
     Train(Box<train::Arguments>),
     /// Make a coarse surface from posed photos, without any points
     Proxy(proxy::Arguments),
+    /// Render trained splats, of whatever program, from given cameras
+    Render(render::Arguments),
     /// List every Vulkan device, what it has and what it lacks
     Devices,
     /// Plan two scenes of our own: an object (50 views) and a furnished room (300 views)
@@ -85,6 +88,7 @@ pub fn main() -> ExitCode {
         Command::Metrics(arguments) => metrics::run(&arguments),
         Command::Train(arguments) => train::run(&arguments),
         Command::Proxy(arguments) => proxy::run(&arguments),
+        Command::Render(arguments) => render::run(&arguments),
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Vdsf(arguments) => vdsf::run(&arguments),

@@ -31,42 +31,47 @@ pub fn stop_on_interrupt() -> Result<()> {
     .map_err(|e| Error::request(format!("Ctrl-C cannot be watched for: {e}")))
 }
 
-/// Whether the user has asked to stop.
-pub fn stopped() -> bool {
-    STOP.load(Ordering::SeqCst)
-}
-
 /// Time between two lines of progress where there is no terminal.
 const BETWEEN_LINES: Duration = Duration::from_secs(10);
 
 /// A bar that follows a run; without a terminal, a line as soon as iterations run and then one every ten seconds.
 pub struct Progress {
     bar: ProgressBar,
+    unit: &'static str,
     told: Cell<Option<Instant>>,
 }
 
 impl Progress {
-    /// A bar for so many iterations.
+    /// A bar for so many iterations of a plan.
     pub fn new(iterations: u32) -> Self {
-        let bar = ProgressBar::new(u64::from(iterations));
+        Self::over("planning", iterations, "iterations")
+    }
+
+    /// A bar for so many units of what is being done.
+    pub fn over(doing: &'static str, all: u32, unit: &'static str) -> Self {
+        let bar = ProgressBar::new(u64::from(all));
         let style = ProgressStyle::with_template("{msg:10} {wide_bar} {pos}/{len} {per_sec}, {eta} left");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        bar.set_message("planning");
-        Self { bar, told: Cell::default() }
+        bar.set_message(doing);
+        Self { bar, unit, told: Cell::default() }
+    }
+
+    /// Takes note that so many units are done and says whether to go on.
+    pub fn advance(&self, done: u32, all: u32) -> ControlFlow<()> {
+        self.bar.set_length(u64::from(all));
+        self.bar.set_position(u64::from(done));
+        let due = self.told.get().is_none_or(|told| told.elapsed() >= BETWEEN_LINES);
+        if self.bar.is_hidden() && done > 0 && done < all && due {
+            say!("running  {done} of {all} {}", self.unit);
+            self.told.set(Some(Instant::now()));
+        }
+        go_on()
     }
 
     /// Takes note of an event and says whether to go on.
     pub fn observe(&self, event: Event) -> ControlFlow<()> {
         match event {
-            Event::Iterations(done, all) => {
-                self.bar.set_length(u64::from(all));
-                self.bar.set_position(u64::from(done));
-                let due = self.told.get().is_none_or(|told| told.elapsed() >= BETWEEN_LINES);
-                if self.bar.is_hidden() && done > 0 && done < all && due {
-                    say!("running  {done} of {all} iterations");
-                    self.told.set(Some(Instant::now()));
-                }
-            }
+            Event::Iterations(done, all) => return self.advance(done, all),
             Event::Captured(path) => self.bar.suspend(|| say!("capture  {}", path.display())),
             Event::Scoring => {
                 self.bar.set_style(
@@ -75,11 +80,16 @@ impl Progress {
                 self.bar.set_message("scoring");
             }
         }
-        if stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        go_on()
     }
 
     /// Takes the bar away.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }
+}
+
+/// Whether the user has not asked to stop.
+pub fn go_on() -> ControlFlow<()> {
+    if STOP.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }

@@ -11,14 +11,16 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::options::{DeviceOptions, print_messages};
-use super::progress::{stop_on_interrupt, stopped};
+use super::progress::{go_on, stop_on_interrupt};
 use crate::gaussians::config::{Background, Config, Strategy};
+use crate::gaussians::evaluate::Pair;
 use crate::gaussians::job::{CHECKPOINT, Event, MODEL, Request, Run};
 use crate::gaussians::record::{Evaluation, Quality, Status, TrainRecord};
 use crate::gaussians::split::{Split, Test};
 use crate::io;
 use crate::io::folder::{OutputFolder, check_file, write_files};
 use crate::io::photos::{Images, Options};
+use crate::report::training::{self, Comparison};
 use crate::vulkan::Context;
 use crate::vulkan::profile::Profile;
 use crate::{Error, Result};
@@ -156,7 +158,6 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     view.bar.finish_and_clear();
     let record = record?;
     print_messages(&context);
-    view.write(&record, &[])?;
     if let (Some(file), Some(profile)) = (&arguments.trace, &profile) {
         write_files(&[(file, profile.trace().as_bytes())])?;
     }
@@ -261,18 +262,29 @@ impl Watch {
                 }
             }
         }
-        if stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        go_on()
     }
 
     fn line(&self, text: &str) {
         self.bar.suspend(|| say!("{text}"));
     }
 
-    /// Writes the record.
-    fn write(&self, record: &TrainRecord, _worst: &[(String, crate::gaussians::evaluate::Pair)]) -> Result<()> {
+    /// Writes the record and the report.
+    fn write<'w>(&self, record: &TrainRecord, worst: &'w [(String, Pair)]) -> Result<()> {
         let json = serde_json::to_string_pretty(record)
             .map_err(|e| Error::input(&self.folder, format!("train.json cannot be written: {e}")))?;
-        write_files(&[(&self.folder.join("train.json"), json.as_bytes())])
+        let comparison = |(name, pair): &'w (String, Pair)| Comparison {
+            name,
+            width: pair.width,
+            height: pair.height,
+            rendered: &pair.rendered,
+            reference: &pair.reference,
+        };
+        let page = training::html(record, &worst.iter().map(comparison).collect::<Vec<_>>())?;
+        write_files(&[
+            (&self.folder.join("train.json"), json.as_bytes()),
+            (&self.folder.join("report.html"), page.as_bytes()),
+        ])
     }
 }
 
@@ -300,4 +312,5 @@ fn print(record: &TrainRecord, folder: &Path) {
         say!("test     {} views: {}", last.views, text(&last.quality));
     }
     say!("model    {}", folder.join(MODEL).display());
+    say!("report   {}", folder.join("report.html").display());
 }

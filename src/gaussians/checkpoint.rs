@@ -194,12 +194,14 @@ fn option_of(key: &str) -> Option<&'static str> {
 mod tests {
     use std::io::Write as _;
 
+    use super::super::record::Quality;
     use super::*;
 
     fn checkpoint() -> Checkpoint {
         let mut config = Config::new(100, 8);
         config.degree = 0;
         let values = planes(0) * 3;
+        let quality = Quality { psnr: f64::INFINITY, ssim: 1.0, lpips: None };
         let plane = |k: usize| (0..values).map(|i| (i * (k + 1)) as f32 * 0.1).collect();
         Checkpoint {
             header: Header {
@@ -207,7 +209,8 @@ mod tests {
                 input: Input { photos: 5, cameras: 7, shrink: 1, start: 3 },
                 done: 2,
                 population: 3,
-                evaluations: vec![Evaluation { iteration: 1, views: 2, ..Evaluation::default() }],
+                // Black photos of nothing are the same as black pictures.
+                evaluations: vec![Evaluation { iteration: 1, views: 2, quality }],
             },
             history: (0..2).map(|i| Record { l1: 0.5, ssim: 0.25, squared: 0.1, instances: i, splats: 3 }).collect(),
             state: State { done: 2, population: 3, planes: [plane(0), plane(1), plane(2)], statistics: Vec::new() },

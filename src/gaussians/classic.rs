@@ -111,10 +111,10 @@ impl Classic {
         })
     }
 
-    fn push(&self, model: &Model, planes: usize, [seed, iteration]: [u64; 2], removes_wide: bool) -> DensityPush {
+    fn push(&self, model: &Model, [seed, iteration]: [u64; 2], removes_wide: bool) -> DensityPush {
         DensityPush {
             stride: model.stride,
-            planes: planes as u32,
+            planes: model.planes,
             seed: [seed as u32, (seed >> 32) as u32],
             iteration: iteration as u32,
             coarse: COARSE,
@@ -134,11 +134,10 @@ impl Classic {
         control: &'a Buffer,
         model: &'a Model,
         moments: &'a Moments,
-        planes: usize,
         keys: [u64; 2],
         removes_wide: bool,
     ) -> Result<()> {
-        let push = self.push(model, planes, keys, removes_wide);
+        let push = self.push(model, keys, removes_wide);
         let (marked, counted) = (self.budget.div_ceil(64), self.budget.div_ceil(256));
         let Self { children, child_ranks, hole_flags, hole_ranks, totals, slots, .. } = self;
         commands
@@ -182,7 +181,7 @@ impl Classic {
         commands
             .stage(&self.reset)
             .bind(&[control, &model.population, &model.parameters, &moments.first, &moments.second])
-            .push(&self.push(model, 0, [0; 2], false))
+            .push(&self.push(model, [0; 2], false))
             .linear(self.budget.div_ceil(256));
     }
 }

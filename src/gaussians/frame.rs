@@ -23,12 +23,13 @@ pub struct Frame {
 
 impl Frame {
     /// The frame of training cameras. The extent is 1.1 times the largest distance of a camera from their mean; of cameras
-    /// that stand in one place it is the distance to the middle of the points, and 1 where there are none either.
+    /// that stand in one place it is the distance to the middle of the points, or the points' radius where that is larger, and 1
+    /// where there are none either.
     pub fn new(cameras: &[Camera], points: &[DVec3]) -> Self {
         let positions = || cameras.iter().map(|camera| camera.pose.position);
         let centre = positions().sum::<DVec3>() / cameras.len().max(1) as f64;
         let widest = positions().map(|position| position.distance(centre)).fold(0.0, f64::max);
-        let away = volume::around_points(points).map_or(0.0, |ball| ball.centre.distance(centre));
+        let away = volume::around_points(points).map_or(0.0, |ball| ball.centre.distance(centre).max(ball.radius));
         let zero = 1e-9 * centre.length();
         // Of a smaller extent, the points would lie where the device's numbers are too coarse.
         let extent = match (widest > zero.max(1e-6 * away), away > zero) {
@@ -196,6 +197,9 @@ mod tests {
             assert!((Frame::new(&cameras, &points).extent() - 4.0).abs() < 1e-6);
             assert_eq!(Frame::new(&cameras, &[]).extent(), 1.0);
             assert_eq!(Frame::new(&cameras, &[cameras[0].pose.position]).extent(), 1.0);
+            // In the very middle of the points.
+            let about: Vec<DVec3> = [2.0, -2.0].map(|x| place + DVec3::new(x, 0.0, 0.0)).to_vec();
+            assert!((Frame::new(&cameras, &about).extent() - 2.0).abs() < 1e-6);
         }
         assert_eq!(Frame::new(&[], &[]).to_training, Similarity::IDENTITY);
     }

@@ -120,14 +120,13 @@ impl Mcmc {
         control: &'a Buffer,
         model: &'a Model,
         moments: &'a Moments,
-        planes: usize,
         before: u32,
         [seed, iteration]: [u64; 2],
     ) -> Result<()> {
         let after = grown(before, self.budget);
         let push = McmcPush {
             stride: model.stride,
-            planes: planes as u32,
+            planes: model.planes,
             before,
             after,
             seed: [seed as u32, (seed >> 32) as u32],

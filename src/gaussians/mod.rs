@@ -12,6 +12,7 @@ pub mod mcmc;
 pub mod pictures;
 pub mod rasterizer;
 pub mod record;
+pub mod render;
 pub mod renderer;
 pub mod split;
 pub mod start;

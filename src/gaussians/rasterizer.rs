@@ -79,6 +79,8 @@ pub struct Model {
     pub population: Buffer,
     /// From one plane to the next.
     pub stride: u32,
+    /// Planes.
+    pub planes: u32,
 }
 
 /// Instances in the order of their tiles, as the forward pass left them.

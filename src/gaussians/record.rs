@@ -1,6 +1,6 @@
 //! What a training run leaves behind: the contents of `train.json`, from which the report is drawn as well.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::config::Config;
 
@@ -53,12 +53,18 @@ pub struct CurvePoint {
 /// Image metrics, in the mean over test views or of one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
-    /// PSNR in decibels, of 8-bit values.
+    /// PSNR in decibels, of 8-bit values; infinite, `null` in JSON, where the pictures are the same.
+    #[serde(deserialize_with = "or_infinite")]
     pub psnr: f64,
     /// SSIM, of 8-bit values.
     pub ssim: f64,
     /// LPIPS with AlexNet; absent where it was not measured.
     pub lpips: Option<f64>,
+}
+
+/// A number, or infinity for `null`.
+fn or_infinite<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
 }
 
 /// Metrics of the test views at an iteration.

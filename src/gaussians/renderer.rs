@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use super::frame::View;
 use super::layout::{self, PassPush};
-use super::rasterizer::{Model, Rasterizer, Size, Sizes, Wanted};
+use super::rasterizer::{self, Model, Rasterizer, Size, Sizes, Wanted};
 use crate::scene::gaussians::Gaussians;
+use crate::vulkan::footprint::Footprint;
 use crate::vulkan::{Buffer, Context, Recorder};
 use crate::{Error, Result};
 
@@ -21,6 +22,26 @@ pub struct Rendering {
     /// Sum of depths as the colours are summed, in the frame's units; the expected depth is this over alpha. Empty where it
     /// was not asked for.
     pub depths: Vec<f32>,
+}
+
+impl Rendering {
+    /// Of a picture over black: sRGB colours that are not multiplied by alpha, and alpha. Zero where nothing is seen.
+    pub fn straight(&self) -> Vec<[f32; 4]> {
+        let straight = |&[r, g, b, left]: &[f32; 4]| match 1.0 - left {
+            alpha if alpha > 0.0 => [r / alpha, g / alpha, b / alpha, alpha],
+            _ => [0.0; 4],
+        };
+        self.pixels.iter().map(straight).collect()
+    }
+
+    /// Expected depths along the optical axis, in units of which the frame's has `unit`. Zero where nothing is seen.
+    pub fn expected_depths(&self, unit: f64) -> Vec<f32> {
+        let expected = |(sum, pixel): (&f32, &[f32; 4])| match 1.0 - pixel[3] {
+            alpha if alpha > 0.0 => (unit * f64::from(*sum) / f64::from(alpha)) as f32,
+            _ => 0.0,
+        };
+        self.depths.iter().zip(&self.pixels).map(expected).collect()
+    }
 }
 
 /// Gaussians on the device, and what makes pictures of them.
@@ -46,6 +67,8 @@ impl Renderer {
         }
         let room = count.saturating_mul(4).clamp(1 << 16, 1 << 28);
         let sizes = Sizes { gaussians: count, room, pixels: largest.pixels(), tiles: largest.tiles() };
+        let bytes = 4 * layout::planes(gaussians.degree) as u64 * u64::from(count);
+        check(context, sizes, wanted, &[("parameters", bytes)])?;
         let planes = layout::to_planes(gaussians, gaussians.degree, count as usize);
         Ok(Self {
             context: context.clone(),
@@ -53,6 +76,7 @@ impl Renderer {
                 parameters: Buffer::from_slice(context, "parameters", &planes)?,
                 population: Buffer::from_slice(context, "population", &[count])?,
                 stride: count,
+                planes: layout::planes(gaussians.degree) as u32,
             },
             rasterizer: Rasterizer::new(context, sizes, wanted)?,
             view: Buffer::device(context, "view", size_of::<View>() as u64)?,
@@ -84,6 +108,7 @@ impl Renderer {
             let needed = self.rasterizer.counts.download::<u32>(1)?[0];
             if needed > room {
                 let sizes = Sizes { room: room_for(needed, room)?, ..sizes };
+                check(&self.context, sizes, self.wanted, &[])?;
                 self.rasterizer = Rasterizer::new(&self.context, sizes, self.wanted)?;
                 continue;
             }
@@ -97,6 +122,18 @@ impl Renderer {
             });
         }
     }
+}
+
+/// Checks that the device has the memory for pictures, beside `more` buffers.
+fn check(context: &Context, sizes: Sizes, wanted: Wanted, more: &[(&'static str, u64)]) -> Result<()> {
+    let buffers = [rasterizer::footprint(context, &sizes, wanted).as_slice(), more].concat();
+    // Both stand for what a sort and a scan take in all.
+    let footprint = Footprint { buffers, several: &["sort", "scan"] };
+    footprint.check(context, "the picture", |name| match name {
+        "picture" | "ends" | "tile_ends" | "ranges" | "depths" => "make smaller pictures or take a larger device",
+        "parameters" | "projected" => "take fewer splats or a larger device",
+        _ => "take fewer splats, smaller pictures or a larger device",
+    })
 }
 
 /// Room for so many instances and half as many more.

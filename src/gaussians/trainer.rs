@@ -145,6 +145,7 @@ impl Trainer {
             parameters: plane_buffer("parameters")?,
             population: Buffer::from_slice(context, "population", &[population])?,
             stride,
+            planes: planes as u32,
         };
         model.parameters.upload(&layout::to_planes(start, config.degree, stride as usize))?;
         let moments = Moments {
@@ -388,15 +389,15 @@ impl Trainer {
     /// Records the refinement that follows an iteration.
     fn record_refinement<'a>(&'a self, commands: &mut Recorder<'a>, iteration: u32) -> Result<()> {
         let Self { model, moments, ledger, .. } = self;
-        let (keys, planes) = ([self.config.seed, u64::from(iteration)], self.planes());
+        let keys = [self.config.seed, u64::from(iteration)];
         match &self.density {
             Density::Mcmc(mcmc) => {
                 let before = self.budgeted(iteration);
-                mcmc.record(commands, &ledger.control, model, moments, planes, before, keys)
+                mcmc.record(commands, &ledger.control, model, moments, before, keys)
             }
             Density::Classic(classic) => {
                 let removes_wide = iteration >= self.schedule.reset_every;
-                classic.record(commands, &ledger.control, model, moments, planes, keys, removes_wide)
+                classic.record(commands, &ledger.control, model, moments, keys, removes_wide)
             }
         }
     }

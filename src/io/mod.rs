@@ -15,7 +15,8 @@
 //! | plan.json | | [`plan_json`] |
 //!
 //! Trained splats are also read as what they are, for rendering: [`read_gaussians_with_notes`].
-//! [`photos`] reads captures: cameras with their lenses, images and masks, and the points of a reconstruction.
+//! [`photos`] reads captures: cameras with their lenses, images and masks, and the points of a reconstruction. [`picture`] writes
+//! rendered pictures.
 
 mod binary;
 mod checks;
@@ -26,6 +27,7 @@ pub mod gltf;
 mod matrix;
 pub mod obj;
 pub mod photos;
+pub mod picture;
 pub mod plan_json;
 pub mod ply;
 pub mod transforms;

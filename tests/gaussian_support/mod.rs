@@ -154,6 +154,7 @@ pub fn pass(
         parameters: Buffer::from_slice(context, "parameters", &planes)?,
         population: Buffer::from_slice(context, "population", &[count])?,
         stride,
+        planes: layout::planes(gaussians.degree) as u32,
     };
     let moments = Moments {
         first: Buffer::from_slice(context, "first", &zeros)?,
