@@ -5,6 +5,7 @@ mod gaussian_support;
 use camsplat::Result;
 use camsplat::gaussians::frame::View;
 use camsplat::gaussians::layout;
+use camsplat::gaussians::rasterizer::Wanted;
 use camsplat::gaussians::twin;
 use camsplat::scene::gaussians::Gaussians;
 use gaussian_support::{Pass, context, pass, photo, scene, silent, twin_view, view};
@@ -79,6 +80,10 @@ fn compare(name: &str, gaussians: &Gaussians, view: View, antialiased: bool, pas
     }
 }
 
+fn wanted(antialiased: bool) -> Wanted {
+    Wanted { antialiased, depths: true, gradients: true, fast: false }
+}
+
 /// Every gradient of the trainer comes from these stages: a wrong sign or factor still descends, only badly.
 #[test]
 fn stages_agree_with_the_twin_over_odd_scenes() -> Result<()> {
@@ -95,8 +100,85 @@ fn stages_agree_with_the_twin_over_odd_scenes() -> Result<()> {
         let gaussians = scene(seed as u64, count, degree);
         let view = view(width, height);
         let photo = photo(seed as u64, &view);
-        let pass = pass(&context, &gaussians, view, &photo, BACKGROUND, antialiased, 1 << 17)?;
+        let pass = pass(&context, &gaussians, view, &photo, BACKGROUND, wanted(antialiased), 1 << 17)?;
         compare(name, &gaussians, view, antialiased, &pass, &photo);
+    }
+    silent(&context);
+    Ok(())
+}
+
+/// The fast way must differ in the order of its sums alone.
+#[test]
+fn the_fast_way_sums_the_same() -> Result<()> {
+    let context = context()?;
+    if !context.physical().atomic_floats {
+        eprintln!("skipped: {} adds no floats atomically", context.physical().name);
+        return Ok(());
+    }
+    let (gaussians, view) = (scene(7, 500, 1), view(70, 50));
+    let photo = photo(7, &view);
+    let pass = pass(&context, &gaussians, view, &photo, BACKGROUND, Wanted { fast: true, ..wanted(true) }, 1 << 17)?;
+    compare("fast", &gaussians, view, true, &pass, &photo);
+    silent(&context);
+    Ok(())
+}
+
+/// On lavapipe all loops of one invocation together end silently after 65,535 rounds, and lists of tiles are cut into blocks:
+/// what lies behind either bound must count like the rest.
+#[test]
+fn a_tile_takes_more_splats_than_a_loop_may_have_rounds() -> Result<()> {
+    let context = context()?;
+    let count = 70_000;
+    let faint = Gaussians {
+        // All in one place for the camera, one behind the other, the last one red and dense.
+        centres: (0..count).map(|i| DVec3::new(0.0, 0.0, f64::from(i) * 1e-5)).collect(),
+        log_scales: (0..count).map(|i| if i + 1 == count { [-0.5; 3] } else { [-3.0; 3] }).collect(),
+        rotations: vec![[1.0, 0.0, 0.0, 0.0]; count as usize],
+        // Between four pixels, too faint to reach one of their centres: the tile is reached, the light goes on.
+        opacities: (0..count).map(|i| if i + 1 == count { 4.0 } else { -5.52 }).collect(),
+        degree: 0,
+        harmonics: (0..count).flat_map(|i| if i + 1 == count { [1.7, -1.7, -1.7] } else { [0.0; 3] }).collect(),
+    };
+    let view = View {
+        row_x: [1.0, 0.0, 0.0, 0.0],
+        row_y: [0.0, 1.0, 0.0, 0.0],
+        row_z: [0.0, 0.0, 1.0, 3.0],
+        position: [0.0, 0.0, -3.0],
+        near: 0.01,
+        focal: [40.0; 2],
+        principal: [8.0; 2],
+        width: 16,
+        height: 16,
+        ..View::default()
+    };
+    let photo = photo(1, &view);
+    let pass = pass(&context, &faint, view, &photo, [0.0; 3], wanted(false), 1 << 17)?;
+    assert_eq!(pass.instances, count, "every splat is on the one tile");
+    let red = pass.picture.iter().map(|pixel| pixel[0]).fold(0.0, f32::max);
+    assert!(red > 0.9, "the last splat is not seen: {red}");
+    let by_red = pass.gradients[11 * count as usize..][..count as usize].last();
+    assert!(by_red.is_some_and(|g| *g != 0.0), "the last splat has no gradient");
+    silent(&context);
+    Ok(())
+}
+
+/// If this failed, a model that dies on the way, or a view into nothing, would end in rubbish.
+#[test]
+fn nothing_to_see_is_the_background() -> Result<()> {
+    let context = context()?;
+    let view = view(33, 21);
+    let photo = photo(3, &view);
+    let mut behind = scene(3, 40, 0);
+    behind.centres.iter_mut().for_each(|centre| *centre -= 100.0 * DVec3::from(view.position.map(f64::from)));
+    behind.centres.iter_mut().for_each(|centre| *centre = -*centre);
+    let broken = Gaussians { rotations: vec![[0.0; 4]; 40], opacities: vec![f32::NAN; 40], ..scene(3, 40, 0) };
+    for (name, gaussians) in [("none", Gaussians::default()), ("behind", behind), ("broken", broken)] {
+        let pass = pass(&context, &gaussians, view, &photo, BACKGROUND, wanted(false), 1 << 12)?;
+        assert_eq!(pass.instances, 0, "{name}");
+        let is_background = |p: &[f32; 4]| *p == [BACKGROUND[0], BACKGROUND[1], BACKGROUND[2], 1.0];
+        assert!(pass.picture.iter().all(is_background), "{name}: {:?}", pass.picture[0]);
+        let shapes = pass.gradients.len() / layout::planes(0) * layout::OPACITY;
+        assert!(pass.gradients[..shapes].iter().all(|g| *g == 0.0), "{name}");
     }
     silent(&context);
     Ok(())

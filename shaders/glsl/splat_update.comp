@@ -7,9 +7,12 @@
 #include "shared/random.glsl"
 #include "shared/harmonics.glsl"
 #include "shared/gaussian.glsl"
+#include "shared/sums.glsl"
 layout(local_size_x = 64) in;
 // Whether the classic densification wants the length of the gradient by the mean.
 layout(constant_id = 1) const uint STATISTICS = 0;
+// Whether the backward pass has summed the instances already, by atomic additions.
+layout(constant_id = 2) const uint SUMMED = 0;
 
 layout(push_constant) uniform Push {
     uint stride;
@@ -45,7 +48,6 @@ layout(binding = 8, std430) buffer Second { float second[]; };
 // Sum over views of the length of the gradient by the mean, for a picture two units wide and high; and how many views.
 layout(binding = 9, std430) buffer Statistics { vec2 statistics[]; };
 
-const uint SUMS = 9;
 // Instances that a thread sums by itself.
 const uint FEW = 32;
 const uint NOISE_STREAM = 0x47000000u;
@@ -190,7 +192,12 @@ void main() {
     if (control[0] != 0) return;
     bool alive = i < count, seen = alive && projected[alive ? i : 0].opacity > 0.0;
     uvec2 run = seen ? runs[i] : uvec2(0);
-    float sum[SUMS] = gathered(run);
+    float sum[SUMS];
+    if (SUMMED == 0) {
+        sum = gathered(run);
+    } else if (run.y > 0) {
+        [[unroll]] for (uint c = 0; c < SUMS; ++c) sum[c] = partials[SUMS * i + c];
+    }
     if (!alive) return;
 
     View camera = views[view];

@@ -51,6 +51,9 @@ pub struct Arguments {
     /// Fade splats by what the pixel's low-pass widens (for pictures at several scales)
     #[arg(long)]
     antialiased: bool,
+    /// Sum gradients by atomic additions, in whatever order they come: no two runs are the same
+    #[arg(long)]
+    fast: bool,
     /// Opacity of splats at the start [default: 0.5, classic 0.1]
     #[arg(long)]
     first_opacity: Option<f64>,
@@ -178,6 +181,7 @@ fn configuration(arguments: &Arguments) -> Config {
     Config {
         degree: arguments.sh,
         antialiased: arguments.antialiased,
+        fast: arguments.fast,
         seed: arguments.seed,
         first_opacity: arguments.first_opacity.unwrap_or(config.first_opacity),
         first_scale: arguments.first_scale.unwrap_or(config.first_scale),

@@ -184,6 +184,7 @@ fn option_of(key: &str) -> Option<&'static str> {
         "antialiased" => "--antialiased",
         "first_opacity" => "--first-opacity",
         "first_scale" => "--first-scale",
+        "fast" => "--fast",
         "seed" => "--seed",
         "shrink" => "--shrink",
         _ => return None,

@@ -42,6 +42,8 @@ pub struct Config {
     pub background: Background,
     /// Opacities reduced by what the low-pass widens.
     pub antialiased: bool,
+    /// Gradients summed by atomic additions of floats: no two runs are the same.
+    pub fast: bool,
     /// Seed of every random draw.
     pub seed: u64,
     /// Opacity at the start.
@@ -78,6 +80,7 @@ impl Config {
             degree: MOST_DEGREE,
             background: Background::Black,
             antialiased: false,
+            fast: false,
             seed: 0,
             first_opacity: 0.5,
             first_scale: 0.1,

@@ -167,8 +167,12 @@ impl Run {
             trainer.restore(&state, &history)?;
             course.record.evaluations = header.evaluations;
         }
-        course.train(&mut trainer, &mut profile, observe)?;
-        Ok(course.record)
+        let trained = course.train(&mut trainer, &mut profile, observe);
+        if trained.is_err() {
+            course.record.status = Status::Failed;
+            let _ = observe(Event::Report(&course.record, &course.worst));
+        }
+        trained.map(|()| course.record)
     }
 
     /// CRC-32 of the training photos' names, sizes and cameras.

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use super::frame::View;
 use super::layout::{BLOCK, PassPush, Projected, SUMS, TILE};
-use crate::Result;
 use crate::primitives::{Count, RadixSort, Scan};
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::{Error, Result};
 
 crate::stage!(
     /// Every Gaussian as a view sees it.
@@ -47,6 +47,14 @@ crate::stage!(
     } with [View, Projected]
 );
 
+crate::stage!(
+    /// The same, summed into the Gaussians at once by atomic additions of floats.
+    pub SPLAT_BACKWARD_FAST = splat_backward_fast(PassPush) {
+        read views, read projected, read counts, read instance_splats, read tile_keys, read tile_instances, read ranges,
+        read picture, read ends, read tile_ends, read checkpoints, read by_pixel, write partials,
+    } with [View, Projected]
+);
+
 /// How large pictures and models can be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
@@ -69,6 +77,8 @@ pub struct Wanted {
     pub depths: bool,
     /// Gradients afterwards.
     pub gradients: bool,
+    /// Gradients summed by atomic additions of floats, in whatever order they come: no two runs are the same.
+    pub fast: bool,
 }
 
 /// Gaussians on the device.
@@ -119,6 +129,7 @@ pub struct Rasterizer {
     ranges: Pipeline,
     forward: Pipeline,
     backward: Pipeline,
+    fast: bool,
     scan: Scan,
     sort: RadixSort,
     sizes: Sizes,
@@ -143,7 +154,7 @@ pub struct Rasterizer {
     pub picture: Buffer,
     /// Sums of depths per pixel, where they are wanted.
     pub depths: Buffer,
-    /// Sums of each instance in the order of emission, where gradients are wanted.
+    /// Sums of each instance in the order of emission, or of each Gaussian in the fast way, where gradients are wanted.
     pub partials: Buffer,
 }
 
@@ -170,7 +181,7 @@ pub fn footprint(context: &Context, sizes: &Sizes, wanted: Wanted) -> Vec<(&'sta
         // The forward pass writes them in any case.
         ("checkpoints", checkpoints),
         ("depths", only(wanted.depths, 4 * pixels)),
-        ("partials", only(wanted.gradients, 4 * SUMS * room)),
+        ("partials", only(wanted.gradients, 4 * SUMS * if wanted.fast { gaussians } else { room })),
         ("sort", RadixSort::footprint(context, sizes.gaussians.max(sizes.room))),
         ("scan", Scan::footprint(sizes.gaussians)),
     ]
@@ -195,13 +206,19 @@ impl Rasterizer {
         let antialiased = u32::from(wanted.antialiased);
         let pipeline = |stage| Pipeline::new(context, stage, &[antialiased]);
         let threads = threads(context);
+        if wanted.fast && !context.physical().atomic_floats {
+            let name = &context.physical().name;
+            return Err(Error::request(format!("{name} adds no floats atomically; train without --fast")));
+        }
+        let backward = if wanted.fast { &SPLAT_BACKWARD_FAST } else { &SPLAT_BACKWARD };
         Ok(Self {
             project: pipeline(&SPLAT_PROJECT)?,
             count: pipeline(&SPLAT_COUNT)?,
             emit: pipeline(&SPLAT_EMIT)?,
             ranges: pipeline(&SPLAT_RANGES)?,
             forward: Pipeline::new(context, &SPLAT_FORWARD, &[antialiased, threads, u32::from(wanted.depths)])?,
-            backward: Pipeline::new(context, &SPLAT_BACKWARD, &[antialiased, threads])?,
+            backward: Pipeline::new(context, backward, &[antialiased, threads])?,
+            fast: wanted.fast,
             scan: Scan::new(context, sizes.gaussians)?,
             sort: RadixSort::new(context, sizes.gaussians.max(sizes.room))?,
             sizes,
@@ -311,6 +328,9 @@ impl Rasterizer {
         by_pixel: &'a Buffer,
         push: &PassPush,
     ) {
+        if self.fast {
+            commands.fill(&self.partials, 0);
+        }
         commands
             .stage(&self.backward)
             .bind(&[

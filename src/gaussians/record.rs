@@ -12,6 +12,8 @@ pub enum Status {
     Running,
     /// The user stopped it; it can be resumed.
     Interrupted,
+    /// The device failed or ran out of memory; it can be resumed from its last checkpoint, if it has one.
+    Failed,
     /// All iterations ran.
     Complete,
 }

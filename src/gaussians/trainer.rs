@@ -92,7 +92,7 @@ pub fn sizes(config: &Config, views: &[View], room: u32) -> Sizes {
 /// Long-lived buffers of a run by name and bytes, but for the photos.
 pub fn footprint(context: &Context, config: &Config, sizes: &Sizes, views: usize) -> Vec<(&'static str, u64)> {
     let planes = 4 * layout::planes(config.degree) as u64 * u64::from(config.max_splats);
-    let wanted = Wanted { antialiased: config.antialiased, depths: false, gradients: true };
+    let wanted = wanted(config);
     let mut buffers = vec![
         ("parameters", planes),
         ("first", planes),
@@ -177,7 +177,7 @@ impl Trainer {
             moments,
             rasterizer: rasterizer(context, &config, sizes)?,
             loss: Loss::new(context, &sizes)?,
-            update: Update::new(context, config.antialiased, config.strategy == Strategy::Classic)?,
+            update: Update::new(context, wanted(&config), config.strategy == Strategy::Classic)?,
             density: match config.strategy {
                 Strategy::Mcmc => Density::Mcmc(Mcmc::new(context, config.max_splats)?),
                 Strategy::Classic => Density::Classic(Classic::new(context, config.max_splats)?),
@@ -506,6 +506,9 @@ impl Trainer {
 }
 
 fn rasterizer(context: &Arc<Context>, config: &Config, sizes: Sizes) -> Result<Rasterizer> {
-    let wanted = Wanted { antialiased: config.antialiased, depths: false, gradients: true };
-    Rasterizer::new(context, sizes, wanted)
+    Rasterizer::new(context, sizes, wanted(config))
+}
+
+fn wanted(config: &Config) -> Wanted {
+    Wanted { antialiased: config.antialiased, depths: false, gradients: true, fast: config.fast }
 }

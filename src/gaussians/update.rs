@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::frame::View;
 use super::layout::Projected;
-use super::rasterizer::{Model, Rasterizer};
+use super::rasterizer::{Model, Rasterizer, Wanted};
 use crate::Result;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
@@ -71,12 +71,12 @@ pub struct Update {
 }
 
 impl Update {
-    /// Compiles it, with or without statistics.
+    /// Compiles it, with or without statistics, for sums of instances or those of the fast way.
     ///
     /// # Errors
     /// Where the device fails.
-    pub fn new(context: &Arc<Context>, antialiased: bool, statistics: bool) -> Result<Self> {
-        let constants = [u32::from(antialiased), u32::from(statistics)];
+    pub fn new(context: &Arc<Context>, wanted: Wanted, statistics: bool) -> Result<Self> {
+        let constants = [u32::from(wanted.antialiased), u32::from(statistics), u32::from(wanted.fast)];
         Ok(Self { pipeline: Pipeline::new(context, &SPLAT_UPDATE, &constants)? })
     }
 

@@ -141,6 +141,7 @@ fn heading(record: &TrainRecord) -> String {
         Status::Interrupted => {
             format!(r#"<span class="badge warn">stopped after {}</span>"#, count(record.iterations))
         }
+        Status::Failed => format!(r#"<span class="badge warn">failed after {}</span>"#, count(record.iterations)),
     };
     let line = format!(
         "{}; {}; seed {}; camsplat {}",
@@ -165,6 +166,14 @@ fn heading(record: &TrainRecord) -> String {
         Status::Interrupted => (
             "notice",
             format!("The run was stopped after {}. This is its state then; it can be resumed.", progress(record)),
+        ),
+        Status::Failed => (
+            "notice",
+            format!(
+                "The device failed or its memory ran out, some time after {}. The run can be resumed from its last \
+                 checkpoint, where it has one.",
+                progress(record)
+            ),
         ),
     };
     let _ = write!(

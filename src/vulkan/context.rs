@@ -68,8 +68,17 @@ impl Context {
         if physical.memory_budget {
             extensions.push(ash::ext::memory_budget::NAME.as_ptr());
         }
-        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queue_info).enabled_extension_names(&extensions);
-        // SAFETY: the physical device belongs to this instance and lists every extension that is enabled.
+        let mut floats =
+            vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default().shader_buffer_float32_atomic_add(true);
+        if physical.atomic_floats {
+            extensions.push(ash::ext::shader_atomic_float::NAME.as_ptr());
+        }
+        let mut info =
+            vk::DeviceCreateInfo::default().queue_create_infos(&queue_info).enabled_extension_names(&extensions);
+        if physical.atomic_floats {
+            info = info.push_next(&mut floats);
+        }
+        // SAFETY: the physical device belongs to this instance and lists every extension and feature that is enabled.
         let device = unsafe { instance.raw.create_device(physical.raw, &info, None) }
             .map_err(|code| Error::Vulkan { what: "vkCreateDevice", code })?;
         // SAFETY: the device was made with one queue of this family.

@@ -47,6 +47,7 @@ impl Context {
         }
         physical.queue_family = queue_family;
         physical.memory_budget = false;
+        physical.atomic_floats = false;
         Self::assemble(Parts {
             instance,
             physical,

@@ -37,6 +37,8 @@ pub struct Physical {
     pub timestamp_period: f32,
     /// Bits of a timestamp that count.
     pub timestamp_bits: u32,
+    /// Whether shaders can add floats in buffers atomically.
+    pub atomic_floats: bool,
     /// What the engine needs and the device does not have; empty where it can be used.
     pub lacks: Vec<&'static str>,
     pub(super) queue_family: u32,
@@ -100,6 +102,13 @@ impl Physical {
                 && (4..=128).contains(&subgroup.subgroup_size),
             "subgroup ballots in compute",
         );
+        let mut floats = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default();
+        if has(ash::ext::shader_atomic_float::NAME) {
+            let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut floats);
+            // SAFETY: the device lists the extension whose struct is chained.
+            unsafe { instance.raw.get_physical_device_features2(raw, &mut features) };
+        }
+        let atomic_floats = floats.shader_buffer_float32_atomic_add == vk::TRUE;
         let bits = family.map_or(0, |family| families[family].timestamp_valid_bits);
         Self {
             raw,
@@ -126,6 +135,7 @@ impl Physical {
             groups_x: limits.max_compute_work_group_count[0],
             timestamp_period: if bits > 0 { limits.timestamp_period } else { 0.0 },
             timestamp_bits: bits,
+            atomic_floats,
             lacks,
             queue_family: family.unwrap_or(0) as u32,
             checkpoints: has(ash::nv::device_diagnostic_checkpoints::NAME),

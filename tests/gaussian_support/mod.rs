@@ -141,7 +141,7 @@ pub fn pass(
     view: View,
     photo: &[u32],
     background: [f32; 3],
-    antialiased: bool,
+    wanted: Wanted,
     room: u32,
 ) -> Result<Pass> {
     let size = Size { width: view.width, height: view.height };
@@ -167,10 +167,10 @@ pub fn pass(
         mailbox: Buffer::host(context, "mailbox", 16)?,
     };
     let views = Buffer::from_slice(context, "views", &[view])?;
-    let rasterizer = Rasterizer::new(context, sizes, Wanted { antialiased, depths: true, gradients: true })?;
+    let rasterizer = Rasterizer::new(context, sizes, wanted)?;
     let loss = Loss::new(context, &sizes)?;
     loss.photo.upload(photo)?;
-    let update = Update::new(context, antialiased, false)?;
+    let update = Update::new(context, wanted, false)?;
     let push = PassPush { stride, view: 0, degree: gaussians.degree, room, background, iteration: 0 };
     // Rates of zero leave the parameters; Adam's first mean is then a tenth of the gradient.
     let step = UpdatePush { stride, degree: gaussians.degree, ..UpdatePush::default() };

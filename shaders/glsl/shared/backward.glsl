@@ -1,0 +1,181 @@
+// The gradient of the loss by what each instance brings to its tile. A workgroup takes BLOCK instances
+// of the sorted list, whatever tiles they belong to, so that no tile is longer work than another; within a tile it goes on
+// from the checkpoint that the forward pass left.
+//
+// SPLATS instances at a time: first pixel by pixel, front to back, what each pixel says to each instance, into shared memory;
+// then instance by instance the sums over the pixels in its bounds, each in fixed order.
+//
+// With x = sum_j c_j a_j T_j + T_end * background and g = dL/dx: dL/da_k = T_k c_k.g - (x.g - sum_{j <= k} c_j.g a_j T_j)/(1 - a_k).
+//
+// Included after the push constants and `void leave(uint instance, uint value, float sum)`, which takes the sums of an instance,
+// by its place in the order of emission.
+
+layout(binding = 0, std430) readonly buffer Views { View views[]; };
+layout(binding = 1, std430) readonly buffer ProjectedBlock { Projected projected[]; };
+layout(binding = 2, std430) readonly buffer Counts { uint counts[]; };
+layout(binding = 4, std430) readonly buffer TileKeys { uint tile_keys[]; };
+layout(binding = 5, std430) readonly buffer TileInstances { uint tile_instances[]; };
+layout(binding = 6, std430) readonly buffer Ranges { uvec2 ranges[]; };
+layout(binding = 7, std430) readonly buffer Picture { vec4 picture[]; };
+layout(binding = 8, std430) readonly buffer Ends { uint ends[]; };
+layout(binding = 9, std430) readonly buffer TileEnds { uint tile_ends[]; };
+layout(binding = 10, std430) readonly buffer Checkpoints { vec4 checkpoints[]; };
+// dL/dx of each pixel.
+layout(binding = 11, std430) readonly buffer ByPixel { vec4 by_pixel[]; };
+
+const uint THREADS = gl_WorkGroupSize.x;
+const uint PIXELS = TILE_PIXELS / THREADS;
+const uint SPLATS = 8;
+// Pixels of a splat's row in shared memory, with what keeps rows out of one another's banks.
+const uint ROW = TILE_PIXELS + 4;
+// Parts that a sum over pixels is made of: every so many rows.
+const uint PARTS = 4;
+
+shared vec3 means[BLOCK];  // mean, opacity
+shared vec3 conics[BLOCK];
+shared vec3 colours[BLOCK];
+// Pixels inside of which alpha can count, in x and y: first in the lower half, one past the last in the upper.
+shared uvec2 bounds[BLOCK];
+shared float weights[SPLATS * ROW];
+shared float slopes[SPLATS * ROW];
+shared vec3 by_colour[TILE_PIXELS];
+shared float sums[SUMS * SPLATS * PARTS];
+
+// Pixel `k` of the tile at `corner`, from its centre.
+vec2 pixel_centre(uvec2 corner, uint k) {
+    return vec2(corner + uvec2(k % TILE, k / TILE)) + 0.5;
+}
+
+// Bounds of the ellipse on which alpha falls to its least value.
+uvec2 bounds_of(Projected splat) {
+    float level = 2.0 * log(splat.opacity / LEAST_ALPHA);
+    // A hundredth of a pixel for what rounding takes; pixel i has its centre at i + 0.5.
+    vec2 half_extent = sqrt(max(level * splat.conic.zx / splat.determinant, 0.0)) + 0.01;
+    uvec2 first = uvec2(clamp(ceil(splat.mean - half_extent - 0.5), 0.0, 65535.0));
+    uvec2 end = uvec2(clamp(floor(splat.mean + half_extent + 0.5), 0.0, 65535.0));
+    return first | end << 16;
+}
+
+// Bounds of instance `k` of the block within the tile at `corner`: first pixel, and one past the last.
+uvec4 within(uint k, uvec2 corner) {
+    uvec2 first = clamp(bounds[k] & 0xffffu, corner, corner + TILE), end = clamp(bounds[k] >> 16, corner, corner + TILE);
+    return uvec4(first - corner, max(first, end) - corner);
+}
+
+// Sums over a part of the pixels: of a splat's colour, or of its shape.
+void sum_part(uint item, uint from, uvec2 corner) {
+    uint s = item % SPLATS, part = item / SPLATS % PARTS, k = min(from + s, BLOCK - 1);
+    uvec4 inside = within(k, corner);
+    vec3 sum = vec3(0.0), more = vec3(0.0);
+    bool of_colour = item < SPLATS * PARTS;
+    // Two loops, of which one is empty: some devices walk through both sides of a branch.
+    for (uint y = inside.y + part; y < (of_colour ? inside.w : 0); y += PARTS) {
+        for (uint x = inside.x; x < inside.z; ++x) {
+            uint j = y * TILE + x;
+            sum += weights[s * ROW + j] * by_colour[j];
+        }
+    }
+    vec2 origin = vec2(corner) + 0.5 - means[k].xy;
+    for (uint y = inside.y + part; y < (of_colour ? 0 : inside.w); y += PARTS) {
+        for (uint x = inside.x; x < inside.z; ++x) {
+            vec2 d = origin + vec2(x, y);
+            float q = slopes[s * ROW + y * TILE + x];
+            sum += q * vec3(1.0, d);
+            more += q * vec3(d.x * d.x, d.x * d.y, d.y * d.y);
+        }
+    }
+    uint first = of_colour ? 0 : 3;
+    [[unroll]] for (uint c = 0; c < 3; ++c) {
+        sums[((first + c) * SPLATS + s) * PARTS + part] = sum[c];
+        if (!of_colour) sums[((6 + c) * SPLATS + s) * PARTS + part] = more[c];
+    }
+}
+
+void main() {
+    View camera = views[view];
+    uint thread = gl_LocalInvocationIndex, first = group_index() * BLOCK;
+    uint stop = min(first + BLOCK, min(counts[0], room));
+    if (first >= stop) return;
+    for (uint k = thread; k < BLOCK; k += THREADS) {
+        means[k] = conics[k] = colours[k] = vec3(0.0);
+        bounds[k] = uvec2(0);
+        if (first + k < stop) {
+            Projected splat = projected[instance_splats[tile_instances[first + k]]];
+            means[k] = vec3(splat.mean, splat.opacity);
+            conics[k] = splat.conic;
+            colours[k] = splat.colour;
+            bounds[k] = bounds_of(splat);
+        }
+    }
+    uint wide = tiles_of(camera).x;
+    for (uint begin = first, end; begin < stop; begin = end) {
+        uint tile = tile_keys[begin];
+        uvec2 range = ranges[tile], corner = TILE * uvec2(tile % wide, tile / wide);
+        end = min(stop, range.y);
+        uint used = clamp(tile_ends[tile], begin, end);
+        for (uint k = thread; k < SUMS * (end - used); k += THREADS) leave(tile_instances[used + k / SUMS], k % SUMS, 0.0);
+        if (used == begin) continue;
+
+        vec3 gradient[PIXELS];
+        float left[PIXELS], passed[PIXELS], all[PIXELS];
+        uint last[PIXELS];
+        barrier();
+        for (uint p = 0; p < PIXELS; ++p) {
+            uint k = p * THREADS + thread;
+            uvec2 pixel = corner + uvec2(k % TILE, k / TILE);
+            gradient[p] = vec3(0.0);
+            left[p] = 1.0;
+            passed[p] = all[p] = 0.0;
+            last[p] = 0;
+            if (pixel.x < camera.width && pixel.y < camera.height) {
+                uint texel = pixel.y * camera.width + pixel.x;
+                gradient[p] = by_pixel[texel].xyz;
+                last[p] = ends[texel];
+                all[p] = dot(gradient[p], picture[texel].xyz);
+                if (begin > range.x) {
+                    vec4 state = checkpoints[begin / BLOCK * TILE_PIXELS + k];
+                    passed[p] = dot(gradient[p], state.xyz);
+                    left[p] = state.w;
+                }
+            }
+            by_colour[k] = gradient[p];
+        }
+        barrier();
+        for (uint base = begin; base < used; base += SPLATS) {
+            uint from = base - first;
+            for (uint s = 0; s < SPLATS; ++s) {
+                uint instance = min(from + s, BLOCK - 1);
+                vec3 mean = means[instance], conic = conics[instance], colour = colours[instance];
+                uvec4 inside = within(instance, corner);
+                [[unroll]] for (uint p = 0; p < PIXELS; ++p) {
+                    uint k = p * THREADS + thread, x = k % TILE, y = k / TILE;
+                    if (x < inside.x || x >= inside.z || y < inside.y || y >= inside.w) continue;
+                    vec2 d = pixel_centre(corner, k) - mean.xy;
+                    float sigma = 0.5 * (conic.x * d.x * d.x + conic.z * d.y * d.y) + conic.y * d.x * d.y;
+                    float full = mean.z * exp(-sigma), alpha = min(MOST_ALPHA, full);
+                    float weight = 0.0, slope = 0.0;
+                    if (base + s < last[p] && sigma >= 0.0 && alpha >= LEAST_ALPHA) {
+                        float shade = dot(gradient[p], colour);
+                        weight = left[p] * alpha;
+                        passed[p] += weight * shade;
+                        float by_alpha = left[p] * shade - (all[p] - passed[p]) / (1.0 - alpha);
+                        slope = full <= MOST_ALPHA ? by_alpha * alpha : 0.0;
+                        left[p] *= 1.0 - alpha;
+                    }
+                    weights[s * ROW + k] = weight;
+                    slopes[s * ROW + k] = slope;
+                }
+            }
+            barrier();
+            for (uint item = thread; item < 2 * SPLATS * PARTS; item += THREADS) sum_part(item, from, corner);
+            barrier();
+            for (uint item = thread; item < SUMS * SPLATS; item += THREADS) {
+                uint s = item / SUMS, value = item % SUMS;
+                if (base + s >= used) continue;
+                float sum = 0.0;
+                [[unroll]] for (uint part = 0; part < PARTS; ++part) sum += sums[(value * SPLATS + s) * PARTS + part];
+                leave(tile_instances[base + s], value, sum);
+            }
+        }
+    }
+}
