@@ -4,10 +4,10 @@
 use std::sync::Arc;
 
 use super::mcmc::LEAST_OPACITY;
-use super::rasterizer::Model;
-use super::update::Moments;
+use super::rasterizer::{Model, Rasterizer};
+use super::update::Trained;
 use crate::Result;
-use crate::primitives::{Count, Scan};
+use crate::primitives::Count;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
@@ -63,50 +63,28 @@ const COARSE: f32 = 2e-4;
 const WIDE: f32 = 0.01;
 const TOO_WIDE: f32 = 0.1;
 
-/// Pipelines and buffers.
+/// The stages. Their lists are the rasterizer's scratch.
 pub struct Classic {
     mark: Pipeline,
     holes: Pipeline,
     grow: Pipeline,
     reset: Pipeline,
-    scan: Scan,
-    children: Buffer,
-    child_ranks: Buffer,
-    hole_flags: Buffer,
-    hole_ranks: Buffer,
     totals: Buffer,
-    slots: Buffer,
     budget: u32,
 }
 
-/// Buffers by name and bytes.
-pub fn footprint(budget: u32) -> Vec<(&'static str, u64)> {
-    let bytes = 4 * u64::from(budget);
-    let mut buffers: Vec<_> =
-        ["children", "child_ranks", "holes", "hole_ranks", "slots"].into_iter().map(|name| (name, bytes)).collect();
-    buffers.extend([("totals", 12), ("draws scan", Scan::footprint(budget))]);
-    buffers
-}
-
 impl Classic {
-    /// Makes room for `budget` Gaussians.
+    /// Compiles them for at most `budget` Gaussians.
     ///
     /// # Errors
-    /// Where the device has not that much memory, or fails.
+    /// Where the device fails.
     pub fn new(context: &Arc<Context>, budget: u32) -> Result<Self> {
-        let buffer = |name: &str| Buffer::device(context, name, 4 * u64::from(budget));
         Ok(Self {
             mark: Pipeline::new(context, &DENSITY_MARK, &[])?,
             holes: Pipeline::new(context, &DENSITY_HOLES, &[])?,
             grow: Pipeline::new(context, &DENSITY_GROW, &[])?,
             reset: Pipeline::new(context, &DENSITY_RESET, &[])?,
-            scan: Scan::new(context, budget)?,
-            children: buffer("children")?,
-            child_ranks: buffer("child_ranks")?,
-            hole_flags: buffer("holes")?,
-            hole_ranks: buffer("hole_ranks")?,
             totals: Buffer::device(context, "totals", 12)?,
-            slots: buffer("slots")?,
             budget,
         })
     }
@@ -131,23 +109,23 @@ impl Classic {
     pub fn record<'a>(
         &'a self,
         commands: &mut Recorder<'a>,
-        control: &'a Buffer,
-        model: &'a Model,
-        moments: &'a Moments,
+        Trained { model, moments, control }: Trained<'a>,
+        rasterizer: &'a Rasterizer,
         keys: [u64; 2],
         removes_wide: bool,
     ) -> Result<()> {
         let push = self.push(model, keys, removes_wide);
         let (marked, counted) = (self.budget.div_ceil(64), self.budget.div_ceil(256));
-        let Self { children, child_ranks, hole_flags, hole_ranks, totals, slots, .. } = self;
+        let ([children, child_ranks, hole_flags, hole_ranks, slots], scan) = rasterizer.scratch();
+        let totals = &self.totals;
         commands
             .stage(&self.mark)
             .bind(&[&model.population, &model.parameters, &moments.statistics, children, hole_flags, totals])
             .push(&push)
             .linear(marked);
         let population = || Count::Device(&model.population, 0);
-        self.scan.record(commands, children, child_ranks, population(), (totals, 0))?;
-        self.scan.record(commands, hole_flags, hole_ranks, population(), (totals, 1))?;
+        scan.record(commands, children, child_ranks, population(), (totals, 0))?;
+        scan.record(commands, hole_flags, hole_ranks, population(), (totals, 1))?;
         commands.stage(&self.holes).bind(&[hole_flags, hole_ranks, totals, slots]).push(&push).linear(counted);
         commands
             .stage(&self.grow)
@@ -171,13 +149,7 @@ impl Classic {
     }
 
     /// Records a reset of the opacities.
-    pub fn record_reset<'a>(
-        &'a self,
-        commands: &mut Recorder<'a>,
-        control: &'a Buffer,
-        model: &'a Model,
-        moments: &'a Moments,
-    ) {
+    pub fn record_reset<'a>(&'a self, commands: &mut Recorder<'a>, Trained { model, moments, control }: Trained<'a>) {
         commands
             .stage(&self.reset)
             .bind(&[control, &model.population, &model.parameters, &moments.first, &moments.second])

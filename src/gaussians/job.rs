@@ -30,7 +30,7 @@ pub const CHECKPOINT: &str = "checkpoint.bin";
 pub const MODEL: &str = "point_cloud.ply";
 
 /// Entries of the footprint that stand for several buffers.
-const SEVERAL: [&str; 5] = ["sort", "scan", "draws scan", "photos", "test metrics"];
+const SEVERAL: [&str; 4] = ["sort", "scan", "photos", "test metrics"];
 /// Time between two looks at a run by its report.
 const BETWEEN_REPORTS: Duration = Duration::from_secs(15);
 /// Iterations whose stages are timed before each report.

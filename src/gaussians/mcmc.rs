@@ -3,10 +3,10 @@
 
 use std::sync::Arc;
 
-use super::rasterizer::Model;
-use super::update::Moments;
+use super::rasterizer::Rasterizer;
+use super::update::Trained;
 use crate::Result;
-use crate::primitives::{Count, Scan};
+use crate::primitives::Count;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
@@ -60,52 +60,28 @@ pub fn grown(before: u32, budget: u32) -> u32 {
     ((f64::from(before) * GROWTH).ceil() as u32).clamp(before, budget.max(before))
 }
 
-/// Pipelines and buffers.
+/// The stages. Their lists are the rasterizer's scratch.
 pub struct Mcmc {
     weigh: Pipeline,
     pick: Pipeline,
     split: Pipeline,
     copy: Pipeline,
-    scan: Scan,
-    weights: Buffer,
-    cumulative: Buffer,
     total: Buffer,
-    picks: Buffer,
-    sources: Buffer,
     budget: u32,
 }
 
-/// Buffers by name and bytes.
-pub fn footprint(budget: u32) -> Vec<(&'static str, u64)> {
-    let bytes = 4 * u64::from(budget);
-    vec![
-        ("weights", bytes),
-        ("cumulative", bytes),
-        ("total", 4),
-        ("picks", bytes),
-        ("sources", bytes),
-        ("draws scan", Scan::footprint(budget)),
-    ]
-}
-
 impl Mcmc {
-    /// Makes room for `budget` Gaussians.
+    /// Compiles them for at most `budget` Gaussians.
     ///
     /// # Errors
-    /// Where the device has not that much memory, or fails.
+    /// Where the device fails.
     pub fn new(context: &Arc<Context>, budget: u32) -> Result<Self> {
-        let buffer = |name: &str| Buffer::device(context, name, 4 * u64::from(budget));
         Ok(Self {
             weigh: Pipeline::new(context, &MCMC_WEIGH, &[])?,
             pick: Pipeline::new(context, &MCMC_PICK, &[])?,
             split: Pipeline::new(context, &MCMC_SPLIT, &[])?,
             copy: Pipeline::new(context, &MCMC_COPY, &[])?,
-            scan: Scan::new(context, budget)?,
-            weights: buffer("weights")?,
-            cumulative: buffer("cumulative")?,
             total: Buffer::device(context, "total", 4)?,
-            picks: buffer("picks")?,
-            sources: buffer("sources")?,
             budget,
         })
     }
@@ -117,9 +93,8 @@ impl Mcmc {
     pub fn record<'a>(
         &'a self,
         commands: &mut Recorder<'a>,
-        control: &'a Buffer,
-        model: &'a Model,
-        moments: &'a Moments,
+        Trained { model, moments, control }: Trained<'a>,
+        rasterizer: &'a Rasterizer,
         before: u32,
         [seed, iteration]: [u64; 2],
     ) -> Result<()> {
@@ -134,23 +109,24 @@ impl Mcmc {
             steps: (u32::MAX / self.budget.max(1)).min(1 << 20),
             least: LEAST_OPACITY,
         };
+        let ([weights, cumulative, picks, sources, _], scan) = rasterizer.scratch();
         let (all, moved) = (before.div_ceil(256), after.div_ceil(64));
         let changed = [&model.parameters, &moments.first, &moments.second];
-        commands.stage(&self.weigh).bind(&[&model.parameters, &self.weights, &self.picks]).push(&push).linear(all);
-        self.scan.record(commands, &self.weights, &self.cumulative, Count::Host(before), (&self.total, 0))?;
+        commands.stage(&self.weigh).bind(&[&model.parameters, weights, picks]).push(&push).linear(all);
+        scan.record(commands, weights, cumulative, Count::Host(before), (&self.total, 0))?;
         commands
             .stage(&self.pick)
-            .bind(&[&self.weights, &self.cumulative, &self.total, &self.picks, &self.sources])
+            .bind(&[weights, cumulative, &self.total, picks, sources])
             .push(&push)
             .linear(after.div_ceil(256));
         commands
             .stage(&self.split)
-            .bind(&[&[control, &self.picks], &changed[..]].concat())
+            .bind(&[&[control, picks], &changed[..]].concat())
             .push(&push)
             .linear(before.div_ceil(64));
         commands
             .stage(&self.copy)
-            .bind(&[&[control, &self.sources], &changed[..], &[&model.population]].concat())
+            .bind(&[&[control, sources], &changed[..], &[&model.population]].concat())
             .push(&push)
             .linear(moved);
         Ok(())

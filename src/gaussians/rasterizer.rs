@@ -242,6 +242,12 @@ impl Rasterizer {
         })
     }
 
+    /// Words for each Gaussian, two in the last, that nothing needs between two pictures; and the scan over them.
+    pub fn scratch(&self) -> ([&Buffer; 5], &Scan) {
+        let words = [&self.depth_keys, &self.depth_splats, &self.tile_counts, &self.tile_offsets, &self.runs];
+        (words, &self.scan)
+    }
+
     /// What there is room for.
     pub fn sizes(&self) -> &Sizes {
         &self.sizes

@@ -18,7 +18,7 @@ use super::mcmc::{self, Mcmc};
 use super::rasterizer::{self, Model, Rasterizer, Size, Sizes, Wanted};
 use super::renderer::room_for;
 use super::store::PhotoStore;
-use super::update::{Moments, Update, UpdatePush};
+use super::update::{Moments, Trained, Update, UpdatePush};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::random;
 use crate::vulkan::profile::Profile;
@@ -73,9 +73,9 @@ pub struct Trainer {
     done: u32,
 }
 
-/// Room for instances that a run starts with: four tiles for every Gaussian that there may be, and enough for few large ones.
+/// Room for instances that a run starts with: three tiles for every Gaussian that there may be, and enough for few large ones.
 pub fn first_room(max_splats: u32) -> u32 {
-    max_splats.saturating_mul(4).clamp(1 << 18, 1 << 28)
+    max_splats.saturating_mul(3).clamp(1 << 18, 1 << 28)
 }
 
 /// Sizes for pictures of these views.
@@ -106,10 +106,6 @@ pub fn footprint(context: &Context, config: &Config, sizes: &Sizes, views: usize
     ];
     buffers.extend(rasterizer::footprint(context, sizes, wanted));
     buffers.extend(loss::footprint(sizes));
-    buffers.extend(match config.strategy {
-        Strategy::Mcmc => mcmc::footprint(config.max_splats),
-        Strategy::Classic => classic::footprint(config.max_splats),
-    });
     buffers
 }
 
@@ -381,23 +377,27 @@ impl Trainer {
         if let Density::Classic(classic) = &self.density
             && self.schedule.resets_after(iteration)
         {
-            classic.record_reset(commands, &ledger.control, model, &self.moments);
+            classic.record_reset(commands, self.trained());
         }
         Ok(())
     }
 
+    fn trained(&self) -> Trained<'_> {
+        Trained { model: &self.model, moments: &self.moments, control: &self.ledger.control }
+    }
+
     /// Records the refinement that follows an iteration.
     fn record_refinement<'a>(&'a self, commands: &mut Recorder<'a>, iteration: u32) -> Result<()> {
-        let Self { model, moments, ledger, .. } = self;
+        let (trained, rasterizer) = (self.trained(), &self.rasterizer);
         let keys = [self.config.seed, u64::from(iteration)];
         match &self.density {
             Density::Mcmc(mcmc) => {
                 let before = self.budgeted(iteration);
-                mcmc.record(commands, &ledger.control, model, moments, before, keys)
+                mcmc.record(commands, trained, rasterizer, before, keys)
             }
             Density::Classic(classic) => {
                 let removes_wide = iteration >= self.schedule.reset_every;
-                classic.record(commands, &ledger.control, model, moments, keys, removes_wide)
+                classic.record(commands, trained, rasterizer, keys, removes_wide)
             }
         }
     }

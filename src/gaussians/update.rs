@@ -65,6 +65,17 @@ pub struct Moments {
     pub statistics: Buffer,
 }
 
+/// All that a refinement changes, unless the run is halted.
+#[derive(Clone, Copy)]
+pub struct Trained<'a> {
+    /// The Gaussians.
+    pub model: &'a Model,
+    /// Adam's memory of them.
+    pub moments: &'a Moments,
+    /// Not zero once the run is halted.
+    pub control: &'a Buffer,
+}
+
 /// The stage.
 pub struct Update {
     pipeline: Pipeline,
