@@ -121,6 +121,14 @@ impl Config {
         Ok(())
     }
 
+    /// The background that test views are shown over.
+    pub fn test_background(&self) -> [f32; 3] {
+        match self.background {
+            Background::White => [1.0; 3],
+            Background::Black | Background::Random => [0.0; 3],
+        }
+    }
+
     /// The schedule: that of the papers, compressed for runs of fewer than 30,000 iterations.
     pub fn schedule(&self) -> Schedule {
         let share = (f64::from(self.iterations) / SCHEDULE).min(1.0);

@@ -4,12 +4,14 @@ use std::sync::Arc;
 
 use super::pictures::{Picture, UNKNOWN};
 use super::record::{Quality, TestView};
-use super::trainer::Trainer;
 use crate::metrics::image::weights::Weights;
 use crate::metrics::image::{Lpips, Rgb8, psnr, ssim};
 use crate::parallel::in_parallel;
 use crate::vulkan::Context;
 use crate::{Error, Result};
+
+/// Makes the picture of a view, over the background of the tests.
+pub type Camera<'c> = &'c mut dyn FnMut(usize) -> Result<Vec<[f32; 4]>>;
 
 /// Photos to test with, as 8-bit colours over the background.
 pub struct Tests {
@@ -18,6 +20,7 @@ pub struct Tests {
     pictures: Vec<Picture>,
     /// The view of the first; the others follow.
     first: usize,
+    background: [f32; 3],
     lpips: Option<Lpips>,
 }
 
@@ -35,9 +38,9 @@ pub struct Pair {
 }
 
 impl Tests {
-    /// Photos to test with; their views are those of the trainer from `first` on.
-    pub fn new(names: Vec<String>, pictures: Vec<Picture>, first: usize) -> Self {
-        Self { names, pictures, first, lpips: None }
+    /// Photos to test with, over a background; their views are those from `first` on.
+    pub fn new(names: Vec<String>, pictures: Vec<Picture>, first: usize, background: [f32; 3]) -> Self {
+        Self { names, pictures, first, background, lpips: None }
     }
 
     /// How many there are.
@@ -54,10 +57,10 @@ impl Tests {
     ///
     /// # Errors
     /// Where the device fails.
-    pub fn pair(&self, trainer: &mut Trainer, i: usize) -> Result<Pair> {
+    pub fn pair(&self, camera: Camera, i: usize) -> Result<Pair> {
         let Picture { width, height, pixels, .. } = &self.pictures[i];
-        let background = trainer.test_background().map(f64::from);
-        let seen = trainer.picture(self.first + i)?;
+        let background = self.background.map(f64::from);
+        let seen = camera(self.first + i)?;
         let byte = |value: f64| (255.0 * value.clamp(0.0, 1.0)).round() as u8;
         let mut pair = Pair { width: *width, height: *height, rendered: Vec::new(), reference: Vec::new() };
         for (stored, seen) in pixels.iter().zip(seen) {
@@ -79,10 +82,10 @@ impl Tests {
     pub fn evaluate(
         &mut self,
         context: &Arc<Context>,
-        trainer: &mut Trainer,
+        camera: Camera,
         step: usize,
         lpips: bool,
-        mut look: impl FnMut(usize, &Pair) -> Result<()>,
+        mut look: impl FnMut(&TestView, &Pair) -> Result<()>,
     ) -> Result<Vec<TestView>> {
         if lpips && self.lpips.is_none() && !self.is_empty() {
             self.lpips = Some(Lpips::new(context, &Weights::alex()?)?);
@@ -93,7 +96,7 @@ impl Tests {
         for some in chosen.chunks(16) {
             let mut measured: Vec<(Pair, Result<Quality>)> = Vec::new();
             for &i in some {
-                measured.push((self.pair(trainer, i)?, Ok(Quality::default())));
+                measured.push((self.pair(camera, i)?, Ok(Quality::default())));
             }
             in_parallel(&mut measured, 1, |_, part| {
                 for (pair, quality) in part {
@@ -113,8 +116,9 @@ impl Tests {
                         };
                     }
                 }
-                look(i, &pair)?;
-                views.push(TestView { name: self.names[i].clone(), quality });
+                let view = TestView { name: self.names[i].clone(), quality };
+                look(&view, &pair)?;
+                views.push(view);
             }
         }
         Ok(views)

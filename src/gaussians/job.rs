@@ -7,17 +7,18 @@ use std::time::{Duration, Instant};
 
 use super::checkpoint::{self, Checkpoint, Header, Input};
 use super::config::Config;
-use super::evaluate::{self, Pair, Tests};
+use super::evaluate::{self, Camera, Pair, Tests};
 use super::frame::{Frame, View};
 use super::loss::Record;
 use super::pictures::{self, Picture};
-use super::record::{CurvePoint, Evaluation, MemoryRecord, PhotosRecord, StageTime, Status, TestView, TrainRecord};
+use super::rasterizer::{Size, Wanted};
+use super::record::{CurvePoint, Evaluation, MemoryRecord, PhotosRecord, StageTime, Status, TrainRecord};
+use super::renderer::Renderer;
 use super::split::Split;
 use super::start;
 use super::store::PhotoStore;
 use super::trainer::{self, Trainer};
 use crate::io::folder::replace_file;
-use crate::metrics::image::{Weights, lpips};
 use crate::photos::Photo;
 use crate::vulkan::Context;
 use crate::vulkan::footprint::Footprint;
@@ -30,7 +31,7 @@ pub const CHECKPOINT: &str = "checkpoint.bin";
 pub const MODEL: &str = "point_cloud.ply";
 
 /// Entries of the footprint that stand for several buffers.
-const SEVERAL: [&str; 4] = ["sort", "scan", "photos", "test metrics"];
+const SEVERAL: [&str; 3] = ["sort", "scan", "photos"];
 /// Time between two looks at a run by its report.
 const BETWEEN_REPORTS: Duration = Duration::from_secs(15);
 /// Iterations whose stages are timed before each report.
@@ -98,10 +99,6 @@ impl Run {
         views.extend(pictures::cameras(test, request.shrink).iter().map(|camera| frame.view(camera)));
         let sizes = trainer::sizes(&request.config, &views, trainer::first_room(request.config.max_splats));
         let mut buffers = trainer::footprint(context, &request.config, &sizes, views.len());
-        let [width, height] = largest(&views[train.photos.len()..]);
-        if width > 0 {
-            buffers.push(("test metrics", lpips::footprint(&Weights::alex()?, width, height)));
-        }
         buffers.push(("photos", pictures::picture_bytes(&train.photos, request.shrink)));
         let footprint = Footprint { buffers, several: &SEVERAL };
         Ok(Self { context: context.clone(), request, frame, views, footprint })
@@ -167,7 +164,7 @@ impl Run {
             trainer.restore(&state, &history)?;
             course.record.evaluations = header.evaluations;
         }
-        let trained = course.train(&mut trainer, &mut profile, observe);
+        let trained = course.train(trainer, &mut profile, observe);
         if trained.is_err() {
             course.record.status = Status::Failed;
             let _ = observe(Event::Report(&course.record, &course.worst));
@@ -209,7 +206,7 @@ impl Run {
             let _ = observe(Event::Photos(train.photos.len() + tests.len(), all));
         }
         let names = test.iter().map(|photo: &Photo| photo.camera.name.clone()).collect();
-        Ok((store, Tests::new(names, tests, train.photos.len())))
+        Ok((store, Tests::new(names, tests, train.photos.len(), self.request.config.test_background())))
     }
 }
 
@@ -267,7 +264,7 @@ impl<'a> Course<'a> {
     /// Trains to the end or until `observe` breaks it off, with stops for evaluations, checkpoints and reports.
     fn train(
         &mut self,
-        trainer: &mut Trainer,
+        mut trainer: Trainer,
         profile: &mut Option<&mut Profile>,
         observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
     ) -> Result<()> {
@@ -278,23 +275,23 @@ impl<'a> Course<'a> {
             every => (done / every + 1).saturating_mul(every).min(config.iterations),
         };
         let mut flow = ControlFlow::Continue(());
-        self.report(trainer, observe);
+        self.report(&trainer, observe);
         while flow.is_continue() && trainer.done() < config.iterations {
             let done = trainer.done();
             let stop = next(*save_every, done).min(next(*evaluate_every, done));
             let started = Instant::now();
-            flow = self.stretch(trainer, stop, profile, observe)?;
+            flow = self.stretch(&mut trainer, stop, profile, observe)?;
             self.record.seconds += started.elapsed().as_secs_f64();
             self.record.seconds_for += trainer.done() - done;
             let done = trainer.done();
             let last = done == config.iterations;
             if !last && flow.is_continue() && due(*evaluate_every, done) {
-                self.evaluate(trainer, false, observe)?;
+                self.evaluate(&mut |view| trainer.picture(view), done, false, observe)?;
             }
             if flow.is_break() || last || due(*save_every, done) {
-                self.save(trainer, observe)?;
+                self.save(&trainer, observe)?;
             }
-            self.report(trainer, observe);
+            self.report(&trainer, observe);
         }
         self.finish(trainer, observe)
     }
@@ -332,7 +329,8 @@ impl<'a> Course<'a> {
     /// Looks at test views: some of them on the way, all of them, with LPIPS, at the end.
     fn evaluate(
         &mut self,
-        trainer: &mut Trainer,
+        camera: Camera,
+        done: u32,
         all: bool,
         observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
     ) -> Result<()> {
@@ -340,16 +338,23 @@ impl<'a> Course<'a> {
             return Ok(());
         }
         let step = if all { 1 } else { self.tests.len().div_ceil(FEW) };
-        let (names, mut seen) = (self.tests.names.clone(), Vec::new());
-        let views = self.tests.evaluate(&self.run.context, trainer, step, all, |i, pair| {
-            seen.push((names[i].clone(), pair.clone()));
+        let folder = &self.run.request.folder;
+        let mut worst: Vec<(f64, String, Pair)> = Vec::new();
+        let mut views = self.tests.evaluate(&self.run.context, camera, step, all, |view, pair| {
+            if all {
+                write_picture(folder, &view.name, pair)?;
+            }
+            let place = worst.partition_point(|(psnr, ..)| psnr.total_cmp(&view.quality.psnr).is_le());
+            if place < WORST {
+                worst.insert(place, (view.quality.psnr, view.name.clone(), pair.clone()));
+                worst.truncate(WORST);
+            }
             Ok(())
         })?;
-        let mut order: Vec<usize> = (0..views.len()).collect();
-        order.sort_by(|&a, &b| views[a].quality.psnr.total_cmp(&views[b].quality.psnr));
-        self.worst = order.iter().take(WORST).map(|&i| seen[i].clone()).collect();
-        let evaluation = Evaluation { iteration: trainer.done(), views: views.len(), quality: evaluate::mean(&views) };
-        self.record.test_views = order.into_iter().map(|i| views[i].clone()).collect::<Vec<TestView>>();
+        self.worst = worst.into_iter().map(|(_, name, pair)| (name, pair)).collect();
+        let evaluation = Evaluation { iteration: done, views: views.len(), quality: evaluate::mean(&views) };
+        views.sort_by(|a, b| a.quality.psnr.total_cmp(&b.quality.psnr));
+        self.record.test_views = views;
         self.record.evaluations.push(evaluation);
         let _ = observe(Event::Evaluated(&evaluation));
         Ok(())
@@ -387,36 +392,37 @@ impl<'a> Course<'a> {
         let _ = observe(Event::Report(&self.record, &self.worst));
     }
 
-    /// The products.
-    fn finish(&mut self, trainer: &mut Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<()> {
-        let folder = &self.run.request.folder;
-        let complete = trainer.done() == self.run.request.config.iterations;
-        let model = self.run.frame.gaussians_to_world(trainer.gaussians()?);
-        let bytes = crate::io::ply::write::gaussians(&model);
-        replace_file(&folder.join(MODEL), |file| file.write_all(&bytes))?;
-        if complete {
-            self.record.evaluations.retain(|evaluation| evaluation.iteration < trainer.done());
-            self.evaluate(trainer, true, observe)?;
-            self.pictures(trainer)?;
+    /// The products. Test views are looked at once the trainer's memory is free again.
+    fn finish(&mut self, trainer: Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<()> {
+        let Run { context, request, frame, views, .. } = self.run;
+        let (done, trained) = (trainer.done(), trainer.gaussians()?);
+        drop(trainer);
+        let bytes = crate::io::ply::write::gaussians(&frame.gaussians_to_world(trained.clone()));
+        replace_file(&request.folder.join(MODEL), |file| file.write_all(&bytes))?;
+        let complete = done == request.config.iterations;
+        if complete && !self.tests.is_empty() {
+            let [width, height] = largest(views);
+            let wanted = Wanted { antialiased: request.config.antialiased, ..Wanted::default() };
+            let mut renderer = Renderer::new(context, &trained, Size { width, height }, wanted)?;
+            let background = request.config.test_background();
+            let mut camera = |view: usize| Ok(renderer.picture(&views[view], background)?.pixels);
+            self.record.evaluations.retain(|evaluation| evaluation.iteration < done);
+            self.evaluate(&mut camera, done, true, observe)?;
         }
         self.record.status = if complete { Status::Complete } else { Status::Interrupted };
-        self.report(trainer, observe);
+        let _ = observe(Event::Report(&self.record, &self.worst));
         Ok(())
     }
+}
 
-    /// Writes the test views as they are at the end.
-    fn pictures(&self, trainer: &mut Trainer) -> Result<()> {
-        for (i, name) in self.tests.names.iter().enumerate() {
-            let pair = self.tests.pair(trainer, i)?;
-            let file = picture_file(&self.run.request.folder, name);
-            if let Some(parent) = file.parent() {
-                std::fs::create_dir_all(parent).map_err(|source| Error::io(parent, source))?;
-            }
-            let png = png(&file, &pair)?;
-            replace_file(&file, |out| out.write_all(&png))?;
-        }
-        Ok(())
+/// Writes a test view as it is at the end.
+fn write_picture(folder: &Path, name: &str, pair: &Pair) -> Result<()> {
+    let file = picture_file(folder, name);
+    if let Some(parent) = file.parent() {
+        std::fs::create_dir_all(parent).map_err(|source| Error::io(parent, source))?;
     }
+    let png = png(&file, pair)?;
+    replace_file(&file, |out| out.write_all(&png))
 }
 
 /// Where the rendered picture of a test photo goes: under `test`, by the photo's name.

@@ -453,7 +453,7 @@ impl Trainer {
                 view: view as u32,
                 degree: self.schedule.degree(self.done.saturating_sub(1), self.config.degree),
                 room: self.sizes.room,
-                background: self.test_background(),
+                background: self.config.test_background(),
                 iteration: 0,
             };
             let mut commands = Recorder::new(&self.context)?;
@@ -465,14 +465,6 @@ impl Trainer {
                 return self.rasterizer.picture.download(size.pixels() as usize);
             }
             self.make_room(needed)?;
-        }
-    }
-
-    /// The background that test views are shown over.
-    pub fn test_background(&self) -> [f32; 3] {
-        match self.config.background {
-            Background::White => [1.0; 3],
-            Background::Black | Background::Random => [0.0; 3],
         }
     }
 
