@@ -21,6 +21,7 @@ pub struct Buffer {
     allocation: Option<Allocation>,
     size: u64,
     name: String,
+    on_device: bool,
     context: Arc<Context>,
 }
 
@@ -90,8 +91,10 @@ impl Buffer {
                 return Err(out_of_memory(context.memory_available()));
             }
         };
-        let buffer = Self { raw, allocation: Some(allocation), size, name: name.to_owned(), context: context.clone() };
-        context.count_allocated(size);
+        let on_device = location == MemoryLocation::GpuOnly;
+        let allocation = Some(allocation);
+        let buffer = Self { raw, allocation, size, name: name.to_owned(), on_device, context: context.clone() };
+        buffer.count(Context::count_allocated);
         if let Some(allocation) = &buffer.allocation {
             // SAFETY: the allocation was made for this buffer's requirements and is bound once. On failure dropping
             // `buffer` frees both.
@@ -102,6 +105,13 @@ impl Buffer {
             context.name(raw, &label);
         }
         Ok(buffer)
+    }
+
+    /// Counts the bytes of a buffer in device memory.
+    fn count(&self, how: impl Fn(&Context, u64)) {
+        if self.on_device {
+            how(&self.context, self.size);
+        }
     }
 
     /// Size in bytes.
@@ -222,7 +232,7 @@ impl Drop for Buffer {
         // SAFETY: recorders wait for their submissions before they let go of the buffers that they use.
         unsafe { self.context.device.destroy_buffer(self.raw, None) };
         if let Some(allocation) = self.allocation.take() {
-            self.context.count_freed(self.size);
+            self.count(Context::count_freed);
             // A failure to free cannot be acted on in a destructor; the device's memory goes with the context.
             let _ = lock(&self.context.allocator).free(allocation);
         }

@@ -34,7 +34,7 @@ pub struct Context {
     queue_lock: Arc<Mutex<()>>,
     physical: Physical,
     owned: bool,
-    // Bytes of buffers now, and most at once.
+    // Bytes of buffers in device memory now, and most at once.
     allocated: [AtomicU64; 2],
     instance: Instance,
 }
@@ -137,7 +137,7 @@ impl Context {
         self.debug_sync
     }
 
-    /// Most bytes of buffers that were allocated at once so far, on the host those that the device sees among them.
+    /// Most bytes of buffers in device memory that were allocated at once so far; those on the host do not count.
     pub fn peak_allocated(&self) -> u64 {
         self.allocated[1].load(Ordering::Relaxed)
     }
