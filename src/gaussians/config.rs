@@ -137,7 +137,8 @@ impl Config {
             degree_every: scaled(1000.0),
             refine_from: scaled(500.0),
             refine_until: scaled(if self.strategy == Strategy::Mcmc { 25_000.0 } else { 15_000.0 }),
-            refine_every: scaled(100.0),
+            // Gradients and moments need a few steps between two changes.
+            refine_every: scaled(100.0).max(10),
             // Opacities need a few hundred steps to come back.
             reset_every: scaled(3000.0).max(500),
         }

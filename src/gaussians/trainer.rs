@@ -52,6 +52,26 @@ enum Density {
     Classic(Classic),
 }
 
+/// Which photo an iteration looks at: every photo once, in another order in each round.
+struct Rounds {
+    seed: u64,
+    photos: u32,
+    round: Option<u32>,
+    order: Vec<u32>,
+}
+
+impl Rounds {
+    fn view(&mut self, iteration: u32) -> u32 {
+        let round = iteration / self.photos;
+        if self.round != Some(round) {
+            self.order = (0..self.photos).collect();
+            random::shuffle(&mut self.order, self.seed, VIEW_STREAM + round);
+            self.round = Some(round);
+        }
+        self.order[(iteration % self.photos) as usize]
+    }
+}
+
 /// A run.
 pub struct Trainer {
     context: Arc<Context>,
@@ -275,6 +295,8 @@ impl Trainer {
         let mut flow = ControlFlow::Continue(());
         let mut running: VecDeque<(Recorder, Instant)> = VecDeque::new();
         let mut next = self.done;
+        let mut rounds =
+            Rounds { seed: self.config.seed, order: Vec::new(), round: None, photos: self.photos.len() as u32 };
         loop {
             while flow.is_continue() && !halted() && next < until && running.len() < AHEAD {
                 let mut commands = match &profile {
@@ -282,7 +304,7 @@ impl Trainer {
                     None => Recorder::new(&self.context)?,
                 };
                 for iteration in next..(next + BLOCK).min(until) {
-                    self.record_iteration(&mut commands, iteration)?;
+                    self.record_iteration(&mut commands, iteration, rounds.view(iteration))?;
                 }
                 next = (next + BLOCK).min(until);
                 let submitted = Instant::now();
@@ -326,14 +348,6 @@ impl Trainer {
         commands.submit_and_wait()
     }
 
-    /// The photo that an iteration looks at: every photo once, in another order in each round.
-    fn view_of(&self, iteration: u32) -> u32 {
-        let photos = self.photos.len() as u32;
-        let mut order: Vec<u32> = (0..photos).collect();
-        random::shuffle(&mut order, self.config.seed, VIEW_STREAM + iteration / photos);
-        order[(iteration % photos) as usize]
-    }
-
     fn background_of(&self, iteration: u32) -> [f32; 3] {
         match self.config.background {
             Background::Black => [0.0; 3],
@@ -346,8 +360,7 @@ impl Trainer {
     }
 
     /// Records one iteration, and the refinement that follows it where one is due.
-    fn record_iteration<'a>(&'a self, commands: &mut Recorder<'a>, iteration: u32) -> Result<()> {
-        let view = self.view_of(iteration);
+    fn record_iteration<'a>(&'a self, commands: &mut Recorder<'a>, iteration: u32, view: u32) -> Result<()> {
         let View { width, height, .. } = self.views[view as usize];
         let size = Size { width, height };
         let push = PassPush {
