@@ -4,6 +4,7 @@
 //! is also held against the copy bandwidth of the device, measured first. On a CPU device only ratios mean anything.
 //!
 //! `CAMSPLAT_DEVICE` picks the device; `CAMSPLAT_BENCH_OUT` says where the JSON goes.
+#![allow(dead_code, reason = "each bench uses a part")]
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -81,6 +82,24 @@ pub struct Amount {
     pub operations: u64,
 }
 
+/// GPU time of what a row measures, in nanoseconds.
+pub struct Sample {
+    /// From the first stage's start to the last one's end.
+    pub ns: f64,
+    /// Of each stage, all its runs together.
+    pub stages: BTreeMap<&'static str, f64>,
+}
+
+impl Sample {
+    fn new(timings: &[Timing]) -> Self {
+        let mut stages: BTreeMap<&'static str, f64> = BTreeMap::new();
+        for timing in timings {
+            *stages.entry(timing.name).or_default() += timing.end - timing.start;
+        }
+        Self { ns: span(timings), stages }
+    }
+}
+
 /// Keeps the device busy for a while: an idle GPU runs at a fraction of its clock and needs time to leave it.
 fn wake(commands: &mut Recorder<'_>) -> Result<()> {
     let start = Instant::now();
@@ -142,21 +161,18 @@ impl Report {
     /// Measures a job and adds its row, unless Criterion's filter leaves it out.
     pub fn row(&mut self, name: &str, amount: Amount, job: &mut Job<'_>) -> Result<()> {
         wake(&mut job.work)?;
-        let mut spans = Vec::new();
-        let mut stages: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+        self.sampled(name, amount, || Ok(Sample::new(&job.run()?))).map(|_| ())
+    }
+
+    /// Adds the row of what `run` measures and answers its medians; none where Criterion's filter leaves it out.
+    pub fn sampled(
+        &mut self,
+        name: &str,
+        amount: Amount,
+        mut run: impl FnMut() -> Result<Sample>,
+    ) -> Result<Option<Sample>> {
+        let mut samples = Vec::new();
         let mut failure = None;
-        let mut run = || -> Result<f64> {
-            let timings = job.run()?;
-            let mut totals: BTreeMap<&str, f64> = BTreeMap::new();
-            for timing in &timings {
-                *totals.entry(timing.name).or_default() += timing.end - timing.start;
-            }
-            for (stage, total) in totals {
-                stages.entry(stage).or_default().push(total);
-            }
-            spans.push(span(&timings));
-            Ok(span(&timings))
-        };
         let mut group = self.criterion.benchmark_group(name);
         group.throughput(Throughput::Elements(amount.count)).sampling_mode(SamplingMode::Flat);
         group.bench_function(BenchmarkId::from_parameter(amount.count), |bencher| {
@@ -164,7 +180,10 @@ impl Report {
                 let mut total = 0.0;
                 for _ in 0..iterations {
                     match run() {
-                        Ok(ns) => total += ns,
+                        Ok(sample) => {
+                            total += sample.ns;
+                            samples.push(sample);
+                        }
                         Err(error) => failure = Some(error),
                     }
                 }
@@ -176,11 +195,17 @@ impl Report {
         if let Some(error) = failure {
             return Err(error);
         }
-        if spans.is_empty() {
-            return Ok(());
+        if samples.is_empty() {
+            return Ok(None);
         }
-        let samples = spans.len();
+        let mut spans: Vec<f64> = samples.iter().map(|sample| sample.ns).collect();
+        let mut stages: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
+        for (stage, ns) in samples.iter().flat_map(|sample| &sample.stages) {
+            stages.entry(stage).or_default().push(*ns);
+        }
         let ns = median(&mut spans);
+        let stages = stages.into_iter().map(|(stage, mut ns)| (stage, median(&mut ns))).collect();
+        let medians = Sample { ns, stages };
         let ratio = amount.bytes as f64 / ns / self.copy;
         println!(
             "{name} {}: {:.1} us, {:.3} G/s, {:.1} GB/s, {ratio:.3} of a copy",
@@ -189,22 +214,37 @@ impl Report {
             amount.count as f64 / ns,
             amount.bytes as f64 / ns,
         );
-        let stages: BTreeMap<&str, f64> = stages.iter_mut().map(|(stage, ns)| (*stage, median(ns))).collect();
         self.rows.push(serde_json::json!({
             "name": name, "count": amount.count, "ns_median": ns, "bytes": amount.bytes,
-            "operations": amount.operations, "ratio_to_copy": ratio, "samples": samples, "stages_ns_median": stages,
+            "operations": amount.operations, "ratio_to_copy": ratio, "samples": samples.len(),
+            "stages_ns_median": medians.stages,
         }));
-        Ok(())
+        Ok(Some(medians))
+    }
+
+    /// Adds the row of one stage of what [`Report::sampled`] measured; `share` is its part of all stages' time.
+    pub fn stage(&mut self, name: &str, stage: &str, amount: Amount, ns: f64, share: f64) {
+        let ratio = amount.bytes as f64 / ns / self.copy;
+        let against = if amount.bytes > 0 { format!("{ratio:>8.3} of a copy") } else { String::new() };
+        println!("  {stage:<20} {:>12.1} us {:>6.1}% {against}", ns * 1e-3, 100.0 * share);
+        self.rows.push(serde_json::json!({
+            "name": format!("{name}/{stage}"), "count": amount.count, "ns_median": ns, "bytes": amount.bytes,
+            "ratio_to_copy": ratio, "share": share,
+        }));
     }
 
     /// Adds a row of a whole run, timed `totals` times in nanoseconds of GPU time, with the wall time of one run.
-    #[allow(dead_code, reason = "only one of the benches has whole runs")]
     pub fn total(&mut self, name: &str, count: u64, totals: &mut [f64], wall_seconds: f64) {
         let ns = median(totals);
         println!("{name}: {:.2} ms of GPU time, {:.1} ms of wall time", ns * 1e-6, wall_seconds * 1e3);
         self.rows.push(serde_json::json!({
             "name": name, "count": count, "ns_median": ns, "samples": totals.len(), "wall_seconds": wall_seconds,
         }));
+    }
+
+    /// Adds what a bench knows besides times.
+    pub fn facts(&mut self, row: serde_json::Value) {
+        self.rows.push(row);
     }
 
     /// Ends the report: Criterion's summary, and the rows as JSON in `CAMSPLAT_BENCH_OUT` or `target/bench/<bench>.json`.
