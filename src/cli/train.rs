@@ -1,7 +1,6 @@
 //! `camsplat train`.
 
 use std::cell::RefCell;
-use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -154,13 +153,16 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     say!("photos   {photos} to train on, {tests} to test with");
     stop_on_interrupt()?;
-    fs::create_dir_all(&arguments.out).map_err(|source| Error::io(&arguments.out, source))?;
     let mut profile = (arguments.profile || arguments.trace.is_some()).then(Profile::default);
     let view = Watch::new(&arguments.out, all);
     let record = run.run(arguments.resume, profile.as_mut(), &mut |event| view.observe(event));
     view.bar.finish_and_clear();
     let record = record?;
     print_messages(&context);
+    let Some(record) = record else {
+        say!("stopped before training began; nothing is written");
+        return Ok(ExitCode::from(super::INTERRUPTED));
+    };
     if let (Some(file), Some(profile)) = (&arguments.trace, &profile) {
         write_files(&[(file, profile.trace().as_bytes())])?;
     }
@@ -195,13 +197,7 @@ fn check_folder(arguments: &Arguments) -> Result<()> {
     if arguments.resume && !file.is_file() {
         return Err(Error::input(&file, "there is no checkpoint to resume from; train without --resume"));
     }
-    OutputFolder::create(&arguments.out, arguments.force || arguments.resume)?;
-    if arguments.force {
-        // A checkpoint of another run must not be taken for this one's, should this one be killed early.
-        let removed = if file.is_file() { fs::remove_file(&file) } else { Ok(()) };
-        removed.map_err(|source| Error::io(&file, source))?;
-    }
-    Ok(())
+    OutputFolder::create(&arguments.out, arguments.force || arguments.resume).map(drop)
 }
 
 /// White where photos say what belongs to the object.
