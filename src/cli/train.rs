@@ -1,6 +1,7 @@
 //! `camsplat train`.
 
 use std::cell::RefCell;
+use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -14,10 +15,10 @@ use super::progress::{go_on, stop_on_interrupt};
 use crate::gaussians::config::{Background, Config, Strategy};
 use crate::gaussians::evaluate::Pair;
 use crate::gaussians::job::{CHECKPOINT, Event, MODEL, Request, Run};
-use crate::gaussians::record::{Evaluation, Quality, Status, TrainRecord};
+use crate::gaussians::record::{Evaluation, PhotosRecord, Quality, Status, TrainRecord};
 use crate::gaussians::split::{Split, Test};
 use crate::io;
-use crate::io::folder::{OutputFolder, check_file, write_files};
+use crate::io::folder::{OutputFolder, check_file, replace_file, write_files};
 use crate::io::photos::{Images, Options};
 use crate::report::training::{self, Comparison};
 use crate::vulkan::Context;
@@ -99,6 +100,8 @@ pub struct Arguments {
     device: DeviceOptions,
 }
 
+/// The record of a run in its folder.
+const RECORD: &str = "train.json";
 /// Splats where nothing is said, on a device that can address so many.
 const USUAL: u32 = 1_000_000;
 
@@ -144,6 +147,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     };
     let (photos, tests) = (request.split.train.photos.len(), request.split.test.len());
     let all = request.config.iterations;
+    let complete = arguments.resume && is_complete(&request);
     let run = Run::new(&context, request)?;
     if arguments.dry_run {
         say!("{}", run.footprint().table().trim_end());
@@ -152,6 +156,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     say!("photos   {photos} to train on, {tests} to test with");
+    if complete {
+        say!("complete {all} iterations were trained already; nothing is left to do");
+        return Ok(ExitCode::SUCCESS);
+    }
     stop_on_interrupt()?;
     let mut profile = (arguments.profile || arguments.trace.is_some()).then(Profile::default);
     let view = Watch::new(&arguments.out, all);
@@ -175,6 +183,20 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Whether the folder holds all that the run would leave: the record is written last. A run that differs in anything goes on
+/// to be refused by the checkpoint, which knows more.
+fn is_complete(request: &Request) -> bool {
+    let text = fs::read_to_string(request.folder.join(RECORD)).unwrap_or_default();
+    let is_of = |record: TrainRecord| {
+        let PhotosRecord { capture, train, test, shrink, .. } = record.photos;
+        let photos = (request.split.train.photos.len(), request.split.test.len());
+        record.status == Status::Complete
+            && record.config == request.config
+            && (capture, (train, test), shrink) == (request.capture.clone(), photos, request.shrink)
+    };
+    request.folder.join(MODEL).is_file() && serde_json::from_str(&text).is_ok_and(is_of)
 }
 
 fn configuration(arguments: &Arguments) -> Config {
@@ -281,10 +303,9 @@ impl Watch {
             reference: &pair.reference,
         };
         let page = training::html(record, &worst.iter().map(comparison).collect::<Vec<_>>())?;
-        write_files(&[
-            (&self.folder.join("train.json"), json.as_bytes()),
-            (&self.folder.join("report.html"), page.as_bytes()),
-        ])
+        // Under hidden names that the next attempt takes as well: a run that is killed often leaves no pile of them.
+        replace_file(&self.folder.join("report.html"), |file| file.write_all(page.as_bytes()))?;
+        replace_file(&self.folder.join(RECORD), |file| file.write_all(json.as_bytes()))
     }
 }
 
