@@ -405,6 +405,8 @@ impl<'a> Course<'a> {
         let Run { context, request, frame, views, .. } = self.run;
         let (done, trained) = (trainer.done(), trainer.gaussians()?);
         drop(trainer);
+        // Not those of the last iteration: a refinement may have followed it.
+        self.record.splats = trained.len() as u32;
         let bytes = crate::io::ply::write::gaussians(&frame.gaussians_to_world(trained.clone()));
         replace_file(&request.folder.join(MODEL), |file| file.write_all(&bytes))?;
         let complete = done == request.config.iterations;
