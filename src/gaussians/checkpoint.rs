@@ -198,8 +198,6 @@ fn option_of(key: &str) -> Option<&'static str> {
 
 #[cfg(test)]
 mod tests {
-    use std::io::Write as _;
-
     use super::super::record::Quality;
     use super::*;
 
