@@ -1,17 +1,17 @@
 //! The built command: what a plan leaves, what each option does, how a run is watched and stopped.
 
 mod command;
+mod gaussian_support;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, Command};
 
 use camsplat::io;
 use camsplat::metrics::Metrics;
 use camsplat::plan::record::Status;
 use camsplat::scene::camera::Camera;
 use camsplat::scene::gaussians::Gaussians;
-use command::{FILES, Place, Ran, SHORT, SMALL, ended};
+use command::{FILES, Place, SHORT, SMALL, ended, read_until, stop};
+use gaussian_support::capture;
 use glam::DVec3;
 
 /// Asserts that two camera sets are the same up to what a round trip through another format costs.
@@ -178,6 +178,44 @@ fn every_option_of_the_help_is_accepted() {
     for (option, values) in [("background", &["black", "white"][..]), ("lpips", &["alex", "none"])] {
         values.iter().for_each(|value| drop(place.done(&format!("metrics a.png b.png --{option} {value}"))));
     }
+}
+
+/// As above, for training: what is asked for must be what runs, too.
+#[test]
+fn every_option_of_train_is_accepted_and_counts() {
+    let place = Place::new();
+    capture::write(&place.path("capture"), 6, 32);
+    capture::write(&place.path("more"), 2, 32);
+    let given = "--max-splats 100 --strategy classic --sh 1 --background random --antialiased --first-opacity 0.2 \
+                 --first-scale 0.7 --shrink 2 --skip-missing --seed 3 --save-every 1 --evaluate-every 1 --profile \
+                 --trace t.json --device 0 --debug-sync --iterations 3 --out o";
+    let ran = place.done(&format!("train capture --test-every 3 {given}"));
+    let record: serde_json::Value = serde_json::from_str(&place.read("o/train.json")).unwrap();
+    let expected = serde_json::json!({
+        "iterations": 3, "max_splats": 100, "strategy": "classic", "degree": 1, "background": "random",
+        "antialiased": true, "fast": false, "seed": 3, "first_opacity": 0.2, "first_scale": 0.7,
+    });
+    assert_eq!(record["config"], expected);
+    assert_eq!((&record["photos"]["largest"], &record["photos"]["test"]), (&serde_json::json!([16, 12]), &2.into()));
+    assert_eq!(record["evaluations"].as_array().unwrap().len(), 3);
+    assert!(ran.out.contains("splat_backward") && place.read("t.json").contains("splat_backward"), "{}", ran.out);
+    place.done(&format!("train capture --test-every 3 {given} --resume"));
+    place.done("train capture --test more --iterations 2 --max-splats 100 --out o --force");
+    place.done("train capture --out none --dry-run");
+    // Not on every device.
+    let ran = place.run("train capture --iterations 2 --max-splats 100 --out o --force --fast");
+    assert!(ran.code == Some(0) || ran.err.contains("--fast"), "{}", ran.err);
+    assert!(!place.path("none").exists());
+    let known = options(&place, "train");
+    for (option, values) in &known {
+        for value in values {
+            let run = "train capture --iterations 2 --max-splats 100 --test-every 0 --out o --force";
+            place.done(&format!("{run} --{option} {value}"));
+        }
+    }
+    let untried: Vec<&String> = known.keys().filter(|name| !given.contains(&format!("--{name} "))).collect();
+    assert_eq!(untried, ["dry-run", "fast", "force", "help", "resume", "test", "test-every"]);
+    assert!(known["strategy"].len() == 2 && known["background"].len() == 3, "the help was misread: {known:?}");
 }
 
 fn one_splat() -> Gaussians {
@@ -349,29 +387,6 @@ fn a_reader_that_goes_away_costs_nothing() {
     let mut child = place.command("plan none.ply --out p --views 3").spawn().unwrap();
     drop(child.stderr.take());
     assert_eq!(child.wait().unwrap().code(), Some(2));
-}
-
-/// Reads a child's output up to the line that starts with `start`; fails where there is none.
-fn read_until(child: &mut Child, start: &str) -> BufReader<std::process::ChildStdout> {
-    let mut output = BufReader::new(child.stdout.take().unwrap());
-    let mut line = String::new();
-    loop {
-        line.clear();
-        assert!(output.read_line(&mut line).unwrap() > 0, "the run ended without a line that starts with {start:?}");
-        if line.starts_with(start) {
-            return output;
-        }
-    }
-}
-
-/// Sends `signal` to a child and waits for its end.
-fn stop(mut child: Child, mut output: impl Read, signal: &str) -> Ran {
-    assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
-    let mut out = String::new();
-    output.read_to_string(&mut out).unwrap();
-    let mut err = String::new();
-    child.stderr.take().unwrap().read_to_string(&mut err).unwrap();
-    Ran { code: child.wait().unwrap().code(), out, err }
 }
 
 /// If this failed, stopping a run would throw its work away, pass half a plan off as a whole one, or go unheard.

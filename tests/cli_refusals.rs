@@ -3,33 +3,8 @@
 mod command;
 
 use std::fs;
-use std::path::Path;
 
-use command::{Place, SHORT, ball, ended, points};
-
-/// Names in a folder, hidden ones too.
-fn names(folder: &Path) -> Vec<String> {
-    let mut names: Vec<_> =
-        fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
-    names.sort();
-    names
-}
-
-/// Runs each case and asserts that it is refused with a line that holds every fragment.
-#[track_caller]
-fn assert_refused(place: &Place, cases: &[(&str, &[&str])]) {
-    for (arguments, fragments) in cases {
-        let before = names(&place.path(""));
-        let ran = place.run(arguments);
-        assert_eq!(ran.code, Some(2), "camsplat {arguments}: {}{}", ran.out, ran.err);
-        assert_eq!(ran.err.lines().count(), 1, "camsplat {arguments}: {}", ran.err);
-        assert!(ran.err.starts_with("error: "), "camsplat {arguments}: {}", ran.err);
-        for fragment in *fragments {
-            assert!(ran.err.contains(fragment), "camsplat {arguments}: {fragment:?} is not in {}", ran.err);
-        }
-        assert_eq!(names(&place.path("")), before, "camsplat {arguments} left something");
-    }
-}
+use command::{Place, SHORT, assert_refused, ball, ended, names, points};
 
 /// `plan` with the short options and others.
 fn plan(surface: &str, options: &str) -> String {

@@ -15,10 +15,10 @@ use super::progress::{go_on, stop_on_interrupt};
 use crate::gaussians::config::{Background, Config, Strategy};
 use crate::gaussians::evaluate::Pair;
 use crate::gaussians::job::{CHECKPOINT, Event, MODEL, Request, Run};
-use crate::gaussians::record::{Evaluation, Quality, Status, TrainRecord};
+use crate::gaussians::record::{Evaluation, PhotosRecord, Quality, Status, TrainRecord};
 use crate::gaussians::split::{Split, Test};
 use crate::io;
-use crate::io::folder::{OutputFolder, check_file, write_files};
+use crate::io::folder::{OutputFolder, check_file, replace_file, write_files};
 use crate::io::photos::{Images, Options};
 use crate::report::training::{self, Comparison};
 use crate::vulkan::Context;
@@ -100,6 +100,8 @@ pub struct Arguments {
     device: DeviceOptions,
 }
 
+/// The record of a run in its folder.
+const RECORD: &str = "train.json";
 /// Splats where nothing is said, on a device that can address so many.
 const USUAL: u32 = 1_000_000;
 
@@ -145,6 +147,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     };
     let (photos, tests) = (request.split.train.photos.len(), request.split.test.len());
     let all = request.config.iterations;
+    let complete = arguments.resume && is_complete(&request);
     let run = Run::new(&context, request)?;
     if arguments.dry_run {
         say!("{}", run.footprint().table().trim_end());
@@ -153,14 +156,21 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     say!("photos   {photos} to train on, {tests} to test with");
+    if complete {
+        say!("complete {all} iterations were trained already; nothing is left to do");
+        return Ok(ExitCode::SUCCESS);
+    }
     stop_on_interrupt()?;
-    fs::create_dir_all(&arguments.out).map_err(|source| Error::io(&arguments.out, source))?;
     let mut profile = (arguments.profile || arguments.trace.is_some()).then(Profile::default);
     let view = Watch::new(&arguments.out, all);
     let record = run.run(arguments.resume, profile.as_mut(), &mut |event| view.observe(event));
     view.bar.finish_and_clear();
     let record = record?;
     print_messages(&context);
+    let Some(record) = record else {
+        say!("stopped before training began; nothing is written");
+        return Ok(ExitCode::from(super::INTERRUPTED));
+    };
     if let (Some(file), Some(profile)) = (&arguments.trace, &profile) {
         write_files(&[(file, profile.trace().as_bytes())])?;
     }
@@ -173,6 +183,20 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Whether the folder holds all that the run would leave: the record is written last. A run that differs in anything goes on
+/// to be refused by the checkpoint, which knows more.
+fn is_complete(request: &Request) -> bool {
+    let text = fs::read_to_string(request.folder.join(RECORD)).unwrap_or_default();
+    let is_of = |record: TrainRecord| {
+        let PhotosRecord { capture, train, test, shrink, .. } = record.photos;
+        let photos = (request.split.train.photos.len(), request.split.test.len());
+        record.status == Status::Complete
+            && record.config == request.config
+            && (capture, (train, test), shrink) == (request.capture.clone(), photos, request.shrink)
+    };
+    request.folder.join(MODEL).is_file() && serde_json::from_str(&text).is_ok_and(is_of)
 }
 
 fn configuration(arguments: &Arguments) -> Config {
@@ -195,13 +219,7 @@ fn check_folder(arguments: &Arguments) -> Result<()> {
     if arguments.resume && !file.is_file() {
         return Err(Error::input(&file, "there is no checkpoint to resume from; train without --resume"));
     }
-    OutputFolder::create(&arguments.out, arguments.force || arguments.resume)?;
-    if arguments.force {
-        // A checkpoint of another run must not be taken for this one's, should this one be killed early.
-        let removed = if file.is_file() { fs::remove_file(&file) } else { Ok(()) };
-        removed.map_err(|source| Error::io(&file, source))?;
-    }
-    Ok(())
+    OutputFolder::create(&arguments.out, arguments.force || arguments.resume).map(drop)
 }
 
 /// White where photos say what belongs to the object.
@@ -285,10 +303,9 @@ impl Watch {
             reference: &pair.reference,
         };
         let page = training::html(record, &worst.iter().map(comparison).collect::<Vec<_>>())?;
-        write_files(&[
-            (&self.folder.join("train.json"), json.as_bytes()),
-            (&self.folder.join("report.html"), page.as_bytes()),
-        ])
+        // Under hidden names that the next attempt takes as well: a run that is killed often leaves no pile of them.
+        replace_file(&self.folder.join("report.html"), |file| file.write_all(page.as_bytes()))?;
+        replace_file(&self.folder.join(RECORD), |file| file.write_all(json.as_bytes()))
     }
 }
 

@@ -19,6 +19,8 @@ use crate::{Error, Result};
 
 /// First bytes of the file.
 const MAGIC: &[u8] = b"camsplat checkpoint 1\n";
+/// Keys that are named before others where several differ.
+const FIRST: [&str; 3] = ["strategy", "shrink", "photos"];
 /// Most bytes of a header: it holds an entry per evaluation and nothing longer.
 const MOST_HEADER: usize = 64 << 20;
 
@@ -151,7 +153,7 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
 /// Holds a run against the checkpoint that it is to be resumed from.
 ///
 /// # Errors
-/// In a line that names the first key that differs, and its two values.
+/// In a line that names a key that differs, and its two values.
 pub fn check(path: &Path, header: &Header, config: &Config, input: &Input) -> Result<()> {
     let of = |config: &Config, input: &Input| -> Vec<(String, Value)> {
         let objects = [serde_json::to_value(config), serde_json::to_value(input)];
@@ -162,9 +164,12 @@ pub fn check(path: &Path, header: &Header, config: &Config, input: &Input) -> Re
         entries.flatten().collect()
     };
     let (then, now) = (of(&header.config, &header.input), of(config, input));
-    let differs = then.iter().zip(&now).find(|(then, now)| then != now);
-    let Some(((key, then), (_, now))) = differs else { return Ok(()) };
-    let what = match option_of(key) {
+    let differs = then.into_iter().zip(now).filter(|(then, now)| then != now);
+    // What others follow from comes first, and what a user can count.
+    let order = |key: &str| FIRST.iter().position(|first| *first == key).unwrap_or(FIRST.len());
+    let Some(((key, then), (_, now))) = differs.min_by_key(|(then, _)| order(&then.0)) else { return Ok(()) };
+    let [then, now] = [then, now].map(|value| value.as_str().map_or(value.to_string(), str::to_owned));
+    let what = match option_of(&key) {
         Some(option) => {
             format!("it was made with {option} {then}, not {now}; resume with the same, or train anew (--force)")
         }
@@ -193,8 +198,6 @@ fn option_of(key: &str) -> Option<&'static str> {
 
 #[cfg(test)]
 mod tests {
-    use std::io::Write as _;
-
     use super::super::record::Quality;
     use super::*;
 
@@ -270,6 +273,8 @@ mod tests {
         check(Path::new("c"), &checkpoint().header, &config, &input).unwrap();
         let other = Config { degree: 2, ..config.clone() };
         assert!(refusal(&other, &input).contains("--sh 0, not 2"), "{}", refusal(&other, &input));
+        let other = config.clone().with_strategy(Strategy::Classic);
+        assert!(refusal(&other, &input).contains("--strategy mcmc, not classic"), "{}", refusal(&other, &input));
         let other = Input { cameras: 8, ..input };
         assert!(refusal(&config, &other).contains("another capture (cameras: 7, not 8)"));
     }

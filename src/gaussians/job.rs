@@ -54,7 +54,7 @@ pub struct Request {
     pub config: Config,
     /// Each pixel is a square of so many stored pixels.
     pub shrink: u32,
-    /// The folder of the run, which exists.
+    /// The folder of the run; made when training begins.
     pub folder: PathBuf,
     /// Iterations between checkpoints; none but the last where zero.
     pub save_every: u32,
@@ -124,7 +124,8 @@ impl Run {
     }
 
     /// Trains, from the checkpoint in the folder where `resume` says so. `profile` takes the time of every stage. `observe`
-    /// may break the run off; what there is is written then as well.
+    /// may break the run off; what there is is written then as well. Before training begins the folder is not touched, and
+    /// there is no record of a run that was broken off by then.
     ///
     /// # Errors
     /// Where a photo cannot be read, the checkpoint is of another run, the device fails or has not enough memory, or the
@@ -134,7 +135,7 @@ impl Run {
         resume: bool,
         mut profile: Option<&mut Profile>,
         observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
-    ) -> Result<TrainRecord> {
+    ) -> Result<Option<TrainRecord>> {
         self.check()?;
         let Request { split, config, shrink, folder, .. } = &self.request;
         let begun = start::Settings {
@@ -157,19 +158,24 @@ impl Run {
         if let Some(resumed) = &resumed {
             checkpoint::check(&file, &resumed.header, config, &input)?;
         }
-        let (photos, tests) = self.photos(observe)?;
+        let Some((photos, tests)) = self.photos(observe)? else { return Ok(None) };
         let mut trainer = Trainer::new(&self.context, config.clone(), &first, self.views.clone(), photos)?;
         let mut course = Course::new(self, input, first.len(), tests);
         if let Some(Checkpoint { header, history, state }) = resumed {
             trainer.restore(&state, &history)?;
             course.record.evaluations = header.evaluations;
         }
+        std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
+        if !resume && file.is_file() {
+            // The checkpoint of another run must not be taken for this one's, should this one be killed early.
+            std::fs::remove_file(&file).map_err(|source| Error::io(&file, source))?;
+        }
         let trained = course.train(trainer, &mut profile, observe);
         if trained.is_err() {
             course.record.status = Status::Failed;
             let _ = observe(Event::Report(&course.record, &course.worst));
         }
-        trained.map(|()| course.record)
+        trained.map(|()| Some(course.record))
     }
 
     /// CRC-32 of the training photos' names, sizes and cameras.
@@ -182,8 +188,9 @@ impl Run {
         sum.finalize()
     }
 
-    /// Decodes all photos: those to train on into the store, those to test with as they are.
-    fn photos(&self, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<(PhotoStore, Tests)> {
+    /// Decodes all photos: those to train on into the store, those to test with as they are. Nothing where `observe` breaks
+    /// that off.
+    fn photos(&self, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<Option<(PhotoStore, Tests)>> {
         let Split { train, test, .. } = &self.request.split;
         let settings = pictures::Settings { shrink: self.request.shrink, ..pictures::Settings::default() };
         // The run itself comes first; half of what it leaves is for photos.
@@ -191,22 +198,23 @@ impl Run {
         let most = self.context.memory_available().saturating_sub(announced) / 2;
         let mut store = PhotoStore::new(&self.context, most);
         let all = train.photos.len() + test.len();
-        let mut stopped = false;
         for picture in pictures::pictures(&train.photos, &settings)? {
             store.add(&picture?.pixels)?;
-            stopped |= observe(Event::Photos(store.len(), all)).is_break();
-            if stopped {
-                return Err(Error::request("stopped before training began; nothing was written"));
+            if observe(Event::Photos(store.len(), all)).is_break() {
+                return Ok(None);
             }
         }
         store.flush()?;
         let mut tests: Vec<Picture> = Vec::new();
         for picture in pictures::pictures(test, &settings)? {
             tests.push(picture?);
-            let _ = observe(Event::Photos(train.photos.len() + tests.len(), all));
+            if observe(Event::Photos(train.photos.len() + tests.len(), all)).is_break() {
+                return Ok(None);
+            }
         }
         let names = test.iter().map(|photo: &Photo| photo.camera.name.clone()).collect();
-        Ok((store, Tests::new(names, tests, train.photos.len(), self.request.config.test_background())))
+        let background = self.request.config.test_background();
+        Ok(Some((store, Tests::new(names, tests, train.photos.len(), background))))
     }
 }
 
@@ -397,6 +405,8 @@ impl<'a> Course<'a> {
         let Run { context, request, frame, views, .. } = self.run;
         let (done, trained) = (trainer.done(), trainer.gaussians()?);
         drop(trainer);
+        // Not those of the last iteration: a refinement may have followed it.
+        self.record.splats = trained.len() as u32;
         let bytes = crate::io::ply::write::gaussians(&frame.gaussians_to_world(trained.clone()));
         replace_file(&request.folder.join(MODEL), |file| file.write_all(&bytes))?;
         let complete = done == request.config.iterations;

@@ -131,7 +131,7 @@ mod tests {
         for (name, pixel_bytes) in [("a.jpg", 3), ("a.png", 3)] {
             let path = folder.path().join(name);
             image::RgbImage::new(17, 9).save(&path).unwrap();
-            let known = Header { width: 17, height: 9, pixel_bytes, scratch_bytes: 0 };
+            let known = Header { width: 17, height: 9, alpha: false, pixel_bytes, scratch_bytes: 0 };
             assert_eq!(Header::read(&path).unwrap(), known);
         }
         let path = folder.path().join("b.png");

@@ -3,8 +3,9 @@
 
 use std::fmt::Write as _;
 use std::fs;
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, ChildStdout, Command, Output, Stdio};
 
 use camsplat::plan::record::PlanRecord;
 use tempfile::TempDir;
@@ -105,6 +106,53 @@ pub fn ended(output: Output) -> Ran {
         code: output.status.code(),
         out: String::from_utf8(output.stdout).unwrap(),
         err: String::from_utf8(output.stderr).unwrap(),
+    }
+}
+
+/// Reads a child's output up to the line that starts with `start`; fails where there is none.
+pub fn read_until(child: &mut Child, start: &str) -> BufReader<ChildStdout> {
+    let mut output = BufReader::new(child.stdout.take().unwrap());
+    let mut line = String::new();
+    loop {
+        line.clear();
+        assert!(output.read_line(&mut line).unwrap() > 0, "the run ended without a line that starts with {start:?}");
+        if line.starts_with(start) {
+            return output;
+        }
+    }
+}
+
+/// Sends `signal` to a child and waits for its end.
+pub fn stop(mut child: Child, mut output: impl Read, signal: &str) -> Ran {
+    assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+    let mut out = String::new();
+    output.read_to_string(&mut out).unwrap();
+    let mut err = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut err).unwrap();
+    Ran { code: child.wait().unwrap().code(), out, err }
+}
+
+/// Names in a folder, hidden ones too.
+pub fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<_> =
+        fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+/// Runs each case and asserts that it is refused with a line that holds every fragment.
+#[track_caller]
+pub fn assert_refused(place: &Place, cases: &[(&str, &[&str])]) {
+    for (arguments, fragments) in cases {
+        let before = names(&place.path(""));
+        let ran = place.run(arguments);
+        assert_eq!(ran.code, Some(2), "camsplat {arguments}: {}{}", ran.out, ran.err);
+        assert_eq!(ran.err.lines().count(), 1, "camsplat {arguments}: {}", ran.err);
+        assert!(ran.err.starts_with("error: "), "camsplat {arguments}: {}", ran.err);
+        for fragment in *fragments {
+            assert!(ran.err.contains(fragment), "camsplat {arguments}: {fragment:?} is not in {}", ran.err);
+        }
+        assert_eq!(names(&place.path("")), before, "camsplat {arguments} left something");
     }
 }
 
