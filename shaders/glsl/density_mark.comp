@@ -20,8 +20,11 @@ void main() {
     if (i >= population[0]) return;
     float logit = parameters[OPACITY * stride + i], widest = parameters[LOG_SCALE * stride + i];
     for (uint c = 1; c < 3; ++c) widest = max(widest, parameters[(LOG_SCALE + c) * stride + i]);
-    bool hole = is_free(logit) || sigmoid(logit) < least || exp(widest) > too_wide;
     vec2 seen = statistics[i];
-    children[i] = !hole && seen.y > 0.0 && seen.x > coarse * seen.y ? 1 : 0;
+    bool grows = seen.y > 0.0 && seen.x > coarse * seen.y;
+    // What is split becomes smaller first.
+    float width = exp(widest) / (grows && exp(widest) > wide ? 1.6 : 1.0);
+    bool hole = is_free(logit) || sigmoid(logit) < least || width > too_wide;
+    children[i] = grows && !hole ? 1 : 0;
     holes[i] = hole ? 1 : 0;
 }

@@ -24,6 +24,11 @@ void main() {
         sources[i] = NONE;
         return;
     }
+    if (total[0] == 0) {
+        // Nothing lives: nothing moves, and what is new is as dead as the rest.
+        sources[i] = i < before ? NONE : 0;
+        return;
+    }
     uint word = pcg4d(uvec4(seed, PICK_STREAM + iteration, i)).x, high, low;
     umulExtended(word, total[0], high, low);
     // The last Gaussian with no more than `high` before it.

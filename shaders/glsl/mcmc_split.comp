@@ -1,6 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 // Relocation, 3: a Gaussian that stands for n from now on gets the opacity and the size with which n of it look as it did.
+// Its moments stay, so that it and its copies, which have none, do not move in step for ever.
 // With o the new opacity, the sum over the powers of o in eq. 9 of the paper is sum_j C(n, j) (-1)^(j-1) o^j / sqrt(j).
 #include "shared/group.glsl"
 #include "shared/gaussian.glsl"
@@ -10,8 +11,6 @@ layout(local_size_x = 64) in;
 layout(binding = 0, std430) readonly buffer Control { uint control[]; };
 layout(binding = 1, std430) readonly buffer Picks { uint picks[]; };
 layout(binding = 2, std430) buffer Parameters { float parameters[]; };
-layout(binding = 3, std430) writeonly buffer First { float first[]; };
-layout(binding = 4, std430) writeonly buffer Second { float second[]; };
 
 // Powers past this one are too small to count.
 const uint MOST_POWERS = 64;
@@ -21,7 +20,8 @@ void main() {
     if (control[0] != 0 || i >= before || picks[i] == 0) return;
     float n = float(picks[i] + 1);
     float opacity = min(sigmoid(parameters[OPACITY * stride + i]), 0.9999);
-    float part = 1.0 - pow(1.0 - opacity, 1.0 / n), term = -1.0, sum = 0.0;
+    // 1 - (1 - opacity)^(1/n), where it is small without the difference of two numbers near 1.
+    float x = -log(1.0 - opacity) / n, part = x < 1e-2 ? x * (1.0 - 0.5 * x) : 1.0 - exp(-x), term = -1.0, sum = 0.0;
     for (uint j = 1; j <= min(picks[i] + 1, MOST_POWERS); ++j) {
         term *= -(n - float(j) + 1.0) / float(j) * part;
         sum += term / sqrt(float(j));
@@ -30,8 +30,4 @@ void main() {
     parameters[OPACITY * stride + i] = log(part / (1.0 - part));
     float shrink = log(opacity / sum);
     for (uint c = 0; c < 3; ++c) parameters[(LOG_SCALE + c) * stride + i] += shrink;
-    for (uint plane = 0; plane < planes; ++plane) {
-        first[plane * stride + i] = 0.0;
-        second[plane * stride + i] = 0.0;
-    }
 }

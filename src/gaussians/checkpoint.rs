@@ -31,6 +31,8 @@ pub struct Input {
     pub photos: usize,
     /// CRC-32 of their names, sizes and cameras.
     pub cameras: u32,
+    /// CRC-32 of their pixels, with masks and alpha.
+    pub pixels: u32,
     /// Each pixel is a square of so many stored pixels.
     pub shrink: u32,
     /// Gaussians at the start.
@@ -210,7 +212,7 @@ mod tests {
         Checkpoint {
             header: Header {
                 config,
-                input: Input { photos: 5, cameras: 7, shrink: 1, start: 3 },
+                input: Input { photos: 5, cameras: 7, pixels: 9, shrink: 1, start: 3 },
                 done: 2,
                 population: 3,
                 // Black photos of nothing are the same as black pictures.

@@ -1,24 +1,31 @@
 //! How good pictures of the model are where no photo was trained on.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use super::pictures::{Picture, UNKNOWN};
+use super::pictures::{self, Picture, UNKNOWN};
 use super::record::{Quality, TestView};
 use crate::metrics::image::weights::Weights;
 use crate::metrics::image::{Lpips, Rgb8, psnr, ssim};
 use crate::parallel::in_parallel;
+use crate::photos::Photo;
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
 /// Makes the picture of a view, over the background of the tests.
 pub type Camera<'c> = &'c mut dyn FnMut(usize) -> Result<Vec<[f32; 4]>>;
 
-/// Photos to test with, as 8-bit colours over the background.
+/// Test views that are looked at on the way.
+const FEW: usize = 16;
+/// Pictures that are measured at once.
+const AT_ONCE: usize = 16;
+
+/// Photos to test with. Few of them are kept decoded; all of them are decoded again in the end.
 pub struct Tests {
-    /// Names of the photos.
-    pub names: Vec<String>,
-    pictures: Vec<Picture>,
-    /// The view of the first; the others follow.
+    photos: Vec<Photo>,
+    settings: pictures::Settings,
+    few: Vec<Picture>,
+    /// The view of the first photo; the others follow.
     first: usize,
     background: [f32; 3],
     lpips: Option<Lpips>,
@@ -38,29 +45,42 @@ pub struct Pair {
 }
 
 impl Tests {
-    /// Photos to test with, over a background; their views are those from `first` on.
-    pub fn new(names: Vec<String>, pictures: Vec<Picture>, first: usize, background: [f32; 3]) -> Self {
-        Self { names, pictures, first, background, lpips: None }
-    }
-
-    /// How many there are.
-    pub fn len(&self) -> usize {
-        self.pictures.len()
+    /// Photos to test with, over a background; their views are those from `first` on. All are decoded once, to find those that
+    /// are damaged. `observe` is told how many have been, and may break that off: there are no tests then.
+    ///
+    /// # Errors
+    /// Where a photo cannot be decoded.
+    pub fn new(
+        photos: &[Photo],
+        settings: pictures::Settings,
+        first: usize,
+        background: [f32; 3],
+        mut observe: impl FnMut(usize) -> ControlFlow<()>,
+    ) -> Result<Option<Self>> {
+        let step = photos.len().div_ceil(FEW).max(1);
+        let mut few = Vec::new();
+        for (i, picture) in pictures::pictures(photos, &settings)?.enumerate() {
+            let picture = picture?;
+            if i % step == 0 {
+                few.push(picture);
+            }
+            if observe(i + 1).is_break() {
+                return Ok(None);
+            }
+        }
+        Ok(Some(Self { photos: photos.to_vec(), settings, few, first, background, lpips: None }))
     }
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.pictures.is_empty()
+        self.photos.is_empty()
     }
 
-    /// Test view `i`. What the photo does not show is black in both.
-    ///
-    /// # Errors
-    /// Where the device fails.
-    pub fn pair(&self, camera: Camera, i: usize) -> Result<Pair> {
-        let Picture { width, height, pixels, .. } = &self.pictures[i];
+    /// A test view as it is and as it should be. What the photo does not show is black in both.
+    fn pair(&self, camera: Camera, picture: &Picture) -> Result<Pair> {
+        let Picture { index, width, height, pixels } = picture;
         let background = self.background.map(f64::from);
-        let seen = camera(self.first + i)?;
+        let seen = camera(self.first + index)?;
         let byte = |value: f64| (255.0 * value.clamp(0.0, 1.0)).round() as u8;
         let mut pair = Pair { width: *width, height: *height, rendered: Vec::new(), reference: Vec::new() };
         for (stored, seen) in pixels.iter().zip(seen) {
@@ -74,54 +94,67 @@ impl Tests {
         Ok(pair)
     }
 
-    /// Every `step`-th test view with its metrics, in their order; `look` sees each pair. LPIPS is measured where `lpips` says so
-    /// and the picture is large enough for it.
+    /// Some of the test views, or all of them, with their metrics, in their order; `look` sees each pair. LPIPS is measured of
+    /// all, where the picture is large enough for it.
     ///
     /// # Errors
-    /// Where the device fails or has not enough memory.
+    /// Where a photo cannot be decoded any more, or the device fails or has not enough memory.
     pub fn evaluate(
         &mut self,
         context: &Arc<Context>,
         camera: Camera,
-        step: usize,
-        lpips: bool,
+        all: bool,
         mut look: impl FnMut(&TestView, &Pair) -> Result<()>,
     ) -> Result<Vec<TestView>> {
-        if lpips && self.lpips.is_none() && !self.is_empty() {
+        if all && self.lpips.is_none() && !self.is_empty() {
             self.lpips = Some(Lpips::new(context, &Weights::alex()?)?);
         }
-        let chosen: Vec<usize> = (0..self.len()).step_by(step.max(1)).collect();
         let mut views = Vec::new();
-        // As many at once as there are threads to measure them.
-        for some in chosen.chunks(16) {
-            let mut measured: Vec<(Pair, Result<Quality>)> = Vec::new();
-            for &i in some {
-                measured.push((self.pair(camera, i)?, Ok(Quality::default())));
-            }
-            in_parallel(&mut measured, 1, |_, part| {
-                for (pair, quality) in part {
-                    *quality = compared(pair);
-                }
-            });
-            for (&i, (pair, quality)) in some.iter().zip(measured) {
-                let mut quality = quality?;
-                if lpips && let Some(network) = &mut self.lpips {
-                    let least = network.network().least();
-                    if pair.width.min(pair.height) >= least {
-                        let distance = network.distance(&pair.of(&pair.rendered)?, &pair.of(&pair.reference)?);
-                        quality.lpips = match distance {
-                            // No reason to lose a model.
-                            Err(Error::OutOfMemory { .. }) => None,
-                            distance => Some(distance?),
-                        };
-                    }
-                }
-                let view = TestView { name: self.names[i].clone(), quality };
-                look(&view, &pair)?;
-                views.push(view);
-            }
+        if !all {
+            let few = std::mem::take(&mut self.few);
+            let measured = self.measure(camera, &few, &mut views, &mut look);
+            self.few = few;
+            return measured.map(|()| views);
         }
-        Ok(views)
+        let mut decoder = pictures::pictures(&self.photos, &self.settings)?;
+        loop {
+            let some = decoder.by_ref().take(AT_ONCE).collect::<Result<Vec<Picture>>>()?;
+            if some.is_empty() {
+                return Ok(views);
+            }
+            self.measure(camera, &some, &mut views, &mut look)?;
+        }
+    }
+
+    /// Measures some test views; LPIPS where its network is there.
+    fn measure(
+        &mut self,
+        camera: Camera,
+        pictures: &[Picture],
+        views: &mut Vec<TestView>,
+        look: &mut impl FnMut(&TestView, &Pair) -> Result<()>,
+    ) -> Result<()> {
+        let mut measured: Vec<(Pair, Result<Quality>)> = Vec::new();
+        for picture in pictures {
+            measured.push((self.pair(camera, picture)?, Ok(Quality::default())));
+        }
+        in_parallel(&mut measured, 1, |_, part| part.iter_mut().for_each(|(pair, quality)| *quality = compared(pair)));
+        for (picture, (pair, quality)) in pictures.iter().zip(measured) {
+            let mut quality = quality?;
+            if let Some(network) = &mut self.lpips
+                && pair.width.min(pair.height) >= network.network().least()
+            {
+                quality.lpips = match network.distance(&pair.of(&pair.rendered)?, &pair.of(&pair.reference)?) {
+                    // No reason to lose a model.
+                    Err(Error::OutOfMemory { .. }) => None,
+                    distance => Some(distance?),
+                };
+            }
+            let view = TestView { name: self.photos[picture.index].camera.name.clone(), quality };
+            look(&view, &pair)?;
+            views.push(view);
+        }
+        Ok(())
     }
 }
 

@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::checkpoint::{self, Checkpoint, Header, Input};
@@ -10,7 +11,7 @@ use super::config::Config;
 use super::evaluate::{self, Camera, Pair, Tests};
 use super::frame::{Frame, View};
 use super::loss::Record;
-use super::pictures::{self, Picture};
+use super::pictures;
 use super::rasterizer::{Size, Wanted};
 use super::record::{CurvePoint, Evaluation, MemoryRecord, PhotosRecord, StageTime, Status, TrainRecord};
 use super::renderer::Renderer;
@@ -19,10 +20,9 @@ use super::start;
 use super::store::PhotoStore;
 use super::trainer::{self, Trainer};
 use crate::io::folder::replace_file;
-use crate::photos::Photo;
 use crate::vulkan::Context;
 use crate::vulkan::footprint::Footprint;
-use crate::vulkan::profile::Profile;
+use crate::vulkan::profile::{Profile, Row};
 use crate::{Error, Result};
 
 /// Files of a run.
@@ -32,14 +32,14 @@ pub const MODEL: &str = "point_cloud.ply";
 
 /// Entries of the footprint that stand for several buffers.
 const SEVERAL: [&str; 3] = ["sort", "scan", "photos"];
+/// Pixels of a picture along a side at most: bounds of splats take 16 bits.
+const MOST_SIDE: u32 = 65_535;
 /// Time between two looks at a run by its report.
 const BETWEEN_REPORTS: Duration = Duration::from_secs(15);
 /// Iterations whose stages are timed before each report.
 const SAMPLED: u32 = 10;
 /// Points of the curves at most.
 const CURVE: usize = 400;
-/// Test views that are looked at on the way.
-const FEW: usize = 16;
 /// Test views whose pictures go into the report.
 pub const WORST: usize = 8;
 
@@ -92,6 +92,11 @@ impl Run {
     /// Where the configuration makes no sense.
     pub fn new(context: &Arc<Context>, request: Request) -> Result<Self> {
         request.config.validate()?;
+        let sides = request.split.train.photos.iter().chain(&request.split.test).map(|photo| photo.camera.intrinsics);
+        if let Some(k) = sides.into_iter().find(|k| k.width.max(k.height) / request.shrink > MOST_SIDE) {
+            let what = format!("photos of {} x {} pixels are too large; train with --shrink", k.width, k.height);
+            return Err(Error::input(&request.capture, what));
+        }
         let Split { train, test, .. } = &request.split;
         let cameras = pictures::cameras(&train.photos, request.shrink);
         let frame = Frame::new(&cameras, &train.points.positions);
@@ -147,18 +152,19 @@ impl Run {
             ..start::Settings::default()
         };
         let first = start::start(&split.train, &self.frame, &begun)?;
+        let file = folder.join(CHECKPOINT);
+        let resumed = if resume { Some(checkpoint::read(&file)?) } else { None };
+        let Some((photos, tests)) = self.photos(observe)? else { return Ok(None) };
         let input = Input {
             photos: split.train.photos.len(),
             cameras: self.fingerprint(),
+            pixels: photos.fingerprint(),
             shrink: *shrink,
             start: first.len(),
         };
-        let file = folder.join(CHECKPOINT);
-        let resumed = if resume { Some(checkpoint::read(&file)?) } else { None };
         if let Some(resumed) = &resumed {
             checkpoint::check(&file, &resumed.header, config, &input)?;
         }
-        let Some((photos, tests)) = self.photos(observe)? else { return Ok(None) };
         let mut trainer = Trainer::new(&self.context, config.clone(), &first, self.views.clone(), photos)?;
         let mut course = Course::new(self, input, first.len(), tests);
         if let Some(Checkpoint { header, history, state }) = resumed {
@@ -188,8 +194,7 @@ impl Run {
         sum.finalize()
     }
 
-    /// Decodes all photos: those to train on into the store, those to test with as they are. Nothing where `observe` breaks
-    /// that off.
+    /// Decodes all photos: those to train on into the store. Nothing where `observe` breaks that off.
     fn photos(&self, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<Option<(PhotoStore, Tests)>> {
         let Split { train, test, .. } = &self.request.split;
         let settings = pictures::Settings { shrink: self.request.shrink, ..pictures::Settings::default() };
@@ -205,16 +210,10 @@ impl Run {
             }
         }
         store.flush()?;
-        let mut tests: Vec<Picture> = Vec::new();
-        for picture in pictures::pictures(test, &settings)? {
-            tests.push(picture?);
-            if observe(Event::Photos(train.photos.len() + tests.len(), all)).is_break() {
-                return Ok(None);
-            }
-        }
-        let names = test.iter().map(|photo: &Photo| photo.camera.name.clone()).collect();
         let background = self.request.config.test_background();
-        Ok(Some((store, Tests::new(names, tests, train.photos.len(), background))))
+        let decoded = |done| observe(Event::Photos(train.photos.len() + done, all));
+        let tests = Tests::new(test, settings, train.photos.len(), background, decoded)?;
+        Ok(tests.map(|tests| (store, tests)))
     }
 }
 
@@ -233,6 +232,10 @@ struct Course<'a> {
     worst: Vec<(String, Pair)>,
     sampled: Profile,
     sampled_iterations: u32,
+    /// Iterations that had been done, and when, as this process began.
+    first: u32,
+    started: Instant,
+    saving: Option<JoinHandle<Result<()>>>,
 }
 
 impl<'a> Course<'a> {
@@ -266,13 +269,43 @@ impl<'a> Course<'a> {
                 peak: 0,
             },
         };
-        Self { run, input, tests, record, worst: Vec::new(), sampled: Profile::default(), sampled_iterations: 0 }
+        Self {
+            run,
+            input,
+            tests,
+            record,
+            worst: Vec::new(),
+            sampled: Profile::default(),
+            sampled_iterations: 0,
+            first: 0,
+            started: Instant::now(),
+            saving: None,
+        }
     }
 
-    /// Trains to the end or until `observe` breaks it off, with stops for evaluations, checkpoints and reports.
+    /// Trains to the end or until `observe` breaks it off, and writes the products. Whatever fails but the device itself leaves
+    /// the trainer as it was after its last iteration: that much is saved.
     fn train(
         &mut self,
         mut trainer: Trainer,
+        profile: &mut Option<&mut Profile>,
+        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<()> {
+        let first = trainer.done();
+        let trained = self.iterate(&mut trainer, profile, observe);
+        let lost = matches!(trained, Err(Error::DeviceLost { .. } | Error::Vulkan { .. }));
+        if trained.is_err() && !lost && trainer.done() > first {
+            self.save(&trainer, observe)?;
+        }
+        self.join(observe);
+        trained?;
+        self.finish(trainer, observe)
+    }
+
+    /// The iterations, with stops for evaluations, checkpoints and reports.
+    fn iterate(
+        &mut self,
+        trainer: &mut Trainer,
         profile: &mut Option<&mut Profile>,
         observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
     ) -> Result<()> {
@@ -283,25 +316,24 @@ impl<'a> Course<'a> {
             every => (done / every + 1).saturating_mul(every).min(config.iterations),
         };
         let mut flow = ControlFlow::Continue(());
-        self.report(&trainer, observe);
+        self.first = trainer.done();
+        self.started = Instant::now();
+        self.report(trainer, profile, observe);
         while flow.is_continue() && trainer.done() < config.iterations {
             let done = trainer.done();
             let stop = next(*save_every, done).min(next(*evaluate_every, done));
-            let started = Instant::now();
-            flow = self.stretch(&mut trainer, stop, profile, observe)?;
-            self.record.seconds += started.elapsed().as_secs_f64();
-            self.record.seconds_for += trainer.done() - done;
+            flow = self.stretch(trainer, stop, profile, observe)?;
             let done = trainer.done();
             let last = done == config.iterations;
+            if flow.is_break() || last || due(*save_every, done) {
+                self.save(trainer, observe)?;
+            }
             if !last && flow.is_continue() && due(*evaluate_every, done) {
                 self.evaluate(&mut |view| trainer.picture(view), done, false, observe)?;
             }
-            if flow.is_break() || last || due(*save_every, done) {
-                self.save(&trainer, observe)?;
-            }
-            self.report(&trainer, observe);
+            self.report(trainer, profile, observe);
         }
-        self.finish(trainer, observe)
+        Ok(())
     }
 
     /// Trains until `stop` iterations are done, or it is time for a report.
@@ -345,10 +377,9 @@ impl<'a> Course<'a> {
         if self.tests.is_empty() {
             return Ok(());
         }
-        let step = if all { 1 } else { self.tests.len().div_ceil(FEW) };
         let folder = &self.run.request.folder;
         let mut worst: Vec<(f64, String, Pair)> = Vec::new();
-        let mut views = self.tests.evaluate(&self.run.context, camera, step, all, |view, pair| {
+        let mut views = self.tests.evaluate(&self.run.context, camera, all, |view, pair| {
             if all {
                 write_picture(folder, &view.name, pair)?;
             }
@@ -368,8 +399,8 @@ impl<'a> Course<'a> {
         Ok(())
     }
 
-    /// Writes the checkpoint. What cannot be written is told, and the run goes on.
-    fn save(&self, trainer: &Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<()> {
+    /// Has the checkpoint written while training goes on. What cannot be written is told, and the run goes on.
+    fn save(&mut self, trainer: &Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<()> {
         let state = trainer.state()?;
         let header = Header {
             config: self.run.request.config.clone(),
@@ -379,24 +410,42 @@ impl<'a> Course<'a> {
             evaluations: self.record.evaluations.clone(),
         };
         let checkpoint = Checkpoint { header, history: trainer.history(), state };
-        if let Err(error) = checkpoint::write(&self.run.request.folder.join(CHECKPOINT), &checkpoint) {
-            let _ = observe(Event::NotSaved(&error));
-        }
+        let file = self.run.request.folder.join(CHECKPOINT);
+        // The one before goes first: two would write one file.
+        self.join(observe);
+        self.saving = Some(std::thread::spawn(move || checkpoint::write(&file, &checkpoint)));
         Ok(())
     }
 
+    /// Waits for the checkpoint that is being written.
+    fn join(&mut self, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) {
+        // A thread that panicked has written nothing, and its message is out.
+        let saved = self.saving.take().map(|saving| saving.join().unwrap_or(Ok(())));
+        if let Some(Err(error)) = saved {
+            let _ = observe(Event::NotSaved(&error));
+        }
+    }
+
     /// Brings the record up to date and shows it.
-    fn report(&mut self, trainer: &Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) {
+    fn report(
+        &mut self,
+        trainer: &Trainer,
+        profile: &Option<&mut Profile>,
+        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+    ) {
         let record = &mut self.record;
         record.iterations = trainer.done();
         record.splats = trainer.history().last().map_or(record.splats, |last| last.splats);
+        record.seconds = self.started.elapsed().as_secs_f64();
+        record.seconds_for = trainer.done() - self.first;
         record.curve = curve(trainer);
         record.memory.peak = self.run.context.peak_allocated();
-        let stage = |row: crate::vulkan::profile::Row| StageTime {
-            name: row.name.into(),
-            ms: row.total_ms / f64::from(self.sampled_iterations.max(1)),
+        let (profile, iterations) = match profile {
+            Some(profile) => (&**profile, record.seconds_for),
+            None => (&self.sampled, self.sampled_iterations),
         };
-        record.stages = self.sampled.rows().into_iter().map(stage).collect();
+        let stage = |row: Row| StageTime { name: row.name.into(), ms: row.total_ms / f64::from(iterations.max(1)) };
+        record.stages = profile.rows().into_iter().map(stage).collect();
         let _ = observe(Event::Report(&self.record, &self.worst));
     }
 

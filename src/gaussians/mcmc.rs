@@ -41,7 +41,7 @@ crate::stage!(
 );
 crate::stage!(
     /// Opacity and size of those that were drawn.
-    pub MCMC_SPLIT = mcmc_split(McmcPush) { read control, read picks, write parameters, write first, write second }
+    pub MCMC_SPLIT = mcmc_split(McmcPush) { read control, read picks, write parameters }
 );
 crate::stage!(
     /// Dead and new Gaussians become what they drew.
@@ -119,11 +119,7 @@ impl Mcmc {
             .bind(&[weights, cumulative, &self.total, picks, sources])
             .push(&push)
             .linear(after.div_ceil(256));
-        commands
-            .stage(&self.split)
-            .bind(&[&[control, picks], &changed[..]].concat())
-            .push(&push)
-            .linear(before.div_ceil(64));
+        commands.stage(&self.split).bind(&[control, picks, &model.parameters]).push(&push).linear(before.div_ceil(64));
         commands
             .stage(&self.copy)
             .bind(&[&[control, sources], &changed[..], &[&model.population]].concat())

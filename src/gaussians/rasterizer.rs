@@ -129,21 +129,18 @@ pub struct Rasterizer {
     ranges: Pipeline,
     forward: Pipeline,
     backward: Pipeline,
-    fast: bool,
     scan: Scan,
-    sort: RadixSort,
+    context: Arc<Context>,
+    wanted: Wanted,
     sizes: Sizes,
     depth_keys: Buffer,
     depth_splats: Buffer,
     tile_counts: Buffer,
     tile_offsets: Buffer,
-    tile_keys: Buffer,
-    tile_instances: Buffer,
-    instance_splats: Buffer,
     tile_ranges: Buffer,
     ends: Buffer,
     tile_ends: Buffer,
-    checkpoints: Buffer,
+    lists: Lists,
     /// Every Gaussian as the view sees it.
     pub projected: Buffer,
     /// First instance and number of instances of each Gaussian.
@@ -154,8 +151,38 @@ pub struct Rasterizer {
     pub picture: Buffer,
     /// Sums of depths per pixel, where they are wanted.
     pub depths: Buffer,
+}
+
+/// What grows with the instances.
+struct Lists {
+    tile_keys: Buffer,
+    tile_instances: Buffer,
+    instance_splats: Buffer,
+    checkpoints: Buffer,
     /// Sums of each instance in the order of emission, or of each Gaussian in the fast way, where gradients are wanted.
-    pub partials: Buffer,
+    partials: Buffer,
+    sort: RadixSort,
+}
+
+impl Lists {
+    fn new(context: &Arc<Context>, sizes: &Sizes, wanted: Wanted) -> Result<Self> {
+        let plan = footprint(context, sizes, wanted);
+        let buffer = |name: &str| planned(context, &plan, name);
+        Ok(Self {
+            tile_keys: buffer("tile_keys")?,
+            tile_instances: buffer("tile_instances")?,
+            instance_splats: buffer("instance_splats")?,
+            checkpoints: buffer("checkpoints")?,
+            partials: buffer("partials")?,
+            sort: RadixSort::new(context, sizes.gaussians.max(sizes.room))?,
+        })
+    }
+}
+
+/// A buffer of a list by name and bytes.
+fn planned(context: &Arc<Context>, plan: &[(&'static str, u64)], name: &str) -> Result<Buffer> {
+    let bytes = plan.iter().find(|entry| entry.0 == name).map_or(0, |entry| entry.1);
+    Buffer::device(context, name, bytes)
 }
 
 /// Buffers by name and bytes.
@@ -199,10 +226,7 @@ impl Rasterizer {
     /// Where the device has not that much memory, or fails.
     pub fn new(context: &Arc<Context>, sizes: Sizes, wanted: Wanted) -> Result<Self> {
         let plan = footprint(context, &sizes, wanted);
-        let buffer = |name: &str| {
-            let bytes = plan.iter().find(|entry| entry.0 == name).map_or(0, |entry| entry.1);
-            Buffer::device(context, name, bytes)
-        };
+        let buffer = |name: &str| planned(context, &plan, name);
         let antialiased = u32::from(wanted.antialiased);
         let pipeline = |stage| Pipeline::new(context, stage, &[antialiased]);
         let threads = threads(context);
@@ -218,27 +242,23 @@ impl Rasterizer {
             ranges: pipeline(&SPLAT_RANGES)?,
             forward: Pipeline::new(context, &SPLAT_FORWARD, &[antialiased, threads, u32::from(wanted.depths)])?,
             backward: Pipeline::new(context, backward, &[antialiased, threads])?,
-            fast: wanted.fast,
             scan: Scan::new(context, sizes.gaussians)?,
-            sort: RadixSort::new(context, sizes.gaussians.max(sizes.room))?,
+            context: context.clone(),
+            wanted,
+            lists: Lists::new(context, &sizes, wanted)?,
             sizes,
             depth_keys: buffer("depth_keys")?,
             depth_splats: buffer("depth_splats")?,
             tile_counts: buffer("tile_counts")?,
             tile_offsets: buffer("tile_offsets")?,
-            tile_keys: buffer("tile_keys")?,
-            tile_instances: buffer("tile_instances")?,
-            instance_splats: buffer("instance_splats")?,
             tile_ranges: buffer("ranges")?,
             ends: buffer("ends")?,
             tile_ends: buffer("tile_ends")?,
-            checkpoints: buffer("checkpoints")?,
             projected: buffer("projected")?,
             runs: buffer("runs")?,
             counts: buffer("counts")?,
             picture: buffer("picture")?,
             depths: buffer("depths")?,
-            partials: buffer("partials")?,
         })
     }
 
@@ -246,6 +266,48 @@ impl Rasterizer {
     pub fn scratch(&self) -> ([&Buffer; 5], &Scan) {
         let words = [&self.depth_keys, &self.depth_splats, &self.tile_counts, &self.tile_offsets, &self.runs];
         (words, &self.scan)
+    }
+
+    /// What an instance or a Gaussian is summed into, see [`SPLAT_BACKWARD`].
+    pub fn partials(&self) -> &Buffer {
+        &self.lists.partials
+    }
+
+    /// Makes room for so many instances, in place of what there was.
+    ///
+    /// # Errors
+    /// Where the device has not that much memory; there is room for one instance then.
+    pub fn set_room(&mut self, room: u32) -> Result<()> {
+        // The old lists go first: there may be no room for both.
+        for room in [1, room] {
+            let sizes = Sizes { room, ..self.sizes };
+            self.lists = Lists::new(&self.context, &sizes, self.wanted)?;
+            self.sizes = sizes;
+        }
+        Ok(())
+    }
+
+    /// Makes room for so many instances and half as many more, or else for few more.
+    ///
+    /// # Errors
+    /// Where the device has not even memory for those, or none of its lists can be so long.
+    pub fn make_room(&mut self, needed: u32) -> Result<()> {
+        let physical = self.context.physical();
+        let longest = physical.storage_range.min(physical.allocation) / (4 * SUMS);
+        let most = u32::try_from(longest).unwrap_or(u32::MAX).min(1 << 28);
+        if needed > most {
+            return Err(Error::OutOfMemory {
+                what: "the list of tiles that splats reach".into(),
+                wanted: 4 * SUMS * u64::from(needed),
+                available: 4 * SUMS * u64::from(most),
+                remedy: "take fewer splats or smaller pictures".into(),
+            });
+        }
+        let [ample, scarce] = [2, 32].map(|part| needed.saturating_add(needed / part).min(most));
+        match self.set_room(ample) {
+            Err(Error::OutOfMemory { .. }) => self.set_room(scarce),
+            made => made,
+        }
     }
 
     /// What there is room for.
@@ -274,7 +336,7 @@ impl Rasterizer {
             .bind(&[views, &model.population, &model.parameters, &self.projected, &self.depth_keys, &self.depth_splats])
             .push(push)
             .linear(by_gaussian);
-        let by_depth = self.sort.pairs(commands, &self.depth_keys, &self.depth_splats, population(), 31)?;
+        let by_depth = self.lists.sort.pairs(commands, &self.depth_keys, &self.depth_splats, population(), 31)?;
         commands
             .stage(&self.count)
             .bind(&[views, &model.population, &self.projected, by_depth.values, &self.tile_counts])
@@ -290,16 +352,17 @@ impl Rasterizer {
                 by_depth.values,
                 &self.tile_counts,
                 &self.tile_offsets,
-                &self.tile_keys,
-                &self.tile_instances,
-                &self.instance_splats,
+                &self.lists.tile_keys,
+                &self.lists.tile_instances,
+                &self.lists.instance_splats,
                 &self.runs,
             ])
             .push(push)
             .linear(by_gaussian);
         let bits = (32 - (size.tiles() - 1).leading_zeros()).max(1);
         let instances = Count::Device(&self.counts, 0);
-        let by_tile = self.sort.pairs(commands, &self.tile_keys, &self.tile_instances, instances, bits)?;
+        let by_tile =
+            self.lists.sort.pairs(commands, &self.lists.tile_keys, &self.lists.tile_instances, instances, bits)?;
         commands.fill(&self.tile_ranges, 0);
         commands
             .stage(&self.ranges)
@@ -311,13 +374,13 @@ impl Rasterizer {
             .bind(&[
                 views,
                 &self.projected,
-                &self.instance_splats,
+                &self.lists.instance_splats,
                 by_tile.values,
                 &self.tile_ranges,
                 &self.picture,
                 &self.ends,
                 &self.tile_ends,
-                &self.checkpoints,
+                &self.lists.checkpoints,
                 &self.depths,
             ])
             .push(push)
@@ -334,8 +397,8 @@ impl Rasterizer {
         by_pixel: &'a Buffer,
         push: &PassPush,
     ) {
-        if self.fast {
-            commands.fill(&self.partials, 0);
+        if self.wanted.fast {
+            commands.fill(&self.lists.partials, 0);
         }
         commands
             .stage(&self.backward)
@@ -343,16 +406,16 @@ impl Rasterizer {
                 views,
                 &self.projected,
                 &self.counts,
-                &self.instance_splats,
+                &self.lists.instance_splats,
                 instances.keys,
                 instances.values,
                 &self.tile_ranges,
                 &self.picture,
                 &self.ends,
                 &self.tile_ends,
-                &self.checkpoints,
+                &self.lists.checkpoints,
                 by_pixel,
-                &self.partials,
+                &self.lists.partials,
             ])
             .push(push)
             .linear(self.sizes.room.div_ceil(BLOCK));

@@ -107,9 +107,7 @@ impl Renderer {
             drop(commands);
             let needed = self.rasterizer.counts.download::<u32>(1)?[0];
             if needed > room {
-                let sizes = Sizes { room: room_for(needed, room)?, ..sizes };
-                check(&self.context, sizes, self.wanted, &[])?;
-                self.rasterizer = Rasterizer::new(&self.context, sizes, self.wanted)?;
+                self.rasterizer.make_room(needed)?;
                 continue;
             }
             let pixels = size.pixels() as usize;
@@ -134,21 +132,4 @@ fn check(context: &Context, sizes: Sizes, wanted: Wanted, more: &[(&'static str,
         "parameters" | "projected" => "take fewer splats or a larger device",
         _ => "take fewer splats, smaller pictures or a larger device",
     })
-}
-
-/// Room for so many instances and half as many more.
-///
-/// # Errors
-/// Where lists of that many cannot be sorted.
-pub(super) fn room_for(needed: u32, room: u32) -> Result<u32> {
-    const MOST: u32 = 1 << 28;
-    if needed > MOST {
-        return Err(Error::OutOfMemory {
-            what: "the list of tiles that splats reach".into(),
-            wanted: 4 * u64::from(needed),
-            available: 4 * u64::from(MOST),
-            remedy: "take fewer splats or smaller pictures".into(),
-        });
-    }
-    Ok((needed / 2).saturating_mul(3).clamp(room, MOST))
 }

@@ -15,6 +15,7 @@ pub struct PhotoStore {
     /// Chunk, first byte and bytes of each photo.
     places: Vec<(usize, u64, u64)>,
     gathered: Vec<u32>,
+    sum: crc32fast::Hasher,
     /// Bytes that may still go to the device's own memory.
     left: u64,
 }
@@ -22,7 +23,14 @@ pub struct PhotoStore {
 impl PhotoStore {
     /// An empty store that takes at most `most` bytes of the device's own memory.
     pub fn new(context: &Arc<Context>, most: u64) -> Self {
-        Self { context: context.clone(), chunks: Vec::new(), places: Vec::new(), gathered: Vec::new(), left: most }
+        Self {
+            context: context.clone(),
+            chunks: Vec::new(),
+            places: Vec::new(),
+            gathered: Vec::new(),
+            sum: crc32fast::Hasher::new(),
+            left: most,
+        }
     }
 
     /// Adds a photo.
@@ -33,6 +41,7 @@ impl PhotoStore {
         if 4 * (self.gathered.len() + pixels.len()) > CHUNK {
             self.flush()?;
         }
+        self.sum.update(bytemuck::cast_slice(pixels));
         self.places.push((self.chunks.len(), 4 * self.gathered.len() as u64, 4 * pixels.len() as u64));
         self.gathered.extend_from_slice(pixels);
         Ok(())
@@ -58,6 +67,11 @@ impl PhotoStore {
         self.chunks.push(chunk);
         self.gathered.clear();
         Ok(())
+    }
+
+    /// CRC-32 of all pixels.
+    pub fn fingerprint(&self) -> u32 {
+        self.sum.clone().finalize()
     }
 
     /// Photos.

@@ -16,7 +16,6 @@ use super::layout::{self, PassPush};
 use super::loss::{self, Ledger, Loss, Record};
 use super::mcmc::{self, Mcmc};
 use super::rasterizer::{self, Model, Rasterizer, Size, Sizes, Wanted};
-use super::renderer::room_for;
 use super::store::PhotoStore;
 use super::update::{Moments, Trained, Update, UpdatePush};
 use crate::scene::gaussians::Gaussians;
@@ -79,7 +78,6 @@ pub struct Trainer {
     schedule: Schedule,
     /// Gaussians at the start.
     started_with: u32,
-    sizes: Sizes,
     views: Vec<View>,
     view_buffer: Buffer,
     photos: PhotoStore,
@@ -199,7 +197,6 @@ impl Trainer {
                 Strategy::Classic => Density::Classic(Classic::new(context, config.max_splats)?),
             },
             ledger,
-            sizes,
             config,
             done: 0,
         })
@@ -239,11 +236,6 @@ impl Trainer {
         self.done
     }
 
-    /// The configuration.
-    pub fn config(&self) -> &Config {
-        &self.config
-    }
-
     /// Gaussians of a hard budget at an iteration: a function of the schedule alone.
     fn budgeted(&self, iteration: u32) -> u32 {
         (0..self.schedule.refinements_before(iteration))
@@ -279,7 +271,8 @@ impl Trainer {
             if needed == 0 {
                 return Ok(());
             }
-            self.make_room(needed)?;
+            self.unhalt()?;
+            self.rasterizer.make_room(needed)?;
         }
     }
 
@@ -327,22 +320,17 @@ impl Trainer {
         }
     }
 
-    /// Makes room for so many instances and half as many more.
-    fn make_room(&mut self, needed: u32) -> Result<()> {
-        self.set_room(room_for(needed, self.sizes.room)?)
-    }
-
-    /// Makes room for so many instances, and takes a halt back. A run sees to that by itself, and no result depends on it.
+    /// Makes room for so many instances. A run sees to that by itself, and no result depends on it.
     ///
     /// # Errors
     /// Where the device has not enough memory.
     pub fn set_room(&mut self, room: u32) -> Result<()> {
-        self.sizes.room = room;
-        // The old buffers go first: there may be no room for both.
-        self.rasterizer = rasterizer(&self.context, &self.config, Sizes { room: 1, ..self.sizes })?;
-        self.rasterizer = rasterizer(&self.context, &self.config, self.sizes)?;
-        let mailbox = [self.done, 0, 0, 0];
-        self.ledger.mailbox.write(&mailbox)?;
+        self.rasterizer.set_room(room)
+    }
+
+    /// Takes a halt back.
+    fn unhalt(&self) -> Result<()> {
+        self.ledger.mailbox.write(&[self.done, 0, 0, 0])?;
         let mut commands = Recorder::new(&self.context)?;
         commands.fill(&self.ledger.control, 0);
         commands.submit_and_wait()
@@ -367,7 +355,7 @@ impl Trainer {
             stride: self.model.stride,
             view,
             degree: self.schedule.degree(iteration, self.config.degree),
-            room: self.sizes.room,
+            room: self.rasterizer.sizes().room,
             background: self.background_of(iteration),
             iteration,
         };
@@ -465,7 +453,7 @@ impl Trainer {
                 stride: self.model.stride,
                 view: view as u32,
                 degree: self.schedule.degree(self.done.saturating_sub(1), self.config.degree),
-                room: self.sizes.room,
+                room: self.rasterizer.sizes().room,
                 background: self.config.test_background(),
                 iteration: 0,
             };
@@ -474,10 +462,10 @@ impl Trainer {
             commands.submit_and_wait()?;
             drop(commands);
             let needed = self.rasterizer.counts.download::<u32>(1)?[0];
-            if needed <= self.sizes.room {
+            if needed <= push.room {
                 return self.rasterizer.picture.download(size.pixels() as usize);
             }
-            self.make_room(needed)?;
+            self.rasterizer.make_room(needed)?;
         }
     }
 
@@ -487,15 +475,21 @@ impl Trainer {
     /// Where the device fails.
     pub fn state(&self) -> Result<State> {
         let population = self.model.population.download::<u32>(1)?[0];
-        let (planes, stride) = (self.planes(), self.model.stride as usize);
-        let packed = |buffer: &Buffer| -> Result<Vec<f32>> {
-            let values = buffer.download::<f32>(planes * stride)?;
-            Ok(values.chunks(stride).flat_map(|plane| plane[..population as usize].iter().copied()).collect())
-        };
+        let packed = |buffer: &Buffer| self.packed(buffer, population);
         let planes = [packed(&self.model.parameters)?, packed(&self.moments.first)?, packed(&self.moments.second)?];
         let counted = if self.config.strategy == Strategy::Classic { population as usize } else { 0 };
         let statistics = self.moments.statistics.download(counted)?;
         Ok(State { done: self.done, population, planes, statistics })
+    }
+
+    /// The values of the first `population` Gaussians, plane by plane.
+    fn packed(&self, buffer: &Buffer, population: u32) -> Result<Vec<f32>> {
+        let (population, stride) = (population as usize, self.model.stride as usize);
+        let mut values = Vec::with_capacity(self.planes() * population);
+        for plane in 0..self.planes() {
+            values.extend(buffer.download_from::<f32>(plane * stride, population)?);
+        }
+        Ok(values)
     }
 
     /// The Gaussians as they are, in the training frame.
@@ -503,7 +497,8 @@ impl Trainer {
     /// # Errors
     /// Where the device fails.
     pub fn gaussians(&self) -> Result<Gaussians> {
-        let State { population, planes: [parameters, ..], .. } = self.state()?;
+        let population = self.model.population.download::<u32>(1)?[0];
+        let parameters = self.packed(&self.model.parameters, population)?;
         let all = layout::from_planes(&parameters, self.config.degree, population as usize, population as usize);
         // Free slots, and whatever is no number, are never drawn.
         Ok(all.filtered(|i| all.opacities[i] >= 0.5 * classic::FREE && all.is_finite(i)))

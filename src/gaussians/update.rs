@@ -109,7 +109,7 @@ impl Update {
                 control,
                 &rasterizer.projected,
                 &rasterizer.runs,
-                &rasterizer.partials,
+                rasterizer.partials(),
                 &model.parameters,
                 &moments.first,
                 &moments.second,

@@ -206,8 +206,16 @@ impl Buffer {
     /// # Errors
     /// Where the buffer holds fewer elements, or the device fails.
     pub fn download<T: AnyBitPattern + NoUninit>(&self, count: usize) -> Result<Vec<T>> {
-        let bytes = (count * size_of::<T>()) as u64;
-        if bytes > self.size {
+        self.download_from(0, count)
+    }
+
+    /// Copies `count` elements back, from element `first` on, and waits for them.
+    ///
+    /// # Errors
+    /// As for [`Buffer::download`].
+    pub fn download_from<T: AnyBitPattern + NoUninit>(&self, first: usize, count: usize) -> Result<Vec<T>> {
+        let [begin, bytes] = [first, count].map(|n| (n * size_of::<T>()) as u64);
+        if begin + bytes > self.size {
             return Err(Error::Request(format!("{bytes} bytes are more than the buffer `{}` holds", self.name)));
         }
         if count == 0 {
@@ -219,7 +227,7 @@ impl Buffer {
         let target: &mut [u8] = bytemuck::cast_slice_mut(&mut values);
         for (i, part) in target.chunks_mut(longest as usize).enumerate() {
             let mut commands = Recorder::new(&self.context)?;
-            commands.copy_region(self, i as u64 * longest, &staging, 0, part.len() as u64);
+            commands.copy_region(self, begin + i as u64 * longest, &staging, 0, part.len() as u64);
             commands.submit_and_wait()?;
             part.copy_from_slice(&staging.mapped()[..part.len()]);
         }

@@ -250,9 +250,10 @@ impl<'a> Recorder<'a> {
 
     /// Submissions that have not ended yet.
     pub fn pending(&self) -> usize {
+        // Of a lost device nothing runs any more: waiting says so.
         // SAFETY: the fences are live.
         let running =
-            |fence: &&vk::Fence| !matches!(unsafe { self.context.device.get_fence_status(**fence) }, Ok(true));
+            |fence: &&vk::Fence| matches!(unsafe { self.context.device.get_fence_status(**fence) }, Ok(false));
         self.fences.iter().filter(running).count()
     }
 
