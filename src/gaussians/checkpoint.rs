@@ -1,6 +1,6 @@
 //! What a stopped run is resumed from: one file with all that the next iteration depends on.
 //!
-//! Layout, little-endian: [`MAGIC`]; bytes of the header as u64 and the header as JSON; a record of 20 bytes for each iteration
+//! Layout, little-endian: `MAGIC`; bytes of the header as u64 and the header as JSON; a record of 20 bytes for each iteration
 //! done; the planes of parameters and of Adam's two means without gaps, as f32; two f32 a Gaussian of statistics, where there are
 //! any; the CRC-32 of everything before.
 
