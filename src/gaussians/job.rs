@@ -318,6 +318,11 @@ impl<'a> Course<'a> {
         let mut flow = ControlFlow::Continue(());
         self.first = trainer.done();
         self.started = Instant::now();
+        // Checkpoints are written before test views are looked at: one that was taken up there lacks that look.
+        let looked = self.record.evaluations.last().is_some_and(|last| last.iteration == self.first);
+        if self.first > 0 && self.first < config.iterations && due(*evaluate_every, self.first) && !looked {
+            self.evaluate(&mut |view| trainer.picture(view), self.first, false, observe)?;
+        }
         self.report(trainer, profile, observe);
         while flow.is_continue() && trainer.done() < config.iterations {
             let done = trainer.done();
