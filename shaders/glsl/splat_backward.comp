@@ -6,6 +6,7 @@
 #include "shared/group.glsl"
 #include "shared/gaussian.glsl"
 #include "shared/frame.glsl"
+#include "shared/bounds.glsl"
 layout(local_size_x = 256, local_size_x_id = 1) in;
 
 layout(binding = 3, std430) readonly buffer InstanceSplats { uint instance_splats[]; };

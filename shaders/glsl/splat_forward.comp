@@ -6,6 +6,7 @@
 #include "shared/group.glsl"
 #include "shared/gaussian.glsl"
 #include "shared/frame.glsl"
+#include "shared/bounds.glsl"
 layout(local_size_x = 256, local_size_x_id = 1) in;
 layout(constant_id = 2) const uint DEPTHS = 0;
 
@@ -31,6 +32,7 @@ const uint PIXELS = TILE_PIXELS / THREADS;
 shared vec4 means[BLOCK];  // mean, opacity, depth
 shared vec4 conics[BLOCK];  // conic, red
 shared vec2 others[BLOCK];  // green, blue
+shared uint strips[BLOCK];
 shared uint open;
 shared uint last;
 
@@ -68,11 +70,13 @@ void main() {
         }
         for (uint k = thread; k < BLOCK; k += THREADS) {
             means[k] = conics[k] = vec4(0.0);
+            strips[k] = 0;
             if (base + k < next) {
                 Projected splat = projected[instance_splats[tile_instances[base + k]]];
                 means[k] = vec4(splat.mean, splat.opacity, splat.depth);
                 conics[k] = vec4(splat.conic, splat.colour.x);
                 others[k] = splat.colour.yz;
+                strips[k] = strips_of(bounds_within(splat, corner));
             }
         }
         barrier();
@@ -80,6 +84,9 @@ void main() {
         for (uint b = 0; mine && b < next - base; b += 4) {
             [[unroll]] for (uint i = 0; i < 4; ++i) {
                 uint k = b + i;
+                // One pixel a thread: what does not reach its strip is not even looked at.
+                uint reached = strips[k];
+                if (PIXELS == 1 && (reached >> thread / STRIP & 1) == 0) continue;
                 vec4 mean = means[k], conic = conics[k];
                 for (uint p = 0; p < PIXELS; ++p) {
                     vec2 d = at[p] - mean.xy;

@@ -42,9 +42,9 @@ layout(binding = 2, std430) readonly buffer Control { uint control[]; };
 layout(binding = 3, std430) readonly buffer ProjectedBlock { Projected projected[]; };
 layout(binding = 4, std430) readonly buffer Runs { uvec2 runs[]; };
 layout(binding = 5, std430) readonly buffer Partials { float partials[]; };
-layout(binding = 6, std430) buffer Parameters { float parameters[]; };
-layout(binding = 7, std430) buffer First { float first[]; };
-layout(binding = 8, std430) buffer Second { float second[]; };
+layout(binding = 6, std430) restrict buffer Parameters { float parameters[]; };
+layout(binding = 7, std430) restrict buffer First { float first[]; };
+layout(binding = 8, std430) restrict buffer Second { float second[]; };
 // Sum over views of the length of the gradient by the mean, for a picture two units wide and high; and how many views.
 layout(binding = 9, std430) buffer Statistics { vec2 statistics[]; };
 
@@ -66,15 +66,28 @@ vec3 vector(uint plane, uint i) {
     return vec3(parameters[at(plane, i)], parameters[at(plane + 1, i)], parameters[at(plane + 2, i)]);
 }
 
-// A step of Adam; answers the new value.
-float adam(uint plane, uint i, float gradient, float rate) {
-    uint k = at(plane, i);
-    float m = mix(gradient, first[k], 0.9), v = mix(gradient * gradient, second[k], 0.999);
-    first[k] = m;
-    second[k] = v;
-    float value = parameters[k] - rate * m * first_correction / (sqrt(v * second_correction) + 1e-15);
-    parameters[k] = value;
-    return value;
+// Planes that are stepped together: all of them are loaded before any is stored, so that loads need not wait for one another.
+const uint TOGETHER = 12;
+
+// A step of Adam for `count` planes from `plane` on, `values` being what they hold; leaves the new values there.
+void adam(uint plane, uint count, uint i, float gradients[TOGETHER], float rates[TOGETHER], inout float values[TOGETHER]) {
+    float m[TOGETHER], v[TOGETHER];
+    [[unroll]] for (uint k = 0; k < TOGETHER; ++k) {
+        if (k < count) {
+            m[k] = first[at(plane + k, i)];
+            v[k] = second[at(plane + k, i)];
+        }
+    }
+    [[unroll]] for (uint k = 0; k < TOGETHER; ++k) {
+        if (k < count) {
+            m[k] = mix(gradients[k], m[k], 0.9);
+            v[k] = mix(gradients[k] * gradients[k], v[k], 0.999);
+            values[k] -= rates[k] * m[k] * first_correction / (sqrt(v[k] * second_correction) + 1e-15);
+            first[at(plane + k, i)] = m[k];
+            second[at(plane + k, i)] = v[k];
+            parameters[at(plane + k, i)] = values[k];
+        }
+    }
 }
 
 // The sums over all instances of this thread's Gaussian; the long ones by the whole workgroup. Uniform control flow.
@@ -218,36 +231,49 @@ void main() {
         }
     }
 
-    // The colour, function by function; what it says of the direction goes to the centre.
+    // The colour, four functions at a time; what it says of the direction goes to the centre.
     float far = max(length(towards), 1e-12);
     vec3 direction = towards / far, by_direction = vec3(0.0);
     float basis[16];
-    vec3 slopes[16];
     harmonics(direction, basis);
-    harmonics_gradients(direction, slopes);
+    float values[TOGETHER], gradients[TOGETHER], rates[TOGETHER];
     uint terms = (degree + 1) * (degree + 1);
-    [[unroll]] for (uint k = 0; k < 16; ++k) {
+    [[unroll]] for (uint k = 0; k < 16; k += 4) {
         if (k >= terms) break;
-        uint plane = HARMONICS + 3 * k;
-        if (seen && k > 0) by_direction += slopes[k] * dot(vector(plane, i), by_colour);
-        float rate = k == 0 ? colour_rate : harmonics_rate;
-        [[unroll]] for (uint c = 0; c < 3; ++c) adam(plane + c, i, basis[k] * by_colour[c], rate);
+        uint plane = HARMONICS + 3 * k, count = 3 * min(terms - k, 4);
+        [[unroll]] for (uint j = 0; j < TOGETHER; ++j) {
+            values[j] = j < count ? parameters[at(plane + j, i)] : 0.0;
+            gradients[j] = basis[k + j / 3] * by_colour[j % 3];
+            rates[j] = k + j / 3 == 0 ? colour_rate : harmonics_rate;
+        }
+        [[unroll]] for (uint j = 0; j < 4; ++j) {
+            vec3 coefficient = vec3(values[3 * j], values[3 * j + 1], values[3 * j + 2]);
+            if (seen) by_direction += harmonic_gradient(k + j, direction) * dot(coefficient, by_colour);
+        }
+        adam(plane, count, i, gradients, rates, values);
     }
     if (seen) g.centre += (by_direction - direction * dot(direction, by_direction)) / far;
 
-    vec3 scale = exp(vector(LOG_SCALE, i));
-    float opacity = sigmoid(parameters[at(OPACITY, i)]);
-    g.log_scale += scale_weight / (3.0 * float(count)) * scale;
-    g.opacity += opacity_weight / float(count) * opacity * (1.0 - opacity);
-    vec4 q;
-    vec3 centre;
+    [[unroll]] for (uint k = 0; k < HARMONICS; ++k) values[k] = parameters[at(k, i)];
+    float opacity = sigmoid(values[OPACITY]);
+    gradients[OPACITY] = g.opacity + opacity_weight / float(count) * opacity * (1.0 - opacity);
+    rates[OPACITY] = opacity_rate;
     [[unroll]] for (uint c = 0; c < 3; ++c) {
-        centre[c] = adam(CENTRE + c, i, g.centre[c], centre_rate);
-        scale[c] = exp(adam(LOG_SCALE + c, i, g.log_scale[c], scale_rate));
+        gradients[CENTRE + c] = g.centre[c];
+        gradients[LOG_SCALE + c] = g.log_scale[c] + scale_weight / (3.0 * float(count)) * exp(values[LOG_SCALE + c]);
+        rates[CENTRE + c] = centre_rate;
+        rates[LOG_SCALE + c] = scale_rate;
     }
-    [[unroll]] for (uint c = 0; c < 4; ++c) q[c] = adam(ROTATION + c, i, g.rotation[c], rotation_rate);
-    opacity = sigmoid(adam(OPACITY, i, g.opacity, opacity_rate));
+    [[unroll]] for (uint c = 0; c < 4; ++c) {
+        gradients[ROTATION + c] = g.rotation[c];
+        rates[ROTATION + c] = rotation_rate;
+    }
+    adam(0, HARMONICS, i, gradients, rates, values);
     if (noise == 0.0) return;
+    vec3 centre = vec3(values[CENTRE], values[CENTRE + 1], values[CENTRE + 2]);
+    vec3 scale = exp(vec3(values[LOG_SCALE], values[LOG_SCALE + 1], values[LOG_SCALE + 2]));
+    vec4 q = vec4(values[ROTATION], values[ROTATION + 1], values[ROTATION + 2], values[ROTATION + 3]);
+    opacity = sigmoid(values[OPACITY]);
 
     // Faint Gaussians wander within their own shape.
     vec4 u = vec4(pcg4d(uvec4(seed, NOISE_STREAM + iteration, i)) >> 8u) * 5.9604644775390625e-8;

@@ -28,14 +28,14 @@ const uint PIXELS = TILE_PIXELS / THREADS;
 const uint SPLATS = 8;
 // Pixels of a splat's row in shared memory, with what keeps rows out of one another's banks.
 const uint ROW = TILE_PIXELS + 4;
-// Parts that a sum over pixels is made of: every so many rows.
-const uint PARTS = 4;
+// Parts that a sum over pixels is made of: every so many columns.
+const uint PARTS = 8;
 
 shared vec3 means[BLOCK];  // mean, opacity
 shared vec3 conics[BLOCK];
 shared vec3 colours[BLOCK];
-// Pixels inside of which alpha can count, in x and y: first in the lower half, one past the last in the upper.
-shared uvec2 bounds[BLOCK];
+// Bounds within the instance's tile, five bits each, and above them its strips.
+shared uint bounds[BLOCK];
 shared float weights[SPLATS * ROW];
 shared float slopes[SPLATS * ROW];
 shared vec3 by_colour[TILE_PIXELS];
@@ -46,38 +46,33 @@ vec2 pixel_centre(uvec2 corner, uint k) {
     return vec2(corner + uvec2(k % TILE, k / TILE)) + 0.5;
 }
 
-// Bounds of the ellipse on which alpha falls to its least value.
-uvec2 bounds_of(Projected splat) {
-    float level = 2.0 * log(splat.opacity / LEAST_ALPHA);
-    // A hundredth of a pixel for what rounding takes; pixel i has its centre at i + 0.5.
-    vec2 half_extent = sqrt(max(level * splat.conic.zx / splat.determinant, 0.0)) + 0.01;
-    uvec2 first = uvec2(clamp(ceil(splat.mean - half_extent - 0.5), 0.0, 65535.0));
-    uvec2 end = uvec2(clamp(floor(splat.mean + half_extent + 0.5), 0.0, 65535.0));
-    return first | end << 16;
+const uint BITS = 5;
+
+uint packed(uvec4 b) {
+    return b.x | b.y << BITS | b.z << 2 * BITS | b.w << 3 * BITS | strips_of(b) << 4 * BITS;
 }
 
-// Bounds of instance `k` of the block within the tile at `corner`: first pixel, and one past the last.
-uvec4 within(uint k, uvec2 corner) {
-    uvec2 first = clamp(bounds[k] & 0xffffu, corner, corner + TILE), end = clamp(bounds[k] >> 16, corner, corner + TILE);
-    return uvec4(first - corner, max(first, end) - corner);
+// First pixel in x and y, and one past the last.
+uvec4 unpacked(uint b) {
+    return uvec4(b, b >> BITS, b >> 2 * BITS, b >> 3 * BITS) & ((1u << BITS) - 1);
 }
 
 // Sums over a part of the pixels: of a splat's colour, or of its shape.
 void sum_part(uint item, uint from, uvec2 corner) {
     uint s = item % SPLATS, part = item / SPLATS % PARTS, k = min(from + s, BLOCK - 1);
-    uvec4 inside = within(k, corner);
+    uvec4 inside = unpacked(bounds[k]);
     vec3 sum = vec3(0.0), more = vec3(0.0);
     bool of_colour = item < SPLATS * PARTS;
     // Two loops, of which one is empty: some devices walk through both sides of a branch.
-    for (uint y = inside.y + part; y < (of_colour ? inside.w : 0); y += PARTS) {
-        for (uint x = inside.x; x < inside.z; ++x) {
+    for (uint y = inside.y; y < (of_colour ? inside.w : 0); ++y) {
+        for (uint x = inside.x + part; x < inside.z; x += PARTS) {
             uint j = y * TILE + x;
             sum += weights[s * ROW + j] * by_colour[j];
         }
     }
     vec2 origin = vec2(corner) + 0.5 - means[k].xy;
-    for (uint y = inside.y + part; y < (of_colour ? 0 : inside.w); y += PARTS) {
-        for (uint x = inside.x; x < inside.z; ++x) {
+    for (uint y = inside.y; y < (of_colour ? 0 : inside.w); ++y) {
+        for (uint x = inside.x + part; x < inside.z; x += PARTS) {
             vec2 d = origin + vec2(x, y);
             float q = slopes[s * ROW + y * TILE + x];
             sum += q * vec3(1.0, d);
@@ -96,18 +91,19 @@ void main() {
     uint thread = gl_LocalInvocationIndex, first = group_index() * BLOCK;
     uint stop = min(first + BLOCK, min(counts[0], room));
     if (first >= stop) return;
+    uint wide = tiles_of(camera).x;
     for (uint k = thread; k < BLOCK; k += THREADS) {
         means[k] = conics[k] = colours[k] = vec3(0.0);
-        bounds[k] = uvec2(0);
+        bounds[k] = 0;
         if (first + k < stop) {
             Projected splat = projected[instance_splats[tile_instances[first + k]]];
             means[k] = vec3(splat.mean, splat.opacity);
             conics[k] = splat.conic;
             colours[k] = splat.colour;
-            bounds[k] = bounds_of(splat);
+            uint tile = tile_keys[first + k];
+            bounds[k] = packed(bounds_within(splat, TILE * uvec2(tile % wide, tile / wide)));
         }
     }
-    uint wide = tiles_of(camera).x;
     for (uint begin = first, end; begin < stop; begin = end) {
         uint tile = tile_keys[begin];
         uvec2 range = ranges[tile], corner = TILE * uvec2(tile % wide, tile / wide);
@@ -146,10 +142,10 @@ void main() {
             for (uint s = 0; s < SPLATS; ++s) {
                 uint instance = min(from + s, BLOCK - 1);
                 vec3 mean = means[instance], conic = conics[instance], colour = colours[instance];
-                uvec4 inside = within(instance, corner);
+                uint reached = bounds[instance] >> 4 * BITS;
                 [[unroll]] for (uint p = 0; p < PIXELS; ++p) {
-                    uint k = p * THREADS + thread, x = k % TILE, y = k / TILE;
-                    if (x < inside.x || x >= inside.z || y < inside.y || y >= inside.w) continue;
+                    uint k = p * THREADS + thread;
+                    if ((reached >> k / STRIP & 1) == 0) continue;
                     vec2 d = pixel_centre(corner, k) - mean.xy;
                     float sigma = 0.5 * (conic.x * d.x * d.x + conic.z * d.y * d.y) + conic.y * d.x * d.y;
                     float full = mean.z * exp(-sigma), alpha = min(MOST_ALPHA, full);

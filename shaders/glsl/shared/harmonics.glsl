@@ -26,23 +26,25 @@ void harmonics(vec3 w, out float b[16]) {
     b[15] = Y3[6] * x * (xx - 3.0 * yy);
 }
 
-// Their gradients by `w`, as polynomials.
-void harmonics_gradients(vec3 w, out vec3 g[16]) {
+// The gradient of function `k` by `w`, as a polynomial.
+vec3 harmonic_gradient(uint k, vec3 w) {
     float x = w.x, y = w.y, z = w.z, xx = x * x, yy = y * y, zz = z * z;
-    g[0] = vec3(0.0);
-    g[1] = vec3(0.0, -Y1, 0.0);
-    g[2] = vec3(0.0, 0.0, Y1);
-    g[3] = vec3(-Y1, 0.0, 0.0);
-    g[4] = Y2[0] * vec3(y, x, 0.0);
-    g[5] = Y2[1] * vec3(0.0, z, y);
-    g[6] = Y2[2] * vec3(-2.0 * x, -2.0 * y, 4.0 * z);
-    g[7] = Y2[3] * vec3(z, 0.0, x);
-    g[8] = Y2[4] * vec3(2.0 * x, -2.0 * y, 0.0);
-    g[9] = Y3[0] * vec3(6.0 * x * y, 3.0 * (xx - yy), 0.0);
-    g[10] = Y3[1] * vec3(y * z, x * z, x * y);
-    g[11] = Y3[2] * vec3(-2.0 * x * y, 4.0 * zz - xx - 3.0 * yy, 8.0 * y * z);
-    g[12] = Y3[3] * vec3(-6.0 * x * z, -6.0 * y * z, 6.0 * zz - 3.0 * (xx + yy));
-    g[13] = Y3[4] * vec3(4.0 * zz - 3.0 * xx - yy, -2.0 * x * y, 8.0 * x * z);
-    g[14] = Y3[5] * vec3(2.0 * x * z, -2.0 * y * z, xx - yy);
-    g[15] = Y3[6] * vec3(3.0 * (xx - yy), -6.0 * x * y, 0.0);
+    switch (k) {
+        case 1: return vec3(0.0, -Y1, 0.0);
+        case 2: return vec3(0.0, 0.0, Y1);
+        case 3: return vec3(-Y1, 0.0, 0.0);
+        case 4: return Y2[0] * vec3(y, x, 0.0);
+        case 5: return Y2[1] * vec3(0.0, z, y);
+        case 6: return Y2[2] * vec3(-2.0 * x, -2.0 * y, 4.0 * z);
+        case 7: return Y2[3] * vec3(z, 0.0, x);
+        case 8: return Y2[4] * vec3(2.0 * x, -2.0 * y, 0.0);
+        case 9: return Y3[0] * vec3(6.0 * x * y, 3.0 * (xx - yy), 0.0);
+        case 10: return Y3[1] * vec3(y * z, x * z, x * y);
+        case 11: return Y3[2] * vec3(-2.0 * x * y, 4.0 * zz - xx - 3.0 * yy, 8.0 * y * z);
+        case 12: return Y3[3] * vec3(-6.0 * x * z, -6.0 * y * z, 6.0 * zz - 3.0 * (xx + yy));
+        case 13: return Y3[4] * vec3(4.0 * zz - 3.0 * xx - yy, -2.0 * x * y, 8.0 * x * z);
+        case 14: return Y3[5] * vec3(2.0 * x * z, -2.0 * y * z, xx - yy);
+        case 15: return Y3[6] * vec3(3.0 * (xx - yy), -6.0 * x * y, 0.0);
+        default: return vec3(0.0);
+    }
 }
