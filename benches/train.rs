@@ -16,8 +16,9 @@ use camsplat::gaussians::config::Config;
 use camsplat::gaussians::frame::{Frame, View};
 use camsplat::gaussians::layout;
 use camsplat::gaussians::loss::Record;
+use camsplat::gaussians::memory;
 use camsplat::gaussians::store::PhotoStore;
-use camsplat::gaussians::trainer::{self, State, Trainer};
+use camsplat::gaussians::trainer::{State, Trainer};
 use camsplat::primitives::RadixSort;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::gaussians::{Gaussians, MOST_DEGREE, coefficients};
@@ -116,8 +117,8 @@ fn training(context: &Arc<Context>, report: &mut Report, extent: &Extent, splats
     let frame = Frame::new(&cameras, &[]);
     let views: Vec<View> = cameras.iter().map(|camera| frame.view(camera)).collect();
     let config = Config::new(30_000, splats);
-    let sizes = trainer::sizes(&config, &views, trainer::first_room(splats));
-    let buffers = trainer::footprint(context, &config, &sizes, views.len());
+    let sizes = memory::sizes(&config, &views, memory::first_room(splats));
+    let buffers = memory::footprint(context, &config, &sizes, views.len());
     let footprint = Footprint { buffers, several: &["sort", "scan", "draws scan"] };
     if let Err(error) = footprint.check(context, "the training", |_| "take a larger device") {
         println!("train {splats}: skipped, {error}");

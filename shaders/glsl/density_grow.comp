@@ -39,10 +39,7 @@ vec3 drawn(uint i, uint which) {
     for (uint c = 0; c < 4; ++c) q[c] = parameters[(ROTATION + c) * stride + i];
     vec3 scale;
     for (uint c = 0; c < 3; ++c) scale[c] = exp(parameters[(LOG_SCALE + c) * stride + i]);
-    uvec4 words = pcg4d(uvec4(seed, SPLIT_STREAM + 2 * iteration + which, i));
-    vec4 u = vec4(words >> 8u) * 5.9604644775390625e-8;
-    vec2 radius = sqrt(-2.0 * log(1.0 - u.xz)), turn = 6.283185307179586 * u.yw;
-    vec3 normal = vec3(radius.x * cos(turn.x), radius.x * sin(turn.x), radius.y * cos(turn.y));
+    vec3 normal = normal3(pcg4d(uvec4(seed, SPLIT_STREAM + 2 * iteration + which, i)));
     return rotation_of(normalize(q)) * (scale * normal);
 }
 

@@ -276,9 +276,7 @@ void main() {
     opacity = sigmoid(values[OPACITY]);
 
     // Faint Gaussians wander within their own shape.
-    vec4 u = vec4(pcg4d(uvec4(seed, NOISE_STREAM + iteration, i)) >> 8u) * 5.9604644775390625e-8;
-    vec2 radius = sqrt(-2.0 * log(1.0 - u.xz)), turn = 6.283185307179586 * u.yw;
-    vec3 normal = vec3(radius.x * cos(turn.x), radius.x * sin(turn.x), radius.y * cos(turn.y));
+    vec3 normal = normal3(pcg4d(uvec4(seed, NOISE_STREAM + iteration, i)));
     mat3 turned = rotation_of(normalize(q));
     vec3 step = turned * (scale * scale * (transpose(turned) * normal));
     float faint = 1.0 / (1.0 + exp(100.0 * (opacity - 0.005)));

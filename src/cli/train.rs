@@ -20,7 +20,7 @@ use crate::gaussians::split::{Split, Test};
 use crate::io;
 use crate::io::folder::{OutputFolder, check_file, replace_file, write_files};
 use crate::io::photos::{Images, Options};
-use crate::report::training::{self, Comparison};
+use crate::report::training::{self, Comparison, Shown};
 use crate::vulkan::Context;
 use crate::vulkan::profile::Profile;
 use crate::{Error, Result};
@@ -45,7 +45,8 @@ pub struct Arguments {
     /// Degree of the spherical harmonics, 0 to 3
     #[arg(long, default_value_t = 3)]
     sh: u32,
-    /// What lies behind everything [default: white where photos have masks or alpha, else black]
+    /// What lies behind everything, and what is trained where masks or alpha leave the photo out [default: white where
+    /// photos have masks or alpha, else black]
     #[arg(long, value_enum)]
     background: Option<Background>,
     /// Fade splats by what the pixel's low-pass widens (for pictures at several scales)
@@ -151,6 +152,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let run = Run::new(&context, request)?;
     if arguments.dry_run {
         say!("{}", run.footprint().table().trim_end());
+        say!("room     {} tiles reached by splats; more is made where a view needs it", run.room());
         run.check()?;
         say!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));
         return Ok(ExitCode::SUCCESS);
@@ -165,8 +167,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let view = Watch::new(&arguments.out, all);
     let record = run.run(arguments.resume, profile.as_mut(), &mut |event| view.observe(event));
     view.bar.finish_and_clear();
-    let record = record?;
     print_messages(&context);
+    let record = record?;
     let Some(record) = record else {
         say!("stopped before training began; nothing is written");
         return Ok(ExitCode::from(super::INTERRUPTED));
@@ -243,6 +245,8 @@ struct Watch {
     bar: ProgressBar,
     folder: PathBuf,
     told: RefCell<Option<Instant>>,
+    /// The worst test views, and of which evaluation they are: encoding them takes longer than hundreds of iterations.
+    shown: RefCell<(usize, Shown)>,
 }
 
 /// Time between two lines of progress where there is no terminal.
@@ -254,7 +258,7 @@ impl Watch {
         let style = ProgressStyle::with_template("{msg:22} {wide_bar} {pos}/{len} {per_sec}, {eta} left");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         bar.set_message("decoding photos");
-        Self { bar, folder: folder.to_owned(), told: RefCell::default() }
+        Self { bar, folder: folder.to_owned(), told: RefCell::default(), shown: RefCell::default() }
     }
 
     fn observe(&self, event: Event) -> ControlFlow<()> {
@@ -295,14 +299,19 @@ impl Watch {
     fn write<'w>(&self, record: &TrainRecord, worst: &'w [(String, Pair)]) -> Result<()> {
         let json = serde_json::to_string_pretty(record)
             .map_err(|e| Error::input(&self.folder, format!("train.json cannot be written: {e}")))?;
-        let comparison = |(name, pair): &'w (String, Pair)| Comparison {
-            name,
-            width: pair.width,
-            height: pair.height,
-            rendered: &pair.rendered,
-            reference: &pair.reference,
-        };
-        let page = training::html(record, &worst.iter().map(comparison).collect::<Vec<_>>())?;
+        let mut shown = self.shown.borrow_mut();
+        if shown.0 != record.evaluations.len() || (shown.0 > 0) != !worst.is_empty() {
+            let comparison = |(name, pair): &'w (String, Pair)| Comparison {
+                name,
+                width: pair.width,
+                height: pair.height,
+                rendered: &pair.rendered,
+                reference: &pair.reference,
+            };
+            let worst: Vec<Comparison> = worst.iter().map(comparison).collect();
+            *shown = (record.evaluations.len(), Shown::new(record, &worst)?);
+        }
+        let page = training::html(record, &shown.1)?;
         // Under hidden names that the next attempt takes as well: a run that is killed often leaves no pile of them.
         replace_file(&self.folder.join("report.html"), |file| file.write_all(page.as_bytes()))?;
         replace_file(&self.folder.join(RECORD), |file| file.write_all(json.as_bytes()))

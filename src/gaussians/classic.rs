@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::mcmc::LEAST_OPACITY;
+use super::config::LEAST_OPACITY;
 use super::rasterizer::{Model, Rasterizer};
 use super::update::Trained;
 use crate::Result;

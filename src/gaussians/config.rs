@@ -27,7 +27,7 @@ pub enum Background {
     Random,
 }
 
-/// Configuration of a run. Rates and weights are those of the papers and of gsplat.
+/// Configuration of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Config {
     /// Iterations.
@@ -52,6 +52,8 @@ pub struct Config {
     pub first_scale: f64,
 }
 
+/// Opacity up to which a Gaussian is dead.
+pub const LEAST_OPACITY: f32 = 0.005;
 /// Iterations that the schedule of the papers is written for; shorter runs go through it faster.
 const SCHEDULE: f64 = 30_000.0;
 

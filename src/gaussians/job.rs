@@ -11,6 +11,7 @@ use super::config::Config;
 use super::evaluate::{self, Camera, Pair, Tests};
 use super::frame::{Frame, View};
 use super::loss::Record;
+use super::memory;
 use super::pictures;
 use super::rasterizer::{Size, Wanted};
 use super::record::{CurvePoint, Evaluation, MemoryRecord, PhotosRecord, StageTime, Status, TrainRecord};
@@ -18,7 +19,7 @@ use super::renderer::Renderer;
 use super::split::Split;
 use super::start;
 use super::store::PhotoStore;
-use super::trainer::{self, Trainer};
+use super::trainer::Trainer;
 use crate::io::folder::replace_file;
 use crate::vulkan::Context;
 use crate::vulkan::footprint::Footprint;
@@ -102,8 +103,8 @@ impl Run {
         let frame = Frame::new(&cameras, &train.points.positions);
         let mut views: Vec<View> = cameras.iter().map(|camera| frame.view(camera)).collect();
         views.extend(pictures::cameras(test, request.shrink).iter().map(|camera| frame.view(camera)));
-        let sizes = trainer::sizes(&request.config, &views, trainer::first_room(request.config.max_splats));
-        let mut buffers = trainer::footprint(context, &request.config, &sizes, views.len());
+        let sizes = memory::sizes(&request.config, &views, memory::first_room(request.config.max_splats));
+        let mut buffers = memory::footprint(context, &request.config, &sizes, views.len());
         buffers.push(("photos", pictures::picture_bytes(&train.photos, request.shrink)));
         let footprint = Footprint { buffers, several: &SEVERAL };
         Ok(Self { context: context.clone(), request, frame, views, footprint })
@@ -112,6 +113,11 @@ impl Run {
     /// Device memory that the run takes. Photos that find no place there stay on the host.
     pub fn footprint(&self) -> &Footprint {
         &self.footprint
+    }
+
+    /// Instances (pairs of a splat and a tile) that there is room for at first.
+    pub fn room(&self) -> u32 {
+        memory::first_room(self.request.config.max_splats)
     }
 
     /// Checks the footprint against the device.

@@ -80,6 +80,16 @@ pub struct Ledger {
     pub mailbox: Buffer,
 }
 
+/// Words of [`Ledger::mailbox`].
+pub mod mailbox {
+    /// Iterations done.
+    pub const DONE: usize = 0;
+    /// Instances that an iteration needed where there was less room.
+    pub const NEEDED: usize = 1;
+    /// A loss that is no number.
+    pub const BROKEN: usize = 2;
+}
+
 /// Buffers by name and bytes.
 pub fn footprint(sizes: &Sizes) -> Vec<(&'static str, u64)> {
     let [pixels, tiles] = [sizes.pixels, sizes.tiles].map(u64::from);

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use super::config::LEAST_OPACITY;
 use super::rasterizer::Rasterizer;
 use super::update::Trained;
 use crate::Result;
@@ -52,8 +53,6 @@ crate::stage!(
 
 /// Share by which the population grows at each refinement.
 const GROWTH: f64 = 1.05;
-/// Opacity up to which a Gaussian is dead.
-pub const LEAST_OPACITY: f32 = 0.005;
 
 /// How many Gaussians there are after a refinement.
 pub fn grown(before: u32, budget: u32) -> u32 {

@@ -9,6 +9,7 @@ pub mod job;
 pub mod layout;
 pub mod loss;
 pub mod mcmc;
+pub mod memory;
 pub mod pictures;
 pub mod rasterizer;
 pub mod record;

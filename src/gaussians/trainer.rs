@@ -13,9 +13,10 @@ use super::classic::{self, Classic};
 use super::config::{Background, Config, Schedule, Strategy};
 use super::frame::View;
 use super::layout::{self, PassPush};
-use super::loss::{self, Ledger, Loss, Record};
+use super::loss::{Ledger, Loss, Record, mailbox};
 use super::mcmc::{self, Mcmc};
-use super::rasterizer::{self, Model, Rasterizer, Size, Sizes, Wanted};
+use super::memory;
+use super::rasterizer::{Model, Rasterizer, Size};
 use super::store::PhotoStore;
 use super::update::{Moments, Trained, Update, UpdatePush};
 use crate::scene::gaussians::Gaussians;
@@ -24,8 +25,8 @@ use crate::vulkan::profile::Profile;
 use crate::vulkan::{Buffer, Context, Recorder};
 use crate::{Error, Result};
 
-/// Iterations of a block, and blocks that are submitted ahead of the device.
-const BLOCK: u32 = 10;
+/// Iterations of a submission, and submissions ahead of the device.
+const ITERATIONS: u32 = 10;
 const AHEAD: usize = 3;
 /// Stages of an iteration, with its sorts and a refinement, at most.
 const MOST_STAGES: u32 = 96;
@@ -91,46 +92,6 @@ pub struct Trainer {
     done: u32,
 }
 
-/// Room for instances that a run starts with: three tiles for every Gaussian that there may be, and enough for few large ones.
-pub fn first_room(max_splats: u32) -> u32 {
-    max_splats.saturating_mul(3).clamp(1 << 18, 1 << 28)
-}
-
-/// Sizes for pictures of these views.
-pub fn sizes(config: &Config, views: &[View], room: u32) -> Sizes {
-    let of = |view: &View| Size { width: view.width, height: view.height };
-    Sizes {
-        gaussians: config.max_splats,
-        room,
-        pixels: views.iter().map(|view| of(view).pixels()).max().unwrap_or(1),
-        tiles: views.iter().map(|view| of(view).tiles()).max().unwrap_or(1),
-    }
-}
-
-/// Long-lived buffers of a run by name and bytes, but for the photos.
-pub fn footprint(context: &Context, config: &Config, sizes: &Sizes, views: usize) -> Vec<(&'static str, u64)> {
-    let planes = 4 * layout::planes(config.degree) as u64 * u64::from(config.max_splats);
-    let wanted = wanted(config);
-    let mut buffers = vec![
-        ("parameters", planes),
-        ("first", planes),
-        ("second", planes),
-        ("statistics", statistics_bytes(config)),
-        ("population", 4),
-        ("views", (size_of::<View>() * views) as u64),
-        ("control", 4),
-        ("history", size_of::<Record>() as u64 * u64::from(config.iterations)),
-        ("mailbox", 16),
-    ];
-    buffers.extend(rasterizer::footprint(context, sizes, wanted));
-    buffers.extend(loss::footprint(sizes));
-    buffers
-}
-
-fn statistics_bytes(config: &Config) -> u64 {
-    if config.strategy == Strategy::Classic { 8 * u64::from(config.max_splats) } else { 0 }
-}
-
 impl Trainer {
     /// Prepares a run from `start`, which is in the training frame; `views` are those of `photos`, in their order, and
     /// may be followed by others that are only looked from.
@@ -150,7 +111,7 @@ impl Trainer {
             let most = config.max_splats;
             return Err(Error::request(format!("training starts with 1 to {most} splats, not with {population}")));
         }
-        let sizes = sizes(&config, &views, first_room(config.max_splats));
+        let sizes = memory::sizes(&config, &views, memory::first_room(config.max_splats));
         let planes = layout::planes(config.degree);
         let stride = config.max_splats;
         let bytes = 4 * planes as u64 * u64::from(stride);
@@ -165,7 +126,7 @@ impl Trainer {
         let moments = Moments {
             first: plane_buffer("first")?,
             second: plane_buffer("second")?,
-            statistics: Buffer::device(context, "statistics", statistics_bytes(&config))?,
+            statistics: Buffer::device(context, "statistics", memory::statistics(&config))?,
         };
         let ledger = Ledger {
             control: Buffer::device(context, "control", 4)?,
@@ -189,9 +150,9 @@ impl Trainer {
             photos,
             model,
             moments,
-            rasterizer: rasterizer(context, &config, sizes)?,
+            rasterizer: Rasterizer::new(context, sizes, memory::wanted(&config))?,
             loss: Loss::new(context, &sizes)?,
-            update: Update::new(context, wanted(&config), config.strategy == Strategy::Classic)?,
+            update: Update::new(context, memory::wanted(&config), config.strategy == Strategy::Classic)?,
             density: match config.strategy {
                 Strategy::Mcmc => Density::Mcmc(Mcmc::new(context, config.max_splats)?),
                 Strategy::Classic => Density::Classic(Classic::new(context, config.max_splats)?),
@@ -262,8 +223,9 @@ impl Trainer {
         let until = until.min(self.config.iterations);
         loop {
             self.advance(until, profile.as_deref_mut(), &mut observe)?;
-            self.done = self.ledger.mailbox.peek(0).unwrap_or(0).max(self.done);
-            let [needed, broken] = [1, 2].map(|word| self.ledger.mailbox.peek(word).unwrap_or(0));
+            self.done = self.ledger.mailbox.peek(mailbox::DONE).unwrap_or(0).max(self.done);
+            let [needed, broken] =
+                [mailbox::NEEDED, mailbox::BROKEN].map(|word| self.ledger.mailbox.peek(word).unwrap_or(0));
             if broken != 0 {
                 let what = "the loss of iteration {} is no number; a photo or a start value may be damaged";
                 return Err(Error::request(what.replace("{}", &self.done.to_string())));
@@ -283,8 +245,9 @@ impl Trainer {
         mut profile: Option<&mut Profile>,
         observe: &mut impl FnMut(u32) -> ControlFlow<()>,
     ) -> Result<()> {
-        let done = || self.ledger.mailbox.peek(0).unwrap_or(0).max(self.done);
-        let halted = || (1..3).any(|word| self.ledger.mailbox.peek(word).unwrap_or(0) != 0);
+        let done = || self.ledger.mailbox.peek(mailbox::DONE).unwrap_or(0).max(self.done);
+        let halted =
+            || [mailbox::NEEDED, mailbox::BROKEN].iter().any(|&word| self.ledger.mailbox.peek(word) != Some(0));
         let mut flow = ControlFlow::Continue(());
         let mut running: VecDeque<(Recorder, Instant)> = VecDeque::new();
         let mut next = self.done;
@@ -293,13 +256,13 @@ impl Trainer {
         loop {
             while flow.is_continue() && !halted() && next < until && running.len() < AHEAD {
                 let mut commands = match &profile {
-                    Some(_) => Recorder::timed(&self.context, BLOCK * MOST_STAGES)?,
+                    Some(_) => Recorder::timed(&self.context, ITERATIONS * MOST_STAGES)?,
                     None => Recorder::new(&self.context)?,
                 };
-                for iteration in next..(next + BLOCK).min(until) {
+                for iteration in next..(next + ITERATIONS).min(until) {
                     self.record_iteration(&mut commands, iteration, rounds.view(iteration))?;
                 }
-                next = (next + BLOCK).min(until);
+                next = (next + ITERATIONS).min(until);
                 let submitted = Instant::now();
                 commands.submit()?;
                 running.push_back((commands, submitted));
@@ -503,12 +466,4 @@ impl Trainer {
         // Free slots, and whatever is no number, are never drawn.
         Ok(all.filtered(|i| all.opacities[i] >= 0.5 * classic::FREE && all.is_finite(i)))
     }
-}
-
-fn rasterizer(context: &Arc<Context>, config: &Config, sizes: Sizes) -> Result<Rasterizer> {
-    Rasterizer::new(context, sizes, wanted(config))
-}
-
-fn wanted(config: &Config) -> Wanted {
-    Wanted { antialiased: config.antialiased, depths: false, gradients: true, fast: config.fast }
 }

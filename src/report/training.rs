@@ -38,15 +38,34 @@ struct Data<'a> {
     evaluations: &'a [Evaluation],
 }
 
-/// The page of a run, self-contained, with the comparisons in `worst` in their order. Their pictures are shrunk to 640
-/// pixels, and with eight comparisons the page stays under 4 MB.
+/// Test views as the page shows them: shrunk, encoded, ready to be put into one page after the other.
+pub struct Shown(String);
+
+impl Default for Shown {
+    /// No views yet.
+    fn default() -> Self {
+        Self(nothing("No test view was rendered yet."))
+    }
+}
+
+impl Shown {
+    /// Views in their order, with the metrics that the record has of them. Pictures are shrunk to 640 pixels; with eight
+    /// views the page stays under 4 MB.
+    ///
+    /// # Errors
+    /// [`Error::Request`] if a picture has not the bytes that its size says.
+    pub fn new(record: &TrainRecord, views: &[Comparison]) -> Result<Self> {
+        if views.is_empty() { Ok(Self::default()) } else { comparisons(record, views).map(Self) }
+    }
+}
+
+/// The page of a run, self-contained, with its worst test views.
 ///
 /// # Errors
-/// [`Error::Request`] if a picture has not the bytes that its size says.
-pub fn html(record: &TrainRecord, worst: &[Comparison]) -> Result<String> {
+/// [`Error::Request`] if the record cannot be put into it.
+pub fn html(record: &TrainRecord, worst: &Shown) -> Result<String> {
     let data = serde_json::to_string(&Data { curve: &record.curve, evaluations: &record.evaluations })
         .map_err(|e| Error::request(format!("the report's data: {e}")))?;
-    let worst = comparisons(record, worst)?;
     Ok(fill(include_str!("training.html"), |slot| match slot {
         "css" => include_str!("page.css").into(),
         "training-css" => include_str!("training.css").into(),
@@ -54,7 +73,7 @@ pub fn html(record: &TrainRecord, worst: &[Comparison]) -> Result<String> {
         "training" => include_str!("training.js").into(),
         "fault" => include_str!("fault.js").into(),
         "data" => data.as_str().into(),
-        "worst" => worst.as_str().into(),
+        "worst" => worst.0.as_str().into(),
         slot => text(slot, record).into(),
     }))
 }
@@ -235,9 +254,6 @@ fn metrics(quality: &Quality) -> [String; 3] {
 }
 
 fn comparisons(record: &TrainRecord, worst: &[Comparison]) -> Result<String> {
-    if worst.is_empty() {
-        return Ok(nothing("No test view was rendered yet."));
-    }
     let mut html = String::new();
     for (comparison, shown) in worst.iter().zip(shown(worst)?) {
         let name = escape(comparison.name);
