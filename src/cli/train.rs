@@ -245,8 +245,8 @@ struct Watch {
     bar: ProgressBar,
     folder: PathBuf,
     told: RefCell<Option<Instant>>,
-    /// The worst test views, and of which evaluation they are: encoding them takes longer than hundreds of iterations.
-    shown: RefCell<(usize, Shown)>,
+    /// The worst test views, by evaluations and their number: encoding them takes longer than hundreds of iterations.
+    shown: RefCell<([usize; 2], Shown)>,
 }
 
 /// Time between two lines of progress where there is no terminal.
@@ -300,7 +300,8 @@ impl Watch {
         let json = serde_json::to_string_pretty(record)
             .map_err(|e| Error::input(&self.folder, format!("train.json cannot be written: {e}")))?;
         let mut shown = self.shown.borrow_mut();
-        if shown.0 != record.evaluations.len() || (shown.0 > 0) != !worst.is_empty() {
+        let key = [record.evaluations.len(), worst.len()];
+        if shown.0 != key {
             let comparison = |(name, pair): &'w (String, Pair)| Comparison {
                 name,
                 width: pair.width,
@@ -309,7 +310,7 @@ impl Watch {
                 reference: &pair.reference,
             };
             let worst: Vec<Comparison> = worst.iter().map(comparison).collect();
-            *shown = (record.evaluations.len(), Shown::new(record, &worst)?);
+            *shown = (key, Shown::new(record, &worst)?);
         }
         let page = training::html(record, &shown.1)?;
         // Under hidden names that the next attempt takes as well: a run that is killed often leaves no pile of them.
