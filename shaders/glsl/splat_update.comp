@@ -56,7 +56,6 @@ shared uvec2 large[64];
 shared uint owner[64];
 shared uint large_count;
 shared float parts[SUMS][64];
-shared float totals[64][SUMS];
 
 uint at(uint plane, uint i) {
     return plane * stride + i;

@@ -1,6 +1,6 @@
-// The gradient of the loss by what each instance brings to its tile. A workgroup takes BLOCK instances
-// of the sorted list, whatever tiles they belong to, so that no tile is longer work than another; within a tile it goes on
-// from the checkpoint that the forward pass left.
+// The gradient of the loss by what each instance brings to its tile. A workgroup takes BLOCK instances of the sorted list,
+// whatever tiles they belong to, so that no tile is longer work than another; within a tile it goes on from the checkpoint that
+// the forward pass left.
 //
 // SPLATS instances at a time: first pixel by pixel, front to back, what each pixel says to each instance, into shared memory;
 // then instance by instance the sums over the pixels in its bounds, each in fixed order.
@@ -31,14 +31,15 @@ const uint ROW = TILE_PIXELS + 4;
 // Parts that a sum over pixels is made of: every so many columns.
 const uint PARTS = 8;
 
-shared vec3 means[BLOCK];  // mean, opacity
-shared vec3 conics[BLOCK];
-shared vec3 colours[BLOCK];
+// 32 KiB is all that some devices have: no vec3, which may take as much as a vec4.
+shared vec4 means[BLOCK];  // mean, opacity, conic xx
+shared vec4 conics[BLOCK];  // conic xy and yy, red, green
+shared float blues[BLOCK];
 // Bounds within the instance's tile, five bits each, and above them its strips.
 shared uint bounds[BLOCK];
 shared float weights[SPLATS * ROW];
 shared float slopes[SPLATS * ROW];
-shared vec3 by_colour[TILE_PIXELS];
+shared float by_colour[3 * TILE_PIXELS];
 shared float sums[SUMS * SPLATS * PARTS];
 
 // Pixel `k` of the tile at `corner`, from its centre.
@@ -67,7 +68,8 @@ void sum_part(uint item, uint from, uvec2 corner) {
     for (uint y = inside.y; y < (of_colour ? inside.w : 0); ++y) {
         for (uint x = inside.x + part; x < inside.z; x += PARTS) {
             uint j = y * TILE + x;
-            sum += weights[s * ROW + j] * by_colour[j];
+            vec3 gradient = vec3(by_colour[j], by_colour[TILE_PIXELS + j], by_colour[2 * TILE_PIXELS + j]);
+            sum += weights[s * ROW + j] * gradient;
         }
     }
     vec2 origin = vec2(corner) + 0.5 - means[k].xy;
@@ -93,13 +95,14 @@ void main() {
     if (first >= stop) return;
     uint wide = tiles_of(camera).x;
     for (uint k = thread; k < BLOCK; k += THREADS) {
-        means[k] = conics[k] = colours[k] = vec3(0.0);
+        means[k] = conics[k] = vec4(0.0);
+        blues[k] = 0.0;
         bounds[k] = 0;
         if (first + k < stop) {
             Projected splat = projected[instance_splats[tile_instances[first + k]]];
-            means[k] = vec3(splat.mean, splat.opacity);
-            conics[k] = splat.conic;
-            colours[k] = splat.colour;
+            means[k] = vec4(splat.mean, splat.opacity, splat.conic.x);
+            conics[k] = vec4(splat.conic.yz, splat.colour.xy);
+            blues[k] = splat.colour.z;
             uint tile = tile_keys[first + k];
             bounds[k] = packed(bounds_within(splat, TILE * uvec2(tile % wide, tile / wide)));
         }
@@ -134,14 +137,15 @@ void main() {
                     left[p] = state.w;
                 }
             }
-            by_colour[k] = gradient[p];
+            [[unroll]] for (uint c = 0; c < 3; ++c) by_colour[c * TILE_PIXELS + k] = gradient[p][c];
         }
         barrier();
         for (uint base = begin; base < used; base += SPLATS) {
             uint from = base - first;
             for (uint s = 0; s < SPLATS; ++s) {
                 uint instance = min(from + s, BLOCK - 1);
-                vec3 mean = means[instance], conic = conics[instance], colour = colours[instance];
+                vec4 mean = means[instance], other = conics[instance];
+                vec3 conic = vec3(mean.w, other.xy), colour = vec3(other.zw, blues[instance]);
                 uint reached = bounds[instance] >> 4 * BITS;
                 [[unroll]] for (uint p = 0; p < PIXELS; ++p) {
                     uint k = p * THREADS + thread;
