@@ -37,9 +37,11 @@ fn a_run_leaves_every_product_and_they_agree() {
         let options =
             format!("--strategy {strategy} --iterations 40 --test-every 4 --save-every 15 --evaluate-every 20");
         let ran = place.done(&format!("train capture --out o --force {SMALL} {options}"));
-        let pictures = tests.map(|name| format!("test/{name}"));
-        let [a, b, c] = pictures.each_ref().map(String::as_str);
-        assert_eq!(place.files("o"), ["checkpoint.bin", "point_cloud.ply", "report.html", a, b, c, "train.json"]);
+        let mut files: Vec<String> =
+            ["checkpoint.bin", "point_cloud.ply", "report.html", "train.json"].map(str::to_owned).into();
+        files.extend(["test", "reference"].iter().flat_map(|of| tests.map(|name| format!("{of}/{name}"))));
+        files.sort();
+        assert_eq!(place.files("o"), files);
         assert!(place.read("o/report.html").trim_end().ends_with("</html>"));
         assert!(ran.out.contains("trained  40 iterations"), "{}", ran.out);
 
@@ -64,6 +66,7 @@ fn a_run_leaves_every_product_and_they_agree() {
         for view in &record.test_views {
             let read = |folder: &str| image::open(place.path(folder).join(&view.name)).unwrap().into_rgb8();
             let [kept, photo, rendered] = ["o/test", "capture/images", &format!("r{strategy}")].map(read);
+            assert_eq!(read("o/reference"), photo, "an opaque photo without distortion is compared with as it is");
             assert_eq!(kept.dimensions(), (48, 41));
             let differences = |other: &image::RgbImage| -> Vec<f64> {
                 kept.as_raw().iter().zip(other.as_raw()).map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs()).collect()

@@ -194,7 +194,7 @@ fn resuming_as_another_run_is_refused_and_changes_nothing() {
         ("capture", &format!("{usual} --strategy classic"), &["--strategy mcmc, not classic"]),
         ("capture", &format!("{usual} --background white"), &["--background black, not white"]),
         ("capture", &format!("{usual} --antialiased"), &["--antialiased false, not true"]),
-        ("capture", &format!("{usual} --first-scale 0.2"), &["--first-scale 0.1, not 0.2"]),
+        ("capture", &format!("{usual} --first-scale 0.2"), &["--first-scale 1.0, not 0.2"]),
         ("capture", &format!("{usual} --shrink 2"), &["--shrink 1, not 2"]),
         ("fewer", usual, &["another capture", "photos: 9, not 8", "train anew (--force)"]),
         ("larger", usual, &["another capture", "cameras", "train anew (--force)"]),

@@ -95,6 +95,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         check_file(file)?;
     }
     let Pairs { pairs, unpaired } = pairs(&arguments.images, &arguments.reference)?;
+    let json = arguments.json.as_deref().and_then(|file| file.canonicalize().ok());
+    if let Some(file) =
+        json.filter(|file| pairs.iter().flat_map(|p| &p.files).any(|f| f.canonicalize().is_ok_and(|f| f == *file)))
+    {
+        return Err(Error::input(file, "this image would be replaced; name another file for --json"));
+    }
     let weights = weights(arguments)?;
     pairs.iter().try_for_each(|pair| check_size(pair, &weights))?;
     say!("pairs    {}, transparent pixels over {}", pairs.len(), arguments.background.name());

@@ -27,6 +27,7 @@ pub fn stop_on_interrupt() -> Result<()> {
         if STOP.swap(true, Ordering::SeqCst) {
             std::process::exit(i32::from(super::INTERRUPTED));
         }
+        say!("stopping once what is running has ended and is written; another Ctrl-C ends at once and loses it");
     })
     .map_err(|e| Error::request(format!("Ctrl-C cannot be watched for: {e}")))
 }

@@ -14,11 +14,12 @@ use super::options::{DeviceOptions, print_messages};
 use super::progress::{go_on, stop_on_interrupt};
 use crate::gaussians::config::{Background, Config, Strategy};
 use crate::gaussians::evaluate::Pair;
-use crate::gaussians::job::{CHECKPOINT, Event, MODEL, Request, Run};
+use crate::gaussians::job::{Event, Request, Run};
+use crate::gaussians::products::{CHECKPOINT, MODEL, RECORD, REPORT};
 use crate::gaussians::record::{Evaluation, PhotosRecord, Quality, Status, TrainRecord};
 use crate::gaussians::split::{Split, Test};
 use crate::io;
-use crate::io::folder::{OutputFolder, check_file, replace_file, write_files};
+use crate::io::folder::{check_file, check_folder, replace_file, write_files};
 use crate::io::photos::{Images, Options};
 use crate::report::training::{self, Comparison, Shown};
 use crate::vulkan::Context;
@@ -49,16 +50,16 @@ pub struct Arguments {
     /// photos have masks or alpha, else black]
     #[arg(long, value_enum)]
     background: Option<Background>,
-    /// Fade splats by what the pixel's low-pass widens (for pictures at several scales)
+    /// Mip-Splatting's filter: splats smaller than a pixel fade instead of growing; render with --antialiased as well
     #[arg(long)]
     antialiased: bool,
     /// Sum gradients by atomic additions, in whatever order they come: no two runs are the same
     #[arg(long)]
     fast: bool,
-    /// Opacity of splats at the start [default: 0.5, classic 0.1]
+    /// Opacity of splats at the start [default: 0.5; classic, and below 10000 iterations, 0.1]
     #[arg(long)]
     first_opacity: Option<f64>,
-    /// Size of splats at the start, in distances to their neighbours [default: 0.1, classic 1]
+    /// Size of splats at the start, in distances to their neighbours [default: 0.1; classic, and below 10000 iterations, 1]
     #[arg(long)]
     first_scale: Option<f64>,
     /// Test with every so many photos, by name; 0 for none [default: transforms_test.json where there is one, else 8]
@@ -67,7 +68,7 @@ pub struct Arguments {
     /// Test with the photos of another capture in the same frame
     #[arg(long)]
     test: Option<PathBuf>,
-    /// Take squares of so many pixels for one
+    /// Train on photos shrunk by this factor: each pixel is the mean of a square of so many stored ones
     #[arg(long, default_value_t = 1)]
     shrink: u32,
     /// Go on without the images that are missing or cannot be read
@@ -101,8 +102,6 @@ pub struct Arguments {
     device: DeviceOptions,
 }
 
-/// The record of a run in its folder.
-const RECORD: &str = "train.json";
 /// Splats where nothing is said, on a device that can address so many.
 const USUAL: u32 = 1_000_000;
 
@@ -117,7 +116,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         check_file(file)?;
     }
     if !arguments.dry_run {
-        check_folder(arguments)?;
+        check_out(arguments)?;
     }
     let images = if arguments.skip_missing { Images::SkipMissing } else { Images::Needed };
     let capture = io::photos::read(&arguments.capture, &Options { images, ..Options::default() })?;
@@ -216,12 +215,15 @@ fn configuration(arguments: &Arguments) -> Config {
 }
 
 /// Refuses a folder that is not to be written to, before anything has been read.
-fn check_folder(arguments: &Arguments) -> Result<()> {
+fn check_out(arguments: &Arguments) -> Result<()> {
     let file = arguments.out.join(CHECKPOINT);
     if arguments.resume && !file.is_file() {
-        return Err(Error::input(&file, "there is no checkpoint to resume from; train without --resume"));
+        return Err(Error::input(
+            &file,
+            "there is no checkpoint to resume from; train without --resume (with --force where the folder is not empty)",
+        ));
     }
-    OutputFolder::create(&arguments.out, arguments.force || arguments.resume).map(drop)
+    check_folder(&arguments.out, arguments.force || arguments.resume)
 }
 
 /// White where photos say what belongs to the object.
@@ -258,7 +260,12 @@ impl Watch {
         let style = ProgressStyle::with_template("{msg:22} {wide_bar} {pos}/{len} {per_sec}, {eta} left");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         bar.set_message("decoding photos");
-        Self { bar, folder: folder.to_owned(), told: RefCell::default(), shown: RefCell::default() }
+        Self {
+            bar,
+            folder: folder.to_owned(),
+            told: RefCell::default(),
+            shown: RefCell::new(([usize::MAX; 2], Shown::default())),
+        }
     }
 
     fn observe(&self, event: Event) -> ControlFlow<()> {
@@ -271,6 +278,9 @@ impl Watch {
             Event::Evaluated(evaluation) => self.line(&line(evaluation)),
             Event::NotSaved(error) => self.line(&format!("warning: no checkpoint was written: {error}")),
             Event::Report(record, worst) => {
+                if self.shown.borrow().0[0] == usize::MAX {
+                    self.line(&start(record));
+                }
                 let psnr = record.curve.last().map_or(String::new(), |point| format!(", {:.2} dB", point.psnr));
                 if self.bar.length() != Some(u64::from(record.config.iterations)) {
                     self.bar.reset();
@@ -314,8 +324,21 @@ impl Watch {
         }
         let page = training::html(record, &shown.1)?;
         // Under hidden names that the next attempt takes as well: a run that is killed often leaves no pile of them.
-        replace_file(&self.folder.join("report.html"), |file| file.write_all(page.as_bytes()))?;
+        replace_file(&self.folder.join(REPORT), |file| file.write_all(page.as_bytes()))?;
         replace_file(&self.folder.join(RECORD), |file| file.write_all(json.as_bytes()))
+    }
+}
+
+/// What a run begins with.
+fn start(record: &TrainRecord) -> String {
+    let (splats, points) = (record.splats, record.photos.points);
+    match (record.iterations, points) {
+        (0, 0) => format!("start    {splats} splats at random: the capture has no points"),
+        (0, _) if (splats as usize) < points => {
+            format!("start    {splats} of the capture's {points} points (--max-splats)")
+        }
+        (0, _) => format!("start    {splats} splats at the capture's points"),
+        (done, _) => format!("start    {splats} splats after {done} iterations, from the checkpoint"),
     }
 }
 
@@ -332,16 +355,17 @@ fn text(quality: &Quality) -> String {
 fn print(record: &TrainRecord, folder: &Path) {
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     say!(
-        "trained  {} iterations in {:.1} s ({:.1} a second), {} splats",
+        "trained  {} iterations in {:.1} s ({:.1} a second), {} of {} splats",
         record.seconds_for,
         record.seconds,
         f64::from(record.seconds_for) / record.seconds.max(1e-9),
-        record.splats
+        record.splats,
+        record.config.max_splats
     );
     say!("memory   {:.0} MiB at most, {:.0} announced", mib(record.memory.peak), mib(record.memory.announced));
     if let (Status::Complete, Some(last)) = (record.status, record.evaluations.last()) {
         say!("test     {} views: {}", last.views, text(&last.quality));
     }
     say!("model    {}", folder.join(MODEL).display());
-    say!("report   {}", folder.join("report.html").display());
+    say!("report   {}", folder.join(REPORT).display());
 }

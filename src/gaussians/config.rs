@@ -52,6 +52,8 @@ pub struct Config {
     pub first_scale: f64,
 }
 
+/// Iterations from which small and dense Gaussians have the time to spread.
+const LONG: u32 = 10_000;
 /// Opacity up to which a Gaussian is dead.
 pub const LEAST_OPACITY: f32 = 0.005;
 /// Iterations that the schedule of the papers is written for; shorter runs go through it faster.
@@ -75,7 +77,7 @@ pub struct Schedule {
 impl Config {
     /// Defaults for a run of so many iterations.
     pub fn new(iterations: u32, max_splats: u32) -> Self {
-        Self {
+        let config = Self {
             iterations,
             max_splats,
             strategy: Strategy::Mcmc,
@@ -86,16 +88,15 @@ impl Config {
             seed: 0,
             first_opacity: 0.5,
             first_scale: 0.1,
-        }
+        };
+        config.with_strategy(Strategy::Mcmc)
     }
 
     /// The same with another strategy and what it starts with: few small and dense Gaussians that spread, or wide and faint
-    /// ones that are split.
+    /// ones, where there is no time to spread or they are split.
     pub fn with_strategy(self, strategy: Strategy) -> Self {
-        let (first_opacity, first_scale) = match strategy {
-            Strategy::Mcmc => (0.5, 0.1),
-            Strategy::Classic => (0.1, 1.0),
-        };
+        let spreads = strategy == Strategy::Mcmc && self.iterations >= LONG;
+        let (first_opacity, first_scale) = if spreads { (0.5, 0.1) } else { (0.1, 1.0) };
         Self { strategy, first_opacity, first_scale, ..self }
     }
 

@@ -13,6 +13,7 @@ use super::frame::{Frame, View};
 use super::loss::Record;
 use super::memory;
 use super::pictures;
+use super::products::{self, CHECKPOINT, MODEL};
 use super::rasterizer::{Size, Wanted};
 use super::record::{CurvePoint, Evaluation, MemoryRecord, PhotosRecord, StageTime, Status, TrainRecord};
 use super::renderer::Renderer;
@@ -21,15 +22,11 @@ use super::start;
 use super::store::PhotoStore;
 use super::trainer::Trainer;
 use crate::io::folder::replace_file;
+use crate::photos::Photo;
 use crate::vulkan::Context;
 use crate::vulkan::footprint::Footprint;
 use crate::vulkan::profile::{Profile, Row};
 use crate::{Error, Result};
-
-/// Files of a run.
-pub const CHECKPOINT: &str = "checkpoint.bin";
-/// The trained Gaussians in the capture's frame, in the usual layout.
-pub const MODEL: &str = "point_cloud.ply";
 
 /// Entries of the footprint that stand for several buffers.
 const SEVERAL: [&str; 3] = ["sort", "scan", "photos"];
@@ -148,6 +145,9 @@ impl Run {
         observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
     ) -> Result<Option<TrainRecord>> {
         self.check()?;
+        let photos: Vec<&Photo> = self.request.split.train.photos.iter().chain(&self.request.split.test).collect();
+        let capture = Path::new(&self.request.capture);
+        products::check(&self.request.folder, capture, &photos, &self.picture_names())?;
         let Request { split, config, shrink, folder, .. } = &self.request;
         let begun = start::Settings {
             budget: config.max_splats as usize,
@@ -178,9 +178,8 @@ impl Run {
             course.record.evaluations = header.evaluations;
         }
         std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
-        if !resume && file.is_file() {
-            // The checkpoint of another run must not be taken for this one's, should this one be killed early.
-            std::fs::remove_file(&file).map_err(|source| Error::io(&file, source))?;
+        if !resume {
+            products::clear(folder)?;
         }
         let trained = course.train(trainer, &mut profile, observe);
         if trained.is_err() {
@@ -188,6 +187,12 @@ impl Run {
             let _ = observe(Event::Report(&course.record, &course.worst));
         }
         trained.map(|()| Some(course.record))
+    }
+
+    /// File names of the test views' pictures.
+    fn picture_names(&self) -> Vec<PathBuf> {
+        let names: Vec<String> = self.request.split.test.iter().map(|photo| photo.camera.name.clone()).collect();
+        products::picture_names(&names)
     }
 
     /// CRC-32 of the training photos' names, sizes and cameras.
@@ -388,11 +393,12 @@ impl<'a> Course<'a> {
         if self.tests.is_empty() {
             return Ok(());
         }
-        let folder = &self.run.request.folder;
+        let (folder, names, mut at) = (&self.run.request.folder, self.run.picture_names(), 0);
         let mut worst: Vec<(f64, String, Pair)> = Vec::new();
         let mut views = self.tests.evaluate(&self.run.context, camera, all, |view, pair| {
             if all {
-                write_picture(folder, &view.name, pair)?;
+                products::write_pair(folder, &names[at], pair)?;
+                at += 1;
             }
             let place = worst.partition_point(|(psnr, ..)| psnr.total_cmp(&view.quality.psnr).is_le());
             if place < WORST {
@@ -483,32 +489,6 @@ impl<'a> Course<'a> {
         let _ = observe(Event::Report(&self.record, &self.worst));
         Ok(())
     }
-}
-
-/// Writes a test view as it is at the end.
-fn write_picture(folder: &Path, name: &str, pair: &Pair) -> Result<()> {
-    let file = picture_file(folder, name);
-    if let Some(parent) = file.parent() {
-        std::fs::create_dir_all(parent).map_err(|source| Error::io(parent, source))?;
-    }
-    let png = png(&file, pair)?;
-    replace_file(&file, |out| out.write_all(&png))
-}
-
-/// Where the rendered picture of a test photo goes: under `test`, by the photo's name.
-pub fn picture_file(folder: &Path, name: &str) -> PathBuf {
-    let inside = Path::new(name).components().filter(|part| matches!(part, std::path::Component::Normal(_)));
-    folder.join("test").join(inside.collect::<PathBuf>()).with_extension("png")
-}
-
-/// The rendered picture of a pair as a PNG file.
-fn png(file: &Path, pair: &Pair) -> Result<Vec<u8>> {
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    image::RgbImage::from_raw(pair.width, pair.height, pair.rendered.clone())
-        .map(|picture| picture.write_to(&mut bytes, image::ImageFormat::Png))
-        .transpose()
-        .map_err(|e| Error::input(file, format!("it cannot be encoded: {e}")))?;
-    Ok(bytes.into_inner())
 }
 
 /// The course of a run in a few hundred points: means over stretches.

@@ -11,6 +11,7 @@ pub mod loss;
 pub mod mcmc;
 pub mod memory;
 pub mod pictures;
+pub mod products;
 pub mod rasterizer;
 pub mod record;
 pub mod render;

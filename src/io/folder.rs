@@ -29,9 +29,7 @@ impl OutputFolder {
     /// Before anything has been computed: when the folder is not empty and `force` is not given, is a file, or cannot be
     /// written.
     pub fn create(path: &Path, force: bool) -> Result<Self> {
-        if !matches!(path.components().next_back(), Some(Component::Normal(_))) {
-            return Err(Error::input(path, "this names no folder to write to; give one with a name of its own"));
-        }
+        check_named(path)?;
         check_parent(path)?;
         check_free(path, force)?;
         if path.is_dir() {
@@ -116,6 +114,17 @@ impl OutputFolder {
     }
 }
 
+/// Checks, before anything has been computed, that files can be written one by one into the folder `path`, and leaves nothing
+/// there. A folder that is there must be empty, unless `force` is given; one that is not must have a parent.
+///
+/// # Errors
+/// When it is a file, not empty, or cannot be written.
+pub fn check_folder(path: &Path, force: bool) -> Result<()> {
+    check_named(path)?;
+    check_free(path, force)?;
+    if path.is_dir() { check_writable(path) } else { check_parent(path) }
+}
+
 /// Checks, before anything has been computed, that a file can be written at `path`, and leaves nothing there.
 ///
 /// # Errors
@@ -186,6 +195,14 @@ fn check_parent(path: &Path) -> Result<()> {
         return Err(Error::input(path, format!("the folder {} does not exist; create it first", parent.display())));
     }
     check_writable(parent)
+}
+
+/// Refuses a folder without a name of its own.
+fn check_named(path: &Path) -> Result<()> {
+    match path.components().next_back() {
+        Some(Component::Normal(_)) => Ok(()),
+        _ => Err(Error::input(path, "this names no folder to write to; give one with a name of its own")),
+    }
 }
 
 /// Refuses a folder that takes no files.

@@ -55,7 +55,11 @@ impl Shown {
     /// # Errors
     /// [`Error::Request`] if a picture has not the bytes that its size says.
     pub fn new(record: &TrainRecord, views: &[Comparison]) -> Result<Self> {
-        if views.is_empty() { Ok(Self::default()) } else { comparisons(record, views).map(Self) }
+        match views {
+            [] if record.photos.test == 0 => Ok(Self(nothing("No photos were kept back to test with."))),
+            [] => Ok(Self::default()),
+            views => comparisons(record, views).map(Self),
+        }
     }
 }
 

@@ -44,7 +44,11 @@ impl Footprint {
             return Ok(());
         };
         let (what, wanted, available) = if *bytes > limit && !self.several.contains(name) {
-            (format!("{what}'s buffer `{name}`"), *bytes, limit)
+            (
+                format!("{what}'s buffer `{name}` (this device shows a shader {limit} bytes of one at most)"),
+                *bytes,
+                limit,
+            )
         } else if self.total() > free {
             (what.to_owned(), self.total(), free)
         } else {
