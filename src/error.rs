@@ -31,7 +31,7 @@ pub enum Error {
     #[error("{0}")]
     NoDevice(String),
     /// A plan or a buffer does not fit the device.
-    #[error("{what} needs {wanted} bytes of device memory and {available} are free; {remedy}")]
+    #[error("{what} needs {wanted} bytes of device memory and there is room for {available}; {remedy}")]
     OutOfMemory {
         /// What was to be allocated.
         what: String,

@@ -167,7 +167,10 @@ fn counts_beyond_the_device() {
     assert_refused(
         &place,
         &[
-            ("plan ball.ply --out o --views 4294967295", &["bytes of device memory", "are free", "plan fewer views"]),
+            (
+                "plan ball.ply --out o --views 4294967295",
+                &["bytes of device memory", "there is room for", "plan fewer views"],
+            ),
             ("plan ball.ply --out o --views 4294967295 --dry-run", &["bytes of device memory", "plan fewer views"]),
             ("plan ball.ply --out o --views 400000000 --probes 1", &["bytes of device memory", "plan fewer views"]),
             (

@@ -121,6 +121,7 @@ fn too_little_room_changes_nothing() -> Result<()> {
     let mut narrow = trainer(&context, folder.path(), &config, 1)?;
     narrow.set_room(100)?;
     narrow.run(40, None, go_on)?;
+    assert!(roomy.history().iter().any(|record| record.instances > 100), "there was room enough");
     assert_eq!(narrow.history(), roomy.history());
     assert!(same(&narrow.state()?, &roomy.state()?));
     Ok(())

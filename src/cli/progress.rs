@@ -33,7 +33,7 @@ pub fn stop_on_interrupt() -> Result<()> {
 }
 
 /// Time between two lines of progress where there is no terminal.
-const BETWEEN_LINES: Duration = Duration::from_secs(10);
+pub const BETWEEN_LINES: Duration = Duration::from_secs(10);
 
 /// A bar that follows a run; without a terminal, a line as soon as iterations run and then one every ten seconds.
 pub struct Progress {

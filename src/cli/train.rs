@@ -11,7 +11,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::options::{DeviceOptions, print_messages};
-use super::progress::{go_on, stop_on_interrupt};
+use super::progress::{BETWEEN_LINES, go_on, stop_on_interrupt};
 use crate::gaussians::config::{Background, Config, Strategy};
 use crate::gaussians::evaluate::Pair;
 use crate::gaussians::job::{Event, Request, Run};
@@ -250,9 +250,6 @@ struct Watch {
     /// The worst test views, by evaluations and their number: encoding them takes longer than hundreds of iterations.
     shown: RefCell<([usize; 2], Shown)>,
 }
-
-/// Time between two lines of progress where there is no terminal.
-const BETWEEN_LINES: std::time::Duration = std::time::Duration::from_secs(10);
 
 impl Watch {
     fn new(folder: &Path, iterations: u32) -> Self {

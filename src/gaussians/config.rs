@@ -77,7 +77,8 @@ pub struct Schedule {
 impl Config {
     /// Defaults for a run of so many iterations.
     pub fn new(iterations: u32, max_splats: u32) -> Self {
-        let config = Self {
+        let (first_opacity, first_scale) = beginning(Strategy::Mcmc, iterations);
+        Self {
             iterations,
             max_splats,
             strategy: Strategy::Mcmc,
@@ -86,17 +87,14 @@ impl Config {
             antialiased: false,
             fast: false,
             seed: 0,
-            first_opacity: 0.5,
-            first_scale: 0.1,
-        };
-        config.with_strategy(Strategy::Mcmc)
+            first_opacity,
+            first_scale,
+        }
     }
 
-    /// The same with another strategy and what it starts with: few small and dense Gaussians that spread, or wide and faint
-    /// ones, where there is no time to spread or they are split.
+    /// The same with another strategy and what that starts with.
     pub fn with_strategy(self, strategy: Strategy) -> Self {
-        let spreads = strategy == Strategy::Mcmc && self.iterations >= LONG;
-        let (first_opacity, first_scale) = if spreads { (0.5, 0.1) } else { (0.1, 1.0) };
+        let (first_opacity, first_scale) = beginning(strategy, self.iterations);
         Self { strategy, first_opacity, first_scale, ..self }
     }
 
@@ -146,6 +144,12 @@ impl Config {
             reset_every: scaled(3000.0).max(500),
         }
     }
+}
+
+/// Opacity and scale at the start: small and dense Gaussians that spread, or wide and faint ones, where there is no time to
+/// spread or they are split.
+fn beginning(strategy: Strategy, iterations: u32) -> (f64, f64) {
+    if strategy == Strategy::Mcmc && iterations >= LONG { (0.5, 0.1) } else { (0.1, 1.0) }
 }
 
 impl Schedule {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::pictures::{self, Picture, UNKNOWN};
 use super::record::{Quality, TestView};
 use crate::metrics::image::weights::Weights;
-use crate::metrics::image::{Lpips, Rgb8, psnr, ssim};
+use crate::metrics::image::{Lpips, Rgb8, SSIM_WINDOW, psnr, ssim};
 use crate::parallel::in_parallel;
 use crate::photos::Photo;
 use crate::vulkan::Context;
@@ -168,7 +168,7 @@ impl Pair {
 fn compared(pair: &Pair) -> Result<Quality> {
     let (rendered, reference) = (pair.of(&pair.rendered)?, pair.of(&pair.reference)?);
     let same = if pair.rendered == pair.reference { 1.0 } else { 0.0 };
-    let ssim = if pair.width.min(pair.height) < 11 { same } else { ssim(&rendered, &reference)? };
+    let ssim = if pair.width.min(pair.height) < SSIM_WINDOW { same } else { ssim(&rendered, &reference)? };
     Ok(Quality { psnr: psnr(&rendered, &reference)?, ssim, lpips: None })
 }
 

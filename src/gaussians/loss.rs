@@ -7,7 +7,7 @@ use super::frame::View;
 use super::layout::PassPush;
 use super::rasterizer::{Size, Sizes};
 use crate::Result;
-use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder, footprint};
 
 crate::stage!(
     /// L1 and SSIM, and the derivatives of SSIM by the windowed means.
@@ -91,7 +91,7 @@ pub mod mailbox {
 }
 
 /// Buffers by name and bytes.
-pub fn footprint(sizes: &Sizes) -> Vec<(&'static str, u64)> {
+pub fn buffers(sizes: &Sizes) -> Vec<(&'static str, u64)> {
     let [pixels, tiles] = [sizes.pixels, sizes.tiles].map(u64::from);
     vec![("photo", 4 * pixels), ("slopes", 36 * pixels), ("tile_losses", 16 * tiles), ("by_pixel", 16 * pixels)]
 }
@@ -102,11 +102,8 @@ impl Loss {
     /// # Errors
     /// Where the device has not that much memory, or fails.
     pub fn new(context: &Arc<Context>, sizes: &Sizes) -> Result<Self> {
-        let plan = footprint(sizes);
-        let buffer = |name: &str| {
-            let bytes = plan.iter().find(|entry| entry.0 == name).map_or(0, |entry| entry.1);
-            Buffer::device(context, name, bytes)
-        };
+        let plan = buffers(sizes);
+        let buffer = |name: &str| footprint::buffer(context, &plan, name);
         Ok(Self {
             ssim: Pipeline::new(context, &PHOTO_SSIM, &[])?,
             gradient: Pipeline::new(context, &PHOTO_GRADIENT, &[])?,

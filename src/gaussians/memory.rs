@@ -38,8 +38,8 @@ pub fn footprint(context: &Context, config: &Config, sizes: &Sizes, views: usize
         ("history", size_of::<Record>() as u64 * u64::from(config.iterations)),
         ("mailbox", 16),
     ];
-    buffers.extend(rasterizer::footprint(context, sizes, wanted));
-    buffers.extend(loss::footprint(sizes));
+    buffers.extend(rasterizer::buffers(context, sizes, wanted));
+    buffers.extend(loss::buffers(sizes));
     buffers
 }
 

@@ -3,6 +3,7 @@
 pub mod checkpoint;
 pub mod classic;
 pub mod config;
+mod course;
 pub mod evaluate;
 pub mod frame;
 pub mod job;

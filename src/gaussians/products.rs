@@ -1,11 +1,12 @@
 //! The files of a training run: where they go, and what must not be lost to them.
 
 use std::collections::HashSet;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use super::evaluate::Pair;
 use super::record::TrainRecord;
 use crate::io::folder::replace_file;
+use crate::io::picture;
 use crate::photos::Photo;
 use crate::{Error, Result};
 
@@ -20,13 +21,10 @@ pub const REPORT: &str = "report.html";
 /// Folders of the test views: as they are rendered, and the photos as they are compared with.
 const PICTURES: [&str; 2] = ["test", "reference"];
 
-/// File names of the pictures of photos with these names: without the folders that all have in common, as .png; with the
-/// photos' own extensions before that where two would be the same.
+/// File names of the pictures of photos with these names: without the folders that all have in common, and numbered where
+/// two would be the same.
 pub fn picture_names(names: &[String]) -> Vec<PathBuf> {
-    let inside = |name: &String| -> PathBuf {
-        Path::new(name).components().filter(|part| matches!(part, Component::Normal(_))).collect()
-    };
-    let paths: Vec<PathBuf> = names.iter().map(inside).collect();
+    let paths: Vec<PathBuf> = names.iter().map(|name| picture::stem(name).unwrap_or_default().into()).collect();
     let folder = |path: &PathBuf| path.parent().map(Path::to_path_buf).unwrap_or_default();
     let shared = paths
         .iter()
@@ -34,17 +32,16 @@ pub fn picture_names(names: &[String]) -> Vec<PathBuf> {
         .reduce(|a, b| a.components().zip(b.components()).take_while(|(a, b)| a == b).map(|(a, _)| a).collect());
     let shared = shared.unwrap_or_default();
     let short: Vec<&Path> = paths.iter().map(|path| path.strip_prefix(&shared).unwrap_or(path)).collect();
-    let plain: Vec<PathBuf> = short.iter().map(|path| path.with_extension("png")).collect();
+    let named = |path: &Path, before: String| {
+        path.with_file_name(format!("{before}{}.png", path.file_name().unwrap_or_default().to_string_lossy()))
+    };
+    let plain: Vec<PathBuf> = short.iter().map(|path| named(path, String::new())).collect();
     // Some file systems take upper and lower case for the same.
     let different: HashSet<String> = plain.iter().map(|path| path.to_string_lossy().to_lowercase()).collect();
     if different.len() == plain.len() {
         return plain;
     }
-    let numbered = |(i, path): (usize, &&Path)| {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        path.with_file_name(format!("{i}_{name}.png"))
-    };
-    short.iter().enumerate().map(numbered).collect()
+    short.iter().enumerate().map(|(i, path)| named(path, format!("{i}_"))).collect()
 }
 
 /// Refuses a run that would replace what it reads: whose folder is the capture's own, or one of whose files is a photo or mask.
@@ -95,12 +92,8 @@ pub fn write_pair(folder: &Path, name: &Path, pair: &Pair) -> Result<()> {
         if let Some(parent) = file.parent() {
             std::fs::create_dir_all(parent).map_err(|source| Error::io(parent, source))?;
         }
-        let mut png = std::io::Cursor::new(Vec::new());
-        image::RgbImage::from_raw(pair.width, pair.height, pixels.clone())
-            .map(|picture| picture.write_to(&mut png, image::ImageFormat::Png))
-            .transpose()
-            .map_err(|e| Error::input(&file, format!("it cannot be encoded: {e}")))?;
-        replace_file(&file, |out| out.write_all(png.get_ref()))?;
+        let png = picture::rgb(pair.width, pixels)?;
+        replace_file(&file, |out| out.write_all(&png))?;
     }
     Ok(())
 }
@@ -120,7 +113,7 @@ mod tests {
         assert_eq!(names(&["test/r_0.png", "test/r_1.jpg"]), ["r_0.png", "r_1.png"]);
         assert_eq!(names(&["a/0/x.png", "a/1/x.png"]), ["0/x.png", "1/x.png"]);
         assert_eq!(names(&["/home/me/x.jpg", "../y.jpg"]), ["home/me/x.png", "y.png"]);
-        assert_eq!(names(&["0.png", "0.PNG", "1.jpg"]), ["0_0.png.png", "1_0.PNG.png", "2_1.jpg.png"]);
+        assert_eq!(names(&["0.png", "0.PNG", "1.jpg"]), ["0_0.png", "1_0.png", "2_1.png"]);
         assert_eq!(names(&["only/one.png"]), ["one.png"]);
         assert!(names(&[]).is_empty());
     }

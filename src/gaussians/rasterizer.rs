@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::frame::View;
 use super::layout::{BLOCK, PassPush, Projected, SUMS, TILE};
 use crate::primitives::{Count, RadixSort, Scan};
-use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder, footprint};
 use crate::{Error, Result};
 
 crate::stage!(
@@ -54,6 +54,9 @@ crate::stage!(
         read picture, read ends, read tile_ends, read checkpoints, read by_pixel, write partials,
     } with [View, Projected]
 );
+
+/// Pixels of a picture along a side at most.
+pub const MOST_SIDE: u32 = 65_535;
 
 /// How large pictures and models can be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -166,8 +169,8 @@ struct Lists {
 
 impl Lists {
     fn new(context: &Arc<Context>, sizes: &Sizes, wanted: Wanted) -> Result<Self> {
-        let plan = footprint(context, sizes, wanted);
-        let buffer = |name: &str| planned(context, &plan, name);
+        let plan = buffers(context, sizes, wanted);
+        let buffer = |name: &str| footprint::buffer(context, &plan, name);
         Ok(Self {
             tile_keys: buffer("tile_keys")?,
             tile_instances: buffer("tile_instances")?,
@@ -179,14 +182,8 @@ impl Lists {
     }
 }
 
-/// A buffer of a list by name and bytes.
-fn planned(context: &Arc<Context>, plan: &[(&'static str, u64)], name: &str) -> Result<Buffer> {
-    let bytes = plan.iter().find(|entry| entry.0 == name).map_or(0, |entry| entry.1);
-    Buffer::device(context, name, bytes)
-}
-
 /// Buffers by name and bytes.
-pub fn footprint(context: &Context, sizes: &Sizes, wanted: Wanted) -> Vec<(&'static str, u64)> {
+pub fn buffers(context: &Context, sizes: &Sizes, wanted: Wanted) -> Vec<(&'static str, u64)> {
     let [gaussians, room, pixels, tiles] = [sizes.gaussians, sizes.room, sizes.pixels, sizes.tiles].map(u64::from);
     let checkpoints = 16 * u64::from(TILE * TILE) * (room / u64::from(BLOCK) + 1);
     let only = |there: bool, bytes: u64| if there { bytes } else { 0 };
@@ -225,8 +222,8 @@ impl Rasterizer {
     /// # Errors
     /// Where the device has not that much memory, or fails.
     pub fn new(context: &Arc<Context>, sizes: Sizes, wanted: Wanted) -> Result<Self> {
-        let plan = footprint(context, &sizes, wanted);
-        let buffer = |name: &str| planned(context, &plan, name);
+        let plan = buffers(context, &sizes, wanted);
+        let buffer = |name: &str| footprint::buffer(context, &plan, name);
         let antialiased = u32::from(wanted.antialiased);
         let pipeline = |stage| Pipeline::new(context, stage, &[antialiased]);
         let threads = threads(context);
@@ -386,6 +383,25 @@ impl Rasterizer {
             .push(push)
             .linear(size.tiles());
         Ok(Instances { keys: by_tile.keys, values: by_tile.values })
+    }
+
+    /// Makes the picture of view `push.view` in [`Rasterizer::picture`] and waits for it; there is room for whatever it takes
+    /// then, and `push.room` is not looked at.
+    ///
+    /// # Errors
+    /// Where the device fails or has not enough memory.
+    pub fn render(&mut self, model: &Model, views: &Buffer, size: Size, push: PassPush) -> Result<()> {
+        loop {
+            let push = PassPush { room: self.sizes.room, ..push };
+            let mut commands = Recorder::new(&self.context)?;
+            self.forward(&mut commands, model, views, size, &push)?;
+            commands.submit_and_wait()?;
+            drop(commands);
+            match self.counts.download::<u32>(1)?[0] {
+                needed if needed > push.room => self.make_room(needed)?,
+                _ => return Ok(()),
+            }
+        }
     }
 
     /// Records the way back: from the gradient of the loss by each pixel (`by_pixel`, a vec4 each) to `partials`.

@@ -3,16 +3,16 @@
 use std::collections::HashMap;
 use std::fs;
 use std::ops::ControlFlow;
-use std::path::{Component, Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::sync::{Arc, Mutex};
 use std::thread;
 
 use super::frame::Frame;
-use super::rasterizer::{Size, Wanted};
+use super::rasterizer::{MOST_SIDE, Size, Wanted};
 use super::renderer::{Renderer, Rendering};
 use crate::io::folder::OutputFolder;
-use crate::io::picture::{self, Format};
+use crate::io::picture::{self, Format, stem};
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::gaussians::Gaussians;
 use crate::vulkan::Context;
@@ -34,9 +34,6 @@ pub struct Settings {
     /// Depth before which nothing is drawn, in the model's units; without it [`super::frame::NEAR`] of the frame's.
     pub near: Option<f64>,
 }
-
-/// Most pixels along a side.
-const MOST_SIDE: u32 = 65_535;
 
 /// Most bytes that pictures on their way to the disk take, and what one takes for each pixel.
 const MOST_BYTES: u64 = 1 << 30;
@@ -238,20 +235,6 @@ fn names(cameras: &[Camera], settings: Settings) -> Result<Vec<[String; 2]>> {
         }
     }
     Ok(names)
-}
-
-/// A camera's name without the extension of its image, and without what leads out of a folder; none where nothing is left.
-fn stem(name: &str) -> Option<String> {
-    let inside = |part: Component<'_>| match part {
-        Component::Normal(part) => Some(part.to_string_lossy().into_owned()),
-        _ => None,
-    };
-    let mut stem = Path::new(name).components().filter_map(inside).collect::<Vec<_>>().join("/");
-    // What follows the dot of 0.5 is no extension.
-    let is_kind = |extension: &&str| extension.starts_with(|first: char| first.is_ascii_alphabetic());
-    let extension = Path::new(&stem).extension().and_then(|extension| extension.to_str()).filter(is_kind);
-    stem.truncate(stem.len() - extension.map_or(0, |extension| extension.len() + 1));
-    (!stem.is_empty()).then_some(stem)
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use super::layout::{self, PassPush};
 use super::rasterizer::{self, Model, Rasterizer, Size, Sizes, Wanted};
 use crate::scene::gaussians::Gaussians;
 use crate::vulkan::footprint::Footprint;
-use crate::vulkan::{Buffer, Context, Recorder};
+use crate::vulkan::{Buffer, Context};
 use crate::{Error, Result};
 
 /// A picture. Values run row by row from the top left.
@@ -46,7 +46,6 @@ impl Rendering {
 
 /// Gaussians on the device, and what makes pictures of them.
 pub struct Renderer {
-    context: Arc<Context>,
     model: Model,
     rasterizer: Rasterizer,
     view: Buffer,
@@ -71,7 +70,6 @@ impl Renderer {
         check(context, sizes, wanted, &[("parameters", bytes)])?;
         let planes = layout::to_planes(gaussians, gaussians.degree, count as usize);
         Ok(Self {
-            context: context.clone(),
             model: Model {
                 parameters: Buffer::from_slice(context, "parameters", &planes)?,
                 population: Buffer::from_slice(context, "population", &[count])?,
@@ -97,34 +95,18 @@ impl Renderer {
             return Err(Error::request(what));
         }
         self.view.upload(&[*view])?;
-        loop {
-            let Sizes { room, .. } = *self.rasterizer.sizes();
-            let push =
-                PassPush { stride: self.model.stride, view: 0, degree: self.degree, room, background, iteration: 0 };
-            let mut commands = Recorder::new(&self.context)?;
-            self.rasterizer.forward(&mut commands, &self.model, &self.view, size, &push)?;
-            commands.submit_and_wait()?;
-            drop(commands);
-            let needed = self.rasterizer.counts.download::<u32>(1)?[0];
-            if needed > room {
-                self.rasterizer.make_room(needed)?;
-                continue;
-            }
-            let pixels = size.pixels() as usize;
-            let depths = if self.wanted.depths { self.rasterizer.depths.download(pixels)? } else { Vec::new() };
-            return Ok(Rendering {
-                width: size.width,
-                height: size.height,
-                pixels: self.rasterizer.picture.download(pixels)?,
-                depths,
-            });
-        }
+        let push = PassPush { stride: self.model.stride, degree: self.degree, background, ..PassPush::default() };
+        self.rasterizer.render(&self.model, &self.view, size, push)?;
+        let pixels = size.pixels() as usize;
+        let depths = if self.wanted.depths { self.rasterizer.depths.download(pixels)? } else { Vec::new() };
+        let picture = self.rasterizer.picture.download(pixels)?;
+        Ok(Rendering { width: size.width, height: size.height, pixels: picture, depths })
     }
 }
 
 /// Checks that the device has the memory for pictures, beside `more` buffers.
 fn check(context: &Context, sizes: Sizes, wanted: Wanted, more: &[(&'static str, u64)]) -> Result<()> {
-    let buffers = [rasterizer::footprint(context, &sizes, wanted).as_slice(), more].concat();
+    let buffers = [rasterizer::buffers(context, &sizes, wanted).as_slice(), more].concat();
     // Both stand for what a sort and a scan take in all.
     let footprint = Footprint { buffers, several: &["sort", "scan"] };
     footprint.check(context, "the picture", |name| match name {

@@ -11,6 +11,7 @@ use crate::photos::PhotoSet;
 use crate::photos::volume::{self, Volume};
 use crate::scene::camera::Camera;
 use crate::scene::gaussians::{Gaussians, coefficients};
+use crate::scene::harmonics::CONSTANT;
 use crate::scene::random;
 use crate::scene::surface::Points;
 use crate::{Error, Result};
@@ -19,9 +20,6 @@ use crate::{Error, Result};
 const SUBSET_STREAM: u32 = 0x6a05_0000;
 const PLACE_STREAM: u32 = 0x6a05_0001;
 const COLOUR_STREAM: u32 = 0x6a05_0002;
-
-/// The first function of the harmonics: 1 / (2 sqrt(pi)).
-const CONSTANT: f64 = 0.282_094_791_773_878_14;
 
 /// Nearest other points whose mean distance is a Gaussian's scale, and the bounds of that distance in the training frame:
 /// points may coincide, or lie far from all others.

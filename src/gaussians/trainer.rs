@@ -411,25 +411,15 @@ impl Trainer {
     pub fn picture(&mut self, view: usize) -> Result<Vec<[f32; 4]>> {
         let View { width, height, .. } = self.views[view];
         let size = Size { width, height };
-        loop {
-            let push = PassPush {
-                stride: self.model.stride,
-                view: view as u32,
-                degree: self.schedule.degree(self.done.saturating_sub(1), self.config.degree),
-                room: self.rasterizer.sizes().room,
-                background: self.config.test_background(),
-                iteration: 0,
-            };
-            let mut commands = Recorder::new(&self.context)?;
-            self.rasterizer.forward(&mut commands, &self.model, &self.view_buffer, size, &push)?;
-            commands.submit_and_wait()?;
-            drop(commands);
-            let needed = self.rasterizer.counts.download::<u32>(1)?[0];
-            if needed <= push.room {
-                return self.rasterizer.picture.download(size.pixels() as usize);
-            }
-            self.rasterizer.make_room(needed)?;
-        }
+        let push = PassPush {
+            stride: self.model.stride,
+            view: view as u32,
+            degree: self.schedule.degree(self.done.saturating_sub(1), self.config.degree),
+            background: self.config.test_background(),
+            ..PassPush::default()
+        };
+        self.rasterizer.render(&self.model, &self.view_buffer, size, push)?;
+        self.rasterizer.picture.download(size.pixels() as usize)
     }
 
     /// Reads back all that the next iteration needs.

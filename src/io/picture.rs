@@ -1,6 +1,7 @@
 //! Pictures out: PNG with 8 bits a channel, OpenEXR with single precision.
 
 use std::io::Cursor;
+use std::path::{Component, Path};
 
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, WritableImage};
 use image::codecs::png::PngEncoder;
@@ -63,12 +64,24 @@ pub fn depths(width: u32, depths: Vec<f32>) -> Result<Vec<u8>> {
 
 fn png(width: u32, pixels: &[[f32; 4]], with_alpha: bool) -> Result<Vec<u8>> {
     let (channels, kind) = if with_alpha { (4, ExtendedColorType::Rgba8) } else { (3, ExtendedColorType::Rgb8) };
-    let [_, height] = size(width, pixels.len())?;
     let byte = |value: &f32| (255.0 * value.clamp(0.0, 1.0)).round() as u8;
     let bytes: Vec<u8> = pixels.iter().flat_map(|pixel| pixel[..channels].iter().map(byte)).collect();
+    png_of(width, pixels.len(), &bytes, kind)
+}
+
+/// A PNG file of 8-bit red, green and blue side by side, in rows of `width` pixels from the top left.
+///
+/// # Errors
+/// Where the bytes make no whole rows.
+pub fn rgb(width: u32, bytes: &[u8]) -> Result<Vec<u8>> {
+    png_of(width, bytes.len() / 3, bytes, ExtendedColorType::Rgb8)
+}
+
+fn png_of(width: u32, pixels: usize, bytes: &[u8], kind: ExtendedColorType) -> Result<Vec<u8>> {
+    let [_, height] = size(width, pixels)?;
     let mut file = Vec::new();
     PngEncoder::new(&mut file)
-        .write_image(&bytes, width, height as u32, kind)
+        .write_image(bytes, width, height as u32, kind)
         .map_err(|e| Error::request(format!("a picture cannot be written as PNG: {e}")))?;
     Ok(file)
 }
@@ -95,6 +108,20 @@ fn size(width: u32, pixels: usize) -> Result<[usize; 2]> {
         return Err(Error::request(format!("{pixels} pixels make no picture with rows of {width}")));
     }
     Ok([width, pixels / width])
+}
+
+/// The name of a camera's picture: its own without the extension of its image, and without what leads out of a folder; none where nothing is left.
+pub fn stem(name: &str) -> Option<String> {
+    let inside = |part: Component<'_>| match part {
+        Component::Normal(part) => Some(part.to_string_lossy().into_owned()),
+        _ => None,
+    };
+    let mut stem = Path::new(name).components().filter_map(inside).collect::<Vec<_>>().join("/");
+    // What follows the dot of 0.5 is no extension.
+    let is_kind = |extension: &&str| extension.starts_with(|first: char| first.is_ascii_alphabetic());
+    let extension = Path::new(&stem).extension().and_then(|extension| extension.to_str()).filter(is_kind);
+    stem.truncate(stem.len() - extension.map_or(0, |extension| extension.len() + 1));
+    (!stem.is_empty()).then_some(stem)
 }
 
 #[cfg(test)]

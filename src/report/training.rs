@@ -56,8 +56,7 @@ impl Shown {
     /// [`Error::Request`] if a picture has not the bytes that its size says.
     pub fn new(record: &TrainRecord, views: &[Comparison]) -> Result<Self> {
         match views {
-            [] if record.photos.test == 0 => Ok(Self(nothing("No photos were kept back to test with."))),
-            [] => Ok(Self::default()),
+            [] => Ok(Self(nothing(untested(record, "No test view was rendered yet.")))),
             views => comparisons(record, views).map(Self),
         }
     }
@@ -208,14 +207,20 @@ fn heading(record: &TrainRecord) -> String {
     html
 }
 
+/// Why there is nothing of test views: because none will come, or because of `so_far`.
+fn untested<'a>(record: &TrainRecord, so_far: &'a str) -> &'a str {
+    if record.photos.test == 0 { "No photos were kept back to test with." } else { so_far }
+}
+
 /// The numbers that say most.
 fn figures(record: &TrainRecord) -> String {
     let last = record.evaluations.last();
     let quality = last.map(|evaluation| evaluation.quality);
-    let tested = last.map_or("not measured yet".into(), |evaluation| {
+    let unmeasured = if record.photos.test == 0 { "no photos kept back" } else { "not measured yet" };
+    let tested = last.map_or(unmeasured.into(), |evaluation| {
         format!("{} after {}", counted(evaluation.views, "test view"), count(evaluation.iteration))
     });
-    let beside = |text: &str| if quality.is_some() { text.into() } else { "not measured yet".into() };
+    let beside = |text: &str| if quality.is_some() { text.into() } else { unmeasured.into() };
     let lpips = quality.and_then(|q| q.lpips);
     let done = format!("{:.1} %", 100.0 * f64::from(record.iterations) / f64::from(record.config.iterations.max(1)));
     let spent = spent(record.seconds);
@@ -300,14 +305,14 @@ fn quality_table<'a>(what: &str, rows: impl Iterator<Item = (String, &'a Quality
 
 fn views(record: &TrainRecord) -> String {
     if record.test_views.is_empty() {
-        return nothing("No test view was looked at yet.");
+        return nothing(untested(record, "No test view was looked at yet."));
     }
     quality_table("Photo", record.test_views.iter().map(|view| (view.name.clone(), &view.quality)))
 }
 
 fn evaluations(record: &TrainRecord) -> String {
     if record.evaluations.is_empty() {
-        return nothing("No evaluation was made yet.");
+        return nothing(untested(record, "No evaluation was made yet."));
     }
     let after = |evaluation: &Evaluation| count(evaluation.iteration);
     quality_table("After", record.evaluations.iter().map(|evaluation| (after(evaluation), &evaluation.quality)))

@@ -1,14 +1,13 @@
 //! A picture of values on points: three views of them side by side.
 
-use std::io::Cursor;
-
 use glam::{DVec2, DVec3};
-use image::{ImageFormat, Rgb, RgbImage};
+use image::{Rgb, RgbImage};
 
+use crate::Result;
+use crate::io::picture;
 use crate::photos::Photo;
 use crate::scene::colour::viridis;
 use crate::scene::surface::Points;
-use crate::{Error, Result};
 
 /// Width of a view in pixels, and height of the scale beneath.
 const WIDTH: u32 = 640;
@@ -35,11 +34,7 @@ pub fn scores(points: &Points, photos: &[Photo]) -> Result<Vec<u8>> {
         let colour = Rgb(viridis(x as f32 / (width - 1) as f32));
         (highest + 8..highest + SCALE).for_each(|y| image.put_pixel(x, y, colour));
     }
-    let mut bytes = Cursor::new(Vec::new());
-    image
-        .write_to(&mut bytes, ImageFormat::Png)
-        .map_err(|e| Error::request(format!("the picture of the scores cannot be encoded: {e}")))?;
-    Ok(bytes.into_inner())
+    picture::rgb(image.width(), image.as_raw())
 }
 
 /// Pixels of the picture to one of the photo.

@@ -1,7 +1,23 @@
 //! Device memory of a run, by buffer, known before anything is allocated.
 
+use std::sync::Arc;
+
+use super::buffer::Buffer;
 use super::context::Context;
 use crate::{Error, Result};
+
+/// The buffer of that name, in device memory, of a list of names and bytes.
+///
+/// # Errors
+/// A name that is not in the list; otherwise as [`Buffer::device`].
+pub fn buffer(context: &Arc<Context>, list: &[(&'static str, u64)], name: &str) -> Result<Buffer> {
+    Buffer::device(context, name, bytes_of(list, name)?)
+}
+
+fn bytes_of(list: &[(&'static str, u64)], name: &str) -> Result<u64> {
+    let found = list.iter().find(|buffer| buffer.0 == name);
+    found.map(|buffer| buffer.1).ok_or_else(|| Error::request(format!("the footprint knows no buffer `{name}`")))
+}
 
 /// Buffers by name and size, in bytes.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,8 +34,7 @@ impl Footprint {
     /// # Errors
     /// A name that is not in the list.
     pub fn bytes_of(&self, name: &str) -> Result<u64> {
-        let found = self.buffers.iter().find(|buffer| buffer.0 == name);
-        found.map(|buffer| buffer.1).ok_or_else(|| Error::request(format!("the footprint knows no buffer `{name}`")))
+        bytes_of(&self.buffers, name)
     }
 
     /// Bytes of all buffers.

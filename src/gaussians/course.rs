@@ -1,0 +1,315 @@
+//! A training run while it runs: the trainer, with stops for evaluations, checkpoints and reports.
+
+use std::ops::ControlFlow;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use super::checkpoint::{self, Checkpoint, Header, Input};
+use super::evaluate::{self, Camera, Pair, Tests};
+use super::frame::View;
+use super::job::{Event, Request, Run};
+use super::loss::Record;
+use super::products::{self, CHECKPOINT, MODEL};
+use super::rasterizer::{Size, Wanted};
+use super::record::{CurvePoint, Evaluation, MemoryRecord, PhotosRecord, StageTime, Status, TrainRecord};
+use super::renderer::Renderer;
+use super::trainer::Trainer;
+use crate::io::folder::replace_file;
+use crate::vulkan::profile::{Profile, Row};
+use crate::{Error, Result};
+
+/// Time between two looks at a run by its report.
+const BETWEEN_REPORTS: Duration = Duration::from_secs(15);
+/// Iterations whose stages are timed before each report.
+const SAMPLED: u32 = 10;
+/// Points of the curves at most.
+const CURVE: usize = 400;
+/// Test views whose pictures go into the report.
+pub const WORST: usize = 8;
+
+/// A run while it runs.
+pub(super) struct Course<'a> {
+    run: &'a Run,
+    input: Input,
+    tests: Tests,
+    /// What the run has come to.
+    pub record: TrainRecord,
+    /// The worst test views of the last look at them.
+    pub worst: Vec<(String, Pair)>,
+    sampled: Profile,
+    sampled_iterations: u32,
+    /// Iterations that had been done, and when, as this process began.
+    first: u32,
+    started: Instant,
+    saving: Option<JoinHandle<Result<()>>>,
+}
+
+impl<'a> Course<'a> {
+    /// A run that starts with so many Gaussians.
+    pub fn new(run: &'a Run, input: Input, start: usize, tests: Tests) -> Self {
+        let Run { context, request, frame, views, footprint } = run;
+        let record = TrainRecord {
+            version: env!("CARGO_PKG_VERSION").into(),
+            status: Status::Running,
+            device: context.physical().name.clone(),
+            photos: PhotosRecord {
+                capture: request.capture.clone(),
+                train: request.split.train.photos.len(),
+                test: request.split.test.len(),
+                largest: largest(views),
+                shrink: request.shrink,
+                points: request.split.train.points.positions.len(),
+                extent: frame.extent(),
+            },
+            config: request.config.clone(),
+            iterations: 0,
+            splats: start as u32,
+            seconds: 0.0,
+            seconds_for: 0,
+            curve: Vec::new(),
+            evaluations: Vec::new(),
+            test_views: Vec::new(),
+            stages: Vec::new(),
+            memory: MemoryRecord {
+                buffers: footprint.buffers.iter().map(|(name, bytes)| ((*name).to_owned(), *bytes)).collect(),
+                announced: footprint.total(),
+                peak: 0,
+            },
+        };
+        Self {
+            run,
+            input,
+            tests,
+            record,
+            worst: Vec::new(),
+            sampled: Profile::default(),
+            sampled_iterations: 0,
+            first: 0,
+            started: Instant::now(),
+            saving: None,
+        }
+    }
+
+    /// Trains to the end or until `observe` breaks it off, and writes the products. Whatever fails but the device itself leaves
+    /// the trainer as it was after its last iteration: that much is saved.
+    ///
+    /// # Errors
+    /// As for [`Run::run`].
+    pub fn train(
+        &mut self,
+        mut trainer: Trainer,
+        profile: &mut Option<&mut Profile>,
+        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<()> {
+        let first = trainer.done();
+        let trained = self.iterate(&mut trainer, profile, observe);
+        let lost = matches!(trained, Err(Error::DeviceLost { .. } | Error::Vulkan { .. }));
+        if trained.is_err() && !lost && trainer.done() > first {
+            self.save(&trainer, observe)?;
+        }
+        self.join(observe);
+        trained?;
+        self.finish(trainer, observe)
+    }
+
+    /// The iterations, with stops for evaluations, checkpoints and reports.
+    fn iterate(
+        &mut self,
+        trainer: &mut Trainer,
+        profile: &mut Option<&mut Profile>,
+        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<()> {
+        let Request { config, save_every, evaluate_every, .. } = &self.run.request;
+        let due = |every: u32, done: u32| every > 0 && done.is_multiple_of(every);
+        let next = |every: u32, done: u32| match every {
+            0 => config.iterations,
+            every => (done / every + 1).saturating_mul(every).min(config.iterations),
+        };
+        let mut flow = ControlFlow::Continue(());
+        self.first = trainer.done();
+        self.started = Instant::now();
+        // Checkpoints are written before test views are looked at: one that was taken up there lacks that look.
+        let looked = self.record.evaluations.last().is_some_and(|last| last.iteration == self.first);
+        if self.first > 0 && self.first < config.iterations && due(*evaluate_every, self.first) && !looked {
+            self.evaluate(&mut |view| trainer.picture(view), self.first, false, observe)?;
+        }
+        self.report(trainer, profile, observe);
+        while flow.is_continue() && trainer.done() < config.iterations {
+            let done = trainer.done();
+            let stop = next(*save_every, done).min(next(*evaluate_every, done));
+            flow = self.stretch(trainer, stop, profile, observe)?;
+            let done = trainer.done();
+            let last = done == config.iterations;
+            if flow.is_break() || last || due(*save_every, done) {
+                self.save(trainer, observe)?;
+            }
+            if !last && flow.is_continue() && due(*evaluate_every, done) {
+                self.evaluate(&mut |view| trainer.picture(view), done, false, observe)?;
+            }
+            self.report(trainer, profile, observe);
+        }
+        Ok(())
+    }
+
+    /// Trains until `stop` iterations are done, or it is time for a report.
+    fn stretch(
+        &mut self,
+        trainer: &mut Trainer,
+        stop: u32,
+        profile: &mut Option<&mut Profile>,
+        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<ControlFlow<()>> {
+        let (first, begun) = (trainer.done(), Instant::now());
+        let mut flow = ControlFlow::Continue(());
+        let mut watch = |done| {
+            flow = observe(Event::Iterations(done));
+            flow
+        };
+        if let Some(profile) = profile {
+            trainer.run(stop, Some(profile), &mut watch)?;
+            return Ok(flow);
+        }
+        trainer.run(stop.min(first + SAMPLED), Some(&mut self.sampled), &mut watch)?;
+        self.sampled_iterations += trainer.done() - first;
+        if flow.is_continue() {
+            let enough = || begun.elapsed() > BETWEEN_REPORTS;
+            trainer.run(stop, None, |done| {
+                flow = observe(Event::Iterations(done));
+                if flow.is_break() || enough() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            })?;
+        }
+        Ok(flow)
+    }
+
+    /// Looks at test views: some of them on the way, all of them, with LPIPS, at the end.
+    fn evaluate(
+        &mut self,
+        camera: Camera,
+        done: u32,
+        all: bool,
+        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<()> {
+        if self.tests.is_empty() {
+            return Ok(());
+        }
+        let (folder, names, mut at) = (&self.run.request.folder, self.run.picture_names(), 0);
+        let mut worst: Vec<(f64, String, Pair)> = Vec::new();
+        let mut views = self.tests.evaluate(&self.run.context, camera, all, |view, pair| {
+            if all {
+                products::write_pair(folder, &names[at], pair)?;
+                at += 1;
+            }
+            let place = worst.partition_point(|(psnr, ..)| psnr.total_cmp(&view.quality.psnr).is_le());
+            if place < WORST {
+                worst.insert(place, (view.quality.psnr, view.name.clone(), pair.clone()));
+                worst.truncate(WORST);
+            }
+            Ok(())
+        })?;
+        self.worst = worst.into_iter().map(|(_, name, pair)| (name, pair)).collect();
+        let evaluation = Evaluation { iteration: done, views: views.len(), quality: evaluate::mean(&views) };
+        views.sort_by(|a, b| a.quality.psnr.total_cmp(&b.quality.psnr));
+        self.record.test_views = views;
+        self.record.evaluations.push(evaluation);
+        let _ = observe(Event::Evaluated(&evaluation));
+        Ok(())
+    }
+
+    /// Has the checkpoint written while training goes on. What cannot be written is told, and the run goes on.
+    fn save(&mut self, trainer: &Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<()> {
+        let state = trainer.state()?;
+        let header = Header {
+            config: self.run.request.config.clone(),
+            input: self.input.clone(),
+            done: state.done,
+            population: state.population,
+            evaluations: self.record.evaluations.clone(),
+        };
+        let checkpoint = Checkpoint { header, history: trainer.history(), state };
+        let file = self.run.request.folder.join(CHECKPOINT);
+        // The one before goes first: two would write one file.
+        self.join(observe);
+        self.saving = Some(std::thread::spawn(move || checkpoint::write(&file, &checkpoint)));
+        Ok(())
+    }
+
+    /// Waits for the checkpoint that is being written.
+    fn join(&mut self, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) {
+        // A thread that panicked has written nothing, and its message is out.
+        let saved = self.saving.take().map(|saving| saving.join().unwrap_or(Ok(())));
+        if let Some(Err(error)) = saved {
+            let _ = observe(Event::NotSaved(&error));
+        }
+    }
+
+    /// Brings the record up to date and shows it.
+    fn report(
+        &mut self,
+        trainer: &Trainer,
+        profile: &Option<&mut Profile>,
+        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+    ) {
+        let record = &mut self.record;
+        record.iterations = trainer.done();
+        record.splats = trainer.history().last().map_or(record.splats, |last| last.splats);
+        record.seconds = self.started.elapsed().as_secs_f64();
+        record.seconds_for = trainer.done() - self.first;
+        record.curve = curve(trainer);
+        record.memory.peak = self.run.context.peak_allocated();
+        let (profile, iterations) = match profile {
+            Some(profile) => (&**profile, record.seconds_for),
+            None => (&self.sampled, self.sampled_iterations),
+        };
+        let stage = |row: Row| StageTime { name: row.name.into(), ms: row.total_ms / f64::from(iterations.max(1)) };
+        record.stages = profile.rows().into_iter().map(stage).collect();
+        let _ = observe(Event::Report(&self.record, &self.worst));
+    }
+
+    /// The products. Test views are looked at once the trainer's memory is free again.
+    fn finish(&mut self, trainer: Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<()> {
+        let Run { context, request, frame, views, .. } = self.run;
+        let (done, trained) = (trainer.done(), trainer.gaussians()?);
+        drop(trainer);
+        // Not those of the last iteration: a refinement may have followed it.
+        self.record.splats = trained.len() as u32;
+        let bytes = crate::io::ply::write::gaussians(&frame.gaussians_to_world(trained.clone()));
+        replace_file(&request.folder.join(MODEL), |file| file.write_all(&bytes))?;
+        let complete = done == request.config.iterations;
+        if complete && !self.tests.is_empty() {
+            let [width, height] = largest(views);
+            let wanted = Wanted { antialiased: request.config.antialiased, ..Wanted::default() };
+            let mut renderer = Renderer::new(context, &trained, Size { width, height }, wanted)?;
+            let background = request.config.test_background();
+            let mut camera = |view: usize| Ok(renderer.picture(&views[view], background)?.pixels);
+            self.record.evaluations.retain(|evaluation| evaluation.iteration < done);
+            self.evaluate(&mut camera, done, true, observe)?;
+        }
+        self.record.status = if complete { Status::Complete } else { Status::Interrupted };
+        let _ = observe(Event::Report(&self.record, &self.worst));
+        Ok(())
+    }
+}
+
+/// The course of a run in a few hundred points: means over stretches.
+fn curve(trainer: &Trainer) -> Vec<CurvePoint> {
+    let history = trainer.history();
+    let stretch = history.len().div_ceil(CURVE).max(1);
+    let point = |(i, part): (usize, &[Record])| {
+        let mean = |of: fn(&Record) -> f64| part.iter().map(of).sum::<f64>() / part.len() as f64;
+        let iteration = (i * stretch + part.len()) as u32;
+        CurvePoint {
+            iteration,
+            loss: mean(Record::loss),
+            psnr: mean(Record::psnr),
+            splats: part.last().map_or(0, |record| record.splats),
+            instances: mean(|record| f64::from(record.instances)),
+        }
+    };
+    history.chunks(stretch).enumerate().map(point).collect()
+}
+
+/// Largest width and height of views.
+fn largest(views: &[View]) -> [u32; 2] {
+    let of = |side: fn(&View) -> u32| views.iter().map(side).max().unwrap_or(0);
+    [of(|view| view.width), of(|view| view.height)]
+}
