@@ -49,7 +49,7 @@ fn trainer(context: &Arc<Context>, path: &Path, config: &Config, shrink: u32) ->
 
 /// A short run that refines on the way; of the classic strategy, with an early reset of the opacities.
 fn short(strategy: Strategy) -> Config {
-    let config = Config::new(120, 300).with_strategy(strategy);
+    let config = Config::new(120, 300).with_strategy(strategy, true);
     Config { degree: 1, first_opacity: 0.3, first_scale: 0.5, ..config }
 }
 
@@ -185,11 +185,11 @@ fn lego_is_learnt() -> Result<()> {
         degree: 1,
         first_opacity: 0.1,
         first_scale: 0.3,
-        ..Config::new(200, 5000)
+        ..Config::new(400, 5000)
     };
     let mut trainer = trainer(&context, &Path::new(&data).join("nerf-synthetic/lego"), &config, 1)?;
-    trainer.run(200, None, go_on)?;
-    let (before, after) = (psnr(&trainer, 0, 20), psnr(&trainer, 180, 200));
+    trainer.run(400, None, go_on)?;
+    let (before, after) = (psnr(&trainer, 0, 20), psnr(&trainer, 380, 400));
     eprintln!("lego: from {before:.2} to {after:.2} dB");
     assert!(after > 16.0, "from {before:.2} to {after:.2} dB");
     silent(&context);

@@ -84,11 +84,12 @@ void main() {
         for (uint b = 0; mine && b < next - base; b += 4) {
             [[unroll]] for (uint i = 0; i < 4; ++i) {
                 uint k = b + i;
-                // One pixel a thread: what does not reach its strip is not even looked at.
+                // What does not reach a strip is not even looked at.
                 uint reached = strips[k];
                 if (PIXELS == 1 && (reached >> thread / STRIP & 1) == 0) continue;
                 vec4 mean = means[k], conic = conics[k];
-                for (uint p = 0; p < PIXELS; ++p) {
+                [[unroll]] for (uint p = 0; p < PIXELS; ++p) {
+                    if (PIXELS > 1 && (reached >> (p * THREADS + thread) / STRIP & 1) == 0) continue;
                     vec2 d = at[p] - mean.xy;
                     float sigma = 0.5 * (conic.x * d.x * d.x + conic.z * d.y * d.y) + conic.y * d.x * d.y;
                     float alpha = min(MOST_ALPHA, mean.z * exp(-sigma));

@@ -56,10 +56,12 @@ pub struct Arguments {
     /// Sum gradients by atomic additions, in whatever order they come: no two runs are the same
     #[arg(long)]
     fast: bool,
-    /// Opacity of splats at the start [default: 0.5; classic, and below 10000 iterations, 0.1]
+    /// Opacity of splats at the start [default: 0.5; classic, and below 10000 iterations
+    /// (without points 1000), 0.1]
     #[arg(long)]
     first_opacity: Option<f64>,
-    /// Size of splats at the start, in distances to their neighbours [default: 0.1; classic, and below 10000 iterations, 1]
+    /// Size of splats at the start, in distances to their neighbours [default: 0.1; classic, and below 10000 iterations
+    /// (without points 1000), 1]
     #[arg(long)]
     first_scale: Option<f64>,
     /// Test with every so many photos, by name; 0 for none [default: transforms_test.json where there is one, else 8]
@@ -110,8 +112,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if !(1..=64).contains(&arguments.shrink) {
         return Err(Error::request(format!("--shrink is {}; give 1 to 64", arguments.shrink)));
     }
-    let mut config = configuration(arguments);
-    config.validate()?;
+    configuration(arguments, true).validate()?;
     if let Some(file) = &arguments.trace {
         check_file(file)?;
     }
@@ -132,6 +133,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     for note in &split.notes {
         say!("{note}");
     }
+    let mut config = configuration(arguments, !split.train.points.positions.is_empty());
     config.background = arguments.background.unwrap_or_else(|| usual_background(&split));
     let context = arguments.device.open()?;
     say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
@@ -200,9 +202,10 @@ fn is_complete(request: &Request) -> bool {
     request.folder.join(MODEL).is_file() && serde_json::from_str(&text).is_ok_and(is_of)
 }
 
-fn configuration(arguments: &Arguments) -> Config {
-    let config =
-        Config::new(arguments.iterations, arguments.max_splats.unwrap_or(USUAL)).with_strategy(arguments.strategy);
+/// What was asked for, of a run that starts at `points` or at random places.
+fn configuration(arguments: &Arguments, points: bool) -> Config {
+    let config = Config::new(arguments.iterations, arguments.max_splats.unwrap_or(USUAL))
+        .with_strategy(arguments.strategy, points);
     Config {
         degree: arguments.sh,
         antialiased: arguments.antialiased,

@@ -275,7 +275,7 @@ mod tests {
         check(Path::new("c"), &checkpoint().header, &config, &input).unwrap();
         let other = Config { degree: 2, ..config.clone() };
         assert!(refusal(&other, &input).contains("--sh 0, not 2"), "{}", refusal(&other, &input));
-        let other = config.clone().with_strategy(Strategy::Classic);
+        let other = config.clone().with_strategy(Strategy::Classic, true);
         assert!(refusal(&other, &input).contains("--strategy mcmc, not classic"), "{}", refusal(&other, &input));
         let other = Input { cameras: 8, ..input };
         assert!(refusal(&config, &other).contains("another capture (cameras: 7, not 8)"));

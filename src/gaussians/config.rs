@@ -52,8 +52,9 @@ pub struct Config {
     pub first_scale: f64,
 }
 
-/// Iterations from which small and dense Gaussians have the time to spread.
-const LONG: u32 = 10_000;
+/// Iterations from which small Gaussians have the time to spread: from the few points of a reconstruction, and from many random
+/// places.
+const LONG: [u32; 2] = [10_000, 1_000];
 /// Opacity up to which a Gaussian is dead.
 pub const LEAST_OPACITY: f32 = 0.005;
 /// Iterations that the schedule of the papers is written for; shorter runs go through it faster.
@@ -75,9 +76,9 @@ pub struct Schedule {
 }
 
 impl Config {
-    /// Defaults for a run of so many iterations.
+    /// Defaults for a run of so many iterations that starts at a capture's points.
     pub fn new(iterations: u32, max_splats: u32) -> Self {
-        let (first_opacity, first_scale) = beginning(Strategy::Mcmc, iterations);
+        let (first_opacity, first_scale) = beginning(Strategy::Mcmc, iterations, true);
         Self {
             iterations,
             max_splats,
@@ -92,9 +93,9 @@ impl Config {
         }
     }
 
-    /// The same with another strategy and what that starts with.
-    pub fn with_strategy(self, strategy: Strategy) -> Self {
-        let (first_opacity, first_scale) = beginning(strategy, self.iterations);
+    /// The same with another strategy and what that starts with, at `points` or at random places.
+    pub fn with_strategy(self, strategy: Strategy, points: bool) -> Self {
+        let (first_opacity, first_scale) = beginning(strategy, self.iterations, points);
         Self { strategy, first_opacity, first_scale, ..self }
     }
 
@@ -148,8 +149,9 @@ impl Config {
 
 /// Opacity and scale at the start: small and dense Gaussians that spread, or wide and faint ones, where there is no time to
 /// spread or they are split.
-fn beginning(strategy: Strategy, iterations: u32) -> (f64, f64) {
-    if strategy == Strategy::Mcmc && iterations >= LONG { (0.5, 0.1) } else { (0.1, 1.0) }
+fn beginning(strategy: Strategy, iterations: u32, points: bool) -> (f64, f64) {
+    let long = LONG[usize::from(!points)];
+    if strategy == Strategy::Mcmc && iterations >= long { (0.5, 0.1) } else { (0.1, 1.0) }
 }
 
 impl Schedule {
