@@ -90,6 +90,7 @@ pub struct Trainer {
     density: Density,
     ledger: Ledger,
     done: u32,
+    gpu_ms: f64,
 }
 
 impl Trainer {
@@ -160,6 +161,7 @@ impl Trainer {
             ledger,
             config,
             done: 0,
+            gpu_ms: 0.0,
         })
     }
 
@@ -203,6 +205,11 @@ impl Trainer {
             .fold(self.started_with, |n, _| mcmc::grown(n, self.config.max_splats))
     }
 
+    /// GPU time of the iterations so far in milliseconds, with the gaps between stages but not those between blocks of them.
+    pub fn gpu_ms(&self) -> f64 {
+        self.gpu_ms
+    }
+
     /// What the iterations so far came to.
     pub fn history(&self) -> Vec<Record> {
         let bytes = self.done as usize * size_of::<Record>();
@@ -222,7 +229,7 @@ impl Trainer {
     ) -> Result<()> {
         let until = until.min(self.config.iterations);
         loop {
-            self.advance(until, profile.as_deref_mut(), &mut observe)?;
+            self.gpu_ms += self.advance(until, profile.as_deref_mut(), &mut observe)?;
             self.done = self.ledger.mailbox.peek(mailbox::DONE).unwrap_or(0).max(self.done);
             let [needed, broken] =
                 [mailbox::NEEDED, mailbox::BROKEN].map(|word| self.ledger.mailbox.peek(word).unwrap_or(0));
@@ -239,12 +246,14 @@ impl Trainer {
     }
 
     /// Submits blocks until `until` iterations are done, the run is halted or `observe` breaks it off; waits for all of them.
+    /// Says how long they took, see [`Trainer::gpu_ms`].
     fn advance(
         &self,
         until: u32,
         mut profile: Option<&mut Profile>,
         observe: &mut impl FnMut(u32) -> ControlFlow<()>,
-    ) -> Result<()> {
+    ) -> Result<f64> {
+        let mut gpu_ms = 0.0;
         let done = || self.ledger.mailbox.peek(mailbox::DONE).unwrap_or(0).max(self.done);
         let halted =
             || [mailbox::NEEDED, mailbox::BROKEN].iter().any(|&word| self.ledger.mailbox.peek(word) != Some(0));
@@ -257,6 +266,7 @@ impl Trainer {
             while flow.is_continue() && !halted() && next < until && running.len() < AHEAD {
                 let mut commands = match &profile {
                     Some(_) => Recorder::timed(&self.context, ITERATIONS * MOST_STAGES)?,
+                    None if self.context.physical().timestamp_bits > 0 => Recorder::timed_whole(&self.context)?,
                     None => Recorder::new(&self.context)?,
                 };
                 for iteration in next..(next + ITERATIONS).min(until) {
@@ -267,11 +277,15 @@ impl Trainer {
                 commands.submit()?;
                 running.push_back((commands, submitted));
             }
-            let Some((oldest, submitted)) = running.front_mut() else { return Ok(()) };
+            let Some((oldest, submitted)) = running.front_mut() else { return Ok(gpu_ms) };
             if oldest.pending() == 0 {
                 oldest.wait()?;
+                let timings = oldest.timings()?;
+                if let [first, .., last] | [first @ last] = &timings[..] {
+                    gpu_ms += (last.end - first.start) * 1e-6;
+                }
                 if let Some(profile) = &mut profile {
-                    profile.device(*submitted, &oldest.timings()?);
+                    profile.device(*submitted, &timings);
                 }
                 running.pop_front();
             } else {
