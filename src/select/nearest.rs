@@ -97,9 +97,8 @@ impl Nearest {
     /// Adds a photo in unit direction `n`.
     pub(super) fn insert(&mut self, directions: &Directions, n: Vec3, slot: u32) {
         for (block, directions) in self.blocks.iter_mut().zip(&directions.blocks) {
-            let cos = dot(directions, n);
-            for lane in 0..LANES {
-                block.offer(lane, cos[lane], slot);
+            for (lane, cos) in dot(directions, n).into_iter().enumerate() {
+                block.offer(lane, cos, slot);
             }
         }
     }
@@ -109,9 +108,8 @@ impl Nearest {
     pub(super) fn remove(&mut self, directions: &Directions, n: Vec3, others: &[(u32, Vec3)]) {
         for (block, directions) in self.blocks.iter_mut().zip(&directions.blocks) {
             // The same cosine as when it was put in, to the bit.
-            let cos = dot(directions, n);
-            for lane in 0..LANES {
-                if cos[lane] < block.cos[1][lane] {
+            for (lane, cos) in dot(directions, n).into_iter().enumerate() {
+                if cos < block.cos[1][lane] {
                     continue;
                 }
                 block.cos.iter_mut().for_each(|all| all[lane] = NONE);
