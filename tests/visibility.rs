@@ -78,3 +78,23 @@ fn maps_are_those_of_the_twin() {
     }
     assert_eq!(context.messages(), Vec::<String>::new(), "the validation layers found fault");
 }
+
+/// A plan of few views keeps its first maps and drops hopeless probes from them; were rows out of step, a probe would see what
+/// another sees.
+#[test]
+fn maps_that_are_kept_are_those_cast_alone() {
+    let context = context();
+    for (name, surface, region) in scenes() {
+        let proxy = Proxy::new(&surface, Orientation::Trusted).expect("a good surface");
+        let geometry = SceneGeometry::new(&proxy, &region).expect("a good region");
+        let scene = DeviceScene::new(&context, geometry).expect("room for it");
+        let points = proxy.sample(48, 3, 0);
+        let maps = ProbeMaps::new(&context, &scene, &points, 16).expect("maps");
+        let few: Vec<_> = points.into_iter().step_by(3).collect();
+        let alone = ProbeMaps::new(&context, &scene, &few, 16).expect("maps");
+        let wanted = |position: [f32; 3]| alone.probes.iter().any(|probe| probe.position == position);
+        let kept = maps.with(&context, |probe| wanted(probe.position)).expect("room for it");
+        assert_eq!(kept.probes, alone.probes, "{name}");
+        assert_eq!(kept.download().expect("depths"), alone.download().expect("depths"), "{name}");
+    }
+}

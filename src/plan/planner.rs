@@ -81,8 +81,7 @@ impl<'a> Planner<'a> {
         let Preparation { config, mut settings, points, start, start_scale, resolution, binned, footprint, .. } =
             preparation;
         super::footprint::check(&footprint, context)?;
-        let points = probes::reachable(context, scene, points, config.preset)?;
-        let maps = ProbeMaps::new(context, scene, &points, resolution)?;
+        let (points, maps) = probes::reachable(context, scene, points, resolution, config.preset)?;
         let lobes = probes::lobes(&config, &points);
         settings.pool = maps.probes.len() as u32;
         settings.probes = settings.probes.min(settings.pool);

@@ -6,21 +6,27 @@ use super::config::{Config, Preset};
 use crate::scene::harmonics;
 use crate::scene::proxy::SurfacePoint;
 use crate::visibility::device_scene::DeviceScene;
-use crate::visibility::probe_depth::ProbeMaps;
+use crate::visibility::probe_depth::{Probe, ProbeMaps};
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
-/// The points that some feasible position sees, as far as a coarse map can tell; the others would only dilute a batch.
+/// Texels along a side of the maps that tell which points can be seen.
+const COARSE: u32 = 16;
+
+/// The points that some feasible position sees, as far as a coarse map can tell, and their maps with `resolution` texels
+/// along a side; the others would only dilute a batch.
 pub(super) fn reachable(
     context: &Arc<Context>,
     scene: &DeviceScene,
     points: Vec<SurfacePoint>,
+    resolution: u32,
     preset: Preset,
-) -> Result<Vec<SurfacePoint>> {
-    let maps = ProbeMaps::new(context, scene, &points, 16)?;
-    let seen: Vec<SurfacePoint> =
-        points.into_iter().zip(&maps.probes).filter(|(_, probe)| probe.sky > 0.0).map(|(point, _)| point).collect();
-    if seen.is_empty() {
+) -> Result<(Vec<SurfacePoint>, ProbeMaps)> {
+    let maps = ProbeMaps::new(context, scene, &points, COARSE)?;
+    let seen = |probe: &Probe| probe.sky > 0.0;
+    let points: Vec<SurfacePoint> =
+        points.into_iter().zip(&maps.probes).filter(|(_, probe)| seen(probe)).map(|(point, _)| point).collect();
+    if points.is_empty() {
         let outside = match preset {
             Preset::Object => "",
             Preset::Room => ", or give --preset object for a surface that is seen from outside",
@@ -29,7 +35,15 @@ pub(super) fn reachable(
             "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance){outside}"
         )));
     }
-    Ok(seen)
+    // Few views ask for no finer ones.
+    let maps = match resolution {
+        COARSE => maps.with(context, seen)?,
+        _ => {
+            drop(maps);
+            ProbeMaps::new(context, scene, &points, resolution)?
+        }
+    };
+    Ok((points, maps))
 }
 
 /// How the targets of `points` vary with direction; empty where they do not or shall not.

@@ -4,14 +4,14 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use super::objective::Choice;
+use super::objective::{Choice, Swap};
 
 /// Part of the cost that a swap must gain, so that rounding cannot make two swaps take turns for ever.
 const LEAST_GAIN: f64 = 1e-7;
 /// Part of what a swap promised before others were made that it must still be worth to be made in the same round.
 const STILL_WORTH: f64 = 0.5;
 
-/// Candidates whose gains are taken again together, so that threads have something to share.
+/// Candidates that are looked at again together, so that threads have something to share.
 const TOGETHER: usize = 32;
 
 /// Swaps photos of `candidates` into slots that are not `fixed` while that lowers the cost; returns the cost at first and
@@ -19,27 +19,34 @@ const TOGETHER: usize = 32;
 /// are still worth half of what they promised. The cost falls with every swap.
 pub fn refine(choice: &mut Choice<'_, '_>, candidates: &[usize], fixed: &[bool]) -> Vec<f64> {
     let mut costs = vec![choice.cost()];
-    let mut cost = costs[0];
-    let mut spared = vec![0.0; choice.chosen().len()];
     loop {
         let outside = without(candidates, choice.chosen());
         let swaps = choice.best_swaps(&outside, fixed);
-        let mut order: Vec<usize> = (0..swaps.len()).filter(|i| swaps[*i].change < -LEAST_GAIN * cost).collect();
-        order.sort_by(|a, b| swaps[*a].change.total_cmp(&swaps[*b].change).then(outside[*a].cmp(&outside[*b])));
-        if order.is_empty() {
-            return costs;
-        }
-        for (rank, i) in order.into_iter().enumerate() {
-            let mut swap = swaps[i];
-            if rank > 0 {
-                swap = choice.best_swap(outside[i], fixed, &mut spared);
-                if swap.change > STILL_WORTH * swaps[i].change || swap.change > -LEAST_GAIN * cost {
-                    continue;
+        let worth = |swap: &Swap, cost: f64| swap.change < -LEAST_GAIN * cost;
+        let mut promised: Vec<(usize, Swap)> = outside.into_iter().zip(swaps).collect();
+        promised.retain(|(_, swap)| worth(swap, costs[costs.len() - 1]));
+        promised.sort_by(|(a, one), (b, other)| one.change.total_cmp(&other.change).then(a.cmp(b)));
+        let [(photo, swap), others @ ..] = &promised[..] else { return costs };
+        let mut make = |choice: &mut Choice<'_, '_>, photo: usize, swap: Swap| {
+            choice.replace(swap.slot, photo);
+            costs.push(choice.cost());
+        };
+        make(choice, *photo, *swap);
+        // A few more at a time while none is still worth it: a swap makes what is known of those behind it out of date.
+        let (mut others, mut few) = (others, 1);
+        while !others.is_empty() {
+            let (next, rest) = others.split_at(few.min(others.len()));
+            let photos: Vec<usize> = next.iter().map(|(photo, _)| *photo).collect();
+            let swaps = choice.best_swaps(&photos, fixed);
+            let cost = choice.cost();
+            let still = |(i, swap): &(usize, Swap)| swap.change <= STILL_WORTH * next[*i].1.change && worth(swap, cost);
+            match swaps.into_iter().enumerate().find(still) {
+                Some((i, swap)) => {
+                    make(choice, photos[i], swap);
+                    (others, few) = (&others[i + 1..], 1);
                 }
+                None => (others, few) = (rest, TOGETHER.min(2 * few)),
             }
-            choice.replace(swap.slot, outside[i]);
-            cost = choice.cost();
-            costs.push(cost);
         }
     }
 }

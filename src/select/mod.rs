@@ -8,6 +8,7 @@ pub mod assignment;
 pub mod controls;
 pub mod interchange;
 pub mod job;
+mod nearest;
 pub mod objective;
 pub mod score;
 pub mod sharpness;

@@ -5,10 +5,11 @@
 //! whose clients are pairs of point and direction. A point's cost is the mean over its directions, and the whole the mean
 //! over points, weighted by their scores; a shortage is added for each view that a point lacks of three.
 
-use std::f32::consts::PI;
+use std::sync::OnceLock;
 
 use glam::Vec3;
 
+use super::nearest::{Directions, Nearest};
 use super::sight::Survey;
 use crate::parallel::{in_parallel, with_scratch};
 use crate::scene::octahedral;
@@ -20,13 +21,8 @@ pub const WANTED: u32 = 3;
 /// What a point's lack of one view costs at first, in radians.
 const SHORTAGE: f64 = 0.1;
 
-/// Directions that are looked at together.
-const LANES: usize = 16;
-/// Cosine of no photo at all, and of a direction that does not count: below and above every cosine.
-const NONE: f32 = -2.0;
-const OUT: f32 = 2.0;
-/// Slot of no photo.
-const NO_SLOT: u32 = u32::MAX;
+/// Points that a thread takes together: a point alone is done in a microsecond.
+const POINTS: usize = 64;
 
 /// The clients: points and directions, with their weights.
 #[derive(Clone)]
@@ -34,12 +30,10 @@ pub struct Objective<'s> {
     pub(super) survey: &'s Survey,
     /// Points that each photo sees.
     pub(super) seen: Vec<Vec<u32>>,
-    /// Directions of the texels, a component each.
-    axes: [Vec<f32>; 3],
-    /// Per point and texel: whether the direction counts.
-    reach: Vec<bool>,
-    /// Per point: weight of one texel's angle.
-    texel_weight: Vec<f64>,
+    /// Per point: the directions that count.
+    directions: Vec<Directions>,
+    /// Per point: weight of the angle in one of them.
+    weight: Vec<f64>,
     /// Per point: cost of each view it lacks.
     lack: Vec<f64>,
     /// Per photo: what choosing it costs by itself (its want of sharpness).
@@ -51,20 +45,15 @@ pub struct Choice<'o, 's> {
     objective: &'o Objective<'s>,
     /// The photo in each slot.
     chosen: Vec<usize>,
-    points: Vec<Nearest>,
-    /// Per slot: rise of the cost if its photo were removed.
-    losses: Vec<f64>,
+    points: Vec<Point>,
+    /// Per slot: rise of the cost if its photo were removed. Taken when asked for: a greedy start never does.
+    losses: OnceLock<Vec<f64>>,
 }
 
-/// One point's clients.
+/// One point's clients, and what they cost.
 #[derive(Clone)]
-struct Nearest {
-    cos: [Vec<f32>; 2],
-    angle: [Vec<f32>; 2],
-    slot: Vec<u32>,
-    /// Chosen photos that see the point, and the slots of the first few.
-    views: u32,
-    seers: [u32; WANTED as usize],
+struct Point {
+    nearest: Nearest,
     cost: f64,
 }
 
@@ -77,42 +66,24 @@ pub struct Swap {
     pub slot: usize,
 }
 
-/// Angle of a cosine, within 3e-8 of a half turn: Abramowitz and Stegun 4.4.46. Adds and multiplies only, but for one root,
-/// so that it is the same on every host and fast in bulk.
-fn angle(cos: f32) -> f32 {
-    const FACTORS: [f32; 8] = [
-        std::f32::consts::FRAC_PI_2,
-        -0.214_598_8,
-        0.088_978_99,
-        -0.050_174_305,
-        0.030_891_88,
-        -0.017_088_126,
-        0.006_670_09,
-        -0.001_262_491_1,
-    ];
-    let x = cos.abs().min(1.0);
-    let series = FACTORS.iter().rev().fold(0.0, |sum, factor| sum * x + factor);
-    let acute = (1.0 - x).sqrt() * series;
-    if cos < 0.0 { PI - acute } else { acute }
-}
-
 impl<'s> Objective<'s> {
     /// Sets up the clients: `resolution` squared directions (a multiple of four along a side) around every point.
     pub fn new(survey: &'s Survey, resolution: u32) -> Self {
-        let directions = octahedral::directions(resolution);
-        let axes = [0, 1, 2].map(|axis| directions.iter().map(|d| d[axis] as f32).collect::<Vec<f32>>());
-        let texels = directions.len();
-        let mut reach = vec![false; survey.points.len() * texels];
+        let texels: Vec<Vec3> = octahedral::directions(resolution).into_iter().map(|d| d.as_vec3()).collect();
         let near = REACH_DEG.to_radians().cos() as f32;
-        in_parallel(&mut reach, texels, |point, reach| {
+        let mut directions = vec![Directions::default(); survey.points.len()];
+        in_parallel(&mut directions, 1, |point, directions| {
+            let mut reach = vec![false; texels.len()];
             for photo in survey.sight.seers(point) {
                 let n = survey.direction(point, photo);
-                for (t, reach) in reach.iter_mut().enumerate() {
-                    *reach |= dot(&axes, t, n) > near;
+                for (reach, w) in reach.iter_mut().zip(&texels) {
+                    *reach |= w.x * n.x + w.y * n.y + w.z * n.z > near;
                 }
             }
+            let counting: Vec<Vec3> = texels.iter().zip(reach).filter(|(_, reach)| *reach).map(|(w, _)| *w).collect();
+            directions[0] = Directions::new(&counting);
         });
-        let counts: Vec<usize> = reach.chunks(texels).map(|row| row.iter().filter(|r| **r).count()).collect();
+        let counts: Vec<usize> = directions.iter().map(|directions| directions.count).collect();
         let scores = survey.points.iter().zip(&counts).filter(|(_, count)| **count > 0).map(|(p, _)| p.score);
         let all: f64 = scores.map(f64::from).sum();
         let share = |point: usize| f64::from(survey.points[point].score) / all;
@@ -122,12 +93,11 @@ impl<'s> Objective<'s> {
         };
         Self {
             seen: survey.sight.by_photo(),
-            texel_weight: of(&|point, count| share(point) / count as f64),
+            weight: of(&|point, count| share(point) / count as f64),
             lack: of(&|point, _| SHORTAGE * share(point)),
             price: vec![0.0; survey.sight.photos],
             survey,
-            axes,
-            reach,
+            directions,
         }
     }
 
@@ -141,25 +111,15 @@ impl<'s> Objective<'s> {
         self.lack.iter_mut().for_each(|lack| *lack *= 1.5);
     }
 
-    /// Texels along a side.
-    pub fn resolution(&self) -> u32 {
-        self.texels().isqrt() as u32
-    }
-
     /// Slot and photo of those of `chosen` that see a point.
     fn seers<'c>(&'c self, point: usize, chosen: &'c [usize]) -> impl Iterator<Item = (u32, usize)> + 'c {
         (0..).zip(chosen.iter().copied()).filter(move |(_, photo)| self.survey.sight.sees(point, *photo))
     }
 
-    fn texels(&self) -> usize {
-        self.axes[0].len()
-    }
-
     /// Bytes that the clients and a choice take.
     pub fn bytes(&self) -> usize {
         let lists: usize = self.seen.iter().map(|list| 4 * list.len()).sum();
-        // Two cosines, two angles and a slot to a client, and whether it counts.
-        self.reach.len() * (5 * 4 + 1) + lists
+        self.directions.iter().map(Directions::bytes).sum::<usize>() + lists
     }
 
     /// Nothing chosen yet.
@@ -169,108 +129,48 @@ impl<'s> Objective<'s> {
 
     /// These photos chosen, in slots of this order.
     pub fn choose(&self, photos: &[usize]) -> Choice<'_, 's> {
-        let (texels, points) = (self.texels(), self.survey.points.len());
-        let nearest = Nearest {
-            cos: [vec![NONE; texels], vec![NONE; texels]],
-            angle: [vec![PI; texels], vec![PI; texels]],
-            slot: vec![NO_SLOT; texels],
-            views: 0,
-            seers: [NO_SLOT; WANTED as usize],
-            cost: 0.0,
-        };
-        let points = vec![nearest; points];
-        let mut choice = Choice { objective: self, chosen: photos.to_vec(), points, losses: Vec::new() };
-        in_parallel(&mut choice.points, 1, |point, nearest| nearest[0].renew(self, point, photos));
-        choice.tally();
+        let point = |directions| Point { nearest: Nearest::new(directions), cost: 0.0 };
+        let points = self.directions.iter().map(point).collect();
+        let mut choice = Choice { objective: self, chosen: photos.to_vec(), points, losses: OnceLock::new() };
+        let chosen = &choice.chosen;
+        each_in_parallel(&mut choice.points, |index, point| {
+            for (slot, photo) in self.seers(index, chosen) {
+                point.nearest.insert(&self.directions[index], self.survey.direction(index, photo), slot);
+            }
+            point.settle(self, index, chosen);
+        });
         choice
     }
 }
 
-fn dot(axes: &[Vec<f32>; 3], t: usize, n: Vec3) -> f32 {
-    axes[0][t] * n.x + axes[1][t] * n.y + axes[2][t] * n.z
+/// Calls `work` with the index and the contents of every point.
+fn each_in_parallel(points: &mut [Point], work: impl Fn(usize, &mut Point) + Sync) {
+    in_parallel(points, POINTS, |chunk, points| {
+        (chunk * POINTS..).zip(points).for_each(|(index, point)| work(index, point));
+    });
 }
 
-impl Nearest {
-    /// Finds the two nearest of the chosen photos from scratch.
-    fn renew(&mut self, objective: &Objective<'_>, point: usize, chosen: &[usize]) {
-        let texels = objective.texels();
-        for (t, reach) in objective.reach[point * texels..(point + 1) * texels].iter().enumerate() {
-            self.clear(t, if *reach { NONE } else { OUT });
-        }
-        for (slot, photo) in objective.seers(point, chosen) {
-            self.insert(objective, objective.survey.direction(point, photo), slot);
-        }
-        self.settle(objective, point, chosen);
-    }
-
-    /// Takes note that `old`, where there was one, has given its slot to `new`; `chosen` is as it is after that. Only the
-    /// texels that `old` was one of the two nearest to are searched again.
-    fn change(&mut self, objective: &Objective<'_>, point: usize, chosen: &[usize], slot: u32, old: Option<usize>) {
-        let survey = objective.survey;
-        if let Some(old) = old.filter(|old| survey.sight.sees(point, *old)) {
-            let n = survey.direction(point, old);
-            // The same cosine as when it was put in, to the bit. What does not count is above all cosines.
-            let lost: Vec<usize> =
-                (0..objective.texels()).filter(|t| dot(&objective.axes, *t, n) >= self.cos[1][*t]).collect();
-            lost.iter().for_each(|t| self.clear(*t, NONE));
-            for (other, photo) in objective.seers(point, chosen).filter(|(other, _)| *other != slot) {
-                let n = survey.direction(point, photo);
-                for &t in &lost {
-                    self.offer(t, dot(&objective.axes, t, n), other);
-                }
-            }
+impl Point {
+    /// Takes note that `old`, where there was one, has given its slot to `new`; `chosen` is as it is after that.
+    fn change(&mut self, objective: &Objective<'_>, index: usize, chosen: &[usize], slot: u32, old: Option<usize>) {
+        let (survey, directions) = (objective.survey, &objective.directions[index]);
+        if let Some(old) = old.filter(|old| survey.sight.sees(index, *old)) {
+            let others = objective.seers(index, chosen).filter(|(other, _)| *other != slot);
+            let others: Vec<_> = others.map(|(other, photo)| (other, survey.direction(index, photo))).collect();
+            self.nearest.remove(directions, survey.direction(index, old), &others);
         }
         let new = chosen[slot as usize];
-        if survey.sight.sees(point, new) {
-            self.insert(objective, survey.direction(point, new), slot);
+        if survey.sight.sees(index, new) {
+            self.nearest.insert(directions, survey.direction(index, new), slot);
         }
-        self.settle(objective, point, chosen);
-    }
-
-    fn clear(&mut self, t: usize, cos: f32) {
-        self.cos.iter_mut().for_each(|all| all[t] = cos);
-        self.slot[t] = NO_SLOT;
-    }
-
-    fn insert(&mut self, objective: &Objective<'_>, n: Vec3, slot: u32) {
-        for t in 0..objective.texels() {
-            self.offer(t, dot(&objective.axes, t, n), slot);
-        }
-    }
-
-    /// Without branches, so that it goes through many texels at once.
-    fn offer(&mut self, t: usize, cos: f32, slot: u32) {
-        let [first, second] = &mut self.cos;
-        let nearer = cos > first[t];
-        second[t] = if nearer { first[t] } else { second[t].max(cos) };
-        self.slot[t] = if nearer { slot } else { self.slot[t] };
-        first[t] = if nearer { cos } else { first[t] };
+        self.settle(objective, index, chosen);
     }
 
     /// Views, angles and cost.
-    fn settle(&mut self, objective: &Objective<'_>, point: usize, chosen: &[usize]) {
-        (self.views, self.seers) = (0, [NO_SLOT; WANTED as usize]);
-        for (slot, _) in objective.seers(point, chosen) {
-            if let Some(seer) = self.seers.get_mut(self.views as usize) {
-                *seer = slot;
-            }
-            self.views += 1;
-        }
-        for (cos, out) in self.cos.iter().zip(&mut self.angle) {
-            for (cos, out) in cos.iter().zip(out) {
-                let known = angle(*cos);
-                *out = if *cos == OUT {
-                    0.0
-                } else if *cos == NONE {
-                    PI
-                } else {
-                    known
-                };
-            }
-        }
-        let sum: f64 = self.angle[0].iter().map(|a| f64::from(*a)).sum();
-        let lacking = f64::from(WANTED.saturating_sub(self.views));
-        self.cost = objective.texel_weight[point] * sum + objective.lack[point] * lacking;
+    fn settle(&mut self, objective: &Objective<'_>, index: usize, chosen: &[usize]) {
+        self.nearest.settle(objective.seers(index, chosen).map(|(slot, _)| slot));
+        let lacking = f64::from(WANTED.saturating_sub(self.nearest.views));
+        self.cost = objective.weight[index] * self.nearest.sum() + objective.lack[index] * lacking;
     }
 }
 
@@ -282,7 +182,20 @@ impl Choice<'_, '_> {
 
     /// Rise of the cost if the photo of each slot were removed.
     pub fn losses(&self) -> &[f64] {
-        &self.losses
+        self.losses.get_or_init(|| {
+            let objective = self.objective;
+            let mut losses: Vec<f64> = self.chosen.iter().map(|photo| -objective.price[*photo]).collect();
+            for (index, Point { nearest, .. }) in self.points.iter().enumerate() {
+                let weight = objective.weight[index];
+                nearest.losses().for_each(|(slot, farther)| losses[slot] += weight * f64::from(farther));
+                if nearest.views <= WANTED {
+                    for slot in &nearest.seers[..nearest.views as usize] {
+                        losses[*slot as usize] += objective.lack[index];
+                    }
+                }
+            }
+            losses
+        })
     }
 
     /// The cost: radians, and the prices of the photos.
@@ -291,34 +204,15 @@ impl Choice<'_, '_> {
         self.points.iter().map(|point| point.cost).sum::<f64>() + prices
     }
 
-    /// Rises of the cost if photos were removed, after all points have been brought up to date.
-    fn tally(&mut self) {
-        let objective = self.objective;
-        self.losses = self.chosen.iter().map(|photo| -objective.price[*photo]).collect();
-        for (point, nearest) in self.points.iter().enumerate() {
-            let weight = objective.texel_weight[point];
-            for ((slot, first), second) in nearest.slot.iter().zip(&nearest.angle[0]).zip(&nearest.angle[1]) {
-                if *slot != NO_SLOT {
-                    self.losses[*slot as usize] += weight * f64::from(second - first);
-                }
-            }
-            if nearest.views <= WANTED {
-                for slot in &nearest.seers[..nearest.views as usize] {
-                    self.losses[*slot as usize] += objective.lack[point];
-                }
-            }
-        }
-    }
-
     fn change(&mut self, slot: usize, old: Option<usize>) {
         let (objective, chosen) = (self.objective, &self.chosen);
-        let sees = |point: usize, photo: usize| objective.survey.sight.sees(point, photo);
-        in_parallel(&mut self.points, 1, |point, nearest| {
-            if sees(point, chosen[slot]) || old.is_some_and(|old| sees(point, old)) {
-                nearest[0].change(objective, point, chosen, slot as u32, old);
+        let sees = |index: usize, photo: usize| objective.survey.sight.sees(index, photo);
+        each_in_parallel(&mut self.points, |index, point| {
+            if sees(index, chosen[slot]) || old.is_some_and(|old| sees(index, old)) {
+                point.change(objective, index, chosen, slot as u32, old);
             }
         });
-        self.tally();
+        self.losses.take();
     }
 
     /// Adds a photo in a new slot.
@@ -338,43 +232,18 @@ impl Choice<'_, '_> {
     pub fn gain(&self, photo: usize, spared: &mut [f64]) -> f64 {
         spared.fill(0.0);
         let objective = self.objective;
-        let [x, y, z] = &objective.axes;
-        let mut gain = -objective.price[photo];
-        for &point in &objective.seen[photo] {
-            let point = point as usize;
-            let nearest = &self.points[point];
-            let weight = objective.texel_weight[point];
+        let mut gain = 0.0 - objective.price[photo];
+        for &index in &objective.seen[photo] {
+            let index = index as usize;
+            let (nearest, directions) = (&self.points[index].nearest, &objective.directions[index]);
+            let (weight, lack) = (objective.weight[index], objective.lack[index]);
             if nearest.views < WANTED {
-                gain += objective.lack[point];
+                gain += lack;
             } else if nearest.views == WANTED {
-                nearest.seers.iter().for_each(|slot| spared[*slot as usize] += objective.lack[point]);
+                nearest.seers.iter().for_each(|slot| spared[*slot as usize] += lack);
             }
-            let n = objective.survey.direction(point, photo);
-            for base in (0..objective.texels()).step_by(LANES) {
-                let lanes = base..base + LANES;
-                let (x, y, z) = (&x[lanes.clone()], &y[lanes.clone()], &z[lanes.clone()]);
-                let second = &nearest.cos[1][lanes];
-                let mut cos = [0f32; LANES];
-                let mut any = false;
-                for lane in 0..LANES {
-                    cos[lane] = x[lane] * n.x + y[lane] * n.y + z[lane] * n.z;
-                    any |= cos[lane] > second[lane];
-                }
-                if !any {
-                    continue;
-                }
-                for lane in (0..LANES).filter(|lane| cos[*lane] > second[*lane]) {
-                    let t = base + lane;
-                    let (first, second) = (nearest.angle[0][t], nearest.angle[1][t]);
-                    let own = angle(cos[lane]);
-                    if own < first {
-                        gain += weight * f64::from(first - own);
-                    }
-                    if nearest.slot[t] != NO_SLOT {
-                        spared[nearest.slot[t] as usize] += weight * f64::from(second - own.max(first)).max(0.0);
-                    }
-                }
-            }
+            let n = objective.survey.direction(index, photo);
+            gain = nearest.gain(directions, n, weight, gain, spared);
         }
         gain
     }
@@ -383,7 +252,7 @@ impl Choice<'_, '_> {
     pub fn best_swap(&self, photo: usize, fixed: &[bool], spared: &mut [f64]) -> Swap {
         let gain = self.gain(photo, spared);
         let mut best = Swap { change: f64::INFINITY, slot: 0 };
-        for (slot, (loss, spared)) in self.losses.iter().zip(spared.iter()).enumerate() {
+        for (slot, (loss, spared)) in self.losses().iter().zip(spared.iter()).enumerate() {
             let change = loss - spared - gain;
             if !fixed[slot] && change < best.change {
                 best = Swap { change, slot };

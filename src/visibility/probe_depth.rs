@@ -129,6 +129,26 @@ impl ProbeMaps {
         Ok(Self { probes, resolution, probe_buffer, depth })
     }
 
+    /// The maps of those probes that are to be kept, as if they had been cast alone.
+    ///
+    /// # Errors
+    /// Where device memory runs out or the device fails.
+    pub fn with(self, context: &Arc<Context>, keep: impl Fn(&Probe) -> bool) -> Result<Self> {
+        if self.probes.iter().all(&keep) {
+            return Ok(self);
+        }
+        let rows = self.download()?;
+        let rows = rows.chunks((self.resolution * self.resolution) as usize).zip(&self.probes);
+        let depth: Vec<f32> = rows.filter(|(_, probe)| keep(probe)).flat_map(|(row, _)| row).copied().collect();
+        let probes: Vec<Probe> = self.probes.iter().copied().filter(keep).collect();
+        Ok(Self {
+            probe_buffer: Buffer::from_slice(context, "probes", &probes)?,
+            depth: Buffer::from_slice(context, "depth", &depth)?,
+            probes,
+            ..self
+        })
+    }
+
     /// The signed depths, row by row; negative where the ray misses the feasible region.
     ///
     /// # Errors
