@@ -284,7 +284,7 @@ impl Rasterizer {
         Ok(())
     }
 
-    /// Makes room for so many instances and half as many more, or else for few more.
+    /// Makes room for so many instances and an eighth more, or else for few more.
     ///
     /// # Errors
     /// Where the device has not even memory for those, or none of its lists can be so long.
@@ -300,7 +300,7 @@ impl Rasterizer {
                 remedy: "take fewer splats or smaller pictures".into(),
             });
         }
-        let [ample, scarce] = [2, 32].map(|part| needed.saturating_add(needed / part).min(most));
+        let [ample, scarce] = [8, 32].map(|part| needed.saturating_add(needed / part).min(most));
         match self.set_room(ample) {
             Err(Error::OutOfMemory { .. }) => self.set_room(scarce),
             made => made,
