@@ -6,7 +6,9 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::controls::{Distance, Pool};
+use super::acp;
+use super::controls::Pool;
+use super::farthest::Distance;
 use super::interchange::{grow, refine};
 use super::objective::Objective;
 use super::score::SubsetScorer;
@@ -55,17 +57,20 @@ pub enum Method {
     Fibonacci,
     /// Farthest view sampling by the angle between camera centres
     Fvs,
-    /// Farthest view sampling by the distance between camera centres
+    /// Farthest view sampling by the distance between camera centres, or its square, which gives the same
+    #[value(alias = "fvs-square")]
     FvsChord,
     /// Farthest view sampling by angle and shared points
     FvsShared,
     /// Greedy on points seen by one photo, then by three
     Coverage,
+    /// Greedy on the uniformity of view directions and the frequency at nodes of a grid (Kopanas and Drettakis)
+    Acp,
 }
 
 impl Method {
-    /// All of them, ours first.
-    pub const ALL: [Self; 9] = [
+    /// Those that every choice is put beside, ours first.
+    pub const CONTROLS: [Self; 9] = [
         Self::Swap,
         Self::Assigned,
         Self::Nearest,
@@ -89,6 +94,7 @@ impl Method {
             Self::FvsChord => "fvs-chord",
             Self::FvsShared => "fvs-shared",
             Self::Coverage => "coverage",
+            Self::Acp => "acp",
         }
     }
 }
@@ -311,7 +317,7 @@ impl<'a> Prospect<'a> {
         let scorer = SubsetScorer::new(&self.held_out, self.set, world);
         let scores = scorer.score(&subset);
         let mut controls = Vec::new();
-        for method in Method::ALL.into_iter().filter(|method| with_controls && *method != request.method) {
+        for method in Method::CONTROLS.into_iter().filter(|method| with_controls && *method != request.method) {
             if method == Method::Swap {
                 continue;
             }
@@ -394,6 +400,7 @@ impl<'a> Prospect<'a> {
             Method::FvsChord => farthest(Distance::Chord),
             Method::FvsShared => farthest(Distance::Shared),
             Method::Coverage => Ok(pool.coverage()),
+            Method::Acp => Ok(acp::choose(pool, acp::Settings::default(), None)),
         }
     }
 }

@@ -4,8 +4,10 @@
 //! ([`assignment`]), and photos are then swapped ([`interchange`]) while the actual objective, the angular gap on the real
 //! frusta ([`objective`]), falls.
 
+pub mod acp;
 pub mod assignment;
 pub mod controls;
+pub mod farthest;
 pub mod interchange;
 pub mod job;
 pub mod objective;
