@@ -137,7 +137,9 @@ fn every_option_of_the_help_is_accepted() {
     let known = options(&place, "plan");
     let mut tried: BTreeSet<String> = BTreeSet::new();
     // Capturing and the peers have their own tests, and help ends every run.
-    tried.extend(["capture", "help", "method", "candidates", "nodes", "hidden-nodes", "model"].map(str::to_owned));
+    tried.extend(
+        ["capture", "help", "method", "candidates", "nodes", "hidden-nodes", "model", "antialiased"].map(str::to_owned),
+    );
     let mut try_with = |given: &str| {
         let arguments = format!("plan ball.ply --out o --force {SHORT} {given}");
         place.done(&arguments);

@@ -34,23 +34,29 @@ const uint PIXELS = TILE_PIXELS / THREADS;
 const uint SPLATS = 8;
 // Pixels of a splat's row in shared memory, with what keeps rows out of one another's banks.
 const uint ROW = TILE_PIXELS + 4;
+const uint BITS = 5;
 
 shared vec4 means[BLOCK];  // mean, opacity, conic xx
 shared vec4 others[BLOCK];  // conic xy and yy, red + green + blue
+// First pixel in x and y within the instance's tile, and one past the last, five bits each; above them its strips.
+shared uint bounds[BLOCK];
 shared float weights[SPLATS * ROW];
 shared float slopes[SPLATS * ROW];
 shared float sums[SQUARES * SPLATS * TILE];
 
 // Squares over column `column` of the tile at `corner` of instance `k` of the block, which is splat `s` of those in shared memory.
 void square_column(uint s, uint k, uint column, uvec2 corner, uint splat) {
+    uvec4 inside = uvec4(bounds[k], bounds[k] >> BITS, bounds[k] >> 2 * BITS, bounds[k] >> 3 * BITS) & ((1u << BITS) - 1);
+    if (column < inside.x || column >= inside.z) {
+        [[unroll]] for (uint v = 0; v < SQUARES; ++v) sums[(v * SPLATS + s) * TILE + column] = 0.0;
+        return;
+    }
     Form form[FORMS];
     [[unroll]] for (uint f = 0; f < FORMS; ++f) form[f] = forms[FORMS * splat + f];
-    uvec4 inside = bounds_within(projected[splat], corner);
     vec2 origin = vec2(corner) + 0.5 - means[k].xy;
     float sum[SQUARES];
     [[unroll]] for (uint v = 0; v < SQUARES; ++v) sum[v] = 0.0;
-    bool within = column >= inside.x && column < inside.z;
-    for (uint row = inside.y; row < (within ? inside.w : 0); ++row) {
+    for (uint row = inside.y; row < inside.w; ++row) {
         vec2 d = origin + vec2(column, row);
         vec3 dd = vec3(d.x * d.x, d.x * d.y, d.y * d.y);
         float w = weights[s * ROW + row * TILE + column], q = slopes[s * ROW + row * TILE + column];
@@ -72,10 +78,14 @@ void main() {
     uint wide = tiles_of(camera).x;
     for (uint k = thread; k < BLOCK; k += THREADS) {
         means[k] = others[k] = vec4(0.0);
+        bounds[k] = 0;
         if (first + k < stop) {
             Projected splat = projected[instance_splats[tile_instances[first + k]]];
             means[k] = vec4(splat.mean, splat.opacity, splat.conic.x);
             others[k] = vec4(splat.conic.yz, splat.colour.x + splat.colour.y + splat.colour.z, 0.0);
+            uint tile = tile_keys[first + k];
+            uvec4 b = bounds_within(splat, TILE * uvec2(tile % wide, tile / wide));
+            bounds[k] = b.x | b.y << BITS | b.z << 2 * BITS | b.w << 3 * BITS | strips_of(b) << 4 * BITS;
         }
     }
     for (uint begin = first, end; begin < stop; begin = end) {
@@ -114,8 +124,10 @@ void main() {
                 uint instance = min(from + s, BLOCK - 1);
                 vec4 mean = means[instance], other = others[instance];
                 vec3 conic = vec3(mean.w, other.xy);
+                uint reached = bounds[instance] >> 4 * BITS;
                 for (uint p = 0; p < PIXELS; ++p) {
                     uint k = p * THREADS + thread;
+                    if ((reached >> k / STRIP & 1) == 0) continue;
                     vec2 d = vec2(corner + uvec2(k % TILE, k / TILE)) + 0.5 - mean.xy;
                     float sigma = 0.5 * (conic.x * d.x * d.x + conic.z * d.y * d.y) + conic.y * d.x * d.y;
                     float full = mean.z * exp(-sigma), alpha = min(MOST_ALPHA, full), weight = 0.0, slope = 0.0;

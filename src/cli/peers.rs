@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use clap::Args;
 
-use super::options::print_messages;
+use super::options::{ModelOptions, print_messages};
 use super::plan::print_plan;
 use crate::io::folder::OutputFolder;
 use crate::peers::job;
@@ -13,6 +13,7 @@ use crate::peers::request::{Method, Request};
 use crate::plan::config::Config;
 use crate::plan::job::Target;
 use crate::scene::camera::{Camera, Intrinsics};
+use crate::select::information::Model;
 use crate::vulkan::Context;
 use crate::{Error, Result, report};
 
@@ -23,7 +24,8 @@ pub struct PeerOptions {
     /// How to place the cameras
     #[arg(long, value_enum, default_value = "ours")]
     pub method: Method,
-    /// Random poses that a method chooses from [default: 10000 fvs and fvs-chord, 2000 fvs-shared and coverage, 1000 acp]
+    /// Random poses that a method chooses from [default: 10000 fvs and fvs-chord, 2000 fvs-shared and coverage, 1000 acp,
+    /// 300 fisherrf]
     #[arg(long, value_name = "N")]
     pub candidates: Option<u32>,
     /// Nodes of the grid along a side [acp; default: 32]
@@ -32,6 +34,8 @@ pub struct PeerOptions {
     /// Nodes behind the surface are not seen; as published they are [acp]
     #[arg(long)]
     pub hidden_nodes: bool,
+    #[command(flatten)]
+    model: ModelOptions,
 }
 
 impl PeerOptions {
@@ -39,7 +43,8 @@ impl PeerOptions {
     ///
     /// # Errors
     /// An option that the method does not take.
-    pub fn request(&self, config: &Config) -> Result<Option<Request>> {
+    pub fn request(&self, config: &Config) -> Result<Option<(Request, Option<Model>)>> {
+        let model = self.model.read(self.method.name(), self.method.needs_model())?;
         let of_acp = self.nodes.is_some() || self.hidden_nodes;
         if of_acp && self.method != Method::Acp {
             return Err(Error::request("--nodes and --hidden-nodes are for --method acp; leave them out"));
@@ -55,19 +60,20 @@ impl PeerOptions {
             acp.grid = self.nodes.unwrap_or(acp.grid);
             acp.occlusion = self.hidden_nodes;
         }
-        Ok(Some(request))
+        request.model = model.as_ref().map(|model| model.path.clone());
+        Ok(Some((request, model)))
     }
 }
 
 /// Places cameras as a peer does, writes the folder and prints what came out.
 pub fn run(
     context: &Arc<Context>,
-    request: &Request,
+    (request, model): &(Request, Option<Model>),
     target: &Target,
     (intrinsics, kept): (Intrinsics, &[Camera]),
     folder: OutputFolder,
 ) -> Result<ExitCode> {
-    let plan = job::run(context, target, intrinsics, kept, request)?;
+    let plan = job::run(context, target, intrinsics, kept, request, model.as_ref())?;
     print_messages(context);
     let path = folder.path().to_owned();
     report::folder::write(&plan, target, folder)?;

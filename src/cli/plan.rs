@@ -228,7 +228,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let config = arguments.tuning.apply(Config::new(arguments.region.preset(), arguments.views));
     config.validate()?;
     let peer = arguments.peers.request(&config)?;
-    if let (Some(peer), true) =
+    if let (Some((peer, _)), true) =
         (&peer, arguments.dry_run || arguments.profile || arguments.trace.is_some() || arguments.capture.is_some())
     {
         let name = peer.method.name();

@@ -2,14 +2,15 @@
 //!
 //! `H_k = sum over pixels of (d(R + G + B) / d theta_k)^2` over a black background; rotations are left out. The derivatives are
 //! squared pixel by pixel, so that they cannot be summed first and carried back through the projection: the derivatives of the
-//! projection come first (`fisher_forms.comp`), each pixel is squared (`fisher_squares.comp`), and every Gaussian sums what its
-//! instances found (`fisher_score.comp`).
+//! projection come first (`fisher_forms.comp`), each pixel is squared (`fisher_squares.comp`), every Gaussian sums what its
+//! instances found (`fisher_gather.comp`), and that is weighed by what is known (`fisher_score.comp`). The sums are nine values a
+//! Gaussian and view, from which all of its parameters' follow; they are kept while half of the memory that was free lasts.
 
 use std::sync::Arc;
 
 use super::frame::{Frame, View};
 use super::layout::{self, PassPush, Projected};
-use super::rasterizer::{Size, Wanted};
+use super::rasterizer::{Rasterizer, Size, Wanted};
 use super::renderer::Renderer;
 use crate::primitives::{Count, Operation, Reduce};
 use crate::scene::camera::Camera;
@@ -42,12 +43,10 @@ crate::gpu_struct! {
         pub view: u32,
         /// Degree of the harmonics.
         pub degree: u32,
-        /// Room for instances.
-        pub room: u32,
-        /// Added to what is known.
-        pub lambda: f32,
         /// Whether to add to what is known.
         pub learn: u32,
+        /// Added to what is known.
+        pub lambda: f32,
     }
 }
 
@@ -65,15 +64,22 @@ crate::stage!(
     } with [View, Projected, Form]
 );
 crate::stage!(
+    /// Sums of squares of each Gaussian.
+    pub FISHER_GATHER = fisher_gather(PassPush) {
+        read population, read counts, read projected, read runs, read partials, write squares,
+    } with [Projected]
+);
+crate::stage!(
     /// What a view is worth for each Gaussian, or what is known with it.
     pub FISHER_SCORE = fisher_score(ScorePush) {
-        read views, read population, read counts, read parameters, read projected, read runs, read partials,
-        write known, write scores,
-    } with [View, Projected]
+        read views, read population, read parameters, read squares, write known, write scores,
+    } with [View]
 );
 
 /// Forms of a Gaussian: three of its size, three of its place.
 const FORMS: u64 = 6;
+/// Values of a Gaussian that a view leaves.
+const VALUES: u64 = 9;
 
 /// A model, the views that could be taken of it, and what is known of it from those that have been.
 pub struct Fisher {
@@ -81,16 +87,21 @@ pub struct Fisher {
     renderer: Renderer,
     forms_pipeline: Pipeline,
     squares: Pipeline,
+    gather: Pipeline,
     score: Pipeline,
     sum: Reduce,
     views: Buffer,
     sizes: Vec<Size>,
     forms: Buffer,
+    /// What the views leave, in planes; where one is missing it is looked at again.
+    seen: Vec<Option<Buffer>>,
     known: Buffer,
     scores: Buffer,
-    /// The score, and the instances of the picture.
+    /// The score.
     results: Buffer,
     lambda: f32,
+    /// Free memory below which nothing more is kept.
+    least: u64,
 }
 
 impl Fisher {
@@ -120,13 +131,16 @@ impl Fisher {
         Ok(Self {
             forms_pipeline: Pipeline::new(context, &FISHER_FORMS, &[constant])?,
             squares: Pipeline::new(context, &FISHER_SQUARES, &[constant, super::rasterizer::threads(context)])?,
+            gather: Pipeline::new(context, &FISHER_GATHER, &[constant])?,
             score: Pipeline::new(context, &FISHER_SCORE, &[constant])?,
             sum: Reduce::new(context, Operation::SumF32, count)?,
             views: Buffer::from_slice(context, "views", &views)?,
             forms: Buffer::device(context, "forms", FORMS * size_of::<Form>() as u64 * u64::from(count))?,
             known: Buffer::from_slice(context, "known", &planes)?,
             scores: Buffer::device(context, "scores", 4 * u64::from(count))?,
-            results: Buffer::host(context, "results", 8)?,
+            results: Buffer::host(context, "results", 4)?,
+            seen: sizes.iter().map(|_| None).collect(),
+            least: context.memory_available() / 2,
             context: context.clone(),
             renderer,
             sizes,
@@ -159,13 +173,37 @@ impl Fisher {
     }
 
     fn look(&mut self, view: usize, learn: bool) -> Result<f64> {
-        let Some(&size) = self.sizes.get(view) else {
-            return Err(Error::request(format!("there is no view {view} among {}", self.sizes.len())));
+        let kept = match self.seen.get_mut(view) {
+            None => return Err(Error::request(format!("there is no view {view} among {}", self.sizes.len()))),
+            Some(seen) => seen.take(),
         };
+        let squares = kept.map_or_else(|| self.observe(view), Ok)?;
+        let Renderer { model, degree, .. } = &self.renderer;
+        let (stride, learn) = (model.stride, u32::from(learn));
+        let push = ScorePush { stride, view: view as u32, degree: *degree, learn, lambda: self.lambda };
+        let mut commands = Recorder::new(&self.context)?;
+        commands
+            .stage(&self.score)
+            .bind(&[&self.views, &model.population, &model.parameters, &squares, &self.known, &self.scores])
+            .push(&push)
+            .linear(stride.div_ceil(64));
+        self.sum.record(&mut commands, &self.scores, Count::Device(&model.population, 0), &self.results, 0)?;
+        commands.submit_and_wait()?;
+        drop(commands);
+        if self.context.memory_available() > self.least {
+            self.seen[view] = Some(squares);
+        }
+        Ok(f64::from(bytemuck::pod_read_unaligned::<f32>(&self.results.mapped()[..4])))
+    }
+
+    /// Looks at the model from a view: sums of squares of each Gaussian.
+    fn observe(&mut self, view: usize) -> Result<Buffer> {
+        let size = self.sizes[view];
+        let out = Buffer::device(&self.context, "squares", 4 * VALUES * u64::from(self.renderer.model.stride))?;
         loop {
             let Renderer { model, rasterizer, degree, .. } = &self.renderer;
-            let (stride, degree, view, room) = (model.stride, *degree, view as u32, rasterizer.sizes().room);
-            let push = PassPush { stride, view, degree, room, ..PassPush::default() };
+            let (stride, room) = (model.stride, rasterizer.sizes().room);
+            let push = PassPush { stride, view: view as u32, degree: *degree, room, ..PassPush::default() };
             let mut commands = Recorder::new(&self.context)?;
             let instances = rasterizer.forward(&mut commands, model, &self.views, size, &push)?;
             commands
@@ -174,32 +212,19 @@ impl Fisher {
                 .push(&push)
                 .linear(stride.div_ceil(64));
             let composited = rasterizer.composited(instances);
-            let squares =
-                [&[&self.views, &rasterizer.projected][..], &composited, &[&self.forms, rasterizer.partials()]];
-            commands.stage(&self.squares).bind(&squares.concat()).push(&push).linear(room.div_ceil(layout::BLOCK));
+            let bound = [&[&self.views, &rasterizer.projected][..], &composited, &[&self.forms, rasterizer.partials()]];
+            commands.stage(&self.squares).bind(&bound.concat()).push(&push).linear(room.div_ceil(layout::BLOCK));
+            let Rasterizer { counts, projected, runs, .. } = rasterizer;
             commands
-                .stage(&self.score)
-                .bind(&[
-                    &self.views,
-                    &model.population,
-                    &rasterizer.counts,
-                    &model.parameters,
-                    &rasterizer.projected,
-                    &rasterizer.runs,
-                    rasterizer.partials(),
-                    &self.known,
-                    &self.scores,
-                ])
-                .push(&ScorePush { stride, view, degree, room, lambda: self.lambda, learn: u32::from(learn) })
+                .stage(&self.gather)
+                .bind(&[&model.population, counts, projected, runs, rasterizer.partials(), &out])
+                .push(&push)
                 .linear(stride.div_ceil(64));
-            self.sum.record(&mut commands, &self.scores, Count::Device(&model.population, 0), &self.results, 0)?;
-            commands.copy_region(&rasterizer.counts, 0, &self.results, 4, 4);
             commands.submit_and_wait()?;
             drop(commands);
-            let results: [u32; 2] = bytemuck::pod_read_unaligned(&self.results.mapped()[..8]);
-            match results[1] {
+            match rasterizer.counts.download::<u32>(1)?[0] {
                 needed if needed > room => self.renderer.rasterizer.make_room(needed)?,
-                _ => return Ok(f64::from(f32::from_bits(results[0]))),
+                _ => return Ok(out),
             }
         }
     }

@@ -17,6 +17,7 @@ use crate::scene::random;
 use crate::select::acp;
 use crate::select::controls::Pool;
 use crate::select::farthest::Distance;
+use crate::select::information::{self, Model};
 use crate::select::sight::{Sight, Survey};
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::vulkan::Context;
@@ -38,11 +39,12 @@ pub fn run(
     intrinsics: Intrinsics,
     kept: &[Camera],
     request: &Request,
+    model: Option<&Model>,
 ) -> Result<Plan> {
     let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
     let candidates = PhotoSet { photos: candidates(&scene.geometry, intrinsics, kept, request), ..PhotoSet::default() };
     let start = Instant::now();
-    let poses = place(context, &scene, target, kept, &candidates, request)?;
+    let poses = place(context, &scene, target, kept, &candidates, (request, model))?;
     let seconds = start.elapsed().as_secs_f64();
     let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds };
     let Request { method, views, preset, seed, gate, held_out, .. } = *request;
@@ -75,7 +77,7 @@ fn place(
     target: &Target,
     kept: &[Camera],
     candidates: &PhotoSet,
-    request: &Request,
+    (request, model): (&Request, Option<&Model>),
 ) -> Result<Vec<Pose>> {
     let (geometry, views) = (&scene.geometry, request.views as usize);
     let back = geometry.to_internal.inverse();
@@ -120,6 +122,10 @@ fn place(
         Method::Acp => {
             let settings = request.acp.unwrap_or_default();
             acp::choose(&pool, settings, settings.occlusion.then_some(geometry))
+        }
+        Method::Fisher => {
+            let missing = || Error::request("--method fisherrf needs trained splats; give them with --model");
+            information::fisher(context, &pool, model.ok_or_else(missing)?, request.fisher.unwrap_or_default())?
         }
     };
     Ok(chosen[kept.len()..].iter().map(|photo| candidates.photos[*photo].camera.pose).collect())

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::plan::config::{Config, Gate, Preset};
-use crate::select::acp;
+use crate::select::{acp, information};
 use crate::{Error, Result};
 
 /// How cameras are placed.
@@ -27,6 +27,10 @@ pub enum Method {
     Coverage,
     /// Greedy on the uniformity of view directions and the frequency at nodes of a grid (Kopanas and Drettakis)
     Acp,
+    /// Greedy on the Fisher information about a trained model (FisherRF)
+    #[value(name = "fisherrf")]
+    #[serde(rename = "fisherrf")]
+    Fisher,
 }
 
 impl Method {
@@ -41,7 +45,13 @@ impl Method {
             Self::FvsShared => "fvs-shared",
             Self::Coverage => "coverage",
             Self::Acp => "acp",
+            Self::Fisher => "fisherrf",
         }
+    }
+
+    /// Whether it chooses by a model of the scene.
+    pub fn needs_model(self) -> bool {
+        self == Self::Fisher
     }
 
     /// Candidates to choose from where nothing is said; none where there is no choice.
@@ -52,6 +62,7 @@ impl Method {
             // Counting shared points takes every pair.
             Self::FvsShared | Self::Coverage => Some(2000),
             Self::Acp => Some(1000),
+            Self::Fisher => Some(300),
         }
     }
 }
@@ -77,6 +88,12 @@ pub struct Request {
     /// Of [`Method::Acp`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acp: Option<acp::Settings>,
+    /// Of [`Method::Fisher`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fisher: Option<information::Settings>,
+    /// Path of the trained splats, where the method chooses by them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model: Option<String>,
 }
 
 impl Request {
@@ -119,6 +136,8 @@ impl Request {
             gate: config.gate,
             held_out: config.held_out,
             acp: (method == Method::Acp).then(acp::Settings::default),
+            fisher: (method == Method::Fisher).then(information::Settings::default),
+            model: None,
         })
     }
 }

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::acp;
 use super::controls::Pool;
 use super::farthest::Distance;
+use super::information::{self, Model};
 use super::interchange::{grow, refine};
 use super::objective::Objective;
 use super::score::SubsetScorer;
@@ -66,6 +67,10 @@ pub enum Method {
     Coverage,
     /// Greedy on the uniformity of view directions and the frequency at nodes of a grid (Kopanas and Drettakis)
     Acp,
+    /// Greedy on the Fisher information about a trained model (FisherRF)
+    #[value(name = "fisherrf")]
+    #[serde(rename = "fisherrf")]
+    Fisher,
 }
 
 impl Method {
@@ -95,6 +100,7 @@ impl Method {
             Self::FvsShared => "fvs-shared",
             Self::Coverage => "coverage",
             Self::Acp => "acp",
+            Self::Fisher => "fisherrf",
         }
     }
 }
@@ -200,6 +206,7 @@ pub struct Prospect<'a> {
     request: Request,
     survey: Survey,
     held_out: Survey,
+    model: Option<Model>,
     seconds: f64,
 }
 
@@ -224,7 +231,12 @@ impl<'a> Prospect<'a> {
         }
         let held_out = Survey::new(context, &scene, &set.photos, sample(HELD_OUT_STREAM))?;
         let seconds = start.elapsed().as_secs_f64();
-        Ok(Self { context: context.clone(), set, target, scene, request, survey, held_out, seconds })
+        Ok(Self { context: context.clone(), set, target, scene, request, survey, held_out, model: None, seconds })
+    }
+
+    /// Also has trained splats of the scene, for the methods that choose by them.
+    pub fn with_model(self, model: Option<Model>) -> Self {
+        Self { model, ..self }
     }
 
     /// Plans cameras beside those that are kept, with the lens of the pool's first photo; in the user's world.
@@ -401,6 +413,11 @@ impl<'a> Prospect<'a> {
             Method::FvsShared => farthest(Distance::Shared),
             Method::Coverage => Ok(pool.coverage()),
             Method::Acp => Ok(acp::choose(pool, acp::Settings::default(), None)),
+            Method::Fisher => {
+                let missing = || Error::request("--method fisherrf needs trained splats; give them with --model");
+                let model = self.model.as_ref().ok_or_else(missing)?;
+                information::fisher(&self.context, pool, model, information::Settings::default())
+            }
         }
     }
 }

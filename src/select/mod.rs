@@ -8,6 +8,8 @@ pub mod acp;
 pub mod assignment;
 pub mod controls;
 pub mod farthest;
+pub mod greedy;
+pub mod information;
 pub mod interchange;
 pub mod job;
 pub mod objective;
