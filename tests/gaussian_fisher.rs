@@ -111,7 +111,7 @@ fn what_is_not_covered_agrees_with_the_definition() -> Result<()> {
     for taken in [None, Some(2), Some(5)] {
         if let Some(taken) = taken {
             cover.learn(taken)?;
-            for (i, part) in parts(taken).iter().enumerate().filter(|(_, part)| **part > 0.0) {
+            for (i, _) in parts(taken).iter().enumerate().filter(|(_, part)| **part > 0.0) {
                 let nearest = bins().into_iter().max_by(|a, b| a.dot(from(taken, i)).total_cmp(&b.dot(from(taken, i))));
                 seen[i].extend(nearest);
             }

@@ -121,7 +121,7 @@ fn place(
         Method::Coverage => pool.coverage(),
         Method::Acp => {
             let settings = request.acp.unwrap_or_default();
-            acp::choose(&pool, settings, settings.occlusion.then_some(geometry))
+            acp::choose(&pool, settings, settings.occlusion.then_some(geometry))?
         }
         method @ (Method::Fisher | Method::Cover) => {
             let what = "needs trained splats; give them with --model";

@@ -420,7 +420,7 @@ impl<'a> Prospect<'a> {
             Method::FvsChord => farthest(Distance::Chord),
             Method::FvsShared => farthest(Distance::Shared),
             Method::Coverage => Ok(pool.coverage()),
-            Method::Acp => Ok(acp::choose(pool, acp::Settings::default(), None)),
+            Method::Acp => acp::choose(pool, acp::Settings::default(), None),
             Method::Fisher | Method::Cover => {
                 let missing = || {
                     Error::request(format!("--method {} needs trained splats; give them with --model", method.name()))
