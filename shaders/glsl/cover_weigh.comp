@@ -1,5 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 // COVER: how much of what a view shows of each Gaussian has been seen from near the same direction; or, where LEARN, from where
 // it has been seen now.
 #include "shared/group.glsl"
@@ -39,7 +40,10 @@ void main() {
     if (i >= population[0] || counts[0] > room) return;
     uvec2 run = projected[i].opacity > 0.0 ? runs[i] : uvec2(0);
     float part = 0.0;
-    for (uint k = run.x; k < run.x + run.y; ++k) part += partials[SUMS * k];
+    // By fours: a Gaussian before the camera has as many instances as the picture has tiles, and some devices bound loops.
+    for (uint k = 0; k < run.y; k += 4) {
+        [[unroll]] for (uint j = 0; j < 4; ++j) part += k + j < run.y ? partials[SUMS * (run.x + k + j)] : 0.0;
+    }
     vec3 centre = vec3(parameters[i], parameters[stride + i], parameters[2 * stride + i]);
     vec3 direction = normalize(views[view].position - centre);
     uvec2 before = seen[i];

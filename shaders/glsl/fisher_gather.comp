@@ -23,8 +23,12 @@ void main() {
     uvec2 run = splat.opacity > 0.0 ? runs[i] : uvec2(0);
     float sum[SQUARES];
     [[unroll]] for (uint v = 0; v < SQUARES; ++v) sum[v] = 0.0;
-    for (uint k = run.x; k < run.x + run.y; ++k) {
-        [[unroll]] for (uint v = 0; v < SQUARES; ++v) sum[v] += partials[SQUARES * k + v];
+    // By fours: a Gaussian before the camera has as many instances as the picture has tiles, and some devices bound loops.
+    for (uint k = 0; k < run.y; k += 4) {
+        [[unroll]] for (uint j = 0; j < 4; ++j) {
+            if (k + j >= run.y) continue;
+            [[unroll]] for (uint v = 0; v < SQUARES; ++v) sum[v] += partials[SQUARES * (run.x + k + j) + v];
+        }
     }
     [[unroll]] for (uint v = 0; v < SQUARES; ++v) squares[v * stride + i] = sum[v];
     squares[SQUARES * stride + i] = dot(vec3(greaterThan(splat.colour, vec3(0.0))), vec3(1.0, 2.0, 4.0));
