@@ -44,7 +44,7 @@ shared float weights[SPLATS * ROW];
 shared float slopes[SPLATS * ROW];
 shared float sums[SQUARES * SPLATS * TILE];
 
-// Squares over column `column` of the tile at `corner` of instance `k` of the block, which is splat `s` of those in shared memory.
+// Squares over a column of the tile at `corner`: of instance `k` of the block, which is splat `s` of those in shared memory.
 void square_column(uint s, uint k, uint column, uvec2 corner, uint splat) {
     uvec4 inside = uvec4(bounds[k], bounds[k] >> BITS, bounds[k] >> 2 * BITS, bounds[k] >> 3 * BITS) & ((1u << BITS) - 1);
     if (column < inside.x || column >= inside.z) {
