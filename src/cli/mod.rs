@@ -21,6 +21,7 @@ mod demo;
 mod devices;
 mod metrics;
 mod options;
+mod peers;
 mod plan;
 mod progress;
 mod proxy;
