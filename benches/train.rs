@@ -133,8 +133,8 @@ fn training(context: &Arc<Context>, report: &mut Report, extent: &Extent, splats
     let trainer = Trainer::new(context, config, &start, views, photos)?;
     let mut course = Course::new(trainer, &start, extent.warm);
 
-    // The first run finds how much room the instances need.
-    course.run(extent.sample, None)?;
+    // The first run finds how much room the instances of all others need.
+    course.run(extent.whole.max(extent.sample), None)?;
     let pixels = u64::from(sizes.pixels);
     let traffic = Traffic { splats: u64::from(splats), instances: course.instances(), pixels, tiles: sizes.tiles };
     let amount = |bytes| Amount { count: u64::from(splats), bytes, operations: 0 };
