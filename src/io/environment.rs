@@ -32,7 +32,9 @@ pub fn read_environment(path: &Path, notes: &mut Vec<String>) -> Result<Environm
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width) * u64::from(height);
     if width != 2 * height || height < 2 {
-        return refuse(format!("a picture of {width} x {height} is no environment map, which is twice as wide as high; {wanted}"));
+        return refuse(format!(
+            "a picture of {width} x {height} is no environment map, which is twice as wide as high; {wanted}"
+        ));
     }
     // Run lengths make a row of pixels from four bytes for each 128.
     if pixels > MOST_PIXELS || pixels / 64 > bytes.len() as u64 {

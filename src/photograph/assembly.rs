@@ -50,7 +50,8 @@ impl Assembly {
         if model.faces.is_empty() {
             return Err(Error::request("the scene has no triangles; give one that can be seen"));
         }
-        let positions = || model.faces.iter().flat_map(|face| face.corners).map(|v| model.vertices[v as usize].position);
+        let positions =
+            || model.faces.iter().flat_map(|face| face.corners).map(|v| model.vertices[v as usize].position);
         let lo = positions().fold(DVec3::INFINITY, DVec3::min);
         let hi = positions().fold(DVec3::NEG_INFINITY, DVec3::max);
         let centre = 0.5 * (lo + hi);

@@ -116,7 +116,13 @@ impl Products {
     ///
     /// # Errors
     /// Where the system refuses.
-    pub fn picture(&self, record: &Record, camera: &Camera, taken: &Photograph, hits: Option<&FirstHits>) -> Result<()> {
+    pub fn picture(
+        &self,
+        record: &Record,
+        camera: &Camera,
+        taken: &Photograph,
+        hits: Option<&FirstHits>,
+    ) -> Result<()> {
         let Photograph { width, pixels } = taken;
         let name = &camera.name;
         let stem = name.strip_suffix(".png").unwrap_or(name);

@@ -288,5 +288,9 @@ fn lens(intrinsics: &Intrinsics) -> [[f32; 2]; 2] {
 }
 
 fn filled<T: bytemuck::NoUninit>(context: &Arc<Context>, name: &str, data: &[T], instead: T) -> Result<Buffer> {
-    if data.is_empty() { Buffer::from_slice(context, name, &[instead]) } else { Buffer::from_slice(context, name, data) }
+    if data.is_empty() {
+        Buffer::from_slice(context, name, &[instead])
+    } else {
+        Buffer::from_slice(context, name, data)
+    }
 }

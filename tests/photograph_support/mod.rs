@@ -58,8 +58,12 @@ pub fn add_ball(model: &mut Model, centre: DVec3, radius: f64, material: Materia
     for ring in 0..RINGS {
         for sector in 0..SECTORS {
             let vertex = |r: u32, s: u32| first + r * SECTORS + s % SECTORS;
-            let [a, b, c, d] =
-                [vertex(ring, sector), vertex(ring + 1, sector), vertex(ring + 1, sector + 1), vertex(ring, sector + 1)];
+            let [a, b, c, d] = [
+                vertex(ring, sector),
+                vertex(ring + 1, sector),
+                vertex(ring + 1, sector + 1),
+                vertex(ring, sector + 1),
+            ];
             if ring + 1 < RINGS {
                 model.faces.push(Face { corners: [a, b, c], material: at });
             }

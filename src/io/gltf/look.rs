@@ -45,7 +45,8 @@ impl<'a> Look<'a> {
         let volume = more.volume.thickness_factor > 0.0;
         let attenuation = Vec3::from(more.volume.attenuation_color).clamp(Vec3::splat(1e-6), Vec3::ONE);
         let far = more.volume.attenuation_distance;
-        let absorption = if volume && far.is_finite() && far > 0.0 { -attenuation.map(f32::ln) / far } else { Vec3::ZERO };
+        let absorption =
+            if volume && far.is_finite() && far > 0.0 { -attenuation.map(f32::ln) / far } else { Vec3::ZERO };
         let scale = |info: &Option<TextureInfo>| info.as_ref().map_or(1.0, |info| info.scale);
         let found = Material {
             base: Vec4::from(pbr.base_color_factor),
@@ -125,12 +126,12 @@ impl<'a> Look<'a> {
         if let Some(change) = &info.extensions.transform {
             set = change.tex_coord.unwrap_or(set);
             // Rotation is counter-clockwise as the image is seen, whose v points down.
-            transform =
-                Mat3::from_scale_angle_translation(Vec2::ONE, -change.rotation, Vec2::from(change.offset))
-                    * Mat3::from_scale(Vec2::from(change.scale));
+            transform = Mat3::from_scale_angle_translation(Vec2::ONE, -change.rotation, Vec2::from(change.offset))
+                * Mat3::from_scale(Vec2::from(change.scale));
         }
         if set > 1 {
-            return self.refuse(format!("texture {} takes texture coordinates {set}; of these 0 and 1 are read", info.index));
+            return self
+                .refuse(format!("texture {} takes texture coordinates {set}; of these 0 and 1 are read", info.index));
         }
         let wrap = [wrap(sampler.and_then(|s| s.wrap_s)), wrap(sampler.and_then(|s| s.wrap_t))];
         Ok(Some(Map { image: self.image(source)?, set, transform, wrap }))

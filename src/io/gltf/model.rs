@@ -181,7 +181,8 @@ impl Reader<'_> {
         };
         let count = positions.len();
         if let Some(outside) = triangles.as_flattened().iter().find(|&&v| v as usize >= count) {
-            return self.refuse(format!("{what} refers to vertex {outside} and there are only {count}; export it again"));
+            return self
+                .refuse(format!("{what} refers to vertex {outside} and there are only {count}; export it again"));
         }
         let together = self.model.faces.len() + self.model.dropped + triangles.len();
         if together > MOST_TRIANGLES || self.model.vertices.len() + count > 3 * MOST_TRIANGLES {
@@ -275,3 +276,7 @@ fn add_tangents(vertices: &mut [Vertex], first: usize, faces: &[Face], map: &Map
         vertex.tangent = if tangent == Vec3::ZERO { Vec4::ZERO } else { tangent.extend(sign) };
     }
 }
+
+#[cfg(test)]
+#[path = "model_tests.rs"]
+mod tests;
