@@ -176,3 +176,22 @@ fn what_is_doubtful_is_said() {
     assert!(ran.out.contains("no materials: it is grey"), "{}", ran.out);
     assert!(ran.out.contains("behind   nothing"), "{}", ran.out);
 }
+
+/// If this failed, windows of a room would be holes, or exposure would not be what photographers mean by a stop.
+#[test]
+fn background_exposure_and_size_are_what_they_say() {
+    let place = place(1, 16);
+    let options = "--background env --exposure -1 --size 8x8 --seed 3 --device 0 --debug-sync --exr";
+    place.done(&format!("capture cube.gltf cameras.json --out o --env sky.hdr --spp 4 {options}"));
+    let corner = image::open(place.path("o/images/view 0.png")).unwrap();
+    assert_eq!((corner.width(), corner.color().channel_count()), (8, 3));
+    // Half of the sky's radiance, which is 1, is 188 in sRGB.
+    assert!(corner.into_rgb8().get_pixel(0, 0).0.iter().all(|v| v.abs_diff(188) <= 1));
+    assert!(!place.files("o").iter().any(|name| name.starts_with("masks")));
+    let layer = read_first_flat_layer_from_file(place.path("o/linear/view 0.exr")).unwrap().layer_data;
+    let FlatSamples::F32(values) = &layer.channel_data.list[0].sample_data else { panic!("not single precision") };
+    assert!((values[0] - 1.0).abs() < 0.01, "{}", values[0]);
+    let again = place.run("capture cube.gltf cameras.json --out o --env sky.hdr --spp 4 --background alpha");
+    assert!(again.code == Some(2) && again.err.contains("--force"), "{}", again.err);
+    place.done("capture cube.gltf cameras.json --out o --env sky.hdr --spp 4 --background alpha --force");
+}

@@ -43,6 +43,9 @@ pub struct Arguments {
     /// Key of the random numbers: same seed, same pictures
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Exposure of the 8-bit pictures, in stops: each doubles the light. One for all, so that views agree
+    #[arg(long, default_value_t = 0.0, value_parser = parse_stops, value_name = "STOPS")]
+    exposure: f32,
     /// What is behind the scene
     #[arg(long, value_enum, default_value = "auto")]
     background: Background,
@@ -88,6 +91,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         scene: assembly.checksum(),
         samples: arguments.spp,
         seed: arguments.seed,
+        exposure: arguments.exposure,
         show_sky: match arguments.background {
             Background::Auto => cameras.iter().all(|camera| assembly.contains(camera.pose.position)),
             Background::Alpha => false,
@@ -129,7 +133,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let all = record.cameras.len() as u32;
     let progress = Progress::over("photographing", all, "pictures");
     let outcome = job::run(&tracer, &record, &products, &arguments.out, |done| {
-        if done > 0 { progress.advance(done, all) } else { go_on() }
+        done.map_or_else(go_on, |done| progress.advance(done, all))
     });
     progress.finish();
     let Outcome { pictures, kept, empty, points } = outcome?;
@@ -147,4 +151,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     say!("written  {}, with {points} points of the surface", arguments.out.display());
     Ok(ExitCode::SUCCESS)
+}
+
+/// Reads an exposure in stops.
+fn parse_stops(text: &str) -> Result<f32, String> {
+    let stops = text.parse().ok().filter(|stops: &f32| (-20.0..=20.0).contains(stops));
+    stops.ok_or_else(|| "give stops from -20 to 20".into())
 }

@@ -33,8 +33,8 @@ pub struct Outcome {
     pub points: usize,
 }
 
-/// Takes the photographs that are not there yet, and writes everything into `folder`; `observe` hears how many there are and
-/// says whether to go on. Stopped early, what is finished stays, and the same call goes on from there.
+/// Takes the photographs that are not there yet, and writes everything into `folder`; `observe` hears how many there are, or
+/// nothing new, and says whether to go on. Stopped early, what is finished stays, and the same call goes on from there.
 ///
 /// # Errors
 /// Where the device fails or the system refuses a file; finished photographs stay.
@@ -43,7 +43,7 @@ pub fn run(
     record: &Record,
     products: &Products,
     folder: &Path,
-    observe: impl Fn(u32) -> ControlFlow<()>,
+    observe: impl Fn(Option<u32>) -> ControlFlow<()>,
 ) -> Result<Outcome> {
     products.begin(record)?;
     let exposure = Exposure { samples: record.samples, seed: record.seed, show_sky: record.show_sky };
@@ -57,7 +57,7 @@ pub fn run(
                 outcome.kept += 1;
                 outcome.pictures += 1;
             } else {
-                let taken = tracer.photograph(camera, number, exposure, || observe(outcome.pictures))?;
+                let taken = tracer.photograph(camera, number, exposure, || observe(None))?;
                 let Some(taken) = taken else { break };
                 let hits = (record.depth || record.normals).then(|| tracer.first_hits(camera, None)).transpose()?;
                 outcome.empty += u32::from(taken.pixels.iter().all(|pixel| pixel[3] == 0.0));
@@ -65,7 +65,7 @@ pub fn run(
                 writing = Some(scope.spawn(move || products.picture(record, camera, &taken, hits.as_ref())));
                 outcome.pictures += 1;
             }
-            if observe(outcome.pictures).is_break() {
+            if observe(Some(outcome.pictures)).is_break() {
                 break;
             }
         }

@@ -31,6 +31,8 @@ pub struct Record {
     pub samples: u32,
     /// Key of the random numbers.
     pub seed: u64,
+    /// Factor of two, so many times, on the light of the 8-bit pictures.
+    pub exposure: f32,
     /// Whether the environment is seen behind the scene; else alpha is written there.
     pub show_sky: bool,
     /// Whether depths are written.
@@ -143,9 +145,10 @@ impl Products {
             let mask: Vec<u8> = pixels.iter().map(|pixel| (255.0 * pixel[3]).round() as u8).collect();
             self.write(&format!("masks/{name}.png"), &picture::grey(*width, &mask)?)?;
         }
+        let gain = record.exposure.exp2();
         let straight = |pixel: &[f32; 4]| {
             let [r, g, b, alpha] = *pixel;
-            let scale = if with_alpha && alpha > 0.0 { 1.0 / alpha } else { 1.0 };
+            let scale = if with_alpha && alpha > 0.0 { gain / alpha } else { gain };
             let [r, g, b] = [r, g, b].map(|v| encoded(f64::from(scale * v)) as f32);
             [r, g, b, alpha]
         };

@@ -126,7 +126,7 @@ pub struct Material {
 impl Material {
     /// The grey of scenes that have no materials.
     pub fn grey() -> Self {
-        Self { base: Vec4::new(0.5, 0.5, 0.5, 1.0), metallic: 0.0, double_sided: true, ..Self::default() }
+        Self { base: Vec4::new(0.5, 0.5, 0.5, 1.0), metallic: 0.0, ..Self::default() }
     }
 
     /// Whether light comes from it.
