@@ -105,6 +105,7 @@ impl Products {
         if !self.resumes && last.is_file() {
             fs::remove_file(&last).map_err(|source| Error::io(&last, source))?;
         }
+        // Plain numbers and text can always be written.
         let text = serde_json::to_vec_pretty(record).unwrap_or_default();
         self.write(RECORD, &text)
     }

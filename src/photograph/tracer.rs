@@ -66,6 +66,7 @@ pub struct Tracer {
     context: Arc<Context>,
     photograph: Pipeline,
     first_hit: Pipeline,
+    /// In the order of the bindings of [`PHOTOGRAPH`], but for the last.
     buffers: Vec<Buffer>,
     chosen: Buffer,
     exposure: Buffer,
