@@ -80,7 +80,8 @@ Lit light_towards(vec3 from, uvec4 a, uvec4 b) {
     if (light.kind == LIGHT_TRIANGLE) {
         float r = sqrt(uniform_of(b.x)), v = uniform_of(b.y);
         vec2 at = vec2(r * (1.0 - v), r * v);
-        vec3 v0 = primitives[3 * light.slot].xyz, e1 = primitives[3 * light.slot + 1].xyz, e2 = primitives[3 * light.slot + 2].xyz;
+        vec3 v0 = primitives[3 * light.slot].xyz;
+        vec3 e1 = primitives[3 * light.slot + 1].xyz, e2 = primitives[3 * light.slot + 2].xyz;
         vec3 to = v0 + at.x * e1 + at.y * e2 - from, n = cross(e1, e2);
         float distance = length(to), twice_area = length(n);
         lit.towards = to / distance;

@@ -5,7 +5,8 @@ use glam::{Vec2, Vec3};
 use super::*;
 use crate::scene::model::{Alpha, Wrap};
 
-/// A folder with the file `scene.gltf` whose quad of 2 x 2 has normals and texture coordinates, with `more` beside its meshes.
+/// A folder with the file `scene.gltf`, whose quad of 2 x 2 has normals and texture coordinates; `more` stands beside its
+/// meshes.
 struct Place {
     folder: tempfile::TempDir,
 }
@@ -104,6 +105,19 @@ fn a_material_is_read_with_all_its_extensions() {
     assert_eq!(v.tangent.w, -1.0);
     let [a, b, c] = model.faces[0].corners.map(|v| model.vertices[v as usize].position);
     assert!((b - a).cross(c - a).z > 0.0);
+}
+
+/// If this failed, a corner that is no number would reach the hierarchy, or a file be lost for one bad triangle.
+#[test]
+fn triangles_that_are_not_finite_are_dropped_and_counted() {
+    let place = Place::new(r#"{"mesh": 0}"#, "", "");
+    let mut bytes = std::fs::read(place.path("a.bin")).unwrap();
+    bytes[36..40].copy_from_slice(&f32::NAN.to_le_bytes());
+    std::fs::write(place.path("a.bin"), &bytes).unwrap();
+    let (model, notes) = place.read();
+    let model = model.unwrap();
+    assert_eq!((model.faces.len(), model.dropped), (1, 2));
+    assert!(notes.iter().any(|note| note.contains("2 triangles without area, or that are not finite")), "{notes:?}");
 }
 
 /// If this failed, lamps would hang elsewhere, or shine another way, than the scene says.
