@@ -6,6 +6,8 @@
 //!
 //! The layers look down only: [`cli`] and [`report`] sit on [`peers`], that on [`plan`], [`vds`], [`select`], [`stereo`] and
 //! [`gaussians`], these on [`metrics`] and [`visibility`], then [`io`], [`photos`], [`scene`], [`primitives`] and [`vulkan`].
+//! The layers look down only: [`cli`] and [`report`] sit on [`plan`], [`vds`], [`select`], [`stereo`], [`gaussians`] and
+//! [`photograph`], these on [`metrics`] and [`visibility`], then [`io`], [`photos`], [`scene`], [`primitives`] and [`vulkan`].
 
 pub mod error;
 pub mod gaussians;
@@ -13,6 +15,7 @@ pub mod io;
 pub mod metrics;
 mod parallel;
 pub mod peers;
+pub mod photograph;
 pub mod photos;
 pub mod plan;
 pub mod primitives;
