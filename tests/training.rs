@@ -64,7 +64,8 @@ fn psnr(trainer: &Trainer, from: usize, to: usize) -> f64 {
     trainer.history()[from..to].iter().map(|record| record.psnr()).sum::<f64>() / (to - from) as f64
 }
 
-/// A run with one wrong gradient still descends a little; this bound needs all of them.
+/// If this failed, training would not train: with the scales' gradient turned round it ends at 15 dB. (That every gradient is
+/// right to four digits is held by tests/gaussian_passes.rs; in so few iterations most of them hardly show.)
 #[test]
 fn a_small_scene_is_learnt() -> Result<()> {
     let (context, folder) = (context()?, folder());
@@ -172,7 +173,8 @@ fn relocated_splats_look_as_their_source_did() -> Result<()> {
     Ok(())
 }
 
-/// Lego at full size, for as long as a test may take.
+/// Lego at full size, for as long as a test may take. It ends at 16.8 dB; with centres that do not move at 16.3, with the scales'
+/// gradient turned round at 11.5.
 #[test]
 fn lego_is_learnt() -> Result<()> {
     let Some(data) = std::env::var_os("CAMSPLAT_DATA") else {
@@ -185,13 +187,13 @@ fn lego_is_learnt() -> Result<()> {
         degree: 1,
         first_opacity: 0.1,
         first_scale: 0.3,
-        ..Config::new(400, 5000)
+        ..Config::new(200, 5000)
     };
     let mut trainer = trainer(&context, &Path::new(&data).join("nerf-synthetic/lego"), &config, 1)?;
-    trainer.run(400, None, go_on)?;
-    let (before, after) = (psnr(&trainer, 0, 20), psnr(&trainer, 380, 400));
+    trainer.run(200, None, go_on)?;
+    let (before, after) = (psnr(&trainer, 0, 20), psnr(&trainer, 180, 200));
     eprintln!("lego: from {before:.2} to {after:.2} dB");
-    assert!(after > 16.0, "from {before:.2} to {after:.2} dB");
+    assert!(after > 16.6, "from {before:.2} to {after:.2} dB");
     silent(&context);
     Ok(())
 }
