@@ -139,6 +139,28 @@ fn a_stopped_capture_goes_on_at_the_first_missing_picture() {
     }
 }
 
+/// If this failed, pictures of an earlier capture would count as those of one that was stopped, and be trained on as its own.
+#[test]
+fn a_stopped_capture_takes_no_pictures_of_an_earlier_one() {
+    let place = place(4, 32);
+    place.done("capture cube.gltf cameras.json --out o --env sky.hdr --spp 1 --depth");
+    let asked = "capture cube.gltf cameras.json --out o --env sky.hdr --spp 100";
+    let mut child = place.command(&format!("{asked} --force")).spawn().unwrap();
+    let output = read_until(&mut child, "device");
+    while place.path("o/transforms.json").is_file() && child.try_wait().unwrap().is_none() {
+        std::thread::yield_now();
+    }
+    let stopped = stop(child, output, "-INT");
+    assert_eq!(stopped.code, Some(130), "{}{}", stopped.out, stopped.err);
+    place.done(asked);
+    place.done(&asked.replace("--out o", "--out whole"));
+    assert_eq!(place.files("o"), place.files("whole"));
+    for name in place.files("whole") {
+        let read = |folder: &str| std::fs::read(place.path(&format!("{folder}/{name}"))).unwrap();
+        assert!(read("o") == read("whole"), "{name} differs");
+    }
+}
+
 /// If this failed, bad input would end in a black picture, a panic, or a message that leaves the user alone.
 #[test]
 fn bad_input_is_refused_and_nothing_is_written() {
@@ -152,7 +174,8 @@ fn bad_input_is_refused_and_nothing_is_written() {
         ),
     );
     place.write("required.gltf", cube(&format!("{ORANGE}, \"extensionsRequired\": [\"EXT_texture_webp\"]")));
-    let cases: [(&str, &[&str]); 6] = [
+    let cases: [(&str, &[&str]); 7] = [
+        ("capture cube.gltf cameras.json --out . --env sky.hdr --force", &["cube.gltf stands in it"]),
         ("capture cube.gltf cameras.json --out o", &["no light", "--env"]),
         ("capture cube.gltf cameras.json --out o --env sky.png", &["sky.png", "no environment map"]),
         ("capture texture.gltf cameras.json --out o --env sky.hdr", &["image 0 is missing", "lost.png"]),

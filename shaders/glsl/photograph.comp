@@ -103,7 +103,7 @@ vec4 path(uint pixel, uint number) {
                 if (most > 0.0) {
                     bool twice = STRATEGY == 0 && lit.density > 0.0;
                     vec3 start = beside(place, dot(lit.towards, s.side) > 0.0 ? s.side : -s.side);
-                    float share = passing(start, lit.towards, lit.reach);
+                    float share = passing(start, lit.towards, lit.reach, lit.slot);
                     rays += 1.0;
                     light += left * through.rgb * lit.light * (share * (twice ? weight(lit.density, through.w) : 1.0));
                 }

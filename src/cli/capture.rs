@@ -73,8 +73,23 @@ enum Background {
     Env,
 }
 
+/// Refuses to write into the folder that an input stands in: it would be replaced.
+fn check_inputs_apart(arguments: &Arguments) -> Result<()> {
+    let Ok(out) = arguments.out.canonicalize() else { return Ok(()) };
+    let inputs = [Some(&arguments.scene), Some(&arguments.cameras), arguments.env.as_ref()];
+    let within = |path: &&PathBuf| path.canonicalize().is_ok_and(|path| path.starts_with(&out));
+    match inputs.into_iter().flatten().find(within) {
+        Some(input) => {
+            let what = format!("{} stands in it and might be replaced; name another folder", input.display());
+            Err(Error::input(&arguments.out, what))
+        }
+        None => Ok(()),
+    }
+}
+
 /// Photographs and writes.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    check_inputs_apart(arguments)?;
     let (mut cameras, mut notes) = io::read_cameras_with_notes(&arguments.cameras)?;
     if let Some((width, height)) = arguments.size {
         resize(&mut cameras, width, height)?;
@@ -142,7 +157,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         say!("kept     {kept} pictures of an earlier run");
     }
     if pictures < all {
-        say!("stopped after {pictures} of {all} pictures, which stay; the same command goes on from there");
+        let how = if arguments.force { "the same command without --force" } else { "the same command" };
+        say!("stopped after {pictures} of {all} pictures, which stay; {how} goes on from there");
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     say!("pictures {} in {:.2} s", all - kept, start.elapsed().as_secs_f64());

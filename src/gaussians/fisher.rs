@@ -100,8 +100,8 @@ pub struct Fisher {
     /// The score.
     results: Buffer,
     lambda: f32,
-    /// Free memory below which nothing more is kept.
-    least: u64,
+    /// Bytes of these that may still be kept: half of what was free at first.
+    spare: u64,
 }
 
 /// Sizes of the pictures, and one that is wide and high enough for all.
@@ -145,7 +145,7 @@ impl Fisher {
             scores: Buffer::device(context, "scores", 4 * u64::from(count))?,
             results: Buffer::host(context, "results", 4)?,
             seen: sizes.iter().map(|_| None).collect(),
-            least: context.memory_available() / 2,
+            spare: context.memory_available() / 2,
             context: context.clone(),
             renderer,
             sizes,
@@ -182,6 +182,7 @@ impl Fisher {
             None => return Err(Error::request(format!("there is no view {view} among {}", self.sizes.len()))),
             Some(seen) => seen.take(),
         };
+        let new = kept.is_none();
         let squares = kept.map_or_else(|| self.observe(view), Ok)?;
         let Renderer { model, degree, .. } = &self.renderer;
         let (stride, learn) = (model.stride, u32::from(learn));
@@ -195,7 +196,9 @@ impl Fisher {
         self.sum.record(&mut commands, &self.scores, Count::Device(&model.population, 0), &self.results, 0)?;
         commands.submit_and_wait()?;
         drop(commands);
-        if self.context.memory_available() > self.least {
+        let bytes = if new { squares.size() } else { 0 };
+        if bytes <= self.spare {
+            self.spare -= bytes;
             self.seen[view] = Some(squares);
         }
         Ok(f64::from(bytemuck::pod_read_unaligned::<f32>(&self.results.mapped()[..4])))

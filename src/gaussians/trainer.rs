@@ -266,7 +266,10 @@ impl Trainer {
             while flow.is_continue() && !halted() && next < until && running.len() < AHEAD {
                 let mut commands = match &profile {
                     Some(_) => Recorder::timed(&self.context, ITERATIONS * MOST_STAGES)?,
-                    None if self.context.physical().timestamp_bits > 0 => Recorder::timed_whole(&self.context)?,
+                    // Timed as a whole, no stage could be waited for.
+                    None if self.context.physical().timestamp_bits > 0 && !self.context.debug_sync() => {
+                        Recorder::timed_whole(&self.context)?
+                    }
                     None => Recorder::new(&self.context)?,
                 };
                 for iteration in next..(next + ITERATIONS).min(until) {

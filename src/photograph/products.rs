@@ -43,6 +43,9 @@ pub struct Record {
     pub exr: bool,
 }
 
+/// Bytes of a file's name before `.png.png`, which masks have.
+const LONGEST_NAME: usize = 255 - 8;
+
 /// Cameras under the names of their photographs, which are PNG files.
 ///
 /// # Errors
@@ -51,8 +54,11 @@ pub fn named(cameras: &[Camera]) -> Result<Vec<Camera>> {
     let mut owners = HashMap::new();
     let mut named = Vec::with_capacity(cameras.len());
     for camera in cameras {
-        let Some(stem) = stem(&camera.name) else {
-            let what = format!("a camera is called {:?}, which names no file; rename it", camera.name);
+        // The longest suffix makes file names of 255 bytes.
+        let Some(stem) = stem(&camera.name)
+            .filter(|stem| !stem.contains('\0') && stem.split('/').all(|part| part.len() <= LONGEST_NAME))
+        else {
+            let what = format!("a camera is called {:?}, which no file can be; rename it", camera.name);
             return Err(Error::request(what));
         };
         let name = format!("{stem}.png");
@@ -61,6 +67,17 @@ pub fn named(cameras: &[Camera]) -> Result<Vec<Camera>> {
             return Err(Error::request(what));
         }
         named.push(Camera { name, ..camera.clone() });
+    }
+    for name in owners.keys() {
+        // A folder of that name would stand in the way of the picture, or of its mask.
+        let folder = named.iter().find_map(|camera| {
+            let mut above = camera.name.match_indices('/').map(|(end, _)| &camera.name[..end]);
+            above.find(|above| above == name || above.strip_suffix(".png") == Some(name))
+        });
+        if folder.is_some() {
+            let what = format!("images/{name} would be a picture and a folder of others; rename the camera {name:?}");
+            return Err(Error::request(what));
+        }
     }
     Ok(named)
 }
@@ -96,7 +113,8 @@ impl Products {
     }
 
     /// Makes the folder and says in it what it holds. What an earlier capture left as its last is taken away first, so that
-    /// the folder is never taken for complete.
+    /// the folder is never taken for complete; then what has the names of this one's pictures, which would be taken for its own
+    /// where it is stopped and taken up.
     ///
     /// # Errors
     /// Where the system refuses.
@@ -104,6 +122,15 @@ impl Products {
         let last = self.folder.join(LAST);
         if !self.resumes && last.is_file() {
             fs::remove_file(&last).map_err(|source| Error::io(&last, source))?;
+        }
+        for camera in record.cameras.iter().filter(|_| !self.resumes) {
+            let name = &camera.name;
+            let stem = name.strip_suffix(".png").unwrap_or(name);
+            let masks = [format!("images/{name}"), format!("masks/{name}.png")];
+            let maps = ["depth", "normals", "linear"].map(|kind| format!("{kind}/{stem}.exr"));
+            for file in masks.iter().chain(&maps).map(|file| self.folder.join(file)).filter(|file| file.is_file()) {
+                fs::remove_file(&file).map_err(|source| Error::io(&file, source))?;
+            }
         }
         // Plain numbers and text can always be written.
         let text = serde_json::to_vec_pretty(record).unwrap_or_default();

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
 
@@ -17,9 +18,12 @@ use crate::{Error, Result};
 const SEED_STREAM: u32 = 0x7068_6f74;
 /// Threads of a workgroup, as in the shaders.
 const GROUP: u32 = 64;
-/// Paths of one submission: on a CPU it should end within a second, so that a run can be stopped; a GPU is kept busy.
+/// Paths of one sample of a part, the least that is submitted: on a CPU they should end within a second, so that a run can be
+/// stopped, on a GPU long before a watchdog looks.
 const CPU_PATHS: u64 = 1 << 17;
-const GPU_PATHS: u64 = 1 << 24;
+const GPU_PATHS: u64 = 1 << 20;
+/// How long a submission should take: it has twice as many samples while it takes less than half of that.
+const SUBMISSION: Duration = Duration::from_millis(200);
 /// Samples of one dispatch. On CPU devices the loops of a thread must stay short: past 65,535 turns they end silently.
 const GPU_SAMPLES: u32 = 8;
 /// Bytes of a pixel: its sum, and what lies in its middle.
@@ -152,7 +156,7 @@ impl Tracer {
         let on_cpu = self.context.physical().kind == "CPU";
         let (most_paths, most_samples) = if on_cpu { (CPU_PATHS, 1) } else { (GPU_PATHS, GPU_SAMPLES) };
         let part = most_paths.min(u64::from(pixels)) as u32;
-        let per_submission = (most_paths / u64::from(part)).max(1) as u32;
+        let mut per_submission = 1;
         for first in (0..pixels).step_by(part as usize) {
             let count = part.min(pixels - first);
             let mut sample = 0;
@@ -160,6 +164,7 @@ impl Tracer {
                 if go_on().is_break() {
                     return Ok(None);
                 }
+                let begun = Instant::now();
                 let mut commands = Recorder::new(&self.context)?;
                 let last = exposure.samples.min(sample.saturating_add(per_submission));
                 while sample < last {
@@ -169,6 +174,12 @@ impl Tracer {
                     sample += samples;
                 }
                 commands.submit_and_wait()?;
+                match begun.elapsed() {
+                    short if short < SUBMISSION / 2 => per_submission *= 2,
+                    long if long > SUBMISSION => per_submission = (per_submission / 2).max(1),
+                    _ => {}
+                }
+                per_submission = per_submission.min(exposure.samples);
             }
         }
         let sums: Vec<[f32; 4]> = self.exposure.download(pixels as usize)?;

@@ -57,6 +57,8 @@ uvec2 pixel_of(uvec2 corner, uint k) {
 // Brings instances `from` to `end` of a tile to shared memory.
 void stage(uint from, uint end, uvec2 corner) {
     for (uint k = gl_LocalInvocationIndex; k < STAGED; k += THREADS) {
+        means[k] = conics[k] = vec4(0.0);
+        blues[k] = 0.0;
         strips[k] = 0;
         if (from + k >= end) continue;
         Projected splat = projected[instance_splats[tile_instances[from + k]]];

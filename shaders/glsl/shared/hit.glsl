@@ -77,8 +77,8 @@ Hit closest(vec3 origin, vec3 direction, float t_min, uvec3 key, bool keyed) {
     return best;
 }
 
-// Share of the light that passes along a ray up to `t_max`.
-float passing(vec3 origin, vec3 direction, float t_max) {
+// Share of the light that passes along a ray up to `t_max`; the triangle in slot `lit` stops none.
+float passing(vec3 origin, vec3 direction, float t_max, uint lit) {
     vec3 inverse = vec3(inverse_slope(direction.x), inverse_slope(direction.y), inverse_slope(direction.z));
     uint stack[STACK];
     uint size = 0, child = 0;
@@ -89,7 +89,7 @@ float passing(vec3 origin, vec3 direction, float t_max) {
             for (uint k = 0; k < count; ++k) {
                 vec2 at;
                 float t = intersect_triangle(first + k, origin, direction, at);
-                if (!(t >= 0.0 && t < t_max)) continue;
+                if (!(t >= 0.0 && t < t_max) || first + k == lit) continue;
                 left *= has_alpha(first + k) ? 1.0 - opacity(first + k, at) : 0.0;
                 if (left <= 0.0) return 0.0;
             }

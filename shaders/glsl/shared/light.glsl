@@ -10,7 +10,7 @@ float uniform_of(uint word) {
 vec4 sky_at(vec2 uv) {
     int w = int(setting[0].sky_width), h = int(setting[0].sky_height);
     vec2 at = uv * vec2(w, h) - 0.5;
-    ivec2 i = ivec2(floor(at));
+    ivec2 i = clamp(ivec2(floor(at)), ivec2(-1), ivec2(w, h) - 1);
     vec2 f = at - floor(at);
     int x0 = (i.x + w) % w, x1 = (i.x + 1 + w) % w, y0 = clamp(i.y, 0, h - 1), y1 = clamp(i.y + 1, 0, h - 1);
     return mix(mix(sky[y0 * w + x0], sky[y0 * w + x1], f.x), mix(sky[y1 * w + x0], sky[y1 * w + x1], f.x), f.y);
@@ -18,8 +18,8 @@ vec4 sky_at(vec2 uv) {
 
 // Radiance from a direction, and the density by solid angle with which it is sampled.
 vec4 sky_from(vec3 w) {
-    vec4 found = sky_at(vec2(0.5 + atan(w.z, w.x) / (2.0 * PI), acos(clamp(w.y, -1.0, 1.0)) / PI));
-    found.w *= setting[0].sky_share / (2.0 * PI * PI * max(sqrt(max(1.0 - w.y * w.y, 0.0)), 1e-6));
+    vec4 found = sky_at(vec2(0.5 + atan(w.z, w.x) / (2.0 * PI), atan(length(w.xz), w.y) / PI));
+    found.w *= setting[0].sky_share / (2.0 * PI * PI * max(length(w.xz), 1e-6));
     return found;
 }
 
@@ -40,11 +40,12 @@ struct Lit {
     float reach;   // how far the ray must pass
     vec3 light;    // radiance, or what stands for it of lamps, over the chance
     float density; // by solid angle; 0 for lamps, which no ray meets
+    uint slot;     // the triangle that gives it, or NONE
 };
 
 // Light at a place from one source, drawn from the words `a` and `b`. A reach of 0 says that there is none.
 Lit light_towards(vec3 from, uvec4 a, uvec4 b) {
-    Lit lit = Lit(vec3(0.0, 1.0, 0.0), 0.0, vec3(0.0), 0.0);
+    Lit lit = Lit(vec3(0.0, 1.0, 0.0), 0.0, vec3(0.0), 0.0, NONE);
     float sky_share = setting[0].sky_share;
     if (uniform_of(a.x) < sky_share) {
         // Walker's alias method: each texel has a threshold and another texel.
@@ -94,7 +95,9 @@ Lit light_towards(vec3 from, uvec4 a, uvec4 b) {
         if (has_alpha(light.slot)) emitted *= opacity(light.slot, at);
         lit.density = light_density(first, light.slot, distance, abs(cosine));
         lit.light = emitted / lit.density;
-        lit.reach = 0.9995 * distance;
+        // What lies on the very same place stops no light.
+        lit.reach = distance * (1.0 - 4e-6);
+        lit.slot = light.slot;
     } else if (light.kind == LIGHT_DIRECTIONAL) {
         lit.towards = -light.direction;
         lit.light = light.colour / chance;

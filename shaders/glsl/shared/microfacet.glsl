@@ -51,7 +51,8 @@ float sheen_curve(float x, float alpha) {
     return a / (1.0 + b * pow(x, c)) + d * x + e;
 }
 
-float sheen_lambda(float z, float alpha) {
+float sheen_lambda(float cosine, float alpha) {
+    float z = min(cosine, 1.0);
     return exp(z < 0.5 ? sheen_curve(z, alpha) : 2.0 * sheen_curve(0.5, alpha) - sheen_curve(1.0 - z, alpha));
 }
 

@@ -249,7 +249,8 @@ vec3 sampled(Surface s, vec3 wo, vec4 u) {
         frame_of(s.coat_n, t, b);
         vec3 co = vec3(dot(wo, t), dot(wo, b), dot(wo, s.coat_n));
         i = reflect(-co, sample_facet(co, s.coat_alpha, u.xy));
-        return i.z > 0.0 ? i.x * t + i.y * b + i.z * s.coat_n : vec3(0.0);
+        vec3 wi = i.x * t + i.y * b + i.z * s.coat_n;
+        return i.z > 0.0 && dot(wi, s.side) > 0.0 ? wi : vec3(0.0);
     }
     pick -= s.p_coat;
     if (pick < s.p_diffuse) {

@@ -22,11 +22,13 @@ pub(super) struct Look<'a> {
     known: Vec<Option<u32>>,
     /// Those that are referred to.
     pub images: Vec<Image>,
+    /// How often one of them was halved.
+    halved: u32,
 }
 
 impl<'a> Look<'a> {
     pub fn new(document: &'a Document, buffers: &'a Buffers<'a>) -> Self {
-        Self { document, buffers, known: vec![None; buffers.root.images.len()], images: Vec::new() }
+        Self { document, buffers, known: vec![None; buffers.root.images.len()], images: Vec::new(), halved: 0 }
     }
 
     /// A material of the file.
@@ -156,19 +158,23 @@ impl<'a> Look<'a> {
         self.images.push(Image { width, height, pixels: image.pixels().map(|pixel| pixel.0).collect() });
         // Decoding went well, so the image is in the list.
         self.known[index] = Some(kept);
+        self.shrink();
         Ok(kept)
     }
 
     /// Halves the largest images until all fit.
-    pub fn shrink(&mut self, notes: &mut Vec<String>) {
-        let mut halved = 0;
+    fn shrink(&mut self) {
         while self.images.iter().map(|image| image.pixels.len()).sum::<usize>() > MOST_TEXELS {
             let Some(largest) = self.images.iter_mut().max_by_key(|image| image.pixels.len()) else { return };
             *largest = half(largest);
-            halved += 1;
+            self.halved += 1;
         }
-        if halved > 0 {
-            notes.push(format!("textures were halved {halved} times, to have {MOST_TEXELS} texels at most"));
+    }
+
+    /// Says where images were halved.
+    pub fn note(&self, notes: &mut Vec<String>) {
+        if self.halved > 0 {
+            notes.push(format!("textures were halved {} times, to have {MOST_TEXELS} texels at most", self.halved));
         }
     }
 }
@@ -180,7 +186,7 @@ fn half(image: &Image) -> Image {
     let pixel = |i: u32| {
         let (x, y) = (2 * (i % width), 2 * (i / width));
         let four = [at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)];
-        std::array::from_fn(|c| (four.iter().map(|p| u32::from(p[c])).sum::<u32>().div_ceil(4)) as u8)
+        std::array::from_fn(|c| ((four.iter().map(|p| u32::from(p[c])).sum::<u32>() + 2) / 4) as u8)
     };
     Image { width, height, pixels: (0..width * height).map(pixel).collect() }
 }

@@ -57,7 +57,7 @@ pub fn read_model(path: &Path, notes: &mut Vec<String>) -> Result<Model> {
     let buffers = Buffers::load(path, &root, chunk)?;
     let mut look = Look::new(&document, &buffers);
     let mut materials = (0..document.materials.len()).map(|i| look.material(i)).collect::<Result<Vec<Material>>>()?;
-    look.shrink(notes);
+    look.note(notes);
     let plain = materials.len() as u32;
     if materials.is_empty() {
         notes.push("the scene has no materials: it is grey".into());
