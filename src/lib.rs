@@ -13,6 +13,7 @@ pub mod gaussians;
 pub mod io;
 pub mod metrics;
 mod parallel;
+pub mod photograph;
 pub mod photos;
 pub mod plan;
 pub mod primitives;

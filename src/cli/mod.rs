@@ -17,6 +17,7 @@ macro_rules! complain {
     }};
 }
 
+mod capture;
 mod demo;
 mod devices;
 mod metrics;
@@ -62,6 +63,8 @@ enum Command {
     Proxy(proxy::Arguments),
     /// Render trained splats, of whatever program, from given cameras
     Render(render::Arguments),
+    /// Photograph a scene with materials and lights from given cameras
+    Capture(Box<capture::Arguments>),
     /// List every Vulkan device, what it has and what it lacks
     Devices,
     /// Plan two scenes of our own: an object (50 views) and a furnished room (300 views)
@@ -89,6 +92,7 @@ pub fn main() -> ExitCode {
         Command::Train(arguments) => train::run(&arguments),
         Command::Proxy(arguments) => proxy::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
+        Command::Capture(arguments) => capture::run(&arguments),
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Vdsf(arguments) => vdsf::run(&arguments),

@@ -16,11 +16,13 @@
 //!
 //! Trained splats are also read as what they are, for rendering: [`read_gaussians_with_notes`].
 //! [`photos`] reads captures: cameras with their lenses, images and masks, and the points of a reconstruction. [`picture`] writes
-//! rendered pictures.
+//! rendered pictures. For photographing, [`gltf::read_model`] reads a scene with its materials and lamps, and
+//! [`environment`] the light around it.
 
 mod binary;
 mod checks;
 pub mod colmap;
+pub mod environment;
 pub mod export;
 pub mod folder;
 pub mod gltf;

@@ -62,6 +62,37 @@ pub fn depths(width: u32, depths: Vec<f32>) -> Result<Vec<u8>> {
     exr(width, vec![("Z", depths)])
 }
 
+/// An OpenEXR file of linear colours that are multiplied by alpha, in rows of `width` from the top left.
+///
+/// # Errors
+/// Where the pixels make no whole rows.
+pub fn linear(width: u32, pixels: &[[f32; 4]], with_alpha: bool) -> Result<Vec<u8>> {
+    let names = if with_alpha { &["R", "G", "B", "A"][..] } else { &["R", "G", "B"] };
+    exr(width, planes(names, pixels))
+}
+
+/// An OpenEXR file of unit vectors in the world, as the channels X, Y and Z, in rows of `width` from the top left.
+///
+/// # Errors
+/// Where the pixels make no whole rows.
+pub fn normals(width: u32, vectors: &[[f32; 4]]) -> Result<Vec<u8>> {
+    exr(width, planes(&["X", "Y", "Z"], vectors))
+}
+
+/// The first components of pixels, a channel for each.
+fn planes<'a>(names: &[&'a str], pixels: &[[f32; 4]]) -> Vec<(&'a str, Vec<f32>)> {
+    let plane = |(c, name): (usize, &&'a str)| (*name, pixels.iter().map(|pixel| pixel[c]).collect());
+    names.iter().enumerate().map(plane).collect()
+}
+
+/// A PNG file of grey values with 8 bits, in rows of `width` pixels from the top left.
+///
+/// # Errors
+/// Where the values make no whole rows.
+pub fn grey(width: u32, values: &[u8]) -> Result<Vec<u8>> {
+    png_of(width, values.len(), values, ExtendedColorType::L8)
+}
+
 fn png(width: u32, pixels: &[[f32; 4]], with_alpha: bool) -> Result<Vec<u8>> {
     let (channels, kind) = if with_alpha { (4, ExtendedColorType::Rgba8) } else { (3, ExtendedColorType::Rgb8) };
     let byte = |value: &f32| (255.0 * value.clamp(0.0, 1.0)).round() as u8;

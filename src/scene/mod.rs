@@ -13,6 +13,7 @@ pub mod free_space;
 pub mod gaussians;
 pub mod harmonics;
 pub mod lens;
+pub mod model;
 mod morton;
 pub mod octahedral;
 mod orientation;

@@ -1,4 +1,5 @@
 // Traversal proper: included after the bindings that bvh.glsl names.
+#include "shared/triangle.glsl"
 
 // Distance along the ray to a primitive, from either side; MISS where there is none in [t_min, t_max].
 float intersect(uint slot, vec3 origin, vec3 direction, float t_min, float t_max) {
@@ -12,17 +13,8 @@ float intersect(uint slot, vec3 origin, vec3 direction, float t_min, float t_max
         vec3 off = t * direction - to_centre;
         if (slope == 0.0 || !(dot(off, off) <= disc.w * disc.w)) return MISS;
     } else {
-        // Moeller and Trumbore 1997.
-        vec3 v0 = primitives[3 * slot].xyz, e1 = primitives[3 * slot + 1].xyz, e2 = primitives[3 * slot + 2].xyz;
-        vec3 p = cross(direction, e2);
-        float determinant = dot(e1, p);
-        if (determinant == 0.0) return MISS;
-        vec3 s = origin - v0;
-        float u = dot(s, p) / determinant;
-        vec3 q = cross(s, e1);
-        float v = dot(direction, q) / determinant;
-        t = dot(e2, q) / determinant;
-        if (!(u >= -1e-6 && v >= -1e-6 && u + v <= 1.000001)) return MISS;
+        vec2 at;
+        t = intersect_triangle(slot, origin, direction, at);
     }
     return t >= t_min && t <= t_max ? t : MISS;
 }

@@ -5,7 +5,7 @@ use std::io::Cursor;
 
 use glam::{DVec2, DVec3};
 use gltf_json as json;
-use image::{ImageReader, RgbImage};
+use image::{DynamicImage, ImageReader, RgbImage};
 use json::texture::{Sampler, WrappingMode};
 use json::validation::Checked;
 
@@ -93,28 +93,9 @@ impl<'a> Paint<'a> {
         self.images[&index].as_ref()
     }
 
-    /// Decodes an image from its buffer view or URI.
+    /// Decodes an image from its buffer view or URI, and shrinks it.
     fn decode(&mut self, index: usize) -> Result<RgbImage, String> {
-        let Some(image) = self.root.images.get(index) else { return Err("it is not there".into()) };
-        let owned;
-        let bytes = match (image.buffer_view, &image.uri) {
-            (Some(view), _) => self.buffers.view(view.value()).map_err(|e| e.to_string())?,
-            (None, Some(uri)) => {
-                owned = resolve(self.buffers.path, uri)?;
-                &owned
-            }
-            _ => return Err("it has no data".into()),
-        };
-        let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| e.to_string())?;
-        let mut limits = image::Limits::default();
-        limits.max_image_width = Some(LARGEST_SIDE);
-        limits.max_image_height = Some(LARGEST_SIDE);
-        limits.max_alloc = Some(LARGEST_IMAGE);
-        reader.limits(limits);
-        let image = reader.decode().map_err(|e| e.to_string())?;
-        if image.width() == 0 || image.height() == 0 {
-            return Err("it has no pixels".into());
-        }
+        let image = decoded(self.buffers, index)?;
         let image = match image.width().max(image.height()) {
             0..=LONGEST_SIDE => image,
             _ => image.thumbnail(LONGEST_SIDE, LONGEST_SIDE),
@@ -125,6 +106,31 @@ impl<'a> Paint<'a> {
         }
         Ok(image.into_rgb8())
     }
+}
+
+/// Image `index` of a file, from its buffer view or URI; what is wrong with it where it cannot be had.
+pub(super) fn decoded(buffers: &Buffers<'_>, index: usize) -> Result<DynamicImage, String> {
+    let Some(image) = buffers.root.images.get(index) else { return Err("it is not there".into()) };
+    let owned;
+    let bytes = match (image.buffer_view, &image.uri) {
+        (Some(view), _) => buffers.view(view.value()).map_err(|e| e.to_string())?,
+        (None, Some(uri)) => {
+            owned = resolve(buffers.path, uri)?;
+            &owned
+        }
+        _ => return Err("it has no data".into()),
+    };
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| e.to_string())?;
+    let mut limits = image::Limits::default();
+    limits.max_image_width = Some(LARGEST_SIDE);
+    limits.max_image_height = Some(LARGEST_SIDE);
+    limits.max_alloc = Some(LARGEST_IMAGE);
+    reader.limits(limits);
+    let image = reader.decode().map_err(|e| e.to_string())?;
+    if image.width() == 0 || image.height() == 0 {
+        return Err("it has no pixels".into());
+    }
+    Ok(image)
 }
 
 /// Texture coordinates after KHR_texture_transform: scaled, rotated about the origin, then moved.

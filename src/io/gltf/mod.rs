@@ -5,18 +5,24 @@
 
 mod accessors;
 mod buffers;
+mod look;
 mod materials;
+mod model;
+mod nodes;
+mod schema;
 
-use std::collections::HashSet;
+pub use model::read_model;
+
 use std::path::Path;
 
-use glam::{DMat4, DQuat, DVec2, DVec3};
+use glam::{DMat4, DVec2, DVec3};
 use gltf_json as json;
-use json::mesh::{Mode, Primitive, Semantic};
+use json::mesh::{Primitive, Semantic};
 use json::validation::Checked;
 
 use self::buffers::Buffers;
 use self::materials::Paint;
+use self::nodes::unfold;
 use super::checks;
 use crate::error::{Error, Result};
 use crate::scene::colour;
@@ -63,7 +69,11 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
         mesh: Mesh::default(),
         left_out: 0,
     };
-    scene.walk(notes)?;
+    for (node, world) in nodes::placed(path, &root, notes)? {
+        if let Some(mesh) = root.nodes[node].mesh {
+            scene.add(mesh.value(), world)?;
+        }
+    }
     if scene.left_out > 0 {
         notes.push(format!("{} parts of points or lines were left out", scene.left_out));
     }
@@ -105,39 +115,6 @@ struct Scene<'a> {
 impl Scene<'_> {
     fn refuse<T>(&self, what: impl Into<String>) -> Result<T> {
         Err(Error::input(self.path, what))
-    }
-
-    /// Visits every node of the scene from its roots.
-    fn walk(&mut self, notes: &mut Vec<String>) -> Result<()> {
-        let scene = self.root.scene.map_or(0, |scene| scene.value());
-        let roots: Vec<usize> = match self.root.scenes.get(scene) {
-            Some(scene) => scene.nodes.iter().map(|node| node.value()).collect(),
-            None if self.root.scenes.is_empty() => {
-                let children = self.root.nodes.iter().flat_map(|node| node.children.iter().flatten());
-                let children: HashSet<usize> = children.map(|child| child.value()).collect();
-                (0..self.root.nodes.len()).filter(|node| !children.contains(node)).collect()
-            }
-            None => return self.refuse(format!("it shows scene {scene}, which is not there; export it again")),
-        };
-        if self.root.scenes.len() > 1 {
-            notes.push(format!("of {} scenes only scene {scene} is read", self.root.scenes.len()));
-        }
-        let mut open: Vec<(usize, DMat4)> = roots.into_iter().map(|node| (node, DMat4::IDENTITY)).collect();
-        let mut visited = HashSet::new();
-        while let Some((index, parent)) = open.pop() {
-            let Some(node) = self.root.nodes.get(index) else {
-                return self.refuse(format!("node {index} is not there; export the scene again"));
-            };
-            if !visited.insert(index) {
-                return self.refuse(format!("node {index} hangs in the scene twice; a scene must be a tree"));
-            }
-            let world = parent * transform(node);
-            if let Some(mesh) = node.mesh {
-                self.add(mesh.value(), world)?;
-            }
-            open.extend(node.children.iter().flatten().map(|child| (child.value(), world)));
-        }
-        Ok(())
     }
 
     /// Adds a mesh as a node places it.
@@ -212,43 +189,6 @@ fn mean<const N: usize>(values: &[[f64; N]], corners: [usize; 3]) -> Option<[f64
     let [a, b, c] = corners.map(|v| values.get(v));
     let (a, b, c) = (a?, b?, c?);
     Some(std::array::from_fn(|i| (a[i] + b[i] + c[i]) / 3.0))
-}
-
-/// Parent-from-node matrix.
-fn transform(node: &json::Node) -> DMat4 {
-    if let Some(matrix) = node.matrix {
-        return DMat4::from_cols_array(&matrix.map(f64::from));
-    }
-    let vector = |v: Option<[f32; 3]>, default| v.map_or(default, |v| DVec3::from_array(v.map(f64::from)));
-    let rotation = node.rotation.unwrap_or_default().0;
-    let rotation = DQuat::from_array(rotation.map(f64::from));
-    // Exporters print few digits, and a rotation without length can only mean none.
-    let rotation = if rotation.length() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
-    DMat4::from_scale_rotation_translation(
-        vector(node.scale, DVec3::ONE),
-        rotation,
-        vector(node.translation, DVec3::ZERO),
-    )
-}
-
-/// The triangles that a part's indices make in its mode; none where it has points or lines.
-fn unfold(mode: Checked<Mode>, indices: &[u32]) -> Option<Vec<[u32; 3]>> {
-    match mode {
-        Checked::Valid(Mode::Triangles) => Some(indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect()),
-        // Every second triangle of a strip is turned over, so that all face the same way.
-        Checked::Valid(Mode::TriangleStrip) => Some(
-            indices
-                .windows(3)
-                .enumerate()
-                .map(|(i, t)| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[0], t[2], t[1]] })
-                .collect(),
-        ),
-        Checked::Valid(Mode::TriangleFan) => {
-            let (first, rest) = indices.split_first()?;
-            Some(rest.windows(2).map(|t| [t[0], t[1], *first]).collect())
-        }
-        _ => None,
-    }
 }
 
 #[cfg(test)]

@@ -1,3 +1,5 @@
+use json::mesh::Mode;
+
 use super::*;
 
 /// A scene of two triangles as a strip over four vertices, placed by `node`, with `more` entries in the root. The buffer

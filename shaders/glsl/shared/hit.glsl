@@ -1,0 +1,121 @@
+// Rays through triangles with materials: closest hits, and how much light passes between two places. Needs the bindings
+// `nodes`, `primitives`, `vertices`, `faces`, `materials`, `maps`, `texels` and `setting`.
+#include "shared/triangle.glsl"
+
+struct Hit {
+    float t;  // MISS: nothing
+    uint slot;
+    vec2 at;
+};
+
+// Mean of a triangle's corners' texture coordinates by the weights of a hit.
+vec2 uv0_at(Face face, vec2 at) {
+    return (1.0 - at.x - at.y) * vertices[face.a].uv0 + at.x * vertices[face.b].uv0 + at.y * vertices[face.c].uv0;
+}
+
+vec2 uv1_at(Face face, vec2 at) {
+    return (1.0 - at.x - at.y) * vertices[face.a].uv1 + at.x * vertices[face.b].uv1 + at.y * vertices[face.c].uv1;
+}
+
+vec4 colour_at(Face face, vec2 at) {
+    return (1.0 - at.x - at.y) * unpackUnorm4x8(vertices[face.a].colour) + at.x * unpackUnorm4x8(vertices[face.b].colour)
+        + at.y * unpackUnorm4x8(vertices[face.c].colour);
+}
+
+// Share of the light that a triangle with alpha stops.
+float opacity(uint slot, vec2 at) {
+    Face face = faces[slot];
+    uint map = materials[face.material].base_map;
+    float alpha = materials[face.material].alpha * colour_at(face, at).a;
+    if (map != NONE) alpha *= map_at(map, uv0_at(face, at), uv1_at(face, at)).a;
+    if ((materials[face.material].flags & ALPHA_MASK) != 0) return alpha < materials[face.material].cutoff ? 0.0 : 1.0;
+    return alpha;
+}
+
+// Whether a triangle's alpha must be looked at.
+bool has_alpha(uint slot) {
+    return primitives[3 * slot + 1].w != 0.0;
+}
+
+// The closest hit past `t_min`. What stops a share of the light stops the ray where a number in [0, 1) of `key` and the
+// triangle is below that share; without a key (0), where it is half or more.
+Hit closest(vec3 origin, vec3 direction, float t_min, uvec3 key, bool keyed) {
+    vec3 inverse = vec3(inverse_slope(direction.x), inverse_slope(direction.y), inverse_slope(direction.z));
+    uint stack[STACK];
+    uint size = 0, child = 0;
+    Hit best = Hit(MISS, NONE, vec2(0.0));
+    while (true) {
+        if ((child & LEAF) != 0) {
+            uint first = child & ((1u << COUNT_SHIFT) - 1u), count = (child ^ LEAF) >> COUNT_SHIFT;
+            for (uint k = 0; k < count; ++k) {
+                uint slot = first + k;
+                vec2 at;
+                float t = intersect_triangle(slot, origin, direction, at);
+                // Of equals the lower slot stays, whatever the order of the boxes.
+                if (!(t >= t_min && t <= best.t) || t >= MISS || (t == best.t && slot > best.slot)) continue;
+                if (has_alpha(slot)) {
+                    float least = keyed ? float(pcg4d(uvec4(key, slot)).x >> 8u) * 5.9604644775390625e-8 : 0.4999;
+                    if (opacity(slot, at) <= least) continue;
+                }
+                best = Hit(t, slot, at);
+            }
+        } else {
+            Node node = nodes[child];
+            float enter0 = enter_box(origin, inverse, t_min, best.t, node.lo0, node.hi0);
+            float enter1 = enter_box(origin, inverse, t_min, best.t, node.lo1, node.hi1);
+            bool hit0 = enter0 < MISS, hit1 = enter1 < MISS;
+            if (hit0 || hit1) {
+                bool first = hit0 && (!hit1 || enter0 <= enter1);
+                if (hit0 && hit1) stack[size++] = first ? node.child1 : node.child0;
+                child = first ? node.child0 : node.child1;
+                continue;
+            }
+        }
+        if (size == 0) break;
+        child = stack[--size];
+    }
+    return best;
+}
+
+// Share of the light that passes along a ray up to `t_max`.
+float passing(vec3 origin, vec3 direction, float t_max) {
+    vec3 inverse = vec3(inverse_slope(direction.x), inverse_slope(direction.y), inverse_slope(direction.z));
+    uint stack[STACK];
+    uint size = 0, child = 0;
+    float left = 1.0;
+    while (true) {
+        if ((child & LEAF) != 0) {
+            uint first = child & ((1u << COUNT_SHIFT) - 1u), count = (child ^ LEAF) >> COUNT_SHIFT;
+            for (uint k = 0; k < count; ++k) {
+                vec2 at;
+                float t = intersect_triangle(first + k, origin, direction, at);
+                if (!(t >= 0.0 && t < t_max)) continue;
+                left *= has_alpha(first + k) ? 1.0 - opacity(first + k, at) : 0.0;
+                if (left <= 0.0) return 0.0;
+            }
+        } else {
+            Node node = nodes[child];
+            float enter0 = enter_box(origin, inverse, 0.0, t_max, node.lo0, node.hi0);
+            float enter1 = enter_box(origin, inverse, 0.0, t_max, node.lo1, node.hi1);
+            bool hit0 = enter0 < MISS, hit1 = enter1 < MISS;
+            if (hit0 || hit1) {
+                bool first = hit0 && (!hit1 || enter0 <= enter1);
+                if (hit0 && hit1) stack[size++] = first ? node.child1 : node.child0;
+                child = first ? node.child0 : node.child1;
+                continue;
+            }
+        }
+        if (size == 0) break;
+        child = stack[--size];
+    }
+    return left;
+}
+
+// A place beside the surface, on the side that `normal` points to, from which a ray does not meet it again: Waechter and
+// Binder 2019, "A Fast and Robust Method for Avoiding Self-Intersection".
+vec3 beside(vec3 position, vec3 normal) {
+    float radius = setting[0].radius;
+    ivec3 steps = ivec3(256.0 * normal);
+    vec3 moved = intBitsToFloat(floatBitsToInt(position) + mix(steps, -steps, lessThan(position, vec3(0.0))));
+    return mix(moved, position + radius / 65536.0 * normal, lessThan(abs(position), vec3(radius / 32.0)));
+}

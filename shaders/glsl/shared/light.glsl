@@ -1,0 +1,113 @@
+// Where light comes from: emitting triangles, lamps and the environment. Needs the bindings `lights`, `sky`, `aliases` and
+// `setting`, and what hit.glsl needs.
+
+float uniform_of(uint word) {
+    return float(word >> 8u) * 5.9604644775390625e-8;
+}
+
+// Radiance of the environment, and as the fourth the density with which its place is sampled, by area of the map:
+// bilinear between texels' centres, around the map and clamped at the poles.
+vec4 sky_at(vec2 uv) {
+    int w = int(setting[0].sky_width), h = int(setting[0].sky_height);
+    vec2 at = uv * vec2(w, h) - 0.5;
+    ivec2 i = ivec2(floor(at));
+    vec2 f = at - floor(at);
+    int x0 = (i.x + w) % w, x1 = (i.x + 1 + w) % w, y0 = clamp(i.y, 0, h - 1), y1 = clamp(i.y + 1, 0, h - 1);
+    return mix(mix(sky[y0 * w + x0], sky[y0 * w + x1], f.x), mix(sky[y1 * w + x0], sky[y1 * w + x1], f.x), f.y);
+}
+
+// Radiance from a direction, and the density by solid angle with which it is sampled.
+vec4 sky_from(vec3 w) {
+    vec4 found = sky_at(vec2(0.5 + atan(w.z, w.x) / (2.0 * PI), acos(clamp(w.y, -1.0, 1.0)) / PI));
+    found.w *= setting[0].sky_share / (2.0 * PI * PI * max(sqrt(max(1.0 - w.y * w.y, 0.0)), 1e-6));
+    return found;
+}
+
+// Density by solid angle with which the place of a hit on an emitting triangle is sampled from `distance` away.
+float light_density(uint light, uint slot, float distance, float cosine) {
+    if (light == NONE) return 0.0;
+    float area = 0.5 * length(cross(primitives[3 * slot + 1].xyz, primitives[3 * slot + 2].xyz));
+    return (1.0 - setting[0].sky_share) * lights[light].share * distance * distance / (area * max(cosine, 1e-6));
+}
+
+// The tent over [-1, 1] from a uniform number.
+float tent(float u) {
+    return u < 0.5 ? sqrt(2.0 * u) - 1.0 : 1.0 - sqrt(2.0 - 2.0 * u);
+}
+
+struct Lit {
+    vec3 towards;
+    float reach;   // how far the ray must pass
+    vec3 light;    // radiance, or what stands for it of lamps, over the chance
+    float density; // by solid angle; 0 for lamps, which no ray meets
+};
+
+// Light at a place from one source, drawn from the words `a` and `b`. A reach of 0 says that there is none.
+Lit light_towards(vec3 from, uvec4 a, uvec4 b) {
+    Lit lit = Lit(vec3(0.0, 1.0, 0.0), 0.0, vec3(0.0), 0.0);
+    float sky_share = setting[0].sky_share;
+    if (uniform_of(a.x) < sky_share) {
+        // Walker's alias method: each texel has a threshold and another texel.
+        uint w = setting[0].sky_width, texels = w * setting[0].sky_height, index, low;
+        umulExtended(a.y, texels, index, low);
+        uvec2 alias = aliases[index];
+        if (a.z > alias.x) index = alias.y;
+        vec2 at = vec2(index % w, index / w) + 0.5 + vec2(tent(uniform_of(b.x)), tent(uniform_of(b.y)));
+        vec2 uv = at / vec2(w, setting[0].sky_height);
+        // Past a pole the map's row is met again: so does clamped interpolation count it.
+        uv.y = uv.y < 0.0 ? -uv.y : (uv.y > 1.0 ? 2.0 - uv.y : uv.y);
+        float polar = PI * uv.y, turn = 2.0 * PI * (uv.x - 0.5);
+        lit.towards = vec3(sin(polar) * cos(turn), cos(polar), sin(polar) * sin(turn));
+        vec4 found = sky_from(lit.towards);
+        lit.density = found.w;
+        if (found.w > 0.0) {
+            lit.light = found.rgb / found.w;
+            lit.reach = MISS;
+        }
+        return lit;
+    }
+    uint count = setting[0].lights;
+    if (count == 0) return lit;
+    float u = uniform_of(a.y);
+    uint first = 0, last = count - 1;
+    while (first < last) {
+        uint middle = (first + last) / 2;
+        if (lights[middle].cumulative > u) last = middle;
+        else first = middle + 1;
+    }
+    Light light = lights[first];
+    float chance = (1.0 - sky_share) * light.share;
+    if (light.kind == LIGHT_TRIANGLE) {
+        float r = sqrt(uniform_of(b.x)), v = uniform_of(b.y);
+        vec2 at = vec2(r * (1.0 - v), r * v);
+        vec3 v0 = primitives[3 * light.slot].xyz, e1 = primitives[3 * light.slot + 1].xyz, e2 = primitives[3 * light.slot + 2].xyz;
+        vec3 to = v0 + at.x * e1 + at.y * e2 - from, n = cross(e1, e2);
+        float distance = length(to), twice_area = length(n);
+        lit.towards = to / distance;
+        float cosine = -dot(lit.towards, n) / twice_area;
+        Face face = faces[light.slot];
+        uint flags = materials[face.material].flags;
+        if (distance == 0.0 || cosine == 0.0 || (cosine < 0.0 && (flags & DOUBLE_SIDED) == 0)) return lit;
+        vec3 emitted = materials[face.material].emission
+            * map_or_one(materials[face.material].emission_map, uv0_at(face, at), uv1_at(face, at)).rgb;
+        if (has_alpha(light.slot)) emitted *= opacity(light.slot, at);
+        lit.density = light_density(first, light.slot, distance, abs(cosine));
+        lit.light = emitted / lit.density;
+        lit.reach = 0.9995 * distance;
+    } else if (light.kind == LIGHT_DIRECTIONAL) {
+        lit.towards = -light.direction;
+        lit.light = light.colour / chance;
+        lit.reach = MISS;
+    } else {
+        vec3 to = light.position - from;
+        float distance = length(to);
+        if (distance == 0.0) return lit;
+        lit.towards = to / distance;
+        float cone = clamp(-dot(lit.towards, light.direction) * light.cone_scale + light.cone_offset, 0.0, 1.0);
+        float far = distance / light.range;
+        float fade = clamp(1.0 - far * far * far * far, 0.0, 1.0);
+        lit.light = light.colour * cone * cone * fade / (distance * distance * chance);
+        lit.reach = distance;
+    }
+    return lit;
+}

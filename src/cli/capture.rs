@@ -1,0 +1,160 @@
+//! `camsplat capture`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::{Args, ValueEnum};
+
+use super::options::{DeviceOptions, parse_size, print_messages};
+use super::progress::{Progress, go_on, stop_on_interrupt};
+use crate::gaussians::render::resize;
+use crate::io::environment::read_environment;
+use crate::io::gltf::read_model;
+use crate::photograph::assembly::Assembly;
+use crate::photograph::inside::cameras_inside;
+use crate::photograph::job::{self, Outcome};
+use crate::photograph::products::{Products, Record, named};
+use crate::photograph::tracer::Tracer;
+use crate::{Error, Result, io};
+
+/// Arguments of `camsplat capture`.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    /// Scene with its materials and lamps: a .glb or .gltf file
+    scene: PathBuf,
+    /// Cameras in the scene's frame: plan.json, COLMAP folder, transforms.json, NSVF folder, .log trajectory
+    cameras: PathBuf,
+    /// Folder to write: images, transforms.json, a COLMAP model with points, masks. A capture that was stopped goes on
+    #[arg(long)]
+    out: PathBuf,
+    /// Write into a folder that is not empty; files of the same names are replaced, all others stay
+    #[arg(long)]
+    force: bool,
+    /// Light from far around: an equirectangular .hdr file, +Y up
+    #[arg(long, value_name = "FILE")]
+    env: Option<PathBuf>,
+    /// Samples of each pixel
+    #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    spp: u32,
+    /// Size of the pictures in pixels, of the same shape as the cameras' [default: the cameras']
+    #[arg(long, value_parser = parse_size, value_name = "WxH")]
+    size: Option<(u32, u32)>,
+    /// Key of the random numbers: same seed, same pictures
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Exposure of the 8-bit pictures, in stops: each doubles the light. One for all, so that views agree
+    #[arg(long, default_value_t = 0.0, value_parser = parse_stops, value_name = "STOPS")]
+    exposure: f32,
+    /// What is behind the scene
+    #[arg(long, value_enum, default_value = "auto")]
+    background: Background,
+    /// Write depths along the optical axis, as depth/NAME.exr, in the scene's units; 0 where nothing is seen
+    #[arg(long)]
+    depth: bool,
+    /// Write normals in the scene's axes, as normals/NAME.exr
+    #[arg(long)]
+    normals: bool,
+    /// Write linear radiance too, as linear/NAME.exr
+    #[arg(long)]
+    exr: bool,
+    #[command(flatten)]
+    device: DeviceOptions,
+}
+
+/// What is behind the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Background {
+    /// The environment where all cameras stand within the scene's bounds, as in a room; else nothing
+    Auto,
+    /// Nothing: alpha is 0, and masks are written
+    Alpha,
+    /// The environment, or black: pictures are opaque
+    Env,
+}
+
+/// Photographs and writes.
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let (mut cameras, mut notes) = io::read_cameras_with_notes(&arguments.cameras)?;
+    if let Some((width, height)) = arguments.size {
+        resize(&mut cameras, width, height)?;
+    }
+    let cameras = named(&cameras)?;
+    let model = read_model(&arguments.scene, &mut notes)?;
+    let environment = arguments.env.as_deref().map(|path| read_environment(path, &mut notes)).transpose()?;
+    let assembly = Assembly::new(&model, environment.as_ref()).map_err(|error| match error {
+        Error::Request(what) => Error::input(&arguments.scene, what),
+        other => other,
+    })?;
+    let record = Record {
+        version: env!("CARGO_PKG_VERSION").into(),
+        scene: assembly.checksum(),
+        samples: arguments.spp,
+        seed: arguments.seed,
+        exposure: arguments.exposure,
+        show_sky: match arguments.background {
+            Background::Auto => cameras.iter().all(|camera| assembly.contains(camera.pose.position)),
+            Background::Alpha => false,
+            Background::Env => true,
+        },
+        depth: arguments.depth,
+        normals: arguments.normals,
+        exr: arguments.exr,
+        cameras,
+    };
+    let products = Products::new(&arguments.out, &record, arguments.force)?;
+    for note in &notes {
+        say!("{note}");
+    }
+    let sky = if environment.is_some() { " and an environment" } else { "" };
+    say!(
+        "scene    {}: {} triangles, {} materials, {} lights{sky}",
+        arguments.scene.display(),
+        model.faces.len(),
+        model.materials.len(),
+        assembly.lights()
+    );
+    say!("behind   {}", if record.show_sky { "the environment" } else { "nothing: alpha and masks are written" });
+    let inside = cameras_inside(&model, &assembly, &record.cameras);
+    if !inside.is_empty() {
+        say!("warning  {} cameras stand inside of something: {}", inside.len(), inside.join(", "));
+    }
+    drop(model);
+    let context = arguments.device.open()?;
+    say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+    let pixels = |camera: &crate::scene::camera::Camera| {
+        u64::from(camera.intrinsics.width) * u64::from(camera.intrinsics.height)
+    };
+    let most = record.cameras.iter().map(pixels).max().unwrap_or(1);
+    let tracer = Tracer::new(&context, assembly, most)?;
+
+    stop_on_interrupt()?;
+    let start = Instant::now();
+    let all = record.cameras.len() as u32;
+    let progress = Progress::over("photographing", all, "pictures");
+    let outcome = job::run(&tracer, &record, &products, &arguments.out, |done| {
+        done.map_or_else(go_on, |done| progress.advance(done, all))
+    });
+    progress.finish();
+    let Outcome { pictures, kept, empty, points } = outcome?;
+    print_messages(&context);
+    if kept > 0 {
+        say!("kept     {kept} pictures of an earlier run");
+    }
+    if pictures < all {
+        say!("stopped after {pictures} of {all} pictures, which stay; the same command goes on from there");
+        return Ok(ExitCode::from(super::INTERRUPTED));
+    }
+    say!("pictures {} in {:.2} s", all - kept, start.elapsed().as_secs_f64());
+    if empty > 0 {
+        say!("         {empty} show nothing: check that the cameras are in the scene's frame");
+    }
+    say!("written  {}, with {points} points of the surface", arguments.out.display());
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Reads an exposure in stops.
+fn parse_stops(text: &str) -> Result<f32, String> {
+    let stops = text.parse().ok().filter(|stops: &f32| (-20.0..=20.0).contains(stops));
+    stops.ok_or_else(|| "give stops from -20 to 20".into())
+}

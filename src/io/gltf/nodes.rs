@@ -1,0 +1,84 @@
+//! The nodes of a glTF scene and the triangles of its parts.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use glam::{DMat4, DQuat, DVec3};
+use gltf_json as json;
+use json::mesh::Mode;
+use json::validation::Checked;
+
+use crate::error::{Error, Result};
+
+/// Every node of the default scene with its world-from-node matrix, from the roots on.
+///
+/// # Errors
+/// Where nodes are not there, or the scene is no tree.
+pub(super) fn placed(path: &Path, root: &json::Root, notes: &mut Vec<String>) -> Result<Vec<(usize, DMat4)>> {
+    let refuse = |what: String| Err(Error::input(path, what));
+    let scene = root.scene.map_or(0, |scene| scene.value());
+    let roots: Vec<usize> = match root.scenes.get(scene) {
+        Some(scene) => scene.nodes.iter().map(|node| node.value()).collect(),
+        None if root.scenes.is_empty() => {
+            let children = root.nodes.iter().flat_map(|node| node.children.iter().flatten());
+            let children: HashSet<usize> = children.map(|child| child.value()).collect();
+            (0..root.nodes.len()).filter(|node| !children.contains(node)).collect()
+        }
+        None => return refuse(format!("it shows scene {scene}, which is not there; export it again")),
+    };
+    if root.scenes.len() > 1 {
+        notes.push(format!("of {} scenes only scene {scene} is read", root.scenes.len()));
+    }
+    let mut open: Vec<(usize, DMat4)> = roots.into_iter().map(|node| (node, DMat4::IDENTITY)).collect();
+    let mut visited = HashSet::new();
+    let mut found = Vec::new();
+    while let Some((index, parent)) = open.pop() {
+        let Some(node) = root.nodes.get(index) else {
+            return refuse(format!("node {index} is not there; export the scene again"));
+        };
+        if !visited.insert(index) {
+            return refuse(format!("node {index} hangs in the scene twice; a scene must be a tree"));
+        }
+        let world = parent * transform(node);
+        found.push((index, world));
+        open.extend(node.children.iter().flatten().map(|child| (child.value(), world)));
+    }
+    Ok(found)
+}
+
+/// Parent-from-node matrix.
+fn transform(node: &json::Node) -> DMat4 {
+    if let Some(matrix) = node.matrix {
+        return DMat4::from_cols_array(&matrix.map(f64::from));
+    }
+    let vector = |v: Option<[f32; 3]>, default| v.map_or(default, |v| DVec3::from_array(v.map(f64::from)));
+    let rotation = node.rotation.unwrap_or_default().0;
+    let rotation = DQuat::from_array(rotation.map(f64::from));
+    // Exporters print few digits, and a rotation without length can only mean none.
+    let rotation = if rotation.length() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+    DMat4::from_scale_rotation_translation(
+        vector(node.scale, DVec3::ONE),
+        rotation,
+        vector(node.translation, DVec3::ZERO),
+    )
+}
+
+/// The triangles that a part's indices make in its mode; none where it has points or lines.
+pub(super) fn unfold(mode: Checked<Mode>, indices: &[u32]) -> Option<Vec<[u32; 3]>> {
+    match mode {
+        Checked::Valid(Mode::Triangles) => Some(indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect()),
+        // Every second triangle of a strip is turned over, so that all face the same way.
+        Checked::Valid(Mode::TriangleStrip) => Some(
+            indices
+                .windows(3)
+                .enumerate()
+                .map(|(i, t)| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[0], t[2], t[1]] })
+                .collect(),
+        ),
+        Checked::Valid(Mode::TriangleFan) => {
+            let (first, rest) = indices.split_first()?;
+            Some(rest.windows(2).map(|t| [t[0], t[1], *first]).collect())
+        }
+        _ => None,
+    }
+}

@@ -1,0 +1,129 @@
+//! A whole capture: every camera's photograph, and what trainers need beside them.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::thread;
+
+use glam::DVec3;
+
+use super::products::{Products, Record};
+use super::tracer::{Exposure, Tracer};
+use crate::io::export;
+use crate::io::folder::OutputFolder;
+use crate::scene::random;
+use crate::scene::surface::Points;
+use crate::{Error, Result};
+
+/// Points of the surface that trainers start from, by all cameras together, and by one at least.
+const POINTS: u32 = 60_000;
+const LEAST_POINTS: u32 = 200;
+/// Stream of the pixels whose surface they are.
+const POINT_STREAM: u32 = 0x706f_696e;
+
+/// What came of a capture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Outcome {
+    /// Photographs that are there.
+    pub pictures: u32,
+    /// Of these, photographs that an earlier run had taken.
+    pub kept: u32,
+    /// Photographs of this run that show nothing of the scene.
+    pub empty: u32,
+    /// Points of the surface that were written.
+    pub points: usize,
+}
+
+/// Takes the photographs that are not there yet, and writes everything into `folder`; `observe` hears how many there are, or
+/// nothing new, and says whether to go on. Stopped early, what is finished stays, and the same call goes on from there.
+///
+/// # Errors
+/// Where the device fails or the system refuses a file; finished photographs stay.
+pub fn run(
+    tracer: &Tracer,
+    record: &Record,
+    products: &Products,
+    folder: &Path,
+    observe: impl Fn(Option<u32>) -> ControlFlow<()>,
+) -> Result<Outcome> {
+    products.begin(record)?;
+    let exposure = Exposure { samples: record.samples, seed: record.seed, show_sky: record.show_sky };
+    let mut outcome = Outcome::default();
+    let all = record.cameras.len() as u32;
+    thread::scope(|scope| {
+        // One picture is written while the next is taken.
+        let mut writing = None;
+        for (number, camera) in (0..).zip(&record.cameras) {
+            if products.has(camera) {
+                outcome.kept += 1;
+                outcome.pictures += 1;
+            } else {
+                let taken = tracer.photograph(camera, number, exposure, || observe(None))?;
+                let Some(taken) = taken else { break };
+                let hits = (record.depth || record.normals).then(|| tracer.first_hits(camera, None)).transpose()?;
+                outcome.empty += u32::from(taken.pixels.iter().all(|pixel| pixel[3] == 0.0));
+                joined(writing.take())?;
+                writing = Some(scope.spawn(move || products.picture(record, camera, &taken, hits.as_ref())));
+                outcome.pictures += 1;
+            }
+            if observe(Some(outcome.pictures)).is_break() {
+                break;
+            }
+        }
+        joined(writing)
+    })?;
+    if outcome.pictures == all {
+        let (points, tracks) = surface(tracer, record, products)?;
+        outcome.points = points.positions.len();
+        let staged = OutputFolder::create(folder, true)?;
+        export::capture(&staged, &record.cameras, &points, &tracks)?;
+        staged.commit()?;
+    }
+    Ok(outcome)
+}
+
+/// What a thread that writes has to say.
+fn joined(writing: Option<thread::ScopedJoinHandle<'_, Result<()>>>) -> Result<()> {
+    let wait = |writer: thread::ScopedJoinHandle<'_, Result<()>>| {
+        writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    };
+    writing.map_or(Ok(()), wait)
+}
+
+/// Points where the middles of random pixels lie on the surface, in the colours of the photographs, and the camera that each
+/// was seen by.
+fn surface(tracer: &Tracer, record: &Record, products: &Products) -> Result<(Points, Vec<Vec<u32>>)> {
+    let each = (POINTS / record.cameras.len().max(1) as u32).max(LEAST_POINTS);
+    let mut points = Points::default();
+    let mut tracks = Vec::new();
+    for (number, camera) in (0u32..).zip(&record.cameras) {
+        let k = camera.intrinsics;
+        let count = k.width * k.height;
+        let mut chosen: Vec<u32> = (0..each.min(count))
+            .map(|i| random::below(random::bits(record.seed, POINT_STREAM.wrapping_add(number), i)[0], count))
+            .collect();
+        chosen.sort_unstable();
+        chosen.dedup();
+        let picture = products.read(camera)?;
+        if picture.dimensions() != (k.width, k.height) {
+            let what = format!("images/{} has another size than its camera; remove it and run again", camera.name);
+            return Err(Error::request(what));
+        }
+        let hits = tracer.first_hits(camera, Some(&chosen))?;
+        for (&pixel, hit) in chosen.iter().zip(hits) {
+            let (x, y) = (pixel % k.width, pixel / k.width);
+            let [r, g, b, alpha] = picture.get_pixel(x, y).0;
+            if hit[3] <= 0.0 || alpha < 255 {
+                continue;
+            }
+            let ray = DVec3::new(
+                (f64::from(x) + 0.5 - k.principal[0]) / k.focal[0],
+                (f64::from(y) + 0.5 - k.principal[1]) / k.focal[1],
+                1.0,
+            );
+            points.positions.push(camera.pose.position + camera.pose.rotation * (f64::from(hit[3]) * ray));
+            points.colours.push([r, g, b]);
+            tracks.push(vec![number]);
+        }
+    }
+    Ok((points, tracks))
+}

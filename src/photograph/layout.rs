@@ -1,0 +1,276 @@
+//! Structs and stages that host and device share: `shaders/glsl/shared/appearance.glsl`, `photograph.comp`, `first_hit.comp`.
+
+/// In place of an index: there is none.
+pub const NONE: u32 = u32::MAX;
+
+/// Flags of [`Material`].
+pub const ALPHA_MASK: u32 = 1;
+/// As much light passes as alpha is short of 1.
+pub const ALPHA_BLEND: u32 = 2;
+/// The back shines as well.
+pub const DOUBLE_SIDED: u32 = 4;
+/// The base colour is what is seen.
+pub const UNLIT: u32 = 8;
+/// The surface bounds a body that refracts.
+pub const VOLUME: u32 = 16;
+
+/// Flags of [`Map`]; two bits each from 2 and from 4 on say how it goes on in u and v.
+pub const SECOND_SET: u32 = 1;
+/// Colours are sRGB.
+pub const SRGB: u32 = 2;
+/// Where the bits of u and v begin.
+pub const WRAP: [u32; 2] = [2, 4];
+
+/// Kinds of [`Light`].
+pub const LIGHT_TRIANGLE: u32 = 0;
+/// A point or a spot.
+pub const LIGHT_POINT: u32 = 1;
+/// Parallel light.
+pub const LIGHT_DIRECTIONAL: u32 = 2;
+
+crate::gpu_struct! {
+    /// A corner of triangles.
+    pub struct Vertex {
+        /// Unit normal, or zero.
+        pub normal: [f32; 3],
+        /// RGBA8, linear.
+        pub colour: u32,
+        /// Tangent and sign of the bitangent.
+        pub tangent: [f32; 4],
+        /// First texture coordinates.
+        pub uv0: [f32; 2],
+        /// Second texture coordinates.
+        pub uv1: [f32; 2],
+    }
+}
+
+crate::gpu_struct! {
+    /// A triangle; these lie in the order of the hierarchy's leaves.
+    pub struct Face {
+        /// First corner.
+        pub a: u32,
+        /// Second corner.
+        pub b: u32,
+        /// Third corner.
+        pub c: u32,
+        /// Material.
+        pub material: u32,
+        /// Number among the lights, or [`NONE`].
+        pub light: u32,
+    }
+}
+
+crate::gpu_struct! {
+    /// A material; maps are indices or [`NONE`].
+    pub struct Material {
+        /// Base colour.
+        pub base: [f32; 3],
+        /// Alpha.
+        pub alpha: f32,
+        /// Radiance.
+        pub emission: [f32; 3],
+        /// Alpha below which there is nothing.
+        pub cutoff: f32,
+        /// Absorption by world unit.
+        pub absorption: [f32; 3],
+        /// Index of refraction.
+        pub ior: f32,
+        /// Colour of a dielectric's reflection.
+        pub specular_colour: [f32; 3],
+        /// Its factor.
+        pub specular: f32,
+        /// Colour of sheen.
+        pub sheen: [f32; 3],
+        /// Its roughness.
+        pub sheen_roughness: f32,
+        /// Share of a metal.
+        pub metallic: f32,
+        /// Roughness.
+        pub roughness: f32,
+        /// Share that passes.
+        pub transmission: f32,
+        /// Share of a coat.
+        pub clearcoat: f32,
+        /// Its roughness.
+        pub clearcoat_roughness: f32,
+        /// Factor of the normal map.
+        pub normal_scale: f32,
+        /// Factor of the coat's.
+        pub clearcoat_normal_scale: f32,
+        /// What it is.
+        pub flags: u32,
+        /// Base colour.
+        pub base_map: u32,
+        /// Roughness and metallic.
+        pub metallic_roughness_map: u32,
+        /// Normals.
+        pub normal_map: u32,
+        /// Emission.
+        pub emission_map: u32,
+        /// Transmission.
+        pub transmission_map: u32,
+        /// Coat.
+        pub clearcoat_map: u32,
+        /// Its roughness.
+        pub clearcoat_roughness_map: u32,
+        /// Its normals.
+        pub clearcoat_normal_map: u32,
+        /// Sheen.
+        pub sheen_map: u32,
+        /// Its roughness.
+        pub sheen_roughness_map: u32,
+        /// Factor of reflection.
+        pub specular_map: u32,
+        /// Its colour.
+        pub specular_colour_map: u32,
+        /// Where the tables of its interface begin, or [`NONE`].
+        pub glass: u32,
+        /// Unused.
+        pub spare0: u32,
+        /// Unused.
+        pub spare1: u32,
+        /// Unused.
+        pub spare2: u32,
+    }
+}
+
+crate::gpu_struct! {
+    /// An image on a surface.
+    pub struct Map {
+        /// First row of the matrix from (u, v, 1) to the image.
+        pub row0: [f32; 3],
+        /// First texel.
+        pub offset: u32,
+        /// Second row.
+        pub row1: [f32; 3],
+        /// What it is.
+        pub flags: u32,
+        /// Columns.
+        pub width: u32,
+        /// Rows.
+        pub height: u32,
+        /// Unused.
+        pub spare0: u32,
+        /// Unused.
+        pub spare1: u32,
+    }
+}
+
+crate::gpu_struct! {
+    /// A source of light that is looked for.
+    pub struct Light {
+        /// Of a lamp.
+        pub position: [f32; 3],
+        /// What it is.
+        pub kind: u32,
+        /// In which a lamp shines.
+        pub direction: [f32; 3],
+        /// The triangle, in the order of the leaves.
+        pub slot: u32,
+        /// Intensity or irradiance of a lamp.
+        pub colour: [f32; 3],
+        /// Where a lamp has faded.
+        pub range: f32,
+        /// A spot's light is the square of the cosine times this,
+        pub cone_scale: f32,
+        /// plus this, between 0 and 1.
+        pub cone_offset: f32,
+        /// Chance among the lights.
+        pub share: f32,
+        /// Of all up to this one.
+        pub cumulative: f32,
+    }
+}
+
+crate::gpu_struct! {
+    /// What holds of the whole scene.
+    pub struct Setting {
+        /// Columns of the environment, 0 for none.
+        pub sky_width: u32,
+        /// Its rows.
+        pub sky_height: u32,
+        /// Number of lights.
+        pub lights: u32,
+        /// Chance that a light is looked for in the environment.
+        pub sky_share: f32,
+        /// Radius of the scene about the origin.
+        pub radius: f32,
+    }
+}
+
+crate::gpu_struct! {
+    /// Push constants of [`PHOTOGRAPH`]; axes are the camera's in the world.
+    pub struct PhotographPush {
+        /// Camera centre.
+        pub position: [f32; 3],
+        /// Pixel of the first thread.
+        pub first: u32,
+        /// X axis.
+        pub right: [f32; 3],
+        /// Pixels.
+        pub count: u32,
+        /// Y axis.
+        pub down: [f32; 3],
+        /// Columns of the picture.
+        pub width: u32,
+        /// Z axis.
+        pub forward: [f32; 3],
+        /// Key of the random numbers.
+        pub seed: u32,
+        /// Focal lengths in pixels.
+        pub focal: [f32; 2],
+        /// Principal point in pixels.
+        pub principal: [f32; 2],
+        /// Number of the first sample.
+        pub first_sample: u32,
+        /// Samples.
+        pub samples: u32,
+        /// 1: the environment is seen behind the scene.
+        pub show_sky: u32,
+    }
+}
+
+crate::gpu_struct! {
+    /// Push constants of [`FIRST_HIT`].
+    pub struct FirstHitPush {
+        /// Camera centre.
+        pub position: [f32; 3],
+        /// Pixels.
+        pub count: u32,
+        /// X axis.
+        pub right: [f32; 3],
+        /// Columns of the picture.
+        pub width: u32,
+        /// Y axis.
+        pub down: [f32; 3],
+        /// 1: pixels are those of the list.
+        pub chosen_only: u32,
+        /// Z axis.
+        pub forward: [f32; 3],
+        /// Unused.
+        pub spare0: u32,
+        /// Focal lengths in pixels.
+        pub focal: [f32; 2],
+        /// Principal point in pixels.
+        pub principal: [f32; 2],
+    }
+}
+
+/// Texels of the environment's alias table: threshold and other texel.
+pub type Alias = [u32; 2];
+
+crate::stage!(
+    /// Adds samples to the pixels of a photograph.
+    pub PHOTOGRAPH = photograph(PhotographPush) {
+        read nodes, read primitives, read vertices, read faces, read materials, read maps, read texels, read lights, read sky,
+        read aliases, read albedo, read setting, write exposure
+    } with [crate::visibility::bvh::Node, Vertex, Face, Material, Map, Light, Setting]
+);
+
+crate::stage!(
+    /// What lies in the middle of pixels.
+    pub FIRST_HIT = first_hit(FirstHitPush) {
+        read nodes, read primitives, read vertices, read faces, read materials, read maps, read texels, read setting,
+        read chosen, write found
+    } with [crate::visibility::bvh::Node, Vertex, Face, Material, Map, Setting]
+);

@@ -1,0 +1,164 @@
+//! Where lights are looked for: a share for each emitting triangle and lamp, and an alias table over the environment.
+
+use glam::{Vec2, Vec3};
+
+use super::layout::{Alias, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_TRIANGLE, Light};
+use crate::scene::colour::linear;
+use crate::scene::model::{Environment, LampKind, Map, Model, Wrap};
+
+/// The least share of a light among as many, so that none is forgotten.
+const LEAST_SHARE: f64 = 0.01;
+
+fn luma(c: Vec3) -> f64 {
+    c.as_dvec3().dot(crate::scene::colour::LUMA)
+}
+
+/// The emitting triangles, each with its face in the model, and the lamps as lights, with shares by their power as far as
+/// it is known. `radius` is that of the scene, `centre` its place in the world.
+pub fn lights(model: &Model, centre: glam::DVec3, radius: f64) -> Vec<(Light, Option<u32>)> {
+    let mut lights = Vec::new();
+    let mut powers = Vec::new();
+    for (index, face) in model.faces.iter().enumerate() {
+        let material = &model.materials[face.material as usize];
+        if !material.shines() {
+            continue;
+        }
+        let corners = face.corners.map(|v| &model.vertices[v as usize]);
+        let [p, q, r] = corners.map(|corner| corner.position);
+        let area = 0.5 * (q - p).cross(r - p).length();
+        let shown = material.emission_map.map_or(Vec3::ONE, |map| mean_over(model, &map, corners.map(|c| c.uvs)));
+        let sides = if material.double_sided { 2.0 } else { 1.0 };
+        let power = std::f64::consts::PI * sides * area * luma(material.emission * shown);
+        // Where nothing was found to shine, light is met by chance only.
+        if power > 0.0 && area as f32 > 0.0 {
+            lights.push((Light { kind: LIGHT_TRIANGLE, ..Light::default() }, Some(index as u32)));
+            powers.push(power);
+        }
+    }
+    for lamp in &model.lamps {
+        let colour = luma(lamp.colour);
+        if colour <= 0.0 {
+            continue;
+        }
+        let mut light = Light {
+            kind: LIGHT_POINT,
+            position: (lamp.position - centre).as_vec3().to_array(),
+            direction: lamp.direction.to_array(),
+            colour: lamp.colour.to_array(),
+            range: lamp.range.min(1e18),
+            cone_offset: 1.0,
+            ..Light::default()
+        };
+        let power = match lamp.kind {
+            LampKind::Point => 4.0 * std::f64::consts::PI * colour,
+            LampKind::Directional => {
+                light.kind = LIGHT_DIRECTIONAL;
+                std::f64::consts::PI * radius * radius * colour
+            }
+            LampKind::Spot { inner, outer } => {
+                // KHR_lights_punctual.
+                light.cone_scale = 1.0 / (inner.cos() - outer.cos()).max(0.001);
+                light.cone_offset = -outer.cos() * light.cone_scale;
+                2.0 * std::f64::consts::PI * f64::from(1.0 - outer.cos()) * colour
+            }
+        };
+        lights.push((light, None));
+        powers.push(power);
+    }
+    let all: f64 = powers.iter().sum();
+    let count = powers.len() as f64;
+    let mut cumulative = 0.0;
+    for ((light, _), power) in lights.iter_mut().zip(&powers) {
+        let share = (1.0 - LEAST_SHARE) * power / all + LEAST_SHARE / count;
+        cumulative += share;
+        light.share = share as f32;
+        light.cumulative = cumulative as f32;
+    }
+    lights
+}
+
+/// Mean linear colour of a map over a triangle, from a grid of its texels.
+fn mean_over(model: &Model, map: &Map, uvs: [[Vec2; 2]; 3]) -> Vec3 {
+    const STEPS: u32 = 8;
+    let image = &model.images[map.image as usize];
+    let mut sum = Vec3::ZERO;
+    let mut count = 0.0;
+    for i in 0..STEPS {
+        for j in 0..STEPS - i {
+            let at = |k: u32| (k as f32 + 1.0 / 3.0) / STEPS as f32;
+            let [a, b, c] = uvs.map(|uv| uv[map.set as usize]);
+            let uv = a + at(i) * (b - a) + at(j) * (c - a);
+            let place = map.transform.transform_point2(uv);
+            let texel = |t: f32, size: u32, wrap: Wrap| {
+                let t = match wrap {
+                    Wrap::Clamp => t.clamp(0.0, 1.0),
+                    Wrap::Mirror => 1.0 - (t.rem_euclid(2.0) - 1.0).abs(),
+                    Wrap::Repeat => t.rem_euclid(1.0),
+                };
+                ((t * size as f32) as u32).min(size - 1)
+            };
+            let [x, y] = [texel(place.x, image.width, map.wrap[0]), texel(place.y, image.height, map.wrap[1])];
+            let [r, g, b, _] = image.pixels[(y * image.width + x) as usize].map(|v| linear(v) as f32);
+            sum += Vec3::new(r, g, b);
+            count += 1.0;
+        }
+    }
+    sum / count
+}
+
+/// The environment's texels with the density by area of the map at which each is drawn, and the alias table (Vose 1991) that
+/// draws them: by luma and by the solid angle of their row.
+pub fn sky(environment: &Environment) -> (Vec<[f32; 4]>, Vec<Alias>) {
+    let (width, height) = (environment.width as usize, environment.height as usize);
+    let count = width * height;
+    let weight = |i: usize| {
+        let polar = std::f64::consts::PI * ((i / width) as f64 + 0.5) / height as f64;
+        // The mean of the three keeps pure blues from being forgotten.
+        let light = environment.radiance[i];
+        (luma(light) + f64::from(light.element_sum()) / 3.0) * polar.sin()
+    };
+    let weights: Vec<f64> = (0..count).map(weight).collect();
+    let all: f64 = weights.iter().sum();
+    let mut scaled: Vec<f64> = weights.iter().map(|w| w / all * count as f64).collect();
+    let texels = environment
+        .radiance
+        .iter()
+        .zip(&scaled)
+        .map(|(light, density)| light.extend(*density as f32).to_array())
+        .collect();
+    let mut aliases: Vec<Alias> = (0..count as u32).map(|i| [u32::MAX, i]).collect();
+    let (mut small, mut large): (Vec<u32>, Vec<u32>) = (0..count as u32).partition(|&i| scaled[i as usize] < 1.0);
+    while let (Some(low), Some(&high)) = (small.pop(), large.last()) {
+        let share = scaled[low as usize];
+        aliases[low as usize] = [(share * f64::from(u32::MAX)) as u32, high];
+        let rest = &mut scaled[high as usize];
+        *rest -= 1.0 - share;
+        if *rest < 1.0 {
+            large.pop();
+            small.push(high);
+        }
+    }
+    (texels, aliases)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, parts of the sky would be drawn more often than their density says, and light with them.
+    #[test]
+    fn the_alias_table_draws_texels_by_their_density() {
+        let (width, height) = (16, 8);
+        let radiance = (0..128).map(|i| Vec3::new(((i * 37) % 11) as f32, 0.1, ((i * 53) % 7) as f32)).collect();
+        let (texels, aliases) = sky(&Environment { width, height, radiance });
+        let mut drawn = vec![0.0f64; 128];
+        for (i, [threshold, other]) in aliases.iter().enumerate() {
+            let share = f64::from(*threshold) / f64::from(u32::MAX);
+            drawn[i] += share;
+            drawn[*other as usize] += 1.0 - share;
+        }
+        for (drawn, texel) in drawn.iter().zip(&texels) {
+            assert!((drawn - f64::from(texel[3])).abs() < 1e-5, "{drawn} {}", texel[3]);
+        }
+    }
+}

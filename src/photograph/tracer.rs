@@ -1,0 +1,296 @@
+//! Photographs by path tracing, on the device.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use bytemuck::Zeroable;
+
+use super::assembly::Assembly;
+use super::layout::{FIRST_HIT, FirstHitPush, Light, Map, PHOTOGRAPH, PhotographPush};
+use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::random;
+use crate::vulkan::footprint::Footprint;
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::{Error, Result};
+
+/// Stream of the seeds of photographs.
+const SEED_STREAM: u32 = 0x7068_6f74;
+/// Threads of a workgroup, as in the shaders.
+const GROUP: u32 = 64;
+/// Paths of one submission: on a CPU it should end within a second, so that a run can be stopped; a GPU is kept busy.
+const CPU_PATHS: u64 = 1 << 17;
+const GPU_PATHS: u64 = 1 << 24;
+/// Samples of one dispatch. On CPU devices the loops of a thread must stay short: past 65,535 turns they end silently.
+const GPU_SAMPLES: u32 = 8;
+/// Bytes of a pixel: its sum, and what lies in its middle.
+const PIXEL: u64 = 16;
+
+/// How light is found: tests hold the three against each other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Strategy {
+    /// Lights are looked for and met by chance, weighted.
+    #[default]
+    Both,
+    /// Lights are looked for.
+    Lights,
+    /// Lights are met by chance.
+    Chance,
+}
+
+/// How photographs are taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Exposure {
+    /// Samples of a pixel.
+    pub samples: u32,
+    /// Key of the random numbers.
+    pub seed: u64,
+    /// Whether the environment is seen behind the scene; alpha is 0 there where not.
+    pub show_sky: bool,
+}
+
+/// A photograph, by row from the top left.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Photograph {
+    /// Columns.
+    pub width: u32,
+    /// Linear radiance, multiplied by alpha, and alpha.
+    pub pixels: Vec<[f32; 4]>,
+}
+
+/// What lies in the middle of pixels: unit normals in the world, on the camera's side, and the depth along the optical
+/// axis in world units; zeros where there is nothing.
+pub type FirstHits = Vec<[f32; 4]>;
+
+/// A scene on the device, ready for photographs up to a size.
+pub struct Tracer {
+    context: Arc<Context>,
+    photograph: Pipeline,
+    first_hit: Pipeline,
+    buffers: Vec<Buffer>,
+    chosen: Buffer,
+    exposure: Buffer,
+    found: Buffer,
+    assembly: Assembly,
+    pixels: u64,
+}
+
+impl Tracer {
+    /// Uploads a scene; photographs have `pixels` pixels at most.
+    ///
+    /// # Errors
+    /// Where the device has no room for it, or fails.
+    pub fn new(context: &Arc<Context>, assembly: Assembly, pixels: u64) -> Result<Self> {
+        Self::with(context, assembly, pixels, Strategy::Both, false)
+    }
+
+    /// As [`Tracer::new`], with a strategy, and with rays counted in place of alpha.
+    ///
+    /// # Errors
+    /// As [`Tracer::new`].
+    pub fn with(
+        context: &Arc<Context>,
+        assembly: Assembly,
+        pixels: u64,
+        strategy: Strategy,
+        count_rays: bool,
+    ) -> Result<Self> {
+        let mut list = assembly.footprint();
+        list.extend([("exposure", PIXEL * pixels), ("found", PIXEL * pixels), ("chosen", 4 * pixels)]);
+        Footprint { buffers: list, several: &[] }.check(context, "the scene", |name| match name {
+            "texels" => "take smaller textures, or a larger device",
+            "exposure" | "found" | "chosen" => "take smaller pictures (--size)",
+            _ => "take a scene with fewer triangles, or a larger device",
+        })?;
+        let a = &assembly;
+        // A shader may not be bound to nothing: where there is nothing, one element stands that no index leads to.
+        let buffers = vec![
+            Buffer::from_slice(context, "nodes", &a.bvh.nodes)?,
+            Buffer::from_slice(context, "primitives", &a.primitives)?,
+            Buffer::from_slice(context, "vertices", &a.vertices)?,
+            Buffer::from_slice(context, "faces", &a.faces)?,
+            Buffer::from_slice(context, "materials", &a.materials)?,
+            filled(context, "maps", &a.maps, Map::zeroed())?,
+            filled(context, "texels", &a.texels, [0; 4])?,
+            filled(context, "lights", &a.lights, Light::zeroed())?,
+            filled(context, "sky", &a.sky, [0.0; 4])?,
+            filled(context, "aliases", &a.aliases, [0; 2])?,
+            Buffer::from_slice(context, "albedo", &a.albedo)?,
+            Buffer::from_slice(context, "setting", &[a.setting])?,
+        ];
+        Ok(Self {
+            photograph: Pipeline::new(context, &PHOTOGRAPH, &[strategy as u32, u32::from(count_rays)])?,
+            first_hit: Pipeline::new(context, &FIRST_HIT, &[])?,
+            chosen: Buffer::device(context, "chosen", 4 * pixels)?,
+            exposure: Buffer::device(context, "exposure", PIXEL * pixels)?,
+            found: Buffer::device(context, "found", PIXEL * pixels)?,
+            context: context.clone(),
+            buffers,
+            assembly,
+            pixels,
+        })
+    }
+
+    /// The scene.
+    pub fn assembly(&self) -> &Assembly {
+        &self.assembly
+    }
+
+    /// Takes a photograph; `number` is that of the camera among its own, and keys its random numbers. None where `go_on`,
+    /// which is asked between submissions, says to stop.
+    ///
+    /// # Errors
+    /// Where the picture is larger than announced, or the device fails.
+    pub fn photograph(
+        &self,
+        camera: &Camera,
+        number: u32,
+        exposure: Exposure,
+        mut go_on: impl FnMut() -> ControlFlow<()>,
+    ) -> Result<Option<Photograph>> {
+        let pixels = self.check(&camera.intrinsics)?;
+        let on_cpu = self.context.physical().kind == "CPU";
+        let (most_paths, most_samples) = if on_cpu { (CPU_PATHS, 1) } else { (GPU_PATHS, GPU_SAMPLES) };
+        let part = most_paths.min(u64::from(pixels)) as u32;
+        let per_submission = (most_paths / u64::from(part)).max(1) as u32;
+        for first in (0..pixels).step_by(part as usize) {
+            let count = part.min(pixels - first);
+            let mut sample = 0;
+            while sample < exposure.samples {
+                if go_on().is_break() {
+                    return Ok(None);
+                }
+                let mut commands = Recorder::new(&self.context)?;
+                let last = exposure.samples.min(sample.saturating_add(per_submission));
+                while sample < last {
+                    let samples = most_samples.min(last - sample);
+                    let push = self.push(camera, number, exposure, [first, count], [sample, samples]);
+                    self.record(&mut commands, &push);
+                    sample += samples;
+                }
+                commands.submit_and_wait()?;
+            }
+        }
+        let sums: Vec<[f32; 4]> = self.exposure.download(pixels as usize)?;
+        let mean = |sum: [f32; 4]| sum.map(|v| v / exposure.samples as f32);
+        let pixels = sums.into_iter().map(mean).collect();
+        Ok(Some(Photograph { width: camera.intrinsics.width, pixels }))
+    }
+
+    /// Records `samples` of a part of a picture, each a first one and a count, for who submits and times it himself.
+    ///
+    /// # Errors
+    /// Where the picture is larger than announced.
+    pub fn record_part<'a>(
+        &'a self,
+        commands: &mut Recorder<'a>,
+        camera: &Camera,
+        exposure: Exposure,
+        pixels: [u32; 2],
+        samples: [u32; 2],
+    ) -> Result<()> {
+        self.check(&camera.intrinsics)?;
+        let push = self.push(camera, 0, exposure, pixels, samples);
+        self.record(commands, &push);
+        Ok(())
+    }
+
+    /// Sums of the pixels so far, in the order of the picture.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn sums(&self, pixels: usize) -> Result<Vec<[f32; 4]>> {
+        self.exposure.download(pixels)
+    }
+
+    fn record<'a>(&'a self, commands: &mut Recorder<'a>, push: &PhotographPush) {
+        let buffers: Vec<&Buffer> = self.buffers.iter().chain([&self.exposure]).collect();
+        commands.stage(&self.photograph).bind(&buffers).push(push).linear(push.count.div_ceil(GROUP));
+    }
+
+    /// What lies in the middle of pixels of a picture: of those listed, or of all.
+    ///
+    /// # Errors
+    /// As [`Tracer::photograph`].
+    pub fn first_hits(&self, camera: &Camera, listed: Option<&[u32]>) -> Result<FirstHits> {
+        let pixels = self.check(&camera.intrinsics)?;
+        let count = listed.map_or(pixels, |listed| listed.len() as u32);
+        if let Some(listed) = listed {
+            self.chosen.upload(listed)?;
+        }
+        let [position, right, down, forward] = self.axes(camera);
+        let [focal, principal] = lens(&camera.intrinsics);
+        let push = FirstHitPush {
+            position,
+            count,
+            right,
+            width: camera.intrinsics.width,
+            down,
+            chosen_only: u32::from(listed.is_some()),
+            forward,
+            spare0: 0,
+            focal,
+            principal,
+        };
+        let b = &self.buffers;
+        let buffers = [&b[0], &b[1], &b[2], &b[3], &b[4], &b[5], &b[6], &b[11], &self.chosen, &self.found];
+        let mut commands = Recorder::new(&self.context)?;
+        commands.stage(&self.first_hit).bind(&buffers).push(&push).linear(count.div_ceil(GROUP));
+        commands.submit_and_wait()?;
+        self.found.download(count as usize)
+    }
+
+    /// Pixels of a picture, which must have room.
+    fn check(&self, intrinsics: &Intrinsics) -> Result<u32> {
+        let pixels = u64::from(intrinsics.width) * u64::from(intrinsics.height);
+        if pixels > self.pixels || pixels > u64::from(u32::MAX) {
+            return Err(Error::request(format!("a picture of {pixels} pixels is larger than what was announced")));
+        }
+        Ok(pixels as u32)
+    }
+
+    fn push(
+        &self,
+        camera: &Camera,
+        number: u32,
+        exposure: Exposure,
+        [first, count]: [u32; 2],
+        [first_sample, samples]: [u32; 2],
+    ) -> PhotographPush {
+        let [position, right, down, forward] = self.axes(camera);
+        let [focal, principal] = lens(&camera.intrinsics);
+        PhotographPush {
+            position,
+            first,
+            right,
+            count,
+            down,
+            width: camera.intrinsics.width,
+            forward,
+            seed: random::bits(exposure.seed, SEED_STREAM, number)[0],
+            focal,
+            principal,
+            first_sample,
+            samples,
+            show_sky: u32::from(exposure.show_sky),
+        }
+    }
+
+    /// Centre and axes of a camera about the scene's own centre.
+    fn axes(&self, camera: &Camera) -> [[f32; 3]; 4] {
+        let axes = glam::DMat3::from_quat(camera.pose.rotation);
+        let position = camera.pose.position - self.assembly.centre;
+        [position, axes.x_axis, axes.y_axis, axes.z_axis].map(|v| v.as_vec3().to_array())
+    }
+}
+
+fn lens(intrinsics: &Intrinsics) -> [[f32; 2]; 2] {
+    [intrinsics.focal, intrinsics.principal].map(|pair| pair.map(|v| v as f32))
+}
+
+fn filled<T: bytemuck::NoUninit>(context: &Arc<Context>, name: &str, data: &[T], instead: T) -> Result<Buffer> {
+    if data.is_empty() {
+        Buffer::from_slice(context, name, &[instead])
+    } else {
+        Buffer::from_slice(context, name, data)
+    }
+}

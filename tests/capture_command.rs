@@ -1,0 +1,197 @@
+//! `camsplat capture`: what it writes, going on after a stop, and what it refuses.
+
+mod command;
+
+use camsplat::io;
+use camsplat::io::photos::{self, Images};
+use camsplat::scene::camera::{Camera, Intrinsics, Pose};
+use camsplat::scene::surface::Surface;
+use command::{Place, assert_refused, read_until, stop};
+use exr::prelude::{FlatSamples, read_first_flat_layer_from_file};
+use glam::DVec3;
+
+/// A cube of side 2 as glTF, each side of its own four vertices, with `more` in its root.
+fn cube(more: &str) -> String {
+    let mut bytes = Vec::new();
+    let mut indices: Vec<u16> = Vec::new();
+    for axis in 0..3 {
+        for side in [-1.0f32, 1.0] {
+            let first = (bytes.len() / 12) as u16;
+            for [u, v] in [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0f32]] {
+                let mut corner = [0.0; 3];
+                (corner[axis], corner[(axis + 1) % 3], corner[(axis + 2) % 3]) = (side, u, v);
+                corner.iter().for_each(|c| bytes.extend(c.to_le_bytes()));
+            }
+            let order = if side > 0.0 { [0, 1, 2, 0, 2, 3] } else { [0, 2, 1, 0, 3, 2] };
+            indices.extend(order.map(|i| first + i));
+        }
+    }
+    indices.iter().for_each(|i| bytes.extend(i.to_le_bytes()));
+    let data = base64(&bytes);
+    format!(
+        r#"{{"asset": {{"version": "2.0"}}, "scenes": [{{"nodes": [0]}}], "nodes": [{{"mesh": 0}}],
+            "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}, "indices": 1, "material": 0}}]}}],
+            "buffers": [{{"byteLength": {}, "uri": "data:application/octet-stream;base64,{data}"}}],
+            "bufferViews": [{{"buffer": 0, "byteLength": 288}}, {{"buffer": 0, "byteOffset": 288, "byteLength": 72}}],
+            "accessors": [{{"bufferView": 0, "componentType": 5126, "count": 24, "type": "VEC3"}},
+                          {{"bufferView": 1, "componentType": 5123, "count": 36, "type": "SCALAR"}}] {more}}}"#,
+        bytes.len()
+    )
+}
+
+/// Base64 of a multiple of three bytes.
+fn base64(bytes: &[u8]) -> String {
+    let digits = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let groups = bytes.chunks(3).map(|c| u32::from_be_bytes([0, c[0], c[1], c[2]]));
+    groups.flat_map(|g| [18, 12, 6, 0].map(|s| digits[(g >> s) as usize & 63] as char)).collect()
+}
+
+const ORANGE: &str =
+    r#", "materials": [{"pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.4, 0.1, 1], "metallicFactor": 0}}]"#;
+
+fn cameras(count: usize, size: u32) -> Vec<Camera> {
+    let camera = |i: usize| {
+        let turn = std::f64::consts::TAU * (i as f64 + 0.3) / count as f64;
+        let away = DVec3::new(turn.cos(), 0.4, turn.sin()).normalize();
+        let pose = Pose::looking(5.0 * away, -away, DVec3::Y);
+        Camera { name: format!("view {i}"), pose, intrinsics: Intrinsics::from_fov(size, size, 0.8) }
+    };
+    (0..count).map(camera).collect()
+}
+
+/// A place with `cube.gltf`, `sky.hdr`, which is as bright everywhere, and `cameras.json`.
+fn place(count: usize, size: u32) -> Place {
+    let place = Place::new();
+    place.write("cube.gltf", cube(ORANGE));
+    let mut sky = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n".to_vec();
+    sky.extend([128, 128, 128, 129].repeat(8));
+    place.write("sky.hdr", sky);
+    place.write("cameras.json", serde_json::json!({ "cameras": cameras(count, size) }).to_string());
+    place
+}
+
+/// If this failed, the folder would not be a capture that trainers read, or its files would not belong together.
+#[test]
+fn the_folder_is_a_capture_as_it_is() {
+    let place = place(3, 32);
+    let ran = place.done("capture cube.gltf cameras.json --out o --env sky.hdr --spp 8 --depth --normals --exr");
+    assert!(ran.out.contains("12 triangles") && ran.out.contains("alpha and masks"), "{}", ran.out);
+    let files = place.files("o");
+    for name in
+        ["images/view 0.png", "masks/view 1.png.png", "depth/view 2.exr", "normals/view 0.exr", "linear/view 1.exr"]
+    {
+        assert!(files.contains(&name.to_owned()), "{name} is not in {files:?}");
+    }
+    for path in ["o", "o/transforms.json"] {
+        let options = photos::Options { images: Images::Needed, ..photos::Options::default() };
+        let set = photos::read(&place.path(path), &options).unwrap();
+        assert_eq!(set.photos.len(), 3);
+        assert!(set.photos.iter().all(|photo| photo.mask.is_some()), "{path}");
+        assert!(set.points.positions.len() > 300, "{}", set.points.positions.len());
+    }
+    let Surface::Points(points) = io::read_surface(&place.path("o/points.ply")).unwrap() else { panic!("not points") };
+    for (p, [r, g, b]) in points.positions.iter().zip(&points.colours) {
+        assert!((p.abs().max_element() - 1.0).abs() < 1e-4, "{p} is not on the cube");
+        assert!(r > g && g > b, "{p} is not orange");
+    }
+    // Background, picture, mask and depth agree on where the cube is.
+    let picture = image::open(place.path("o/images/view 1.png")).unwrap().into_rgba8();
+    let mask = image::open(place.path("o/masks/view 1.png.png")).unwrap().into_luma8();
+    let layer = read_first_flat_layer_from_file(place.path("o/depth/view 1.exr")).unwrap().layer_data;
+    let FlatSamples::F32(depths) = &layer.channel_data.list[0].sample_data else { panic!("not single precision") };
+    assert_eq!(picture.get_pixel(0, 0).0[3], 0);
+    for (i, pixel) in picture.pixels().enumerate() {
+        assert_eq!(pixel.0[3], mask.as_raw()[i]);
+        assert!(pixel.0[3] != 255 || (3.0..6.0).contains(&depths[i]), "{} at {i}", depths[i]);
+        assert!(pixel.0[3] != 0 || depths[i] == 0.0, "{} at {i}", depths[i]);
+    }
+}
+
+/// If this failed, a capture of hours would begin anew after a stop, or go on with other pictures than it would have made.
+#[test]
+fn a_stopped_capture_goes_on_at_the_first_missing_picture() {
+    let place = place(6, 48);
+    let asked = "capture cube.gltf cameras.json --out o --env sky.hdr --spp 200";
+    let mut child = place.command(asked).spawn().unwrap();
+    let output = read_until(&mut child, "device");
+    let first = place.path("o/images/view 0.png");
+    while !first.is_file() && child.try_wait().unwrap().is_none() {
+        std::thread::yield_now();
+    }
+    let stopped = stop(child, output, "-INT");
+    assert_eq!(stopped.code, Some(130), "{}{}", stopped.out, stopped.err);
+    assert!(stopped.out.contains("the same command goes on"), "{}", stopped.out);
+    assert!(place.files("o").iter().all(|name| !name.ends_with(".part")), "{:?}", place.files("o"));
+    assert!(image::open(&first).is_ok());
+    let before = std::fs::metadata(&first).unwrap().modified().unwrap();
+
+    let refused = place.run("capture cube.gltf cameras.json --out o --env sky.hdr --spp 100");
+    assert!(refused.code == Some(2) && refused.err.contains("with other settings"), "{}", refused.err);
+
+    let went_on = place.done(asked);
+    assert!(went_on.out.contains("kept     "), "{}", went_on.out);
+    assert_eq!(std::fs::metadata(&first).unwrap().modified().unwrap(), before);
+    place.done(&asked.replace("--out o", "--out whole"));
+    assert_eq!(place.files("o"), place.files("whole"));
+    for name in place.files("whole") {
+        let read = |folder: &str| std::fs::read(place.path(&format!("{folder}/{name}"))).unwrap();
+        assert!(read("o") == read("whole"), "{name} differs");
+    }
+}
+
+/// If this failed, bad input would end in a black picture, a panic, or a message that leaves the user alone.
+#[test]
+fn bad_input_is_refused_and_nothing_is_written() {
+    let place = place(1, 16);
+    place.write("sky.png", "no map");
+    place.write(
+        "texture.gltf",
+        cube(
+            r#", "materials": [{"emissiveTexture": {"index": 0}}], "textures": [{"source": 0}],
+        "images": [{"uri": "lost.png"}]"#,
+        ),
+    );
+    place.write("required.gltf", cube(&format!("{ORANGE}, \"extensionsRequired\": [\"EXT_texture_webp\"]")));
+    let cases: [(&str, &[&str]); 6] = [
+        ("capture cube.gltf cameras.json --out o", &["no light", "--env"]),
+        ("capture cube.gltf cameras.json --out o --env sky.png", &["sky.png", "no environment map"]),
+        ("capture texture.gltf cameras.json --out o --env sky.hdr", &["image 0 is missing", "lost.png"]),
+        ("capture required.gltf cameras.json --out o --env sky.hdr", &["EXT_texture_webp"]),
+        ("capture none.gltf cameras.json --out o --env sky.hdr", &["there is no such file"]),
+        ("capture cube.gltf cameras.json --out o --env sky.hdr --size 16x9", &["another shape"]),
+    ];
+    assert_refused(&place, &cases);
+}
+
+/// If this failed, a user would wonder why some pictures are dark, or why a scene has lost its colours.
+#[test]
+fn what_is_doubtful_is_said() {
+    let place = place(2, 16);
+    let mut cameras = cameras(2, 16);
+    cameras[1].pose.position = DVec3::new(0.1, 0.2, 0.3);
+    place.write("cameras.json", serde_json::json!({ "cameras": cameras }).to_string());
+    place.write("grey.gltf", cube("").replace(r#", "material": 0"#, ""));
+    let ran = place.done("capture grey.gltf cameras.json --out o --env sky.hdr --spp 2");
+    assert!(ran.out.contains("1 cameras stand inside of something: view 1.png"), "{}", ran.out);
+    assert!(ran.out.contains("no materials: it is grey"), "{}", ran.out);
+    assert!(ran.out.contains("behind   nothing"), "{}", ran.out);
+}
+
+/// If this failed, windows of a room would be holes, or exposure would not be what photographers mean by a stop.
+#[test]
+fn background_exposure_and_size_are_what_they_say() {
+    let place = place(1, 16);
+    let options = "--background env --exposure -1 --size 8x8 --seed 3 --device 0 --debug-sync --exr";
+    place.done(&format!("capture cube.gltf cameras.json --out o --env sky.hdr --spp 4 {options}"));
+    let corner = image::open(place.path("o/images/view 0.png")).unwrap();
+    assert_eq!((corner.width(), corner.color().channel_count()), (8, 3));
+    // Half of the sky's radiance, which is 1, is 188 in sRGB.
+    assert!(corner.into_rgb8().get_pixel(0, 0).0.iter().all(|v| v.abs_diff(188) <= 1));
+    assert!(!place.files("o").iter().any(|name| name.starts_with("masks")));
+    let layer = read_first_flat_layer_from_file(place.path("o/linear/view 0.exr")).unwrap().layer_data;
+    let FlatSamples::F32(values) = &layer.channel_data.list[0].sample_data else { panic!("not single precision") };
+    assert!((values[0] - 1.0).abs() < 0.01, "{}", values[0]);
+    let again = place.run("capture cube.gltf cameras.json --out o --env sky.hdr --spp 4 --background alpha");
+    assert!(again.code == Some(2) && again.err.contains("--force"), "{}", again.err);
+    place.done("capture cube.gltf cameras.json --out o --env sky.hdr --spp 4 --background alpha --force");
+}
