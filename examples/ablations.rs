@@ -282,7 +282,7 @@ fn table(context: &Arc<Context>, scenes: &[Scene], seeds: u64, title: &str, rows
 fn control(context: &Arc<Context>, scene: &Scene, seed: u64, random: bool) -> Result<Option<Metrics>> {
     let geometry = &scene.device.geometry;
     let poses = match random {
-        true => baselines::random(&geometry.free, scene.views as usize, seed),
+        true => baselines::random(&geometry.free, scene.views as usize, seed, scene.preset == Preset::Object),
         false if scene.preset == Preset::Room => return Ok(None),
         false => baselines::fibonacci_shell(&geometry.region, scene.views as usize)?,
     };

@@ -4,7 +4,7 @@
 //! field trained on their photos is as good as it can be. Cameras are Gaussians ("camera splats"), points on the surface
 //! look back at them ("point cameras"), and the picture they see must come out evenly bright.
 //!
-//! The layers look down only: [`cli`] and [`report`] sit on [`plan`], [`vds`], [`select`], [`stereo`] and [`gaussians`],
+//! The layers look down only: [`cli`] and [`report`] sit on [`peers`], that on [`plan`], [`vds`], [`select`], [`stereo`] and [`gaussians`],
 //! these on [`metrics`] and
 //! [`visibility`], then [`io`], [`photos`], [`scene`], [`primitives`] and [`vulkan`].
 
@@ -13,6 +13,7 @@ pub mod gaussians;
 pub mod io;
 pub mod metrics;
 mod parallel;
+pub mod peers;
 pub mod photograph;
 pub mod photos;
 pub mod plan;

@@ -96,6 +96,7 @@ fn record(path: &str, region: Region, cameras: Vec<Camera>, kept: usize) -> Plan
     PlanRecord {
         version: "0.1.0".into(),
         status: Status::Complete,
+        method: "ours".into(),
         surface: SurfaceRecord {
             path: path.into(),
             kind: "mesh".into(),

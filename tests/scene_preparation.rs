@@ -104,7 +104,7 @@ fn the_room_has_free_space_around_its_furniture() {
         assert!(!space.is_free(inside), "{inside} is inside furniture");
     }
     let bvh = Bvh::new(&proxy.occluder, &Similarity::IDENTITY).unwrap();
-    for pose in baselines::random(&space, 200, 5) {
+    for pose in baselines::random(&space, 200, 5, false) {
         let (origin, direction) = (pose.position.as_vec3(), pose.forward().as_vec3());
         let hit = bvh.closest_hit(&Ray { origin, direction, t_min: 0.0, t_max: f32::MAX }).expect("a room is closed");
         assert!(f64::from(hit.distance) > region.clearance - 3f64.sqrt() * space.grid.cell);
@@ -122,7 +122,7 @@ fn controls_of_the_object_stand_in_its_shell() {
     let space = FreeSpace::new(&proxy.occluder.transformed(&there), &internal, 64).unwrap();
     assert_eq!(space.free_fraction, 1.0);
     let back = there.inverse();
-    let controls = [baselines::random(&space, 50, 1), baselines::fibonacci_shell(&internal, 50).unwrap()];
+    let controls = [baselines::random(&space, 50, 1, true), baselines::fibonacci_shell(&internal, 50).unwrap()];
     for pose in controls.iter().flatten().map(|pose| back.pose(pose)) {
         let distance = pose.position.distance(centre);
         assert!(distance > r_min - 1e-9 && distance < r_max + 1e-9);

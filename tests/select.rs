@@ -12,7 +12,8 @@ use camsplat::scene::proxy::SurfacePoint;
 use camsplat::scene::random;
 use camsplat::scene::region::Shape;
 use camsplat::scene::samples;
-use camsplat::select::controls::{Distance, Pool};
+use camsplat::select::controls::Pool;
+use camsplat::select::farthest::Distance;
 use camsplat::select::interchange::{grow, refine};
 use camsplat::select::job::{Method, Prospect, Request};
 use camsplat::select::objective::Objective;
@@ -198,7 +199,7 @@ fn must_and_never_hold_for_every_method() {
     let context = context();
     let set = pool(30, 5);
     let target = target();
-    for method in Method::ALL {
+    for method in Method::CONTROLS {
         let request = Request { method, must: vec![3, 17], never: vec![0, 5, 29], points: 150, ..Request::new(8) };
         let prospect = Prospect::new(&context, &set, &target, request).expect("a pool");
         let selection = prospect.select(None, false).expect("a selection");

@@ -22,6 +22,7 @@ mod demo;
 mod devices;
 mod metrics;
 mod options;
+mod peers;
 mod plan;
 mod progress;
 mod proxy;

@@ -1,6 +1,6 @@
 //! Options that several commands share: region, camera, device.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
@@ -13,6 +13,7 @@ use crate::plan::record::SurfaceRecord;
 use crate::scene::camera::{Intrinsics, Pose};
 use crate::scene::region::{Region, Shape};
 use crate::scene::surface::Surface;
+use crate::select::information::Model;
 use crate::vds;
 use crate::vulkan::{self, Context};
 use crate::{Error, Result};
@@ -61,6 +62,36 @@ pub struct DeviceOptions {
     /// Wait after every stage, so that a lost device names the stage; not while stages are timed
     #[arg(long)]
     pub debug_sync: bool,
+}
+
+/// A model of the scene, for the methods that choose by one.
+#[derive(Args, Clone, Debug)]
+pub struct ModelOptions {
+    /// Trained splats of the scene (.ply), in the frame of the cameras [fisherrf]
+    #[arg(long, value_name = "FILE")]
+    pub model: Option<PathBuf>,
+    /// The model was trained with antialiasing
+    #[arg(long, requires = "model")]
+    pub antialiased: bool,
+}
+
+impl ModelOptions {
+    /// Reads the model, which `method` must have if `needed` and must not have otherwise; prints what was understood.
+    pub fn read(&self, method: &str, needed: bool) -> Result<Option<Model>> {
+        let wrong = |what: &str| Err(Error::request(format!("--method {method} {what}")));
+        let path = match (&self.model, needed) {
+            (Some(path), true) => path,
+            (None, true) => return wrong("needs trained splats; give them with --model"),
+            (Some(_), false) => return wrong("looks at no model; leave --model out"),
+            (None, false) => return Ok(None),
+        };
+        let (gaussians, notes) = io::read_gaussians_with_notes(path)?;
+        for note in notes {
+            say!("{note}");
+        }
+        let path = path.to_string_lossy().into_owned();
+        Ok(Some(Model { path, gaussians, antialiased: self.antialiased }))
+    }
 }
 
 impl DeviceOptions {

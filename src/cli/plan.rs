@@ -7,11 +7,13 @@ use std::sync::Arc;
 use clap::Args;
 
 use super::options::{CameraOptions, DeviceOptions, RegionOptions, print_messages};
+use super::peers::{self, PeerOptions};
 use super::progress::{Progress, stop_on_interrupt};
 use super::vds;
 use crate::io;
 use crate::io::folder::{OutputFolder, check_file, write_files};
 use crate::metrics::Metrics;
+use crate::peers::request::Method;
 use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Start};
 use crate::plan::footprint;
 use crate::plan::job::{self, Plan, Tools};
@@ -50,6 +52,8 @@ pub struct Arguments {
     keep: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceOptions,
+    #[command(flatten)]
+    peers: PeerOptions,
     #[command(flatten)]
     tuning: Tuning,
     /// Print the device memory that the plan takes, and stop
@@ -223,6 +227,13 @@ impl Tuning {
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let config = arguments.tuning.apply(Config::new(arguments.region.preset(), arguments.views));
     config.validate()?;
+    let peer = arguments.peers.request(&config)?;
+    if let (Some((peer, _)), true) =
+        (&peer, arguments.dry_run || arguments.profile || arguments.trace.is_some() || arguments.capture.is_some())
+    {
+        let name = peer.method.name();
+        return Err(Error::request(format!("--method {name} takes no --dry-run, --profile, --trace or --capture")));
+    }
     for file in [&arguments.trace, &arguments.capture].into_iter().flatten() {
         check_file(file)?;
     }
@@ -252,6 +263,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         say!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));
         return Ok(ExitCode::SUCCESS);
     };
+    if let Some(request) = &peer {
+        return peers::run(&context, request, &target, (intrinsics, &kept), folder);
+    }
 
     stop_on_interrupt()?;
     let mut profile = (arguments.profile || arguments.trace.is_some()).then(Profile::default);
@@ -300,6 +314,7 @@ fn captured(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<
         Tuning { no_vds: true, .. } => Some("--no-vds"),
         Tuning { base_loss: true, .. } => Some("--base-loss"),
         _ if arguments.dry_run => Some("--dry-run"),
+        _ if arguments.peers.method != Method::Ours => Some("--method"),
         _ if images < 2 => Some("fewer than two have an image"),
         _ => None,
     };
@@ -316,13 +331,11 @@ fn captured(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<
 /// Prints the metrics of a plan beside those of its controls.
 pub fn print_plan(plan: &Plan) {
     let record = &plan.record;
-    say!(
-        "plan     {} views, {} kept, {} iterations in {:.2} s",
-        record.cameras.len() - record.kept,
-        record.kept,
-        record.history.len(),
-        record.seconds
-    );
+    let how = match record.history.len() {
+        0 => format!("chosen by {} in {:.4} s", record.method, record.seconds),
+        iterations => format!("{iterations} iterations in {:.2} s", record.seconds),
+    };
+    say!("plan     {} views, {} kept, {how}", record.cameras.len() - record.kept, record.kept);
     let mut rows = vec![("plan", &record.metrics)];
     rows.extend(record.controls.iter().map(|control| (control.name.as_str(), &control.metrics)));
     say!("{}", table(&rows).trim_end());

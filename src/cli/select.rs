@@ -7,7 +7,9 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::options::{CameraOptions, DeviceOptions, RegionOptions, parse_size, print_messages, read_surface};
+use super::options::{
+    CameraOptions, DeviceOptions, ModelOptions, RegionOptions, parse_size, print_messages, read_surface,
+};
 use super::plan::table;
 use super::progress::stop_on_interrupt;
 use crate::io::folder::OutputFolder;
@@ -50,6 +52,8 @@ pub struct Arguments {
     /// How to choose
     #[arg(long, value_enum, default_value = "swap")]
     method: Method,
+    #[command(flatten)]
+    model: ModelOptions,
     /// File with names of photos that are chosen in any case, one a line
     #[arg(long, value_name = "FILE")]
     must: Option<PathBuf>,
@@ -85,10 +89,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     let request = request(arguments, &set)?;
     request.validate(set.photos.len())?;
+    let model = arguments.model.read(request.method.name(), request.method == Method::Fisher)?;
     let target = target(arguments, &set)?;
     let sharpness = arguments.sharpness.then(|| sharpness::of_photos(&set)).transpose()?;
     let context = arguments.device.open()?;
-    let prospect = Prospect::new(&context, &set, &target, request.clone())?;
+    let prospect = Prospect::new(&context, &set, &target, request.clone())?.with_model(model);
     let selection = prospect.select(sharpness.as_deref(), true)?;
     let suggested = match arguments.suggest {
         0 => Vec::new(),

@@ -5,6 +5,7 @@ pub mod classic;
 pub mod config;
 mod course;
 pub mod evaluate;
+pub mod fisher;
 pub mod frame;
 pub mod job;
 pub mod layout;

@@ -212,7 +212,7 @@ pub fn buffers(context: &Context, sizes: &Sizes, wanted: Wanted) -> Vec<(&'stati
 }
 
 /// Threads of the stages that work on a tile: a pixel each, or four each where a barrier costs every thread a switch.
-fn threads(context: &Context) -> u32 {
+pub(super) fn threads(context: &Context) -> u32 {
     if context.physical().kind == "CPU" { 64 } else { 256 }
 }
 
@@ -268,6 +268,14 @@ impl Rasterizer {
     /// What an instance or a Gaussian is summed into, see [`SPLAT_BACKWARD`].
     pub fn partials(&self) -> &Buffer {
         &self.lists.partials
+    }
+
+    /// What the forward pass left, for stages of others: the buffers that [`SPLAT_BACKWARD`] reads from `counts` to
+    /// `checkpoints`.
+    pub fn composited<'a>(&'a self, instances: Instances<'a>) -> [&'a Buffer; 9] {
+        let Lists { instance_splats, checkpoints, .. } = &self.lists;
+        let Self { counts, tile_ranges, picture, ends, tile_ends, .. } = self;
+        [counts, instance_splats, instances.keys, instances.values, tile_ranges, picture, ends, tile_ends, checkpoints]
     }
 
     /// Makes room for so many instances, in place of what there was.

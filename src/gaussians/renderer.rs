@@ -46,11 +46,11 @@ impl Rendering {
 
 /// Gaussians on the device, and what makes pictures of them.
 pub struct Renderer {
-    model: Model,
-    rasterizer: Rasterizer,
+    pub(super) model: Model,
+    pub(super) rasterizer: Rasterizer,
     view: Buffer,
     wanted: Wanted,
-    degree: u32,
+    pub(super) degree: u32,
 }
 
 impl Renderer {

@@ -27,6 +27,8 @@ use crate::{Error, Result};
 
 /// Stream of the held-out points: none of them is a probe of the optimiser.
 const HELD_OUT_STREAM: u32 = 1;
+/// The planner's name among the methods.
+pub const OURS: &str = "ours";
 /// Held-out points of a checkpoint: the first so many.
 const CHECKPOINT_POINTS: usize = 400;
 
@@ -184,6 +186,28 @@ pub fn run(
     let _ = observe(Event::Scoring);
     let start = Instant::now();
     let config = planner.config().clone();
+    drop(planner);
+    let described = serde_json::to_value(&config)
+        .map_err(|e| Error::request(format!("the configuration cannot be written: {e}")))?;
+    let plan = conclude(context, scene, target, (intrinsics, kept), &config, (OURS, described), outcome)?;
+    mark(&mut profile, "metrics", start);
+    Ok(plan)
+}
+
+/// Scores what came out, its snapshots and the controls on held-out points, and writes the record. Of `config` count the views,
+/// the seed, the preset, the gate and the held-out points; `method` is its name and its own configuration.
+///
+/// # Errors
+/// A device that fails.
+pub fn conclude(
+    context: &Arc<Context>,
+    scene: DeviceScene,
+    target: &Target,
+    (intrinsics, kept): (Intrinsics, &[Camera]),
+    config: &Config,
+    (method, described): (&str, serde_json::Value),
+    outcome: Outcome,
+) -> Result<Plan> {
     let points = target.proxy.sample(config.held_out as usize, config.seed, HELD_OUT_STREAM);
     let scorer = Scorer::new(context, &scene, &points)?;
     let few = Scorer::new(context, &scene, &points[..points.len().min(CHECKPOINT_POINTS)])?;
@@ -202,20 +226,18 @@ pub fn run(
         });
     }
     let mut controls = Vec::new();
-    for (name, poses) in control_poses(&scene, &config) {
+    for (name, poses) in control_poses(&scene, config).into_iter().filter(|(name, _)| *name != method) {
         controls.push(ControlRecord { name: name.into(), metrics: aggregate(&scorer.score(&cameras(&poses), field)?) });
     }
-    mark(&mut profile, "metrics", start);
-
     let physical = context.physical();
     let record = PlanRecord {
         version: env!("CARGO_PKG_VERSION").into(),
         status: outcome.status,
+        method: method.into(),
         surface: target.record.clone(),
         device: format!("{} ({})", physical.name, physical.driver.trim()),
         seed: config.seed,
-        config: serde_json::to_value(&config)
-            .map_err(|e| Error::request(format!("the configuration cannot be written: {e}")))?,
+        config: described,
         region: target.region,
         cameras: cameras(&outcome.poses),
         kept: kept.len(),
@@ -225,7 +247,7 @@ pub fn run(
         controls,
         seconds: outcome.seconds,
     };
-    drop((planner, scorer, few));
+    drop((scorer, few));
     Ok(Plan { record, points, scores, geometry: scene.into_geometry() })
 }
 
@@ -298,8 +320,8 @@ fn named(poses: &[Pose], intrinsics: Intrinsics, kept: &[Camera]) -> Vec<Camera>
 fn control_poses(scene: &DeviceScene, config: &Config) -> Vec<(&'static str, Vec<Pose>)> {
     let back = scene.geometry.to_internal.inverse();
     let world = |poses: Vec<Pose>| poses.iter().map(|pose| back.pose(pose)).collect::<Vec<_>>();
-    let count = config.views as usize;
-    let mut controls = vec![("random", world(baselines::random(&scene.geometry.free, count, config.seed)))];
+    let (count, inward) = (config.views as usize, config.preset == Preset::Object);
+    let mut controls = vec![("random", world(baselines::random(&scene.geometry.free, count, config.seed, inward)))];
     if let Ok(poses) = baselines::fibonacci_shell(&scene.geometry.region, count) {
         controls.push(("fibonacci", world(poses)));
     }

@@ -79,13 +79,16 @@ pub struct PlanRecord {
     pub version: String,
     /// How the run ended.
     pub status: Status,
+    /// How the cameras were placed: "ours", or the name of the peer or of the way to choose.
+    #[serde(default)]
+    pub method: String,
     /// The surface.
     pub surface: SurfaceRecord,
     /// Device name and driver.
     pub device: String,
     /// Seed of every random number.
     pub seed: u64,
-    /// The planner's configuration, as it ran.
+    /// The configuration of the planner or the peer, as it ran.
     pub config: serde_json::Value,
     /// Where cameras may stand.
     pub region: Region,
@@ -101,6 +104,6 @@ pub struct PlanRecord {
     pub metrics: Metrics,
     /// Controls on the same points.
     pub controls: Vec<ControlRecord>,
-    /// Wall time of the optimisation, seconds.
+    /// Wall time of the optimisation or the choice, seconds.
     pub seconds: f64,
 }

@@ -245,6 +245,7 @@ fn page(written: &Written<'_>) -> Result<String> {
     let record = PlanRecord {
         version: env!("CARGO_PKG_VERSION").into(),
         status: Status::Complete,
+        method: request.method.name().into(),
         surface: target.record.clone(),
         device: written.device.clone(),
         seed: request.seed,

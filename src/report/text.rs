@@ -160,6 +160,7 @@ fn summary(record: &PlanRecord, kind: Kind<'_>) -> String {
 
 fn run(record: &PlanRecord, kind: Kind<'_>) -> String {
     let done = match kind {
+        Kind::Plan if record.history.is_empty() => record.method.clone(),
         Kind::Plan => iterations(record),
         Kind::Selection(_) => format!("{} swaps", grouped(record.history.len().saturating_sub(1))),
     };

@@ -13,20 +13,19 @@ use crate::{Error, Result};
 /// Apart from the streams of positions, so that where a camera stands says nothing about where it looks.
 const DIRECTIONS: u32 = 0x8000_0000;
 
-/// Poses at uniform random positions in free space: looking at the centre in a shell, in uniform random directions in a
-/// box. In the frame of `space`, the image's up along the region's.
-pub fn random(space: &FreeSpace, count: usize, seed: u64) -> Vec<Pose> {
-    let up = space.region.up;
+/// Poses at uniform random positions in free space: looking at the region's centre where `inward`, else in uniform random
+/// directions. In the frame of `space`, the image's up along the region's.
+pub fn random(space: &FreeSpace, count: usize, seed: u64, inward: bool) -> Vec<Pose> {
+    let (up, centre) = (space.region.up, space.region.bounding_sphere().0);
     // Far fewer than 2^32 cameras.
     (0..count as u32)
         .map(|i| {
             let position = space.sample(seed, 0, i);
-            let direction = match space.region.shape {
-                Shape::Shell { centre, .. } if centre != position => centre - position,
-                _ => {
-                    let [u, v, ..] = random::uniforms(seed, DIRECTIONS, i);
-                    random::direction(u, v)
-                }
+            let direction = if inward && centre != position {
+                centre - position
+            } else {
+                let [u, v, ..] = random::uniforms(seed, DIRECTIONS, i);
+                random::direction(u, v)
             };
             Pose::looking(position, direction, up)
         })
@@ -77,17 +76,17 @@ mod tests {
         let proxy = Proxy::new(&samples::sphere(1.0, 12), Orientation::Trusted).unwrap();
         let region = Region::around_object(proxy.sphere, 0.5, DVec3::Z, Some(0.0)).unwrap();
         let space = FreeSpace::new(&proxy.occluder, &region, 40).unwrap();
-        let poses = random(&space, 200, 1);
+        let poses = random(&space, 200, 1, true);
         assert_eq!(poses.len(), 200);
         for pose in &poses {
             assert!(space.is_free(pose.position) && region.contains(pose.position));
             assert!(pose.forward().dot(-pose.position.normalize()) > 0.999);
         }
-        assert_ne!(poses, random(&space, 200, 2));
+        assert_ne!(poses, random(&space, 200, 2, true));
 
         let room = Region::inside_room((DVec3::splat(-4.0), DVec3::splat(4.0)), None, DVec3::Z).unwrap();
         let space = FreeSpace::new(&proxy.occluder, &room, 40).unwrap();
-        let mean = random(&space, 500, 1).iter().map(Pose::forward).sum::<DVec3>() / 500.0;
+        let mean = random(&space, 500, 1, false).iter().map(Pose::forward).sum::<DVec3>() / 500.0;
         assert!(mean.length() < 0.1, "cameras in a room prefer {mean}");
     }
 

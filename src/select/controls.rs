@@ -2,11 +2,11 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use std::f64::consts::PI;
 
 use glam::DVec3;
 
 use super::assignment::assign;
+use super::farthest::{Distance, Metric};
 use super::sight::Sight;
 use crate::parallel::in_parallel;
 use crate::photos::PhotoSet;
@@ -35,17 +35,6 @@ pub struct Pool<'a> {
     pub count: usize,
     /// Seed.
     pub seed: u64,
-}
-
-/// How two photos differ, for farthest view sampling (NeRF Director).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Distance {
-    /// The angle between their directions from the region's centre.
-    GreatCircle,
-    /// The distance between their centres.
-    Chord,
-    /// The great circle, and pi times one less the share of points that both saw.
-    Shared,
 }
 
 impl Pool<'_> {
@@ -100,48 +89,32 @@ impl Pool<'_> {
         self.must.iter().copied().chain(free).take(self.count).collect()
     }
 
-    /// Farthest view sampling: again and again the photo whose distance to the nearest chosen one is greatest; the first at
-    /// random. None where counting shared points would take too long.
+    /// Farthest view sampling after `must`; the first at random where there is none. None where counting shared points would
+    /// take too long.
     pub fn farthest(&self, distance: Distance) -> Option<Vec<usize>> {
         if distance == Distance::Shared && self.set.photos.len() > MOST_SHARED {
             return None;
         }
-        let shared = (distance == Distance::Shared).then(|| Shared::new(self.saw()));
-        let most = shared.as_ref().map_or(1, Shared::most);
         let centre = self.region.bounding_sphere().0;
-        let outward = |photo: usize| (self.pose(photo).position - centre).try_normalize().unwrap_or(DVec3::Z);
-        let mut chosen = self.must.to_vec();
-        let mut apart = vec![f64::INFINITY; self.set.photos.len()];
-        let mut near = |photo: usize| {
-            let shared = shared.as_ref().map_or_else(Vec::new, |shared| shared.with(photo));
-            for &other in self.allowed {
-                let great_circle = || 2.0 * (0.5 * outward(photo).distance(outward(other))).min(1.0).asin();
-                let away = match distance {
-                    Distance::GreatCircle => great_circle(),
-                    Distance::Chord => self.pose(photo).position.distance(self.pose(other).position),
-                    Distance::Shared => great_circle() + PI * (1.0 - f64::from(shared[other]) / f64::from(most)),
-                };
-                apart[other] = apart[other].min(away);
+        let position = |photo: &usize| self.pose(*photo).position;
+        let outward = |photo: &usize| (position(photo) - centre).try_normalize().unwrap_or(DVec3::Z);
+        let metric = match distance {
+            Distance::GreatCircle => Metric::new(self.allowed.iter().map(outward).collect()),
+            Distance::Chord => Metric::new(self.allowed.iter().map(position).collect()),
+            Distance::Shared => {
+                let mut saw = self.saw();
+                let saw = self.allowed.iter().map(|photo| std::mem::take(&mut saw[*photo])).collect();
+                Metric::new(self.allowed.iter().map(outward).collect()).with_shared(saw)
             }
-            apart.clone()
         };
-        let mut far = Vec::new();
-        for photo in self.must {
-            far = near(*photo);
+        // `must` is a part of `allowed`, and both ascend.
+        let mut chosen: Vec<usize> =
+            self.must.iter().filter_map(|photo| self.allowed.binary_search(photo).ok()).collect();
+        if chosen.is_empty() && self.count > 0 && !self.allowed.is_empty() {
+            let word = random::bits(self.seed, CONTROL_STREAM + 1, 0)[0];
+            chosen.push(random::below(word, self.allowed.len() as u32) as usize);
         }
-        while chosen.len() < self.count {
-            let free = self.free(&chosen);
-            let next = if chosen.is_empty() {
-                let word = random::bits(self.seed, CONTROL_STREAM + 1, 0)[0];
-                free[random::below(word, free.len() as u32) as usize]
-            } else {
-                // The first of the farthest.
-                *free.iter().rev().max_by(|a, b| far[**a].total_cmp(&far[**b]))?
-            };
-            chosen.push(next);
-            far = near(next);
-        }
-        Some(chosen)
+        Some(metric.farthest(chosen, self.count).into_iter().map(|place| self.allowed[place]).collect())
     }
 
     /// Points that each photo saw: by the reconstruction's tracks, or else of the optimisation's points.
@@ -183,43 +156,5 @@ impl Pool<'_> {
             }
         }
         chosen
-    }
-}
-
-/// Points that photos have in common.
-struct Shared {
-    /// Points of each photo.
-    points: Vec<Vec<u32>>,
-    /// Photos of each point.
-    photos: Vec<Vec<u32>>,
-}
-
-impl Shared {
-    fn new(points: Vec<Vec<u32>>) -> Self {
-        let count = points.iter().flatten().max().map_or(0, |most| *most as usize + 1);
-        let mut photos = vec![Vec::new(); count];
-        for (photo, points) in (0u32..).zip(&points) {
-            points.iter().for_each(|point| photos[*point as usize].push(photo));
-        }
-        Self { points, photos }
-    }
-
-    /// How many points each photo shares with `photo`, itself included.
-    fn with(&self, photo: usize) -> Vec<u32> {
-        let mut counts = vec![0; self.points.len()];
-        for point in &self.points[photo] {
-            self.photos[*point as usize].iter().for_each(|other| counts[*other as usize] += 1);
-        }
-        counts
-    }
-
-    /// The most points that any two photos share; at least 1.
-    fn most(&self) -> u32 {
-        let mut most = vec![1; self.points.len()];
-        in_parallel(&mut most, 1, |photo, most| {
-            let others = self.with(photo).into_iter().enumerate().filter(|(other, _)| *other != photo);
-            most[0] = others.map(|(_, count)| count).max().unwrap_or(0).max(1);
-        });
-        most.into_iter().max().unwrap_or(1)
     }
 }

@@ -6,7 +6,10 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::controls::{Distance, Pool};
+use super::acp;
+use super::controls::Pool;
+use super::farthest::Distance;
+use super::information::{self, Model};
 use super::interchange::{grow, refine};
 use super::objective::Objective;
 use super::score::SubsetScorer;
@@ -55,17 +58,24 @@ pub enum Method {
     Fibonacci,
     /// Farthest view sampling by the angle between camera centres
     Fvs,
-    /// Farthest view sampling by the distance between camera centres
+    /// Farthest view sampling by the distance between camera centres, or its square, which gives the same
+    #[value(alias = "fvs-square")]
     FvsChord,
     /// Farthest view sampling by angle and shared points
     FvsShared,
     /// Greedy on points seen by one photo, then by three
     Coverage,
+    /// Greedy on the uniformity of view directions and the frequency at nodes of a grid (Kopanas and Drettakis)
+    Acp,
+    /// Greedy on the Fisher information about a trained model (FisherRF)
+    #[value(name = "fisherrf")]
+    #[serde(rename = "fisherrf")]
+    Fisher,
 }
 
 impl Method {
-    /// All of them, ours first.
-    pub const ALL: [Self; 9] = [
+    /// Those that every choice is put beside, ours first.
+    pub const CONTROLS: [Self; 9] = [
         Self::Swap,
         Self::Assigned,
         Self::Nearest,
@@ -89,6 +99,8 @@ impl Method {
             Self::FvsChord => "fvs-chord",
             Self::FvsShared => "fvs-shared",
             Self::Coverage => "coverage",
+            Self::Acp => "acp",
+            Self::Fisher => "fisherrf",
         }
     }
 }
@@ -194,6 +206,7 @@ pub struct Prospect<'a> {
     request: Request,
     survey: Survey,
     held_out: Survey,
+    model: Option<Model>,
     seconds: f64,
 }
 
@@ -218,7 +231,12 @@ impl<'a> Prospect<'a> {
         }
         let held_out = Survey::new(context, &scene, &set.photos, sample(HELD_OUT_STREAM))?;
         let seconds = start.elapsed().as_secs_f64();
-        Ok(Self { context: context.clone(), set, target, scene, request, survey, held_out, seconds })
+        Ok(Self { context: context.clone(), set, target, scene, request, survey, held_out, model: None, seconds })
+    }
+
+    /// Also has trained splats of the scene, for the methods that choose by them.
+    pub fn with_model(self, model: Option<Model>) -> Self {
+        Self { model, ..self }
     }
 
     /// Plans cameras beside those that are kept, with the lens of the pool's first photo; in the user's world.
@@ -311,7 +329,7 @@ impl<'a> Prospect<'a> {
         let scorer = SubsetScorer::new(&self.held_out, self.set, world);
         let scores = scorer.score(&subset);
         let mut controls = Vec::new();
-        for method in Method::ALL.into_iter().filter(|method| with_controls && *method != request.method) {
+        for method in Method::CONTROLS.into_iter().filter(|method| with_controls && *method != request.method) {
             if method == Method::Swap {
                 continue;
             }
@@ -394,6 +412,12 @@ impl<'a> Prospect<'a> {
             Method::FvsChord => farthest(Distance::Chord),
             Method::FvsShared => farthest(Distance::Shared),
             Method::Coverage => Ok(pool.coverage()),
+            Method::Acp => Ok(acp::choose(pool, acp::Settings::default(), None)),
+            Method::Fisher => {
+                let missing = || Error::request("--method fisherrf needs trained splats; give them with --model");
+                let model = self.model.as_ref().ok_or_else(missing)?;
+                information::fisher(&self.context, pool, model, information::Settings::default())
+            }
         }
     }
 }

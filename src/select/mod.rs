@@ -4,8 +4,12 @@
 //! ([`assignment`]), and photos are then swapped ([`interchange`]) while the actual objective, the angular gap on the real
 //! frusta ([`objective`]), falls.
 
+pub mod acp;
 pub mod assignment;
 pub mod controls;
+pub mod farthest;
+pub mod greedy;
+pub mod information;
 pub mod interchange;
 pub mod job;
 mod nearest;

@@ -63,7 +63,8 @@ pub struct Survey {
 }
 
 impl Sight {
-    fn empty(points: usize, photos: usize) -> Self {
+    /// No photo sees any point.
+    pub fn empty(points: usize, photos: usize) -> Self {
         let words = photos.div_ceil(64).max(1) * 2;
         Self { photos, words, bits: vec![0; points * words] }
     }

@@ -4,6 +4,7 @@
 //! OpenCV axes; pixels with the centre of the first at (0.5, 0.5).
 
 mod composite;
+pub mod fisher;
 pub mod loss;
 pub mod optimise;
 pub mod project;

@@ -1,0 +1,83 @@
+//! `camsplat plan --method`: the options of the peers, and a plan of one.
+
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use clap::Args;
+
+use super::options::{ModelOptions, print_messages};
+use super::plan::print_plan;
+use crate::io::folder::OutputFolder;
+use crate::peers::job;
+use crate::peers::request::{Method, Request};
+use crate::plan::config::Config;
+use crate::plan::job::Target;
+use crate::scene::camera::{Camera, Intrinsics};
+use crate::select::information::Model;
+use crate::vulkan::Context;
+use crate::{Error, Result, report};
+
+/// How cameras are placed, where not by the planner.
+#[derive(Args, Debug)]
+#[command(next_help_heading = "Other methods (docs/peers.md)")]
+pub struct PeerOptions {
+    /// How to place the cameras
+    #[arg(long, value_enum, default_value = "ours")]
+    pub method: Method,
+    /// Random poses that a method chooses from [default: 10000 fvs and fvs-chord, 2000 fvs-shared and coverage, 1000 acp,
+    /// 300 fisherrf]
+    #[arg(long, value_name = "N")]
+    pub candidates: Option<u32>,
+    /// Nodes of the grid along a side [acp; default: 32]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=128))]
+    pub nodes: Option<u32>,
+    /// Nodes behind the surface are not seen; as published they are [acp]
+    #[arg(long)]
+    pub hidden_nodes: bool,
+    #[command(flatten)]
+    model: ModelOptions,
+}
+
+impl PeerOptions {
+    /// What is asked of a peer; none where the planner is to place the cameras.
+    ///
+    /// # Errors
+    /// An option that the method does not take.
+    pub fn request(&self, config: &Config) -> Result<Option<(Request, Option<Model>)>> {
+        let model = self.model.read(self.method.name(), self.method.needs_model())?;
+        let of_acp = self.nodes.is_some() || self.hidden_nodes;
+        if of_acp && self.method != Method::Acp {
+            return Err(Error::request("--nodes and --hidden-nodes are for --method acp; leave them out"));
+        }
+        if self.method == Method::Ours {
+            return match self.candidates {
+                Some(_) => Err(Error::request("--candidates is for methods that choose; give one with --method")),
+                None => Ok(None),
+            };
+        }
+        let mut request = Request::new(self.method, self.candidates, config)?;
+        if let Some(acp) = &mut request.acp {
+            acp.grid = self.nodes.unwrap_or(acp.grid);
+            acp.occlusion = self.hidden_nodes;
+        }
+        request.model = model.as_ref().map(|model| model.path.clone());
+        Ok(Some((request, model)))
+    }
+}
+
+/// Places cameras as a peer does, writes the folder and prints what came out.
+pub fn run(
+    context: &Arc<Context>,
+    (request, model): &(Request, Option<Model>),
+    target: &Target,
+    (intrinsics, kept): (Intrinsics, &[Camera]),
+    folder: OutputFolder,
+) -> Result<ExitCode> {
+    let plan = job::run(context, target, intrinsics, kept, request, model.as_ref())?;
+    print_messages(context);
+    let path = folder.path().to_owned();
+    report::folder::write(&plan, target, folder)?;
+    print_plan(&plan);
+    say!("report   {}", path.join("report.html").display());
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,132 @@
+//! A whole plan of a peer: region, candidates, choice, metrics and controls, from a surface to a record.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::request::{Method, Request};
+use crate::photos::{Photo, PhotoSet};
+use crate::plan::config::{Config, Preset};
+use crate::plan::job::{Plan, Target, conclude};
+use crate::plan::planner::Outcome;
+use crate::plan::preparation::PROBE_STREAM;
+use crate::plan::record::Status;
+use crate::scene::baselines;
+use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::lens::Distortion;
+use crate::scene::random;
+use crate::select::acp;
+use crate::select::controls::Pool;
+use crate::select::farthest::Distance;
+use crate::select::information::{self, Model};
+use crate::select::sight::{Sight, Survey};
+use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
+use crate::vulkan::Context;
+use crate::{Error, Result};
+
+/// Stream that the candidates' seed is drawn from, so that they are not the random control.
+const CANDIDATES: u32 = 0x5045_0000;
+/// Points that shared points and coverage are counted on.
+const POINTS: usize = 2000;
+
+/// Places cameras as a peer does, and scores them as a plan of ours. The record's seconds are those of the choice: candidates
+/// are there before.
+///
+/// # Errors
+/// A region without free space, a method that does not fit the scene, or a device that fails.
+pub fn run(
+    context: &Arc<Context>,
+    target: &Target,
+    intrinsics: Intrinsics,
+    kept: &[Camera],
+    request: &Request,
+    model: Option<&Model>,
+) -> Result<Plan> {
+    let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
+    let candidates = PhotoSet { photos: candidates(&scene.geometry, intrinsics, kept, request), ..PhotoSet::default() };
+    let start = Instant::now();
+    let poses = place(context, &scene, target, kept, &candidates, (request, model))?;
+    let seconds = start.elapsed().as_secs_f64();
+    let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds };
+    let Request { method, views, preset, seed, gate, held_out, .. } = *request;
+    let config = Config { seed, gate, held_out, ..Config::new(preset, views) };
+    let described =
+        serde_json::to_value(request).map_err(|e| Error::request(format!("the request cannot be written: {e}")))?;
+    conclude(context, scene, target, (intrinsics, kept), &config, (method.name(), described), outcome)
+}
+
+/// The cameras that are kept, and behind them poses at random in the region.
+fn candidates(geometry: &SceneGeometry, intrinsics: Intrinsics, kept: &[Camera], request: &Request) -> Vec<Photo> {
+    let [low, high, ..] = random::bits(request.seed, CANDIDATES, 0);
+    let seed = u64::from(low) | u64::from(high) << 32;
+    let count = request.candidates.unwrap_or(0) as usize;
+    let back = geometry.to_internal.inverse();
+    let drawn = baselines::random(&geometry.free, count, seed, request.preset == Preset::Object);
+    let drawn = drawn.iter().enumerate().map(|(i, pose)| Camera {
+        name: format!("candidate_{i:06}"),
+        pose: back.pose(pose),
+        intrinsics,
+    });
+    let photo = |camera| Photo { camera, distortion: Distortion::default(), image: None, mask: None };
+    kept.iter().cloned().chain(drawn).map(photo).collect()
+}
+
+/// Poses of a method in the user's world, in the order in which they were chosen.
+fn place(
+    context: &Arc<Context>,
+    scene: &DeviceScene,
+    target: &Target,
+    kept: &[Camera],
+    candidates: &PhotoSet,
+    (request, model): (&Request, Option<&Model>),
+) -> Result<Vec<Pose>> {
+    let (geometry, views) = (&scene.geometry, request.views as usize);
+    let back = geometry.to_internal.inverse();
+    let inward = request.preset == Preset::Object;
+    let must: Vec<usize> = (0..kept.len()).collect();
+    let allowed: Vec<usize> = (0..candidates.photos.len()).collect();
+    let sight = match request.method {
+        Method::FvsShared | Method::Coverage => {
+            let points = target.proxy.sample(POINTS, request.seed, PROBE_STREAM);
+            Survey::new(context, scene, &candidates.photos, points)?.sight
+        }
+        _ => Sight::empty(0, candidates.photos.len()),
+    };
+    let pool = Pool {
+        set: candidates,
+        region: &target.region,
+        sight: &sight,
+        must: &must,
+        allowed: &allowed,
+        count: kept.len() + views,
+        seed: request.seed,
+    };
+    let farthest = |distance| {
+        let what = "shared points are counted among up to 4000 candidates; give fewer --candidates, or use fvs";
+        pool.farthest(distance).ok_or_else(|| Error::request(format!("--method fvs-shared: {what}")))
+    };
+    let chosen = match request.method {
+        Method::Ours => return Err(Error::request("--method ours is the planner's; it is no peer")),
+        Method::Random => {
+            let poses = baselines::random(&geometry.free, views, request.seed, inward);
+            return Ok(poses.iter().map(|pose| back.pose(pose)).collect());
+        }
+        Method::Fibonacci => {
+            let poses = baselines::fibonacci_shell(&geometry.region, views)?;
+            let settled = |pose: &Pose| back.pose(&Pose { position: geometry.settle(pose.position), ..*pose });
+            return Ok(poses.iter().map(settled).collect());
+        }
+        Method::Fvs => farthest(Distance::GreatCircle)?,
+        Method::FvsChord => farthest(Distance::Chord)?,
+        Method::FvsShared => farthest(Distance::Shared)?,
+        Method::Coverage => pool.coverage(),
+        Method::Acp => {
+            let settings = request.acp.unwrap_or_default();
+            acp::choose(&pool, settings, settings.occlusion.then_some(geometry))
+        }
+        Method::Fisher => {
+            let missing = || Error::request("--method fisherrf needs trained splats; give them with --model");
+            information::fisher(context, &pool, model.ok_or_else(missing)?, request.fisher.unwrap_or_default())?
+        }
+    };
+    Ok(chosen[kept.len()..].iter().map(|photo| candidates.photos[*photo].camera.pose).collect())
+}

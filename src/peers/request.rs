@@ -1,0 +1,143 @@
+//! What is asked of a peer.
+
+use serde::{Deserialize, Serialize};
+
+use crate::plan::config::{Config, Gate, Preset};
+use crate::select::{acp, information};
+use crate::{Error, Result};
+
+/// How cameras are placed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// The planner
+    Ours,
+    /// At random: looking in around an object, anywhere in a room
+    Random,
+    /// On spherical Fibonacci points, looking in
+    Fibonacci,
+    /// Farthest view sampling by the angle between camera centres (NeRF Director)
+    Fvs,
+    /// Farthest view sampling by the distance between camera centres, or its square, which gives the same
+    #[value(alias = "fvs-square")]
+    FvsChord,
+    /// Farthest view sampling by angle and shared points (NeRF Director's photogrammetric distance)
+    FvsShared,
+    /// Greedy on points seen by one view, then by three
+    Coverage,
+    /// Greedy on the uniformity of view directions and the frequency at nodes of a grid (Kopanas and Drettakis)
+    Acp,
+    /// Greedy on the Fisher information about a trained model (FisherRF)
+    #[value(name = "fisherrf")]
+    #[serde(rename = "fisherrf")]
+    Fisher,
+}
+
+impl Method {
+    /// As on the command line and in the record.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ours => crate::plan::job::OURS,
+            Self::Random => "random",
+            Self::Fibonacci => "fibonacci",
+            Self::Fvs => "fvs",
+            Self::FvsChord => "fvs-chord",
+            Self::FvsShared => "fvs-shared",
+            Self::Coverage => "coverage",
+            Self::Acp => "acp",
+            Self::Fisher => "fisherrf",
+        }
+    }
+
+    /// Whether it chooses by a model of the scene.
+    pub fn needs_model(self) -> bool {
+        self == Self::Fisher
+    }
+
+    /// Candidates to choose from where nothing is said; none where there is no choice.
+    pub fn candidates(self) -> Option<u32> {
+        match self {
+            Self::Ours | Self::Random | Self::Fibonacci => None,
+            Self::Fvs | Self::FvsChord => Some(10_000),
+            // Counting shared points takes every pair.
+            Self::FvsShared | Self::Coverage => Some(2000),
+            Self::Acp => Some(1000),
+            Self::Fisher => Some(300),
+        }
+    }
+}
+
+/// A plan that is asked of a peer; what `plan.json` says of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Request {
+    /// How.
+    pub method: Method,
+    /// Cameras to place.
+    pub views: u32,
+    /// Poses to choose from, where the method chooses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub candidates: Option<u32>,
+    /// Kind of scene.
+    pub preset: Preset,
+    /// Seed of every random number.
+    pub seed: u64,
+    /// Field of view that the metrics have.
+    pub gate: Gate,
+    /// Held-out points for the metrics.
+    pub held_out: u32,
+    /// Of [`Method::Acp`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub acp: Option<acp::Settings>,
+    /// Of [`Method::Fisher`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fisher: Option<information::Settings>,
+    /// Path of the trained splats, where the method chooses by them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model: Option<String>,
+}
+
+impl Request {
+    /// What a method is asked for, with the rest as a plan's configuration has it.
+    ///
+    /// # Errors
+    /// One line that names the option that does not fit.
+    pub fn new(method: Method, candidates: Option<u32>, config: &Config) -> Result<Self> {
+        config.validate()?;
+        let name = method.name();
+        let plain = Config {
+            seed: config.seed,
+            gate: config.gate,
+            held_out: config.held_out,
+            ..Config::new(config.preset, config.views)
+        };
+        if plain != *config {
+            let what = "of the optimisation's options it takes --seed, --gate and --held-out only";
+            return Err(Error::request(format!("--method {name}: {what}; leave the others out")));
+        }
+        let most = 1 << 20;
+        let candidates = match (method.candidates(), candidates) {
+            (None, Some(_)) => {
+                return Err(Error::request(format!(
+                    "--method {name} chooses from no candidates; leave --candidates out"
+                )));
+            }
+            (default, given) => given.or(default.map(|default| default.max(config.views))),
+        };
+        if let Some(count) = candidates.filter(|count| *count < config.views || *count > most) {
+            let views = config.views;
+            return Err(Error::request(format!("--candidates is {count} for {views} views; give {views} to {most}")));
+        }
+        Ok(Self {
+            method,
+            views: config.views,
+            candidates,
+            preset: config.preset,
+            seed: config.seed,
+            gate: config.gate,
+            held_out: config.held_out,
+            acp: (method == Method::Acp).then(acp::Settings::default),
+            fisher: (method == Method::Fisher).then(information::Settings::default),
+            model: None,
+        })
+    }
+}

@@ -1,0 +1,91 @@
+//! `camsplat plan --method`: what each peer leaves, and what bad input gets.
+
+mod command;
+
+use camsplat::io;
+use camsplat::scene::camera::Camera;
+use command::{FILES, Place, assert_refused};
+
+/// Methods that need nothing but a region.
+const METHODS: [&str; 7] = ["random", "fibonacci", "fvs", "fvs-chord", "fvs-shared", "coverage", "acp"];
+
+fn cameras(place: &Place, folder: &str) -> Vec<Camera> {
+    io::read_cameras(&place.path(&format!("{folder}/plan.json"))).unwrap()
+}
+
+/// If this failed, a table could not be made of the peers' plans, a peer's cameras would stand where ours may not, or two runs
+/// would give two tables.
+#[test]
+fn every_peer_leaves_a_plan_in_its_region_and_the_same_twice() {
+    let place = Place::new();
+    let region = "--views 12 --held-out 50 --shell 0,0,0,2,3 --floor -0.5";
+    for method in METHODS {
+        let chooses = !matches!(method, "random" | "fibonacci");
+        let more = if chooses { "--candidates 60" } else { "" };
+        let ran = place.done(&format!("plan ball.ply --out {method} --method {method} {region} {more} --seed 3"));
+        assert!(ran.out.contains(&format!("12 views, 0 kept, chosen by {method} in ")), "{}", ran.out);
+        assert_eq!(place.files(method), FILES);
+        let record = place.plan(method);
+        assert_eq!((record.method.as_str(), &record.config["method"]), (method, &method.into()));
+        assert_eq!(record.config["candidates"].as_u64(), chooses.then_some(60));
+        assert!(record.controls.iter().all(|control| control.name != method) && !record.controls.is_empty());
+        assert!(record.metrics.coverage_1 > 0.5 && record.seconds > 0.0);
+        let planned = cameras(&place, method);
+        assert_eq!(planned.len(), 12);
+        for camera in &planned {
+            let position = camera.pose.position;
+            assert!(
+                (2.0 - 1e-6..3.0 + 1e-6).contains(&position.length()) && position.z > -0.5 - 1e-6,
+                "{method}: {position}"
+            );
+            assert!(camera.pose.forward().dot(-position.normalize()) > 0.99, "{method}");
+        }
+        place.done(&format!("plan ball.ply --out again --force --method {method} {region} {more} --seed 3"));
+        assert_eq!(place.read("again/transforms.json"), place.read(&format!("{method}/transforms.json")), "{method}");
+        place.done(&format!("plan ball.ply --out other --force --method {method} {region} {more} --seed 4"));
+        let same = place.read("other/transforms.json") == place.read(&format!("{method}/transforms.json"));
+        assert_eq!(same, method == "fibonacci", "{method}");
+    }
+}
+
+/// If this failed, peers would look at the middle of a room, stand in its furniture, or forget the cameras that are there.
+#[test]
+fn peers_stand_in_rooms_and_beside_kept_cameras() {
+    let place = Place::new();
+    let room = "--box -3,-3,-3,3,3,3 --clearance 0.3 --views 8 --held-out 50";
+    place.done(&format!("plan ball.ply --out first --method random {room}"));
+    for method in ["fvs", "acp --nodes 8", "acp --hidden-nodes", "coverage"] {
+        place.done(&format!("plan ball.ply --out o --force --method {method} --candidates 40 --keep first {room}"));
+        let all = cameras(&place, "o");
+        assert_eq!((all.len(), place.plan("o").kept), (16, 8));
+        let near = |(a, b): (&Camera, &Camera)| a.pose.position.distance(b.pose.position) < 1e-9;
+        assert!(all[8..].iter().zip(&cameras(&place, "first")).all(near), "{method}");
+        assert!(all.iter().all(|camera| camera.pose.position.length() > 1.2), "{method}");
+        let inward = all.iter().filter(|camera| camera.pose.forward().dot(-camera.pose.position.normalize()) > 0.99);
+        assert!(inward.count() < 3, "{method} looks in");
+        for (i, camera) in all.iter().enumerate() {
+            assert!(all[..i].iter().all(|other| other.pose != camera.pose), "{method} gives a camera twice");
+        }
+    }
+}
+
+/// If this failed, an option would be accepted and then ignored.
+#[test]
+fn options_that_do_not_fit_the_method_are_refused() {
+    let place = Place::new();
+    let plan = |options: &str| format!("plan ball.ply --out o --views 9 {options}");
+    let cases: [(String, &[&str]); 9] = [
+        (plan("--candidates 20"), &["--candidates", "--method"]),
+        (plan("--method fvs --candidates 8"), &["--candidates is 8 for 9 views", "give 9 to"]),
+        (plan("--method random --candidates 20"), &["--method random", "leave --candidates out"]),
+        (plan("--method fvs --iterations 20"), &["--method fvs", "--seed, --gate and --held-out only"]),
+        (plan("--method acp --dry-run"), &["--method acp", "--dry-run"]),
+        (plan("--method fvs --nodes 9"), &["--nodes", "--method acp"]),
+        (plan("--method fvs-shared --candidates 5000"), &["--method fvs-shared", "up to 4000", "use fvs"]),
+        (plan("--method fibonacci --box -3,-3,-3,3,3,3"), &["fibonacci", "use random"]),
+        (plan("--method acp --nodes 0"), &["--nodes"]),
+    ];
+    for (arguments, fragments) in &cases {
+        assert_refused(&place, &[(arguments.as_str(), *fragments)]);
+    }
+}
