@@ -103,19 +103,17 @@ impl<'a> Planner<'a> {
             each,
             !lobes.is_empty() as u32,
         ];
-        let pipeline = |stage| Pipeline::new(context, stage, &constants);
-        let pipelines = Pipelines {
-            splat: if binned {
+        let splat = || {
+            if binned {
                 let buffer = |name: &str| Buffer::device(context, name, footprint.bytes_of(name)?);
-                Way::Binned(Box::new(Binned::new(context, &settings, &constants, buffer)?))
-            } else {
-                Way::Dense(pipeline(&DENSE)?)
-            },
-            update: pipeline(&UPDATE)?,
-            rank: pipeline(&RANK)?,
-            relocate: pipeline(&RELOCATE)?,
-            snapshot: pipeline(&SNAPSHOT)?,
+                return Ok(Way::Binned(Box::new(Binned::new(context, &settings, &constants, buffer)?)));
+            }
+            Ok(Way::Dense(Pipeline::new(context, &DENSE, &constants)?))
         };
+        let others = || Pipeline::several(context, [&UPDATE, &RANK, &RELOCATE, &SNAPSHOT], &constants);
+        let (splat, others): (Result<Way>, _) = rayon::join(splat, others);
+        let [update, rank, relocate, snapshot] = others?;
+        let pipelines = Pipelines { splat: splat?, update, rank, relocate, snapshot };
         let lobes = match lobes.is_empty() {
             true => Buffer::from_slice(context, "lobes", &[Lobe::default()])?,
             false => probe_lobe::upload(context, &scene.geometry, &maps, &lobes)?,

@@ -30,6 +30,8 @@ pub struct Context {
     pub(super) debug_utils: Option<ash::ext::debug_utils::Device>,
     pub(super) checkpoints: Option<ash::nv::device_diagnostic_checkpoints::Device>,
     pub(super) debug_sync: bool,
+    /// What was compiled once is found again.
+    pub(super) pipeline_cache: vk::PipelineCache,
     queue: vk::Queue,
     queue_lock: Arc<Mutex<()>>,
     physical: Physical,
@@ -110,6 +112,9 @@ impl Context {
             allocation_sizes: gpu_allocator::AllocationSizes::new(16 << 20, 16 << 20),
         })
         .map_err(|e| Error::NoDevice(format!("{}: {e}", physical.name)))?;
+        // SAFETY: the info is valid; the cache goes with the context.
+        let pipeline_cache = unsafe { device.create_pipeline_cache(&vk::PipelineCacheCreateInfo::default(), None) }
+            .map_err(|code| Error::Vulkan { what: "vkCreatePipelineCache", code })?;
         Ok(Arc::new(Self {
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             push_descriptor: ash::khr::push_descriptor::Device::new(&instance.raw, &device),
@@ -117,6 +122,7 @@ impl Context {
             checkpoints: checkpoints
                 .then(|| ash::nv::device_diagnostic_checkpoints::Device::new(&instance.raw, &device)),
             debug_sync,
+            pipeline_cache,
             queue,
             queue_lock,
             physical,
@@ -230,6 +236,7 @@ impl Drop for Context {
         // own work. The allocator goes before the device, the device before the instance (the last field).
         unsafe {
             ManuallyDrop::drop(&mut self.allocator);
+            self.device.destroy_pipeline_cache(self.pipeline_cache, None);
             if self.owned {
                 self.device.destroy_device(None);
             }

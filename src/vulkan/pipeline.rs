@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use ash::vk;
+use rayon::prelude::*;
 
 use super::context::Context;
 use super::stage::Stage;
@@ -74,11 +75,26 @@ impl Pipeline {
                 .name(c"main")
                 .specialization_info(&special);
             let info = [vk::ComputePipelineCreateInfo::default().stage(shader).layout(pipeline.layout)];
-            let made = device.create_compute_pipelines(vk::PipelineCache::null(), &info, None);
+            let made = device.create_compute_pipelines(context.pipeline_cache, &info, None);
             pipeline.raw = made.map_err(|(_, code)| context.failure("vkCreateComputePipelines", code))?[0];
         }
         context.name(pipeline.raw, stage.label);
         Ok(pipeline)
+    }
+
+    /// Compiles several stages with the same constants side by side: a driver takes its time over each.
+    ///
+    /// # Errors
+    /// Where the driver refuses one of them.
+    pub fn several<const N: usize>(
+        context: &Arc<Context>,
+        stages: [&'static Stage; N],
+        constants: &[u32],
+    ) -> Result<[Self; N]> {
+        let compile = |stage| Self::new(context, stage, constants);
+        let mut made = stages.into_par_iter().map(compile).collect::<Result<Vec<_>>>()?.into_iter();
+        // As many come out as went in.
+        Ok(std::array::from_fn(|_| made.next().expect("a pipeline for every stage")))
     }
 
     /// The stage that this was made from.
