@@ -72,15 +72,29 @@ fn trace(
     drop(commands);
     drop(counting);
     let tracer = tracer(false)?;
-    let job = || {
-        let work =
-            |recorder: &mut Recorder<'_>| tracer.record_part(recorder, &camera, exposure, [0, pixels], [0, samples]);
-        Job::new(context, 1, |_| {}, work)
-    };
     let paths = u64::from(pixels) * u64::from(samples);
     println!("{name}: {:.2} rays a path", rays / paths as f64);
-    report.row(&format!("{name}_rays"), Amount { count: rays as u64, bytes: 0, operations: 0 }, &mut job()?)?;
-    report.row(&format!("{name}_paths"), Amount { count: paths, bytes: 0, operations: 0 }, &mut job()?)
+    report.row(
+        &format!("{name}_rays"),
+        Amount { count: rays as u64, bytes: 0, operations: 0 },
+        &mut job(context, &tracer, &camera, exposure)?,
+    )?;
+    report.row(
+        &format!("{name}_paths"),
+        Amount { count: paths, bytes: 0, operations: 0 },
+        &mut job(context, &tracer, &camera, exposure)?,
+    )
+}
+
+/// A recording of a whole picture.
+fn job<'a>(context: &Arc<Context>, tracer: &'a Tracer, camera: &Camera, exposure: Exposure) -> Result<Job<'a>> {
+    let pixels = camera.intrinsics.width * camera.intrinsics.height;
+    Job::new(
+        context,
+        1,
+        |_| {},
+        |recorder| tracer.record_part(recorder, camera, exposure, [0, pixels], [0, exposure.samples]),
+    )
 }
 
 /// The demo's room in grey, with a lamp under its ceiling.

@@ -95,7 +95,7 @@ impl<'a> Look<'a> {
             && colours.iter().all(|c| c.min_element() >= 0.0 && c.max_element() <= 1.0);
         let positive = [found.emission, found.specular_colour].iter().all(|c| c.min_element() >= 0.0 && c.is_finite());
         // The standard's index of zero, for reflection without loss, has no body to refract in.
-        if !within || !positive || !(found.ior >= 1.0 && found.ior < 10.0) {
+        if !(within && positive && (1.0..10.0).contains(&found.ior)) {
             return self.refuse(format!(
                 "material {index} has a factor outside of its range (0 to 1; ior from 1); export it again"
             ));
