@@ -1,8 +1,9 @@
-//! The Fisher information of views on the device against its twin in double precision.
+//! What views tell of a model, on the device, against the twin in double precision: Fisher information, coverage.
 
 mod gaussian_support;
 
 use camsplat::Result;
+use camsplat::gaussians::cover::{Cover, bins};
 use camsplat::gaussians::fisher::Fisher;
 use camsplat::gaussians::frame::Frame;
 use camsplat::gaussians::layout;
@@ -87,6 +88,43 @@ fn what_a_view_is_worth_is_its_information_over_what_is_known() -> Result<()> {
         assert_eq!(got, fisher.worth(view)?);
     }
     assert!(fisher.worth(5).is_err());
+    silent(&context);
+    Ok(())
+}
+
+/// If this failed, COVER would go where the model has been seen from, or nowhere.
+#[test]
+fn what_is_not_covered_agrees_with_the_definition() -> Result<()> {
+    let context = context()?;
+    let (gaussians, cameras) = (scene(41, 90, 0), cameras(6, 40, 30));
+    let mut cover = Cover::new(&context, gaussians.clone(), &cameras, false)?;
+    let frame = Frame::new(&cameras, &gaussians.centres);
+    let splats = twin::splats(&frame.gaussians_to_training(gaussians));
+    let parts = |view: usize| -> Vec<f64> {
+        let view = twin_view(&frame.view(&cameras[view]));
+        let reds = vec![DVec3::X; view.pixels()];
+        let by = twin::projected_gradients(&splats, &view, &Rules::default(), DVec3::ZERO, &reds);
+        by.iter().map(|by| by.colour.x).collect()
+    };
+    let from = |view: usize, i: usize| (twin_view(&frame.view(&cameras[view])).centre() - splats[i].centre).normalize();
+    let mut seen = vec![Vec::<DVec3>::new(); splats.len()];
+    for taken in [None, Some(2), Some(5)] {
+        if let Some(taken) = taken {
+            cover.learn(taken)?;
+            for (i, _) in parts(taken).iter().enumerate().filter(|(_, part)| **part > 0.0) {
+                let nearest = bins().into_iter().max_by(|a, b| a.dot(from(taken, i)).total_cmp(&b.dot(from(taken, i))));
+                seen[i].extend(nearest);
+            }
+        }
+        for view in 0..6 {
+            let parts = parts(view);
+            let coverage =
+                |i: usize| 0.5 * (1.0 + seen[i].iter().map(|bin| bin.dot(from(view, i))).fold(-1.0, f64::max));
+            let covered: f64 = parts.iter().enumerate().map(|(i, part)| part * coverage(i)).sum();
+            let (want, got) = (1.0 - covered / parts.iter().sum::<f64>(), cover.worth(view)?);
+            assert!((got - want).abs() < 1e-4, "view {view} after {taken:?}: {got}, not {want}");
+        }
+    }
     silent(&context);
     Ok(())
 }

@@ -4,6 +4,8 @@ mod command;
 
 use camsplat::io;
 use camsplat::scene::camera::Camera;
+use camsplat::scene::gaussians::Gaussians;
+use camsplat::scene::random;
 use command::{FILES, Place, assert_refused};
 
 /// Methods that need nothing but a region.
@@ -69,12 +71,69 @@ fn peers_stand_in_rooms_and_beside_kept_cameras() {
     }
 }
 
+/// Opaque splats on the ball.
+fn model() -> Gaussians {
+    let mut gaussians = Gaussians { degree: 0, ..Gaussians::default() };
+    for i in 0..150 {
+        let [u, v, w, x] = random::uniforms(8, 0, i);
+        gaussians.centres.push(random::direction(u, v));
+        gaussians.log_scales.push([-2.0; 3]);
+        gaussians.rotations.push([1.0, 0.0, 0.0, 0.0]);
+        gaussians.opacities.push(3.0);
+        gaussians.harmonics.extend([w, x, u].map(|colour| (2.0 * colour - 1.0) as f32));
+    }
+    gaussians
+}
+
+/// If this failed, what chooses by a model would not see it, would take views that tell nothing, or need another try.
+#[test]
+fn peers_that_look_at_a_model_choose_by_it() {
+    let place = Place::new();
+    place.write("model.ply", io::ply::write::gaussians(&model()));
+    for method in ["fisherrf", "cover"] {
+        let run =
+            format!("--method {method} --model model.ply --candidates 30 --size 64x48 --held-out 50 --shell 0,0,0,2,3");
+        place.done(&format!("plan ball.ply --views 9 --out {method} {run}"));
+        let record = place.plan(method);
+        assert_eq!((record.method.as_str(), &record.config["model"]), (method, &"model.ply".into()));
+        assert_eq!(record.config["model_based"]["first"], 4);
+        assert!(record.metrics.coverage_1 > 0.8, "{method}: {}", record.metrics.coverage_1);
+        place.done(&format!("plan ball.ply --views 9 --out again --force {run}"));
+        assert_eq!(place.read("again/transforms.json"), place.read(&format!("{method}/transforms.json")), "{method}");
+        // Fewer views are the first of more.
+        place.done(&format!("plan ball.ply --views 6 --out again --force {run}"));
+        let centres = |folder: &str| cameras(&place, folder).iter().map(|c| c.pose.position).collect::<Vec<_>>();
+        assert_eq!(centres("again"), centres(method)[..6], "{method}");
+        // What one side has been seen from is left to the end.
+        place.done(&format!("plan ball.ply --views 5 --out more --force --keep {method} {run} --antialiased"));
+        let away = |a: &Camera, b: &Camera| a.pose.position.angle_between(b.pose.position);
+        let all = cameras(&place, "more");
+        assert!(all[..5].iter().all(|new| all[5..].iter().all(|old| away(new, old) > 0.05)), "{method}");
+
+        let chosen = place.done(&format!(
+            "select {method}/transforms.json --surface ball.ply --count 5 --points 100 --out s --force --method {method} --model model.ply"
+        ));
+        assert!(chosen.out.contains("chosen   5 of 9 photos"), "{}", chosen.out);
+    }
+    let plan = |options: &str| format!("plan ball.ply --out o --views 9 --size 64x48 {options}");
+    let cases: [(String, &[&str]); 5] = [
+        (plan("--method fisherrf"), &["--method fisherrf needs trained splats", "--model"]),
+        (plan("--method cover"), &["--method cover needs trained splats", "--model"]),
+        (plan("--method fvs --model model.ply"), &["--method fvs looks at no model"]),
+        (plan("--model model.ply"), &["--method ours looks at no model"]),
+        (plan("--method cover --model ball.ply"), &["ball.ply"]),
+    ];
+    for (arguments, fragments) in &cases {
+        assert_refused(&place, &[(arguments.as_str(), *fragments)]);
+    }
+}
+
 /// If this failed, an option would be accepted and then ignored.
 #[test]
 fn options_that_do_not_fit_the_method_are_refused() {
     let place = Place::new();
     let plan = |options: &str| format!("plan ball.ply --out o --views 9 {options}");
-    let cases: [(String, &[&str]); 9] = [
+    let cases: [(String, &[&str]); 10] = [
         (plan("--candidates 20"), &["--candidates", "--method"]),
         (plan("--method fvs --candidates 8"), &["--candidates is 8 for 9 views", "give 9 to"]),
         (plan("--method random --candidates 20"), &["--method random", "leave --candidates out"]),
@@ -84,6 +143,7 @@ fn options_that_do_not_fit_the_method_are_refused() {
         (plan("--method fvs-shared --candidates 5000"), &["--method fvs-shared", "up to 4000", "use fvs"]),
         (plan("--method fibonacci --box -3,-3,-3,3,3,3"), &["fibonacci", "use random"]),
         (plan("--method acp --nodes 0"), &["--nodes"]),
+        (plan("--method acp --nodes 64 --candidates 3000"), &["--method acp", "3000 views", "give fewer"]),
     ];
     for (arguments, fragments) in &cases {
         assert_refused(&place, &[(arguments.as_str(), *fragments)]);

@@ -199,7 +199,7 @@ fn must_and_never_hold_for_every_method() {
     let context = context();
     let set = pool(30, 5);
     let target = target();
-    for method in Method::CONTROLS {
+    for method in Method::CONTROLS.into_iter().chain([Method::Acp]) {
         let request = Request { method, must: vec![3, 17], never: vec![0, 5, 29], points: 150, ..Request::new(8) };
         let prospect = Prospect::new(&context, &set, &target, request).expect("a pool");
         let selection = prospect.select(None, false).expect("a selection");

@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::options::{ModelOptions, print_messages};
 use super::plan::print_plan;
+use super::progress::stop_on_interrupt;
 use crate::io::folder::OutputFolder;
 use crate::peers::job;
 use crate::peers::request::{Method, Request};
@@ -25,11 +26,11 @@ pub struct PeerOptions {
     #[arg(long, value_enum, default_value = "ours")]
     pub method: Method,
     /// Random poses that a method chooses from [default: 10000 fvs and fvs-chord, 2000 fvs-shared and coverage, 1000 acp,
-    /// 300 fisherrf]
+    /// 300 fisherrf and cover]
     #[arg(long, value_name = "N")]
     pub candidates: Option<u32>,
     /// Nodes of the grid along a side [acp; default: 32]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=128))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64))]
     pub nodes: Option<u32>,
     /// Nodes behind the surface are not seen; as published they are [acp]
     #[arg(long)]
@@ -75,6 +76,8 @@ pub fn run(
 ) -> Result<ExitCode> {
     let plan = job::run(context, target, intrinsics, kept, request, model.as_ref())?;
     print_messages(context);
+    // From here on the first Ctrl-C is not heard, so that no half of a folder is left.
+    stop_on_interrupt()?;
     let path = folder.path().to_owned();
     report::folder::write(&plan, target, folder)?;
     print_plan(&plan);

@@ -89,7 +89,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     let request = request(arguments, &set)?;
     request.validate(set.photos.len())?;
-    let model = arguments.model.read(request.method.name(), request.method == Method::Fisher)?;
+    let model = arguments.model.read(request.method.name(), request.method.needs_model())?;
     let target = target(arguments, &set)?;
     let sharpness = arguments.sharpness.then(|| sharpness::of_photos(&set)).transpose()?;
     let context = arguments.device.open()?;

@@ -104,6 +104,15 @@ pub struct Fisher {
     least: u64,
 }
 
+/// Sizes of the pictures, and one that is wide and high enough for all.
+pub(super) fn sizes(views: &[View]) -> Result<(Vec<Size>, Size)> {
+    let sizes: Vec<Size> = views.iter().map(|view| Size { width: view.width, height: view.height }).collect();
+    let wider = |a: Size, b: Size| Size { width: a.width.max(b.width), height: a.height.max(b.height) };
+    let largest = sizes.iter().copied().reduce(wider);
+    let none = || Error::request("there are no cameras to look at the model from");
+    Ok((sizes, largest.ok_or_else(none)?))
+}
+
 impl Fisher {
     /// Brings a model, in the cameras' world, to the device; nothing is known of it yet. `lambda` is added to what is known.
     ///
@@ -118,11 +127,7 @@ impl Fisher {
     ) -> Result<Self> {
         let frame = Frame::new(cameras, &gaussians.centres);
         let views: Vec<View> = cameras.iter().map(|camera| frame.view(camera)).collect();
-        let sizes: Vec<Size> = views.iter().map(|view| Size { width: view.width, height: view.height }).collect();
-        let wider = |a: Size, b: &Size| Size { width: a.width.max(b.width), height: a.height.max(b.height) };
-        let Some(largest) = sizes.first().map(|first| sizes.iter().fold(*first, wider)) else {
-            return Err(Error::request("there are no cameras to look at the model from"));
-        };
+        let (sizes, largest) = sizes(&views)?;
         let wanted = Wanted { antialiased, gradients: true, ..Wanted::default() };
         let renderer = Renderer::new(context, &frame.gaussians_to_training(gaussians), largest, wanted)?;
         let constant = u32::from(antialiased);

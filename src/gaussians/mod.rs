@@ -4,6 +4,7 @@ pub mod checkpoint;
 pub mod classic;
 pub mod config;
 mod course;
+pub mod cover;
 pub mod evaluate;
 pub mod fisher;
 pub mod frame;

@@ -121,11 +121,13 @@ fn place(
         Method::Coverage => pool.coverage(),
         Method::Acp => {
             let settings = request.acp.unwrap_or_default();
-            acp::choose(&pool, settings, settings.occlusion.then_some(geometry))
+            acp::choose(&pool, settings, settings.occlusion.then_some(geometry))?
         }
-        Method::Fisher => {
-            let missing = || Error::request("--method fisherrf needs trained splats; give them with --model");
-            information::fisher(context, &pool, model.ok_or_else(missing)?, request.fisher.unwrap_or_default())?
+        method @ (Method::Fisher | Method::Cover) => {
+            let what = "needs trained splats; give them with --model";
+            let missing = || Error::request(format!("--method {} {what}", method.name()));
+            let choose = if method == Method::Fisher { information::fisher } else { information::cover };
+            choose(context, &pool, model.ok_or_else(missing)?, request.model_based.unwrap_or_default())?
         }
     };
     Ok(chosen[kept.len()..].iter().map(|photo| candidates.photos[*photo].camera.pose).collect())

@@ -31,6 +31,8 @@ pub enum Method {
     #[value(name = "fisherrf")]
     #[serde(rename = "fisherrf")]
     Fisher,
+    /// Greedy on what a trained model shows from directions not seen yet (COVER)
+    Cover,
 }
 
 impl Method {
@@ -46,12 +48,13 @@ impl Method {
             Self::Coverage => "coverage",
             Self::Acp => "acp",
             Self::Fisher => "fisherrf",
+            Self::Cover => "cover",
         }
     }
 
     /// Whether it chooses by a model of the scene.
     pub fn needs_model(self) -> bool {
-        self == Self::Fisher
+        matches!(self, Self::Fisher | Self::Cover)
     }
 
     /// Candidates to choose from where nothing is said; none where there is no choice.
@@ -62,7 +65,7 @@ impl Method {
             // Counting shared points takes every pair.
             Self::FvsShared | Self::Coverage => Some(2000),
             Self::Acp => Some(1000),
-            Self::Fisher => Some(300),
+            Self::Fisher | Self::Cover => Some(300),
         }
     }
 }
@@ -88,9 +91,9 @@ pub struct Request {
     /// Of [`Method::Acp`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acp: Option<acp::Settings>,
-    /// Of [`Method::Fisher`].
+    /// Of [`Method::Fisher`] and [`Method::Cover`].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub fisher: Option<information::Settings>,
+    pub model_based: Option<information::Settings>,
     /// Path of the trained splats, where the method chooses by them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
@@ -136,7 +139,7 @@ impl Request {
             gate: config.gate,
             held_out: config.held_out,
             acp: (method == Method::Acp).then(acp::Settings::default),
-            fisher: (method == Method::Fisher).then(information::Settings::default),
+            model_based: method.needs_model().then(information::Settings::default),
             model: None,
         })
     }

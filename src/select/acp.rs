@@ -18,6 +18,7 @@ use crate::parallel::in_parallel;
 use crate::scene::camera::Camera;
 use crate::visibility::device_scene::SceneGeometry;
 use crate::visibility::raycast::Ray;
+use crate::{Error, Result};
 
 /// Bins of the polar angle and of the azimuth, and in all.
 const POLAR: usize = 5;
@@ -25,13 +26,15 @@ const AZIMUTH: usize = 10;
 const BINS: usize = POLAR * AZIMUTH;
 /// Power that the part of the views that see a node is raised to.
 const POWER: f64 = 0.05;
+/// Pairs of node and view that are worth looking at: as many words in all where every view sees every node.
+const MOST_PAIRS: u64 = 1 << 29;
 /// How much wider than the views' bounds the grid is, over all.
 const WIDER: f64 = 1.2;
 
 /// What can be chosen about the method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Settings {
-    /// Nodes along each side of the grid, at most 128.
+    /// Nodes along each side of the grid, at most 64.
     pub grid: u32,
     /// Whether the surface hides nodes; as published it does not.
     pub occlusion: bool,
@@ -44,7 +47,15 @@ impl Default for Settings {
 }
 
 /// Chooses from a pool, after the photos that are chosen in any case; nodes hidden by `occluder` are not seen.
-pub fn choose(pool: &Pool<'_>, settings: Settings, occluder: Option<&SceneGeometry>) -> Vec<usize> {
+///
+/// # Errors
+/// A pool that is too large for the grid.
+pub fn choose(pool: &Pool<'_>, settings: Settings, occluder: Option<&SceneGeometry>) -> Result<Vec<usize>> {
+    let views = pool.allowed.len() as u64;
+    if u64::from(settings.grid).pow(3).saturating_mul(views) > MOST_PAIRS {
+        let what = format!("{views} views are too many for a grid of {0} x {0} x {0} nodes; give fewer", settings.grid);
+        return Err(Error::request(format!("--method acp: {what}")));
+    }
     let cameras: Vec<&Camera> = pool.set.photos.iter().map(|photo| &photo.camera).collect();
     let nodes = nodes(pool.allowed.iter().map(|photo| cameras[*photo].pose.position), settings.grid);
     let mut seen = vec![Vec::new(); pool.allowed.len()];
@@ -62,12 +73,12 @@ pub fn choose(pool: &Pool<'_>, settings: Settings, occluder: Option<&SceneGeomet
         state.add(&seen[place]);
         chosen.push(place);
     }
-    chosen.into_iter().map(|place| pool.allowed[place]).collect()
+    Ok(chosen.into_iter().map(|place| pool.allowed[place]).collect())
 }
 
 /// Centres of the cells of a grid over the bounds of positions, widened.
 fn nodes(positions: impl Iterator<Item = DVec3>, grid: u32) -> Vec<DVec3> {
-    let grid = grid.clamp(1, 128);
+    let grid = grid.clamp(1, 64);
     let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let (min, max) = positions.fold(empty, |(min, max), p| (min.min(p), max.max(p)));
     let (middle, size) = (0.5 * (min + max), WIDER * (max - min));
@@ -88,7 +99,7 @@ fn counts(camera: &Camera, nodes: &[DVec3], up: DVec3, occluder: Option<&SceneGe
             !scene.bvh.any_hit(&Ray { origin, direction, t_min: 0.0, t_max: origin.distance(to) })
         })
     };
-    // A view has fewer than 2^21 nodes: both fit a word.
+    // There are at most 2^18 nodes: both fit a word.
     let seen = nodes.iter().enumerate().filter(|(_, node)| camera.sees(**node) && open(**node));
     seen.map(|(i, node)| (i * BINS + bin(centre - *node, up)) as u32).collect()
 }
@@ -215,7 +226,7 @@ mod tests {
         let allowed: Vec<usize> = (0..set.photos.len()).collect();
         let sight = Sight::empty(0, set.photos.len());
         let pool = Pool { set, region: &region, sight: &sight, must, allowed: &allowed, count, seed: 0 };
-        choose(&pool, Settings { grid, occlusion: false }, None)
+        choose(&pool, Settings { grid, occlusion: false }, None).unwrap()
     }
 
     /// The objective by its definition, for a subset as a whole.

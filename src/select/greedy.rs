@@ -4,6 +4,7 @@ use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
 use crate::Result;
+use crate::gaussians::cover::Cover;
 use crate::gaussians::fisher::Fisher;
 
 /// What is known from views that have been taken. The more is known, the less a view is worth.
@@ -22,6 +23,16 @@ pub trait Knowledge {
 }
 
 impl Knowledge for Fisher {
+    fn worth(&mut self, view: usize) -> Result<f64> {
+        self.worth(view)
+    }
+
+    fn learn(&mut self, view: usize) -> Result<()> {
+        self.learn(view)
+    }
+}
+
+impl Knowledge for Cover {
     fn worth(&mut self, view: usize) -> Result<f64> {
         self.worth(view)
     }

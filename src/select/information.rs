@@ -1,5 +1,5 @@
 //! Choosing by a model of the scene: FisherRF (Jiang, Lei and Daniilidis, "FisherRF: Active View Selection and Uncertainty
-//! Quantification for Radiance Fields using Fisher Information", 2024), on one fixed model.
+//! Quantification for Radiance Fields using Fisher Information", 2024) and COVER, on one fixed model.
 
 use std::sync::Arc;
 
@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::controls::Pool;
 use super::farthest::Distance;
-use super::greedy::grow;
+use super::greedy::{Knowledge, grow};
+use crate::gaussians::cover::Cover;
 use crate::gaussians::fisher::Fisher;
 use crate::scene::gaussians::Gaussians;
 use crate::vulkan::Context;
@@ -24,10 +25,10 @@ pub struct Model {
     pub antialiased: bool,
 }
 
-/// What can be chosen about FisherRF.
+/// What can be chosen about FisherRF and COVER.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// Added to what is known of each parameter.
+    /// Added to what is known of each parameter, by FisherRF.
     pub lambda: f32,
     /// Views by farthest view sampling to begin with, where there are none.
     pub first: u32,
@@ -49,20 +50,34 @@ pub fn fisher(context: &Arc<Context>, pool: &Pool<'_>, model: &Model, settings: 
     let Settings { lambda, first } = settings;
     let cameras = pool.set.cameras();
     let mut fisher = Fisher::new(context, gaussians.clone(), &cameras, *antialiased, lambda)?;
+    choose(&mut fisher, pool, path, first)
+}
+
+/// COVER: as [`fisher`], but always the photo that shows most of the model from directions that it has not been seen from.
+///
+/// # Errors
+/// As [`fisher`].
+pub fn cover(context: &Arc<Context>, pool: &Pool<'_>, model: &Model, settings: Settings) -> Result<Vec<usize>> {
+    let Model { path, gaussians, antialiased } = model;
+    let mut cover = Cover::new(context, gaussians.clone(), &pool.set.cameras(), *antialiased)?;
+    choose(&mut cover, pool, path, settings.first)
+}
+
+fn choose(knowledge: &mut impl Knowledge, pool: &Pool<'_>, path: &str, first: u32) -> Result<Vec<usize>> {
     let mut seen = false;
     for photo in pool.allowed {
-        seen = seen || fisher.worth(*photo)? > 0.0;
+        seen = seen || knowledge.worth(*photo)? > 0.0;
     }
     if !seen {
-        let what = "none of the views shows it; are they in the model's frame?";
-        return Err(Error::input(path, what));
+        return Err(Error::input(path, "none of the views shows it; are they in the model's frame?"));
     }
     let begin = match pool.must {
         [] => {
-            Pool { count: pool.count.min(first as usize), ..*pool }.farthest(Distance::GreatCircle).unwrap_or_default()
+            let few = Pool { count: pool.count.min(first as usize), ..*pool };
+            few.farthest(Distance::GreatCircle).unwrap_or_default()
         }
         must => must.to_vec(),
     };
     let free: Vec<usize> = pool.allowed.iter().copied().filter(|photo| !begin.contains(photo)).collect();
-    grow(&mut fisher, begin, &free, pool.count)
+    grow(knowledge, begin, &free, pool.count)
 }

@@ -71,6 +71,8 @@ pub enum Method {
     #[value(name = "fisherrf")]
     #[serde(rename = "fisherrf")]
     Fisher,
+    /// Greedy on what a trained model shows from directions not seen yet (COVER)
+    Cover,
 }
 
 impl Method {
@@ -87,6 +89,11 @@ impl Method {
         Self::Coverage,
     ];
 
+    /// Whether it chooses by a model of the scene.
+    pub fn needs_model(self) -> bool {
+        matches!(self, Self::Fisher | Self::Cover)
+    }
+
     /// As on the command line.
     pub fn name(self) -> &'static str {
         match self {
@@ -101,6 +108,7 @@ impl Method {
             Self::Coverage => "coverage",
             Self::Acp => "acp",
             Self::Fisher => "fisherrf",
+            Self::Cover => "cover",
         }
     }
 }
@@ -412,11 +420,14 @@ impl<'a> Prospect<'a> {
             Method::FvsChord => farthest(Distance::Chord),
             Method::FvsShared => farthest(Distance::Shared),
             Method::Coverage => Ok(pool.coverage()),
-            Method::Acp => Ok(acp::choose(pool, acp::Settings::default(), None)),
-            Method::Fisher => {
-                let missing = || Error::request("--method fisherrf needs trained splats; give them with --model");
+            Method::Acp => acp::choose(pool, acp::Settings::default(), None),
+            Method::Fisher | Method::Cover => {
+                let missing = || {
+                    Error::request(format!("--method {} needs trained splats; give them with --model", method.name()))
+                };
                 let model = self.model.as_ref().ok_or_else(missing)?;
-                information::fisher(&self.context, pool, model, information::Settings::default())
+                let choose = if method == Method::Fisher { information::fisher } else { information::cover };
+                choose(&self.context, pool, model, information::Settings::default())
             }
         }
     }
