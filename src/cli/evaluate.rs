@@ -8,13 +8,14 @@ use clap::Args;
 
 use super::options::{DeviceOptions, print_messages};
 use super::progress::{go_on, stop_on_interrupt};
-use crate::Result;
 use crate::evaluate::bench::Event;
 use crate::evaluate::job;
 use crate::evaluate::request::{Method, Request, Settings, Shown};
 use crate::evaluate::subject::Subject;
 use crate::evaluate::table;
 use crate::io::environment::read_environment;
+use crate::io::folder::write_files;
+use crate::{Result, report};
 
 /// Arguments of `camsplat evaluate`.
 #[derive(Args, Debug)]
@@ -128,8 +129,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         say!("stopped; what is finished stays, and the same command goes on from there");
         return Ok(ExitCode::from(super::INTERRUPTED));
     };
+    let page = arguments.out.join("report.html");
+    write_files(&[(&page, report::evaluation::html(&outcome).as_bytes())])?;
     say!("products {made} made, {kept} kept, in {:.0} s", start.elapsed().as_secs_f64());
     say!("{}", table::markdown(&request, &outcome.rows).trim_end());
-    say!("written  {}", arguments.out.join("table.md").display());
+    say!("written  {}, {}", arguments.out.join("table.md").display(), page.display());
     Ok(ExitCode::SUCCESS)
 }
