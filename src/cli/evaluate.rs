@@ -48,7 +48,7 @@ pub struct Arguments {
     /// Side of the pictures in pixels [default: 800; quick: 96]
     #[arg(long, value_name = "PIXELS")]
     size: Option<u32>,
-    /// Samples of a pixel [default: 256; quick: 16]
+    /// Samples of a pixel [default: 256; quick: 8]
     #[arg(long)]
     spp: Option<u32>,
     /// Photos that the surface and its scores are made from, of no part in the training

@@ -137,7 +137,13 @@ impl Bench {
         let (surface, points) = match self.settings.shown {
             Shown::Proxy => {
                 let options = stereo::Options { seed: SEED, ..stereo::Options::default() };
-                (Surface::Points(stereo::reconstruct(&self.context, &set, &options)?.points), None)
+                let points = match stereo::reconstruct(&self.context, &set, &options) {
+                    Ok(found) => found.points,
+                    // Few photos from all around see too little in common: their masks' hull stands in.
+                    Err(Error::Request(_)) => stereo::hull_of(&self.context, &set, &options)?,
+                    Err(error) => return Err(error),
+                };
+                (Surface::Points(points), None)
             }
             Shown::True => (self.surface.clone(), Some(SCORED)),
         };

@@ -149,8 +149,7 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
 
     let neighbours = choose::neighbours(&cameras, &ranges);
     let pairs: usize = neighbours.iter().map(Vec::len).sum();
-    // Where there is a hull, few photos from all around give that alone.
-    if pairs == 0 && !hull.exists() {
+    if pairs == 0 {
         return Err(Error::request(
             "no two of the photos see the same from 3 to 60 degrees apart; give more photos of the same place (--photos)",
         ));
