@@ -130,7 +130,7 @@ impl Settings {
     };
     /// What two cores do in minutes.
     pub const QUICK: Self =
-        Self { size: 96, samples: 16, inputs: 10, tests: 12, iterations: 300, max_splats: 5000, shown: Shown::Proxy };
+        Self { size: 96, samples: 8, inputs: 10, tests: 12, iterations: 300, max_splats: 5000, shown: Shown::Proxy };
 
     /// Horizontal field of view of all cameras, in degrees: the planner's default.
     pub const FOV_DEG: f64 = 50.0;
