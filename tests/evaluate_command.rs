@@ -5,7 +5,7 @@ mod command;
 use std::fs;
 
 use command::gltf::{cube, sky};
-use command::{Place, assert_refused, read_until, stop};
+use command::{Place, assert_refused, ended, read_until, stop};
 use serde_json::Value;
 
 /// A cube whose material is not the same all over, and the light on it.
@@ -88,4 +88,22 @@ fn bad_input_is_refused_and_nothing_is_written() {
     ];
     assert_refused(&place, &cases);
     assert_eq!(place.files("other"), ["cube.gltf"]);
+}
+
+/// If this failed, the quick evaluation would tell nothing: a plan must be worth more than views at random even there.
+#[test]
+#[ignore = "takes minutes"]
+fn the_quick_evaluation_ranks_random_below_ours() {
+    let Some(data) = std::env::var_os("CAMSPLAT_DATA").map(std::path::PathBuf::from) else {
+        println!("skipped: CAMSPLAT_DATA is not set");
+        return;
+    };
+    let place = Place::new();
+    let [scene, sky] = ["objects/DamagedHelmet.glb", "hdri/studio_small_03_1k.hdr"].map(|file| data.join(file));
+    let mut command = place.command("evaluate --quick --out o --methods random,ours");
+    let ran = ended(command.arg(scene).arg("--env").arg(sky).output().unwrap());
+    assert_eq!(ran.code, Some(0), "{}", ran.err);
+    let results = results(&place, "o");
+    let [random, ours] = [0, 1].map(|row| results["rows"][row]["measured"][0][3]["mean"].as_f64().unwrap());
+    assert!(random < ours, "random {random} dB, ours {ours} dB");
 }
