@@ -4,12 +4,12 @@
 //! field trained on their photos is as good as it can be. Cameras are Gaussians ("camera splats"), points on the surface
 //! look back at them ("point cameras"), and the picture they see must come out evenly bright.
 //!
-//! The layers look down only: [`cli`] and [`report`] sit on [`peers`], that on [`plan`], [`vds`], [`select`], [`stereo`] and
-//! [`gaussians`], these on [`metrics`] and [`visibility`], then [`io`], [`photos`], [`scene`], [`primitives`] and [`vulkan`].
-//! The layers look down only: [`cli`] and [`report`] sit on [`plan`], [`vds`], [`select`], [`stereo`], [`gaussians`] and
-//! [`photograph`], these on [`metrics`] and [`visibility`], then [`io`], [`photos`], [`scene`], [`primitives`] and [`vulkan`].
+//! The layers look down only: [`cli`] and [`report`] sit on [`evaluate`], that on [`peers`] and [`photograph`], these on [`plan`],
+//! [`vds`], [`select`], [`stereo`] and [`gaussians`], these on [`metrics`] and [`visibility`], then [`io`], [`photos`], [`scene`],
+//! [`primitives`] and [`vulkan`].
 
 pub mod error;
+pub mod evaluate;
 pub mod gaussians;
 pub mod io;
 pub mod metrics;

@@ -20,6 +20,7 @@ macro_rules! complain {
 mod capture;
 mod demo;
 mod devices;
+mod evaluate;
 mod metrics;
 mod options;
 mod peers;
@@ -66,6 +67,8 @@ enum Command {
     Render(render::Arguments),
     /// Photograph a scene with materials and lights from given cameras
     Capture(Box<capture::Arguments>),
+    /// Compare ways to choose views by what is trained on their photographs
+    Evaluate(Box<evaluate::Arguments>),
     /// List every Vulkan device, what it has and what it lacks
     Devices,
     /// Plan two scenes of our own: an object (50 views) and a furnished room (300 views)
@@ -94,6 +97,7 @@ pub fn main() -> ExitCode {
         Command::Proxy(arguments) => proxy::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Capture(arguments) => capture::run(&arguments),
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Vdsf(arguments) => vdsf::run(&arguments),

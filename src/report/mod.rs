@@ -8,6 +8,7 @@
 
 mod data;
 mod decimate;
+pub mod evaluation;
 pub mod folder;
 mod geometry;
 mod pictures;

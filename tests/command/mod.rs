@@ -1,6 +1,8 @@
 //! What the tests of the built command share: a temporary folder with surfaces in it, and runs of the binary there.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
+pub mod gltf;
+
 use std::fmt::Write as _;
 use std::fs;
 use std::io::{BufRead, BufReader, Read};

@@ -1,0 +1,204 @@
+//! What is compared, and how.
+
+use std::fmt;
+use std::str::FromStr;
+
+use clap::ValueEnum;
+use serde::Serialize;
+
+use crate::peers::request::Method as Peer;
+use crate::plan::config::{Config, Preset};
+use crate::scene::camera::Intrinsics;
+use crate::{Error, Result};
+
+/// A way to choose views: the planner with a part left out, or a peer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(into = "&'static str")]
+pub enum Method {
+    /// The planner as it is: scores, and directions along which radiance varies.
+    Ours,
+    /// The planner with scores, the same in all directions.
+    Scalar,
+    /// The planner without scores.
+    WithoutVds,
+    /// The planner without scores, one view at a time.
+    Iterative,
+    /// Somebody else's method.
+    Peer(Peer),
+}
+
+/// The planner's variants by name.
+const VARIANTS: [(&str, Method); 4] = [
+    ("ours", Method::Ours),
+    ("ours-scalar", Method::Scalar),
+    ("ours-no-vds", Method::WithoutVds),
+    ("ours-iterative", Method::Iterative),
+];
+
+impl Method {
+    /// As on the command line and in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Peer(peer) => peer.name(),
+            variant => VARIANTS.iter().find(|(_, method)| *method == variant).map_or("ours", |(name, _)| name),
+        }
+    }
+
+    /// The planner's configuration, or what the peers take of it.
+    pub fn config(self, views: u32, seed: u64) -> Config {
+        let plain = Config { seed, ..Config::new(Preset::Object, views) };
+        match self {
+            Self::Ours | Self::Peer(_) => plain,
+            Self::Scalar => Config { directional: false, ..plain },
+            Self::WithoutVds => Config { vds: false, ..plain },
+            Self::Iterative => Config { vds: false, iterative: true, ..plain },
+        }
+    }
+
+    /// Whether it chooses by a model of the scene.
+    pub fn needs_model(self) -> bool {
+        matches!(self, Self::Peer(peer) if peer.needs_model())
+    }
+}
+
+impl From<Method> for &'static str {
+    fn from(method: Method) -> Self {
+        method.name()
+    }
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Method {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        if let Some((_, method)) = VARIANTS.iter().find(|(known, _)| *known == name) {
+            return Ok(*method);
+        }
+        Peer::from_str(name, false).map(Self::Peer).map_err(|_| {
+            let peers = Peer::value_variants().iter().filter(|peer| **peer != Peer::Ours).map(|peer| peer.name());
+            let known: Vec<&str> = VARIANTS.iter().map(|(name, _)| *name).chain(peers).collect();
+            format!("no such method; give some of {}", known.join(", "))
+        })
+    }
+}
+
+/// What the methods are shown of the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Shown {
+    /// A surface made from the input photos
+    Proxy,
+    /// The scene's own mesh
+    True,
+}
+
+/// The size of everything.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Settings {
+    /// Side of the pictures in pixels.
+    pub size: u32,
+    /// Samples of a pixel.
+    pub samples: u32,
+    /// Input photos.
+    pub inputs: u32,
+    /// Views of each set of tests.
+    pub tests: u32,
+    /// Iterations of training.
+    pub iterations: u32,
+    /// Most splats.
+    pub max_splats: u32,
+    /// What the methods are shown of the scene.
+    pub shown: Shown,
+}
+
+impl Settings {
+    /// The whole protocol, for a GPU.
+    pub const WHOLE: Self = Self {
+        size: 800,
+        samples: 256,
+        inputs: 10,
+        tests: 200,
+        iterations: 30_000,
+        max_splats: 1_000_000,
+        shown: Shown::Proxy,
+    };
+    /// What two cores do in minutes.
+    pub const QUICK: Self =
+        Self { size: 96, samples: 8, inputs: 10, tests: 12, iterations: 300, max_splats: 5000, shown: Shown::Proxy };
+
+    /// Horizontal field of view of all cameras, in degrees: the planner's default.
+    pub const FOV_DEG: f64 = 50.0;
+
+    /// The camera of all photographs.
+    pub fn intrinsics(&self) -> Intrinsics {
+        Intrinsics::from_fov(self.size, self.size, Self::FOV_DEG.to_radians())
+    }
+}
+
+/// What is asked for.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Request {
+    /// Methods, each once.
+    pub methods: Vec<Method>,
+    /// Numbers of views, each once.
+    pub budgets: Vec<u32>,
+    /// Runs of each, with the seeds from zero.
+    pub seeds: u32,
+    /// The size of everything.
+    pub settings: Settings,
+}
+
+impl Request {
+    /// Refuses what makes no sense.
+    ///
+    /// # Errors
+    /// In a line that names the option.
+    pub fn validate(&self) -> Result<()> {
+        let Self { methods, budgets, seeds, settings } = self;
+        let twice = |what: &str| Err(Error::request(format!("{what} names something twice; give each once")));
+        if (1..methods.len()).any(|i| methods[..i].contains(&methods[i])) {
+            return twice("--methods");
+        }
+        if (1..budgets.len()).any(|i| budgets[..i].contains(&budgets[i])) {
+            return twice("--budgets");
+        }
+        let limits = [
+            ("--seeds", *seeds, 1, 100),
+            ("--size", settings.size, 16, 4096),
+            ("--spp", settings.samples, 1, 1 << 20),
+            ("--inputs", settings.inputs, 5, 1000),
+            ("--tests", settings.tests, 1, 10_000),
+            ("--iterations", settings.iterations, 1, 10_000_000),
+            ("--max-splats", settings.max_splats, 1, 1 << 26),
+        ];
+        let budgets = budgets.iter().map(|budget| ("--budgets", *budget, 2, 1000));
+        match limits.into_iter().chain(budgets).find(|(_, value, low, high)| !(low..=high).contains(&value)) {
+            Some((name, value, low, high)) => Err(Error::request(format!("{name} is {value}; give {low} to {high}"))),
+            None if methods.is_empty() || self.budgets.is_empty() => {
+                Err(Error::request("nothing to compare; give --methods and --budgets"))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a method could be named and not be the one that runs.
+    #[test]
+    fn every_method_is_found_by_its_name() {
+        let peers = Peer::value_variants().iter().filter(|peer| **peer != Peer::Ours).map(|peer| Method::Peer(*peer));
+        for method in VARIANTS.iter().map(|(_, method)| *method).chain(peers) {
+            assert_eq!(method.name().parse(), Ok(method));
+        }
+        assert!("nobodys".parse::<Method>().unwrap_err().contains("ours-no-vds, ours-iterative, random, fibonacci"));
+    }
+}

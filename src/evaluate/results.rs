@@ -1,0 +1,173 @@
+//! Scores of single runs, and their means with intervals over seeds.
+
+use serde::Serialize;
+
+use super::request::Method;
+use super::views::SETS;
+use crate::gaussians::evaluate::mean;
+use crate::gaussians::record::{Quality, TestView, TrainRecord};
+
+/// One run: a method's views, trained on with one seed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Entry {
+    /// The scene.
+    pub scene: String,
+    /// Who chose the views.
+    pub method: Method,
+    /// How many.
+    pub views: u32,
+    /// Seed of choice and training.
+    pub seed: u64,
+    /// Seconds that the choice took, without what is there before it.
+    pub seconds: f64,
+    /// Means over each of [`SETS`].
+    pub quality: [Quality; 3],
+    /// Folder of the trained splats and the test pictures, in the scene's.
+    pub folder: String,
+}
+
+/// A mean and half of its 95% interval; no interval of one value, or where a value is infinite.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Interval {
+    /// The mean.
+    pub mean: f64,
+    /// Half of the interval's width.
+    pub half: Option<f64>,
+}
+
+/// What is measured, in the order of [`Row::measured`].
+pub const METRICS: [&str; 3] = ["PSNR", "SSIM", "LPIPS"];
+/// Where, in the order of [`Row::measured`]; the last is the mean over the sets.
+pub const COLUMNS: [&str; 4] = ["half", "full", "random", "all"];
+
+/// A row of the table: all seeds of a method at a budget on a scene.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// The scene.
+    pub scene: String,
+    /// Who chose the views.
+    pub method: Method,
+    /// How many.
+    pub views: u32,
+    /// Runs.
+    pub seeds: usize,
+    /// Seconds of the choice.
+    pub seconds: Interval,
+    /// [`METRICS`] by [`COLUMNS`]; none where one was not measured.
+    pub measured: [[Option<Interval>; 4]; 3],
+}
+
+/// Means over the sets of a run's test views, by the beginnings of their names.
+pub fn by_set(record: &TrainRecord) -> [Quality; 3] {
+    SETS.map(|set| {
+        let of_set = |view: &&TestView| view.name.split('_').next() == Some(set);
+        mean(&record.test_views.iter().filter(of_set).cloned().collect::<Vec<_>>())
+    })
+}
+
+/// A row for each scene, method and budget, in the order in which they come first.
+pub fn rows(entries: &[Entry]) -> Vec<Row> {
+    let mut groups: Vec<Vec<&Entry>> = Vec::new();
+    for entry in entries {
+        let same = |group: &&mut Vec<&Entry>| {
+            let first = group[0];
+            (&first.scene, first.method, first.views) == (&entry.scene, entry.method, entry.views)
+        };
+        match groups.iter_mut().find(same) {
+            Some(group) => group.push(entry),
+            None => groups.push(vec![entry]),
+        }
+    }
+    groups.iter().map(|group| row(group)).collect()
+}
+
+fn row(group: &[&Entry]) -> Row {
+    let of = |value: &dyn Fn(&Entry) -> Option<f64>| {
+        group.iter().map(|entry| value(entry)).collect::<Option<Vec<f64>>>().map(|values| interval(&values))
+    };
+    let metric = |value: fn(&Quality) -> Option<f64>| {
+        let whole = |entry: &Entry| entry.quality.iter().map(value).sum::<Option<f64>>().map(|sum| sum / 3.0);
+        let [half, full, random] = [0, 1, 2].map(|set| of(&|entry: &Entry| value(&entry.quality[set])));
+        [half, full, random, of(&whole)]
+    };
+    let first = group[0];
+    Row {
+        scene: first.scene.clone(),
+        method: first.method,
+        views: first.views,
+        seeds: group.len(),
+        seconds: interval(&group.iter().map(|entry| entry.seconds).collect::<Vec<_>>()),
+        measured: [metric(|q| Some(q.psnr)), metric(|q| Some(q.ssim)), metric(|q| q.lpips)],
+    }
+}
+
+/// The mean and half the 95% interval of independent values, by Student's t.
+pub fn interval(values: &[f64]) -> Interval {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    let half = student(values.len() - 1).map(|t| t * (variance / n).sqrt());
+    Interval { mean, half: half.filter(|half| half.is_finite()) }
+}
+
+/// The 97.5% quantile of Student's t by degrees of freedom, from one on; the last three are of 40, 60 and 120.
+const QUANTILES: [f64; 33] = [
+    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120,
+    2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042, 2.021, 2.000,
+    1.980,
+];
+
+/// The quantile of these degrees of freedom, or of the next fewer in the table.
+fn student(freedom: usize) -> Option<f64> {
+    let at = match freedom {
+        0 => return None,
+        1..=30 => freedom - 1,
+        31..40 => 29,
+        40..60 => 30,
+        60..120 => 31,
+        _ => 32,
+    };
+    Some(QUANTILES[at])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a difference could pass for certain that is not. The example: mean 10, deviation 1, three values.
+    #[test]
+    fn intervals_are_student_s() {
+        let Interval { mean, half } = interval(&[9.0, 10.0, 11.0]);
+        assert!((mean - 10.0).abs() < 1e-12 && (half.unwrap() - 4.303 / 3f64.sqrt()).abs() < 1e-12);
+        assert_eq!(interval(&[2.0]), Interval { mean: 2.0, half: None });
+        assert_eq!(interval(&[f64::INFINITY; 2]).half, None);
+        assert_eq!([1, 30, 35, 200].map(student), [Some(12.706), Some(2.042), Some(2.042), Some(1.98)]);
+    }
+
+    /// If this failed, a table would mix methods, budgets or scenes, or lack a metric without saying so.
+    #[test]
+    fn rows_hold_the_seeds_of_one_method_at_one_budget() {
+        let entry = |method, views, seed, psnr| Entry {
+            scene: "cup".into(),
+            method,
+            views,
+            seed,
+            seconds: 0.5,
+            quality: [0.0, 3.0, 6.0].map(|more| Quality { psnr: psnr + more, ssim: 0.5, lpips: None }),
+            folder: String::new(),
+        };
+        let entries = [
+            entry(Method::Ours, 20, 0, 20.0),
+            entry(Method::WithoutVds, 20, 0, 10.0),
+            entry(Method::Ours, 20, 1, 22.0),
+            entry(Method::Ours, 40, 0, 30.0),
+        ];
+        let rows = rows(&entries);
+        let told = |row: &Row| (row.method, row.views, row.seeds, row.measured[0].map(|i| i.unwrap().mean));
+        assert_eq!(told(&rows[0]), (Method::Ours, 20, 2, [21.0, 24.0, 27.0, 24.0]));
+        assert_eq!(told(&rows[1]), (Method::WithoutVds, 20, 1, [10.0, 13.0, 16.0, 13.0]));
+        assert_eq!((rows.len(), rows[2].views), (3, 40));
+        assert_eq!(rows[0].measured[2], [None; 4]);
+        assert!((rows[0].measured[0][0].unwrap().half.unwrap() - 12.706).abs() < 1e-9);
+    }
+}

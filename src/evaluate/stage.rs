@@ -1,0 +1,106 @@
+//! Products of stages: each in a folder that a key of all of its inputs names, complete where `done.json` says so.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use crate::io::folder::replace_file;
+use crate::{Error, Result};
+
+/// The file that is written last, with the inputs.
+const DONE: &str = "done.json";
+
+/// A product that is there or is to be made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stage {
+    folder: PathBuf,
+    key: String,
+    inputs: Value,
+}
+
+impl Stage {
+    /// The product of a stage of this name with these inputs, below `root`. Inputs that are products themselves stand there
+    /// by their [`Stage::key`].
+    pub fn new(root: &Path, name: &str, inputs: Value) -> Self {
+        let inputs = json!({ "stage": name, "version": env!("CARGO_PKG_VERSION"), "inputs": inputs });
+        let key = format!("{name}-{:016x}", fnv1a(inputs.to_string().as_bytes()));
+        Self { folder: root.join(&key), key, inputs }
+    }
+
+    /// What names it among the inputs of others.
+    pub fn key(&self) -> &str {
+        &self.key
+    }
+
+    /// Where it lies.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// A file of it.
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    /// Whether it is complete, and of these very inputs.
+    pub fn is_done(&self) -> bool {
+        let text = fs::read(self.file(DONE)).unwrap_or_default();
+        serde_json::from_slice(&text).is_ok_and(|inputs: Value| inputs == self.inputs)
+    }
+
+    /// Makes the folder.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn begin(&self) -> Result<()> {
+        fs::create_dir_all(&self.folder).map_err(|source| Error::io(&self.folder, source))
+    }
+
+    /// Writes a file of it, whole.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<()> {
+        replace_file(&self.file(name), |file| file.write_all(bytes))
+    }
+
+    /// Says that it is complete.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn finish(&self) -> Result<()> {
+        self.write(DONE, format!("{:#}\n", self.inputs).as_bytes())
+    }
+}
+
+/// The 64-bit FNV-1a hash (Fowler, Noll and Vo).
+fn fnv1a(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a run could take another's product for its own, or make one that is there once more.
+    #[test]
+    fn a_product_counts_when_it_is_finished_and_for_its_inputs_only() {
+        let root = tempfile::tempdir().unwrap();
+        let stage = |seed: f32| Stage::new(root.path(), "plan", json!({ "seed": seed, "of": [0.1f32, 1e-7] }));
+        let one = stage(1.0);
+        one.begin().unwrap();
+        one.write("plan.json", b"{}").unwrap();
+        assert!(!one.is_done());
+        one.finish().unwrap();
+        assert!(one.is_done() && stage(1.0).is_done() && !stage(2.0).is_done());
+        fs::write(one.file(DONE), "{}").unwrap();
+        assert!(!one.is_done());
+    }
+
+    /// If this failed, products of earlier runs would not be found again. Values from the hash's authors.
+    #[test]
+    fn the_hash_is_that_of_its_authors() {
+        assert_eq!((fnv1a(b""), fnv1a(b"foobar")), (0xcbf2_9ce4_8422_2325, 0x8594_4171_f739_67e8));
+    }
+}

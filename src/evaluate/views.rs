@@ -1,0 +1,108 @@
+//! Cameras that no method chooses: of the input photos and of the tests.
+
+use glam::DVec3;
+
+use crate::Result;
+use crate::scene::baselines;
+use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::random;
+use crate::scene::region::Region;
+
+/// Sets of test views, by what their cameras' names begin with.
+pub const SETS: [&str; 3] = ["half", "full", "random"];
+/// Seed and streams of the test views, which are the same in all runs.
+const SEED: u64 = 0x7465_7374;
+const STREAMS: [u32; 3] = [1, 2, 3];
+/// Part of the surface's points that a test view of random orientation has in its picture.
+const VISIBLE: f64 = 0.5;
+/// Draws of a random test view; the next one looks at the centre.
+const DRAWS: u32 = 10_000;
+
+/// Input cameras on Fibonacci points in the middle of the region.
+///
+/// # Errors
+/// Where the region is no shell.
+pub fn inputs(region: &Region, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
+    let poses = baselines::fibonacci_shell(region, count as usize)?;
+    Ok(poses.iter().enumerate().map(|(i, pose)| camera(format!("input_{i:04}"), *pose, intrinsics)).collect())
+}
+
+/// Test cameras, `count` of each set: on the spheres of half and of full radius of the region, looking in; and anywhere between
+/// these spheres in random directions with at least half of the `points` of the surface in the picture.
+pub fn tests(region: &Region, points: &[DVec3], intrinsics: Intrinsics, count: u32) -> Vec<Camera> {
+    let (centre, radius) = region.bounding_sphere();
+    let towards = |set: usize, i: u32| {
+        let [u, v, ..] = random::uniforms(SEED, STREAMS[set], i);
+        random::direction(u, v)
+    };
+    let looking_in = |set: usize, radius: f64, i: u32| {
+        let out = towards(set, i);
+        Pose::looking(centre + radius * out, -out, region.up)
+    };
+    let anywhere = |i: u32| {
+        let drawn = (0..DRAWS).map(|draw| {
+            let [u, v, w, _] = random::uniforms(SEED, STREAMS[2], i * DRAWS + draw);
+            let [x, y, ..] = random::uniforms(SEED, STREAMS[2] + 1, i * DRAWS + draw);
+            // Even in volume between the radii.
+            let distance = radius * (0.125 + 0.875 * w).cbrt();
+            Pose::looking(centre + distance * random::direction(u, v), random::direction(x, y), region.up)
+        });
+        let shows = |pose: &Pose| {
+            let camera = camera(String::new(), *pose, intrinsics);
+            let seen = points.iter().filter(|point| camera.sees(**point)).count();
+            seen as f64 >= VISIBLE * points.len() as f64
+        };
+        drawn.into_iter().find(shows).unwrap_or_else(|| looking_in(2, radius, i))
+    };
+    let mut cameras = Vec::new();
+    for (set, name) in SETS.iter().enumerate() {
+        for i in 0..count {
+            let pose = match set {
+                0 => looking_in(set, 0.5 * radius, i),
+                1 => looking_in(set, radius, i),
+                _ => anywhere(i),
+            };
+            cameras.push(camera(format!("{name}_{i:04}"), pose, intrinsics));
+        }
+    }
+    cameras
+}
+
+fn camera(name: String, pose: Pose, intrinsics: Intrinsics) -> Camera {
+    Camera { name, pose, intrinsics }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::request::Settings;
+
+    /// If this failed, tests would be of views that show nothing, or of other distances than the table says.
+    #[test]
+    fn test_views_stand_where_they_should_and_see_the_object() {
+        let region = Region::around_object((DVec3::ONE, 0.5), 25f64.to_radians(), DVec3::Y, None).unwrap();
+        let points: Vec<DVec3> = (0..100)
+            .map(|i| {
+                let [u, v, ..] = random::uniforms(0, 0, i);
+                DVec3::ONE + 0.5 * random::direction(u, v)
+            })
+            .collect();
+        let cameras = super::tests(&region, &points, Settings::QUICK.intrinsics(), 30);
+        let full = region.bounding_sphere().1;
+        assert_eq!(cameras.len(), 90);
+        for camera in &cameras {
+            let distance = camera.pose.position.distance(DVec3::ONE) / full;
+            let seen = points.iter().filter(|point| camera.sees(**point)).count();
+            let aside = camera.pose.forward().angle_between(DVec3::ONE - camera.pose.position);
+            let (low, high, least) = match camera.name.split('_').next() {
+                // The outline of a ball so near reaches beyond the picture.
+                Some("half") => (0.5, 0.5, 1),
+                Some("full") => (1.0, 1.0, 100),
+                _ => (0.5, 1.0, 50),
+            };
+            assert!(low - 1e-9 <= distance && distance <= high + 1e-9, "{}: {distance}", camera.name);
+            assert!(seen >= least, "{}: {seen}", camera.name);
+            assert!(camera.name.starts_with("random") || aside < 1e-6, "{}: {aside}", camera.name);
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! The page of an evaluation: tables, curves against the number of views, test views side by side.
+//!
+//! Pictures are not embedded: the page lies in the evaluation's folder and shows the files that the runs left there.
+
+use std::fmt::Write;
+
+use super::text::{escape, number};
+use crate::evaluate::job::Outcome;
+use crate::evaluate::results::{COLUMNS, Entry, Interval, METRICS, Row};
+use crate::evaluate::views::SETS;
+
+/// Size of a chart and its margin in CSS pixels.
+const CHART: [f64; 2] = [360.0, 220.0];
+const MARGIN: f64 = 40.0;
+/// Colours of the methods, told apart by most people with colour vision deficiencies (Okabe and Ito, 2008).
+const COLOURS: [&str; 8] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#888888", "#000000"];
+
+/// The page.
+pub fn html(outcome: &Outcome) -> String {
+    let Outcome { rows, entries } = outcome;
+    let mut page = String::from(
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>camsplat evaluation</title>\n<style>\
+         body{font:15px/1.5 system-ui,sans-serif;margin:2em auto;max-width:75em;padding:0 1em}\
+         table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .8em;text-align:right;border-bottom:1px solid #ddd}\
+         td:first-child,th:first-child{text-align:left}figure{display:inline-block;margin:.5em}\
+         img{width:12em;image-rendering:pixelated}svg{max-width:100%}</style>\n<h1>Evaluation</h1>\n\
+         <p>Mean and half of the 95% interval over seeds.</p>\n",
+    );
+    for scene in in_order(rows.iter().map(|row| row.scene.as_str())) {
+        let rows: Vec<&Row> = rows.iter().filter(|row| row.scene == scene).collect();
+        let _ = writeln!(page, "<h2>{}</h2>", escape(scene));
+        for (metric, name) in METRICS.iter().enumerate() {
+            page += &table(&rows, metric, name);
+        }
+        for (metric, name) in METRICS.iter().enumerate() {
+            page += &chart(&rows, metric, name);
+        }
+        page += &pictures(scene, &entries.iter().filter(|entry| entry.scene == scene).collect::<Vec<_>>());
+    }
+    page
+}
+
+/// Everything that is different, in the order in which it comes first.
+fn in_order<T: PartialEq>(items: impl Iterator<Item = T>) -> Vec<T> {
+    let mut seen = Vec::new();
+    for item in items {
+        if !seen.contains(&item) {
+            seen.push(item);
+        }
+    }
+    seen
+}
+
+/// A metric, a row for each method and budget.
+fn table(rows: &[&Row], metric: usize, name: &str) -> String {
+    let mut text = format!("<table><tr><th>{name}</th><th>views</th>");
+    COLUMNS.iter().for_each(|column| text += &format!("<th>{column}</th>"));
+    text += "<th>choice, s</th></tr>\n";
+    let cell = |interval: Option<Interval>| match interval {
+        None => "<td>–</td>".to_owned(),
+        Some(Interval { mean, half: Some(half) }) => format!("<td>{} ± {}</td>", number(mean), number(half)),
+        Some(Interval { mean, half: None }) => format!("<td>{}</td>", number(mean)),
+    };
+    for row in rows {
+        let _ = write!(text, "<tr><td>{}</td><td>{}</td>", row.method, row.views);
+        row.measured[metric].iter().for_each(|measured| text += &cell(*measured));
+        let _ = writeln!(text, "{}</tr>", cell(Some(row.seconds)));
+    }
+    text + "</table>\n"
+}
+
+/// A metric's mean over the sets against the number of views, a line for each method; empty where it was not measured.
+fn chart(rows: &[&Row], metric: usize, name: &str) -> String {
+    let value = |row: &Row| row.measured[metric][3].filter(|interval| interval.mean.is_finite());
+    let ends = |interval: Interval| [-1.0, 1.0].map(|side| interval.mean + side * interval.half.unwrap_or(0.0));
+    let values: Vec<f64> = rows.iter().filter_map(|row| value(row)).flat_map(ends).collect();
+    if values.is_empty() {
+        return String::new();
+    }
+    let span = |values: &mut dyn Iterator<Item = f64>| {
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        // Of one value alone, the middle.
+        if high > low { (low, high) } else { (low - 0.5, high + 0.5) }
+    };
+    let (left, right) = span(&mut rows.iter().map(|row| f64::from(row.views)));
+    let (low, high) = span(&mut values.into_iter());
+    let [width, height] = CHART;
+    let x = |views: u32| MARGIN + (width - 2.0 * MARGIN) * (f64::from(views) - left) / (right - left);
+    let y = |value: f64| height - MARGIN - (height - 2.0 * MARGIN) * (value - low) / (high - low);
+    let (bottom, edge) = (height - MARGIN, width - MARGIN);
+    let mut text = format!(
+        "<figure><figcaption>{name} against the number of views</figcaption>\
+         <svg viewBox=\"0 0 {width} {height}\" width=\"{width}\" font-size=\"11\">\
+         <path d=\"M{MARGIN} {MARGIN}V{bottom}H{edge}\" fill=\"none\" stroke=\"#999\"/>\
+         <text x=\"2\" y=\"{MARGIN}\">{}</text><text x=\"2\" y=\"{bottom}\">{}</text>",
+        number(high),
+        number(low)
+    );
+    for views in in_order(rows.iter().map(|row| row.views)) {
+        let _ = write!(text, "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{views}</text>", x(views), bottom + 14.0);
+    }
+    for (i, method) in in_order(rows.iter().map(|row| row.method)).into_iter().enumerate() {
+        let colour = COLOURS[i % COLOURS.len()];
+        let own = rows.iter().filter(|row| row.method == method).filter_map(|row| Some((row.views, value(row)?)));
+        let mut own: Vec<(u32, Interval)> = own.collect();
+        own.sort_by_key(|(views, _)| *views);
+        let line: Vec<String> = own.iter().map(|(views, v)| format!("{:.1},{:.1}", x(*views), y(v.mean))).collect();
+        let _ = write!(text, "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\"/>", line.join(" "));
+        for (views, interval) in own {
+            // Side by side, so that the bars of all methods are seen.
+            let (at, [from, to]) = (x(views) + 3.0 * i as f64, ends(interval).map(y));
+            let _ = write!(text, "<path d=\"M{at} {from}V{to}\" stroke=\"{colour}\"/>");
+            let _ = write!(text, "<circle cx=\"{at}\" cy=\"{}\" r=\"2.5\" fill=\"{colour}\"/>", y(interval.mean));
+        }
+        let _ = write!(text, "<text x=\"{}\" y=\"{}\" fill=\"{colour}\">{method}</text>", edge - 60.0, 12 + 12 * i);
+    }
+    text + "</svg></figure>\n"
+}
+
+/// The first test view of each set, as it is and as each method's first run at the largest budget shows it.
+fn pictures(scene: &str, entries: &[&Entry]) -> String {
+    let Some(most) = entries.iter().map(|entry| entry.views).max() else { return String::new() };
+    let shown: Vec<&&Entry> = entries.iter().filter(|entry| entry.views == most && entry.seed == 0).collect();
+    let mut text = format!("<h3>Test views, {most} views chosen</h3>\n");
+    for set in SETS {
+        let picture = |entry: &Entry, of: &str, caption: &str| {
+            let path = format!("{}/{}/{of}/{set}_0000.png", escape(scene).replace('%', "%25"), entry.folder);
+            format!("<figure><img src=\"{path}\" alt=\"\"><figcaption>{caption}</figcaption></figure>")
+        };
+        let reference = shown.first().map(|entry| picture(entry, "reference", &format!("{set}: the photograph")));
+        text += &reference.unwrap_or_default();
+        shown.iter().for_each(|entry| text += &picture(entry, "test", entry.method.name()));
+        text += "<br>\n";
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::request::Method;
+    use crate::evaluate::results::rows;
+    use crate::gaussians::record::Quality;
+
+    /// If this failed, a method or a budget would be missing from the page, or a scene's name would break it.
+    #[test]
+    fn every_method_has_its_line_and_its_pictures() {
+        let entry = |method, views| Entry {
+            scene: "a<b".into(),
+            method,
+            views,
+            seed: 0,
+            seconds: 0.1,
+            quality: [Quality { psnr: 20.0 + f64::from(views), ssim: 0.5, lpips: None }; 3],
+            folder: format!("training-{views}"),
+        };
+        let entries: Vec<Entry> =
+            [Method::Ours, Method::WithoutVds].into_iter().flat_map(|m| [entry(m, 10), entry(m, 20)]).collect();
+        let page = html(&Outcome { rows: rows(&entries), entries });
+        assert_eq!(page.matches("<polyline").count(), 4, "LPIPS was not measured");
+        assert_eq!(page.matches("<img").count(), 3 * 3);
+        assert!(page.contains("a&lt;b/training-20/test/random_0000.png") && !page.contains("a<b"));
+        assert!(!page.contains("NaN"), "{page}");
+    }
+}

@@ -1,0 +1,109 @@
+//! `camsplat evaluate`: from a scene to tables, going on after a stop, and what it refuses.
+
+mod command;
+
+use std::fs;
+
+use command::gltf::{cube, sky};
+use command::{Place, assert_refused, ended, read_until, stop};
+use serde_json::Value;
+
+/// A cube whose material is not the same all over, and the light on it.
+fn place() -> Place {
+    let place = Place::new();
+    let material = r#"{"pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.4, 0.1, 1], "metallicFactor": 0}}"#;
+    place.write("cube.gltf", cube(&format!(", \"materials\": [{material}]")));
+    place.write("sky.hdr", sky());
+    place
+}
+
+/// An evaluation of seconds.
+const TINY: &str = "evaluate cube.gltf --env sky.hdr --quick --methods random,ours --budgets 4 --seeds 1 --size 48 --spp 2 \
+                    --inputs 8 --tests 2 --iterations 20 --max-splats 200";
+
+fn results(place: &Place, folder: &str) -> Value {
+    serde_json::from_str(&place.read(&format!("{folder}/results.json"))).unwrap()
+}
+
+/// Method and qualities of every run.
+fn qualities(results: &Value) -> Vec<(&Value, &Value)> {
+    results["runs"].as_array().unwrap().iter().map(|run| (&run["method"], &run["quality"])).collect()
+}
+
+/// If this failed, a run that was stopped would be lost or end with other numbers, one that is complete would be made again, or
+/// a method more would make all the others run again.
+#[test]
+fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
+    let place = place();
+    let mut child = place.command(&format!("{TINY} --out o")).spawn().unwrap();
+    let output = read_until(&mut child, "making   training");
+    let stopped = stop(child, output, "-INT");
+    assert_eq!(stopped.code, Some(130), "{}{}", stopped.out, stopped.err);
+    assert!(stopped.out.contains("the same command goes on"), "{}", stopped.out);
+    assert!(!place.path("o/table.md").exists());
+
+    // Inputs, surface, tests; choice, photographs and training of two methods. Four were begun or done.
+    let went_on = place.done(&format!("{TINY} --out o"));
+    assert!(went_on.out.contains("products 4 made, 5 kept"), "{}", went_on.out);
+    place.done(&format!("{TINY} --out whole"));
+    assert_eq!(qualities(&results(&place, "o")), qualities(&results(&place, "whole")));
+    let table = place.read("o/table.md");
+    assert!(table.contains("| cube | random | 4 |") && table.contains("| cube | ours | 4 |"), "{table}");
+    assert!(place.read("o/table.csv").contains("\"cube\",ours,4,1,full,PSNR,"));
+    for run in results(&place, "o")["runs"].as_array().unwrap() {
+        let (folder, psnr) = (run["folder"].as_str().unwrap(), &run["quality"][1]["psnr"]);
+        assert!(psnr.as_f64().is_some_and(|psnr| psnr > 10.0 && psnr < 60.0), "{psnr}");
+        assert!(place.path(&format!("o/cube/{folder}/test/random_0001.png")).is_file());
+    }
+
+    let changed = |folder: &str| -> Vec<_> {
+        let when = |name: &String| fs::metadata(place.path(&format!("o/{folder}/{name}"))).unwrap().modified().unwrap();
+        place.files(&format!("o/{folder}")).iter().map(when).collect()
+    };
+    let before = changed("cube");
+    let again = place.done(&format!("{TINY} --out o"));
+    assert!(again.out.contains("products 0 made, 9 kept"), "{}", again.out);
+    assert_eq!(changed("cube"), before);
+    let more = place.done(&format!("{} --out o", TINY.replace("random,ours", "random,fvs,ours")));
+    assert!(more.out.contains("products 3 made, 9 kept"), "{}", more.out);
+}
+
+/// If this failed, bad input would be found out after hours, or leave something behind.
+#[test]
+fn bad_input_is_refused_and_nothing_is_written() {
+    let place = place();
+    place.write("broken.glb", "no scene");
+    fs::create_dir_all(place.path("other")).unwrap();
+    place.write("other/cube.gltf", place.read("cube.gltf"));
+    let cases: [(&str, &[&str]); 9] = [
+        ("evaluate cube.gltf --env sky.hdr --out o --methods random,nobodys", &["nobodys", "no such method", "ours"]),
+        ("evaluate cube.gltf broken.glb --env sky.hdr --out o", &["broken.glb"]),
+        ("evaluate none.glb --env sky.hdr --out o", &["none.glb", "there is no such file"]),
+        ("evaluate cube.gltf --out o", &["cube.gltf", "no light", "--env"]),
+        ("evaluate cube.gltf --env sky.hdr --out o --budgets 20,20", &["--budgets", "twice"]),
+        ("evaluate cube.gltf --env sky.hdr --out o --budgets 1", &["--budgets is 1"]),
+        ("evaluate cube.gltf --env sky.hdr --out o --seeds 0", &["--seeds is 0"]),
+        ("evaluate cube.gltf other/cube.gltf --env sky.hdr --out o", &["other/cube.gltf", "this name"]),
+        ("evaluate cube.gltf --env sky.hdr --out other", &["other", "holds no evaluation"]),
+    ];
+    assert_refused(&place, &cases);
+    assert_eq!(place.files("other"), ["cube.gltf"]);
+}
+
+/// If this failed, the quick evaluation would tell nothing: a plan must be worth more than views at random even there.
+#[test]
+#[ignore = "takes minutes"]
+fn the_quick_evaluation_ranks_random_below_ours() {
+    let Some(data) = std::env::var_os("CAMSPLAT_DATA").map(std::path::PathBuf::from) else {
+        println!("skipped: CAMSPLAT_DATA is not set");
+        return;
+    };
+    let place = Place::new();
+    let [scene, sky] = ["objects/DamagedHelmet.glb", "hdri/studio_small_03_1k.hdr"].map(|file| data.join(file));
+    let mut command = place.command("evaluate --quick --out o --methods random,ours");
+    let ran = ended(command.arg(scene).arg("--env").arg(sky).output().unwrap());
+    assert_eq!(ran.code, Some(0), "{}", ran.err);
+    let results = results(&place, "o");
+    let [random, ours] = [0, 1].map(|row| results["rows"][row]["measured"][0][3]["mean"].as_f64().unwrap());
+    assert!(random < ours, "random {random} dB, ours {ours} dB");
+}
