@@ -15,7 +15,7 @@ use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::lens::Distortion;
 use crate::scene::random;
 use crate::select::acp;
-use crate::select::controls::Pool;
+use crate::select::controls::{MOST_SHARED, Pool};
 use crate::select::farthest::Distance;
 use crate::select::information::{self, Model};
 use crate::select::sight::{Sight, Survey};
@@ -84,6 +84,15 @@ fn place(
     let inward = request.preset == Preset::Object;
     let must: Vec<usize> = (0..kept.len()).collect();
     let allowed: Vec<usize> = (0..candidates.photos.len()).collect();
+    let too_many = || {
+        let what = "shared points are counted among up to";
+        Error::request(format!(
+            "--method fvs-shared: {what} {MOST_SHARED} candidates; give fewer --candidates, or use fvs"
+        ))
+    };
+    if request.method == Method::FvsShared && candidates.photos.len() > MOST_SHARED {
+        return Err(too_many());
+    }
     let sight = match request.method {
         Method::FvsShared | Method::Coverage => {
             let points = target.proxy.sample(POINTS, request.seed, PROBE_STREAM);
@@ -100,10 +109,7 @@ fn place(
         count: kept.len() + views,
         seed: request.seed,
     };
-    let farthest = |distance| {
-        let what = "shared points are counted among up to 4000 candidates; give fewer --candidates, or use fvs";
-        pool.farthest(distance).ok_or_else(|| Error::request(format!("--method fvs-shared: {what}")))
-    };
+    let farthest = |distance| pool.farthest(distance).ok_or_else(too_many);
     let chosen = match request.method {
         Method::Ours => return Err(Error::request("--method ours is the planner's; it is no peer")),
         Method::Random => {
