@@ -32,3 +32,14 @@ float enter_box(vec3 origin, vec3 inverse, float t_min, float t_max, vec3 lo, ve
     float leave = min(min(min(far.x, far.y), far.z) * 1.0000004, t_max);
     return enter <= leave ? enter : MISS;
 }
+
+const uint NO_CHILD = 0xffffffffu;
+
+// The child of a node that a ray enters first, and the one that it enters later.
+uvec2 children_entered(Node node, vec3 origin, vec3 inverse, float t_min, float t_max) {
+    float enter0 = enter_box(origin, inverse, t_min, t_max, node.lo0, node.hi0);
+    float enter1 = enter_box(origin, inverse, t_min, t_max, node.lo1, node.hi1);
+    bool hit0 = enter0 < MISS, hit1 = enter1 < MISS, first = hit0 && (!hit1 || enter0 <= enter1);
+    uint near = first ? node.child0 : (hit1 ? node.child1 : NO_CHILD);
+    return uvec2(near, hit0 && hit1 ? (first ? node.child1 : node.child0) : NO_CHILD);
+}

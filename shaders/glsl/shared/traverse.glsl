@@ -37,16 +37,10 @@ float trace(vec3 origin, vec3 direction, float t_min, float t_max, bool any_hit)
                 }
             }
         } else {
-            Node node = nodes[child];
-            float enter0 = enter_box(origin, inverse, t_min, t_max, node.lo0, node.hi0);
-            float enter1 = enter_box(origin, inverse, t_min, t_max, node.lo1, node.hi1);
-            bool hit0 = enter0 < MISS, hit1 = enter1 < MISS;
-            if (hit0 || hit1) {
-                bool first = hit0 && (!hit1 || enter0 <= enter1);
-                if (hit0 && hit1) stack[size++] = first ? node.child1 : node.child0;
-                child = first ? node.child0 : node.child1;
-                continue;
-            }
+            uvec2 entered = children_entered(nodes[child], origin, inverse, t_min, t_max);
+            if (entered.y != NO_CHILD) stack[size++] = entered.y;
+            child = entered.x;
+            if (child != NO_CHILD) continue;
         }
         if (size == 0) break;
         child = stack[--size];
