@@ -68,6 +68,8 @@ fn one_iteration_is_that_of_the_twin() {
                     rate_direction: 0.0,
                     seed,
                     equal_probes: seed == 1,
+                    // Distances count in every other case of the nearest view.
+                    distance_weight: if occlusion { 0.4 } else { 0.0 },
                     ..small(*preset, 40)
                 };
                 if objective == Objective::Splat {
@@ -97,6 +99,7 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
         .map(|p| (Vec3::from(p.position).as_dvec3(), p.score as f64))
         .collect();
     let lobes = planner.lobes().expect("lobes");
+    let stands: Vec<f64> = planner.stands().expect("distances").into_iter().map(f64::from).collect();
     let batch = Batch {
         settings: planner.settings(),
         objective: config.objective,
@@ -109,6 +112,7 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
         lobes: if lobes.len() > 1 { &lobes[..probes.len()] } else { &[] },
         directions: &octahedral::directions(maps.resolution),
         depth: &depth[..probes.len() * texels],
+        stands: &stands[..stands.len().min(probes.len() * texels)],
         log_scale: (planner.start_scale() as f64).ln(),
     };
     let image = dense(&batch);

@@ -35,6 +35,7 @@ struct Twin<'a> {
     planner: &'a Planner<'a>,
     scene: &'a Scene,
     depth: Vec<f64>,
+    stands: Vec<f64>,
     directions: Vec<DVec3>,
     splats: Vec<(DVec3, DVec3)>,
     moments: Vec<[Adam; 2]>,
@@ -52,6 +53,7 @@ impl<'a> Twin<'a> {
         let splats: Vec<_> = planner.start().iter().map(|s| (vector(s.centre), vector(s.direction))).collect();
         Self {
             depth: planner.maps().download().expect("depths").into_iter().map(f64::from).collect(),
+            stands: planner.stands().expect("distances").into_iter().map(f64::from).collect(),
             directions: octahedral::directions(planner.maps().resolution),
             moments: vec![[Adam::default(); 2]; splats.len()],
             noise: vec![false; splats.len()],
@@ -77,6 +79,10 @@ impl<'a> Twin<'a> {
             .collect();
         let depth: Vec<f64> =
             batch.iter().flat_map(|&i| self.depth[i * texels..(i + 1) * texels].iter().copied()).collect();
+        let stands = match self.stands.len() {
+            0 => Vec::new(),
+            _ => batch.iter().flat_map(|&i| self.stands[i * texels..(i + 1) * texels].iter().copied()).collect(),
+        };
         let camera = self.planner.start()[0];
         let tangents = [f64::from(camera.tan_x), f64::from(camera.tan_y)];
         let batch = Batch {
@@ -91,6 +97,7 @@ impl<'a> Twin<'a> {
             lobes: &[],
             directions: &self.directions,
             depth: &depth,
+            stands: &stands,
             log_scale: self.clock.log_scale,
         };
         let image = dense(&batch);
@@ -148,6 +155,10 @@ fn five_iterations_are_those_of_the_twin() {
     let cases = [
         ("splat", joint.clone()),
         ("nearest", Config { objective: Objective::Nearest, nearest_tau: 0.1, ..joint.clone() }),
+        (
+            "nearest, by distance too",
+            Config { objective: Objective::Nearest, nearest_tau: 0.1, distance_weight: 0.5, ..joint.clone() },
+        ),
         // Rounds of two iterations: the third round has begun by the end.
         ("iterative", Config { iterative: true, iterations: 10, views: 3, ..joint }),
     ];

@@ -26,6 +26,7 @@ layout(binding = 8, std430) buffer Partials { Gradient partials[]; };
 layout(binding = 9, std430) writeonly buffer Tallies { Tally tallies[]; };
 layout(binding = 10, std430) writeonly buffer Deficit { float deficit[]; };
 layout(binding = 11, std430) readonly buffer Lobes { Lobe lobes[]; };
+layout(binding = 12, std430) readonly buffer Stands { float stands[]; };
 
 const uint BLOCK = THREADS * EACH;  // texels of a workgroup
 const uint BATCH = 64;              // splats at a time
@@ -33,7 +34,7 @@ const uint WORDS = THREADS / 32;
 
 shared uint words[WORDS];
 shared uint listed[THREADS];          // the first of the list; the rest lies in `visible`
-shared vec4 batch_ray[BATCH];           // n, d
+shared vec4 batch_ray[BATCH];           // n, d (splat) or log d (nearest)
 shared float batch_open[BATCH];         // alpha m
 shared float left[BLOCK];                      // transmittance, or the nearest-view sum; negative where rho = 0
 shared vec4 sums[THREADS];
@@ -110,6 +111,7 @@ void main() {
     float inverse = OBJECTIVE == 1 ? 1.0 / s.nearest_tau : 1.0 / (scale * scale);
     Lobe lobe = lobes[LOBES != 0 ? index : 0];
     float share = texel_weight(probes[index], s);
+    float by_distance = s.distance_weight * s.distance_weight * inverse;
     float loss = 0.0, short_fall = 0.0, open_sky = 0.0, by_log_scale = 0.0;
 
     // Lanes that share a splat on the way back: as many as keep every thread busy.
@@ -118,11 +120,12 @@ void main() {
     uint at_once = THREADS / lanes;
 
     vec3 w[4];
-    float far[4], value[4];
+    float far[4], value[4], stand[4];
     for (uint k = 0; k < EACH; ++k) {
         uint texel = block + k * THREADS + thread;
         w[k] = directions[min(texel, TEXELS - 1)].xyz;
         far[k] = depth[pool_row + min(texel, TEXELS - 1)];
+        stand[k] = STANDS != 0 ? stands[pool_row + min(texel, TEXELS - 1)] : 0.0;
         value[k] = OBJECTIVE == 1 ? 0.0 : 1.0;
     }
     for (uint base = 0; base < count; base += BATCH) {
@@ -132,7 +135,7 @@ void main() {
             vec3 ray = splats[j].centre - position;
             float d = length(ray);
             vec3 n = ray / max(d, 1e-6);
-            batch_ray[thread] = vec4(n, d);
+            batch_ray[thread] = vec4(n, OBJECTIVE == 1 ? log(max(d, 1e-6)) : d);
             batch_open[thread] = (OBJECTIVE == 1 ? 1.0 : s.alpha) * gate(-n, splats[j], s).open;
         }
         barrier();
@@ -142,6 +145,10 @@ void main() {
             for (uint k = 0; k < EACH; ++k) {
                 float x = kernel_exponent(w[k], ray.xyz, ray.w, inverse);
                 if (OBJECTIVE == 1) {
+                    if (STANDS != 0) {
+                        float off = too_far(ray.w, stand[k]);
+                        x += 0.5 * by_distance * off * off;
+                    }
                     value[k] += batch_open[b] * exp(-x);
                 } else if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || ray.w < abs(far[k]))) {
                     value[k] *= 1.0 - batch_open[b] * exp(-x);
@@ -177,7 +184,8 @@ void main() {
     for (uint base = 0; base < count; base += at_once) {
         uint rank = base + thread / lanes, lane = thread % lanes;
         vec3 n = vec3(0.0), moment = vec3(0.0);
-        float d = 1.0, total = 0.0, by_scale = 0.0, utility = 0.0;
+        // `apart`: by log s (splat), or by the logarithm of the distance (nearest).
+        float d = 1.0, total = 0.0, apart = 0.0, utility = 0.0;
         Gate g = Gate(0.0, vec3(0.0), vec3(0.0));
         if (rank < count) {
             Splat splat = splats[at(rank, row)];
@@ -197,8 +205,11 @@ void main() {
                     float x = kernel_exponent(w, n, d, inverse);
                     if (OBJECTIVE == 1) {
                         float sum = max(rest, NEAREST_FLOOR);
+                        float off = STANDS != 0 ? too_far(log(d), stands[pool_row + block + t]) : 0.0;
+                        x += 0.5 * by_distance * off * off;
                         float part = open * exp(-x) / sum;
                         float by_part = rest > NEAREST_FLOOR ? -s.nearest_tau * share * target * part : 0.0;
+                        apart -= by_part * by_distance * off;
                         total += by_part;
                         moment += by_part * w;
                         utility -= s.nearest_tau * share * target * log(max(1.0 - part, 1e-3));
@@ -209,7 +220,7 @@ void main() {
                         float by_a = 2.0 * share * difference * rest * odds;  // (dL/da) a
                         total += by_a;
                         moment += KERNEL == 0 ? by_a * w : (by_a * d * dot(w, n)) * w;
-                        by_scale += 2.0 * x * by_a;
+                        apart += 2.0 * x * by_a;
                         // (I_without - goal)^2 - (I - goal)^2
                         utility -= share * rest * odds * (2.0 * difference - rest * odds);
                     }
@@ -217,7 +228,7 @@ void main() {
             }
         }
         sums[thread] = vec4(moment, total);
-        more_sums[thread] = vec2(by_scale, utility);
+        more_sums[thread] = vec2(apart, utility);
         for (uint half_ = lanes >> 1; half_ > 0; half_ >>= 1) {
             barrier();
             if (lane < half_) {
@@ -228,7 +239,8 @@ void main() {
         barrier();
         if (lane == 0 && rank < count) {
             Gradient grad = splat_gradient(n, d, g, sums[thread].xyz, sums[thread].w, inverse);
-            grad.log_scale = more_sums[thread].x;
+            if (OBJECTIVE == 1) grad.centre += more_sums[thread].x / d * n;
+            else grad.log_scale = more_sums[thread].x;
             grad.utility = more_sums[thread].y;
             by_log_scale += grad.log_scale;
             partials[row + rank] = grad;

@@ -78,28 +78,9 @@ void main() {
     if (texel >= TEXELS || thread != 0) return;
     uint index = ((iteration - 1) * s.probes + probe) % s.pool;
     vec3 from = probes[index].position, w = directions[texel].xyz;
-    float reach = min(abs(depth[index * TEXELS + texel]), 2.0 + length(from));
-
-    // The k-th of the feasible steps along the ray, k uniform.
-    const uint STEPS = 128;
-    uint feasible = 0;
-    for (uint k = 0; k < STEPS; ++k) {
-        if (region_contains(from + w * (reach * (float(k) + random.z) / float(STEPS)))) ++feasible;
-    }
-    if (feasible == 0) return;
-    uint pick = min(uint(random.y * float(feasible)), feasible - 1);
-    vec3 stand = from;
-    for (uint k = 0; k < STEPS; ++k) {
-        vec3 at = from + w * (reach * (float(k) + random.z) / float(STEPS));
-        if (region_contains(at)) {
-            if (pick == 0) {
-                stand = at;
-                break;
-            }
-            --pick;
-        }
-    }
-    splats[j].centre = stand;
+    float distance_ = stand_along(from, w, abs(depth[index * TEXELS + texel]), random.y, random.z);
+    if (distance_ < 0.0) return;
+    splats[j].centre = from + distance_ * w;
     splats[j].direction = -w;
     moments[j] = Moments(vec3(0.0), 0, vec3(0.0), 0, vec3(0.0), 0, vec3(0.0), median);
 }

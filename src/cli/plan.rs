@@ -137,6 +137,9 @@ pub struct Tuning {
     /// Softness of the nearest-view minimum
     #[arg(long)]
     nearest_tau: Option<f32>,
+    /// What distances count beside angles in the nearest-view minimum: radians that a view e times as far away as wanted is off
+    #[arg(long)]
+    distance_weight: Option<f32>,
     /// Opacity of a splat
     #[arg(long)]
     alpha: Option<f32>,
@@ -198,6 +201,7 @@ impl Tuning {
         set(&mut config.lambda_bound, self.lambda_bound);
         set(&mut config.lambda_scale, self.lambda_scale);
         set(&mut config.nearest_tau, self.nearest_tau);
+        set(&mut config.distance_weight, self.distance_weight);
         set(&mut config.alpha, self.alpha);
         set(&mut config.rate_scale, self.rate_scale);
         set(&mut config.rate_centre, self.rate_centre);

@@ -133,6 +133,8 @@ pub struct Config {
     pub lambda_scale: f32,
     /// Softness of the nearest-view minimum.
     pub nearest_tau: f32,
+    /// What distances count beside angles in the nearest-view minimum: radians that a view e times as far away as wanted is off.
+    pub distance_weight: f32,
     /// Learning rate of positions, in radii of the region.
     pub rate_centre: f32,
     /// Learning rate of directions.
@@ -176,6 +178,7 @@ impl Config {
             ("--lambda-reg", self.lambda_reg),
             ("--lambda-bound", self.lambda_bound),
             ("--lambda-scale", self.lambda_scale),
+            ("--distance-weight", self.distance_weight),
             ("--rate-centre", self.rate_centre),
             ("--rate-direction", self.rate_direction),
             ("--rate-scale", self.rate_scale),
@@ -241,6 +244,7 @@ impl Config {
             lambda_bound: 10.0,
             lambda_scale: 0.2,
             nearest_tau: 0.02,
+            distance_weight: 0.0,
             rate_centre: 0.0065,
             rate_direction: 0.02,
             rate_scale: 0.005,

@@ -6,12 +6,13 @@ use super::config::{Gate, Kernel, Objective};
 use super::shared::{Control, Gradient, Settings, Splat, Tally};
 use crate::visibility::probe_depth::Probe;
 use crate::visibility::probe_lobe::Lobe;
+use crate::visibility::probe_stand::ANY;
 
 crate::stage!(
     /// Loss and gradient partials, a workgroup per block of texels of a point camera.
     pub DENSE = dense(()) {
         read settings, read control, read splats, read probes, read directions, read depth,
-        write visible, write slots, write partials, write tallies, write deficit, read lobes,
+        write visible, write slots, write partials, write tallies, write deficit, read lobes, read stands,
     } with [Settings, Control, Splat, Probe, Gradient, Tally, Lobe]
 );
 
@@ -47,6 +48,9 @@ pub struct Batch<'a> {
     pub directions: &'a [DVec3],
     /// Signed depth, `probes x texels`; negative where the ray misses the region.
     pub depth: &'a [f64],
+    /// Logarithms of the distances from which the probes are to be seen, `probes x texels`, [`ANY`] where none is asked for;
+    /// empty where distances do not count.
+    pub stands: &'a [f64],
     /// Logarithm of the shared scale.
     pub log_scale: f64,
 }
@@ -147,10 +151,17 @@ pub fn dense(batch: &Batch<'_>) -> Image {
                 seen.push((j, n, d, open, by_view, by_direction));
             }
         }
+        // How much further away than wanted, as a logarithm.
+        let too_far = |t: usize, d: f64| {
+            let stand = batch.stands.get(i * texels + t).copied().unwrap_or(f64::from(ANY));
+            if stand < f64::from(ANY) { d.ln() - stand } else { 0.0 }
+        };
+        let by_distance = f64::from(s.distance_weight).powi(2) * inverse;
         // a_j of a texel; zero where the kernel is cut off or a surface is in the way.
         let opacity = |t: usize, n: DVec3, d: f64, open: f64| {
             let x = exponent(batch, batch.directions[t], n, d, inverse);
             if nearest {
+                let x = x + 0.5 * by_distance * too_far(t, d).powi(2);
                 return (open * (-x).exp(), x);
             }
             let blocked = batch.occlusion && d >= depth[t].abs();
@@ -190,6 +201,7 @@ pub fn dense(batch: &Batch<'_>) -> Image {
                 image.by_direction[j] += by_a * by_direction;
                 image.by_centre[j] += if batch.kernel == Kernel::Angular || nearest {
                     across(by_a * inverse * w)
+                        - if nearest { by_a * by_distance * too_far(t, d) / d * n } else { DVec3::ZERO }
                 } else {
                     -by_a * inverse * d * (n - w.dot(n) * w)
                 };
@@ -212,7 +224,7 @@ mod tests {
     }
 
     fn settings() -> Settings {
-        Settings { alpha: 0.1, gate_softness: 0.05, nearest_tau: 0.05, ..Settings::default() }
+        Settings { alpha: 0.1, gate_softness: 0.05, nearest_tau: 0.05, distance_weight: 0.3, ..Settings::default() }
     }
 
     /// Loss of a batch and the regulariser with frozen weights, as the gradient has it.
@@ -262,6 +274,11 @@ mod tests {
             };
             let lobes = [lobe(0.3, -0.1), lobe(-0.4, 0.2), lobe(0.1, 0.3)];
             let lobes = if case % 2 == 1 { &lobes[..] } else { &[] };
+            // A wanted distance for most texels of the last case.
+            let stands: Vec<f64> = (0..3 * 256u32)
+                .map(|t| if t % 5 == 0 { f64::from(ANY) } else { -0.6 + 0.001 * f64::from(t) })
+                .collect();
+            let stands = if case == 5 { &stands[..] } else { &[] };
             let tangents = [[0.6, 0.45], [0.7, 0.8], [0.5, 0.65], [0.6, 0.6], [0.55, 0.7], [0.8, 0.5]];
             let base = Batch {
                 settings: &settings,
@@ -275,6 +292,7 @@ mod tests {
                 lobes,
                 directions: &directions,
                 depth: &depth,
+                stands,
                 log_scale: -1.1,
             };
             let here = dense(&base);

@@ -6,4 +6,5 @@ pub mod exposure;
 pub mod lens_view;
 pub mod probe_depth;
 pub mod probe_lobe;
+pub mod probe_stand;
 pub mod raycast;

@@ -193,11 +193,7 @@ fn meets_region(geometry: &SceneGeometry, origin: Vec3, direction: Vec3, reach: 
         near = near.max(-middle - outer.sqrt());
         far = far.min(-middle + outer.sqrt());
     }
-    let feasible = |t: f32| {
-        let p = origin + t * direction;
-        let to_free = geometry.free.clamped_violation(p).0;
-        (contains(&region, p) && to_free < 0.5 * region.cell, to_free, p)
-    };
+    let stands = |t: f32| feasible(geometry, &region, origin + t * direction);
     let (mut hollow_in, mut hollow_out) = (far, near);
     if region.is_box == 0 && near < far {
         let middle = origin.dot(direction);
@@ -207,7 +203,7 @@ fn meets_region(geometry: &SceneGeometry, origin: Vec3, direction: Vec3, reach: 
             hollow_out = (-middle + inner.sqrt()).clamp(near, far);
         }
     }
-    if near < far && (feasible(0.5 * (near + hollow_in)).0 || feasible(0.5 * (hollow_out + far)).0) {
+    if near < far && (stands(0.5 * (near + hollow_in)) || stands(0.5 * (hollow_out + far))) {
         return true;
     }
     let mut t = near;
@@ -215,14 +211,20 @@ fn meets_region(geometry: &SceneGeometry, origin: Vec3, direction: Vec3, reach: 
         if t > far {
             return false;
         }
-        let (free, to_free, p) = feasible(t);
-        if free {
+        if stands(t) {
             return true;
         }
+        let p = origin + t * direction;
+        let to_free = geometry.free.clamped_violation(p).0;
         let inner = if region.is_box != 0 { 0.0 } else { (region.r_min - p.length()).max(0.0) };
         t += (to_free - region.cell).max(inner).max(0.5 * region.cell);
     }
     false
+}
+
+/// Whether a camera may stand at `p`: the twin of `region_contains` in `shaders/glsl/shared/region.glsl`.
+pub(super) fn feasible(geometry: &SceneGeometry, region: &DeviceRegion, p: Vec3) -> bool {
+    contains(region, p) && geometry.free.clamped_violation(p).0 < 0.5 * region.cell
 }
 
 /// Whether `p` is within the shape and above the floor.

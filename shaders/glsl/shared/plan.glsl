@@ -7,6 +7,7 @@ layout(constant_id = 2) const uint GATE = 1;         // 0 hard cone, 1 soft cone
 layout(constant_id = 3) const uint KERNEL = 0;       // 0 angular, 1 metric
 layout(constant_id = 4) const uint OCCLUSION = 1;    // 0 everything is seen through
 layout(constant_id = 8) const uint LOBES = 0;        // 1 targets vary with direction
+layout(constant_id = 9) const uint STANDS = 0;       // 1 the nearest view is nearest by its distance too
 
 const uint TEXELS = RESOLUTION * RESOLUTION;
 const uint NONE = 0xffffffffu;
@@ -46,6 +47,7 @@ struct Settings {
     float lambda_scale;
     float scale_floor;
     float nearest_tau;
+    float distance_weight;  // radians that a view e times as far away as wanted counts as (nearest)
 };
 
 // What changes from one iteration to the next; written by `update` alone, at its end.
@@ -201,6 +203,11 @@ float kernel_exponent(vec3 w, vec3 n, float d, float inverse_scale_square) {
     float h = dot(w, n);
     vec3 off = n - h * w;
     return h > 0.0 ? 0.5 * d * d * dot(off, off) * inverse_scale_square : 1e30;
+}
+
+// How much further away than wanted a view is, as a logarithm; `stand` is that of the wanted distance, 1e30 for any.
+float too_far(float log_distance, float stand) {
+    return stand < 1e29 ? log_distance - stand : 0.0;
 }
 
 // Gradient of the loss by the splat's centre and direction, from the sums over texels: `moment` is the sum of
