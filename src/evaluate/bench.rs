@@ -163,14 +163,14 @@ impl Bench {
     /// Where the method cannot, or the device fails.
     pub fn choice(
         &self,
-        (method, views, seed): (Method, u32, u64),
+        (method, views, seed): (&Method, u32, u64),
         shown: &Stage,
         model: Option<&Stage>,
         observe: Observe,
     ) -> Result<Option<PlanRecord>> {
-        let config = crate::plan::config::Config { held_out: HELD_OUT, ..method.config(views, seed) };
+        let config = crate::plan::config::Config { held_out: HELD_OUT, ..method.config(views, seed)? };
         let peer = match method {
-            Method::Peer(peer) => Some(peers::request::Request::new(peer, None, &config)?),
+            Method::Peer(peer) => Some(peers::request::Request::new(*peer, None, &config)?),
             _ => None,
         };
         let stage = self.stage(

@@ -104,7 +104,7 @@ fn scene(
     }
     for &views in &request.budgets {
         for seed in 0..u64::from(request.seeds) {
-            for &method in &request.methods {
+            for method in &request.methods {
                 if observe(Event::Working).is_break() {
                     return Ok(false);
                 }
@@ -116,7 +116,7 @@ fn scene(
                 };
                 entries.push(Entry {
                     scene: name.clone(),
-                    method,
+                    method: method.clone(),
                     views,
                     seed,
                     seconds: plan.seconds,

@@ -12,8 +12,8 @@ use crate::scene::camera::Intrinsics;
 use crate::{Error, Result};
 
 /// A way to choose views: the planner with a part left out, or a peer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(into = "&'static str")]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(into = "String")]
 pub enum Method {
     /// The planner as it is: scores, and directions along which radiance varies.
     Ours,
@@ -23,9 +23,15 @@ pub enum Method {
     WithoutVds,
     /// The planner without scores, one view at a time.
     Iterative,
+    /// The planner with some of its numbers set otherwise: `ours:KEY=VALUE[:KEY=VALUE...]`, where keys are those of
+    /// [`Config`] as `plan.json` has them.
+    Set(String),
     /// Somebody else's method.
     Peer(Peer),
 }
+
+/// What [`Method::Set`] begins with.
+const SET: &str = "ours:";
 
 /// The planner's variants by name.
 const VARIANTS: [(&str, Method); 4] = [
@@ -37,33 +43,53 @@ const VARIANTS: [(&str, Method); 4] = [
 
 impl Method {
     /// As on the command line and in tables.
-    pub fn name(self) -> &'static str {
+    pub fn name(&self) -> &str {
         match self {
             Self::Peer(peer) => peer.name(),
-            variant => VARIANTS.iter().find(|(_, method)| *method == variant).map_or("ours", |(name, _)| name),
+            Self::Set(name) => name,
+            variant => VARIANTS.iter().find(|(_, method)| method == variant).map_or("ours", |(name, _)| name),
         }
     }
 
     /// The planner's configuration, or what the peers take of it.
-    pub fn config(self, views: u32, seed: u64) -> Config {
+    ///
+    /// # Errors
+    /// In a line that names the key or value of [`Method::Set`] that there is not.
+    pub fn config(&self, views: u32, seed: u64) -> Result<Config> {
         let plain = Config { seed, ..Config::new(Preset::Object, views) };
-        match self {
+        Ok(match self {
             Self::Ours | Self::Peer(_) => plain,
             Self::Scalar => Config { directional: false, ..plain },
             Self::WithoutVds => Config { vds: false, ..plain },
             Self::Iterative => Config { vds: false, iterative: true, ..plain },
-        }
+            Self::Set(name) => {
+                let set = name.strip_prefix(SET).unwrap_or_default().split(':');
+                let config = set.map(|one| one.split_once('=').unwrap_or((one, ""))).try_fold(plain, with);
+                config.map_err(|what| Error::request(format!("method {name}: {what}")))?
+            }
+        })
     }
 
     /// Whether it chooses by a model of the scene.
-    pub fn needs_model(self) -> bool {
+    pub fn needs_model(&self) -> bool {
         matches!(self, Self::Peer(peer) if peer.needs_model())
     }
 }
 
-impl From<Method> for &'static str {
+/// The configuration with the value of a key set, or what is wrong with them.
+fn with(config: Config, (key, value): (&str, &str)) -> Result<Config, String> {
+    let fields = serde_json::to_value(&config).ok().and_then(|config| config.as_object().cloned());
+    let mut fields = fields.ok_or("the configuration cannot be written")?;
+    let known = fields.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
+    let field = fields.get_mut(key).ok_or(format!("no such key: {key}; give some of {known}"))?;
+    // A word that is no JSON is a string.
+    *field = serde_json::from_str(value).unwrap_or_else(|_| value.into());
+    serde_json::from_value(fields.into()).map_err(|error| format!("{key} cannot be {value}: {error}"))
+}
+
+impl From<Method> for String {
     fn from(method: Method) -> Self {
-        method.name()
+        method.name().to_owned()
     }
 }
 
@@ -78,7 +104,10 @@ impl FromStr for Method {
 
     fn from_str(name: &str) -> Result<Self, String> {
         if let Some((_, method)) = VARIANTS.iter().find(|(known, _)| *known == name) {
-            return Ok(*method);
+            return Ok(method.clone());
+        }
+        if name.starts_with(SET) {
+            return Ok(Self::Set(name.to_owned()));
         }
         Peer::from_str(name, false).map(Self::Peer).map_err(|_| {
             let peers = Peer::value_variants().iter().filter(|peer| **peer != Peer::Ours).map(|peer| peer.name());
@@ -168,6 +197,9 @@ impl Request {
         if (1..budgets.len()).any(|i| budgets[..i].contains(&budgets[i])) {
             return twice("--budgets");
         }
+        for method in methods {
+            method.config(budgets.first().copied().unwrap_or(1).max(1), 0)?.validate()?;
+        }
         let limits = [
             ("--seeds", *seeds, 1, 100),
             ("--size", settings.size, 16, 4096),
@@ -191,13 +223,24 @@ impl Request {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::config::Gate;
 
     /// If this failed, a method could be named and not be the one that runs.
     #[test]
     fn every_method_is_found_by_its_name() {
         let peers = Peer::value_variants().iter().filter(|peer| **peer != Peer::Ours).map(|peer| Method::Peer(*peer));
-        for method in VARIANTS.iter().map(|(_, method)| *method).chain(peers) {
+        let set = Method::Set("ours:nearest_tau=0.1:gate=pinhole:scale=0.5".into());
+        for method in VARIANTS.iter().map(|(_, method)| method.clone()).chain(peers).chain([set.clone()]) {
             assert_eq!(method.name().parse(), Ok(method));
+        }
+        let config = set.config(20, 3).unwrap();
+        let told = (config.nearest_tau, config.gate, config.scale, config.views, config.seed);
+        assert_eq!(told, (0.1, Gate::Pinhole, Some(0.5), 20, 3));
+        for (wrong, named) in
+            [("ours:tau=1", "nearest_tau"), ("ours:gate=wide", "gate cannot be wide"), ("ours:", "key")]
+        {
+            let error = wrong.parse::<Method>().unwrap().config(20, 0).unwrap_err().to_string();
+            assert!(error.contains(wrong) && error.contains(named), "{error}");
         }
         assert!("nobodys".parse::<Method>().unwrap_err().contains("ours-no-vds, ours-iterative, random, fibonacci"));
     }

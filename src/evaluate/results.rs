@@ -71,7 +71,7 @@ pub fn rows(entries: &[Entry]) -> Vec<Row> {
     for entry in entries {
         let same = |group: &&mut Vec<&Entry>| {
             let first = group[0];
-            (&first.scene, first.method, first.views) == (&entry.scene, entry.method, entry.views)
+            (&first.scene, &first.method, first.views) == (&entry.scene, &entry.method, entry.views)
         };
         match groups.iter_mut().find(same) {
             Some(group) => group.push(entry),
@@ -93,7 +93,7 @@ fn row(group: &[&Entry]) -> Row {
     let first = group[0];
     Row {
         scene: first.scene.clone(),
-        method: first.method,
+        method: first.method.clone(),
         views: first.views,
         seeds: group.len(),
         seconds: interval(&group.iter().map(|entry| entry.seconds).collect::<Vec<_>>()),

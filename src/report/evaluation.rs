@@ -99,9 +99,9 @@ fn chart(rows: &[&Row], metric: usize, name: &str) -> String {
     for views in in_order(rows.iter().map(|row| row.views)) {
         let _ = write!(text, "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{views}</text>", x(views), bottom + 14.0);
     }
-    for (i, method) in in_order(rows.iter().map(|row| row.method)).into_iter().enumerate() {
+    for (i, method) in in_order(rows.iter().map(|row| &row.method)).into_iter().enumerate() {
         let colour = COLOURS[i % COLOURS.len()];
-        let own = rows.iter().filter(|row| row.method == method).filter_map(|row| Some((row.views, value(row)?)));
+        let own = rows.iter().filter(|row| row.method == *method).filter_map(|row| Some((row.views, value(row)?)));
         let mut own: Vec<(u32, Interval)> = own.collect();
         own.sort_by_key(|(views, _)| *views);
         let line: Vec<String> = own.iter().map(|(views, v)| format!("{:.1},{:.1}", x(*views), y(v.mean))).collect();
