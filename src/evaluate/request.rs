@@ -6,6 +6,7 @@ use std::str::FromStr;
 use clap::ValueEnum;
 use serde::Serialize;
 
+use super::kind::Kind;
 use crate::peers::request::Method as Peer;
 use crate::plan::config::{Config, Preset};
 use crate::scene::camera::Intrinsics;
@@ -45,8 +46,8 @@ impl Method {
     }
 
     /// The planner's configuration, or what the peers take of it.
-    pub fn config(self, views: u32, seed: u64) -> Config {
-        let plain = Config { seed, ..Config::new(Preset::Object, views) };
+    pub fn config(self, preset: Preset, views: u32, seed: u64) -> Config {
+        let plain = Config { seed, ..Config::new(preset, views) };
         match self {
             Self::Ours | Self::Peer(_) => plain,
             Self::Scalar => Config { directional: false, ..plain },
@@ -105,7 +106,7 @@ pub struct Settings {
     pub size: u32,
     /// Samples of a pixel.
     pub samples: u32,
-    /// Input photos.
+    /// Input photos: what methods are shown is made from them.
     pub inputs: u32,
     /// Views of each set of tests.
     pub tests: u32,
@@ -115,6 +116,8 @@ pub struct Settings {
     pub max_splats: u32,
     /// What the methods are shown of the scene.
     pub shown: Shown,
+    /// Each pixel of a pool's photo is a square of so many stored ones.
+    pub shrink: u32,
 }
 
 impl Settings {
@@ -127,12 +130,21 @@ impl Settings {
         iterations: 30_000,
         max_splats: 1_000_000,
         shown: Shown::Proxy,
+        shrink: 1,
     };
     /// What two cores do in minutes.
-    pub const QUICK: Self =
-        Self { size: 96, samples: 8, inputs: 10, tests: 12, iterations: 300, max_splats: 5000, shown: Shown::Proxy };
+    pub const QUICK: Self = Self {
+        size: 96,
+        samples: 8,
+        inputs: 10,
+        tests: 12,
+        iterations: 300,
+        max_splats: 5000,
+        shown: Shown::Proxy,
+        shrink: 8,
+    };
 
-    /// Horizontal field of view of all cameras, in degrees: the planner's default.
+    /// Horizontal field of view of all cameras that photograph a scene, in degrees: the planner's default.
     pub const FOV_DEG: f64 = 50.0;
 
     /// The camera of all photographs.
@@ -144,6 +156,8 @@ impl Settings {
 /// What is asked for.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Request {
+    /// What all of the evaluation is on.
+    pub kind: Kind,
     /// Methods, each once.
     pub methods: Vec<Method>,
     /// Numbers of views, each once.
@@ -160,7 +174,7 @@ impl Request {
     /// # Errors
     /// In a line that names the option.
     pub fn validate(&self) -> Result<()> {
-        let Self { methods, budgets, seeds, settings } = self;
+        let Self { kind, methods, budgets, seeds, settings } = self;
         let twice = |what: &str| Err(Error::request(format!("{what} names something twice; give each once")));
         if (1..methods.len()).any(|i| methods[..i].contains(&methods[i])) {
             return twice("--methods");
@@ -168,6 +182,7 @@ impl Request {
         if (1..budgets.len()).any(|i| budgets[..i].contains(&budgets[i])) {
             return twice("--budgets");
         }
+        methods.iter().try_for_each(|method| kind.check(*method))?;
         let limits = [
             ("--seeds", *seeds, 1, 100),
             ("--size", settings.size, 16, 4096),
@@ -176,6 +191,7 @@ impl Request {
             ("--tests", settings.tests, 1, 10_000),
             ("--iterations", settings.iterations, 1, 10_000_000),
             ("--max-splats", settings.max_splats, 1, 1 << 26),
+            ("--shrink", settings.shrink, 1, 64),
         ];
         let budgets = budgets.iter().map(|budget| ("--budgets", *budget, 2, 1000));
         match limits.into_iter().chain(budgets).find(|(_, value, low, high)| !(low..=high).contains(&value)) {
@@ -185,6 +201,18 @@ impl Request {
             }
             None => Ok(()),
         }
+    }
+
+    /// Whether any method chooses by a model of the subject.
+    pub fn needs_model(&self) -> bool {
+        self.methods.iter().any(|method| method.needs_model())
+    }
+
+    /// Every run: method, number of views and seed, in the order in which they are made.
+    pub fn runs(&self) -> impl Iterator<Item = (Method, u32, u64)> + '_ {
+        let of_budget = |views: u32| (0..u64::from(self.seeds)).map(move |seed| (views, seed));
+        let seeded = self.budgets.iter().flat_map(move |views| of_budget(*views));
+        seeded.flat_map(|(views, seed)| self.methods.iter().map(move |method| (*method, views, seed)))
     }
 }
 
