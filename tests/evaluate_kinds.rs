@@ -6,7 +6,7 @@ use std::collections::HashSet;
 use std::fs;
 
 use camsplat::gaussians::record::TrainRecord;
-use camsplat::io::photos::{self, Images, Options};
+use camsplat::io::photos::{self, Options};
 use camsplat::plan::record::PlanRecord;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use command::gltf::{cube, sky};

@@ -80,7 +80,9 @@ impl Bench {
         let (settled, moved) = space.settled(cameras);
         if moved > 0 {
             let all = cameras.len();
-            let note = format!("{moved} of {all} cameras were put into things and stand beside them");
+            let note = format!(
+                "{moved} of {all} cameras stood nearer to things than the clearance, or in them, and have moved aside"
+            );
             let _ = observe(Event::Note(note));
         }
         settled
@@ -159,9 +161,11 @@ impl Bench {
     fn reconstructed(&self, set: &PhotoSet) -> Result<Points> {
         let options = stereo::Options { seed: SEED, ..stereo::Options::default() };
         if self.kind == Kind::Room {
-            // Cameras in a room look at no one place; where they may stand says how far away walls can be.
+            // Cameras in a room look at no one place; where they may stand says how far away walls can be. What is nearer than
+            // a tenth of that is too near to be found in two pictures.
             let (min, max) = self.region.bounds();
-            let depths = Some([self.region.clearance, (max - min).length()]);
+            let far = (max - min).length();
+            let depths = Some([0.1 * far, far]);
             let options = stereo::Options { depths, hull: false, ..options };
             return match stereo::reconstruct(&self.context, set, &options) {
                 Ok(found) => Ok(found.points),

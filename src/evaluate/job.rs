@@ -104,7 +104,7 @@ fn scene(
 ) -> Result<bool> {
     let (settings, name) = (request.settings, scene.name.clone());
     let intrinsics = settings.intrinsics();
-    let inputs = scene.inputs(intrinsics, settings.inputs)?;
+    let inputs = scene.inputs(context, intrinsics, settings.inputs)?;
     let tests = scene.tests(intrinsics, settings.tests)?;
     let bench = Bench::new(context, folder, request, scene)?;
     let Some(inputs) = bench.photographs(&inputs, observe)? else { return Ok(false) };

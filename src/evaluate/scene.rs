@@ -1,6 +1,7 @@
 //! A scene that is photographed: an object from around it, or a room from inside.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -15,6 +16,7 @@ use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::model::Environment;
 use crate::scene::region::Region;
 use crate::scene::surface::Surface;
+use crate::vulkan::Context;
 use crate::{Error, Result};
 
 /// Points of the surface that test views of an object are held against.
@@ -66,32 +68,33 @@ impl Scene {
         // glTF is Y up.
         let (up, path_name) = (DVec3::Y, path.to_string_lossy());
         let target = Target::new(&surface, &path_name, preset, &RegionChoice::default(), up, intrinsics)?;
+        let region = target.region;
         let views = match preset {
             Preset::Object => {
                 let points = target.proxy.sample(POINTS, 0, 0).into_iter().map(|point| point.position);
                 Around::Object(points.collect())
             }
-            Preset::Room => Around::Room(Box::new(EmptySpace::new(&target).map_err(named)?)),
+            Preset::Room => Around::Room(Box::new(EmptySpace::new(target).map_err(named)?)),
         };
         let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-        Ok(Self { path: path.to_owned(), name, assembly, surface, region: target.region, views })
+        Ok(Self { path: path.to_owned(), name, assembly, surface, region, views })
     }
 
     /// The input cameras.
     ///
     /// # Errors
-    /// Where there is no place for them.
-    pub fn inputs(&self, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
+    /// Where the device fails.
+    pub fn inputs(&self, context: &Arc<Context>, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
         match &self.views {
             Around::Object(_) => views::inputs(&self.region, intrinsics, count),
-            Around::Room(space) => space.inputs(intrinsics, count),
+            Around::Room(space) => space.inputs(context, intrinsics, count),
         }
     }
 
     /// The test cameras, `count` of each set.
     ///
     /// # Errors
-    /// As [`Scene::inputs`].
+    /// Where too few places show the scene.
     pub fn tests(&self, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
         match &self.views {
             Around::Object(points) => Ok(views::tests(&self.region, points, intrinsics, count)),
