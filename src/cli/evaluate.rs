@@ -8,21 +8,31 @@ use clap::Args;
 
 use super::options::{DeviceOptions, print_messages};
 use super::progress::{go_on, stop_on_interrupt};
-use crate::evaluate::bench::Event;
 use crate::evaluate::job;
+use crate::evaluate::kind::Kind;
+use crate::evaluate::pool::Pool;
 use crate::evaluate::request::{Method, Request, Settings, Shown};
+use crate::evaluate::scene::Scene;
+use crate::evaluate::stage::Event;
 use crate::evaluate::subject::Subject;
 use crate::evaluate::table;
 use crate::io::environment::read_environment;
 use crate::io::folder::write_files;
+use crate::plan::config::Preset;
 use crate::{Result, report};
 
 /// Arguments of `camsplat evaluate`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// Objects with materials and lamps: .glb or .gltf files
-    #[arg(required = true)]
+    /// Objects or rooms with materials and lamps: .glb or .gltf files
+    #[arg(required_unless_present = "pool")]
     scenes: Vec<PathBuf>,
+    /// Kind of the scenes: objects seen from around them, or rooms seen from inside
+    #[arg(long, value_enum, default_value = "object")]
+    preset: Preset,
+    /// Choose among photos instead, every eighth held out: captures, as `camsplat select` takes them
+    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "env", "surface", "size", "spp", "tests"])]
+    pool: Vec<PathBuf>,
     /// Folder for the tables and all products. An evaluation that is there goes on, and what it has made stays
     #[arg(long)]
     out: PathBuf,
@@ -30,10 +40,11 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
     /// Who chooses: ours, ours-scalar, ours-no-vds, ours-iterative, or a --method of `camsplat plan` [default: random,
-    /// fibonacci, fvs, acp, fisherrf, cover, ours-iterative, ours-no-vds, ours-scalar, ours; quick: random, fvs, ours]
+    /// fibonacci, fvs, acp, fisherrf, cover, ours-iterative, ours-no-vds, ours-scalar, ours; rooms: without fibonacci;
+    /// pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     methods: Option<Vec<Method>>,
-    /// How many views are chosen [default: 50,100; quick: 20]
+    /// How many views are chosen [default: 50,100; rooms 300; pools 20,40; quick: 20; rooms 30]
     #[arg(long, value_delimiter = ',', value_name = "NUMBERS")]
     budgets: Option<Vec<u32>>,
     /// Runs of each, for the intervals
@@ -42,21 +53,25 @@ pub struct Arguments {
     /// Small pictures and short training: minutes on two cores
     #[arg(long)]
     quick: bool,
-    /// What methods are shown of a scene
-    #[arg(long, value_enum, default_value_t = Shown::Proxy)]
-    surface: Shown,
+    /// What methods are shown of a scene [default: proxy; quick rooms: true]
+    #[arg(long, value_enum)]
+    surface: Option<Shown>,
     /// Side of the pictures in pixels [default: 800; quick: 96]
     #[arg(long, value_name = "PIXELS")]
     size: Option<u32>,
     /// Samples of a pixel [default: 256; quick: 8]
     #[arg(long)]
     spp: Option<u32>,
-    /// Photos that the surface and its scores are made from, of no part in the training
-    #[arg(long, default_value_t = 10)]
-    inputs: u32,
-    /// Test views of each of three sets [default: 200; quick: 12]
+    /// Photos that a scene's surface and its scores are made from, of no part in the training, and the model that fisherrf and
+    /// cover choose by [default: 10; rooms 30]
+    #[arg(long)]
+    inputs: Option<u32>,
+    /// Test views of each set: three of objects, one of rooms [default: 200; quick: 12]
     #[arg(long)]
     tests: Option<u32>,
+    /// Take a pool's photos smaller: each pixel is the mean of a square of so many [default: 1; quick: 8]
+    #[arg(long, requires = "pool")]
+    shrink: Option<u32>,
     /// Iterations of training [default: 30000; quick: 300]
     #[arg(long)]
     iterations: Option<u32>,
@@ -70,27 +85,62 @@ pub struct Arguments {
 /// Methods where none are named.
 const USUAL: [&str; 10] =
     ["random", "fibonacci", "fvs", "acp", "fisherrf", "cover", "ours-iterative", "ours-no-vds", "ours-scalar", "ours"];
+const OF_POOLS: [&str; 7] = ["random", "fvs", "coverage", "acp", "fisherrf", "cover", "ours"];
 const QUICK: [&str; 3] = ["random", "fvs", "ours"];
 
 impl Arguments {
     fn request(&self) -> Request {
-        let usual: &[&str] = if self.quick { &QUICK } else { &USUAL };
-        let named = || usual.iter().filter_map(|name| name.parse().ok()).collect();
+        let kind = if self.pool.is_empty() { Kind::of(self.preset) } else { Kind::Pool };
+        let usual: &[&str] = match kind {
+            _ if self.quick => &QUICK,
+            Kind::Pool => &OF_POOLS,
+            _ => &USUAL,
+        };
+        let named = || {
+            let methods = usual.iter().filter_map(|name| name.parse().ok());
+            methods.filter(|method| kind.check(*method).is_ok()).collect()
+        };
+        let budgets = || match (kind, self.quick) {
+            (Kind::Object, false) => vec![50, 100],
+            (Kind::Room, false) => vec![300],
+            (Kind::Pool, false) => vec![20, 40],
+            (Kind::Room, true) => vec![30],
+            (_, true) => vec![20],
+        };
         let of = if self.quick { Settings::QUICK } else { Settings::WHOLE };
+        // Indoors, photos of so few samples are too noisy to be matched.
+        let shown = if self.quick && kind == Kind::Room { Shown::True } else { of.shown };
         Request {
+            kind,
             methods: self.methods.clone().unwrap_or_else(named),
-            budgets: self.budgets.clone().unwrap_or_else(|| if self.quick { vec![20] } else { vec![50, 100] }),
+            budgets: self.budgets.clone().unwrap_or_else(budgets),
             seeds: self.seeds,
             settings: Settings {
                 size: self.size.unwrap_or(of.size),
                 samples: self.spp.unwrap_or(of.samples),
-                inputs: self.inputs,
+                inputs: self.inputs.unwrap_or(if kind == Kind::Room { 30 } else { of.inputs }),
                 tests: self.tests.unwrap_or(of.tests),
                 iterations: self.iterations.unwrap_or(of.iterations),
                 max_splats: self.max_splats.unwrap_or(of.max_splats),
-                shown: self.surface,
+                shown: self.surface.unwrap_or(shown),
+                shrink: self.shrink.unwrap_or(of.shrink),
             },
         }
+    }
+
+    /// Reads all that is evaluated on; the notes say what was understood.
+    fn subjects(&self, request: &Request, notes: &mut Vec<String>) -> Result<Vec<Subject>> {
+        let environment = self.env.as_deref().map(|path| read_environment(path, notes)).transpose()?;
+        let intrinsics = request.settings.intrinsics();
+        let mut subjects = Vec::new();
+        for path in &self.scenes {
+            let scene = Scene::read(path, self.preset, environment.as_ref(), &intrinsics, notes)?;
+            subjects.push(Subject::Scene(Box::new(scene)));
+        }
+        for path in &self.pool {
+            subjects.push(Subject::Pool(Box::new(Pool::read(path, request, notes)?)));
+        }
+        Ok(subjects)
     }
 }
 
@@ -99,11 +149,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let request = arguments.request();
     request.validate()?;
     let mut notes = Vec::new();
-    let environment = arguments.env.as_deref().map(|path| read_environment(path, &mut notes)).transpose()?;
-    let mut subjects = Vec::new();
-    for path in &arguments.scenes {
-        subjects.push(Subject::read(path, environment.as_ref(), &request.settings.intrinsics(), &mut notes)?);
-    }
+    let subjects = arguments.subjects(&request, &mut notes)?;
     job::check(&arguments.out, &subjects)?;
     for note in &notes {
         say!("{note}");
@@ -120,6 +166,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
                 say!("making   {product}, after {:.0} s", start.elapsed().as_secs_f64());
             }
             Event::Kept(_) => kept += 1,
+            Event::Note(note) => say!("note     {note}"),
             Event::Working => {}
         }
         go_on()

@@ -10,7 +10,7 @@ use crate::io;
 use crate::plan::config::Preset;
 use crate::plan::job::{RegionChoice, Target};
 use crate::plan::record::SurfaceRecord;
-use crate::scene::camera::{Intrinsics, Pose};
+use crate::scene::camera::{Intrinsics, Pose, common_up};
 use crate::scene::region::{Region, Shape};
 use crate::scene::surface::Surface;
 use crate::select::information::Model;
@@ -241,8 +241,7 @@ fn default_up(path: &Path, photographed: &[Pose]) -> DVec3 {
     if matches!(extension.as_str(), "glb" | "gltf" | "obj") {
         return DVec3::Y;
     }
-    let up: DVec3 = photographed.iter().map(Pose::up).sum();
-    up.try_normalize().unwrap_or(DVec3::Z)
+    common_up(photographed).unwrap_or(DVec3::Z)
 }
 
 fn parse_up(text: &str) -> Result<DVec3, String> {

@@ -134,7 +134,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         say!("{note}");
     }
     let mut config = configuration(arguments, !split.train.points.positions.is_empty());
-    config.background = arguments.background.unwrap_or_else(|| usual_background(&split));
+    config.background = arguments.background.unwrap_or_else(|| split.usual_background());
     let context = arguments.device.open()?;
     say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
     config.max_splats = arguments.max_splats.unwrap_or_else(|| usual_splats(&context, config.degree));
@@ -227,15 +227,6 @@ fn check_out(arguments: &Arguments) -> Result<()> {
         ));
     }
     check_folder(&arguments.out, arguments.force || arguments.resume)
-}
-
-/// White where photos say what belongs to the object.
-fn usual_background(split: &Split) -> Background {
-    let masked = split.train.photos.iter().any(|photo| {
-        let alpha = photo.image.as_deref().and_then(|file| crate::photos::Header::read(file).ok());
-        photo.mask.is_some() || alpha.is_some_and(|header| header.alpha)
-    });
-    if masked { Background::White } else { Background::Black }
 }
 
 /// As many splats as are usual, or as fit one buffer of the device.

@@ -1,32 +1,30 @@
-//! The products of one scene, each made once: photographs, the surface that methods are shown, choices, trained splats.
+//! The products of a scene that is photographed, each made once: photographs, the surface that methods are shown, choices,
+//! trained splats.
 //!
 //! Every stage answers none where `observe` broke it off. What is finished stays, and the next run goes on from there.
 
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde_json::{Value, json};
 
-use super::request::{Method, Settings, Shown};
-use super::stage::Stage;
-use super::subject::Subject;
+use super::kind::Kind;
+use super::request::{Method, Request, Settings, Shown};
+use super::scene::{Around, Scene};
+use super::stage::{Event, Observe, Stage};
+use super::training::{self, Training};
 use crate::gaussians::config::{Background, Config, Strategy};
-use crate::gaussians::job::{self, Run};
-use crate::gaussians::products::{CHECKPOINT, MODEL, RECORD};
-use crate::gaussians::record::{Status, TrainRecord};
+use crate::gaussians::record::TrainRecord;
 use crate::gaussians::split::{Split, Test};
 use crate::io::photos::{self, Images, Options};
 use crate::photograph::products::{Products, Record, named};
 use crate::photograph::tracer::Tracer;
 use crate::photos::PhotoSet;
-use crate::plan::config::Preset;
 use crate::plan::job::{RegionChoice, Target, Tools};
 use crate::plan::record::PlanRecord;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::region::Region;
-use crate::scene::surface::Surface;
-use crate::select::information::Model;
+use crate::scene::surface::{Points, Surface};
 use crate::vulkan::Context;
 use crate::{Error, Result, io, peers, photograph, plan, stereo, vds};
 
@@ -40,28 +38,17 @@ const HELD_OUT: u32 = 200;
 const SURFACE: &str = "surface.ply";
 const PLAN: &str = "plan.json";
 
-/// What happens on the way.
-pub enum Event<'e> {
-    /// A product is made.
-    Begins(&'e str),
-    /// A product was there from an earlier run.
-    Kept(&'e str),
-    /// A stage goes on.
-    Working,
-}
-
-/// Hears what happens and says whether to go on.
-pub type Observe<'o> = &'o mut dyn FnMut(Event<'_>) -> ControlFlow<()>;
-
 /// A scene with its products.
 pub struct Bench {
     context: Arc<Context>,
     root: PathBuf,
+    kind: Kind,
     settings: Settings,
     tracer: Tracer,
     surface: Surface,
     path: String,
     region: Region,
+    views: Around,
 }
 
 impl Bench {
@@ -69,18 +56,36 @@ impl Bench {
     ///
     /// # Errors
     /// Where the device has no room for it.
-    pub fn new(context: &Arc<Context>, root: &Path, settings: Settings, subject: Subject) -> Result<Self> {
-        let Subject { path, assembly, surface, region, .. } = subject;
+    pub fn new(context: &Arc<Context>, root: &Path, request: &Request, scene: Scene) -> Result<Self> {
+        let Scene { path, assembly, surface, region, views, .. } = scene;
+        let Request { kind, settings, .. } = *request;
         let pixels = u64::from(settings.size).pow(2);
         Ok(Self {
             context: context.clone(),
             root: root.to_owned(),
+            kind,
             settings,
             tracer: Tracer::new(context, assembly, pixels)?,
             surface,
             path: path.to_string_lossy().into_owned(),
             region,
+            views,
         })
+    }
+
+    /// The cameras as they are photographed: in a room, those that a method put into a thing which it did not see stand beside
+    /// it, as a person would.
+    pub fn standing(&self, cameras: &[Camera], observe: Observe) -> Vec<Camera> {
+        let Around::Room(space) = &self.views else { return cameras.to_vec() };
+        let (settled, moved) = space.settled(cameras);
+        if moved > 0 {
+            let all = cameras.len();
+            let note = format!(
+                "{moved} of {all} cameras stood nearer to things than the clearance, or in them, and have moved aside"
+            );
+            let _ = observe(Event::Note(note));
+        }
+        settled
     }
 
     fn intrinsics(&self) -> Intrinsics {
@@ -99,13 +104,14 @@ impl Bench {
             samples: self.settings.samples,
             seed: SEED,
             exposure: 0.0,
-            show_sky: false,
+            // Behind a room is what its windows show; behind an object is nothing.
+            show_sky: self.kind == Kind::Room,
             depth: false,
             normals: false,
             exr: false,
         };
         let stage = self.stage("photos", json!(record));
-        if !begins(&stage, observe)? {
+        if !stage.begins(observe)? {
             return Ok(Some(stage));
         }
         let products = Products::new(stage.folder(), &record, false)?;
@@ -130,19 +136,13 @@ impl Bench {
     pub fn shown(&self, inputs: &Stage, observe: Observe) -> Result<Option<Stage>> {
         let stage =
             self.stage("surface", json!({ "photos": inputs.key(), "shown": self.settings.shown, "seed": SEED }));
-        if !begins(&stage, observe)? {
+        if !stage.begins(observe)? {
             return Ok(Some(stage));
         }
         let set = read_photos(inputs)?;
         let (surface, points) = match self.settings.shown {
             Shown::Proxy => {
-                let options = stereo::Options { seed: SEED, ..stereo::Options::default() };
-                let points = match stereo::reconstruct(&self.context, &set, &options) {
-                    Ok(found) => found.points,
-                    // Few photos from all around see too little in common: their masks' hull stands in.
-                    Err(Error::Request(_)) => stereo::hull_of(&self.context, &set, &options)?,
-                    Err(error) => return Err(error),
-                };
+                let points = self.reconstructed(&set)?;
                 (Surface::Points(points), None)
             }
             Shown::True => (self.surface.clone(), Some(SCORED)),
@@ -157,20 +157,51 @@ impl Bench {
         Ok(Some(stage))
     }
 
+    /// The surface of the input photos.
+    fn reconstructed(&self, set: &PhotoSet) -> Result<Points> {
+        let options = stereo::Options { seed: SEED, ..stereo::Options::default() };
+        if self.kind == Kind::Room {
+            // Cameras in a room look at no one place; where they may stand says how far away walls can be. What is nearer than
+            // a tenth of that is too near to be found in two pictures.
+            let (min, max) = self.region.bounds();
+            let far = (max - min).length();
+            let depths = Some([0.1 * far, far]);
+            let options = stereo::Options { depths, hull: false, ..options };
+            return match stereo::reconstruct(&self.context, set, &options) {
+                Ok(found) => Ok(found.points),
+                Err(Error::Request(what)) => Err(Error::input(
+                    &self.path,
+                    format!(
+                        "its input photos give no surface ({what}); give more --inputs or --spp, or show methods the scene's \
+                         own mesh with --surface true"
+                    ),
+                )),
+                Err(error) => Err(error),
+            };
+        }
+        match stereo::reconstruct(&self.context, set, &options) {
+            Ok(found) => Ok(found.points),
+            // Few photos from all around see too little in common: their masks' hull stands in.
+            Err(Error::Request(_)) => stereo::hull_of(&self.context, set, &options),
+            Err(error) => Err(error),
+        }
+    }
+
     /// Lets a method choose views.
     ///
     /// # Errors
     /// Where the method cannot, or the device fails.
     pub fn choice(
         &self,
-        (method, views, seed): (&Method, u32, u64),
+        (method, views, seed): (Method, u32, u64),
         shown: &Stage,
         model: Option<&Stage>,
         observe: Observe,
     ) -> Result<Option<PlanRecord>> {
-        let config = crate::plan::config::Config { held_out: HELD_OUT, ..method.config(views, seed)? };
+        let config =
+            crate::plan::config::Config { held_out: HELD_OUT, ..method.config(self.kind.preset(), views, seed)? };
         let peer = match method {
-            Method::Peer(peer) => Some(peers::request::Request::new(*peer, None, &config)?),
+            Method::Peer(peer) => Some(peers::request::Request::new(peer, None, &config)?),
             _ => None,
         };
         let stage = self.stage(
@@ -180,11 +211,8 @@ impl Bench {
                 "region": self.region, "camera": self.intrinsics(), "device": self.context.physical().name,
             }),
         );
-        let file = stage.file(PLAN);
-        if !begins(&stage, observe)? {
-            let text = std::fs::read(&file).map_err(|source| Error::io(&file, source))?;
-            let again = |e| Error::input(&file, format!("{e}; remove the folder and run again"));
-            return serde_json::from_slice(&text).map(Some).map_err(again);
+        if !stage.begins(observe)? {
+            return stage.read(PLAN).map(Some);
         }
         let surface = io::read_surface(&shown.file(SURFACE))?;
         let choice = RegionChoice {
@@ -193,10 +221,10 @@ impl Bench {
             clearance: Some(self.region.clearance),
         };
         let intrinsics = self.intrinsics();
-        let target = Target::new(&surface, &self.path, Preset::Object, &choice, self.region.up, &intrinsics)?;
+        let target = Target::new(&surface, &self.path, self.kind.preset(), &choice, self.region.up, &intrinsics)?;
         let plan = match peer {
             Some(request) => {
-                let model = model.map(read_model).transpose()?;
+                let model = model.map(training::model).transpose()?;
                 peers::job::run(&self.context, &target, intrinsics, &[], &request, model.as_ref())?
             }
             None => plan::job::run(&self.context, &target, intrinsics, &[], config, Tools::default(), |_| {
@@ -206,9 +234,7 @@ impl Bench {
         if plan.interrupted() {
             return Ok(None);
         }
-        let text = serde_json::to_vec_pretty(&plan.record)
-            .map_err(|e| Error::input(&file, format!("the plan cannot be written: {e}")))?;
-        stage.write(PLAN, &text)?;
+        stage.write_json(PLAN, &plan.record)?;
         stage.finish()?;
         Ok(Some(plan.record))
     }
@@ -225,6 +251,7 @@ impl Bench {
         observe: Observe,
     ) -> Result<Option<(Stage, TrainRecord)>> {
         let Settings { iterations, max_splats, .. } = self.settings;
+        // White is what objects stand before; rooms fill their pictures.
         let config = Config {
             background: Background::White,
             seed,
@@ -232,34 +259,12 @@ impl Bench {
         };
         let stage =
             self.stage("training", json!({ "photos": photos.key(), "tests": tests.map(Stage::key), "config": config }));
-        let file = stage.file(RECORD);
-        if !begins(&stage, observe)? {
-            let text = std::fs::read(&file).map_err(|source| Error::io(&file, source))?;
-            let again = |e| Error::input(&file, format!("{e}; remove the folder and run again"));
-            return serde_json::from_slice(&text).map(|record| Some((stage, record))).map_err(again);
-        }
-        let test = tests.map_or(Test::Every(0), |tests| Test::Capture(tests.folder().to_owned()));
-        let split = Split::new(read_photos(photos)?, &test, Images::Needed)?;
-        let run = Run::new(
-            &self.context,
-            job::Request {
-                capture: photos.folder().to_string_lossy().into_owned(),
-                split,
-                config,
-                shrink: 1,
-                folder: stage.folder().to_owned(),
-                save_every: 5000,
-                evaluate_every: 0,
-            },
-        )?;
-        let resume = stage.file(CHECKPOINT).is_file();
-        let record = run.run(resume, None, &mut |_| observe(Event::Working))?;
-        let Some(record) = record.filter(|record| record.status == Status::Complete) else { return Ok(None) };
-        let text = serde_json::to_vec_pretty(&record)
-            .map_err(|e| Error::input(&file, format!("the record cannot be written: {e}")))?;
-        stage.write(RECORD, &text)?;
-        stage.finish()?;
-        Ok(Some((stage, record)))
+        let split = || {
+            let test = tests.map_or(Test::Every(0), |tests| Test::Capture(tests.folder().to_owned()));
+            Split::new(read_photos(photos)?, &test, Images::Needed)
+        };
+        let capture = photos.folder().to_string_lossy().into_owned();
+        training::run(&self.context, stage, Training { capture, config, shrink: 1 }, split, observe)
     }
 
     fn stage(&self, name: &str, inputs: Value) -> Stage {
@@ -267,23 +272,6 @@ impl Bench {
     }
 }
 
-/// Whether a product is to be made; its folder is there then.
-fn begins(stage: &Stage, observe: Observe) -> Result<bool> {
-    let is_done = stage.is_done();
-    // A stop that is asked for here is heard within the stage, or before the next.
-    let _ = observe(if is_done { Event::Kept(stage.key()) } else { Event::Begins(stage.key()) });
-    if !is_done {
-        stage.begin()?;
-    }
-    Ok(!is_done)
-}
-
 fn read_photos(stage: &Stage) -> Result<PhotoSet> {
     photos::read(stage.folder(), &Options { images: Images::Needed, ..Options::default() })
-}
-
-fn read_model(stage: &Stage) -> Result<Model> {
-    let file = stage.file(MODEL);
-    let (gaussians, _) = io::read_gaussians_with_notes(&file)?;
-    Ok(Model { path: file.to_string_lossy().into_owned(), gaussians, antialiased: false })
 }

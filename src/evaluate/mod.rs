@@ -1,14 +1,22 @@
 //! What a choice of views is worth: photographs of the views, splats trained on them, and scores on views that nobody chose.
 //!
-//! [`request`] says what is compared and how, [`subject`] is a scene that is read, [`views`] are the cameras of inputs and
-//! tests, [`stage`] keeps every product under a key of its inputs, [`mod@bench`] makes the products of a scene, [`job`] all that is
-//! asked for, [`results`] means and intervals, [`table`] the tables. `docs/evaluation.md` has the protocol.
+//! [`request`] says what is compared and how, [`kind`] what each kind of subject has of its own. A [`subject`] is read and checked
+//! first: a [`scene`] with [`views`] around an object or in the empty space of a [`room`], or a [`mod@pool`] of photos. [`stage`] keeps
+//! every product under a key of its inputs; [`mod@bench`] makes those of a scene, [`choices`] those of a pool, [`training`] what both
+//! share. [`job`] makes all that is asked for, [`results`] means and intervals, [`table`] the tables. `docs/evaluation.md` has
+//! the protocol.
 
 pub mod bench;
+pub mod choices;
 pub mod job;
+pub mod kind;
+pub mod pool;
 pub mod request;
 pub mod results;
+pub mod room;
+pub mod scene;
 pub mod stage;
 pub mod subject;
 pub mod table;
+pub mod training;
 pub mod views;

@@ -6,14 +6,15 @@ use std::str::FromStr;
 use clap::ValueEnum;
 use serde::Serialize;
 
+use super::kind::Kind;
 use crate::peers::request::Method as Peer;
 use crate::plan::config::{Config, Preset};
 use crate::scene::camera::Intrinsics;
 use crate::{Error, Result};
 
 /// A way to choose views: the planner with a part left out, or a peer.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-#[serde(into = "String")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(into = "&'static str")]
 pub enum Method {
     /// The planner as it is: scores, and directions along which radiance varies.
     Ours,
@@ -25,7 +26,7 @@ pub enum Method {
     Iterative,
     /// The planner with some of its numbers set otherwise: `ours:KEY=VALUE[:KEY=VALUE...]`, where keys are those of
     /// [`Config`] as `plan.json` has them.
-    Set(String),
+    Set(&'static str),
     /// Somebody else's method.
     Peer(Peer),
 }
@@ -43,11 +44,11 @@ const VARIANTS: [(&str, Method); 4] = [
 
 impl Method {
     /// As on the command line and in tables.
-    pub fn name(&self) -> &str {
+    pub fn name(self) -> &'static str {
         match self {
             Self::Peer(peer) => peer.name(),
             Self::Set(name) => name,
-            variant => VARIANTS.iter().find(|(_, method)| method == variant).map_or("ours", |(name, _)| name),
+            variant => VARIANTS.iter().find(|(_, method)| *method == variant).map_or("ours", |(name, _)| name),
         }
     }
 
@@ -55,8 +56,8 @@ impl Method {
     ///
     /// # Errors
     /// In a line that names the key or value of [`Method::Set`] that there is not.
-    pub fn config(&self, views: u32, seed: u64) -> Result<Config> {
-        let plain = Config { seed, ..Config::new(Preset::Object, views) };
+    pub fn config(self, preset: Preset, views: u32, seed: u64) -> Result<Config> {
+        let plain = Config { seed, ..Config::new(preset, views) };
         Ok(match self {
             Self::Ours | Self::Peer(_) => plain,
             Self::Scalar => Config { directional: false, ..plain },
@@ -71,7 +72,7 @@ impl Method {
     }
 
     /// Whether it chooses by a model of the scene.
-    pub fn needs_model(&self) -> bool {
+    pub fn needs_model(self) -> bool {
         matches!(self, Self::Peer(peer) if peer.needs_model())
     }
 }
@@ -87,9 +88,9 @@ fn with(config: Config, (key, value): (&str, &str)) -> Result<Config, String> {
     serde_json::from_value(fields.into()).map_err(|error| format!("{key} cannot be {value}: {error}"))
 }
 
-impl From<Method> for String {
+impl From<Method> for &'static str {
     fn from(method: Method) -> Self {
-        method.name().to_owned()
+        method.name()
     }
 }
 
@@ -104,10 +105,11 @@ impl FromStr for Method {
 
     fn from_str(name: &str) -> Result<Self, String> {
         if let Some((_, method)) = VARIANTS.iter().find(|(known, _)| *known == name) {
-            return Ok(method.clone());
+            return Ok(*method);
         }
         if name.starts_with(SET) {
-            return Ok(Self::Set(name.to_owned()));
+            // A command names a handful, for as long as it runs: methods stay small and can be copied.
+            return Ok(Self::Set(Box::leak(name.into())));
         }
         Peer::from_str(name, false).map(Self::Peer).map_err(|_| {
             let peers = Peer::value_variants().iter().filter(|peer| **peer != Peer::Ours).map(|peer| peer.name());
@@ -134,7 +136,7 @@ pub struct Settings {
     pub size: u32,
     /// Samples of a pixel.
     pub samples: u32,
-    /// Input photos.
+    /// Input photos: what methods are shown is made from them.
     pub inputs: u32,
     /// Views of each set of tests.
     pub tests: u32,
@@ -144,6 +146,8 @@ pub struct Settings {
     pub max_splats: u32,
     /// What the methods are shown of the scene.
     pub shown: Shown,
+    /// Each pixel of a pool's photo is a square of so many stored ones.
+    pub shrink: u32,
 }
 
 impl Settings {
@@ -156,12 +160,21 @@ impl Settings {
         iterations: 30_000,
         max_splats: 1_000_000,
         shown: Shown::Proxy,
+        shrink: 1,
     };
     /// What two cores do in minutes.
-    pub const QUICK: Self =
-        Self { size: 96, samples: 8, inputs: 10, tests: 12, iterations: 300, max_splats: 5000, shown: Shown::Proxy };
+    pub const QUICK: Self = Self {
+        size: 96,
+        samples: 8,
+        inputs: 10,
+        tests: 12,
+        iterations: 300,
+        max_splats: 5000,
+        shown: Shown::Proxy,
+        shrink: 8,
+    };
 
-    /// Horizontal field of view of all cameras, in degrees: the planner's default.
+    /// Horizontal field of view of all cameras that photograph a scene, in degrees: the planner's default.
     pub const FOV_DEG: f64 = 50.0;
 
     /// The camera of all photographs.
@@ -173,6 +186,8 @@ impl Settings {
 /// What is asked for.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Request {
+    /// What all of the evaluation is on.
+    pub kind: Kind,
     /// Methods, each once.
     pub methods: Vec<Method>,
     /// Numbers of views, each once.
@@ -189,7 +204,7 @@ impl Request {
     /// # Errors
     /// In a line that names the option.
     pub fn validate(&self) -> Result<()> {
-        let Self { methods, budgets, seeds, settings } = self;
+        let Self { kind, methods, budgets, seeds, settings } = self;
         let twice = |what: &str| Err(Error::request(format!("{what} names something twice; give each once")));
         if (1..methods.len()).any(|i| methods[..i].contains(&methods[i])) {
             return twice("--methods");
@@ -198,7 +213,8 @@ impl Request {
             return twice("--budgets");
         }
         for method in methods {
-            method.config(budgets.first().copied().unwrap_or(1).max(1), 0)?.validate()?;
+            kind.check(*method)?;
+            method.config(kind.preset(), budgets.first().copied().unwrap_or(1).max(1), 0)?.validate()?;
         }
         let limits = [
             ("--seeds", *seeds, 1, 100),
@@ -208,6 +224,7 @@ impl Request {
             ("--tests", settings.tests, 1, 10_000),
             ("--iterations", settings.iterations, 1, 10_000_000),
             ("--max-splats", settings.max_splats, 1, 1 << 26),
+            ("--shrink", settings.shrink, 1, 64),
         ];
         let budgets = budgets.iter().map(|budget| ("--budgets", *budget, 2, 1000));
         match limits.into_iter().chain(budgets).find(|(_, value, low, high)| !(low..=high).contains(&value)) {
@@ -217,6 +234,18 @@ impl Request {
             }
             None => Ok(()),
         }
+    }
+
+    /// Whether any method chooses by a model of the subject.
+    pub fn needs_model(&self) -> bool {
+        self.methods.iter().any(|method| method.needs_model())
+    }
+
+    /// Every run: method, number of views and seed, in the order in which they are made.
+    pub fn runs(&self) -> impl Iterator<Item = (Method, u32, u64)> + '_ {
+        let of_budget = |views: u32| (0..u64::from(self.seeds)).map(move |seed| (views, seed));
+        let seeded = self.budgets.iter().flat_map(move |views| of_budget(*views));
+        seeded.flat_map(|(views, seed)| self.methods.iter().map(move |method| (*method, views, seed)))
     }
 }
 
@@ -229,17 +258,17 @@ mod tests {
     #[test]
     fn every_method_is_found_by_its_name() {
         let peers = Peer::value_variants().iter().filter(|peer| **peer != Peer::Ours).map(|peer| Method::Peer(*peer));
-        let set = Method::Set("ours:nearest_tau=0.1:gate=pinhole:scale=0.5".into());
-        for method in VARIANTS.iter().map(|(_, method)| method.clone()).chain(peers).chain([set.clone()]) {
+        let set = Method::Set("ours:nearest_tau=0.1:gate=pinhole:scale=0.5");
+        for method in VARIANTS.iter().map(|(_, method)| *method).chain(peers).chain([set]) {
             assert_eq!(method.name().parse(), Ok(method));
         }
-        let config = set.config(20, 3).unwrap();
+        let config = set.config(Preset::Object, 20, 3).unwrap();
         let told = (config.nearest_tau, config.gate, config.scale, config.views, config.seed);
         assert_eq!(told, (0.1, Gate::Pinhole, Some(0.5), 20, 3));
         for (wrong, named) in
             [("ours:tau=1", "nearest_tau"), ("ours:gate=wide", "gate cannot be wide"), ("ours:", "key")]
         {
-            let error = wrong.parse::<Method>().unwrap().config(20, 0).unwrap_err().to_string();
+            let error = wrong.parse::<Method>().unwrap().config(Preset::Object, 20, 0).unwrap_err().to_string();
             assert!(error.contains(wrong) && error.contains(named), "{error}");
         }
         assert!("nobodys".parse::<Method>().unwrap_err().contains("ours-no-vds, ours-iterative, random, fibonacci"));

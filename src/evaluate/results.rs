@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::request::Method;
-use super::views::SETS;
 use crate::gaussians::evaluate::mean;
+use crate::gaussians::products::picture_names;
 use crate::gaussians::record::{Quality, TestView, TrainRecord};
 
 /// One run: a method's views, trained on with one seed.
@@ -20,10 +20,12 @@ pub struct Entry {
     pub seed: u64,
     /// Seconds that the choice took, without what is there before it.
     pub seconds: f64,
-    /// Means over each of [`SETS`].
-    pub quality: [Quality; 3],
+    /// Means over each set of tests.
+    pub quality: Vec<Quality>,
     /// Folder of the trained splats and the test pictures, in the scene's.
     pub folder: String,
+    /// Picture of the first test view of each set: its path in the folders `test` and `reference` of `folder`.
+    pub pictures: Vec<String>,
 }
 
 /// A mean and half of its 95% interval; no interval of one value, or where a value is infinite.
@@ -37,8 +39,6 @@ pub struct Interval {
 
 /// What is measured, in the order of [`Row::measured`].
 pub const METRICS: [&str; 3] = ["PSNR", "SSIM", "LPIPS"];
-/// Where, in the order of [`Row::measured`]; the last is the mean over the sets.
-pub const COLUMNS: [&str; 4] = ["half", "full", "random", "all"];
 
 /// A row of the table: all seeds of a method at a budget on a scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -53,16 +53,31 @@ pub struct Row {
     pub seeds: usize,
     /// Seconds of the choice.
     pub seconds: Interval,
-    /// [`METRICS`] by [`COLUMNS`]; none where one was not measured.
-    pub measured: [[Option<Interval>; 4]; 3],
+    /// [`METRICS`] by [`Kind::columns`](super::kind::Kind::columns); none where one was not measured.
+    pub measured: [Vec<Option<Interval>>; 3],
 }
 
-/// Means over the sets of a run's test views, by the beginnings of their names.
-pub fn by_set(record: &TrainRecord) -> [Quality; 3] {
-    SETS.map(|set| {
-        let of_set = |view: &&TestView| view.name.split('_').next() == Some(set);
-        mean(&record.test_views.iter().filter(of_set).cloned().collect::<Vec<_>>())
-    })
+/// Views of each set of tests, by the beginnings of their names; of one set alone all are.
+fn of_sets<'r>(record: &'r TrainRecord, sets: &[&str]) -> Vec<Vec<&'r TestView>> {
+    let is_of = |view: &TestView, set: &str| sets.len() == 1 || view.name.split('_').next() == Some(set);
+    sets.iter().map(|set| record.test_views.iter().filter(|view| is_of(view, set)).collect()).collect()
+}
+
+/// Means over the sets of a run's test views.
+pub fn by_set(record: &TrainRecord, sets: &[&str]) -> Vec<Quality> {
+    of_sets(record, sets).into_iter().map(|views| mean(&views.into_iter().cloned().collect::<Vec<_>>())).collect()
+}
+
+/// The picture of the first view by name of each set.
+pub fn first_pictures(record: &TrainRecord, sets: &[&str]) -> Vec<String> {
+    let names: Vec<String> = record.test_views.iter().map(|view| view.name.clone()).collect();
+    let picture = |first: &TestView| {
+        let files = picture_names(&names);
+        let place = names.iter().position(|name| *name == first.name);
+        place.map(|place| files[place].to_string_lossy().into_owned()).unwrap_or_default()
+    };
+    let first = |views: Vec<&TestView>| views.into_iter().min_by(|a, b| a.name.cmp(&b.name)).map(picture);
+    of_sets(record, sets).into_iter().map(|views| first(views).unwrap_or_default()).collect()
 }
 
 /// A row for each scene, method and budget, in the order in which they come first.
@@ -71,7 +86,7 @@ pub fn rows(entries: &[Entry]) -> Vec<Row> {
     for entry in entries {
         let same = |group: &&mut Vec<&Entry>| {
             let first = group[0];
-            (&first.scene, &first.method, first.views) == (&entry.scene, &entry.method, entry.views)
+            (&first.scene, first.method, first.views) == (&entry.scene, entry.method, entry.views)
         };
         match groups.iter_mut().find(same) {
             Some(group) => group.push(entry),
@@ -86,14 +101,18 @@ fn row(group: &[&Entry]) -> Row {
         group.iter().map(|entry| value(entry)).collect::<Option<Vec<f64>>>().map(|values| interval(&values))
     };
     let metric = |value: fn(&Quality) -> Option<f64>| {
-        let whole = |entry: &Entry| entry.quality.iter().map(value).sum::<Option<f64>>().map(|sum| sum / 3.0);
-        let [half, full, random] = [0, 1, 2].map(|set| of(&|entry: &Entry| value(&entry.quality[set])));
-        [half, full, random, of(&whole)]
+        let sets = group[0].quality.len();
+        let whole = |entry: &Entry| entry.quality.iter().map(value).sum::<Option<f64>>().map(|sum| sum / sets as f64);
+        let mut columns: Vec<_> = (0..sets).map(|set| of(&|entry: &Entry| value(&entry.quality[set]))).collect();
+        if sets > 1 {
+            columns.push(of(&whole));
+        }
+        columns
     };
     let first = group[0];
     Row {
         scene: first.scene.clone(),
-        method: first.method.clone(),
+        method: first.method,
         views: first.views,
         seeds: group.len(),
         seconds: interval(&group.iter().map(|entry| entry.seconds).collect::<Vec<_>>()),
@@ -153,8 +172,9 @@ mod tests {
             views,
             seed,
             seconds: 0.5,
-            quality: [0.0, 3.0, 6.0].map(|more| Quality { psnr: psnr + more, ssim: 0.5, lpips: None }),
+            quality: [0.0, 3.0, 6.0].map(|more| Quality { psnr: psnr + more, ssim: 0.5, lpips: None }).to_vec(),
             folder: String::new(),
+            pictures: Vec::new(),
         };
         let entries = [
             entry(Method::Ours, 20, 0, 20.0),
@@ -163,11 +183,14 @@ mod tests {
             entry(Method::Ours, 40, 0, 30.0),
         ];
         let rows = rows(&entries);
-        let told = |row: &Row| (row.method, row.views, row.seeds, row.measured[0].map(|i| i.unwrap().mean));
-        assert_eq!(told(&rows[0]), (Method::Ours, 20, 2, [21.0, 24.0, 27.0, 24.0]));
-        assert_eq!(told(&rows[1]), (Method::WithoutVds, 20, 1, [10.0, 13.0, 16.0, 13.0]));
+        let means = |row: &Row| row.measured[0].iter().map(|i| i.unwrap().mean).collect::<Vec<_>>();
+        let told = |row: &Row| (row.method, row.views, row.seeds, means(row));
+        assert_eq!(told(&rows[0]), (Method::Ours, 20, 2, vec![21.0, 24.0, 27.0, 24.0]));
+        assert_eq!(told(&rows[1]), (Method::WithoutVds, 20, 1, vec![10.0, 13.0, 16.0, 13.0]));
         assert_eq!((rows.len(), rows[2].views), (3, 40));
         assert_eq!(rows[0].measured[2], [None; 4]);
+        let one = |entry: &Entry| Entry { quality: entry.quality[..1].to_vec(), ..entry.clone() };
+        assert_eq!(means(&super::rows(&[one(&entries[0]), one(&entries[2])])[0]), [21.0], "one set is the whole");
         assert!((rows[0].measured[0][0].unwrap().half.unwrap() - 12.706).abs() < 1e-9);
     }
 }

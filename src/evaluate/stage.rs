@@ -1,8 +1,11 @@
 //! Products of stages: each in a folder that a key of all of its inputs names, complete where `done.json` says so.
 
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use crate::io::folder::replace_file;
@@ -10,6 +13,21 @@ use crate::{Error, Result};
 
 /// The file that is written last, with the inputs.
 const DONE: &str = "done.json";
+
+/// What happens on the way.
+pub enum Event<'e> {
+    /// A product is made.
+    Begins(&'e str),
+    /// A product was there from an earlier run.
+    Kept(&'e str),
+    /// A stage goes on.
+    Working,
+    /// Something that the user should know.
+    Note(String),
+}
+
+/// Hears what happens and says whether to go on.
+pub type Observe<'o> = &'o mut dyn FnMut(Event<'_>) -> ControlFlow<()>;
 
 /// A product that is there or is to be made.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,6 +67,20 @@ impl Stage {
         serde_json::from_slice(&text).is_ok_and(|inputs: Value| inputs == self.inputs)
     }
 
+    /// Whether it is to be made; its folder is there then.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn begins(&self, observe: Observe) -> Result<bool> {
+        let is_done = self.is_done();
+        // A stop that is asked for here is heard within the stage, or before the next.
+        let _ = observe(if is_done { Event::Kept(self.key()) } else { Event::Begins(self.key()) });
+        if !is_done {
+            self.begin()?;
+        }
+        Ok(!is_done)
+    }
+
     /// Makes the folder.
     ///
     /// # Errors
@@ -63,6 +95,26 @@ impl Stage {
     /// Where the system refuses.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<()> {
         replace_file(&self.file(name), |file| file.write_all(bytes))
+    }
+
+    /// Reads a file of it back, as JSON.
+    ///
+    /// # Errors
+    /// Where it is not there or not whole.
+    pub fn read<T: DeserializeOwned>(&self, name: &str) -> Result<T> {
+        let file = self.file(name);
+        let text = fs::read(&file).map_err(|source| Error::io(&file, source))?;
+        let again = |e| Error::input(&file, format!("{e}; remove the folder and run again"));
+        serde_json::from_slice(&text).map_err(again)
+    }
+
+    /// Writes a file of it, as JSON.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<()> {
+        let wrong = |e| Error::input(self.file(name), format!("it cannot be written: {e}"));
+        self.write(name, &serde_json::to_vec_pretty(value).map_err(wrong)?)
     }
 
     /// Says that it is complete.

@@ -2,8 +2,9 @@
 
 use std::fmt::Write;
 
+use super::kind::Kind;
 use super::request::{Request, Shown};
-use super::results::{COLUMNS, Interval, METRICS, Row};
+use super::results::{Interval, METRICS, Row};
 
 /// Decimals of each metric.
 const DECIMALS: [usize; 3] = [2, 4, 4];
@@ -11,21 +12,21 @@ const DECIMALS: [usize; 3] = [2, 4, 4];
 /// A table for each metric, as Markdown.
 pub fn markdown(request: &Request, rows: &[Row]) -> String {
     let settings = &request.settings;
-    let shown = match settings.shown {
-        Shown::Proxy => format!("a surface made from {} input photos", settings.inputs),
-        Shown::True => format!("the scene's own mesh (`--surface true`), scored from {} input photos", settings.inputs),
-    };
     let mut text = format!(
-        "Methods chose on {shown}; pictures of {0} x {0} pixels with {1} samples, {2} iterations of training, at most {3} \
-         splats, {4} test views a set, {5} seeds. Mean and half of the 95% interval over seeds (Student's t).\n",
-        settings.size, settings.samples, settings.iterations, settings.max_splats, settings.tests, request.seeds
+        "{}; {} iterations of training, at most {} splats, {} seeds. Mean and half of the 95% interval over seeds \
+         (Student's t).\n",
+        conditions(request),
+        settings.iterations,
+        settings.max_splats,
+        request.seeds
     );
+    let columns = request.kind.columns();
     for (metric, name) in METRICS.iter().enumerate() {
         let arrow = if *name == "LPIPS" { "lower is better" } else { "higher is better" };
         // Writing to a string cannot fail.
         let _ = write!(text, "\n## {name} ({arrow})\n\n| scene | method | views |");
-        COLUMNS.iter().for_each(|column| text += &format!(" {column} |"));
-        text += " choice, s |\n|---|---|---|---|---|---|---|---|\n";
+        columns.iter().for_each(|column| text += &format!(" {column} |"));
+        let _ = writeln!(text, " choice, s |\n|{}", "---|".repeat(columns.len() + 4));
         for row in rows {
             let _ = write!(text, "| {} | {} | {} |", row.scene.replace('|', "\\|"), row.method, row.views);
             for measured in &row.measured[metric] {
@@ -38,8 +39,29 @@ pub fn markdown(request: &Request, rows: &[Row]) -> String {
     text
 }
 
+/// What methods chose on and which pictures were trained on.
+fn conditions(request: &Request) -> String {
+    let settings = &request.settings;
+    if request.kind == Kind::Pool {
+        return format!(
+            "Methods chose among the photos of a pool that are not held out, fisherrf and cover by a model of {} of them; \
+             photos shrunk by {}",
+            settings.inputs, settings.shrink
+        );
+    }
+    let shown = match settings.shown {
+        Shown::Proxy => format!("a surface made from {} input photos", settings.inputs),
+        Shown::True => format!("the scene's own mesh (`--surface true`), scored from {} input photos", settings.inputs),
+    };
+    format!(
+        "Methods chose on {shown}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set",
+        settings.size, settings.samples, settings.tests
+    )
+}
+
 /// A line for each scene, method, budget, set and metric.
-pub fn csv(rows: &[Row]) -> String {
+pub fn csv(kind: Kind, rows: &[Row]) -> String {
+    let columns = kind.columns();
     let mut text = String::from("scene,method,views,seeds,set,metric,mean,half_interval_95\n");
     for row in rows {
         let scene = format!("\"{}\"", row.scene.replace('"', "\"\""));
@@ -48,8 +70,8 @@ pub fn csv(rows: &[Row]) -> String {
             let half = interval.and_then(|interval| interval.half).map_or_else(String::new, |half| half.to_string());
             let _ = writeln!(text, "{scene},{},{},{},{set},{metric},{mean},{half}", row.method, row.views, row.seeds);
         };
-        for (metric, columns) in METRICS.iter().zip(&row.measured) {
-            for (set, measured) in COLUMNS.iter().zip(columns) {
+        for (metric, measured) in METRICS.iter().zip(&row.measured) {
+            for (set, measured) in columns.iter().zip(measured) {
                 line(set, metric, *measured);
             }
         }
@@ -79,9 +101,9 @@ mod tests {
             seeds: 3,
             seconds: Interval { mean: 1.5, half: None },
             measured: [
-                [of(20.0, Some(0.5)), of(21.0, Some(0.25)), of(19.0, None), of(20.0, Some(0.3))],
-                [of(0.81, Some(0.01)); 4],
-                [None; 4],
+                vec![of(20.0, Some(0.5)), of(21.0, Some(0.25)), of(19.0, None), of(20.0, Some(0.3))],
+                vec![of(0.81, Some(0.01)); 4],
+                vec![None; 4],
             ],
         }
     }
@@ -89,17 +111,39 @@ mod tests {
     /// If this failed, numbers would stand under the wrong heads, or a missing one would look like a zero.
     #[test]
     fn known_numbers_stand_where_they_belong() {
-        let request =
-            Request { methods: vec![Method::WithoutVds], budgets: vec![20], seeds: 3, settings: Settings::QUICK };
+        let request = Request {
+            kind: Kind::Object,
+            methods: vec![Method::WithoutVds],
+            budgets: vec![20],
+            seeds: 3,
+            settings: Settings::QUICK,
+        };
         let text = markdown(&request, &[row()]);
         let line = "| cup, \"red\" | ours-no-vds | 20 | 20.00 ± 0.50 | 21.00 ± 0.25 | 19.00 | 20.00 ± 0.30 | 1.50 |";
         assert!(text.contains(line), "{text}");
         assert!(text.contains("| 20 | – | – | – | – | 1.50 |") && text.contains("10 input photos"), "{text}");
-        let csv = csv(&[row()]);
+        let csv = super::csv(Kind::Object, &[row()]);
         let lines: Vec<&str> = csv.lines().collect();
         assert_eq!(lines.len(), 1 + 3 * 4 + 1);
         assert_eq!(lines[1], "\"cup, \"\"red\"\"\",ours-no-vds,20,3,half,PSNR,20,0.5");
         assert!(lines[3].ends_with("random,PSNR,19,") && lines[9].ends_with("half,LPIPS,,"), "{csv}");
         assert!(lines[13].ends_with(",,choice_seconds,1.5,"));
+    }
+
+    /// If this failed, a table of rooms or pools would have columns that nobody measured.
+    #[test]
+    fn a_kind_has_its_own_columns() {
+        let one = Row { measured: row().measured.map(|all| all[..1].to_vec()), ..row() };
+        let request = Request {
+            kind: Kind::Pool,
+            methods: vec![Method::Ours],
+            budgets: vec![20],
+            seeds: 3,
+            settings: Settings::QUICK,
+        };
+        let text = markdown(&request, std::slice::from_ref(&one));
+        assert!(text.contains("| scene | method | views | held-out | choice, s |\n|---|---|---|---|---|\n"), "{text}");
+        assert!(text.contains("| 20 | 20.00 ± 0.50 | 1.50 |") && text.contains("shrunk by 8"), "{text}");
+        assert!(super::csv(Kind::Room, &[one]).contains(",20,3,random,PSNR,20,0.5"));
     }
 }

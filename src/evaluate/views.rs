@@ -1,15 +1,14 @@
-//! Cameras that no method chooses: of the input photos and of the tests.
+//! Cameras around an object that no method chooses: of the input photos and of the tests.
 
 use glam::DVec3;
 
+use super::kind::Kind;
 use crate::Result;
 use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::random;
 use crate::scene::region::Region;
 
-/// Sets of test views, by what their cameras' names begin with.
-pub const SETS: [&str; 3] = ["half", "full", "random"];
 /// Seed and streams of the test views, which are the same in all runs.
 const SEED: u64 = 0x7465_7374;
 const STREAMS: [u32; 3] = [1, 2, 3];
@@ -55,7 +54,7 @@ pub fn tests(region: &Region, points: &[DVec3], intrinsics: Intrinsics, count: u
         drawn.into_iter().find(shows).unwrap_or_else(|| looking_in(2, radius, i))
     };
     let mut cameras = Vec::new();
-    for (set, name) in SETS.iter().enumerate() {
+    for (set, name) in Kind::Object.sets().iter().enumerate() {
         for i in 0..count {
             let pose = match set {
                 0 => looking_in(set, 0.5 * radius, i),
@@ -68,7 +67,8 @@ pub fn tests(region: &Region, points: &[DVec3], intrinsics: Intrinsics, count: u
     cameras
 }
 
-fn camera(name: String, pose: Pose, intrinsics: Intrinsics) -> Camera {
+/// A camera of the evaluation's.
+pub fn camera(name: String, pose: Pose, intrinsics: Intrinsics) -> Camera {
     Camera { name, pose, intrinsics }
 }
 

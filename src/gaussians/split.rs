@@ -3,10 +3,11 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use super::config::Background;
 use super::frame::Frame;
 use crate::io;
 use crate::io::photos::Images;
-use crate::photos::{Convention, Photo, PhotoSet};
+use crate::photos::{Convention, Header, Photo, PhotoSet};
 use crate::{Error, Result};
 
 /// Every how many photos one is for testing, as in 3DGS and gsplat.
@@ -64,6 +65,15 @@ impl Split {
             return Err(Error::input(path, what));
         }
         Ok(split)
+    }
+
+    /// What lies behind everything where nothing is said: white where photos say what belongs to the object, else black.
+    pub fn usual_background(&self) -> Background {
+        let masked = self.train.photos.iter().any(|photo| {
+            let alpha = photo.image.as_deref().and_then(|file| Header::read(file).ok());
+            photo.mask.is_some() || alpha.is_some_and(|header| header.alpha)
+        });
+        if masked { Background::White } else { Background::Black }
     }
 
     fn every(set: PhotoSet, every: usize) -> Self {

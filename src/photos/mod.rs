@@ -62,6 +62,19 @@ impl PhotoSet {
         self.photos.iter().map(|photo| photo.camera.clone()).collect()
     }
 
+    /// The set with only the points that any of its photos sees; with all, where nothing says which photos see them.
+    pub fn with_points_seen(mut self) -> Self {
+        if self.tracks.is_empty() {
+            return self;
+        }
+        let seen: Vec<bool> = self.tracks.iter().map(|track| !track.is_empty()).collect();
+        self.points = self.points.filtered(&seen);
+        let mut kept = seen.iter();
+        self.tracks.retain(|track| !track.is_empty());
+        self.errors.retain(|_| *kept.next().unwrap_or(&true));
+        self
+    }
+
     /// The set with only the photos that `keep` says. All points stay; tracks lose the photos that are gone.
     pub fn filtered(mut self, keep: impl Fn(&Photo) -> bool) -> Self {
         let kept: Vec<bool> = self.photos.iter().map(keep).collect();

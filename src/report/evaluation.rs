@@ -6,8 +6,7 @@ use std::fmt::Write;
 
 use super::text::{escape, number};
 use crate::evaluate::job::Outcome;
-use crate::evaluate::results::{COLUMNS, Entry, Interval, METRICS, Row};
-use crate::evaluate::views::SETS;
+use crate::evaluate::results::{Entry, Interval, METRICS, Row};
 
 /// Size of a chart and its margin in CSS pixels.
 const CHART: [f64; 2] = [360.0, 220.0];
@@ -17,7 +16,8 @@ const COLOURS: [&str; 8] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00
 
 /// The page.
 pub fn html(outcome: &Outcome) -> String {
-    let Outcome { rows, entries } = outcome;
+    let Outcome { kind, rows, entries } = outcome;
+    let columns = kind.columns();
     let mut page = String::from(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>camsplat evaluation</title>\n<style>\
          body{font:15px/1.5 system-ui,sans-serif;margin:2em auto;max-width:75em;padding:0 1em}\
@@ -30,12 +30,13 @@ pub fn html(outcome: &Outcome) -> String {
         let rows: Vec<&Row> = rows.iter().filter(|row| row.scene == scene).collect();
         let _ = writeln!(page, "<h2>{}</h2>", escape(scene));
         for (metric, name) in METRICS.iter().enumerate() {
-            page += &table(&rows, metric, name);
+            page += &table(&rows, metric, name, &columns);
         }
         for (metric, name) in METRICS.iter().enumerate() {
             page += &chart(&rows, metric, name);
         }
-        page += &pictures(scene, &entries.iter().filter(|entry| entry.scene == scene).collect::<Vec<_>>());
+        let of_scene: Vec<&Entry> = entries.iter().filter(|entry| entry.scene == scene).collect();
+        page += &pictures(scene, &of_scene, kind.sets());
     }
     page
 }
@@ -52,9 +53,9 @@ fn in_order<T: PartialEq>(items: impl Iterator<Item = T>) -> Vec<T> {
 }
 
 /// A metric, a row for each method and budget.
-fn table(rows: &[&Row], metric: usize, name: &str) -> String {
+fn table(rows: &[&Row], metric: usize, name: &str, columns: &[&str]) -> String {
     let mut text = format!("<table><tr><th>{name}</th><th>views</th>");
-    COLUMNS.iter().for_each(|column| text += &format!("<th>{column}</th>"));
+    columns.iter().for_each(|column| text += &format!("<th>{column}</th>"));
     text += "<th>choice, s</th></tr>\n";
     let cell = |interval: Option<Interval>| match interval {
         None => "<td>–</td>".to_owned(),
@@ -71,7 +72,8 @@ fn table(rows: &[&Row], metric: usize, name: &str) -> String {
 
 /// A metric's mean over the sets against the number of views, a line for each method; empty where it was not measured.
 fn chart(rows: &[&Row], metric: usize, name: &str) -> String {
-    let value = |row: &Row| row.measured[metric][3].filter(|interval| interval.mean.is_finite());
+    // The last column is of all sets.
+    let value = |row: &Row| row.measured[metric].last().copied().flatten().filter(|interval| interval.mean.is_finite());
     let ends = |interval: Interval| [-1.0, 1.0].map(|side| interval.mean + side * interval.half.unwrap_or(0.0));
     let values: Vec<f64> = rows.iter().filter_map(|row| value(row)).flat_map(ends).collect();
     if values.is_empty() {
@@ -99,9 +101,9 @@ fn chart(rows: &[&Row], metric: usize, name: &str) -> String {
     for views in in_order(rows.iter().map(|row| row.views)) {
         let _ = write!(text, "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{views}</text>", x(views), bottom + 14.0);
     }
-    for (i, method) in in_order(rows.iter().map(|row| &row.method)).into_iter().enumerate() {
+    for (i, method) in in_order(rows.iter().map(|row| row.method)).into_iter().enumerate() {
         let colour = COLOURS[i % COLOURS.len()];
-        let own = rows.iter().filter(|row| row.method == *method).filter_map(|row| Some((row.views, value(row)?)));
+        let own = rows.iter().filter(|row| row.method == method).filter_map(|row| Some((row.views, value(row)?)));
         let mut own: Vec<(u32, Interval)> = own.collect();
         own.sort_by_key(|(views, _)| *views);
         let line: Vec<String> = own.iter().map(|(views, v)| format!("{:.1},{:.1}", x(*views), y(v.mean))).collect();
@@ -118,13 +120,14 @@ fn chart(rows: &[&Row], metric: usize, name: &str) -> String {
 }
 
 /// The first test view of each set, as it is and as each method's first run at the largest budget shows it.
-fn pictures(scene: &str, entries: &[&Entry]) -> String {
+fn pictures(scene: &str, entries: &[&Entry], sets: &[&str]) -> String {
     let Some(most) = entries.iter().map(|entry| entry.views).max() else { return String::new() };
     let shown: Vec<&&Entry> = entries.iter().filter(|entry| entry.views == most && entry.seed == 0).collect();
     let mut text = format!("<h3>Test views, {most} views chosen</h3>\n");
-    for set in SETS {
+    for (i, set) in sets.iter().enumerate() {
         let picture = |entry: &Entry, of: &str, caption: &str| {
-            let path = format!("{}/{}/{of}/{set}_0000.png", escape(scene).replace('%', "%25"), entry.folder);
+            let [scene, file] = [scene, &entry.pictures[i]].map(|part| escape(part).replace('%', "%25"));
+            let path = format!("{scene}/{}/{of}/{file}", entry.folder);
             format!("<figure><img src=\"{path}\" alt=\"\"><figcaption>{caption}</figcaption></figure>")
         };
         let reference = shown.first().map(|entry| picture(entry, "reference", &format!("{set}: the photograph")));
@@ -138,6 +141,7 @@ fn pictures(scene: &str, entries: &[&Entry]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evaluate::kind::Kind;
     use crate::evaluate::request::Method;
     use crate::evaluate::results::rows;
     use crate::gaussians::record::Quality;
@@ -151,12 +155,13 @@ mod tests {
             views,
             seed: 0,
             seconds: 0.1,
-            quality: [Quality { psnr: 20.0 + f64::from(views), ssim: 0.5, lpips: None }; 3],
+            quality: vec![Quality { psnr: 20.0 + f64::from(views), ssim: 0.5, lpips: None }; 3],
             folder: format!("training-{views}"),
+            pictures: ["half", "full", "random"].map(|set| format!("{set}_0000.png")).to_vec(),
         };
         let entries: Vec<Entry> =
             [Method::Ours, Method::WithoutVds].into_iter().flat_map(|m| [entry(m, 10), entry(m, 20)]).collect();
-        let page = html(&Outcome { rows: rows(&entries), entries });
+        let page = html(&Outcome { kind: Kind::Object, rows: rows(&entries), entries });
         assert_eq!(page.matches("<polyline").count(), 4, "LPIPS was not measured");
         assert_eq!(page.matches("<img").count(), 3 * 3);
         assert!(page.contains("a&lt;b/training-20/test/random_0000.png") && !page.contains("a<b"));

@@ -96,6 +96,11 @@ impl Pose {
     }
 }
 
+/// The direction that cameras hold up in the mean; none where they agree on none.
+pub fn common_up(poses: &[Pose]) -> Option<DVec3> {
+    poses.iter().map(Pose::up).sum::<DVec3>().try_normalize()
+}
+
 /// A camera: pose, intrinsics and a name (the image's file name where it has one).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Camera {

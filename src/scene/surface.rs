@@ -50,6 +50,26 @@ pub struct Points {
     pub toward_cameras: Vec<DVec3>,
 }
 
+impl Points {
+    /// The points for which `keep`, which is as long, says so.
+    pub fn filtered(self, keep: &[bool]) -> Self {
+        fn kept<T>(values: Vec<T>, keep: &[bool]) -> Vec<T> {
+            values.into_iter().zip(keep).filter(|(_, keep)| **keep).map(|(value, _)| value).collect()
+        }
+        Self {
+            positions: kept(self.positions, keep),
+            normals: kept(self.normals, keep),
+            radii: kept(self.radii, keep),
+            colours: kept(self.colours, keep),
+            scores: kept(self.scores, keep),
+            variances: kept(self.variances, keep),
+            lobes: kept(self.lobes, keep),
+            oriented: self.oriented,
+            toward_cameras: kept(self.toward_cameras, keep),
+        }
+    }
+}
+
 impl Surface {
     /// Number of points, or of vertices.
     pub fn positions(&self) -> &[DVec3] {

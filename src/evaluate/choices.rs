@@ -1,0 +1,174 @@
+//! The products of a pool, each made once: the surface, where the capture has none, choices among its photos, trained splats.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::kind::Kind;
+use super::pool::Pool;
+use super::request::{Method, Request, Settings};
+use super::stage::{Observe, Stage};
+use super::training::{self, Training};
+use crate::gaussians::config::{Config, Strategy};
+use crate::gaussians::record::TrainRecord;
+use crate::gaussians::split::Split;
+use crate::photos::{Photo, PhotoSet};
+use crate::plan::config::Preset;
+use crate::plan::job::{RegionChoice, Target};
+use crate::scene::camera::{Pose, common_up};
+use crate::scene::region::Shape;
+use crate::scene::surface::Surface;
+use crate::select::controls;
+use crate::select::farthest::Distance;
+use crate::select::job::{self as select, Prospect};
+use crate::select::sight::Sight;
+use crate::vulkan::Context;
+use crate::{Error, Result, io, stereo};
+
+/// Seed of the surface, and of the photos that a model is trained on to choose by: both are the same in all runs.
+const SEED: u64 = 1;
+/// Files of the products.
+const SURFACE: &str = "surface.ply";
+const CHOSEN: &str = "chosen.json";
+
+/// Photos that a method chose.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Chosen {
+    /// Their names, in order.
+    pub photos: Vec<String>,
+    /// Seconds that planning and choosing took; what each photo sees of the surface is known before.
+    pub seconds: f64,
+}
+
+/// A pool with its products.
+pub struct Choices {
+    context: Arc<Context>,
+    root: PathBuf,
+    settings: Settings,
+    pool: Pool,
+    target: Target,
+    /// What names the surface among the inputs of others.
+    surface: String,
+}
+
+impl Choices {
+    /// Finds the surface of a pool, whose products lie below `root`: the capture's own points, as `camsplat select` takes them,
+    /// or else what `camsplat proxy` makes of the candidates.
+    ///
+    /// # Errors
+    /// Where there is no surface, or the device fails.
+    pub fn new(context: &Arc<Context>, root: &Path, request: &Request, pool: Pool, observe: Observe) -> Result<Self> {
+        let set = &pool.candidates;
+        let (surface, key) = if set.points.positions.is_empty() {
+            let stage = Stage::new(root, "surface", json!({ "pool": pool.checksum, "seed": SEED }));
+            if stage.begins(observe)? {
+                let options = stereo::Options { seed: SEED, ..stereo::Options::default() };
+                let found = stereo::reconstruct(context, set, &options).map_err(|error| match error {
+                    Error::Request(what) => Error::input(pool.path(), what),
+                    other => other,
+                })?;
+                stage.write(SURFACE, &io::ply::write::surface_points(&found.points))?;
+                stage.finish()?;
+            }
+            (io::read_surface(&stage.file(SURFACE))?, stage.key().to_owned())
+        } else {
+            (Surface::Points(set.points.clone()), "points of the capture".to_owned())
+        };
+        let poses: Vec<Pose> = set.photos.iter().map(|photo| photo.camera.pose).collect();
+        let choice = RegionChoice { shape: Shape::around_cameras(&poses), ..RegionChoice::default() };
+        let up = common_up(&poses).unwrap_or(DVec3::Z);
+        let path = pool.path().to_string_lossy().into_owned();
+        let intrinsics = set.photos[0].camera.intrinsics;
+        let target = Target::new(&surface, &path, Preset::Object, &choice, up, &intrinsics)?;
+        let (context, root) = (context.clone(), root.to_owned());
+        Ok(Self { context, root, settings: request.settings, pool, target, surface: key })
+    }
+
+    /// Splats trained on a few candidates that stand far from each other, for the methods that choose by a model.
+    ///
+    /// # Errors
+    /// As [`Choices::training`].
+    pub fn model(&self, observe: Observe) -> Result<Option<Stage>> {
+        let set = &self.pool.candidates;
+        let all: Vec<usize> = (0..set.photos.len()).collect();
+        let count = self.settings.inputs as usize;
+        let sight = Sight::empty(0, all.len());
+        let (region, allowed) = (&self.target.region, &all[..]);
+        let spread = controls::Pool { set, region, sight: &sight, must: &[], allowed, count, seed: SEED };
+        // Only shared points can be too many to count.
+        let chosen = spread.farthest(Distance::Chord).unwrap_or_default();
+        let mut names: Vec<String> = chosen.iter().map(|photo| set.photos[*photo].camera.name.clone()).collect();
+        names.sort_unstable();
+        Ok(self.trained(&names, Vec::new(), 0, observe)?.map(|(stage, _)| stage))
+    }
+
+    /// Lets a method choose photos.
+    ///
+    /// # Errors
+    /// Where the method cannot, or the device fails.
+    pub fn choice(
+        &self,
+        (method, views, seed): (Method, u32, u64),
+        model: Option<&Stage>,
+        observe: Observe,
+    ) -> Result<Option<Chosen>> {
+        let chooser = Kind::choice(method).ok_or_else(|| Error::request(format!("{method} chooses no photos")))?;
+        let request = select::Request { method: chooser, seed, ..select::Request::new(views as usize) };
+        let inputs = json!({
+            "pool": self.pool.checksum, "surface": self.surface, "model": model.map(Stage::key), "request": request,
+            "device": self.context.physical().name,
+        });
+        let stage = Stage::new(&self.root, "choice", inputs);
+        if !stage.begins(observe)? {
+            return stage.read(CHOSEN).map(Some);
+        }
+        let set = &self.pool.candidates;
+        let model = model.map(training::model).transpose()?;
+        let prospect = Prospect::new(&self.context, set, &self.target, request)?.with_model(model);
+        let selection = prospect.select(None, false)?;
+        let name = |chosen: &select::Chosen| set.photos[chosen.photo].camera.name.clone();
+        let [_, planning, choosing] = selection.seconds;
+        let chosen = Chosen { photos: selection.chosen.iter().map(name).collect(), seconds: planning + choosing };
+        stage.write_json(CHOSEN, &chosen)?;
+        stage.finish()?;
+        Ok(Some(chosen))
+    }
+
+    /// Trains splats on chosen photos alone, from the points that these see, and looks at those held out.
+    ///
+    /// # Errors
+    /// Where photos cannot be read any more, or the device fails or has not enough memory.
+    pub fn training(&self, chosen: &Chosen, seed: u64, observe: Observe) -> Result<Option<(Stage, TrainRecord)>> {
+        self.trained(&chosen.photos, self.pool.held_out.clone(), seed, observe)
+    }
+
+    fn trained(
+        &self,
+        names: &[String],
+        test: Vec<Photo>,
+        seed: u64,
+        observe: Observe,
+    ) -> Result<Option<(Stage, TrainRecord)>> {
+        let Settings { iterations, max_splats, shrink, .. } = self.settings;
+        let kept: HashSet<&str> = names.iter().map(String::as_str).collect();
+        let of_these = |photo: &Photo| kept.contains(photo.camera.name.as_str());
+        let train: PhotoSet = self.pool.candidates.clone().filtered(of_these).with_points_seen();
+        let points = !train.points.positions.is_empty();
+        let split = Split { train, test, notes: Vec::new() };
+        let config = Config {
+            background: split.usual_background(),
+            seed,
+            ..Config::new(iterations, max_splats).with_strategy(Strategy::Mcmc, points)
+        };
+        let inputs = json!({
+            "pool": self.pool.checksum, "photos": names, "tests": split.test.len(), "config": config, "shrink": shrink,
+        });
+        let stage = Stage::new(&self.root, "training", inputs);
+        let capture = self.pool.path().to_string_lossy().into_owned();
+        training::run(&self.context, stage, Training { capture, config, shrink }, || Ok(split), observe)
+    }
+}

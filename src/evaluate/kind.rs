@@ -1,0 +1,106 @@
+//! Kinds of subjects: an evaluation is of one kind, so that all of its subjects have the same columns, budgets and methods.
+
+use serde::Serialize;
+
+use super::request::Method;
+use crate::peers::request::Method as Peer;
+use crate::plan::config::Preset;
+use crate::select::job::Method as Choice;
+use crate::{Error, Result};
+
+/// What an evaluation is on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// Objects, photographed from around them.
+    Object,
+    /// Rooms, photographed from inside.
+    Room,
+    /// Photos that have been taken: methods choose among them.
+    Pool,
+}
+
+impl Kind {
+    /// The kind of scenes of a preset.
+    pub fn of(preset: Preset) -> Self {
+        match preset {
+            Preset::Object => Self::Object,
+            Preset::Room => Self::Room,
+        }
+    }
+
+    /// The planner's preset.
+    pub fn preset(self) -> Preset {
+        match self {
+            Self::Object | Self::Pool => Preset::Object,
+            Self::Room => Preset::Room,
+        }
+    }
+
+    /// Sets of test views; of several, by what their names begin with.
+    pub fn sets(self) -> &'static [&'static str] {
+        match self {
+            Self::Object => &["half", "full", "random"],
+            Self::Room => &["random"],
+            Self::Pool => &["held-out"],
+        }
+    }
+
+    /// Columns of a table: the sets, and the mean over them where there are several.
+    pub fn columns(self) -> Vec<&'static str> {
+        let mut columns = self.sets().to_vec();
+        if columns.len() > 1 {
+            columns.push("all");
+        }
+        columns
+    }
+
+    /// How a pool's photos are chosen by a method; none where it places cameras only.
+    pub fn choice(method: Method) -> Option<Choice> {
+        match method {
+            Method::Ours => Some(Choice::Swap),
+            Method::Peer(Peer::Random) => Some(Choice::Random),
+            Method::Peer(Peer::Fibonacci) => Some(Choice::Fibonacci),
+            Method::Peer(Peer::Fvs) => Some(Choice::Fvs),
+            Method::Peer(Peer::FvsChord) => Some(Choice::FvsChord),
+            Method::Peer(Peer::FvsShared) => Some(Choice::FvsShared),
+            Method::Peer(Peer::Coverage) => Some(Choice::Coverage),
+            Method::Peer(Peer::Acp) => Some(Choice::Acp),
+            Method::Peer(Peer::Fisher) => Some(Choice::Fisher),
+            Method::Peer(Peer::Cover) => Some(Choice::Cover),
+            _ => None,
+        }
+    }
+
+    /// Refuses a method that does not fit subjects of this kind.
+    ///
+    /// # Errors
+    /// In a line that names the method.
+    pub fn check(self, method: Method) -> Result<()> {
+        let wrong = |why: &str| Err(Error::request(format!("--methods {method}: {why}; leave it out")));
+        match self {
+            Self::Room if method == Method::Peer(Peer::Fibonacci) => {
+                wrong("it places cameras on a sphere around an object, and a room has none")
+            }
+            Self::Pool if Self::choice(method).is_none() => wrong("it places cameras, and of a pool photos are chosen"),
+            _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a method would fail after hours of photographs, or a table have a column twice.
+    #[test]
+    fn methods_and_columns_are_those_of_the_kind() {
+        let fibonacci = Method::Peer(Peer::Fibonacci);
+        assert!(Kind::Object.check(fibonacci).is_ok() && Kind::Pool.check(fibonacci).is_ok());
+        assert!(Kind::Room.check(fibonacci).unwrap_err().to_string().contains("--methods fibonacci"));
+        assert!(Kind::Room.check(Method::Iterative).is_ok() && Kind::Pool.check(Method::Ours).is_ok());
+        assert!(Kind::Pool.check(Method::Iterative).unwrap_err().to_string().contains("ours-iterative"));
+        assert_eq!(Kind::Object.columns(), ["half", "full", "random", "all"]);
+        assert_eq!((Kind::Room.columns(), Kind::Pool.columns()), (vec!["random"], vec!["held-out"]));
+    }
+}

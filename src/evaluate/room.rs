@@ -1,0 +1,112 @@
+//! The empty space of a room: cameras in it that no method chooses, and places for those that a method put into a thing it did
+//! not see.
+
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3};
+
+use super::views::camera;
+use crate::peers;
+use crate::peers::request::{Method, Request};
+use crate::plan::config::{Config, Preset};
+use crate::plan::job::Target;
+use crate::scene::baselines;
+use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::visibility::device_scene::SceneGeometry;
+use crate::visibility::raycast::Ray;
+use crate::vulkan::Context;
+use crate::{Error, Result};
+
+/// Seeds of the input and the test cameras: both are the same in all runs.
+const INPUT_SEED: u64 = 0x696e_7075;
+const TEST_SEED: u64 = 0x7465_7374;
+/// Rays along a side of a picture, and the share of all that must end on the surface: a view out of a window tests nothing.
+const RAYS: u32 = 8;
+const LEAST_SEEN: f64 = 0.5;
+/// Draws for each camera.
+const DRAWS: usize = 50;
+/// Places that input cameras are chosen from.
+const PLACES: u32 = 600;
+
+/// Where a camera can stand in the scene itself, whatever methods are shown of it.
+pub struct EmptySpace {
+    target: Target,
+    geometry: SceneGeometry,
+}
+
+impl EmptySpace {
+    /// The empty space of the region of a scene.
+    ///
+    /// # Errors
+    /// Where there is none.
+    pub fn new(target: Target) -> Result<Self> {
+        let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+        Ok(Self { target, geometry })
+    }
+
+    /// Input cameras as a person would take them who knows the room: of places at random those that show most of it, to one
+    /// camera first and then to three. So few at random leave half of a room unseen, and hardly a point to three.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn inputs(&self, context: &Arc<Context>, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
+        let config = Config { seed: INPUT_SEED, held_out: 1, ..Config::new(Preset::Room, count) };
+        let request = Request::new(Method::Coverage, Some(PLACES.max(count)), &config)?;
+        let plan = peers::job::run(context, &self.target, intrinsics, &[], &request, None)?;
+        let named = |camera: Camera| Camera { name: format!("input_{}", camera.name), ..camera };
+        Ok(plan.record.cameras.into_iter().map(named).collect())
+    }
+
+    /// Test cameras at places even in the empty space, in directions even on the sphere, whose picture shows the room.
+    ///
+    /// # Errors
+    /// Where too few of the places drawn show it.
+    pub fn tests(&self, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
+        let back = self.geometry.to_internal.inverse();
+        let drawn = baselines::random(&self.geometry.free, DRAWS * count as usize, TEST_SEED, false);
+        let shown = drawn.iter().filter(|pose| self.seen(pose, &intrinsics) >= LEAST_SEEN).take(count as usize);
+        let cameras: Vec<Camera> =
+            shown.enumerate().map(|(i, pose)| camera(format!("random_{i:04}"), back.pose(pose), intrinsics)).collect();
+        if cameras.len() < count as usize {
+            return Err(Error::input(
+                &self.target.record.path,
+                "nearly nothing is seen from the empty space within its bounds: it is no room; evaluate it with --preset object",
+            ));
+        }
+        Ok(cameras)
+    }
+
+    /// Cameras where a person could hold them: one that stands in a thing, or nearer than the clearance, moves to the empty place
+    /// nearest to it. Also how many moved.
+    pub fn settled(&self, cameras: &[Camera]) -> (Vec<Camera>, usize) {
+        let to_internal = &self.geometry.to_internal;
+        let mut moved = 0;
+        let settle = |camera: &Camera| {
+            let place = to_internal.point(camera.pose.position);
+            let settled = self.geometry.settle(place);
+            if settled == place {
+                return camera.clone();
+            }
+            moved += 1;
+            let pose = Pose { position: to_internal.inverse().point(settled), ..camera.pose };
+            Camera { pose, ..camera.clone() }
+        };
+        (cameras.iter().map(settle).collect(), moved)
+    }
+
+    /// Share of a picture that shows the surface; the pose is in the planner's frame.
+    fn seen(&self, pose: &Pose, intrinsics: &Intrinsics) -> f64 {
+        let mut hits = 0;
+        for i in 0..RAYS * RAYS {
+            let cell = DVec2::new(f64::from(i % RAYS), f64::from(i / RAYS)) + 0.5;
+            let size = DVec2::new(f64::from(intrinsics.width), f64::from(intrinsics.height));
+            let pixel = cell / f64::from(RAYS) * size;
+            let ray = (pixel - DVec2::from(intrinsics.principal)) / DVec2::from(intrinsics.focal);
+            let direction = (pose.rotation * DVec3::new(ray.x, ray.y, 1.0)).normalize();
+            let ray =
+                Ray { origin: pose.position.as_vec3(), direction: direction.as_vec3(), t_min: 0.0, t_max: f32::MAX };
+            hits += u32::from(self.geometry.bvh.closest_hit(&ray).is_some());
+        }
+        f64::from(hits) / f64::from(RAYS * RAYS)
+    }
+}

@@ -1,0 +1,104 @@
+//! A scene that is photographed: an object from around it, or a room from inside.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::room::EmptySpace;
+use super::views;
+use crate::io;
+use crate::io::gltf::read_model;
+use crate::photograph::assembly::Assembly;
+use crate::plan::config::Preset;
+use crate::plan::job::{RegionChoice, Target};
+use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::model::Environment;
+use crate::scene::region::Region;
+use crate::scene::surface::Surface;
+use crate::vulkan::Context;
+use crate::{Error, Result};
+
+/// Points of the surface that test views of an object are held against.
+const POINTS: usize = 256;
+
+/// A scene, read and checked.
+pub struct Scene {
+    /// Where it was read from.
+    pub path: PathBuf,
+    /// Name in tables and of its folder.
+    pub name: String,
+    /// As it is photographed.
+    pub assembly: Assembly,
+    /// Its mesh.
+    pub surface: Surface,
+    /// Where cameras may stand, by its true bounds: the same for every method, seed and budget.
+    pub region: Region,
+    /// Where cameras that nobody chooses come from.
+    pub views: Around,
+}
+
+/// Where cameras that nobody chooses come from.
+pub enum Around {
+    /// Around an object, of whose surface these are points.
+    Object(Vec<DVec3>),
+    /// Anywhere in the empty space of a room.
+    Room(Box<EmptySpace>),
+}
+
+impl Scene {
+    /// Reads a glTF scene; the notes say what was left out.
+    ///
+    /// # Errors
+    /// Where it cannot be read, has no light, or leaves cameras no room.
+    pub fn read(
+        path: &Path,
+        preset: Preset,
+        environment: Option<&Environment>,
+        intrinsics: &Intrinsics,
+        notes: &mut Vec<String>,
+    ) -> Result<Self> {
+        let named = |error| match error {
+            Error::Request(what) => Error::input(path, what),
+            other => other,
+        };
+        let model = read_model(path, notes)?;
+        let assembly = Assembly::new(&model, environment).map_err(named)?;
+        let surface = io::read_surface(path)?;
+        // glTF is Y up.
+        let (up, path_name) = (DVec3::Y, path.to_string_lossy());
+        let target = Target::new(&surface, &path_name, preset, &RegionChoice::default(), up, intrinsics)?;
+        let region = target.region;
+        let views = match preset {
+            Preset::Object => {
+                let points = target.proxy.sample(POINTS, 0, 0).into_iter().map(|point| point.position);
+                Around::Object(points.collect())
+            }
+            Preset::Room => Around::Room(Box::new(EmptySpace::new(target).map_err(named)?)),
+        };
+        let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        Ok(Self { path: path.to_owned(), name, assembly, surface, region, views })
+    }
+
+    /// The input cameras.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn inputs(&self, context: &Arc<Context>, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
+        match &self.views {
+            Around::Object(_) => views::inputs(&self.region, intrinsics, count),
+            Around::Room(space) => space.inputs(context, intrinsics, count),
+        }
+    }
+
+    /// The test cameras, `count` of each set.
+    ///
+    /// # Errors
+    /// Where too few places show the scene.
+    pub fn tests(&self, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
+        match &self.views {
+            Around::Object(points) => Ok(views::tests(&self.region, points, intrinsics, count)),
+            Around::Room(space) => space.tests(intrinsics, count),
+        }
+    }
+}

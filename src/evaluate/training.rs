@@ -1,0 +1,60 @@
+//! Splats trained on photos, as a product: what scenes and pools share.
+
+use std::sync::Arc;
+
+use super::stage::{Event, Observe, Stage};
+use crate::gaussians::config::Config;
+use crate::gaussians::job::{self, Run};
+use crate::gaussians::products::{CHECKPOINT, MODEL, RECORD};
+use crate::gaussians::record::{Status, TrainRecord};
+use crate::gaussians::split::Split;
+use crate::select::information::Model;
+use crate::vulkan::Context;
+use crate::{Result, io};
+
+/// How splats are trained.
+pub struct Training {
+    /// Where the photos come from.
+    pub capture: String,
+    /// Configuration.
+    pub config: Config,
+    /// Each pixel is a square of so many stored pixels.
+    pub shrink: u32,
+}
+
+/// Trains splats on the photos of `split` and looks at its tests, unless `stage` holds all of that already. None where `observe`
+/// broke it off.
+///
+/// # Errors
+/// Where photos cannot be read any more, or the device fails or has not enough memory.
+pub fn run(
+    context: &Arc<Context>,
+    stage: Stage,
+    training: Training,
+    split: impl FnOnce() -> Result<Split>,
+    observe: Observe,
+) -> Result<Option<(Stage, TrainRecord)>> {
+    if !stage.begins(observe)? {
+        return stage.read(RECORD).map(|record| Some((stage, record)));
+    }
+    let Training { capture, config, shrink } = training;
+    let folder = stage.folder().to_owned();
+    let asked = job::Request { capture, split: split()?, config, shrink, folder, save_every: 5000, evaluate_every: 0 };
+    let run = Run::new(context, asked)?;
+    let resume = stage.file(CHECKPOINT).is_file();
+    let record = run.run(resume, None, &mut |_| observe(Event::Working))?;
+    let Some(record) = record.filter(|record| record.status == Status::Complete) else { return Ok(None) };
+    stage.write_json(RECORD, &record)?;
+    stage.finish()?;
+    Ok(Some((stage, record)))
+}
+
+/// The splats of a training that is complete.
+///
+/// # Errors
+/// Where they cannot be read any more.
+pub fn model(stage: &Stage) -> Result<Model> {
+    let file = stage.file(MODEL);
+    let (gaussians, _) = io::read_gaussians_with_notes(&file)?;
+    Ok(Model { path: file.to_string_lossy().into_owned(), gaussians, antialiased: false })
+}

@@ -1,0 +1,157 @@
+//! `camsplat evaluate` in rooms and of pools of photos: what it makes, what it holds back, and what it refuses.
+
+mod command;
+
+use std::collections::HashSet;
+use std::fs;
+
+use camsplat::gaussians::record::TrainRecord;
+use camsplat::io::photos::{self, Options};
+use camsplat::plan::record::PlanRecord;
+use camsplat::scene::camera::{Camera, Intrinsics, Pose};
+use command::gltf::{cube, sky};
+use command::{Place, assert_refused};
+use glam::DVec3;
+use serde_json::Value;
+
+/// A place with `room.gltf`, a cube of side 2 whose walls glow, seen from both sides.
+fn room() -> Place {
+    let place = Place::new();
+    let material = r#"{"doubleSided": true, "emissiveFactor": [0.4, 0.3, 0.1],
+                       "pbrMetallicRoughness": {"baseColorFactor": [0.3, 0.5, 0.5, 1], "metallicFactor": 0}}"#;
+    place.write("room.gltf", cube(&format!(", \"materials\": [{material}]")));
+    place
+}
+
+/// A place with `photos`, a capture of a cube from 20 sides.
+fn pool() -> Place {
+    let place = Place::new();
+    let material = r#"{"pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.4, 0.1, 1], "metallicFactor": 0}}"#;
+    place.write("cube.gltf", cube(&format!(", \"materials\": [{material}]")));
+    place.write("sky.hdr", sky());
+    let camera = |i: usize| {
+        let (height, turn) = (0.9 - 0.09 * (i as f64 + 0.5), 2.4 * i as f64);
+        let out = DVec3::new(turn.cos(), height, turn.sin()).normalize();
+        let pose = Pose::looking(5.0 * out, -out, DVec3::Y);
+        Camera { name: format!("photo_{i:02}"), pose, intrinsics: Intrinsics::from_fov(48, 48, 0.8) }
+    };
+    let cameras: Vec<Camera> = (0..20).map(camera).collect();
+    place.write("cameras.json", serde_json::json!({ "cameras": cameras }).to_string());
+    place.done("capture cube.gltf cameras.json --out photos --env sky.hdr --spp 2");
+    place
+}
+
+const TINY_ROOM: &str = "evaluate room.gltf --preset room --quick --methods random,fvs,ours --budgets 4 --seeds 1 --size 32 \
+                         --spp 2 --inputs 6 --tests 3 --iterations 20 --max-splats 200";
+const TINY_POOL: &str = "evaluate --pool photos --quick --methods random,coverage,fisherrf,ours --budgets 5 --seeds 1 --shrink 2 \
+                         --inputs 6 --iterations 20 --max-splats 200";
+
+/// Files of this name below a folder.
+fn named<T: serde::de::DeserializeOwned>(place: &Place, folder: &str, name: &str) -> Vec<T> {
+    let files = place.files(folder).into_iter().filter(|file| file.ends_with(name));
+    files.map(|file| serde_json::from_str(&place.read(&format!("{folder}/{file}"))).unwrap()).collect()
+}
+
+/// If this failed, a room would be photographed from outside or from within its walls, without what lies behind its windows, or
+/// its table would have columns of objects.
+#[test]
+fn a_room_is_evaluated_from_inside() {
+    let place = room();
+    place.done(&format!("{TINY_ROOM} --out o"));
+    let table = place.read("o/table.md");
+    assert!(table.contains("| scene | method | views | random | choice, s |"), "{table}");
+    assert!(table.contains("| room | ours | 4 |") && table.contains("--surface true"), "{table}");
+    let plans: Vec<PlanRecord> = named(&place, "o/room", "plan.json");
+    assert_eq!(plans.len(), 3);
+    let captures: Vec<String> =
+        place.files("o/room").into_iter().filter(|file| file.ends_with("transforms.json")).collect();
+    // Inputs, tests and three choices.
+    assert_eq!(captures.len(), 5);
+    for capture in captures {
+        let folder = capture.trim_end_matches("/transforms.json");
+        let set = photos::read(&place.path(&format!("o/room/{folder}")), &Options::default()).unwrap();
+        for photo in set.photos {
+            let place = photo.camera.pose.position;
+            assert!(place.abs().max_element() < 0.93, "{} stands at {place}", photo.camera.name);
+            let picture = image::open(photo.image.unwrap()).unwrap();
+            assert!(photo.mask.is_none() && !picture.color().has_alpha());
+            let black = picture.to_rgb8().pixels().filter(|pixel| pixel.0 == [0; 3]).count();
+            assert_eq!(black, 0, "{} shows what is no wall", photo.camera.name);
+        }
+    }
+    let page = place.read("o/report.html");
+    assert!(page.contains("/reference/random_0000.png") && !page.contains("half"), "{page}");
+    let again = place.done(&format!("{TINY_ROOM} --out o"));
+    assert!(again.out.contains("products 0 made"), "{}", again.out);
+}
+
+/// If this failed, a user would learn from a stack of errors, or never, that photos of a smooth room give no surface.
+#[test]
+fn a_room_without_a_surface_from_photos_offers_its_own() {
+    let place = room();
+    let ran = place.run(&format!("{TINY_ROOM} --surface proxy --out o"));
+    assert_eq!(ran.code, Some(2), "{}{}", ran.out, ran.err);
+    assert!(ran.err.contains("room.gltf") && ran.err.contains("--surface true"), "{}", ran.err);
+    assert_eq!(ran.err.lines().count(), 1, "{}", ran.err);
+}
+
+/// If this failed, photos would be scored that were chosen from, or trained on that nobody chose.
+#[test]
+fn every_eighth_photo_of_a_pool_is_held_out() {
+    let place = pool();
+    let ran = place.done(&format!("{TINY_POOL} --out o"));
+    assert!(ran.out.contains("3 photos held out, 17 to choose from"), "{}", ran.out);
+    let table = place.read("o/table.md");
+    assert!(table.contains("| scene | method | views | held-out | choice, s |"), "{table}");
+    for method in ["random", "coverage", "fisherrf", "ours"] {
+        assert!(table.contains(&format!("| photos | {method} | 5 |")), "{table}");
+    }
+    let held_out = ["photo_00.png", "photo_08.png", "photo_16.png"];
+    let choices: Vec<Value> = named(&place, "o/photos", "chosen.json");
+    assert_eq!(choices.len(), 4);
+    for choice in &choices {
+        let photos: HashSet<&str> = choice["photos"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
+        assert_eq!(photos.len(), 5);
+        assert!(held_out.iter().all(|name| !photos.contains(name)), "{photos:?}");
+    }
+    let records: Vec<TrainRecord> = named(&place, "o/photos", "train.json");
+    let tested: Vec<_> = records.iter().filter(|record| !record.test_views.is_empty()).collect();
+    assert!(tested.len() < records.len(), "the model to choose by is tested on nothing");
+    for record in tested {
+        assert_eq!((record.photos.train, record.photos.test, record.photos.shrink), (5, 3, 2));
+        assert!(record.test_views.iter().all(|view| held_out.contains(&view.name.as_str())));
+    }
+    assert!(place.read("o/report.html").contains("/reference/photo_00.png"));
+    let again = place.done(&format!("{TINY_POOL} --out o"));
+    assert!(again.out.contains("products 0 made"), "{}", again.out);
+
+    // Other photos under the same names are another pool.
+    let [one, other] = ["photo_01", "photo_02"].map(|name| place.path(&format!("photos/images/{name}.png")));
+    fs::copy(one, other).unwrap();
+    let changed = place.done(&format!("{TINY_POOL} --out o"));
+    assert!(changed.out.contains(", 0 kept"), "{}", changed.out);
+}
+
+/// If this failed, what cannot be evaluated would be found out after hours.
+#[test]
+fn what_does_not_fit_is_refused_and_nothing_is_written() {
+    let place = pool();
+    place.write("room.gltf", room().read("room.gltf"));
+    let lost = place.path("lost");
+    fs::create_dir_all(lost.join("images")).unwrap();
+    fs::copy(place.path("photos/transforms.json"), lost.join("transforms.json")).unwrap();
+    let cases: [(&str, &[&str]); 8] = [
+        ("evaluate room.gltf --preset room --out o --methods random,fibonacci", &["--methods fibonacci", "room"]),
+        ("evaluate --pool photos --out o", &["photos", "17 of its 20 photos", "--budgets is 20"]),
+        ("evaluate --pool photos --out o --budgets 5 --inputs 18", &["photos", "--inputs is 18"]),
+        (
+            "evaluate --pool photos --out o --budgets 5 --methods ours-iterative",
+            &["--methods ours-iterative", "chosen"],
+        ),
+        ("evaluate --pool lost --out o --budgets 5", &["lost", "missing", "photo_00.png"]),
+        ("evaluate --pool none --out o --budgets 5", &["none"]),
+        ("evaluate --pool photos photos --out o --budgets 5", &["another subject has this name"]),
+        ("evaluate --pool photos --out o --budgets 5 --shrink 0", &["--shrink is 0"]),
+    ];
+    assert_refused(&place, &cases);
+}
