@@ -145,10 +145,7 @@ void main() {
             for (uint k = 0; k < EACH; ++k) {
                 float x = kernel_exponent(w[k], ray.xyz, ray.w, inverse);
                 if (OBJECTIVE == 1) {
-                    if (STANDS != 0) {
-                        float off = too_far(ray.w, stand[k]);
-                        x += 0.5 * by_distance * off * off;
-                    }
+                    if (STANDS != 0) x += by_distance * off_distance(ray.w, stand[k]).x;
                     value[k] += batch_open[b] * exp(-x);
                 } else if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || ray.w < abs(far[k]))) {
                     value[k] *= 1.0 - batch_open[b] * exp(-x);
@@ -205,11 +202,11 @@ void main() {
                     float x = kernel_exponent(w, n, d, inverse);
                     if (OBJECTIVE == 1) {
                         float sum = max(rest, NEAREST_FLOOR);
-                        float off = STANDS != 0 ? too_far(log(d), stands[pool_row + block + t]) : 0.0;
-                        x += 0.5 * by_distance * off * off;
+                        vec2 off = STANDS != 0 ? off_distance(log(d), stands[pool_row + block + t]) : vec2(0.0);
+                        x += by_distance * off.x;
                         float part = open * exp(-x) / sum;
                         float by_part = rest > NEAREST_FLOOR ? -s.nearest_tau * share * target * part : 0.0;
-                        apart -= by_part * by_distance * off;
+                        apart -= by_part * by_distance * off.y;
                         total += by_part;
                         moment += by_part * w;
                         utility -= s.nearest_tau * share * target * log(max(1.0 - part, 1e-3));

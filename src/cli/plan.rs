@@ -137,7 +137,8 @@ pub struct Tuning {
     /// Softness of the nearest-view minimum
     #[arg(long)]
     nearest_tau: Option<f32>,
-    /// What distances count beside angles in the nearest-view minimum: radians that a view e times as far away as wanted is off
+    /// What distances count beside angles in the nearest-view minimum: radians that a view e times as far away as wanted is
+    /// off; one that is nearer is half as much off
     #[arg(long)]
     distance_weight: Option<f32>,
     /// Opacity of a splat

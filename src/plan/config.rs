@@ -133,7 +133,8 @@ pub struct Config {
     pub lambda_scale: f32,
     /// Softness of the nearest-view minimum.
     pub nearest_tau: f32,
-    /// What distances count beside angles in the nearest-view minimum: radians that a view e times as far away as wanted is off.
+    /// What distances count beside angles in the nearest-view minimum: radians that a view e
+    /// times as far away as wanted is off; one that is nearer is half as much off.
     pub distance_weight: f32,
     /// Learning rate of positions, in radii of the region.
     pub rate_centre: f32,

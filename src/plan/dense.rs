@@ -20,6 +20,8 @@ crate::stage!(
 pub const KERNEL_CUTOFF: f64 = 8.0;
 /// A soft gate that lets less than this through is closed.
 pub const GATE_CUTOFF: f64 = 1e-4;
+/// What a view that is nearer than wanted costs of one that is as much further.
+pub const NEARER: f64 = 0.25;
 /// Below this a nearest-view sum counts as empty.
 pub const NEAREST_FLOOR: f64 = 1e-36;
 
@@ -151,17 +153,19 @@ pub fn dense(batch: &Batch<'_>) -> Image {
                 seen.push((j, n, d, open, by_view, by_direction));
             }
         }
-        // How much further away than wanted, as a logarithm.
-        let too_far = |t: usize, d: f64| {
+        // Half the squared logarithm of how much further away than wanted a view is, and its slope.
+        let off_distance = |t: usize, d: f64| {
             let stand = batch.stands.get(i * texels + t).copied().unwrap_or(f64::from(ANY));
-            if stand < f64::from(ANY) { d.ln() - stand } else { 0.0 }
+            let off = if stand < f64::from(ANY) { d.ln() - stand } else { 0.0 };
+            let slope = if off < 0.0 { NEARER * off } else { off };
+            (0.5 * off * slope, slope)
         };
         let by_distance = f64::from(s.distance_weight).powi(2) * inverse;
         // a_j of a texel; zero where the kernel is cut off or a surface is in the way.
         let opacity = |t: usize, n: DVec3, d: f64, open: f64| {
             let x = exponent(batch, batch.directions[t], n, d, inverse);
             if nearest {
-                let x = x + 0.5 * by_distance * too_far(t, d).powi(2);
+                let x = x + by_distance * off_distance(t, d).0;
                 return (open * (-x).exp(), x);
             }
             let blocked = batch.occlusion && d >= depth[t].abs();
@@ -201,7 +205,7 @@ pub fn dense(batch: &Batch<'_>) -> Image {
                 image.by_direction[j] += by_a * by_direction;
                 image.by_centre[j] += if batch.kernel == Kernel::Angular || nearest {
                     across(by_a * inverse * w)
-                        - if nearest { by_a * by_distance * too_far(t, d) / d * n } else { DVec3::ZERO }
+                        - if nearest { by_a * by_distance * off_distance(t, d).1 / d * n } else { DVec3::ZERO }
                 } else {
                     -by_a * inverse * d * (n - w.dot(n) * w)
                 };

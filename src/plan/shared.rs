@@ -60,7 +60,7 @@ gpu_struct! {
         pub scale_floor: f32,
         /// Softness of the nearest-view minimum.
         pub nearest_tau: f32,
-        /// Radians that a view e times as far away as wanted counts as, in the nearest-view minimum.
+        /// Radians that a view e times as far away as wanted is off, in the nearest-view minimum.
         pub distance_weight: f32,
     }
 }

@@ -47,7 +47,7 @@ struct Settings {
     float lambda_scale;
     float scale_floor;
     float nearest_tau;
-    float distance_weight;  // radians that a view e times as far away as wanted counts as (nearest)
+    float distance_weight;  // radians that a view e times as far away as wanted is off (nearest)
 };
 
 // What changes from one iteration to the next; written by `update` alone, at its end.
@@ -205,9 +205,15 @@ float kernel_exponent(vec3 w, vec3 n, float d, float inverse_scale_square) {
     return h > 0.0 ? 0.5 * d * d * dot(off, off) * inverse_scale_square : 1e30;
 }
 
-// How much further away than wanted a view is, as a logarithm; `stand` is that of the wanted distance, 1e30 for any.
-float too_far(float log_distance, float stand) {
-    return stand < 1e29 ? log_distance - stand : 0.0;
+// What a view that is nearer than wanted costs of one that is as much further: its detail is all there, and less of the surface
+// in its picture, which the gate sees to.
+const float NEARER = 0.25;
+
+// Half the squared logarithm of how much further away than wanted a view is, and its slope; `stand` is the logarithm of the
+// wanted distance, 1e30 for any.
+vec2 off_distance(float log_distance, float stand) {
+    float off = stand < 1e29 ? log_distance - stand : 0.0, slope = off < 0.0 ? NEARER * off : off;
+    return vec2(0.5 * off * slope, slope);
 }
 
 // Gradient of the loss by the splat's centre and direction, from the sums over texels: `moment` is the sum of
