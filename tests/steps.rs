@@ -157,7 +157,7 @@ fn five_iterations_are_those_of_the_twin() {
         ("nearest", Config { objective: Objective::Nearest, nearest_tau: 0.1, ..joint.clone() }),
         (
             "nearest, by distance too",
-            Config { objective: Objective::Nearest, nearest_tau: 0.1, distance_weight: 0.5, ..joint.clone() },
+            Config { objective: Objective::Nearest, nearest_tau: 0.1, distance_weight: 0.3, ..joint.clone() },
         ),
         // Rounds of two iterations: the third round has begun by the end.
         ("iterative", Config { iterative: true, iterations: 10, views: 3, ..joint }),
