@@ -42,7 +42,7 @@ fn pool() -> Place {
 }
 
 const TINY_ROOM: &str = "evaluate room.gltf --preset room --quick --methods random,fvs,ours --budgets 4 --seeds 1 --size 32 \
-                         --spp 2 --inputs 6 --tests 3 --iterations 20 --max-splats 200";
+                         --spp 2 --inputs 16 --tests 3 --iterations 20 --max-splats 200";
 const TINY_POOL: &str = "evaluate --pool photos --quick --methods random,coverage,fisherrf,ours --budgets 5 --seeds 1 --shrink 2 \
                          --inputs 6 --iterations 20 --max-splats 200";
 

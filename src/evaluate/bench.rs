@@ -143,6 +143,14 @@ impl Bench {
         let (surface, points) = match self.settings.shown {
             Shown::Proxy => {
                 let points = self.reconstructed(&set)?;
+                if let Around::Room(space) = &self.views {
+                    let told = 100.0 * space.told(&points.positions);
+                    let note = format!(
+                        "the surface made from the input photos lies along {told:.0}% of the scene's own, which --surface true \
+                         shows"
+                    );
+                    let _ = observe(Event::Note(note));
+                }
                 (Surface::Points(points), None)
             }
             Shown::True => (self.surface.clone(), Some(SCORED)),

@@ -120,15 +120,19 @@ impl Choices {
         let request = select::Request { method: chooser, seed, ..select::Request::new(views as usize) };
         let inputs = json!({
             "pool": self.pool.checksum, "surface": self.surface, "model": model.map(Stage::key), "request": request,
-            "device": self.context.physical().name,
+            "shrink": self.settings.shrink, "device": self.context.physical().name,
         });
         let stage = Stage::new(&self.root, "choice", inputs);
         if !stage.begins(observe)? {
             return stage.read(CHOSEN).map(Some);
         }
-        let set = &self.pool.candidates;
+        // As they are trained on: what a model tells of a photo depends on its pixels, and takes time by them.
+        let mut set = self.pool.candidates.clone();
+        for photo in &mut set.photos {
+            photo.camera.intrinsics = photo.camera.intrinsics.shrunk(self.settings.shrink);
+        }
         let model = model.map(training::model).transpose()?;
-        let prospect = Prospect::new(&self.context, set, &self.target, request)?.with_model(model);
+        let prospect = Prospect::new(&self.context, &set, &self.target, request)?.with_model(model);
         let selection = prospect.select(None, false)?;
         let name = |chosen: &select::Chosen| set.photos[chosen.photo].camera.name.clone();
         let [_, planning, choosing] = selection.seconds;

@@ -25,6 +25,8 @@ const RAYS: u32 = 8;
 const LEAST_SEEN: f64 = 0.5;
 /// Draws for each camera.
 const DRAWS: usize = 50;
+/// Points that a surface made from photos is held against.
+const POINTS: usize = 1000;
 /// Places that input cameras are chosen from.
 const PLACES: u32 = 600;
 
@@ -92,6 +94,14 @@ impl EmptySpace {
             Camera { pose, ..camera.clone() }
         };
         (cameras.iter().map(settle).collect(), moved)
+    }
+
+    /// Share of the scene's own surface that has one of `positions` within the clearance.
+    pub fn told(&self, positions: &[DVec3]) -> f64 {
+        let near = self.target.region.clearance;
+        let points = self.target.proxy.sample(POINTS, TEST_SEED, 0);
+        let is_told = |place: DVec3| positions.iter().any(|position| position.distance_squared(place) < near * near);
+        points.iter().filter(|point| is_told(point.position)).count() as f64 / points.len().max(1) as f64
     }
 
     /// Share of a picture that shows the surface; the pose is in the planner's frame.
