@@ -11,7 +11,7 @@ use super::progress::{go_on, stop_on_interrupt};
 use crate::evaluate::job;
 use crate::evaluate::kind::Kind;
 use crate::evaluate::pool::Pool;
-use crate::evaluate::request::{Method, Request, Settings, Shown};
+use crate::evaluate::request::{Method, PeersFrom, Request, Settings, Shown};
 use crate::evaluate::scene::Scene;
 use crate::evaluate::stage::Event;
 use crate::evaluate::subject::Subject;
@@ -78,6 +78,15 @@ pub struct Arguments {
     /// Most splats [default: 1000000; quick: 5000]
     #[arg(long)]
     max_splats: Option<u32>,
+    /// The protocol of the paper: the whole one, with every method of its tables, where peers choose from the outer sphere
+    #[arg(long, conflicts_with_all = ["quick", "pool"])]
+    paper: bool,
+    /// Where around an object peers may put cameras; the planner always has the whole region [default: region; paper: sphere]
+    #[arg(long, value_enum)]
+    peers_from: Option<PeersFrom>,
+    /// Devices that runs are spread over, each by index or part of its name
+    #[arg(long, value_delimiter = ',', value_name = "NAMES", conflicts_with = "device")]
+    devices: Vec<String>,
     #[command(flatten)]
     device: DeviceOptions,
 }
@@ -124,6 +133,7 @@ impl Arguments {
                 max_splats: self.max_splats.unwrap_or(of.max_splats),
                 shown: self.surface.unwrap_or(shown),
                 shrink: self.shrink.unwrap_or(of.shrink),
+                peers_from: self.peers_from.unwrap_or(if self.paper { PeersFrom::Sphere } else { of.peers_from }),
             },
         }
     }
@@ -154,12 +164,17 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     for note in &notes {
         say!("{note}");
     }
-    let context = arguments.device.open()?;
-    say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+    let contexts = match &arguments.devices[..] {
+        [] => vec![arguments.device.open()?],
+        names => arguments.device.open_each(names)?,
+    };
+    for context in &contexts {
+        say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+    }
     stop_on_interrupt()?;
     let start = Instant::now();
     let (mut made, mut kept) = (0, 0);
-    let outcome = job::run(&context, &request, subjects, &arguments.out, &mut |event| {
+    let outcome = job::run(&contexts, &request, &subjects, &arguments.out, &mut |event| {
         match event {
             Event::Begins(product) => {
                 made += 1;
@@ -171,7 +186,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         }
         go_on()
     });
-    print_messages(&context);
+    contexts.iter().for_each(|context| print_messages(context));
     let Some(outcome) = outcome? else {
         say!("stopped; what is finished stays, and the same command goes on from there");
         return Ok(ExitCode::from(super::INTERRUPTED));

@@ -95,6 +95,12 @@ impl ModelOptions {
 }
 
 impl DeviceOptions {
+    /// Opens several devices, each by index or part of its name; the same one may be opened twice.
+    pub fn open_each(&self, names: &[String]) -> Result<Vec<Arc<Context>>> {
+        let named = |name: &String| Self { device: Some(name.clone()), ..*self }.open();
+        names.iter().map(named).collect()
+    }
+
     /// Opens the device. With the environment variable CAMSPLAT_VALIDATION set, the validation layers watch it.
     pub fn open(&self) -> Result<Arc<Context>> {
         Context::new(&vulkan::Options {

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use serde_json::{Value, json};
 
 use super::kind::Kind;
-use super::request::{Method, Request, Settings, Shown};
+use super::request::{Method, PeersFrom, Request, Settings, Shown};
 use super::scene::{Around, Scene};
 use super::stage::{Event, Observe, Stage};
 use super::training::{self, Training};
@@ -23,7 +23,6 @@ use crate::photos::PhotoSet;
 use crate::plan::job::{RegionChoice, Target, Tools};
 use crate::plan::record::PlanRecord;
 use crate::scene::camera::{Camera, Intrinsics};
-use crate::scene::region::Region;
 use crate::scene::surface::{Points, Surface};
 use crate::vulkan::Context;
 use crate::{Error, Result, io, peers, photograph, plan, stereo, vds};
@@ -39,44 +38,31 @@ const SURFACE: &str = "surface.ply";
 const PLAN: &str = "plan.json";
 
 /// A scene with its products.
-pub struct Bench {
+pub struct Bench<'a> {
     context: Arc<Context>,
     root: PathBuf,
     kind: Kind,
     settings: Settings,
     tracer: Tracer,
-    surface: Surface,
-    path: String,
-    region: Region,
-    views: Around,
+    scene: &'a Scene,
 }
 
-impl Bench {
+impl<'a> Bench<'a> {
     /// Uploads a scene, whose products lie below `root`.
     ///
     /// # Errors
     /// Where the device has no room for it.
-    pub fn new(context: &Arc<Context>, root: &Path, request: &Request, scene: Scene) -> Result<Self> {
-        let Scene { path, assembly, surface, region, views, .. } = scene;
+    pub fn new(context: &Arc<Context>, root: &Path, request: &Request, scene: &'a Scene) -> Result<Self> {
         let Request { kind, settings, .. } = *request;
         let pixels = u64::from(settings.size).pow(2);
-        Ok(Self {
-            context: context.clone(),
-            root: root.to_owned(),
-            kind,
-            settings,
-            tracer: Tracer::new(context, assembly, pixels)?,
-            surface,
-            path: path.to_string_lossy().into_owned(),
-            region,
-            views,
-        })
+        let tracer = Tracer::new(context, scene.assembly.clone(), pixels)?;
+        Ok(Self { context: context.clone(), root: root.to_owned(), kind, settings, tracer, scene })
     }
 
     /// The cameras as they are photographed: in a room, those that a method put into a thing which it did not see stand beside
     /// it, as a person would.
     pub fn standing(&self, cameras: &[Camera], observe: Observe) -> Vec<Camera> {
-        let Around::Room(space) = &self.views else { return cameras.to_vec() };
+        let Around::Room(space) = &self.scene.views else { return cameras.to_vec() };
         let (settled, moved) = space.settled(cameras);
         if moved > 0 {
             let all = cameras.len();
@@ -143,7 +129,7 @@ impl Bench {
         let (surface, points) = match self.settings.shown {
             Shown::Proxy => {
                 let points = self.reconstructed(&set)?;
-                if let Around::Room(space) = &self.views {
+                if let Around::Room(space) = &self.scene.views {
                     let told = 100.0 * space.told(&points.positions);
                     let note = format!(
                         "the surface made from the input photos lies along {told:.0}% of the scene's own, which --surface true \
@@ -153,7 +139,7 @@ impl Bench {
                 }
                 (Surface::Points(points), None)
             }
-            Shown::True => (self.surface.clone(), Some(SCORED)),
+            Shown::True => (self.scene.surface.clone(), Some(SCORED)),
         };
         if observe(Event::Working).is_break() {
             return Ok(None);
@@ -171,14 +157,14 @@ impl Bench {
         if self.kind == Kind::Room {
             // Cameras in a room look at no one place; where they may stand says how far away walls can be. What is nearer than
             // a tenth of that is too near to be found in two pictures.
-            let (min, max) = self.region.bounds();
+            let (min, max) = self.scene.region.bounds();
             let far = (max - min).length();
             let depths = Some([0.1 * far, far]);
             let options = stereo::Options { depths, hull: false, ..options };
             return match stereo::reconstruct(&self.context, set, &options) {
                 Ok(found) => Ok(found.points),
                 Err(Error::Request(what)) => Err(Error::input(
-                    &self.path,
+                    &self.scene.path,
                     format!(
                         "its input photos give no surface ({what}); give more --inputs or --spp, or show methods the scene's \
                          own mesh with --surface true"
@@ -212,24 +198,31 @@ impl Bench {
             Method::Peer(peer) => Some(peers::request::Request::new(peer, None, &config)?),
             _ => None,
         };
+        let region = match (peer.is_some(), self.settings.peers_from, self.kind) {
+            (true, PeersFrom::Sphere, Kind::Object) => self.scene.region.outermost(),
+            _ => self.scene.region,
+        };
         let stage = self.stage(
             "choice",
             json!({
                 "surface": shown.key(), "model": model.map(Stage::key), "method": method, "config": config, "peer": peer,
-                "region": self.region, "camera": self.intrinsics(), "device": self.context.physical().name,
+                "region": region, "camera": self.intrinsics(), "device": self.context.physical().name,
             }),
         );
         if !stage.begins(observe)? {
             return stage.read(PLAN).map(Some);
         }
         let surface = io::read_surface(&shown.file(SURFACE))?;
-        let choice = RegionChoice {
-            shape: Some(self.region.shape),
-            floor: self.region.floor,
-            clearance: Some(self.region.clearance),
-        };
+        let choice = RegionChoice { shape: Some(region.shape), floor: region.floor, clearance: Some(region.clearance) };
         let intrinsics = self.intrinsics();
-        let target = Target::new(&surface, &self.path, self.kind.preset(), &choice, self.region.up, &intrinsics)?;
+        let target = Target::new(
+            &surface,
+            &self.scene.path.to_string_lossy(),
+            self.kind.preset(),
+            &choice,
+            region.up,
+            &intrinsics,
+        )?;
         let plan = match peer {
             Some(request) => {
                 let model = model.map(training::model).transpose()?;

@@ -45,23 +45,29 @@ pub struct Chosen {
 }
 
 /// A pool with its products.
-pub struct Choices {
+pub struct Choices<'a> {
     context: Arc<Context>,
     root: PathBuf,
     settings: Settings,
-    pool: Pool,
+    pool: &'a Pool,
     target: Target,
     /// What names the surface among the inputs of others.
     surface: String,
 }
 
-impl Choices {
+impl<'a> Choices<'a> {
     /// Finds the surface of a pool, whose products lie below `root`: the capture's own points, as `camsplat select` takes them,
     /// or else what `camsplat proxy` makes of the candidates.
     ///
     /// # Errors
     /// Where there is no surface, or the device fails.
-    pub fn new(context: &Arc<Context>, root: &Path, request: &Request, pool: Pool, observe: Observe) -> Result<Self> {
+    pub fn new(
+        context: &Arc<Context>,
+        root: &Path,
+        request: &Request,
+        pool: &'a Pool,
+        observe: Observe,
+    ) -> Result<Self> {
         let set = &pool.candidates;
         let (surface, key) = if set.points.positions.is_empty() {
             let stage = Stage::new(root, "surface", json!({ "pool": pool.checksum, "seed": SEED }));

@@ -1,8 +1,12 @@
 //! A whole evaluation: every scene, method, budget and seed.
 
 use std::fs;
-use std::path::Path;
-use std::sync::Arc;
+use std::ops::ControlFlow;
+use std::panic::resume_unwind;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
 
 use serde_json::json;
 
@@ -10,7 +14,7 @@ use super::bench::Bench;
 use super::choices::Choices;
 use super::kind::Kind;
 use super::pool::Pool;
-use super::request::{Method, Request};
+use super::request::{Method, Request, Settings};
 use super::results::{self, Entry, Row};
 use super::scene::Scene;
 use super::stage::{Event, Observe, Stage};
@@ -56,33 +60,24 @@ pub fn check(folder: &Path, subjects: &[Subject]) -> Result<()> {
     })
 }
 
-/// Runs what is asked for and writes tables into `folder`; products that are there are taken as they are. None where `observe`
-/// broke it off; the same call goes on from there.
+/// Runs what is asked for on all of the devices and writes tables into `folder`; products that are there are taken as they are.
+/// None where `observe` broke it off; the same call goes on from there. Tables do not depend on the number of devices where
+/// these are alike, but for the seconds that choices take.
 ///
 /// # Errors
 /// Where a stage fails; what is finished stays.
 pub fn run(
-    context: &Arc<Context>,
+    contexts: &[Arc<Context>],
     request: &Request,
-    subjects: Vec<Subject>,
+    subjects: &[Subject],
     folder: &Path,
     observe: Observe,
 ) -> Result<Option<Outcome>> {
     fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
-    let names: Vec<String> = subjects.iter().map(|subject| subject.name().to_owned()).collect();
+    let names: Vec<&str> = subjects.iter().map(Subject::name).collect();
     let asked = format!("{:#}\n", json!({ "scenes": names, "request": request }));
     write_files(&[(&folder.join(ASKED), asked.as_bytes())])?;
-    let mut entries = Vec::new();
-    for subject in subjects {
-        let folder = folder.join(subject.name());
-        let whole = match subject {
-            Subject::Scene(of) => scene(context, request, *of, &folder, &mut entries, observe)?,
-            Subject::Pool(of) => pool(context, request, *of, &folder, &mut entries, observe)?,
-        };
-        if !whole {
-            return Ok(None);
-        }
-    }
+    let Some(entries) = spread(contexts, request, subjects, folder, observe)? else { return Ok(None) };
     let rows = results::rows(&entries);
     let written = json!({ "request": request, "rows": rows, "runs": entries });
     write_files(&[
@@ -93,88 +88,149 @@ pub fn run(
     Ok(Some(Outcome { kind: request.kind, entries, rows }))
 }
 
-/// Evaluates on one scene, with products in `folder`; false where it was broken off.
-fn scene(
-    context: &Arc<Context>,
-    request: &Request,
-    scene: Scene,
-    folder: &Path,
-    entries: &mut Vec<Entry>,
-    observe: Observe,
-) -> Result<bool> {
-    let (settings, name) = (request.settings, scene.name.clone());
-    let intrinsics = settings.intrinsics();
-    let inputs = scene.inputs(context, intrinsics, settings.inputs)?;
-    let tests = scene.tests(intrinsics, settings.tests)?;
-    let bench = Bench::new(context, folder, request, scene)?;
-    let Some(inputs) = bench.photographs(&inputs, observe)? else { return Ok(false) };
-    let Some(shown) = bench.shown(&inputs, observe)? else { return Ok(false) };
-    let Some(tests) = bench.photographs(&tests, observe)? else { return Ok(false) };
-    let mut model = None;
-    if request.needs_model() {
-        let Some((trained, _)) = bench.training(&inputs, None, 0, observe)? else { return Ok(false) };
-        model = Some(trained);
-    }
-    for run @ (method, _, seed) in request.runs() {
-        if observe(Event::Working).is_break() {
-            return Ok(false);
-        }
-        let model = model.as_ref().filter(|_| method.needs_model());
-        let Some(plan) = bench.choice(run, &shown, model, observe)? else { return Ok(false) };
-        let cameras = bench.standing(&plan.cameras, observe);
-        let Some(photos) = bench.photographs(&cameras, observe)? else { return Ok(false) };
-        let Some(trained) = bench.training(&photos, Some(&tests), seed, observe)? else { return Ok(false) };
-        entries.push(entry(request.kind, &name, run, plan.seconds, &trained));
-    }
-    Ok(true)
+/// The runs of one subject, handed out one by one.
+struct Runs<'a> {
+    request: &'a Request,
+    folder: PathBuf,
+    subject: &'a Subject,
+    next: AtomicUsize,
+    /// Those that are complete, with their numbers.
+    entries: Mutex<Vec<(usize, Entry)>>,
 }
 
-/// Evaluates on one pool, with products in `folder`; false where it was broken off.
-fn pool(
-    context: &Arc<Context>,
-    request: &Request,
-    pool: Pool,
-    folder: &Path,
-    entries: &mut Vec<Entry>,
-    observe: Observe,
-) -> Result<bool> {
-    let name = pool.name.clone();
-    let choices = Choices::new(context, folder, request, pool, observe)?;
-    let mut model = None;
-    if request.needs_model() {
-        model = choices.model(observe)?;
-        if model.is_none() {
-            return Ok(false);
+impl Runs<'_> {
+    fn take(&self) -> Option<(usize, (Method, u32, u64))> {
+        let number = self.next.fetch_add(1, Ordering::Relaxed);
+        self.request.runs().nth(number).map(|run| (number, run))
+    }
+
+    fn complete(
+        &self,
+        (number, (method, views, seed)): (usize, (Method, u32, u64)),
+        seconds: f64,
+        trained: &(Stage, TrainRecord),
+    ) {
+        let ((stage, record), sets) = (trained, self.request.kind.sets());
+        let entry = Entry {
+            scene: self.subject.name().to_owned(),
+            method,
+            views,
+            seed,
+            seconds,
+            quality: results::by_set(record, sets),
+            folder: stage.key().to_owned(),
+            pictures: results::first_pictures(record, sets),
+        };
+        self.entries.lock().unwrap_or_else(PoisonError::into_inner).push((number, entry));
+    }
+
+    /// Works on what is left of the subject on one device; what all runs share is made by who comes first. False where it was
+    /// broken off.
+    fn work(&self, context: &Arc<Context>, observe: Observe) -> Result<bool> {
+        match self.subject {
+            Subject::Scene(scene) => self.photographed(context, scene, observe),
+            Subject::Pool(pool) => self.chosen(context, pool, observe),
         }
     }
-    for run @ (method, _, seed) in request.runs() {
-        if observe(Event::Working).is_break() {
-            return Ok(false);
+
+    fn photographed(&self, context: &Arc<Context>, scene: &Scene, observe: Observe) -> Result<bool> {
+        let Settings { inputs, tests, .. } = self.request.settings;
+        let intrinsics = self.request.settings.intrinsics();
+        let inputs = scene.inputs(context, intrinsics, inputs)?;
+        let tests = scene.tests(intrinsics, tests)?;
+        let bench = Bench::new(context, &self.folder, self.request, scene)?;
+        let Some(inputs) = bench.photographs(&inputs, observe)? else { return Ok(false) };
+        let Some(shown) = bench.shown(&inputs, observe)? else { return Ok(false) };
+        let Some(tests) = bench.photographs(&tests, observe)? else { return Ok(false) };
+        let mut model = None;
+        if self.request.needs_model() {
+            let Some((trained, _)) = bench.training(&inputs, None, 0, observe)? else { return Ok(false) };
+            model = Some(trained);
         }
-        let model = model.as_ref().filter(|_| method.needs_model());
-        let Some(chosen) = choices.choice(run, model, observe)? else { return Ok(false) };
-        let Some(trained) = choices.training(&chosen, seed, observe)? else { return Ok(false) };
-        entries.push(entry(request.kind, &name, run, chosen.seconds, &trained));
+        while let Some((number, run @ (method, _, seed))) = self.take() {
+            if observe(Event::Working).is_break() {
+                return Ok(false);
+            }
+            let model = model.as_ref().filter(|_| method.needs_model());
+            let Some(plan) = bench.choice(run, &shown, model, observe)? else { return Ok(false) };
+            let cameras = bench.standing(&plan.cameras, observe);
+            let Some(photos) = bench.photographs(&cameras, observe)? else { return Ok(false) };
+            let Some(trained) = bench.training(&photos, Some(&tests), seed, observe)? else { return Ok(false) };
+            self.complete((number, run), plan.seconds, &trained);
+        }
+        Ok(true)
     }
-    Ok(true)
+
+    fn chosen(&self, context: &Arc<Context>, pool: &Pool, observe: Observe) -> Result<bool> {
+        let choices = Choices::new(context, &self.folder, self.request, pool, observe)?;
+        let mut model = None;
+        if self.request.needs_model() {
+            model = choices.model(observe)?;
+            if model.is_none() {
+                return Ok(false);
+            }
+        }
+        while let Some((number, run @ (method, _, seed))) = self.take() {
+            if observe(Event::Working).is_break() {
+                return Ok(false);
+            }
+            let model = model.as_ref().filter(|_| method.needs_model());
+            let Some(chosen) = choices.choice(run, model, observe)? else { return Ok(false) };
+            let Some(trained) = choices.training(&chosen, seed, observe)? else { return Ok(false) };
+            self.complete((number, run), chosen.seconds, &trained);
+        }
+        Ok(true)
+    }
 }
 
-/// What a run came to.
-fn entry(
-    kind: Kind,
-    scene: &str,
-    (method, views, seed): (Method, u32, u64),
-    seconds: f64,
-    (trained, record): &(Stage, TrainRecord),
-) -> Entry {
-    Entry {
-        scene: scene.to_owned(),
-        method,
-        views,
-        seed,
-        seconds,
-        quality: results::by_set(record, kind.sets()),
-        folder: trained.key().to_owned(),
-        pictures: results::first_pictures(record, kind.sets()),
+/// All runs, a worker for each device; none where it was broken off. Entries come in the order of subjects and runs.
+fn spread(
+    contexts: &[Arc<Context>],
+    request: &Request,
+    subjects: &[Subject],
+    folder: &Path,
+    observe: Observe,
+) -> Result<Option<Vec<Entry>>> {
+    let runs: Vec<Runs> = subjects
+        .iter()
+        .map(|subject| Runs {
+            request,
+            folder: folder.join(subject.name()),
+            subject,
+            next: AtomicUsize::new(0),
+            entries: Mutex::default(),
+        })
+        .collect();
+    // What one worker meets ends all of them.
+    let (observe, over) = (Mutex::new(observe), AtomicBool::new(false));
+    let work = |context: &Arc<Context>| {
+        let mut hear = |event: Event<'_>| {
+            let heard = observe.lock().unwrap_or_else(PoisonError::into_inner)(event);
+            if over.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { heard }
+        };
+        for runs in &runs {
+            let worked = runs.work(context, &mut hear);
+            if !matches!(worked, Ok(true)) {
+                over.store(true, Ordering::Relaxed);
+                return worked;
+            }
+        }
+        Ok(true)
+    };
+    let worked: Vec<Result<bool>> = thread::scope(|scope| {
+        let others: Vec<_> = contexts.iter().skip(1).map(|context| scope.spawn(|| work(context))).collect();
+        let first = contexts.first().map(&work);
+        let others = others.into_iter().map(|other| other.join().unwrap_or_else(|panic| resume_unwind(panic)));
+        first.into_iter().chain(others).collect()
+    });
+    let worked: Vec<bool> = worked.into_iter().collect::<Result<_>>()?;
+    if worked.contains(&false) {
+        return Ok(None);
     }
+    let entries = runs.into_iter().flat_map(|runs| {
+        let mut entries = runs.entries.into_inner().unwrap_or_else(PoisonError::into_inner);
+        entries.sort_by_key(|(number, _)| *number);
+        entries
+    });
+    Ok(Some(entries.map(|(_, entry)| entry).collect()))
 }

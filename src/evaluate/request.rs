@@ -129,6 +129,16 @@ pub enum Shown {
     True,
 }
 
+/// Where around an object peers may put cameras.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum PeersFrom {
+    /// Anywhere in the region that the planner has too
+    Region,
+    /// On its outer sphere, as the discrete methods of the paper do
+    Sphere,
+}
+
 /// The size of everything.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Settings {
@@ -148,6 +158,8 @@ pub struct Settings {
     pub shown: Shown,
     /// Each pixel of a pool's photo is a square of so many stored ones.
     pub shrink: u32,
+    /// Where around an object peers may put cameras.
+    pub peers_from: PeersFrom,
 }
 
 impl Settings {
@@ -161,6 +173,7 @@ impl Settings {
         max_splats: 1_000_000,
         shown: Shown::Proxy,
         shrink: 1,
+        peers_from: PeersFrom::Region,
     };
     /// What two cores do in minutes.
     pub const QUICK: Self = Self {
@@ -172,6 +185,7 @@ impl Settings {
         max_splats: 5000,
         shown: Shown::Proxy,
         shrink: 8,
+        peers_from: PeersFrom::Region,
     };
 
     /// Horizontal field of view of all cameras that photograph a scene, in degrees: the planner's default.

@@ -1,6 +1,7 @@
 //! Products of stages: each in a folder that a key of all of its inputs names, complete where `done.json` says so.
 
-use std::fs;
+use std::cell::RefCell;
+use std::fs::{self, File};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -27,14 +28,16 @@ pub enum Event<'e> {
 }
 
 /// Hears what happens and says whether to go on.
-pub type Observe<'o> = &'o mut dyn FnMut(Event<'_>) -> ControlFlow<()>;
+pub type Observe<'o> = &'o mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send);
 
 /// A product that is there or is to be made.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug)]
 pub struct Stage {
     folder: PathBuf,
     key: String,
     inputs: Value,
+    /// The folder, locked while the product is made: several workers may want it at once.
+    making: RefCell<Option<File>>,
 }
 
 impl Stage {
@@ -43,7 +46,7 @@ impl Stage {
     pub fn new(root: &Path, name: &str, inputs: Value) -> Self {
         let inputs = json!({ "stage": name, "version": env!("CARGO_PKG_VERSION"), "inputs": inputs });
         let key = format!("{name}-{:016x}", fnv1a(inputs.to_string().as_bytes()));
-        Self { folder: root.join(&key), key, inputs }
+        Self { folder: root.join(&key), key, inputs, making: RefCell::default() }
     }
 
     /// What names it among the inputs of others.
@@ -67,17 +70,23 @@ impl Stage {
         serde_json::from_slice(&text).is_ok_and(|inputs: Value| inputs == self.inputs)
     }
 
-    /// Whether it is to be made; its folder is there then.
+    /// Whether it is to be made; its folder is there then, and nobody else makes it before [`Stage::finish`] or the end of
+    /// `self`. Where somebody is making it, this waits for it.
     ///
     /// # Errors
     /// Where the system refuses.
     pub fn begins(&self, observe: Observe) -> Result<bool> {
-        let is_done = self.is_done();
-        // A stop that is asked for here is heard within the stage, or before the next.
-        let _ = observe(if is_done { Event::Kept(self.key()) } else { Event::Begins(self.key()) });
+        let mut is_done = self.is_done();
         if !is_done {
             self.begin()?;
+            let refused = |source| Error::io(&self.folder, source);
+            let folder = File::open(&self.folder).map_err(refused)?;
+            folder.lock().map_err(refused)?;
+            is_done = self.is_done();
+            *self.making.borrow_mut() = (!is_done).then_some(folder);
         }
+        // A stop that is asked for here is heard within the stage, or before the next.
+        let _ = observe(if is_done { Event::Kept(self.key()) } else { Event::Begins(self.key()) });
         Ok(!is_done)
     }
 
@@ -122,7 +131,9 @@ impl Stage {
     /// # Errors
     /// Where the system refuses.
     pub fn finish(&self) -> Result<()> {
-        self.write(DONE, format!("{:#}\n", self.inputs).as_bytes())
+        self.write(DONE, format!("{:#}\n", self.inputs).as_bytes())?;
+        self.making.take();
+        Ok(())
     }
 }
 

@@ -19,6 +19,7 @@ use crate::{Error, Result};
 const LEAST_IOR: f32 = 1.01;
 
 /// Everything that the device needs, about the origin.
+#[derive(Clone)]
 pub struct Assembly {
     /// Place of the origin in the world.
     pub centre: DVec3,

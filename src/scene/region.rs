@@ -98,6 +98,15 @@ impl Region {
         Self { shape, up, floor, clearance: 0.05 * radius }.validated()
     }
 
+    /// The outermost fiftieth of a shell; a box as it is.
+    pub fn outermost(&self) -> Self {
+        let shape = match self.shape {
+            Shape::Shell { centre, r_min, r_max } => Shape::Shell { centre, r_min: r_min.max(0.98 * r_max), r_max },
+            shape @ Shape::Box { .. } => shape,
+        };
+        Self { shape, ..*self }
+    }
+
     /// The default box inside a room: its bounds shrunk by the clearance, which is a twentieth of the smallest side where
     /// none is given.
     ///
