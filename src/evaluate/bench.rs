@@ -37,7 +37,7 @@ const SCORED: usize = 20_000;
 /// Held-out points of a plan's metrics, which are not what is evaluated here.
 const HELD_OUT: u32 = 200;
 /// Files of the products.
-const SURFACE: &str = "surface.ply";
+pub(super) const SURFACE: &str = "surface.ply";
 const PLAN: &str = "plan.json";
 
 /// What happens on the way.
@@ -157,6 +157,20 @@ impl Bench {
         Ok(Some(stage))
     }
 
+    /// What is shown, in the scene's region, ready to be planned for.
+    ///
+    /// # Errors
+    /// Where its file cannot be read any more.
+    pub fn target(&self, shown: &Stage) -> Result<Target> {
+        let surface = io::read_surface(&shown.file(SURFACE))?;
+        let choice = RegionChoice {
+            shape: Some(self.region.shape),
+            floor: self.region.floor,
+            clearance: Some(self.region.clearance),
+        };
+        Target::new(&surface, &self.path, Preset::Object, &choice, self.region.up, &self.intrinsics())
+    }
+
     /// Lets a method choose views.
     ///
     /// # Errors
@@ -186,14 +200,8 @@ impl Bench {
             let again = |e| Error::input(&file, format!("{e}; remove the folder and run again"));
             return serde_json::from_slice(&text).map(Some).map_err(again);
         }
-        let surface = io::read_surface(&shown.file(SURFACE))?;
-        let choice = RegionChoice {
-            shape: Some(self.region.shape),
-            floor: self.region.floor,
-            clearance: Some(self.region.clearance),
-        };
+        let target = self.target(shown)?;
         let intrinsics = self.intrinsics();
-        let target = Target::new(&surface, &self.path, Preset::Object, &choice, self.region.up, &intrinsics)?;
         let plan = match peer {
             Some(request) => {
                 let model = model.map(read_model).transpose()?;

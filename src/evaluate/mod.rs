@@ -2,7 +2,8 @@
 //!
 //! [`request`] says what is compared and how, [`subject`] is a scene that is read, [`views`] are the cameras of inputs and
 //! tests, [`stage`] keeps every product under a key of its inputs, [`mod@bench`] makes the products of a scene, [`job`] all that is
-//! asked for, [`results`] means and intervals, [`table`] the tables. `docs/evaluation.md` has the protocol.
+//! asked for, [`results`] means and intervals, [`table`] the tables; [`tour`] goes the whole way once, as the demo does.
+//! `docs/evaluation.md` has the protocol.
 
 pub mod bench;
 pub mod job;
@@ -11,4 +12,5 @@ pub mod results;
 pub mod stage;
 pub mod subject;
 pub mod table;
+pub mod tour;
 pub mod views;

@@ -8,7 +8,7 @@ use crate::io;
 use crate::io::gltf::read_model;
 use crate::photograph::assembly::Assembly;
 use crate::scene::camera::Intrinsics;
-use crate::scene::model::Environment;
+use crate::scene::model::{Environment, Model};
 use crate::scene::proxy::{Orientation, Proxy};
 use crate::scene::region::Region;
 use crate::scene::surface::Surface;
@@ -44,13 +44,26 @@ impl Subject {
         intrinsics: &Intrinsics,
         notes: &mut Vec<String>,
     ) -> Result<Self> {
+        let model = read_model(path, notes)?;
+        Self::new(path, &model, environment, io::read_surface(path)?, intrinsics)
+    }
+
+    /// Makes one of a scene and its mesh, +Y up; errors and tables call it by its path.
+    ///
+    /// # Errors
+    /// Where it has no light, or leaves cameras no room.
+    pub fn new(
+        path: &Path,
+        model: &Model,
+        environment: Option<&Environment>,
+        surface: Surface,
+        intrinsics: &Intrinsics,
+    ) -> Result<Self> {
         let named = |error| match error {
             Error::Request(what) => Error::input(path, what),
             other => other,
         };
-        let model = read_model(path, notes)?;
-        let assembly = Assembly::new(&model, environment).map_err(named)?;
-        let surface = io::read_surface(path)?;
+        let assembly = Assembly::new(model, environment).map_err(named)?;
         let positions = surface.positions();
         let middle = positions.iter().sum::<DVec3>() / positions.len().max(1) as f64;
         let proxy = Proxy::new(&surface, Orientation::Outward(middle)).map_err(named)?;
