@@ -44,7 +44,7 @@ impl Size {
             samples: 12,
             inputs: 20,
             tests: 8,
-            iterations: 400,
+            iterations: 300,
             max_splats: 5000,
             shown: Shown::Proxy,
         },
