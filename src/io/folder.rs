@@ -102,6 +102,7 @@ impl OutputFolder {
         let mut names = Vec::new();
         let staged = self.staged()?;
         list(&staged, Path::new(""), &mut names)?;
+        names.iter().try_for_each(|name| check_no_links(&self.path, &self.path.join(name)))?;
         let mut moves = Moves { replaced: self.hidden()?.join("old"), done: Vec::new() };
         for name in names {
             let (from, to) = (staged.join(&name), self.path.join(&name));
@@ -123,6 +124,23 @@ pub fn check_folder(path: &Path, force: bool) -> Result<()> {
     check_named(path)?;
     check_free(path, force)?;
     if path.is_dir() { check_writable(path) } else { check_parent(path) }
+}
+
+/// Checks that no symbolic link between `folder` and the place of `file` in it leads elsewhere. A link in the very place of the file is
+/// replaced, not followed.
+///
+/// # Errors
+/// In a line that names the link.
+pub fn check_no_links(folder: &Path, file: &Path) -> Result<()> {
+    let mut between = file.ancestors().skip(1).take_while(|above| *above != folder && above.starts_with(folder));
+    match between.find(|above| above.is_symlink()) {
+        Some(link) => {
+            let what =
+                "a symbolic link stands here, and nothing is written through it; remove it, or name another folder";
+            Err(Error::input(link, what))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Checks, before anything has been computed, that a file can be written at `path`, and leaves nothing there.
