@@ -325,6 +325,24 @@ mod tests {
         names
     }
 
+    /// If this failed, `--force` would replace files of another folder, to which a link leads.
+    #[cfg(unix)]
+    #[test]
+    fn nothing_is_committed_through_a_link() {
+        let root = tempfile::tempdir().unwrap();
+        let [path, elsewhere] = ["out", "elsewhere"].map(|name| root.path().join(name));
+        [&path, &elsewhere].iter().for_each(|folder| fs::create_dir(folder).unwrap());
+        fs::write(elsewhere.join("a.png"), "precious").unwrap();
+        std::os::unix::fs::symlink(&elsewhere, path.join("images")).unwrap();
+        let folder = OutputFolder::create(&path, true).unwrap();
+        folder.write("a.json", "new").unwrap();
+        folder.write("images/a.png", "new").unwrap();
+        let refused = folder.commit().unwrap_err().to_string();
+        assert!(refused.contains("out/images") && refused.contains("symbolic link"), "{refused}");
+        assert_eq!(fs::read_to_string(elsewhere.join("a.png")).unwrap(), "precious");
+        assert_eq!(entries(&path), ["images"]);
+    }
+
     /// If this failed, a full disk would leave points without their picture, or hidden files for ever.
     #[test]
     fn files_are_written_all_or_none() {

@@ -50,8 +50,8 @@ fn html(tour: &Tour, plans: &[(&str, &str)]) -> String {
          <h2>4. Photographs from the planned places</h2>\n<div class=\"small\">{}</div>\n\
          <h2>5. Splats trained on them, and on views at random</h2>\n\
          <p>Scores on views that nobody chose, nearer than all photographs (half), on the outer sphere (full) and in between in \
-         any direction (random). Training is short and there is one run of each: see \
-         <code>camsplat evaluate</code> for a comparison that means something.</p>\n",
+         any direction (random); PSNR in dB and SSIM are better when higher, LPIPS when lower. Training is short and there is one \
+         run of each: see <code>camsplat evaluate</code> for a comparison that means something.</p>\n",
         gallery(&tour.name, &tour.inputs),
         gallery(&tour.name, &tour.photos),
     );
