@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::evaluation::{STYLE, pictures, table};
 use super::folder;
-use super::text::{escape, number};
+use super::text::escape;
 use crate::Result;
 use crate::evaluate::results::METRICS;
 use crate::evaluate::tour::{Step, Tour};
@@ -69,11 +69,8 @@ fn steps(steps: &[Step]) -> String {
     let mut text = String::from("<table><tr><th>step</th><th style=\"text-align:left\">what</th><th>s</th></tr>\n");
     for Step { name, what, seconds } in steps {
         let what = escape(what);
-        let _ = writeln!(
-            text,
-            "<tr><td>{name}</td><td style=\"text-align:left\">{what}</td><td>{}</td></tr>",
-            number(*seconds)
-        );
+        let _ =
+            writeln!(text, "<tr><td>{name}</td><td style=\"text-align:left\">{what}</td><td>{seconds:.1}</td></tr>");
     }
     text + "</table>\n"
 }
