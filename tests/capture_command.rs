@@ -181,3 +181,67 @@ fn background_exposure_and_size_are_what_they_say() {
     assert!(again.code == Some(2) && again.err.contains("--force"), "{}", again.err);
     place.done("capture cube.gltf cameras.json --out o --env sky.hdr --spp 4 --background alpha --force");
 }
+
+/// If this failed, a capture with a damaged picture or a lost mask would count as complete, or would have to be made anew as a
+/// whole.
+#[test]
+fn what_is_damaged_or_lost_is_taken_again() {
+    let place = place(4, 16);
+    let asked = "capture cube.gltf cameras.json --out o --env sky.hdr --spp 4 --depth";
+    place.done(asked);
+    let read = |name: &str| std::fs::read(place.path(&format!("o/{name}"))).unwrap();
+    let names = place.files("o");
+    let whole: Vec<Vec<u8>> = names.iter().map(|name| read(name)).collect();
+    let cut = |name: &str| place.write(&format!("o/{name}"), &read(name)[..read(name).len() / 2]);
+    cut("images/view 0.png");
+    std::fs::remove_file(place.path("o/masks/view 1.png.png")).unwrap();
+    cut("depth/view 2.exr");
+    let again = place.done(asked);
+    assert!(again.out.contains("kept     1 pictures") && again.out.contains("mended   3 pictures"), "{}", again.out);
+    for (name, before) in names.iter().zip(&whole) {
+        assert!(read(name) == *before, "{name} differs");
+    }
+    let kept = place.done(asked);
+    assert!(kept.out.contains("kept     4 pictures") && !kept.out.contains("mended"), "{}", kept.out);
+}
+
+/// If this failed, `--force` would replace or remove files of a folder that a link leads to.
+#[cfg(unix)]
+#[test]
+fn nothing_is_written_through_links() {
+    let place = place(1, 16);
+    for folder in ["o", "elsewhere"] {
+        std::fs::create_dir(place.path(folder)).unwrap();
+    }
+    place.write("elsewhere/view 0.png", "precious");
+    let asked = "capture cube.gltf cameras.json --out o --env sky.hdr --spp 1 --force";
+    for link in ["images", "sparse"] {
+        std::os::unix::fs::symlink(place.path("elsewhere"), place.path(&format!("o/{link}"))).unwrap();
+        let refused = place.run(asked);
+        assert!(refused.code == Some(2) && refused.err.contains(&format!("o/{link}")), "{}", refused.err);
+        assert!(refused.err.contains("a symbolic link stands here"), "{}", refused.err);
+        std::fs::remove_file(place.path(&format!("o/{link}"))).unwrap();
+    }
+    assert_eq!(
+        (place.files("elsewhere"), place.read("elsewhere/view 0.png")),
+        (vec!["view 0.png".into()], "precious".into())
+    );
+    assert!(place.files("o").is_empty());
+    // A link in the very place of a file is replaced.
+    std::os::unix::fs::symlink(place.path("elsewhere/view 0.png"), place.path("o/capture.json")).unwrap();
+    place.done(asked);
+    assert_eq!(place.read("elsewhere/view 0.png"), "precious");
+}
+
+/// If this failed, a user would look for pictures under names that no file can have.
+#[test]
+fn names_that_lead_out_of_the_folder_are_told_of() {
+    let place = place(2, 16);
+    let mut cameras = cameras(2, 16);
+    cameras[0].name = "../photos/a.jpg".into();
+    cameras[1].name = "./b.jpg".into();
+    place.write("cameras.json", serde_json::json!({ "cameras": cameras }).to_string());
+    let ran = place.done("capture cube.gltf cameras.json --out o --env sky.hdr --spp 1");
+    assert!(ran.out.contains("\"../photos/a.jpg\" is written as \"photos/a\"\n"), "{}", ran.out);
+    assert!(place.path("o/images/photos/a.png").is_file() && place.path("o/images/b.png").is_file());
+}

@@ -6,7 +6,7 @@ use camsplat::io;
 use camsplat::scene::camera::Camera;
 use camsplat::scene::gaussians::Gaussians;
 use camsplat::scene::random;
-use command::{FILES, Place, assert_refused};
+use command::{FILES, Place, assert_refused, read_until, stop};
 
 /// Methods that need nothing but a region.
 const METHODS: [&str; 7] = ["random", "fibonacci", "fvs", "fvs-chord", "fvs-shared", "coverage", "acp"];
@@ -48,6 +48,20 @@ fn every_peer_leaves_a_plan_in_its_region_and_the_same_twice() {
         let same = place.read("other/transforms.json") == place.read(&format!("{method}/transforms.json"));
         assert_eq!(same, method == "fibonacci", "{method}");
     }
+}
+
+/// If this failed, Ctrl-C would end a choice by a signal and not say what became of it, or leave half of a folder.
+#[test]
+fn a_stopped_choice_writes_nothing_and_says_so() {
+    let place = Place::new();
+    let asked = "plan ball.ply --out o --method acp --views 2000 --candidates 4000 --nodes 32 --held-out 50";
+    let mut child = place.command(asked).spawn().unwrap();
+    let output = read_until(&mut child, "device");
+    let before = place.files("");
+    let stopped = stop(child, output, "-INT");
+    assert_eq!(stopped.code, Some(130), "{}{}", stopped.out, stopped.err);
+    assert!(stopped.out.contains("nothing is written"), "{}", stopped.out);
+    assert_eq!(place.files(""), before);
 }
 
 /// If this failed, peers would look at the middle of a room, stand in its furniture, or forget the cameras that are there.

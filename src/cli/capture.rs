@@ -11,6 +11,7 @@ use super::progress::{Progress, go_on, stop_on_interrupt};
 use crate::gaussians::render::resize;
 use crate::io::environment::read_environment;
 use crate::io::gltf::read_model;
+use crate::io::picture::renamed;
 use crate::photograph::assembly::Assembly;
 use crate::photograph::inside::cameras_inside;
 use crate::photograph::job::{self, Outcome};
@@ -94,6 +95,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if let Some((width, height)) = arguments.size {
         resize(&mut cameras, width, height)?;
     }
+    notes.extend(renamed(&cameras));
     let cameras = named(&cameras)?;
     let model = read_model(&arguments.scene, &mut notes)?;
     let environment = arguments.env.as_deref().map(|path| read_environment(path, &mut notes)).transpose()?;
@@ -151,10 +153,13 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         done.map_or_else(go_on, |done| progress.advance(done, all))
     });
     progress.finish();
-    let Outcome { pictures, kept, empty, points } = outcome?;
+    let Outcome { pictures, kept, mended, empty, points } = outcome?;
     print_messages(&context);
     if kept > 0 {
         say!("kept     {kept} pictures of an earlier run");
+    }
+    if mended > 0 {
+        say!("mended   {mended} pictures that were damaged, or whose masks or maps were: taken again");
     }
     if pictures < all {
         let how = if arguments.force { "the same command without --force" } else { "the same command" };

@@ -1,20 +1,30 @@
 //! `camsplat demo`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Instant;
 
 use clap::Args;
 use glam::DVec3;
 
 use super::options::{DeviceOptions, print_messages, print_target};
 use super::plan::print_plan;
-use super::progress::{Progress, stop_on_interrupt};
-use crate::io::folder::OutputFolder;
+use super::progress::{Progress, go_on, stop_on_interrupt};
+use crate::evaluate::results::{Interval, METRICS, Row};
+use crate::evaluate::scene::Scene;
+use crate::evaluate::tour::{self, Event, Size, Step};
+use crate::io::folder::{OutputFolder, check_folder};
 use crate::plan::config::{Config, Preset};
 use crate::plan::job::{self, RegionChoice, Target, Tools};
 use crate::scene::camera::Intrinsics;
 use crate::scene::samples;
+use crate::scene::surface::Surface;
+use crate::vulkan::Context;
 use crate::{Error, Result, report};
+
+/// The scene that is photographed, and its folder.
+const PHOTOGRAPHED: &str = "photographed";
 
 /// Arguments of `camsplat demo`.
 #[derive(Args, Debug)]
@@ -26,33 +36,81 @@ pub struct Arguments {
     device: DeviceOptions,
 }
 
-/// Plans both scenes. Reports of an earlier demo in the same folder are replaced.
+/// Plans both scenes, then goes the whole way on photographs of the first. Reports of an earlier demo in the same folder are
+/// replaced; its photographs and splats are taken as they are.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     stop_on_interrupt()?;
-    std::fs::create_dir_all(&arguments.out).map_err(|source| Error::io(&arguments.out, source))?;
-    let context = arguments.device.open()?;
+    let start = Instant::now();
+    let Arguments { out, device } = arguments;
+    std::fs::create_dir_all(out).map_err(|source| Error::io(out, source))?;
+    check_folder(out, true)?;
+    let context = device.open()?;
     say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
-    let intrinsics = Intrinsics::from_fov(800, 800, 50f64.to_radians());
     let scenes = [("object", samples::object(), Preset::Object, 50), ("room", samples::room(), Preset::Room, 300)];
     for (name, surface, preset, views) in scenes {
         say!();
-        let folder = OutputFolder::create(&arguments.out.join(name), true)?;
-        let target = Target::new(&surface, name, preset, &RegionChoice::default(), DVec3::Z, &intrinsics)?;
-        print_target(&target);
-        let config = Config::new(preset, views);
-        let progress = Progress::new(config.iterations);
-        let plan =
-            job::run(&context, &target, intrinsics, &[], config, Tools::default(), |event| progress.observe(event));
-        progress.finish();
-        let plan = plan?;
-        print_messages(&context);
-        let path = folder.path().join("report.html");
-        report::folder::write(&plan, &target, folder)?;
-        print_plan(&plan);
-        say!("report   {}", path.display());
-        if plan.interrupted() {
+        if !plan(&context, out, name, &surface, preset, views)? {
             return Ok(ExitCode::from(super::INTERRUPTED));
         }
     }
+    say!("\nNow all the way: the object is photographed, and its surface is known from these photographs alone.");
+    if !photograph(&context, out)? {
+        say!("stopped; what is finished stays, and the same command goes on from there");
+        return Ok(ExitCode::from(super::INTERRUPTED));
+    }
+    say!("\nall      {:.0} s; open {}", start.elapsed().as_secs_f64(), out.join("report.html").display());
     Ok(ExitCode::SUCCESS)
+}
+
+/// Plans for a scene that is known; false where it was broken off.
+fn plan(context: &Arc<Context>, out: &Path, name: &str, surface: &Surface, preset: Preset, views: u32) -> Result<bool> {
+    let intrinsics = Intrinsics::from_fov(800, 800, 50f64.to_radians());
+    let folder = OutputFolder::create(&out.join(name), true)?;
+    let target = Target::new(surface, name, preset, &RegionChoice::default(), DVec3::Z, &intrinsics)?;
+    print_target(&target);
+    let config = Config::new(preset, views);
+    let progress = Progress::new(config.iterations);
+    let plan = job::run(context, &target, intrinsics, &[], config, Tools::default(), |event| progress.observe(event));
+    progress.finish();
+    let plan = plan?;
+    print_messages(context);
+    let path = folder.path().join("report.html");
+    report::folder::write(&plan, &target, folder)?;
+    print_plan(&plan);
+    say!("report   {}", path.display());
+    Ok(!plan.interrupted())
+}
+
+/// Goes the whole way on photographs of the object, and writes the demo's page; false where it was broken off.
+fn photograph(context: &Arc<Context>, out: &Path) -> Result<bool> {
+    let size = Size::DEMO;
+    let model = samples::object_model();
+    let (sky, surface, intrinsics) = (samples::studio(), model.surface(), size.settings.intrinsics());
+    let path = Path::new(PHOTOGRAPHED);
+    let scene = Scene::new(path, Preset::Object, (&model, Some(&sky)), surface, &intrinsics)?;
+    let tour = tour::run(context, out, size, &scene, &mut |event| {
+        if let Event::Done(Step { name, what, seconds }) = event {
+            say!("{name:<8} {what}: {seconds:.1} s");
+        }
+        go_on()
+    });
+    print_messages(context);
+    let Some(tour) = tour? else { return Ok(false) };
+    let plans = [("object", "An object that is known, 50 views"), ("room", "A furnished room, 300 views")];
+    report::tour::write(&tour, out, &plans)?;
+    print_scores(&tour.outcome.rows);
+    Ok(true)
+}
+
+fn print_scores(rows: &[Row]) {
+    say!("\ntest views         {:>12} {:>12} {:>12} {:>12}", "half radius", "full radius", "random", "all");
+    for (metric, name) in METRICS.iter().enumerate() {
+        for row in rows {
+            let cell = |interval: &Option<_>| {
+                interval.map_or_else(|| "-".into(), |Interval { mean, .. }| format!("{mean:.3}"))
+            };
+            let cells: String = row.measured[metric].iter().map(|value| format!(" {:>12}", cell(value))).collect();
+            say!("{name:<6} {:<11}{cells}", row.method.name());
+        }
+    }
 }

@@ -71,7 +71,7 @@ enum Command {
     Evaluate(Box<evaluate::Arguments>),
     /// List every Vulkan device, what it has and what it lacks
     Devices,
-    /// Plan two scenes of our own: an object (50 views) and a furnished room (300 views)
+    /// Plan for two scenes of our own, then go all the way: photographs, surface, plan, training, scores beside random views
     Demo(demo::Arguments),
     /// The function from variance over photos to view dependency
     Vdsf(vdsf::Arguments),

@@ -8,7 +8,7 @@ use clap::Args;
 
 use super::options::{CameraOptions, DeviceOptions, RegionOptions, print_messages};
 use super::peers::{self, PeerOptions};
-use super::progress::{Progress, stop_on_interrupt};
+use super::progress::{Progress, leave_on_interrupt, stop_on_interrupt};
 use super::vds;
 use crate::io;
 use crate::io::folder::{OutputFolder, check_file, write_files};
@@ -258,6 +258,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         Some(path) => io::read_cameras(path)?,
         None => Vec::new(),
     };
+    if peer.is_some() {
+        leave_on_interrupt()?;
+    }
     let context = opened.map_or_else(|| arguments.device.open(), Ok)?;
     say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
     let Some(folder) = folder else {

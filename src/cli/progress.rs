@@ -2,8 +2,8 @@
 
 use std::cell::Cell;
 use std::ops::ControlFlow;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -13,17 +13,38 @@ use crate::{Error, Result};
 
 /// Set once the user has asked to stop.
 static STOP: AtomicBool = AtomicBool::new(false);
+/// Whether Ctrl-C ends the process at once. The handler holds it while it ends, so that nothing begins to be written then.
+static LEAVES: Mutex<bool> = Mutex::new(false);
 
 /// Lets Ctrl-C (and SIGTERM) stop a run after the iteration that is running; a second one ends the process at once.
 ///
 /// # Errors
 /// Where the system refuses a signal handler.
 pub fn stop_on_interrupt() -> Result<()> {
+    hear_interrupts(false)
+}
+
+/// Lets Ctrl-C (and SIGTERM) end the process at once, with the exit code of a stopped run, while nothing has been written; until
+/// [`stop_on_interrupt`] is called.
+///
+/// # Errors
+/// Where the system refuses a signal handler.
+pub fn leave_on_interrupt() -> Result<()> {
+    hear_interrupts(true)
+}
+
+fn hear_interrupts(leave: bool) -> Result<()> {
     static SET: OnceLock<()> = OnceLock::new();
+    *LEAVES.lock().unwrap_or_else(PoisonError::into_inner) = leave;
     if SET.set(()).is_err() {
         return Ok(());
     }
     ctrlc::set_handler(|| {
+        let leaves = LEAVES.lock().unwrap_or_else(PoisonError::into_inner);
+        if *leaves {
+            say!("stopped; nothing is written");
+            std::process::exit(i32::from(super::INTERRUPTED));
+        }
         if STOP.swap(true, Ordering::SeqCst) {
             std::process::exit(i32::from(super::INTERRUPTED));
         }

@@ -10,7 +10,7 @@ use super::options::{DeviceOptions, parse_size, print_messages};
 use super::progress::{Progress, stop_on_interrupt};
 use crate::gaussians::render::{Job, Outcome, Settings, resize};
 use crate::io::folder::OutputFolder;
-use crate::io::picture::Format;
+use crate::io::picture::{Format, renamed};
 use crate::{Result, io};
 
 /// Arguments of `camsplat render`.
@@ -72,7 +72,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     };
     let job = Job::new(&cameras, settings)?;
     let (gaussians, more) = io::read_gaussians_with_notes(&arguments.model)?;
-    for note in notes.iter().chain(&more) {
+    for note in notes.iter().chain(&renamed(&cameras)).chain(&more) {
         say!("{note}");
     }
     let context = arguments.device.open()?;

@@ -11,7 +11,7 @@ use super::options::{
     CameraOptions, DeviceOptions, ModelOptions, RegionOptions, parse_size, print_messages, read_surface,
 };
 use super::plan::table;
-use super::progress::stop_on_interrupt;
+use super::progress::{leave_on_interrupt, stop_on_interrupt};
 use crate::io::folder::OutputFolder;
 use crate::io::photos::Images;
 use crate::metrics::Metrics;
@@ -92,6 +92,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let model = arguments.model.read(request.method.name(), request.method.needs_model())?;
     let target = target(arguments, &set)?;
     let sharpness = arguments.sharpness.then(|| sharpness::of_photos(&set)).transpose()?;
+    leave_on_interrupt()?;
     let context = arguments.device.open()?;
     let prospect = Prospect::new(&context, &set, &target, request.clone())?.with_model(model);
     let selection = prospect.select(sharpness.as_deref(), true)?;

@@ -23,6 +23,7 @@ use crate::photos::PhotoSet;
 use crate::plan::job::{RegionChoice, Target, Tools};
 use crate::plan::record::PlanRecord;
 use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::region::Region;
 use crate::scene::surface::{Points, Surface};
 use crate::vulkan::Context;
 use crate::{Error, Result, io, peers, photograph, plan, stereo, vds};
@@ -34,7 +35,7 @@ const SCORED: usize = 20_000;
 /// Held-out points of a plan's metrics, which are not what is evaluated here.
 const HELD_OUT: u32 = 200;
 /// Files of the products.
-const SURFACE: &str = "surface.ply";
+pub(super) const SURFACE: &str = "surface.ply";
 const PLAN: &str = "plan.json";
 
 /// A scene with its products.
@@ -181,6 +182,17 @@ impl<'a> Bench<'a> {
         }
     }
 
+    /// What is shown, in a region, ready to be planned for.
+    ///
+    /// # Errors
+    /// Where its file cannot be read any more.
+    pub fn target(&self, shown: &Stage, region: &Region) -> Result<Target> {
+        let surface = io::read_surface(&shown.file(SURFACE))?;
+        let choice = RegionChoice { shape: Some(region.shape), floor: region.floor, clearance: Some(region.clearance) };
+        let path = self.scene.path.to_string_lossy();
+        Target::new(&surface, &path, self.kind.preset(), &choice, region.up, &self.intrinsics())
+    }
+
     /// Lets a method choose views.
     ///
     /// # Errors
@@ -212,17 +224,8 @@ impl<'a> Bench<'a> {
         if !stage.begins(observe)? {
             return stage.read(PLAN).map(Some);
         }
-        let surface = io::read_surface(&shown.file(SURFACE))?;
-        let choice = RegionChoice { shape: Some(region.shape), floor: region.floor, clearance: Some(region.clearance) };
+        let target = self.target(shown, &region)?;
         let intrinsics = self.intrinsics();
-        let target = Target::new(
-            &surface,
-            &self.scene.path.to_string_lossy(),
-            self.kind.preset(),
-            &choice,
-            region.up,
-            &intrinsics,
-        )?;
         let plan = match peer {
             Some(request) => {
                 let model = model.map(training::model).transpose()?;

@@ -13,7 +13,7 @@ use crate::photograph::assembly::Assembly;
 use crate::plan::config::Preset;
 use crate::plan::job::{RegionChoice, Target};
 use crate::scene::camera::{Camera, Intrinsics};
-use crate::scene::model::Environment;
+use crate::scene::model::{Environment, Model};
 use crate::scene::region::Region;
 use crate::scene::surface::Surface;
 use crate::vulkan::Context;
@@ -58,13 +58,26 @@ impl Scene {
         intrinsics: &Intrinsics,
         notes: &mut Vec<String>,
     ) -> Result<Self> {
+        let model = read_model(path, notes)?;
+        Self::new(path, preset, (&model, environment), io::read_surface(path)?, intrinsics)
+    }
+
+    /// Makes one of a model under an environment and its mesh, +Y up; errors and tables call it by its path.
+    ///
+    /// # Errors
+    /// Where it has no light, or leaves cameras no room.
+    pub fn new(
+        path: &Path,
+        preset: Preset,
+        (model, environment): (&Model, Option<&Environment>),
+        surface: Surface,
+        intrinsics: &Intrinsics,
+    ) -> Result<Self> {
         let named = |error| match error {
             Error::Request(what) => Error::input(path, what),
             other => other,
         };
-        let model = read_model(path, notes)?;
-        let assembly = Assembly::new(&model, environment).map_err(named)?;
-        let surface = io::read_surface(path)?;
+        let assembly = Assembly::new(model, environment).map_err(named)?;
         // glTF is Y up.
         let (up, path_name) = (DVec3::Y, path.to_string_lossy());
         let target = Target::new(&surface, &path_name, preset, &RegionChoice::default(), up, intrinsics)?;

@@ -102,6 +102,7 @@ impl OutputFolder {
         let mut names = Vec::new();
         let staged = self.staged()?;
         list(&staged, Path::new(""), &mut names)?;
+        names.iter().try_for_each(|name| check_no_links(&self.path, &self.path.join(name)))?;
         let mut moves = Moves { replaced: self.hidden()?.join("old"), done: Vec::new() };
         for name in names {
             let (from, to) = (staged.join(&name), self.path.join(&name));
@@ -123,6 +124,23 @@ pub fn check_folder(path: &Path, force: bool) -> Result<()> {
     check_named(path)?;
     check_free(path, force)?;
     if path.is_dir() { check_writable(path) } else { check_parent(path) }
+}
+
+/// Checks that no symbolic link between `folder` and the place of `file` in it leads elsewhere. A link in the very place of the file is
+/// replaced, not followed.
+///
+/// # Errors
+/// In a line that names the link.
+pub fn check_no_links(folder: &Path, file: &Path) -> Result<()> {
+    let mut between = file.ancestors().skip(1).take_while(|above| *above != folder && above.starts_with(folder));
+    match between.find(|above| above.is_symlink()) {
+        Some(link) => {
+            let what =
+                "a symbolic link stands here, and nothing is written through it; remove it, or name another folder";
+            Err(Error::input(link, what))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Checks, before anything has been computed, that a file can be written at `path`, and leaves nothing there.
@@ -305,6 +323,24 @@ mod tests {
             fs::read_dir(path).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
         names.sort();
         names
+    }
+
+    /// If this failed, `--force` would replace files of another folder, to which a link leads.
+    #[cfg(unix)]
+    #[test]
+    fn nothing_is_committed_through_a_link() {
+        let root = tempfile::tempdir().unwrap();
+        let [path, elsewhere] = ["out", "elsewhere"].map(|name| root.path().join(name));
+        [&path, &elsewhere].iter().for_each(|folder| fs::create_dir(folder).unwrap());
+        fs::write(elsewhere.join("a.png"), "precious").unwrap();
+        std::os::unix::fs::symlink(&elsewhere, path.join("images")).unwrap();
+        let folder = OutputFolder::create(&path, true).unwrap();
+        folder.write("a.json", "new").unwrap();
+        folder.write("images/a.png", "new").unwrap();
+        let refused = folder.commit().unwrap_err().to_string();
+        assert!(refused.contains("out/images") && refused.contains("symbolic link"), "{refused}");
+        assert_eq!(fs::read_to_string(elsewhere.join("a.png")).unwrap(), "precious");
+        assert_eq!(entries(&path), ["images"]);
     }
 
     /// If this failed, a full disk would leave points without their picture, or hidden files for ever.

@@ -7,6 +7,7 @@ use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Writab
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
+use crate::scene::camera::Camera;
 use crate::scene::colour::decoded;
 use crate::{Error, Result};
 
@@ -153,6 +154,20 @@ pub fn stem(name: &str) -> Option<String> {
     let extension = Path::new(&stem).extension().and_then(|extension| extension.to_str()).filter(is_kind);
     stem.truncate(stem.len() - extension.map_or(0, |extension| extension.len() + 1));
     (!stem.is_empty()).then_some(stem)
+}
+
+/// Says which cameras have names that lead out of a folder, and are called otherwise where pictures of them are written.
+pub fn renamed(cameras: &[Camera]) -> Option<String> {
+    let leads_out = |part: Component<'_>| !matches!(part, Component::Normal(_) | Component::CurDir);
+    let odd = |camera: &&Camera| Path::new(&camera.name).components().any(leads_out);
+    let mut odd = cameras.iter().filter(odd);
+    let first = odd.next()?;
+    let more = match odd.count() {
+        0 => String::new(),
+        more => format!(", and {more} more in the same way"),
+    };
+    let name = stem(&first.name).unwrap_or_default();
+    Some(format!("names that lead out of the folder are shortened: {:?} is written as {name:?}{more}", first.name))
 }
 
 #[cfg(test)]

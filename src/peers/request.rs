@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::plan::config::{Config, Gate, Preset};
+use crate::select::job::Method as Choosing;
 use crate::select::{acp, information};
 use crate::{Error, Result};
 
@@ -36,20 +37,21 @@ pub enum Method {
 }
 
 impl Method {
-    /// As on the command line and in the record.
+    /// As on the command line and in the record: methods that choose among photos too have the same names there.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Ours => crate::plan::job::OURS,
-            Self::Random => "random",
-            Self::Fibonacci => "fibonacci",
-            Self::Fvs => "fvs",
-            Self::FvsChord => "fvs-chord",
-            Self::FvsShared => "fvs-shared",
-            Self::Coverage => "coverage",
-            Self::Acp => "acp",
-            Self::Fisher => "fisherrf",
-            Self::Cover => "cover",
-        }
+        let choosing = match self {
+            Self::Ours => return crate::plan::job::OURS,
+            Self::Random => Choosing::Random,
+            Self::Fibonacci => Choosing::Fibonacci,
+            Self::Fvs => Choosing::Fvs,
+            Self::FvsChord => Choosing::FvsChord,
+            Self::FvsShared => Choosing::FvsShared,
+            Self::Coverage => Choosing::Coverage,
+            Self::Acp => Choosing::Acp,
+            Self::Fisher => Choosing::Fisher,
+            Self::Cover => Choosing::Cover,
+        };
+        choosing.name()
     }
 
     /// Whether it chooses by a model of the scene.
@@ -142,5 +144,26 @@ impl Request {
             model_based: method.needs_model().then(information::Settings::default),
             model: None,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::ValueEnum;
+
+    use super::*;
+
+    /// If this failed, a method would have one name on the command line and another in tables or records.
+    #[test]
+    fn a_method_has_one_name_everywhere() {
+        fn names<M: ValueEnum + Serialize + Copy>(name: fn(M) -> &'static str) {
+            for method in M::value_variants() {
+                let on_the_command_line = method.to_possible_value().map(|value| value.get_name().to_owned());
+                assert_eq!(on_the_command_line.as_deref(), Some(name(*method)));
+                assert_eq!(serde_json::to_value(method).unwrap(), name(*method));
+            }
+        }
+        names(Method::name);
+        names(Choosing::name);
     }
 }

@@ -6,7 +6,7 @@ use std::thread;
 
 use glam::DVec3;
 
-use super::products::{Products, Record};
+use super::products::{Found, Products, Record};
 use super::tracer::{Exposure, Tracer};
 use crate::io::export;
 use crate::io::folder::OutputFolder;
@@ -27,6 +27,8 @@ pub struct Outcome {
     pub pictures: u32,
     /// Of these, photographs that an earlier run had taken.
     pub kept: u32,
+    /// Photographs of this run in the place of damaged ones.
+    pub mended: u32,
     /// Photographs of this run that show nothing of the scene.
     pub empty: u32,
     /// Points of the surface that were written.
@@ -45,15 +47,16 @@ pub fn run(
     folder: &Path,
     observe: impl Fn(Option<u32>) -> ControlFlow<()>,
 ) -> Result<Outcome> {
-    products.begin(record)?;
+    let found: Vec<Found> = record.cameras.iter().map(|camera| products.found(record, camera)).collect();
+    products.begin(record, found.iter().all(|found| *found == Found::Whole))?;
     let exposure = Exposure { samples: record.samples, seed: record.seed, show_sky: record.show_sky };
     let mut outcome = Outcome::default();
     let all = record.cameras.len() as u32;
     thread::scope(|scope| {
         // One picture is written while the next is taken.
         let mut writing = None;
-        for (number, camera) in (0..).zip(&record.cameras) {
-            if products.has(camera) {
+        for ((number, camera), found) in (0..).zip(&record.cameras).zip(&found) {
+            if *found == Found::Whole {
                 outcome.kept += 1;
                 outcome.pictures += 1;
             } else {
@@ -64,6 +67,7 @@ pub fn run(
                 joined(writing.take())?;
                 writing = Some(scope.spawn(move || products.picture(record, camera, &taken, hits.as_ref())));
                 outcome.pictures += 1;
+                outcome.mended += u32::from(*found == Found::Damaged);
             }
             if observe(Some(outcome.pictures)).is_break() {
                 break;

@@ -177,8 +177,16 @@ crate::gpu_struct! {
         pub cone_offset: f32,
         /// Chance among the lights.
         pub share: f32,
-        /// Of all up to this one.
-        pub cumulative: f32,
+        /// Of the alias table: words above it choose the other light in its place.
+        pub threshold: u32,
+        /// The other light.
+        pub other: u32,
+        /// Unused.
+        pub spare0: u32,
+        /// Unused.
+        pub spare1: u32,
+        /// Unused.
+        pub spare2: u32,
     }
 }
 

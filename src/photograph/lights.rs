@@ -1,4 +1,4 @@
-//! Where lights are looked for: a share for each emitting triangle and lamp, and an alias table over the environment.
+//! Where lights are looked for: alias tables (Vose 1991) over emitting triangles and lamps, and over the environment.
 
 use glam::{Vec2, Vec3};
 
@@ -67,14 +67,32 @@ pub fn lights(model: &Model, centre: glam::DVec3, radius: f64) -> Vec<(Light, Op
     }
     let all: f64 = powers.iter().sum();
     let count = powers.len() as f64;
-    let mut cumulative = 0.0;
-    for ((light, _), power) in lights.iter_mut().zip(&powers) {
-        let share = (1.0 - LEAST_SHARE) * power / all + LEAST_SHARE / count;
-        cumulative += share;
-        light.share = share as f32;
-        light.cumulative = cumulative as f32;
+    let shares: Vec<f64> = powers.iter().map(|power| (1.0 - LEAST_SHARE) * power / all + LEAST_SHARE / count).collect();
+    for (((light, _), share), [threshold, other]) in lights.iter_mut().zip(&shares).zip(aliases(&shares)) {
+        (light.share, light.threshold, light.other) = (*share as f32, threshold, other);
     }
     lights
+}
+
+/// The alias table that draws each number by its weight: a threshold and another number. Sums of many weights, in which small
+/// ones would be lost, are never compared with.
+fn aliases(weights: &[f64]) -> Vec<Alias> {
+    let all: f64 = weights.iter().sum();
+    let mut scaled: Vec<f64> = weights.iter().map(|weight| weight / all * weights.len() as f64).collect();
+    let mut aliases: Vec<Alias> = (0..weights.len() as u32).map(|i| [u32::MAX, i]).collect();
+    let (mut small, mut large): (Vec<u32>, Vec<u32>) =
+        (0..weights.len() as u32).partition(|&i| scaled[i as usize] < 1.0);
+    while let (Some(low), Some(&high)) = (small.pop(), large.last()) {
+        let share = scaled[low as usize];
+        aliases[low as usize] = [(share * f64::from(u32::MAX)) as u32, high];
+        let rest = &mut scaled[high as usize];
+        *rest -= 1.0 - share;
+        if *rest < 1.0 {
+            large.pop();
+            small.push(high);
+        }
+    }
+    aliases
 }
 
 /// Mean linear colour of a map over a triangle, from a grid of its texels.
@@ -106,8 +124,8 @@ fn mean_over(model: &Model, map: &Map, uvs: [[Vec2; 2]; 3]) -> Vec3 {
     sum / count
 }
 
-/// The environment's texels with the density by area of the map at which each is drawn, and the alias table (Vose 1991) that
-/// draws them: by luma and by the solid angle of their row.
+/// The environment's texels with the density by area of the map at which each is drawn, and the alias table that draws them: by
+/// luma and by the solid angle of their row.
 pub fn sky(environment: &Environment) -> (Vec<[f32; 4]>, Vec<Alias>) {
     let (width, height) = (environment.width as usize, environment.height as usize);
     let count = width * height;
@@ -119,31 +137,53 @@ pub fn sky(environment: &Environment) -> (Vec<[f32; 4]>, Vec<Alias>) {
     };
     let weights: Vec<f64> = (0..count).map(weight).collect();
     let all: f64 = weights.iter().sum();
-    let mut scaled: Vec<f64> = weights.iter().map(|w| w / all * count as f64).collect();
-    let texels = environment
-        .radiance
-        .iter()
-        .zip(&scaled)
-        .map(|(light, density)| light.extend(*density as f32).to_array())
-        .collect();
-    let mut aliases: Vec<Alias> = (0..count as u32).map(|i| [u32::MAX, i]).collect();
-    let (mut small, mut large): (Vec<u32>, Vec<u32>) = (0..count as u32).partition(|&i| scaled[i as usize] < 1.0);
-    while let (Some(low), Some(&high)) = (small.pop(), large.last()) {
-        let share = scaled[low as usize];
-        aliases[low as usize] = [(share * f64::from(u32::MAX)) as u32, high];
-        let rest = &mut scaled[high as usize];
-        *rest -= 1.0 - share;
-        if *rest < 1.0 {
-            large.pop();
-            small.push(high);
-        }
-    }
-    (texels, aliases)
+    let density = |weight: &f64| (weight / all * count as f64) as f32;
+    let texel = |(light, weight): (&Vec3, &f64)| light.extend(density(weight)).to_array();
+    (environment.radiance.iter().zip(&weights).map(texel).collect(), aliases(&weights))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::model::{Face, Material, Vertex};
+
+    /// How often each number is drawn, times how many there are.
+    fn drawn(aliases: &[Alias]) -> Vec<f64> {
+        let mut drawn = vec![0.0f64; aliases.len()];
+        for (i, [threshold, other]) in aliases.iter().enumerate() {
+            let share = f64::from(*threshold) / f64::from(u32::MAX);
+            drawn[i] += share;
+            drawn[*other as usize] += 1.0 - share;
+        }
+        drawn
+    }
+
+    /// If this failed, small lights among many would be drawn more or less often than what they give is divided by.
+    #[test]
+    fn small_lights_are_drawn_by_their_share() {
+        let count = 300_000u32;
+        let corner = |i: u32| {
+            let size = if i < 3 { 100.0 } else { 1e-3 };
+            let position = size * glam::DVec3::new(f64::from(i % 3), f64::from(i % 3 * (i % 3)), 0.0);
+            Vertex { position, ..Vertex::default() }
+        };
+        let model = Model {
+            vertices: (0..6).map(corner).collect(),
+            faces: (0..count)
+                .map(|i| Face { corners: if i == 0 { [0, 1, 2] } else { [3, 4, 5] }, material: 0 })
+                .collect(),
+            materials: vec![Material { emission: Vec3::ONE, ..Material::default() }],
+            ..Model::default()
+        };
+        let lights = lights(&model, glam::DVec3::ZERO, 1.0);
+        let aliases: Vec<Alias> = lights.iter().map(|(light, _)| [light.threshold, light.other]).collect();
+        let drawn = drawn(&aliases);
+        assert!(lights[1].0.share < 6e-8, "{}", lights[1].0.share);
+        for (drawn, (light, _)) in drawn.iter().zip(&lights) {
+            let share = f64::from(light.share) * f64::from(count);
+            assert!((drawn / share - 1.0).abs() < 1e-5, "{drawn} {share}");
+        }
+    }
 
     /// If this failed, parts of the sky would be drawn more often than their density says, and light with them.
     #[test]
@@ -151,12 +191,7 @@ mod tests {
         let (width, height) = (16, 8);
         let radiance = (0..128).map(|i| Vec3::new(((i * 37) % 11) as f32, 0.1, ((i * 53) % 7) as f32)).collect();
         let (texels, aliases) = sky(&Environment { width, height, radiance });
-        let mut drawn = vec![0.0f64; 128];
-        for (i, [threshold, other]) in aliases.iter().enumerate() {
-            let share = f64::from(*threshold) / f64::from(u32::MAX);
-            drawn[i] += share;
-            drawn[*other as usize] += 1.0 - share;
-        }
+        let drawn = drawn(&aliases);
         for (drawn, texel) in drawn.iter().zip(&texels) {
             assert!((drawn - f64::from(texel[3])).abs() < 1e-5, "{drawn} {}", texel[3]);
         }

@@ -4,10 +4,12 @@ use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use exr::prelude::read_first_flat_layer_from_file;
+use image::GenericImageView as _;
 use serde::{Deserialize, Serialize};
 
 use super::tracer::{FirstHits, Photograph};
-use crate::io::folder::{check_folder, replace_file};
+use crate::io::folder::{check_folder, check_no_links, replace_file};
 use crate::io::picture::{self, Format, stem};
 use crate::scene::camera::Camera;
 use crate::scene::colour::encoded;
@@ -42,6 +44,9 @@ pub struct Record {
     /// Whether linear pictures are written.
     pub exr: bool,
 }
+
+/// Folders that are written into.
+const FOLDERS: [&str; 6] = ["images", "masks", "depth", "normals", "linear", "sparse/0"];
 
 /// Bytes of a file's name before `.png.png`, which masks have.
 const LONGEST_NAME: usize = 255 - 8;
@@ -82,6 +87,17 @@ pub fn named(cameras: &[Camera]) -> Result<Vec<Camera>> {
     Ok(named)
 }
 
+/// What there is of a photograph with its mask and maps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Found {
+    /// The photograph is not there.
+    Nothing,
+    /// It is, but it, its mask or a map cannot be read whole, or is of another size.
+    Damaged,
+    /// All.
+    Whole,
+}
+
 /// A folder that a capture is written into, picture by picture.
 pub struct Products {
     folder: PathBuf,
@@ -109,18 +125,21 @@ impl Products {
             }
         }
         check_folder(folder, force || resumes)?;
+        let subfolders = FOLDERS.iter().map(|name| folder.join(name).join("any"));
+        let nested = record.cameras.iter().flat_map(|camera| FOLDERS.map(|name| folder.join(name).join(&camera.name)));
+        subfolders.chain(nested).try_for_each(|file| check_no_links(folder, &file))?;
         Ok(Self { folder: folder.to_owned(), resumes })
     }
 
-    /// Makes the folder and says in it what it holds. What an earlier capture left as its last is taken away first, so that
-    /// the folder is never taken for complete; then what has the names of this one's pictures, which would be taken for its own
-    /// where it is stopped and taken up.
+    /// Makes the folder and says in it what it holds. Where pictures are to be taken, what an earlier capture left as its last is
+    /// taken away first, so that the folder is never taken for complete; then what has the names of this one's pictures, which
+    /// would be taken for its own where it is stopped and taken up.
     ///
     /// # Errors
     /// Where the system refuses.
-    pub fn begin(&self, record: &Record) -> Result<()> {
+    pub fn begin(&self, record: &Record, complete: bool) -> Result<()> {
         let last = self.folder.join(LAST);
-        if !self.resumes && last.is_file() {
+        if !complete && last.is_file() {
             fs::remove_file(&last).map_err(|source| Error::io(&last, source))?;
         }
         for camera in record.cameras.iter().filter(|_| !self.resumes) {
@@ -137,9 +156,28 @@ impl Products {
         self.write(RECORD, &text)
     }
 
-    /// Whether a camera's photograph is there from an earlier run.
-    pub fn has(&self, camera: &Camera) -> bool {
-        self.resumes && self.folder.join("images").join(&camera.name).is_file()
+    /// What an earlier run left of a camera's photograph.
+    pub fn found(&self, record: &Record, camera: &Camera) -> Found {
+        let file = |name: String| self.folder.join(name);
+        let picture = file(format!("images/{}", camera.name));
+        if !self.resumes || !picture.is_file() {
+            return Found::Nothing;
+        }
+        let size = (camera.intrinsics.width, camera.intrinsics.height);
+        let whole = |file: &Path| image::open(file).is_ok_and(|picture| picture.dimensions() == size);
+        let stem = camera.name.strip_suffix(".png").unwrap_or(&camera.name);
+        let maps = [("depth", record.depth), ("normals", record.normals), ("linear", record.exr)];
+        let maps_are_whole = maps
+            .into_iter()
+            .filter(|(_, wanted)| *wanted)
+            .all(|(kind, _)| read_first_flat_layer_from_file(file(format!("{kind}/{stem}.exr"))).is_ok());
+        match whole(&picture)
+            && (record.show_sky || whole(&file(format!("masks/{}.png", camera.name))))
+            && maps_are_whole
+        {
+            true => Found::Whole,
+            false => Found::Damaged,
+        }
     }
 
     /// Writes what belongs to one camera; its photograph comes last, and each file appears whole.

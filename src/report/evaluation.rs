@@ -14,17 +14,19 @@ const MARGIN: f64 = 40.0;
 /// Colours of the methods, told apart by most people with colour vision deficiencies (Okabe and Ito, 2008).
 const COLOURS: [&str; 8] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#888888", "#000000"];
 
+/// How pages with tables and rows of pictures look.
+pub(super) const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;margin:2em auto;max-width:75em;padding:0 1em}\
+     table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .8em;text-align:right;border-bottom:1px solid #ddd}\
+     td:first-child,th:first-child{text-align:left}figure{display:inline-block;margin:.5em}\
+     img{width:12em;image-rendering:pixelated}svg{max-width:100%}";
+
 /// The page.
 pub fn html(outcome: &Outcome) -> String {
     let Outcome { kind, rows, entries } = outcome;
     let columns = kind.columns();
-    let mut page = String::from(
-        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>camsplat evaluation</title>\n<style>\
-         body{font:15px/1.5 system-ui,sans-serif;margin:2em auto;max-width:75em;padding:0 1em}\
-         table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .8em;text-align:right;border-bottom:1px solid #ddd}\
-         td:first-child,th:first-child{text-align:left}figure{display:inline-block;margin:.5em}\
-         img{width:12em;image-rendering:pixelated}svg{max-width:100%}</style>\n<h1>Evaluation</h1>\n\
-         <p>Mean and half of the 95% interval over seeds.</p>\n",
+    let mut page = format!(
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>camsplat evaluation</title>\n\
+         <style>{STYLE}</style>\n<h1>Evaluation</h1>\n<p>Mean and half of the 95% interval over seeds.</p>\n",
     );
     for scene in in_order(rows.iter().map(|row| row.scene.as_str())) {
         let rows: Vec<&Row> = rows.iter().filter(|row| row.scene == scene).collect();
@@ -53,7 +55,7 @@ fn in_order<T: PartialEq>(items: impl Iterator<Item = T>) -> Vec<T> {
 }
 
 /// A metric, a row for each method and budget.
-fn table(rows: &[&Row], metric: usize, name: &str, columns: &[&str]) -> String {
+pub(super) fn table(rows: &[&Row], metric: usize, name: &str, columns: &[&str]) -> String {
     let mut text = format!("<table><tr><th>{name}</th><th>views</th>");
     columns.iter().for_each(|column| text += &format!("<th>{column}</th>"));
     text += "<th>choice, s</th></tr>\n";
@@ -120,7 +122,7 @@ fn chart(rows: &[&Row], metric: usize, name: &str) -> String {
 }
 
 /// The first test view of each set, as it is and as each method's first run at the largest budget shows it.
-fn pictures(scene: &str, entries: &[&Entry], sets: &[&str]) -> String {
+pub(super) fn pictures(scene: &str, entries: &[&Entry], sets: &[&str]) -> String {
     let Some(most) = entries.iter().map(|entry| entry.views).max() else { return String::new() };
     let shown: Vec<&&Entry> = entries.iter().filter(|entry| entry.views == most && entry.seed == 0).collect();
     let mut text = format!("<h3>Test views, {most} views chosen</h3>\n");

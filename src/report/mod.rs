@@ -14,6 +14,7 @@ mod geometry;
 mod pictures;
 pub mod selection;
 mod text;
+pub mod tour;
 pub mod training;
 
 use glam::DVec3;

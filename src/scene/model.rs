@@ -2,6 +2,8 @@
 
 use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 
+use super::surface::{Mesh, Surface};
+
 /// A scene to be photographed, in the frame of its file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
@@ -17,6 +19,15 @@ pub struct Model {
     pub lamps: Vec<Lamp>,
     /// Triangles that were left out: without area, or with a corner that is not finite.
     pub dropped: usize,
+}
+
+impl Model {
+    /// Its triangles alone.
+    pub fn surface(&self) -> Surface {
+        let positions = self.vertices.iter().map(|vertex| vertex.position).collect();
+        let triangles = self.faces.iter().map(|face| face.corners).collect();
+        Surface::Mesh(Mesh { positions, triangles, ..Mesh::default() })
+    }
 }
 
 /// A corner of triangles.

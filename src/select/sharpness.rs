@@ -19,7 +19,10 @@ pub fn of_photos(set: &PhotoSet) -> Result<Vec<f64>> {
     let missing: Vec<&str> =
         set.photos.iter().filter(|photo| photo.image.is_none()).map(|photo| photo.camera.name.as_str()).collect();
     if let Some(first) = missing.first() {
-        let what = format!("{} images are missing, {first} the first; sharpness needs them all", missing.len());
+        let what = format!(
+            "{} images are missing or cannot be read, {first} the first; sharpness needs them all",
+            missing.len()
+        );
         return Err(Error::input(&set.path, what));
     }
     let decoding = Settings { channels: Channels::Luma, precision: Precision::Half, ..Settings::default() };

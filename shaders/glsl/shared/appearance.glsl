@@ -83,8 +83,12 @@ struct Light {
     float range;
     float cone_scale;
     float cone_offset;
-    float share;       // chance to be chosen among the lights
-    float cumulative;  // and of all up to this one
+    float share;     // chance to be chosen among the lights
+    uint threshold;  // words above it choose the other light in its place
+    uint other;
+    uint spare0;
+    uint spare1;
+    uint spare2;
 };
 
 struct Setting {

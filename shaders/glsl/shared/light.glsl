@@ -69,14 +69,10 @@ Lit light_towards(vec3 from, uvec4 a, uvec4 b) {
     }
     uint count = setting[0].lights;
     if (count == 0) return lit;
-    float u = uniform_of(a.y);
-    uint first = 0, last = count - 1;
-    while (first < last) {
-        uint middle = (first + last) / 2;
-        if (lights[middle].cumulative > u) last = middle;
-        else first = middle + 1;
-    }
-    Light light = lights[first];
+    uint chosen, low;
+    umulExtended(a.y, count, chosen, low);
+    if (a.z > lights[chosen].threshold) chosen = lights[chosen].other;
+    Light light = lights[chosen];
     float chance = (1.0 - sky_share) * light.share;
     if (light.kind == LIGHT_TRIANGLE) {
         float r = sqrt(uniform_of(b.x)), v = uniform_of(b.y);
@@ -93,7 +89,7 @@ Lit light_towards(vec3 from, uvec4 a, uvec4 b) {
         vec3 emitted = materials[face.material].emission
             * map_or_one(materials[face.material].emission_map, uv0_at(face, at), uv1_at(face, at)).rgb;
         if (has_alpha(light.slot)) emitted *= opacity(light.slot, at);
-        lit.density = light_density(first, light.slot, distance, abs(cosine));
+        lit.density = light_density(chosen, light.slot, distance, abs(cosine));
         lit.light = emitted / lit.density;
         // What lies on the very same place stops no light.
         lit.reach = distance * (1.0 - 4e-6);

@@ -1,17 +1,19 @@
 //! Demo scenes and fixtures made by our own code: z up, metres, colours per triangle.
 
 mod parts;
+mod photographed;
 
 use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use self::parts::{Finish, Parts};
+use self::parts::{Finish, Parts, Stuff};
+pub use self::photographed::{object_model, studio};
 use super::surface::Surface;
 
-const STEEL: Finish = Finish { colour: [196, 202, 208], score: 2.0 };
-const BRASS: Finish = Finish { colour: [204, 164, 78], score: 1.8 };
-const GLAZE: Finish = Finish { colour: [40, 92, 148], score: 1.5 };
+const STEEL: Finish = Finish { colour: [196, 202, 208], stuff: Stuff::Metal, score: 2.0 };
+const BRASS: Finish = Finish { colour: [204, 164, 78], stuff: Stuff::Metal, score: 1.8 };
+const GLAZE: Finish = Finish { colour: [40, 92, 148], stuff: Stuff::Glazed, score: 1.5 };
 const CLAY: Finish = Finish::matt([176, 96, 62]);
 const CHALK: Finish = Finish::matt([226, 222, 212]);
 const SLATE: Finish = Finish::matt([74, 82, 92]);
@@ -20,6 +22,10 @@ const LEAF: Finish = Finish::matt([88, 132, 70]);
 /// An object of about unit size whose parts hide one another: on a disc stand a pedestal with a steel sphere inside a
 /// tilted ring, six fins, and three small spheres between the fins. Scores are above 1 where it shines.
 pub fn object() -> Surface {
+    object_parts().surface()
+}
+
+fn object_parts() -> Parts {
     let mut parts = Parts::default();
     parts.cylinder(DVec3::new(0.0, 0.0, -0.45), 0.5, 0.06, 96, CHALK);
     parts.cylinder(DVec3::new(0.0, 0.0, -0.39), 0.12, 0.35, 48, CLAY);
@@ -40,7 +46,7 @@ pub fn object() -> Surface {
             parts.sphere(DVec3::new(0.3 * cos, 0.3 * sin, -0.32), 0.07, 32, GLAZE);
         }
     }
-    parts.surface()
+    parts
 }
 
 /// A furnished room, 6 x 4 x 2.8 m, one corner at the origin: walls that face in with two windows, a door and a

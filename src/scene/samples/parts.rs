@@ -6,11 +6,24 @@ use glam::DVec3;
 
 use crate::scene::surface::{Mesh, Surface};
 
-/// Colour and view dependency score of a part.
-#[derive(Clone, Copy, Debug)]
+/// What a part is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Stuff {
+    /// It looks the same from everywhere.
+    Matt,
+    /// Colour below a clear coat.
+    Glazed,
+    /// Polished metal.
+    Metal,
+}
+
+/// Colour, stuff and view dependency score of a part.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Finish {
     /// 8-bit sRGB.
     pub colour: [u8; 3],
+    /// What it is made of.
+    pub stuff: Stuff,
     /// View dependency score in [1, 2].
     pub score: f32,
 }
@@ -18,14 +31,16 @@ pub(super) struct Finish {
 impl Finish {
     /// A finish that looks the same from everywhere.
     pub const fn matt(colour: [u8; 3]) -> Self {
-        Self { colour, score: 1.0 }
+        Self { colour, stuff: Stuff::Matt, score: 1.0 }
     }
 }
 
 /// A mesh in the making.
 #[derive(Debug, Default)]
 pub(super) struct Parts {
-    mesh: Mesh,
+    pub(super) mesh: Mesh,
+    /// Of each triangle.
+    pub(super) finishes: Vec<Finish>,
 }
 
 impl Parts {
@@ -50,7 +65,7 @@ impl Parts {
         for j in 0..nv {
             for i in 0..nu {
                 let (u, v) = at(f64::from(i) + 0.5, f64::from(j) + 0.5);
-                let colour = finish(u, v).colour;
+                let finish = finish(u, v);
                 let a = base + j * (nu + 1) + i;
                 let (b, c, d) = (a + 1, a + nu + 2, a + nu + 1);
                 for triangle in [[a, b, c], [a, c, d]] {
@@ -58,7 +73,8 @@ impl Parts {
                     let [p, q, r] = triangle.map(|vertex| self.mesh.positions[vertex as usize]);
                     if p != q && q != r && r != p {
                         self.mesh.triangles.push(triangle);
-                        self.mesh.colours.push(colour);
+                        self.mesh.colours.push(finish.colour);
+                        self.finishes.push(finish);
                     }
                 }
             }

@@ -1,0 +1,94 @@
+//! The demo's whole way, from photographs of its own scene to scores and the page, and what a stop leaves.
+
+mod command;
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use camsplat::evaluate::request::Settings;
+use camsplat::evaluate::scene::Scene;
+use camsplat::evaluate::tour::{self, Event, Size};
+use camsplat::plan::config::Preset;
+use camsplat::report;
+use camsplat::scene::samples;
+use camsplat::vulkan::{Context, Options};
+use command::{Place, read_until, stop};
+
+/// A demo of seconds.
+const SMALL: Size = Size {
+    settings: Settings {
+        size: 48,
+        samples: 2,
+        inputs: 10,
+        tests: 2,
+        iterations: 20,
+        max_splats: 500,
+        ..Size::DEMO.settings
+    },
+    views: 5,
+};
+
+fn subject() -> Scene {
+    let model = samples::object_model();
+    let intrinsics = SMALL.settings.intrinsics();
+    Scene::new(
+        Path::new("photographed"),
+        Preset::Object,
+        (&model, Some(&samples::studio())),
+        model.surface(),
+        &intrinsics,
+    )
+    .unwrap()
+}
+
+/// If this failed, the demo would end without scores, with a page whose pictures and links lead nowhere, or begin anew after a
+/// stop.
+#[test]
+fn the_whole_way_is_gone_and_the_page_shows_what_is_there() {
+    let context = Context::new(&Options { validation: true, ..Options::default() }).unwrap();
+    let place = Place::new();
+    let out = place.path("out");
+    let (mut told, mut stopping) = (Vec::new(), false);
+    let broken_off = tour::run(&context, &out, SMALL, &subject(), &mut |event| {
+        if let Event::Done(step) = event {
+            stopping = step.name == "plan";
+            told.push(step.name);
+        }
+        if stopping { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert!(broken_off.unwrap().is_none());
+    assert_eq!(told, ["photos", "proxy", "plan"]);
+
+    let tour = tour::run(&context, &out, SMALL, &subject(), &mut |_| ControlFlow::Continue(())).unwrap().unwrap();
+    let kept = |name: &str| tour.steps.iter().any(|step| step.name == name && step.what.contains("earlier run"));
+    assert!(kept("photos") && kept("proxy") && !kept("tests") && !kept("training"), "{:?}", tour.steps);
+    let methods: Vec<&str> = tour.outcome.rows.iter().map(|row| row.method.name()).collect();
+    assert_eq!(methods, ["ours", "random"]);
+    for interval in tour.outcome.rows.iter().flat_map(|row| row.measured.iter().flatten()) {
+        assert!(interval.is_some_and(|interval| interval.mean.is_finite()), "{:?}", tour.outcome.rows);
+    }
+
+    report::tour::write(&tour, &out, &[]).unwrap();
+    let page = place.read("out/report.html");
+    let named =
+        |attribute: &str| page.split(attribute).skip(1).filter_map(|rest| rest.split('"').next()).collect::<Vec<_>>();
+    let (pictures, links) = (named("src=\""), named("href=\""));
+    assert_eq!((pictures.len(), &links[..]), (10 + 1 + 5 + 3 * 3, &["photographed/plan/report.html"][..]));
+    for file in pictures.iter().chain(&links) {
+        assert!(out.join(file).is_file(), "{file} is not there");
+    }
+    assert_eq!(context.messages(), [""; 0]);
+}
+
+/// If this failed, Ctrl-C would end the demo as if it were done, or as if it had failed.
+#[test]
+fn a_stopped_demo_says_so() {
+    let place = Place::new();
+    let mut child = place.command("demo --out o").spawn().unwrap();
+    let output = read_until(&mut child, "Now all the way");
+    let stopped = stop(child, output, "-INT");
+    assert_eq!(stopped.code, Some(130), "{}{}", stopped.out, stopped.err);
+    assert!(stopped.out.contains("the same command goes on"), "{}", stopped.out);
+    assert!(["object", "room"].iter().all(|name| place.path(&format!("o/{name}/report.html")).is_file()));
+    assert!(!place.path("o/report.html").exists());
+}
