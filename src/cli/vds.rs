@@ -78,6 +78,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         exposure: !arguments.no_exposure,
         memory: arguments.memory.saturating_mul(1 << 20),
         skip_unreadable: arguments.skip_missing,
+        ..Settings::default()
     };
     let context = arguments.device.open()?;
     let estimate = score(&context, &capture, &surface, &settings)?;

@@ -23,6 +23,7 @@ use crate::photos::PhotoSet;
 use crate::plan::job::{RegionChoice, Target, Tools};
 use crate::plan::record::PlanRecord;
 use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::proxy::Orientation;
 use crate::scene::region::Region;
 use crate::scene::surface::{Points, Surface};
 use crate::vulkan::Context;
@@ -145,7 +146,10 @@ impl<'a> Bench<'a> {
         if observe(Event::Working).is_break() {
             return Ok(None);
         }
-        let settings = vds::job::Settings { points, seed: SEED, ..vds::job::Settings::default() };
+        // Photos across a room all look past its middle: of these alone it could be an object as well.
+        let middle = self.region.bounding_sphere().0;
+        let orientation = (self.kind == Kind::Room).then_some(Orientation::Inward(middle));
+        let settings = vds::job::Settings { points, seed: SEED, orientation, ..vds::job::Settings::default() };
         let scored = vds::job::run(&self.context, &set, &surface, &settings, |_| {})?.points;
         stage.write(SURFACE, &io::ply::write::surface_points(&scored))?;
         stage.finish()?;

@@ -80,7 +80,8 @@ impl Scene {
         let assembly = Assembly::new(model, environment).map_err(named)?;
         // glTF is Y up.
         let (up, path_name) = (DVec3::Y, path.to_string_lossy());
-        let target = Target::new(&surface, &path_name, preset, &RegionChoice::default(), up, intrinsics)?;
+        let choice = RegionChoice::default();
+        let target = Target::new(&surface, &path_name, preset, &choice, up, intrinsics).map_err(named)?;
         let region = target.region;
         let views = match preset {
             Preset::Object => {

@@ -34,6 +34,8 @@ pub struct Settings {
     pub memory: u64,
     /// Whether a photo that cannot be decoded is left out; else it is an error.
     pub skip_unreadable: bool,
+    /// Which side of the surface is photographed, where that is known; else the cameras tell.
+    pub orientation: Option<Orientation>,
 }
 
 /// What is heard of a run while it goes on.
@@ -52,6 +54,7 @@ impl Default for Settings {
             exposure: true,
             memory: decode::Settings::default().memory,
             skip_unreadable: false,
+            orientation: None,
         }
     }
 }
@@ -82,7 +85,7 @@ pub fn run(
     };
     // First of all, so that the first photos are there when the points are.
     let mut decoder = Decoder::new(photos, decoding)?;
-    let proxy = proxy(&capture, surface)?;
+    let proxy = proxy(&capture, surface, settings.orientation)?;
     let points = proxy.sample(settings.points.unwrap_or_else(|| standard(&proxy)), settings.seed, 0);
     let scene = Scene::new(&proxy, &points, photos)?.with_tracks(&points, &capture);
     let mut done = 0;
@@ -119,13 +122,16 @@ fn pyramid(photo: Decoded) -> (usize, Pyramid) {
     (photo.index, Pyramid::new(photo.width, photo.height, &luma, photo.mask.as_deref()))
 }
 
-/// The proxy of a surface that photos look at: from outside where they stand around it, else from inside.
-fn proxy(capture: &PhotoSet, surface: &Surface) -> Result<Proxy> {
+/// The proxy of a surface that photos look at. Where nothing is said: from outside where they stand around it, else from inside.
+fn proxy(capture: &PhotoSet, surface: &Surface, orientation: Option<Orientation>) -> Result<Proxy> {
     let poses: Vec<Pose> = capture.photos.iter().map(|photo| photo.camera.pose).collect();
     let positions = surface.positions();
     let middle = positions.iter().sum::<DVec3>() / positions.len().max(1) as f64;
-    let around = Shape::around_cameras(&poses).is_some();
-    let orientation = if around { Orientation::Outward(middle) } else { Orientation::Inward(middle) };
+    let orientation = orientation.unwrap_or_else(|| match Shape::around_cameras(&poses) {
+        Some(_) => Orientation::Outward(middle),
+        None => Orientation::Inward(middle),
+    });
+    let around = matches!(orientation, Orientation::Outward(_));
     let mut proxy = Proxy::new(surface, orientation)?;
     if let Surface::Points(points) = surface
         && around
