@@ -133,7 +133,7 @@ fn peers_that_look_at_a_model_choose_by_it() {
 fn options_that_do_not_fit_the_method_are_refused() {
     let place = Place::new();
     let plan = |options: &str| format!("plan ball.ply --out o --views 9 {options}");
-    let cases: [(String, &[&str]); 10] = [
+    let cases: [(String, &[&str]); 11] = [
         (plan("--candidates 20"), &["--candidates", "--method"]),
         (plan("--method fvs --candidates 8"), &["--candidates is 8 for 9 views", "give 9 to"]),
         (plan("--method random --candidates 20"), &["--method random", "leave --candidates out"]),
@@ -143,6 +143,7 @@ fn options_that_do_not_fit_the_method_are_refused() {
         (plan("--method fvs-shared --candidates 5000"), &["--method fvs-shared", "up to 4000", "use fvs"]),
         (plan("--method fibonacci --box -3,-3,-3,3,3,3"), &["fibonacci", "use random"]),
         (plan("--method acp --nodes 0"), &["--nodes"]),
+        (plan("--method fisherrf-retrain"), &["--method fisherrf-retrain", "camsplat evaluate", "camsplat select"]),
         (plan("--method acp --nodes 64 --candidates 3000"), &["--method acp", "3000 views", "give fewer"]),
     ];
     for (arguments, fragments) in &cases {

@@ -45,6 +45,9 @@ impl PeerOptions {
     /// # Errors
     /// An option that the method does not take.
     pub fn request(&self, config: &Config) -> Result<Option<(Request, Option<Model>)>> {
+        if self.method.needs_photographs() {
+            return Err(job::no_photographs(self.method));
+        }
         let model = self.model.read(self.method.name(), self.method.needs_model())?;
         let of_acp = self.nodes.is_some() || self.hidden_nodes;
         if of_acp && self.method != Method::Acp {

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 
+use super::peer::sized;
 use super::request::{Method, Settings, Shown};
 use super::stage::Stage;
 use super::subject::Subject;
@@ -19,7 +20,7 @@ use crate::gaussians::split::{Split, Test};
 use crate::io::photos::{self, Images, Options};
 use crate::photograph::products::{Products, Record, named};
 use crate::photograph::tracer::Tracer;
-use crate::photos::PhotoSet;
+use crate::photos::{Photo, PhotoSet};
 use crate::plan::config::Preset;
 use crate::plan::job::{RegionChoice, Target, Tools};
 use crate::plan::record::PlanRecord;
@@ -92,6 +93,17 @@ impl Bench {
     /// # Errors
     /// Where the device fails or the system refuses a file.
     pub fn photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Option<Stage>> {
+        self.photographs_in(&self.root, cameras, observe)
+    }
+
+    /// Takes a photograph of a view that a method may choose, as a product below `folder`.
+    fn photograph(&self, folder: &Path, photo: &Photo, observe: Observe) -> Result<Option<Photo>> {
+        let taken = self.photographs_in(folder, std::slice::from_ref(&photo.camera), observe)?;
+        let read = |stage| read_photos(&stage).map(|set| set.photos.into_iter().next());
+        taken.map_or(Ok(None), read)
+    }
+
+    fn photographs_in(&self, root: &Path, cameras: &[Camera], observe: Observe) -> Result<Option<Stage>> {
         let record = Record {
             version: env!("CARGO_PKG_VERSION").into(),
             scene: self.tracer.assembly().checksum(),
@@ -104,7 +116,7 @@ impl Bench {
             normals: false,
             exr: false,
         };
-        let stage = self.stage("photos", json!(record));
+        let stage = Stage::new(root, "photos", json!(record));
         if !begins(&stage, observe)? {
             return Ok(Some(stage));
         }
@@ -170,7 +182,7 @@ impl Bench {
     ) -> Result<Option<PlanRecord>> {
         let config = crate::plan::config::Config { held_out: HELD_OUT, ..method.config(views, seed) };
         let peer = match method {
-            Method::Peer(peer) => Some(peers::request::Request::new(peer, None, &config)?),
+            Method::Peer(peer) => Some(sized(peers::request::Request::new(peer, None, &config)?, &self.settings)),
             _ => None,
         };
         let stage = self.stage(
@@ -197,7 +209,12 @@ impl Bench {
         let plan = match peer {
             Some(request) => {
                 let model = model.map(read_model).transpose()?;
-                peers::job::run(&self.context, &target, intrinsics, &[], &request, model.as_ref())?
+                let (cameras, model) = ((intrinsics, &[][..]), model.as_ref());
+                let photograph = &mut |photo: &Photo| self.photograph(stage.folder(), photo, observe);
+                match peers::job::photographing(&self.context, &target, cameras, &request, model, photograph)? {
+                    Some(plan) => plan,
+                    None => return Ok(None),
+                }
             }
             None => plan::job::run(&self.context, &target, intrinsics, &[], config, Tools::default(), |_| {
                 observe(Event::Working)

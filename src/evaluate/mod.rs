@@ -6,6 +6,7 @@
 
 pub mod bench;
 pub mod job;
+mod peer;
 pub mod request;
 pub mod results;
 pub mod stage;

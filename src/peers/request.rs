@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::plan::config::{Config, Gate, Preset};
-use crate::select::{acp, information};
+use crate::select::{acp, information, retrained};
 use crate::{Error, Result};
 
 /// How cameras are placed.
@@ -31,6 +31,10 @@ pub enum Method {
     #[value(name = "fisherrf")]
     #[serde(rename = "fisherrf")]
     Fisher,
+    /// The same, with the model trained on the views chosen so far, and on with each
+    #[value(name = "fisherrf-retrain")]
+    #[serde(rename = "fisherrf-retrain")]
+    FisherRetrain,
     /// Greedy on what a trained model shows from directions not seen yet (COVER)
     Cover,
 }
@@ -48,6 +52,7 @@ impl Method {
             Self::Coverage => "coverage",
             Self::Acp => "acp",
             Self::Fisher => "fisherrf",
+            Self::FisherRetrain => "fisherrf-retrain",
             Self::Cover => "cover",
         }
     }
@@ -55,6 +60,11 @@ impl Method {
     /// Whether it chooses by a model of the scene.
     pub fn needs_model(self) -> bool {
         matches!(self, Self::Fisher | Self::Cover)
+    }
+
+    /// Whether it takes photographs of the views that it chooses, while it chooses.
+    pub fn needs_photographs(self) -> bool {
+        self == Self::FisherRetrain
     }
 
     /// Candidates to choose from where nothing is said; none where there is no choice.
@@ -65,7 +75,7 @@ impl Method {
             // Counting shared points takes every pair.
             Self::FvsShared | Self::Coverage => Some(2000),
             Self::Acp => Some(1000),
-            Self::Fisher | Self::Cover => Some(300),
+            Self::Fisher | Self::FisherRetrain | Self::Cover => Some(300),
         }
     }
 }
@@ -94,6 +104,9 @@ pub struct Request {
     /// Of [`Method::Fisher`] and [`Method::Cover`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model_based: Option<information::Settings>,
+    /// Of [`Method::FisherRetrain`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub retraining: Option<retrained::Settings>,
     /// Path of the trained splats, where the method chooses by them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
@@ -140,6 +153,7 @@ impl Request {
             held_out: config.held_out,
             acp: (method == Method::Acp).then(acp::Settings::default),
             model_based: method.needs_model().then(information::Settings::default),
+            retraining: method.needs_photographs().then(retrained::Settings::default),
             model: None,
         })
     }
