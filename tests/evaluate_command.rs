@@ -87,6 +87,18 @@ fn a_method_that_trains_while_it_chooses_photographs_its_choices() {
     assert!(again.out.contains("products 0 made, 6 kept"), "{}", again.out);
 }
 
+/// If this failed, manifold sampling would have no model in an evaluation, or not say how far its cameras went.
+#[test]
+fn manifold_sampling_takes_steps_in_proportion() {
+    let place = place();
+    let run = TINY.replace("random,ours --budgets 4", "manifold --budgets 5");
+    place.done(&format!("{run} --out o"));
+    let choice = place.folders("o/cube").into_iter().find(|name| name.starts_with("choice-")).unwrap();
+    let plan: Value = serde_json::from_str(&place.read(&format!("o/cube/{choice}/plan.json"))).unwrap();
+    assert_eq!((&plan["method"], &plan["config"]["manifold"]["steps"]), (&"manifold".into(), &1.into()));
+    assert!(place.read("o/table.md").contains("| cube | manifold | 5 |"));
+}
+
 /// If this failed, bad input would be found out after hours, or leave something behind.
 #[test]
 fn bad_input_is_refused_and_nothing_is_written() {

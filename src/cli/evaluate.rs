@@ -30,7 +30,8 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
     /// Who chooses: ours, ours-scalar, ours-no-vds, ours-iterative, or a --method of `camsplat plan` [default: random,
-    /// fibonacci, fvs, acp, fisherrf, cover, ours-iterative, ours-no-vds, ours-scalar, ours; quick: random, fvs, ours]
+    /// fibonacci, fvs, acp, fisherrf, fisherrf-retrain, cover, manifold, ours-iterative, ours-no-vds, ours-scalar, ours;
+    /// quick: random, fvs, ours]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     methods: Option<Vec<Method>>,
     /// How many views are chosen [default: 50,100; quick: 20]
@@ -68,8 +69,20 @@ pub struct Arguments {
 }
 
 /// Methods where none are named.
-const USUAL: [&str; 10] =
-    ["random", "fibonacci", "fvs", "acp", "fisherrf", "cover", "ours-iterative", "ours-no-vds", "ours-scalar", "ours"];
+const USUAL: [&str; 12] = [
+    "random",
+    "fibonacci",
+    "fvs",
+    "acp",
+    "fisherrf",
+    "fisherrf-retrain",
+    "cover",
+    "manifold",
+    "ours-iterative",
+    "ours-no-vds",
+    "ours-scalar",
+    "ours",
+];
 const QUICK: [&str; 3] = ["random", "fvs", "ours"];
 
 impl Arguments {

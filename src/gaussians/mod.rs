@@ -11,6 +11,7 @@ pub mod frame;
 pub mod job;
 pub mod layout;
 pub mod loss;
+pub mod manifold;
 pub mod mcmc;
 pub mod memory;
 pub mod pictures;

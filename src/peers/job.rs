@@ -1,8 +1,9 @@
 //! A whole plan of a peer: region, candidates, choice, metrics and controls, from a surface to a record.
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
+use super::manifold;
 use super::request::{Method, Request};
 use crate::photos::{Photo, PhotoSet};
 use crate::plan::config::{Config, Preset};
@@ -30,7 +31,7 @@ const CANDIDATES: u32 = 0x5045_0000;
 const POINTS: usize = 2000;
 
 /// Places cameras as a peer does, and scores them as a plan of ours. The record's seconds are those of the choice: candidates
-/// are there before.
+/// are there before, and taking photographs does not count.
 ///
 /// # Errors
 /// A region without free space, a method that does not fit the scene, or a device that fails.
@@ -73,10 +74,16 @@ pub fn photographing(
 ) -> Result<Option<Plan>> {
     let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
     let candidates = PhotoSet { photos: candidates(&scene.geometry, intrinsics, kept, request), ..PhotoSet::default() };
-    let start = Instant::now();
-    let placed = place(context, &scene, target, kept, &candidates, (request, model, photograph))?;
+    let (start, mut behind_the_camera) = (Instant::now(), Duration::ZERO);
+    let timed = &mut |photo: &Photo| {
+        let start = Instant::now();
+        let taken = photograph(photo);
+        behind_the_camera += start.elapsed();
+        taken
+    };
+    let placed = place(context, &scene, target, (intrinsics, kept), &candidates, (request, model, timed))?;
     let Some(poses) = placed else { return Ok(None) };
-    let seconds = start.elapsed().as_secs_f64();
+    let seconds = start.elapsed().saturating_sub(behind_the_camera).as_secs_f64();
     let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds };
     let Request { method, views, preset, seed, gate, held_out, .. } = *request;
     let config = Config { seed, gate, held_out, ..Config::new(preset, views) };
@@ -106,7 +113,7 @@ fn place(
     context: &Arc<Context>,
     scene: &DeviceScene,
     target: &Target,
-    kept: &[Camera],
+    (intrinsics, kept): (Intrinsics, &[Camera]),
     candidates: &PhotoSet,
     (request, model, photograph): (&Request, Option<&Model>, Photograph<'_>),
 ) -> Result<Option<Vec<Pose>>> {
@@ -159,6 +166,17 @@ fn place(
         Method::Acp => {
             let settings = request.acp.unwrap_or_default();
             acp::choose(&pool, settings, settings.occlusion.then_some(geometry))?
+        }
+        Method::Manifold => {
+            let missing = || Error::request("--method manifold needs trained splats; give them with --model");
+            let settings = (request.manifold.unwrap_or_default(), request.seed);
+            let (model, cameras) = (model.ok_or_else(missing)?, (intrinsics, kept));
+            let poses = manifold::place(context, &target.region, cameras, model, settings, views)?;
+            let settled = |pose: Pose| {
+                let inside = geometry.to_internal.pose(&pose);
+                back.pose(&Pose { position: geometry.settle(inside.position), ..inside })
+            };
+            return Ok(Some(poses.into_iter().map(settled).collect()));
         }
         Method::FisherRetrain => {
             let settings = request.retraining.unwrap_or_default();

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::manifold;
 use crate::plan::config::{Config, Gate, Preset};
 use crate::select::{acp, information, retrained};
 use crate::{Error, Result};
@@ -37,6 +38,8 @@ pub enum Method {
     FisherRetrain,
     /// Greedy on what a trained model shows from directions not seen yet (COVER)
     Cover,
+    /// One camera after another to where pictures of a trained model differ most under its noise (manifold sampling)
+    Manifold,
 }
 
 impl Method {
@@ -54,12 +57,13 @@ impl Method {
             Self::Fisher => "fisherrf",
             Self::FisherRetrain => "fisherrf-retrain",
             Self::Cover => "cover",
+            Self::Manifold => "manifold",
         }
     }
 
     /// Whether it chooses by a model of the scene.
     pub fn needs_model(self) -> bool {
-        matches!(self, Self::Fisher | Self::Cover)
+        matches!(self, Self::Fisher | Self::Cover | Self::Manifold)
     }
 
     /// Whether it takes photographs of the views that it chooses, while it chooses.
@@ -70,7 +74,7 @@ impl Method {
     /// Candidates to choose from where nothing is said; none where there is no choice.
     pub fn candidates(self) -> Option<u32> {
         match self {
-            Self::Ours | Self::Random | Self::Fibonacci => None,
+            Self::Ours | Self::Random | Self::Fibonacci | Self::Manifold => None,
             Self::Fvs | Self::FvsChord => Some(10_000),
             // Counting shared points takes every pair.
             Self::FvsShared | Self::Coverage => Some(2000),
@@ -107,6 +111,9 @@ pub struct Request {
     /// Of [`Method::FisherRetrain`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub retraining: Option<retrained::Settings>,
+    /// Of [`Method::Manifold`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub manifold: Option<manifold::Settings>,
     /// Path of the trained splats, where the method chooses by them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
@@ -152,8 +159,9 @@ impl Request {
             gate: config.gate,
             held_out: config.held_out,
             acp: (method == Method::Acp).then(acp::Settings::default),
-            model_based: method.needs_model().then(information::Settings::default),
+            model_based: matches!(method, Method::Fisher | Method::Cover).then(information::Settings::default),
             retraining: method.needs_photographs().then(retrained::Settings::default),
+            manifold: (method == Method::Manifold).then(manifold::Settings::default),
             model: None,
         })
     }
