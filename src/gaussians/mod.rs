@@ -20,6 +20,7 @@ pub mod rasterizer;
 pub mod record;
 pub mod render;
 pub mod renderer;
+mod rounds;
 pub mod split;
 pub mod start;
 pub mod store;

@@ -17,6 +17,7 @@ use super::loss::{Ledger, Loss, Record, mailbox};
 use super::mcmc::{self, Mcmc};
 use super::memory;
 use super::rasterizer::{Model, Rasterizer, Size};
+use super::rounds::Rounds;
 use super::store::PhotoStore;
 use super::update::{Moments, Trained, Update, UpdatePush};
 use crate::scene::gaussians::Gaussians;
@@ -30,7 +31,6 @@ const ITERATIONS: u32 = 10;
 const AHEAD: usize = 3;
 /// Stages of an iteration, with its sorts and a refinement, at most.
 const MOST_STAGES: u32 = 96;
-const VIEW_STREAM: u32 = 0x4600_0000;
 const BACKGROUND_STREAM: u32 = 0x4580_0000;
 
 /// All that a run carries from one iteration to the next, on the host.
@@ -50,26 +50,6 @@ pub struct State {
 enum Density {
     Mcmc(Mcmc),
     Classic(Classic),
-}
-
-/// Which photo an iteration looks at: every photo once, in another order in each round.
-struct Rounds {
-    seed: u64,
-    photos: u32,
-    round: Option<u32>,
-    order: Vec<u32>,
-}
-
-impl Rounds {
-    fn photo(&mut self, iteration: u32) -> u32 {
-        let round = iteration / self.photos;
-        if self.round != Some(round) {
-            self.order = (0..self.photos).collect();
-            random::shuffle(&mut self.order, self.seed, VIEW_STREAM + round);
-            self.round = Some(round);
-        }
-        self.order[(iteration % self.photos) as usize]
-    }
 }
 
 /// A run.
@@ -298,8 +278,7 @@ impl Trainer {
         let mut flow = ControlFlow::Continue(());
         let mut running: VecDeque<(Recorder, Instant)> = VecDeque::new();
         let mut next = self.done;
-        let mut rounds =
-            Rounds { seed: self.config.seed, order: Vec::new(), round: None, photos: self.photos.len() as u32 };
+        let mut rounds = Rounds::new(self.config.seed, self.photos.len() as u32);
         loop {
             while flow.is_continue() && !halted() && next < until && running.len() < AHEAD {
                 let mut commands = match &profile {
