@@ -167,7 +167,7 @@ fn what_cannot_be_chosen_is_refused() {
     place.write("one.txt", "photo_02.png\n");
     place.write("far.ply", command::points(&["900 0 0", "901 0 0", "900 1 0", "900 0 1", "901 1 1", "901 1 0"]));
     let before = place.files("");
-    let cases: [(&str, &[&str]); 14] = [
+    let cases: [(&str, &[&str]); 15] = [
         ("capture --count 25", &["--count is 25", "24 photos", "give fewer"]),
         ("capture --count 0", &["--count is 0", "at least 1"]),
         ("capture --count 24 --never one.txt", &["23 photos of 24", "--never"]),
@@ -180,6 +180,7 @@ fn what_cannot_be_chosen_is_refused() {
         ("poses.json --count 5 --surface ball.ply --sharpness", &["poses.json", "missing"]),
         ("capture --count 5 --train-every 5", &["--train-every", "--method fisherrf-retrain"]),
         ("capture --count 5 --method fisherrf-retrain --train-every 0", &["--train-every is 0"]),
+        ("capture --count 24 --method fisherrf-retrain --train-every 90000", &["--train-every 90000", "24 views"]),
         (
             "poses.json --surface ball.ply --count 5 --method fisherrf-retrain",
             &["poses.json", "poses alone", "fisherrf"],

@@ -25,6 +25,9 @@ use crate::{Error, Result};
 const POINTS: u32 = 20_000;
 const POINT_STREAM: u32 = 0x5045_0002;
 
+/// Most iterations, as in any training.
+const MOST_ITERATIONS: u32 = 10_000_000;
+
 /// Takes a photograph: the photo that is given, with an image; none where the user wants to stop.
 pub type Photograph<'p> = &'p mut dyn FnMut(&Photo) -> Result<Option<Photo>>;
 
@@ -100,6 +103,11 @@ pub fn fisher(
     let iterations = settings.iterations(chosen.len() as u32, pool.count as u32);
     if iterations == 0 {
         return Ok(Some(chosen));
+    }
+    if iterations > MOST_ITERATIONS {
+        let (every, count) = (settings.every, pool.count);
+        let what = format!("--train-every {every} makes {iterations} iterations for {count} views");
+        return Err(Error::request(format!("{what}; give less, for at most {MOST_ITERATIONS}")));
     }
     let background = settings.background;
     let config = Config { seed: pool.seed, background, ..Config::new(iterations, settings.max_splats) }
