@@ -140,6 +140,7 @@ fn every_option_of_the_help_is_accepted() {
     tried.extend(
         ["capture", "help", "method", "candidates", "nodes", "hidden-nodes", "model", "antialiased"].map(str::to_owned),
     );
+    tried.extend(["renders", "steps", "look-size", "noise-steps"].map(str::to_owned));
     let mut try_with = |given: &str| {
         let arguments = format!("plan ball.ply --out o --force {SHORT} {given}");
         place.done(&arguments);

@@ -68,6 +68,37 @@ fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
     assert!(more.out.contains("products 3 made, 9 kept"), "{}", more.out);
 }
 
+/// If this failed, what trains while it chooses would have no photographs to train on, take them again after a stop, or not
+/// say how long it trained.
+#[test]
+fn a_method_that_trains_while_it_chooses_photographs_its_choices() {
+    let place = place();
+    let run = TINY.replace("random,ours --budgets 4", "fisherrf-retrain --budgets 6");
+    place.done(&format!("{run} --out o"));
+    let folders = place.folders("o/cube");
+    let choice = folders.iter().find(|name| name.starts_with("choice-")).unwrap();
+    let photos = place.folders(&format!("o/cube/{choice}"));
+    assert_eq!(photos.len(), 5, "{photos:?}");
+    assert!(photos.iter().all(|name| place.path(&format!("o/cube/{choice}/{name}/images")).is_dir()), "{photos:?}");
+    let plan: Value = serde_json::from_str(&place.read(&format!("o/cube/{choice}/plan.json"))).unwrap();
+    let retraining = &plan["config"]["retraining"];
+    assert_eq!((&retraining["every"], &retraining["max_splats"]), (&1.into(), &40.into()), "{retraining}");
+    let again = place.done(&format!("{run} --out o"));
+    assert!(again.out.contains("products 0 made, 6 kept"), "{}", again.out);
+}
+
+/// If this failed, manifold sampling would have no model in an evaluation, or not say how far its cameras went.
+#[test]
+fn manifold_sampling_takes_steps_in_proportion() {
+    let place = place();
+    let run = TINY.replace("random,ours --budgets 4", "manifold --budgets 5");
+    place.done(&format!("{run} --out o"));
+    let choice = place.folders("o/cube").into_iter().find(|name| name.starts_with("choice-")).unwrap();
+    let plan: Value = serde_json::from_str(&place.read(&format!("o/cube/{choice}/plan.json"))).unwrap();
+    assert_eq!((&plan["method"], &plan["config"]["manifold"]["steps"]), (&"manifold".into(), &1.into()));
+    assert!(place.read("o/table.md").contains("| cube | manifold | 5 |"));
+}
+
 /// If this failed, bad input would be found out after hours, or leave something behind.
 #[test]
 fn bad_input_is_refused_and_nothing_is_written() {

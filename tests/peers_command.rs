@@ -142,12 +142,50 @@ fn peers_that_look_at_a_model_choose_by_it() {
     }
 }
 
+/// If this failed, cameras would leave the middle of the shell, forget the views that are there, or differ between two runs.
+#[test]
+fn cameras_climb_to_where_a_model_is_least_certain() {
+    let place = Place::new();
+    place.write("model.ply", io::ply::write::gaussians(&model()));
+    let few = "--renders 2 --steps 4 --look-size 32 --noise-steps 20";
+    let run = format!("--method manifold --model model.ply --size 64x48 --held-out 50 {few} --seed 3");
+    let shell = "--shell 0,0,0,2,3 --floor -0.5";
+    place.done(&format!("plan ball.ply --views 6 --out o {run} {shell}"));
+    let settings = &place.plan("o").config["manifold"];
+    assert_eq!((&settings["steps"], &settings["side"], &settings["learn"]), (&4.into(), &32.into(), &20.into()));
+    let all = cameras(&place, "o");
+    assert_eq!(all.len(), 6);
+    for camera in &all {
+        let position = camera.pose.position;
+        assert!((position.length() - 2.5).abs() < 1e-6 && position.z > -0.5 - 1e-6, "{position}");
+        assert!(camera.pose.forward().dot(-position.normalize()) > 0.999, "{position}");
+    }
+    place.done(&format!("plan ball.ply --views 6 --out again {run} {shell}"));
+    assert_eq!(place.read("again/transforms.json"), place.read("o/transforms.json"));
+    // With views that are there, no first four are taken.
+    place.done(&format!("plan ball.ply --views 2 --out more --keep o {run} {shell}"));
+    let more = cameras(&place, "more");
+    assert_eq!(more.len(), 8);
+    assert!(more[..2].iter().all(|new| more[2..].iter().all(|old| new.pose != old.pose)));
+    let cases: [(String, &[&str]); 3] = [
+        (
+            format!("plan ball.ply --views 6 --out r {run} --box -3,-3,-3,3,3,3"),
+            &["--method manifold", "none in a room"],
+        ),
+        ("plan ball.ply --views 6 --out r --method manifold".into(), &["--method manifold needs trained splats"]),
+        (format!("plan ball.ply --views 6 --out r {run} --candidates 50"), &["--method manifold", "--candidates"]),
+    ];
+    for (arguments, fragments) in &cases {
+        assert_refused(&place, &[(arguments.as_str(), *fragments)]);
+    }
+}
+
 /// If this failed, an option would be accepted and then ignored.
 #[test]
 fn options_that_do_not_fit_the_method_are_refused() {
     let place = Place::new();
     let plan = |options: &str| format!("plan ball.ply --out o --views 9 {options}");
-    let cases: [(String, &[&str]); 10] = [
+    let cases: [(String, &[&str]); 13] = [
         (plan("--candidates 20"), &["--candidates", "--method"]),
         (plan("--method fvs --candidates 8"), &["--candidates is 8 for 9 views", "give 9 to"]),
         (plan("--method random --candidates 20"), &["--method random", "leave --candidates out"]),
@@ -157,6 +195,9 @@ fn options_that_do_not_fit_the_method_are_refused() {
         (plan("--method fvs-shared --candidates 5000"), &["--method fvs-shared", "up to 4000", "use fvs"]),
         (plan("--method fibonacci --box -3,-3,-3,3,3,3"), &["fibonacci", "use random"]),
         (plan("--method acp --nodes 0"), &["--nodes"]),
+        (plan("--method fvs --renders 4"), &["--renders", "--method manifold"]),
+        (plan("--method manifold --renders 1 --model m.ply"), &["--renders"]),
+        (plan("--method fisherrf-retrain"), &["--method fisherrf-retrain", "camsplat evaluate", "camsplat select"]),
         (plan("--method acp --nodes 64 --candidates 3000"), &["--method acp", "3000 views", "give fewer"]),
     ];
     for (arguments, fragments) in &cases {

@@ -104,6 +104,20 @@ fn the_folder_is_a_capture_of_the_chosen_photos() {
     assert!(!Path::new(&place.path("poses/images")).exists());
 }
 
+/// If this failed, the model would not be trained on the photos while they are chosen, or the record would not say for how long.
+#[test]
+fn photos_are_chosen_by_a_model_that_is_trained_on_them() {
+    let place = place();
+    let run = "--method fisherrf-retrain --train-every 3 --max-splats 300 --shrink 2 --background white --points 100";
+    place.done(&format!("select capture --count 6 --out o {run}"));
+    assert_eq!(chosen(&place, "o").len(), 6);
+    let record: serde_json::Value = serde_json::from_str(&place.read("o/select.json")).unwrap();
+    let retraining = &record["request"]["retraining"];
+    assert_eq!((&retraining["every"], &retraining["shrink"]), (&3.into(), &2.into()), "{record}");
+    place.done(&format!("select capture --count 6 --out again {run}"));
+    assert_eq!(place.read("again/chosen.csv"), place.read("o/chosen.csv"));
+}
+
 /// If this failed, a user would lose his photos: links to themselves in their place, and a model of the chosen few.
 #[test]
 fn a_capture_is_never_written_over() {
@@ -153,7 +167,7 @@ fn what_cannot_be_chosen_is_refused() {
     place.write("one.txt", "photo_02.png\n");
     place.write("far.ply", command::points(&["900 0 0", "901 0 0", "900 1 0", "900 0 1", "901 1 1", "901 1 0"]));
     let before = place.files("");
-    let cases: [(&str, &[&str]); 11] = [
+    let cases: [(&str, &[&str]); 15] = [
         ("capture --count 25", &["--count is 25", "24 photos", "give fewer"]),
         ("capture --count 0", &["--count is 0", "at least 1"]),
         ("capture --count 24 --never one.txt", &["23 photos of 24", "--never"]),
@@ -164,6 +178,13 @@ fn what_cannot_be_chosen_is_refused() {
         ("capture --count 5 --points 0", &["--points is 0"]),
         ("poses.json --count 5", &["poses.json", "no points", "--surface"]),
         ("poses.json --count 5 --surface ball.ply --sharpness", &["poses.json", "missing"]),
+        ("capture --count 5 --train-every 5", &["--train-every", "--method fisherrf-retrain"]),
+        ("capture --count 5 --method fisherrf-retrain --train-every 0", &["--train-every is 0"]),
+        ("capture --count 24 --method fisherrf-retrain --train-every 90000", &["--train-every 90000", "24 views"]),
+        (
+            "poses.json --surface ball.ply --count 5 --method fisherrf-retrain",
+            &["poses.json", "poses alone", "fisherrf"],
+        ),
         ("capture --count 5 --surface far.ply", &["no point of the surface is seen by two photos"]),
     ];
     for (arguments, fragments) in cases {

@@ -40,8 +40,9 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
     /// Who chooses: ours, ours-scalar, ours-no-vds, ours-iterative, or a --method of `camsplat plan` [default: random,
-    /// fibonacci, fvs, acp, fisherrf, cover, ours-iterative, ours-no-vds, ours-scalar, ours; rooms: without fibonacci;
-    /// pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
+    /// fibonacci, fvs, acp, fisherrf, fisherrf-retrain, cover, manifold, ours-iterative, ours-no-vds, ours-scalar, ours; rooms:
+    /// without fibonacci and manifold; pools: random, fvs, coverage, acp, fisherrf, fisherrf-retrain, cover, ours; quick:
+    /// random, fvs, ours]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     methods: Option<Vec<Method>>,
     /// How many views are chosen [default: 50,100; rooms 300; pools 20,40; quick: 20; rooms 30]
@@ -92,9 +93,21 @@ pub struct Arguments {
 }
 
 /// Methods where none are named.
-const USUAL: [&str; 10] =
-    ["random", "fibonacci", "fvs", "acp", "fisherrf", "cover", "ours-iterative", "ours-no-vds", "ours-scalar", "ours"];
-const OF_POOLS: [&str; 7] = ["random", "fvs", "coverage", "acp", "fisherrf", "cover", "ours"];
+const USUAL: [&str; 12] = [
+    "random",
+    "fibonacci",
+    "fvs",
+    "acp",
+    "fisherrf",
+    "fisherrf-retrain",
+    "cover",
+    "manifold",
+    "ours-iterative",
+    "ours-no-vds",
+    "ours-scalar",
+    "ours",
+];
+const OF_POOLS: [&str; 8] = ["random", "fvs", "coverage", "acp", "fisherrf", "fisherrf-retrain", "cover", "ours"];
 const QUICK: [&str; 3] = ["random", "fvs", "ours"];
 
 impl Arguments {

@@ -28,6 +28,7 @@ mod plan;
 mod progress;
 mod proxy;
 mod render;
+mod retraining;
 mod score;
 mod select;
 mod train;

@@ -35,6 +35,18 @@ pub struct PeerOptions {
     /// Nodes behind the surface are not seen; as published they are [acp]
     #[arg(long)]
     pub hidden_nodes: bool,
+    /// Perturbed pictures of a view in a step uphill [manifold; default: 2]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=64))]
+    pub renders: Option<u32>,
+    /// Steps uphill of each camera [manifold; default: 401]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=100_000))]
+    pub steps: Option<u32>,
+    /// Longer side of the pictures that are compared, in pixels at most [manifold; default: 128]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(8..=4096))]
+    pub look_size: Option<u32>,
+    /// Steps in which the noise of the model is learnt before the first camera is placed [manifold; default: 200]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    pub noise_steps: Option<u32>,
     #[command(flatten)]
     model: ModelOptions,
 }
@@ -45,10 +57,18 @@ impl PeerOptions {
     /// # Errors
     /// An option that the method does not take.
     pub fn request(&self, config: &Config) -> Result<Option<(Request, Option<Model>)>> {
+        if self.method.needs_photographs() {
+            return Err(job::no_photographs(self.method));
+        }
         let model = self.model.read(self.method.name(), self.method.needs_model())?;
         let of_acp = self.nodes.is_some() || self.hidden_nodes;
         if of_acp && self.method != Method::Acp {
             return Err(Error::request("--nodes and --hidden-nodes are for --method acp; leave them out"));
+        }
+        let of_manifold = [self.renders, self.steps, self.look_size, self.noise_steps];
+        if of_manifold.iter().any(Option::is_some) && self.method != Method::Manifold {
+            let what = "--renders, --steps, --look-size and --noise-steps are for --method manifold; leave them out";
+            return Err(Error::request(what));
         }
         if self.method == Method::Ours {
             return match self.candidates {
@@ -60,6 +80,12 @@ impl PeerOptions {
         if let Some(acp) = &mut request.acp {
             acp.grid = self.nodes.unwrap_or(acp.grid);
             acp.occlusion = self.hidden_nodes;
+        }
+        if let Some(manifold) = &mut request.manifold {
+            manifold.renders = self.renders.unwrap_or(manifold.renders);
+            manifold.steps = self.steps.unwrap_or(manifold.steps);
+            manifold.side = self.look_size.unwrap_or(manifold.side);
+            manifold.learn = self.noise_steps.unwrap_or(manifold.learn);
         }
         request.model = model.as_ref().map(|model| model.path.clone());
         Ok(Some((request, model)))

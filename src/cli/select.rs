@@ -12,6 +12,7 @@ use super::options::{
 };
 use super::plan::table;
 use super::progress::{leave_on_interrupt, stop_on_interrupt};
+use super::retraining::RetrainingOptions;
 use crate::io::folder::OutputFolder;
 use crate::io::photos::Images;
 use crate::metrics::Metrics;
@@ -54,6 +55,8 @@ pub struct Arguments {
     method: Method,
     #[command(flatten)]
     model: ModelOptions,
+    #[command(flatten)]
+    retraining: RetrainingOptions,
     /// File with names of photos that are chosen in any case, one a line
     #[arg(long, value_name = "FILE")]
     must: Option<PathBuf>,
@@ -158,8 +161,10 @@ fn request(arguments: &Arguments, set: &PhotoSet) -> Result<Request> {
         let what = format!("--must and --never both name {}; take them out of one", both.join(", "));
         return Err(Error::request(what));
     }
+    let trains = arguments.method == Method::FisherRetrain;
     Ok(Request {
         method: arguments.method,
+        retraining: arguments.retraining.settings(arguments.method.name(), trains, set)?,
         must,
         never,
         seed: arguments.seed,

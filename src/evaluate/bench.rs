@@ -9,6 +9,7 @@ use std::sync::Arc;
 use serde_json::{Value, json};
 
 use super::kind::Kind;
+use super::peer::sized;
 use super::request::{Method, PeersFrom, Request, Settings, Shown};
 use super::scene::{Around, Scene};
 use super::stage::{Event, Observe, Stage};
@@ -19,7 +20,7 @@ use crate::gaussians::split::{Split, Test};
 use crate::io::photos::{self, Images, Options};
 use crate::photograph::products::{Products, Record, named};
 use crate::photograph::tracer::Tracer;
-use crate::photos::PhotoSet;
+use crate::photos::{Photo, PhotoSet};
 use crate::plan::job::{RegionChoice, Target, Tools};
 use crate::plan::record::PlanRecord;
 use crate::scene::camera::{Camera, Intrinsics};
@@ -85,6 +86,17 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// Where the device fails or the system refuses a file.
     pub fn photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Option<Stage>> {
+        self.photographs_in(&self.root, cameras, observe)
+    }
+
+    /// Takes a photograph of a view that a method may choose, as a product below `folder`.
+    fn photograph(&self, folder: &Path, photo: &Photo, observe: Observe) -> Result<Option<Photo>> {
+        let taken = self.photographs_in(folder, std::slice::from_ref(&photo.camera), observe)?;
+        let read = |stage| read_photos(&stage).map(|set| set.photos.into_iter().next());
+        taken.map_or(Ok(None), read)
+    }
+
+    fn photographs_in(&self, root: &Path, cameras: &[Camera], observe: Observe) -> Result<Option<Stage>> {
         let record = Record {
             version: env!("CARGO_PKG_VERSION").into(),
             scene: self.tracer.assembly().checksum(),
@@ -98,7 +110,7 @@ impl<'a> Bench<'a> {
             normals: false,
             exr: false,
         };
-        let stage = self.stage("photos", json!(record));
+        let stage = Stage::new(root, "photos", json!(record));
         if !stage.begins(observe)? {
             return Ok(Some(stage));
         }
@@ -147,7 +159,7 @@ impl<'a> Bench<'a> {
             return Ok(None);
         }
         // Photos across a room all look past its middle: of these alone it could be an object as well.
-        let middle = self.region.bounding_sphere().0;
+        let middle = self.scene.region.bounding_sphere().0;
         let orientation = (self.kind == Kind::Room).then_some(Orientation::Inward(middle));
         let settings = vds::job::Settings { points, seed: SEED, orientation, ..vds::job::Settings::default() };
         let scored = vds::job::run(&self.context, &set, &surface, &settings, |_| {})?.points;
@@ -211,7 +223,7 @@ impl<'a> Bench<'a> {
         let config =
             crate::plan::config::Config { held_out: HELD_OUT, ..method.config(self.kind.preset(), views, seed)? };
         let peer = match method {
-            Method::Peer(peer) => Some(peers::request::Request::new(peer, None, &config)?),
+            Method::Peer(peer) => Some(sized(peers::request::Request::new(peer, None, &config)?, &self.settings)),
             _ => None,
         };
         let region = match (peer.is_some(), self.settings.peers_from, self.kind) {
@@ -233,7 +245,12 @@ impl<'a> Bench<'a> {
         let plan = match peer {
             Some(request) => {
                 let model = model.map(training::model).transpose()?;
-                peers::job::run(&self.context, &target, intrinsics, &[], &request, model.as_ref())?
+                let (cameras, model) = ((intrinsics, &[][..]), model.as_ref());
+                let photograph = &mut |photo: &Photo| self.photograph(stage.folder(), photo, observe);
+                match peers::job::photographing(&self.context, &target, cameras, &request, model, photograph)? {
+                    Some(plan) => plan,
+                    None => return Ok(None),
+                }
             }
             None => plan::job::run(&self.context, &target, intrinsics, &[], config, Tools::default(), |_| {
                 observe(Event::Working)

@@ -10,6 +10,7 @@ pub mod bench;
 pub mod choices;
 pub mod job;
 pub mod kind;
+mod peer;
 pub mod pool;
 pub mod request;
 pub mod results;

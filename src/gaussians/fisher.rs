@@ -8,10 +8,12 @@
 
 use std::sync::Arc;
 
+use super::config::Config;
 use super::frame::{Frame, View};
 use super::layout::{self, PassPush, Projected};
 use super::rasterizer::{Rasterizer, Size, Wanted};
 use super::renderer::Renderer;
+use super::trainer::Trainer;
 use crate::primitives::{Count, Operation, Reduce};
 use crate::scene::camera::Camera;
 use crate::scene::gaussians::Gaussians;
@@ -130,6 +132,46 @@ impl Fisher {
         let (sizes, largest) = sizes(&views)?;
         let wanted = Wanted { antialiased, gradients: true, ..Wanted::default() };
         let renderer = Renderer::new(context, &frame.gaussians_to_training(gaussians), largest, wanted)?;
+        let spare = context.memory_available() / 2;
+        Self::on(context, renderer, (&views, sizes), antialiased, (lambda, spare))
+    }
+
+    /// For the model of a trainer as it is whenever [`Fisher::renew`] is called, from all of the trainer's views. Sums are not
+    /// kept: of each state of the model, a view is looked at once.
+    ///
+    /// # Errors
+    /// As [`Fisher::new`].
+    pub fn of_training(context: &Arc<Context>, trainer: &Trainer, lambda: f32) -> Result<Self> {
+        let (sizes, largest) = sizes(trainer.views())?;
+        let Config { antialiased, degree, max_splats, .. } = *trainer.config();
+        let wanted = Wanted { antialiased, gradients: true, ..Wanted::default() };
+        let renderer = Renderer::empty(context, max_splats, degree, largest, wanted)?;
+        Self::on(context, renderer, (trainer.views(), sizes), antialiased, (lambda, 0))
+    }
+
+    /// Takes the trainer's splats as they are now, of which nothing is known yet.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn renew(&mut self, trainer: &Trainer) -> Result<()> {
+        let (from, to) = (trainer.model(), &self.renderer.model);
+        let mut commands = Recorder::new(&self.context)?;
+        commands.copy(&from.parameters, &to.parameters, to.parameters.size());
+        commands.copy(&from.population, &to.population, 4);
+        commands.fill(&self.known, 0);
+        commands.submit_and_wait()?;
+        drop(commands);
+        self.renderer.degree = trainer.degree();
+        Ok(())
+    }
+
+    fn on(
+        context: &Arc<Context>,
+        renderer: Renderer,
+        (views, sizes): (&[View], Vec<Size>),
+        antialiased: bool,
+        (lambda, spare): (f32, u64),
+    ) -> Result<Self> {
         let constant = u32::from(antialiased);
         let count = renderer.model.stride;
         let planes = vec![0f32; layout::planes(renderer.degree) * count as usize];
@@ -139,13 +181,13 @@ impl Fisher {
             gather: Pipeline::new(context, &FISHER_GATHER, &[constant])?,
             score: Pipeline::new(context, &FISHER_SCORE, &[constant])?,
             sum: Reduce::new(context, Operation::SumF32, count)?,
-            views: Buffer::from_slice(context, "views", &views)?,
+            views: Buffer::from_slice(context, "views", views)?,
             forms: Buffer::device(context, "forms", FORMS * size_of::<Form>() as u64 * u64::from(count))?,
             known: Buffer::from_slice(context, "known", &planes)?,
             scores: Buffer::device(context, "scores", 4 * u64::from(count))?,
             results: Buffer::host(context, "results", 4)?,
             seen: sizes.iter().map(|_| None).collect(),
-            spare: context.memory_available() / 2,
+            spare,
             context: context.clone(),
             renderer,
             sizes,

@@ -64,22 +64,32 @@ impl Renderer {
         if count == 0 {
             return Err(Error::request("there are no splats to render"));
         }
-        let room = count.saturating_mul(4).clamp(1 << 16, 1 << 28);
-        let sizes = Sizes { gaussians: count, room, pixels: largest.pixels(), tiles: largest.tiles() };
-        let bytes = 4 * layout::planes(gaussians.degree) as u64 * u64::from(count);
+        let renderer = Self::empty(context, count, gaussians.degree, largest, wanted)?;
+        renderer.model.parameters.upload(&layout::to_planes(gaussians, gaussians.degree, count as usize))?;
+        renderer.model.population.upload(&[count])?;
+        Ok(renderer)
+    }
+
+    /// Room for so many Gaussians with harmonics up to `degree`. How many there are is not said yet.
+    ///
+    /// # Errors
+    /// Where the device has not enough memory.
+    pub(super) fn empty(context: &Arc<Context>, most: u32, degree: u32, largest: Size, wanted: Wanted) -> Result<Self> {
+        let room = most.saturating_mul(4).clamp(1 << 16, 1 << 28);
+        let sizes = Sizes { gaussians: most, room, pixels: largest.pixels(), tiles: largest.tiles() };
+        let bytes = 4 * layout::planes(degree) as u64 * u64::from(most);
         check(context, sizes, wanted, &[("parameters", bytes)])?;
-        let planes = layout::to_planes(gaussians, gaussians.degree, count as usize);
         Ok(Self {
             model: Model {
-                parameters: Buffer::from_slice(context, "parameters", &planes)?,
-                population: Buffer::from_slice(context, "population", &[count])?,
-                stride: count,
-                planes: layout::planes(gaussians.degree) as u32,
+                parameters: Buffer::device(context, "parameters", bytes)?,
+                population: Buffer::device(context, "population", 4)?,
+                stride: most,
+                planes: layout::planes(degree) as u32,
             },
             rasterizer: Rasterizer::new(context, sizes, wanted)?,
             view: Buffer::device(context, "view", size_of::<View>() as u64)?,
             wanted,
-            degree: gaussians.degree,
+            degree,
         })
     }
 

@@ -17,6 +17,7 @@ use super::loss::{Ledger, Loss, Record, mailbox};
 use super::mcmc::{self, Mcmc};
 use super::memory;
 use super::rasterizer::{Model, Rasterizer, Size};
+use super::rounds::Rounds;
 use super::store::PhotoStore;
 use super::update::{Moments, Trained, Update, UpdatePush};
 use crate::scene::gaussians::Gaussians;
@@ -30,7 +31,6 @@ const ITERATIONS: u32 = 10;
 const AHEAD: usize = 3;
 /// Stages of an iteration, with its sorts and a refinement, at most.
 const MOST_STAGES: u32 = 96;
-const VIEW_STREAM: u32 = 0x4600_0000;
 const BACKGROUND_STREAM: u32 = 0x4580_0000;
 
 /// All that a run carries from one iteration to the next, on the host.
@@ -52,26 +52,6 @@ enum Density {
     Classic(Classic),
 }
 
-/// Which photo an iteration looks at: every photo once, in another order in each round.
-struct Rounds {
-    seed: u64,
-    photos: u32,
-    round: Option<u32>,
-    order: Vec<u32>,
-}
-
-impl Rounds {
-    fn view(&mut self, iteration: u32) -> u32 {
-        let round = iteration / self.photos;
-        if self.round != Some(round) {
-            self.order = (0..self.photos).collect();
-            random::shuffle(&mut self.order, self.seed, VIEW_STREAM + round);
-            self.round = Some(round);
-        }
-        self.order[(iteration % self.photos) as usize]
-    }
-}
-
 /// A run.
 pub struct Trainer {
     context: Arc<Context>,
@@ -82,6 +62,8 @@ pub struct Trainer {
     views: Vec<View>,
     view_buffer: Buffer,
     photos: PhotoStore,
+    /// View of each photo.
+    taken_from: Vec<u32>,
     model: Model,
     moments: Moments,
     rasterizer: Rasterizer,
@@ -148,6 +130,7 @@ impl Trainer {
             started_with: population,
             view_buffer: Buffer::from_slice(context, "views", &views)?,
             views,
+            taken_from: (0..photos.len() as u32).collect(),
             photos,
             model,
             moments,
@@ -188,6 +171,41 @@ impl Trainer {
         self.ledger.mailbox.write(&[state.done, 0, 0, 0])?;
         self.done = state.done;
         Ok(())
+    }
+
+    /// Adds a photo from one of the views, in 8 bits as [`super::pictures`] has them; iterations to come look at it as well.
+    ///
+    /// # Errors
+    /// Where there is no such view, the photo is of another size, or there is no memory for it.
+    pub fn add_photo(&mut self, view: u32, pixels: &[u32]) -> Result<()> {
+        let size = self.views.get(view as usize).map(|view| view.width as usize * view.height as usize);
+        if size != Some(pixels.len()) {
+            return Err(Error::request(format!("view {view} takes no photo of {} pixels", pixels.len())));
+        }
+        self.photos.add(pixels)?;
+        self.photos.flush()?;
+        self.taken_from.push(view);
+        Ok(())
+    }
+
+    /// The Gaussians on the device, in the training frame.
+    pub(super) fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// What photos are and may be taken from.
+    pub(super) fn views(&self) -> &[View] {
+        &self.views
+    }
+
+    /// The configuration.
+    pub(super) fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Degree of the harmonics that took part in the last iteration.
+    pub(super) fn degree(&self) -> u32 {
+        self.schedule.degree(self.done.saturating_sub(1), self.config.degree)
     }
 
     fn planes(&self) -> usize {
@@ -260,8 +278,7 @@ impl Trainer {
         let mut flow = ControlFlow::Continue(());
         let mut running: VecDeque<(Recorder, Instant)> = VecDeque::new();
         let mut next = self.done;
-        let mut rounds =
-            Rounds { seed: self.config.seed, order: Vec::new(), round: None, photos: self.photos.len() as u32 };
+        let mut rounds = Rounds::new(self.config.seed, self.photos.len() as u32);
         loop {
             while flow.is_continue() && !halted() && next < until && running.len() < AHEAD {
                 let mut commands = match &profile {
@@ -273,7 +290,7 @@ impl Trainer {
                     None => Recorder::new(&self.context)?,
                 };
                 for iteration in next..(next + ITERATIONS).min(until) {
-                    self.record_iteration(&mut commands, iteration, rounds.view(iteration))?;
+                    self.record_iteration(&mut commands, iteration, rounds.photo(iteration))?;
                 }
                 next = (next + ITERATIONS).min(until);
                 let submitted = Instant::now();
@@ -328,7 +345,8 @@ impl Trainer {
     }
 
     /// Records one iteration, and the refinement that follows it where one is due.
-    fn record_iteration<'a>(&'a self, commands: &mut Recorder<'a>, iteration: u32, view: u32) -> Result<()> {
+    fn record_iteration<'a>(&'a self, commands: &mut Recorder<'a>, iteration: u32, photo: u32) -> Result<()> {
+        let view = self.taken_from[photo as usize];
         let View { width, height, .. } = self.views[view as usize];
         let size = Size { width, height };
         let push = PassPush {
@@ -339,7 +357,7 @@ impl Trainer {
             background: self.background_of(iteration),
             iteration,
         };
-        self.photos.record_copy(commands, view as usize, &self.loss.photo);
+        self.photos.record_copy(commands, photo as usize, &self.loss.photo);
         let Self { rasterizer, model, view_buffer, ledger, .. } = self;
         let instances = rasterizer.forward(commands, model, view_buffer, size, &push)?;
         self.loss.record(
@@ -431,7 +449,7 @@ impl Trainer {
         let push = PassPush {
             stride: self.model.stride,
             view: view as u32,
-            degree: self.schedule.degree(self.done.saturating_sub(1), self.config.degree),
+            degree: self.degree(),
             background: self.config.test_background(),
             ..PassPush::default()
         };

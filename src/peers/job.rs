@@ -1,8 +1,9 @@
 //! A whole plan of a peer: region, candidates, choice, metrics and controls, from a surface to a record.
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
+use super::manifold;
 use super::request::{Method, Request};
 use crate::photos::{Photo, PhotoSet};
 use crate::plan::config::{Config, Preset};
@@ -18,6 +19,7 @@ use crate::select::acp;
 use crate::select::controls::{MOST_SHARED, Pool};
 use crate::select::farthest::Distance;
 use crate::select::information::{self, Model};
+use crate::select::retrained::{self, Photograph};
 use crate::select::sight::{Sight, Survey};
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::vulkan::Context;
@@ -29,7 +31,7 @@ const CANDIDATES: u32 = 0x5045_0000;
 const POINTS: usize = 2000;
 
 /// Places cameras as a peer does, and scores them as a plan of ours. The record's seconds are those of the choice: candidates
-/// are there before.
+/// are there before, and taking photographs does not count.
 ///
 /// # Errors
 /// A region without free space, a method that does not fit the scene, or a device that fails.
@@ -41,17 +43,53 @@ pub fn run(
     request: &Request,
     model: Option<&Model>,
 ) -> Result<Plan> {
+    if request.method.needs_photographs() {
+        return Err(no_photographs(request.method));
+    }
+    // Nothing is photographed, so nothing is stopped.
+    let plan = photographing(context, target, (intrinsics, kept), request, model, &mut |_| Ok(None))?;
+    plan.ok_or_else(|| no_photographs(request.method))
+}
+
+/// What is said where a method takes photographs and nobody can.
+pub fn no_photographs(method: Method) -> Error {
+    let what = "trains on photographs of the views that it chooses, which do not exist yet";
+    Error::request(format!(
+        "--method {}: {what}; use `camsplat evaluate`, or `camsplat select` on photos",
+        method.name()
+    ))
+}
+
+/// As [`run`], with photographs of candidates for the methods that need them; none where taking one was stopped.
+///
+/// # Errors
+/// As [`run`], or where a photograph cannot be taken.
+pub fn photographing(
+    context: &Arc<Context>,
+    target: &Target,
+    (intrinsics, kept): (Intrinsics, &[Camera]),
+    request: &Request,
+    model: Option<&Model>,
+    photograph: Photograph<'_>,
+) -> Result<Option<Plan>> {
     let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
     let candidates = PhotoSet { photos: candidates(&scene.geometry, intrinsics, kept, request), ..PhotoSet::default() };
-    let start = Instant::now();
-    let poses = place(context, &scene, target, kept, &candidates, (request, model))?;
-    let seconds = start.elapsed().as_secs_f64();
+    let (start, mut behind_the_camera) = (Instant::now(), Duration::ZERO);
+    let timed = &mut |photo: &Photo| {
+        let start = Instant::now();
+        let taken = photograph(photo);
+        behind_the_camera += start.elapsed();
+        taken
+    };
+    let placed = place(context, &scene, target, (intrinsics, kept), &candidates, (request, model, timed))?;
+    let Some(poses) = placed else { return Ok(None) };
+    let seconds = start.elapsed().saturating_sub(behind_the_camera).as_secs_f64();
     let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds };
     let Request { method, views, preset, seed, gate, held_out, .. } = *request;
     let config = Config { seed, gate, held_out, ..Config::new(preset, views) };
     let described =
         serde_json::to_value(request).map_err(|e| Error::request(format!("the request cannot be written: {e}")))?;
-    conclude(context, scene, target, (intrinsics, kept), &config, (method.name(), described), outcome)
+    conclude(context, scene, target, (intrinsics, kept), &config, (method.name(), described), outcome).map(Some)
 }
 
 /// The cameras that are kept, and behind them poses at random in the region.
@@ -70,15 +108,15 @@ fn candidates(geometry: &SceneGeometry, intrinsics: Intrinsics, kept: &[Camera],
     kept.iter().cloned().chain(drawn).map(photo).collect()
 }
 
-/// Poses of a method in the user's world, in the order in which they were chosen.
+/// Poses of a method in the user's world, in the order in which they were chosen; none where it was stopped.
 fn place(
     context: &Arc<Context>,
     scene: &DeviceScene,
     target: &Target,
-    kept: &[Camera],
+    (intrinsics, kept): (Intrinsics, &[Camera]),
     candidates: &PhotoSet,
-    (request, model): (&Request, Option<&Model>),
-) -> Result<Vec<Pose>> {
+    (request, model, photograph): (&Request, Option<&Model>, Photograph<'_>),
+) -> Result<Option<Vec<Pose>>> {
     let (geometry, views) = (&scene.geometry, request.views as usize);
     let back = geometry.to_internal.inverse();
     let inward = request.preset == Preset::Object;
@@ -114,12 +152,12 @@ fn place(
         Method::Ours => return Err(Error::request("--method ours is the planner's; it is no peer")),
         Method::Random => {
             let poses = baselines::random(&geometry.free, views, request.seed, inward);
-            return Ok(poses.iter().map(|pose| back.pose(pose)).collect());
+            return Ok(Some(poses.iter().map(|pose| back.pose(pose)).collect()));
         }
         Method::Fibonacci => {
             let poses = baselines::fibonacci_shell(&geometry.region, views)?;
             let settled = |pose: &Pose| back.pose(&Pose { position: geometry.settle(pose.position), ..*pose });
-            return Ok(poses.iter().map(settled).collect());
+            return Ok(Some(poses.iter().map(settled).collect()));
         }
         Method::Fvs => farthest(Distance::GreatCircle)?,
         Method::FvsChord => farthest(Distance::Chord)?,
@@ -129,6 +167,24 @@ fn place(
             let settings = request.acp.unwrap_or_default();
             acp::choose(&pool, settings, settings.occlusion.then_some(geometry))?
         }
+        Method::Manifold => {
+            let missing = || Error::request("--method manifold needs trained splats; give them with --model");
+            let settings = (request.manifold.unwrap_or_default(), request.seed);
+            let (model, cameras) = (model.ok_or_else(missing)?, (intrinsics, kept));
+            let poses = manifold::place(context, &target.region, cameras, model, settings, views)?;
+            let settled = |pose: Pose| {
+                let inside = geometry.to_internal.pose(&pose);
+                back.pose(&Pose { position: geometry.settle(inside.position), ..inside })
+            };
+            return Ok(Some(poses.into_iter().map(settled).collect()));
+        }
+        Method::FisherRetrain => {
+            let settings = request.retraining.unwrap_or_default();
+            match retrained::fisher(context, &pool, &target.proxy, settings, photograph)? {
+                Some(chosen) => chosen,
+                None => return Ok(None),
+            }
+        }
         method @ (Method::Fisher | Method::Cover) => {
             let what = "needs trained splats; give them with --model";
             let missing = || Error::request(format!("--method {} {what}", method.name()));
@@ -136,5 +192,5 @@ fn place(
             choose(context, &pool, model.ok_or_else(missing)?, request.model_based.unwrap_or_default())?
         }
     };
-    Ok(chosen[kept.len()..].iter().map(|photo| candidates.photos[*photo].camera.pose).collect())
+    Ok(Some(chosen[kept.len()..].iter().map(|photo| candidates.photos[*photo].camera.pose).collect()))
 }

@@ -2,9 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::manifold;
 use crate::plan::config::{Config, Gate, Preset};
 use crate::select::job::Method as Choosing;
-use crate::select::{acp, information};
+use crate::select::{acp, information, retrained};
 use crate::{Error, Result};
 
 /// How cameras are placed.
@@ -32,8 +33,14 @@ pub enum Method {
     #[value(name = "fisherrf")]
     #[serde(rename = "fisherrf")]
     Fisher,
+    /// The same, with the model trained on the views chosen so far, and on with each
+    #[value(name = "fisherrf-retrain")]
+    #[serde(rename = "fisherrf-retrain")]
+    FisherRetrain,
     /// Greedy on what a trained model shows from directions not seen yet (COVER)
     Cover,
+    /// One camera after another to where pictures of a trained model differ most under its noise (manifold sampling)
+    Manifold,
 }
 
 impl Method {
@@ -41,6 +48,7 @@ impl Method {
     pub fn name(self) -> &'static str {
         let choosing = match self {
             Self::Ours => return crate::plan::job::OURS,
+            Self::Manifold => return "manifold",
             Self::Random => Choosing::Random,
             Self::Fibonacci => Choosing::Fibonacci,
             Self::Fvs => Choosing::Fvs,
@@ -49,6 +57,7 @@ impl Method {
             Self::Coverage => Choosing::Coverage,
             Self::Acp => Choosing::Acp,
             Self::Fisher => Choosing::Fisher,
+            Self::FisherRetrain => Choosing::FisherRetrain,
             Self::Cover => Choosing::Cover,
         };
         choosing.name()
@@ -56,18 +65,23 @@ impl Method {
 
     /// Whether it chooses by a model of the scene.
     pub fn needs_model(self) -> bool {
-        matches!(self, Self::Fisher | Self::Cover)
+        matches!(self, Self::Fisher | Self::Cover | Self::Manifold)
+    }
+
+    /// Whether it takes photographs of the views that it chooses, while it chooses.
+    pub fn needs_photographs(self) -> bool {
+        self == Self::FisherRetrain
     }
 
     /// Candidates to choose from where nothing is said; none where there is no choice.
     pub fn candidates(self) -> Option<u32> {
         match self {
-            Self::Ours | Self::Random | Self::Fibonacci => None,
+            Self::Ours | Self::Random | Self::Fibonacci | Self::Manifold => None,
             Self::Fvs | Self::FvsChord => Some(10_000),
             // Counting shared points takes every pair.
             Self::FvsShared | Self::Coverage => Some(2000),
             Self::Acp => Some(1000),
-            Self::Fisher | Self::Cover => Some(300),
+            Self::Fisher | Self::FisherRetrain | Self::Cover => Some(300),
         }
     }
 }
@@ -96,6 +110,12 @@ pub struct Request {
     /// Of [`Method::Fisher`] and [`Method::Cover`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model_based: Option<information::Settings>,
+    /// Of [`Method::FisherRetrain`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub retraining: Option<retrained::Settings>,
+    /// Of [`Method::Manifold`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub manifold: Option<manifold::Settings>,
     /// Path of the trained splats, where the method chooses by them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
@@ -141,7 +161,9 @@ impl Request {
             gate: config.gate,
             held_out: config.held_out,
             acp: (method == Method::Acp).then(acp::Settings::default),
-            model_based: method.needs_model().then(information::Settings::default),
+            model_based: matches!(method, Method::Fisher | Method::Cover).then(information::Settings::default),
+            retraining: method.needs_photographs().then(retrained::Settings::default),
+            manifold: (method == Method::Manifold).then(manifold::Settings::default),
             model: None,
         })
     }

@@ -71,13 +71,18 @@ fn choose(knowledge: &mut impl Knowledge, pool: &Pool<'_>, path: &str, first: u3
     if !seen {
         return Err(Error::input(path, "none of the views shows it; are they in the model's frame?"));
     }
-    let begin = match pool.must {
+    let begin = beginning(pool, first);
+    let free: Vec<usize> = pool.allowed.iter().copied().filter(|photo| !begin.contains(photo)).collect();
+    grow(knowledge, begin, &free, pool.count)
+}
+
+/// The photos that are chosen in any case, or else a few by farthest view sampling.
+pub(super) fn beginning(pool: &Pool<'_>, first: u32) -> Vec<usize> {
+    match pool.must {
         [] => {
             let few = Pool { count: pool.count.min(first as usize), ..*pool };
             few.farthest(Distance::GreatCircle).unwrap_or_default()
         }
         must => must.to_vec(),
-    };
-    let free: Vec<usize> = pool.allowed.iter().copied().filter(|photo| !begin.contains(photo)).collect();
-    grow(knowledge, begin, &free, pool.count)
+    }
 }

@@ -12,6 +12,7 @@ use super::farthest::Distance;
 use super::information::{self, Model};
 use super::interchange::{grow, refine};
 use super::objective::Objective;
+use super::retrained;
 use super::score::SubsetScorer;
 use super::sight::Survey;
 use crate::metrics::score_point::aggregate;
@@ -71,6 +72,10 @@ pub enum Method {
     #[value(name = "fisherrf")]
     #[serde(rename = "fisherrf")]
     Fisher,
+    /// The same, with the model trained on the photos chosen so far, and on with each
+    #[value(name = "fisherrf-retrain")]
+    #[serde(rename = "fisherrf-retrain")]
+    FisherRetrain,
     /// Greedy on what a trained model shows from directions not seen yet (COVER)
     Cover,
 }
@@ -108,6 +113,7 @@ impl Method {
             Self::Coverage => "coverage",
             Self::Acp => "acp",
             Self::Fisher => "fisherrf",
+            Self::FisherRetrain => "fisherrf-retrain",
             Self::Cover => "cover",
         }
     }
@@ -131,6 +137,9 @@ pub struct Request {
     pub points: u32,
     /// Kind of scene, for the planned cameras.
     pub preset: Preset,
+    /// How [`Method::FisherRetrain`] trains.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub retraining: Option<retrained::Settings>,
 }
 
 impl Request {
@@ -144,6 +153,7 @@ impl Request {
             seed: 0,
             points: 2000,
             preset: Preset::Object,
+            retraining: None,
         }
     }
 
@@ -421,6 +431,13 @@ impl<'a> Prospect<'a> {
             Method::FvsShared => farthest(Distance::Shared),
             Method::Coverage => Ok(pool.coverage()),
             Method::Acp => acp::choose(pool, acp::Settings::default(), None),
+            Method::FisherRetrain => {
+                let settings = self.request.retraining.unwrap_or_default();
+                let taken = retrained::fisher(&self.context, pool, &self.target.proxy, settings, &mut |photo| {
+                    Ok(Some(photo.clone()))
+                })?;
+                Ok(taken.unwrap_or_default())
+            }
             Method::Fisher | Method::Cover => {
                 let missing = || {
                     Error::request(format!("--method {} needs trained splats; give them with --model", method.name()))

@@ -14,6 +14,7 @@ pub mod interchange;
 pub mod job;
 mod nearest;
 pub mod objective;
+pub mod retrained;
 pub mod score;
 pub mod sharpness;
 pub mod sight;

@@ -70,6 +70,15 @@ impl Place {
         serde_json::from_str(&self.read(&format!("{folder}/plan.json"))).unwrap()
     }
 
+    /// Names of the folders in `folder`, in their order.
+    pub fn folders(&self, folder: &str) -> Vec<String> {
+        let inside = fs::read_dir(self.path(folder)).unwrap().map(|entry| entry.unwrap());
+        let folders = inside.filter(|entry| entry.path().is_dir());
+        let mut names: Vec<String> = folders.map(|entry| entry.file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
     /// Every file below `folder`, in the order of names; hidden ones too.
     pub fn files(&self, folder: &str) -> Vec<String> {
         let mut files = Vec::new();

@@ -1,0 +1,34 @@
+//! Other people's methods at the size of an evaluation.
+
+use super::request::Settings;
+use crate::gaussians::config::Background;
+use crate::peers::manifold;
+use crate::peers::request::Request;
+use crate::select::retrained;
+
+/// Side of the pictures that a method trains on while it chooses, at most, in pixels.
+const SIDE: u32 = 400;
+/// One of so many iterations, and of so many splats, that a training on the chosen views has, goes into choosing them.
+const ITERATIONS: u32 = 3;
+const SPLATS: u32 = 5;
+/// Iterations of training with which a camera takes as many steps as were published.
+const WHOLE: f64 = 30_000.0;
+
+/// A request whose costs fit the evaluation: what a method trains between its choices is a part of what is trained on them.
+pub fn sized(request: Request, settings: &Settings) -> Request {
+    let fit = |published: retrained::Settings| {
+        let sized = retrained::Settings {
+            max_splats: (settings.max_splats / SPLATS).max(1),
+            shrink: settings.size.div_ceil(SIDE),
+            background: Background::White,
+            ..published
+        };
+        sized.within(settings.iterations / ITERATIONS, request.views)
+    };
+    let ascent = |published: manifold::Settings| {
+        let share = f64::from(settings.iterations) / WHOLE;
+        let steps = (f64::from(published.steps) * share).round() as u32;
+        manifold::Settings { steps: steps.clamp(1, published.steps), ..published }
+    };
+    Request { retraining: request.retraining.map(fit), manifold: request.manifold.map(ascent), ..request }
+}
