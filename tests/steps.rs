@@ -154,7 +154,7 @@ fn five_iterations_are_those_of_the_twin() {
     };
     let cases = [
         ("splat", joint.clone()),
-        ("nearest", Config { objective: Objective::Nearest, nearest_tau: 0.1, ..joint.clone() }),
+        ("nearest", Config { objective: Objective::Nearest, nearest_tau: 0.1, distance_weight: 0.0, ..joint.clone() }),
         (
             "nearest, by distance too",
             Config { objective: Objective::Nearest, nearest_tau: 0.1, distance_weight: 0.3, ..joint.clone() },

@@ -37,6 +37,7 @@ shared uint listed[THREADS];          // the first of the list; the rest lies in
 shared vec4 batch_ray[BATCH];           // n, d (splat) or log d (nearest)
 shared float batch_open[BATCH];         // alpha m
 shared float left[BLOCK];                      // transmittance, or the nearest-view sum; negative where rho = 0
+shared float wanted[STANDS != 0 ? BLOCK : 1];  // log distances
 shared vec4 sums[THREADS];
 shared vec2 more_sums[THREADS];
 
@@ -175,6 +176,7 @@ void main() {
         }
         if (keep_deficit) deficit[probe * TEXELS + texel] = counts ? lack * lack : 0.0;
         left[k * THREADS + thread] = counts ? value[k] : -1.0;
+        if (STANDS != 0) wanted[k * THREADS + thread] = stand[k];
     }
     barrier();
 
@@ -182,12 +184,13 @@ void main() {
         uint rank = base + thread / lanes, lane = thread % lanes;
         vec3 n = vec3(0.0), moment = vec3(0.0);
         // `apart`: by log s (splat), or by the logarithm of the distance (nearest).
-        float d = 1.0, total = 0.0, apart = 0.0, utility = 0.0;
+        float d = 1.0, log_d = 0.0, total = 0.0, apart = 0.0, utility = 0.0;
         Gate g = Gate(0.0, vec3(0.0), vec3(0.0));
         if (rank < count) {
             Splat splat = splats[at(rank, row)];
             vec3 ray = splat.centre - position;
             d = max(length(ray), 1e-6);
+            log_d = log(d);
             n = ray / d;
             g = gate(-n, splat, s);
             float open = (OBJECTIVE == 1 ? 1.0 : s.alpha) * g.open;
@@ -202,7 +205,7 @@ void main() {
                     float x = kernel_exponent(w, n, d, inverse);
                     if (OBJECTIVE == 1) {
                         float sum = max(rest, NEAREST_FLOOR);
-                        vec2 off = STANDS != 0 ? off_distance(log(d), stands[pool_row + block + t]) : vec2(0.0);
+                        vec2 off = STANDS != 0 ? off_distance(log_d, wanted[t]) : vec2(0.0);
                         x += by_distance * off.x;
                         float part = open * exp(-x) / sum;
                         float by_part = rest > NEAREST_FLOOR ? -s.nearest_tau * share * target * part : 0.0;
