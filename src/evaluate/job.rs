@@ -183,6 +183,11 @@ impl Runs<'_> {
     }
 }
 
+/// A stage that stops where nobody asked it to must not look like a stop.
+fn ended_early(product: &str) -> Error {
+    Error::request(format!("{product} was not finished, and nobody stopped it; what is finished stays, run again"))
+}
+
 /// All runs, a worker for each device; none where it was broken off. Entries come in the order of subjects and runs.
 fn spread(
     contexts: &[Arc<Context>],
@@ -204,15 +209,20 @@ fn spread(
     // What one worker meets ends all of them.
     let (observe, over) = (Mutex::new(observe), AtomicBool::new(false));
     let work = |context: &Arc<Context>| {
+        let (mut asked, mut product) = (false, String::new());
         let mut hear = |event: Event<'_>| {
+            if let Event::Begins(key) = event {
+                product = key.to_owned();
+            }
             let heard = observe.lock().unwrap_or_else(PoisonError::into_inner)(event);
-            if over.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { heard }
+            asked |= heard.is_break() || over.load(Ordering::Relaxed);
+            if asked { ControlFlow::Break(()) } else { heard }
         };
         for runs in &runs {
             let worked = runs.work(context, &mut hear);
             if !matches!(worked, Ok(true)) {
                 over.store(true, Ordering::Relaxed);
-                return worked;
+                return if asked { worked } else { worked.and_then(|_| Err(ended_early(&product))) };
             }
         }
         Ok(true)
