@@ -128,7 +128,7 @@ fn every_option_of_the_help_is_accepted() {
     let runs = [
         "--preset object --shell 0,0,0,2,3 --floor -2.5 --up +z --clearance 0.1 --fov 60 --size 640x480 --device 0 \
          --debug-sync --profile --trace t.json",
-        "--box -3,-3,-3,3,3,3 --preset object --keep first --seed 7 --nearest-tau 0.1 --gate-softness 0.01",
+        "--box -3,-3,-3,3,3,3 --preset object --keep first --seed 7 --nearest-tau 0.1 --gate-softness 0.01 --distance-weight 0.5",
         "--iterative --base-loss --no-vds --no-occlusion --no-reg --no-relocation --dry-run",
         "--iterative --equal-directions --scalar-vds --no-occlusion --no-reg --no-relocation",
         "--base-loss --relocate-every 5 --lambda-reg 2 --lambda-bound 3 --lambda-scale 0.1 --alpha 0.2 --scale 0.3",

@@ -127,6 +127,7 @@ fn numbers_that_are_none() {
         ("--gate-softness nan", &["--gate-softness is NaN", "positive"]),
         ("--gate-softness 0", &["--gate-softness is 0", "positive"]),
         ("--nearest-tau inf", &["--nearest-tau is inf", "positive"]),
+        ("--distance-weight nan", &["--distance-weight is NaN", "positive"]),
         ("--alpha nan", &["--alpha is NaN", "positive"]),
         ("--alpha 0.5", &["--alpha is 0.5", "less than 0.5"]),
         ("--scale nan", &["--scale is NaN", "positive"]),

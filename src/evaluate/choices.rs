@@ -112,6 +112,13 @@ impl<'a> Choices<'a> {
         Ok(self.trained(&names, Vec::new(), 0, observe)?.map(|(stage, _)| stage))
     }
 
+    /// Where the cameras of chosen photos stand.
+    pub fn places(&self, chosen: &Chosen) -> Vec<DVec3> {
+        let photos = self.pool.candidates.photos.iter();
+        let of_these = photos.filter(|photo| chosen.photos.contains(&photo.camera.name));
+        of_these.map(|photo| photo.camera.pose.position).collect()
+    }
+
     /// Lets a method choose photos.
     ///
     /// # Errors

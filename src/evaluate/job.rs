@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 
+use glam::DVec3;
 use serde_json::json;
 
 use super::bench::Bench;
@@ -107,7 +108,7 @@ impl Runs<'_> {
     fn complete(
         &self,
         (number, (method, views, seed)): (usize, (Method, u32, u64)),
-        seconds: f64,
+        (places, seconds): (Vec<DVec3>, f64),
         trained: &(Stage, TrainRecord),
     ) {
         let ((stage, record), sets) = (trained, self.request.kind.sets());
@@ -120,6 +121,7 @@ impl Runs<'_> {
             quality: results::by_set(record, sets),
             folder: stage.key().to_owned(),
             pictures: results::first_pictures(record, sets),
+            places,
         };
         self.entries.lock().unwrap_or_else(PoisonError::into_inner).push((number, entry));
     }
@@ -156,7 +158,8 @@ impl Runs<'_> {
             let cameras = bench.standing(&plan.cameras, observe);
             let Some(photos) = bench.photographs(&cameras, observe)? else { return Ok(false) };
             let Some(trained) = bench.training(&photos, Some(&tests), seed, observe)? else { return Ok(false) };
-            self.complete((number, run), plan.seconds, &trained);
+            let places = cameras.iter().map(|camera| camera.pose.position).collect();
+            self.complete((number, run), (places, plan.seconds), &trained);
         }
         Ok(true)
     }
@@ -177,9 +180,20 @@ impl Runs<'_> {
             let model = model.as_ref().filter(|_| method.needs_model());
             let Some(chosen) = choices.choice(run, model, observe)? else { return Ok(false) };
             let Some(trained) = choices.training(&chosen, seed, observe)? else { return Ok(false) };
-            self.complete((number, run), chosen.seconds, &trained);
+            self.complete((number, run), (choices.places(&chosen), chosen.seconds), &trained);
         }
         Ok(true)
+    }
+}
+
+/// Ends all workers where one panics.
+struct EndOfAll<'a>(&'a AtomicBool);
+
+impl Drop for EndOfAll<'_> {
+    fn drop(&mut self) {
+        if thread::panicking() {
+            self.0.store(true, Ordering::Relaxed);
+        }
     }
 }
 
@@ -209,6 +223,7 @@ fn spread(
     // What one worker meets ends all of them.
     let (observe, over) = (Mutex::new(observe), AtomicBool::new(false));
     let work = |context: &Arc<Context>| {
+        let _end = EndOfAll(&over);
         let (mut asked, mut product) = (false, String::new());
         let mut hear = |event: Event<'_>| {
             if let Event::Begins(key) = event {

@@ -85,6 +85,9 @@ impl Kind {
             Self::Room if method == Method::Peer(Peer::Manifold) => {
                 wrong("it moves cameras over a sphere around an object, and a room has none")
             }
+            Self::Pool if method == Method::Peer(Peer::FisherRetrain) => {
+                wrong("it is not built for pools; camsplat select has it")
+            }
             Self::Pool if Self::choice(method).is_none() => wrong("it places cameras, and of a pool photos are chosen"),
             _ => Ok(()),
         }

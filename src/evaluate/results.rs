@@ -1,5 +1,6 @@
 //! Scores of single runs, and their means with intervals over seeds.
 
+use glam::DVec3;
 use serde::Serialize;
 
 use super::request::Method;
@@ -26,6 +27,9 @@ pub struct Entry {
     pub folder: String,
     /// Picture of the first test view of each set: its path in the folders `test` and `reference` of `folder`.
     pub pictures: Vec<String>,
+    /// Where the cameras stand, in the scene's world.
+    #[serde(skip)]
+    pub places: Vec<DVec3>,
 }
 
 /// A mean and half of its 95% interval; no interval of one value, or where a value is infinite.
@@ -175,6 +179,7 @@ mod tests {
             quality: [0.0, 3.0, 6.0].map(|more| Quality { psnr: psnr + more, ssim: 0.5, lpips: None }).to_vec(),
             folder: String::new(),
             pictures: Vec::new(),
+            places: Vec::new(),
         };
         let entries = [
             entry(Method::Ours, 20, 0, 20.0),

@@ -3,11 +3,11 @@
 use std::fmt::Write;
 
 use super::kind::Kind;
-use super::request::{Request, Shown};
+use super::request::{PeersFrom, Request, Shown};
 use super::results::{Interval, METRICS, Row};
 
 /// Decimals of each metric.
-const DECIMALS: [usize; 3] = [2, 4, 4];
+pub const DECIMALS: [usize; 3] = [2, 4, 4];
 
 /// A table for each metric, as Markdown.
 pub fn markdown(request: &Request, rows: &[Row]) -> String {
@@ -53,8 +53,14 @@ fn conditions(request: &Request) -> String {
         Shown::Proxy => format!("a surface made from {} input photos", settings.inputs),
         Shown::True => format!("the scene's own mesh (`--surface true`), scored from {} input photos", settings.inputs),
     };
+    let peers = match settings.peers_from {
+        PeersFrom::Sphere if request.kind == Kind::Object => {
+            ", peers from the region's outer sphere (`--peers-from sphere`)"
+        }
+        _ => "",
+    };
     format!(
-        "Methods chose on {shown}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set",
+        "Methods chose on {shown}{peers}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set",
         settings.size, settings.samples, settings.tests
     )
 }
@@ -80,7 +86,8 @@ pub fn csv(kind: Kind, rows: &[Row]) -> String {
     text
 }
 
-fn cell(Interval { mean, half }: Interval, decimals: usize) -> String {
+/// A mean with half of its interval, where it has one.
+pub fn cell(Interval { mean, half }: Interval, decimals: usize) -> String {
     match half {
         Some(half) => format!("{mean:.decimals$} ± {half:.decimals$}"),
         None => format!("{mean:.decimals$}"),

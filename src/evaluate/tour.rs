@@ -134,7 +134,9 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
         let quality = results::by_set(&record, kind.sets());
         let pictures = results::first_pictures(&record, kind.sets());
         let folder = stage.key().to_owned();
-        let entry = Entry { scene: name.clone(), method, views, seed: SEED, seconds, quality, folder, pictures };
+        let places = cameras.iter().map(|camera| camera.pose.position).collect();
+        let scene = name.clone();
+        let entry = Entry { scene, method, views, seed: SEED, seconds, quality, folder, pictures, places };
         Ok::<_, Error>(Some((photos, entry)))
     };
     let ours = trained(&mut walk, (Method::Ours, "the planned views"), &plan.record.cameras, plan.record.seconds)?;

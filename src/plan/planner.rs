@@ -103,7 +103,7 @@ impl<'a> Planner<'a> {
             threads,
             each,
             !lobes.is_empty() as u32,
-            (config.objective == Objective::Nearest && config.distance_weight > 0.0) as u32,
+            (settings.distance_weight > 0.0) as u32,
         ];
         let splat = || {
             if binned {
@@ -120,7 +120,7 @@ impl<'a> Planner<'a> {
             true => Buffer::from_slice(context, "lobes", &[Lobe::default()])?,
             false => probe_lobe::upload(context, &scene.geometry, &maps, &lobes)?,
         };
-        let stands = match config.distance_weight > 0.0 {
+        let stands = match settings.distance_weight > 0.0 {
             true => probe_stand::draw(context, scene, &maps, settings.seed)?,
             false => Buffer::from_slice(context, "stands", &[probe_stand::ANY])?,
         };
@@ -318,6 +318,7 @@ impl<'a> Planner<'a> {
     ) -> Result<Outcome> {
         let started = Instant::now();
         let blocks = self.settings.iterations.div_ceil(self.block());
+        let mut asked = false;
         if profile.is_some() || self.context.debug_sync() {
             for _ in 0..blocks {
                 let stages = self.stages_of_a_block();
@@ -331,7 +332,8 @@ impl<'a> Planner<'a> {
                 if let Some(profile) = profile.as_deref_mut() {
                     profile.device(submitted, &commands.timings()?);
                 }
-                if observe(self.done()).is_break() {
+                asked = observe(self.done()).is_break();
+                if asked {
                     break;
                 }
             }
@@ -341,22 +343,31 @@ impl<'a> Planner<'a> {
             let ahead = (AHEAD / self.block()).max(2) as usize;
             let mut left = blocks;
             loop {
-                for _ in commands.pending()..ahead.min(commands.pending() + left as usize) {
+                // The device goes on meanwhile: asked twice, it may say two things.
+                let due = due(commands.pending(), left, ahead);
+                for _ in 0..due {
                     commands.submit()?;
-                    left -= 1;
                 }
-                if commands.pending() == 0 {
+                left -= due;
+                if left == 0 && commands.pending() == 0 {
                     break;
                 }
                 std::thread::sleep(Duration::from_millis(2));
                 if observe(self.done()).is_break() {
                     self.buffers.mailbox.poke(mailbox::STOP, 1);
-                    left = 0;
+                    (asked, left) = (true, 0);
                 }
             }
             commands.wait()?;
         }
-        Ok(Outcome { seconds: started.elapsed().as_secs_f64(), ..self.outcome()? })
+        let outcome = Outcome { seconds: started.elapsed().as_secs_f64(), ..self.outcome()? };
+        if outcome.status == Status::Interrupted && !asked {
+            let (done, all) = (self.done(), self.settings.iterations);
+            return Err(Error::request(format!(
+                "the plan ended after {done} of {all} iterations, and nobody stopped it"
+            )));
+        }
+        Ok(outcome)
     }
 
     /// Pairs of probe and visible splat and (tile, splat) instances of the iteration of the binned pass that had most;
@@ -461,5 +472,29 @@ impl<'a> Planner<'a> {
                 Pose::looking(back.point(position), back.direction(direction), up)
             })
             .collect()
+    }
+}
+
+/// Blocks to submit now, where `pending` run and `left` are to come: as many as keep `ahead` of them running.
+fn due(pending: usize, left: u32, ahead: usize) -> u32 {
+    left.min(ahead.saturating_sub(pending) as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a device that is faster than the host would end a run early, or blocks would be submitted without end.
+    #[test]
+    fn every_block_is_submitted_whatever_the_device_has_done() {
+        assert_eq!((due(0, 5, 16), due(0, 40, 16), due(10, 40, 16), due(16, 40, 16), due(0, 0, 16)), (5, 16, 6, 0, 0));
+        // A device that takes any number of blocks between two looks.
+        let (mut left, mut pending, mut submitted) = (200, 0, 0);
+        for look in 0..1000 {
+            let now = due(pending, left, 16);
+            (left, submitted) = (left - now, submitted + now);
+            pending = (pending + now as usize).saturating_sub([0, 16, 3, 1][look % 4]);
+        }
+        assert_eq!((left, submitted), (0, 200));
     }
 }

@@ -125,7 +125,7 @@ impl Preparation {
             lambda_scale: config.lambda_scale,
             scale_floor: 0.5 * start_scale,
             nearest_tau: config.nearest_tau,
-            distance_weight: config.distance_weight,
+            distance_weight: if config.objective == Objective::Nearest { config.distance_weight } else { 0.0 },
         };
         let scene_bytes = geometry.bytes();
         let footprint = footprint::footprint(context, &settings, &config, resolution, scene_bytes, binned);

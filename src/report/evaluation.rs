@@ -4,9 +4,12 @@
 
 use std::fmt::Write;
 
+use glam::DVec3;
+
 use super::text::{escape, number};
 use crate::evaluate::job::Outcome;
 use crate::evaluate::results::{Entry, Interval, METRICS, Row};
+use crate::evaluate::table::{DECIMALS, cell};
 
 /// Size of a chart and its margin in CSS pixels.
 const CHART: [f64; 2] = [360.0, 220.0];
@@ -38,6 +41,7 @@ pub fn html(outcome: &Outcome) -> String {
             page += &chart(&rows, metric, name);
         }
         let of_scene: Vec<&Entry> = entries.iter().filter(|entry| entry.scene == scene).collect();
+        page += &layouts(&of_scene);
         page += &pictures(scene, &of_scene, kind.sets());
     }
     page
@@ -59,15 +63,13 @@ pub(super) fn table(rows: &[&Row], metric: usize, name: &str, columns: &[&str]) 
     let mut text = format!("<table><tr><th>{name}</th><th>views</th>");
     columns.iter().for_each(|column| text += &format!("<th>{column}</th>"));
     text += "<th>choice, s</th></tr>\n";
-    let cell = |interval: Option<Interval>| match interval {
-        None => "<td>–</td>".to_owned(),
-        Some(Interval { mean, half: Some(half) }) => format!("<td>{} ± {}</td>", number(mean), number(half)),
-        Some(Interval { mean, half: None }) => format!("<td>{}</td>", number(mean)),
+    let cell = |interval: Option<Interval>, decimals: usize| {
+        format!("<td>{}</td>", interval.map_or_else(|| "–".to_owned(), |interval| cell(interval, decimals)))
     };
     for row in rows {
         let _ = write!(text, "<tr><td>{}</td><td>{}</td>", row.method, row.views);
-        row.measured[metric].iter().for_each(|measured| text += &cell(*measured));
-        let _ = writeln!(text, "{}</tr>", cell(Some(row.seconds)));
+        row.measured[metric].iter().for_each(|measured| text += &cell(*measured, DECIMALS[metric]));
+        let _ = writeln!(text, "{}</tr>", cell(Some(row.seconds), 2));
     }
     text + "</table>\n"
 }
@@ -121,6 +123,30 @@ fn chart(rows: &[&Row], metric: usize, name: &str) -> String {
     text + "</svg></figure>\n"
 }
 
+/// Where the cameras of each method's first run at the largest budget stand, from above and from the side of a scene that is Y up.
+fn layouts(entries: &[&Entry]) -> String {
+    let Some(most) = entries.iter().map(|entry| entry.views).max() else { return String::new() };
+    let shown: Vec<&&Entry> = entries.iter().filter(|entry| entry.views == most && entry.seed == 0).collect();
+    let places = || shown.iter().flat_map(|entry| &entry.places);
+    let (low, high) = places().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), at| (l.min(*at), h.max(*at)));
+    let side = (high - low).max_element();
+    if !(side.is_finite() && side > 0.0) {
+        return String::new();
+    }
+    let mut text = format!("<h3>Cameras, {most} views chosen: from above and from the side</h3>\n");
+    for entry in shown {
+        text += "<figure><svg width=\"250\" height=\"125\" viewBox=\"-5 -5 250 125\">";
+        for place in &entry.places {
+            let at = 115.0 * (*place - 0.5 * (low + high)) / side + 57.5;
+            for (left, x, y) in [(0.0, at.x, at.z), (125.0, at.x, 115.0 - at.y)] {
+                let _ = write!(text, "<circle cx=\"{:.1}\" cy=\"{y:.1}\" r=\"2\" fill=\"{}\"/>", left + x, COLOURS[0]);
+            }
+        }
+        let _ = writeln!(text, "</svg><figcaption>{}</figcaption></figure>", escape(entry.method.name()));
+    }
+    text
+}
+
 /// The first test view of each set, as it is and as each method's first run at the largest budget shows it.
 pub(super) fn pictures(scene: &str, entries: &[&Entry], sets: &[&str]) -> String {
     let Some(most) = entries.iter().map(|entry| entry.views).max() else { return String::new() };
@@ -160,6 +186,7 @@ mod tests {
             quality: vec![Quality { psnr: 20.0 + f64::from(views), ssim: 0.5, lpips: None }; 3],
             folder: format!("training-{views}"),
             pictures: ["half", "full", "random"].map(|set| format!("{set}_0000.png")).to_vec(),
+            places: vec![DVec3::ZERO, DVec3::new(2.0, 1.0, 0.0)],
         };
         let entries: Vec<Entry> =
             [Method::Ours, Method::WithoutVds].into_iter().flat_map(|m| [entry(m, 10), entry(m, 20)]).collect();
@@ -167,6 +194,7 @@ mod tests {
         assert_eq!(page.matches("<polyline").count(), 4, "LPIPS was not measured");
         assert_eq!(page.matches("<img").count(), 3 * 3);
         assert!(page.contains("a&lt;b/training-20/test/random_0000.png") && !page.contains("a<b"));
-        assert!(!page.contains("NaN"), "{page}");
+        assert_eq!(page.matches("<figcaption>ours</figcaption>").count(), 1 + 3);
+        assert!(page.contains("cx=\"240.0\"") && !page.contains("NaN"), "{page}");
     }
 }

@@ -270,8 +270,9 @@ impl<'a> Prospect<'a> {
             // A place to start from: swaps do the rest.
             iterations: if many { LIGHT_ITERATIONS } else { base.iterations },
             resolution: many.then_some(LIGHT_RESOLUTION),
-            // Photos are rectangular.
+            // Photos are rectangular, and how far away they were taken is settled.
             gate: Gate::Pinhole,
+            distance_weight: 0.0,
             checkpoint_every: base.iterations,
             ..base
         };
