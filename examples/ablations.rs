@@ -118,9 +118,11 @@ struct Variant(String, Box<dyn Fn(&mut Config)>);
 /// The row that is the defaults themselves.
 const SHIPPED: &str = "as shipped";
 
-/// What the rows of all tables but `shipped` vary: the configuration as it was before they settled the gate's softness.
+/// What the rows of all tables but `shipped` vary: the configuration as it was before they settled the gate's softness,
+/// and before distances counted.
 fn base(config: &mut Config) {
     config.gate_softness = 0.005;
+    config.distance_weight = 0.0;
 }
 
 fn variant(name: impl Into<String>, edit: impl Fn(&mut Config) + 'static) -> Variant {
@@ -151,6 +153,17 @@ fn defaults() -> Vec<Variant> {
         })
     }));
     rows
+}
+
+/// With all else as shipped.
+fn distances() -> Vec<Variant> {
+    let row = |weight: f32| {
+        variant(format!("{weight}"), move |config| {
+            config.gate_softness = Config::new(config.preset, config.views).gate_softness;
+            config.distance_weight = weight;
+        })
+    };
+    [0.0, 0.3, 1.0, 3.0].map(row).into()
 }
 
 fn parts() -> Vec<Variant> {
@@ -475,12 +488,13 @@ fn main() -> Result<()> {
             "shipped" => table(&context, &scenes, arguments.seeds, "Shipped", &[variant(SHIPPED, |_| {})])?,
             "defaults" => table(&context, &scenes, arguments.seeds, "Weights", &defaults())?,
             "parts" => table(&context, &scenes, arguments.seeds, "Parts", &parts())?,
+            "distances" => table(&context, &scenes, arguments.seeds, "Distances", &distances())?,
             "starts" => starts(&context, &scenes, arguments.seeds)?,
             "voronoi" => voronoi(&context, &scenes, arguments.seeds)?,
             "search" => search(&context, &scenes, arguments.seeds)?,
             other => {
                 return Err(Error::request(format!(
-                    "no table `{other}`: shipped, defaults, parts, starts, voronoi or search"
+                    "no table `{other}`: shipped, defaults, parts, distances, starts, voronoi or search"
                 )));
             }
         }

@@ -12,7 +12,7 @@ use camsplat::plan::config::Preset;
 use camsplat::report;
 use camsplat::scene::samples;
 use camsplat::vulkan::{Context, Options};
-use command::{Place, read_until, stop};
+use command::{Place, assert_refused, read_until, stop};
 
 /// A demo of seconds.
 const SMALL: Size = Size {
@@ -91,4 +91,14 @@ fn a_stopped_demo_says_so() {
     assert!(stopped.out.contains("the same command goes on"), "{}", stopped.out);
     assert!(["object", "room"].iter().all(|name| place.path(&format!("o/{name}/report.html")).is_file()));
     assert!(!place.path("o/report.html").exists());
+}
+
+/// If this failed, the demo would write over somebody's files.
+#[test]
+fn a_demo_does_not_write_into_a_folder_of_others() {
+    let place = Place::new();
+    std::fs::create_dir_all(place.path("mine/object")).unwrap();
+    place.write("mine/object/plan.json", "mine");
+    assert_refused(&place, &[("demo --out mine", &["mine", "holds no demo", "--out"])]);
+    assert_eq!(place.read("mine/object/plan.json"), "mine");
 }

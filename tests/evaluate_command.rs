@@ -106,7 +106,8 @@ fn bad_input_is_refused_and_nothing_is_written() {
     place.write("broken.glb", "no scene");
     fs::create_dir_all(place.path("other")).unwrap();
     place.write("other/cube.gltf", place.read("cube.gltf"));
-    let cases: [(&str, &[&str]); 9] = [
+    place.write("table.md.gltf", place.read("cube.gltf"));
+    let cases: [(&str, &[&str]); 12] = [
         ("evaluate cube.gltf --env sky.hdr --out o --methods random,nobodys", &["nobodys", "no such method", "ours"]),
         ("evaluate cube.gltf broken.glb --env sky.hdr --out o", &["broken.glb"]),
         ("evaluate none.glb --env sky.hdr --out o", &["none.glb", "there is no such file"]),
@@ -116,6 +117,15 @@ fn bad_input_is_refused_and_nothing_is_written() {
         ("evaluate cube.gltf --env sky.hdr --out o --seeds 0", &["--seeds is 0"]),
         ("evaluate cube.gltf other/cube.gltf --env sky.hdr --out o", &["other/cube.gltf", "this name"]),
         ("evaluate cube.gltf --env sky.hdr --out other", &["other", "holds no evaluation"]),
+        ("evaluate table.md.gltf --env sky.hdr --out o", &["table.md.gltf", "rename"]),
+        (
+            "evaluate cube.gltf --env sky.hdr --out o --methods ours:seed=3",
+            &["ours:seed=3", "seed is the evaluation's"],
+        ),
+        (
+            "evaluate cube.gltf --env sky.hdr --out o --preset room --peers-from sphere --methods random",
+            &["--peers-from sphere", "objects"],
+        ),
     ];
     assert_refused(&place, &cases);
     assert_eq!(place.files("other"), ["cube.gltf"]);

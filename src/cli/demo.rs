@@ -14,7 +14,7 @@ use super::progress::{Progress, go_on, stop_on_interrupt};
 use crate::evaluate::results::{Interval, METRICS, Row};
 use crate::evaluate::scene::Scene;
 use crate::evaluate::tour::{self, Event, Size, Step};
-use crate::io::folder::{OutputFolder, check_folder};
+use crate::io::folder::{OutputFolder, check_folder, write_files};
 use crate::plan::config::{Config, Preset};
 use crate::plan::job::{self, RegionChoice, Target, Tools};
 use crate::scene::camera::Intrinsics;
@@ -25,6 +25,9 @@ use crate::{Error, Result, report};
 
 /// The scene that is photographed, and its folder.
 const PHOTOGRAPHED: &str = "photographed";
+
+/// The file that says that a folder is of a demo.
+const MARK: &str = ".camsplat-demo";
 
 /// Arguments of `camsplat demo`.
 #[derive(Args, Debug)]
@@ -43,7 +46,14 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let start = Instant::now();
     let Arguments { out, device } = arguments;
     std::fs::create_dir_all(out).map_err(|source| Error::io(out, source))?;
-    check_folder(out, true)?;
+    let mark = out.join(MARK);
+    check_folder(out, mark.is_file()).map_err(|error| match error {
+        Error::Input { path, what } if what.contains("--force") => {
+            Error::input(path, "the folder is not empty and holds no demo; name another with --out")
+        }
+        other => other,
+    })?;
+    write_files(&[(&mark, env!("CARGO_PKG_VERSION").as_bytes())])?;
     let context = device.open()?;
     say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
     let scenes = [("object", samples::object(), Preset::Object, 50), ("room", samples::room(), Preset::Room, 300)];

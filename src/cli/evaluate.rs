@@ -145,7 +145,10 @@ impl Arguments {
                 max_splats: self.max_splats.unwrap_or(of.max_splats),
                 shown: self.surface.unwrap_or(shown),
                 shrink: self.shrink.unwrap_or(of.shrink),
-                peers_from: self.peers_from.unwrap_or(if self.paper { PeersFrom::Sphere } else { of.peers_from }),
+                peers_from: self.peers_from.unwrap_or(match (self.paper, kind) {
+                    (true, Kind::Object) => PeersFrom::Sphere,
+                    _ => of.peers_from,
+                }),
             },
         }
     }

@@ -28,6 +28,8 @@ use crate::{Error, Result};
 
 /// The file that says that a folder is of an evaluation.
 pub const ASKED: &str = "evaluation.json";
+/// Files beside the folders of subjects.
+const WRITTEN: [&str; 5] = [ASKED, "table.md", "table.csv", "results.json", "report.html"];
 
 /// What an evaluation came to.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,6 +53,11 @@ pub fn check(folder: &Path, subjects: &[Subject]) -> Result<()> {
             let what = "another subject has this name, and tables tell them by their names; rename it";
             return Err(Error::input(subject.path(), what));
         }
+    }
+    let bad = |name: &str| WRITTEN.contains(&name) || name.starts_with('.') || name.contains(char::is_control);
+    if let Some(subject) = subjects.iter().find(|subject| bad(subject.name())) {
+        let what = "its name cannot name a folder among the tables; rename it";
+        return Err(Error::input(subject.path(), what));
     }
     let earlier = folder.join(ASKED).is_file();
     check_folder(folder, earlier).map_err(|error| match error {

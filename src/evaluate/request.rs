@@ -31,6 +31,8 @@ pub enum Method {
     Peer(Peer),
 }
 
+/// Keys that [`Method::Set`] leaves alone: the evaluation has them from elsewhere.
+const OWN: [&str; 5] = ["views", "seed", "preset", "held_out", "checkpoint_every"];
 /// What [`Method::Set`] begins with.
 const SET: &str = "ours:";
 
@@ -65,7 +67,12 @@ impl Method {
             Self::Iterative => Config { vds: false, iterative: true, ..plain },
             Self::Set(name) => {
                 let set = name.strip_prefix(SET).unwrap_or_default().split(':');
-                let config = set.map(|one| one.split_once('=').unwrap_or((one, ""))).try_fold(plain, with);
+                let set: Vec<(&str, &str)> = set.map(|one| one.split_once('=').unwrap_or((one, ""))).collect();
+                let twice = (1..set.len()).find(|i| set[..*i].iter().any(|(key, _)| *key == set[*i].0));
+                let config = match twice {
+                    Some(i) => Err(format!("{} is given twice", set[i].0)),
+                    None => set.into_iter().try_fold(plain, with),
+                };
                 config.map_err(|what| Error::request(format!("method {name}: {what}")))?
             }
         })
@@ -81,7 +88,11 @@ impl Method {
 fn with(config: Config, (key, value): (&str, &str)) -> Result<Config, String> {
     let fields = serde_json::to_value(&config).ok().and_then(|config| config.as_object().cloned());
     let mut fields = fields.ok_or("the configuration cannot be written")?;
-    let known = fields.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
+    let known: Vec<&str> = fields.keys().map(String::as_str).filter(|key| !OWN.contains(key)).collect();
+    let known = known.join(", ");
+    if OWN.contains(&key) {
+        return Err(format!("{key} is the evaluation's; give some of {known}"));
+    }
     let field = fields.get_mut(key).ok_or(format!("no such key: {key}; give some of {known}"))?;
     // A word that is no JSON is a string.
     *field = serde_json::from_str(value).unwrap_or_else(|_| value.into());
@@ -230,6 +241,9 @@ impl Request {
             kind.check(*method)?;
             method.config(kind.preset(), budgets.first().copied().unwrap_or(1).max(1), 0)?.validate()?;
         }
+        if settings.peers_from == PeersFrom::Sphere && *kind != Kind::Object {
+            return Err(Error::request("--peers-from sphere: only around objects is there a sphere; leave it out"));
+        }
         let limits = [
             ("--seeds", *seeds, 1, 100),
             ("--size", settings.size, 16, 4096),
@@ -279,9 +293,13 @@ mod tests {
         let config = set.config(Preset::Object, 20, 3).unwrap();
         let told = (config.nearest_tau, config.gate, config.scale, config.views, config.seed);
         assert_eq!(told, (0.1, Gate::Pinhole, Some(0.5), 20, 3));
-        for (wrong, named) in
-            [("ours:tau=1", "nearest_tau"), ("ours:gate=wide", "gate cannot be wide"), ("ours:", "key")]
-        {
+        for (wrong, named) in [
+            ("ours:tau=1", "nearest_tau"),
+            ("ours:gate=wide", "gate cannot be wide"),
+            ("ours:", "key"),
+            ("ours:views=9", "views is the evaluation's"),
+            ("ours:alpha=0.1:alpha=0.2", "alpha is given twice"),
+        ] {
             let error = wrong.parse::<Method>().unwrap().config(Preset::Object, 20, 0).unwrap_err().to_string();
             assert!(error.contains(wrong) && error.contains(named), "{error}");
         }

@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 use glam::DVec3;
 
-use super::text::{escape, number};
+use super::text::{address, escape, number};
 use crate::evaluate::job::Outcome;
 use crate::evaluate::results::{Entry, Interval, METRICS, Row};
 use crate::evaluate::table::{DECIMALS, cell};
@@ -154,7 +154,7 @@ pub(super) fn pictures(scene: &str, entries: &[&Entry], sets: &[&str]) -> String
     let mut text = format!("<h3>Test views, {most} views chosen</h3>\n");
     for (i, set) in sets.iter().enumerate() {
         let picture = |entry: &Entry, of: &str, caption: &str| {
-            let [scene, file] = [scene, &entry.pictures[i]].map(|part| escape(part).replace('%', "%25"));
+            let [scene, file] = [scene, entry.pictures[i].as_str()].map(address);
             let path = format!("{scene}/{}/{of}/{file}", entry.folder);
             format!("<figure><img src=\"{path}\" alt=\"\"><figcaption>{caption}</figcaption></figure>")
         };
@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn every_method_has_its_line_and_its_pictures() {
         let entry = |method, views| Entry {
-            scene: "a<b".into(),
+            scene: "a<b#1".into(),
             method,
             views,
             seed: 0,
@@ -193,7 +193,7 @@ mod tests {
         let page = html(&Outcome { kind: Kind::Object, rows: rows(&entries), entries });
         assert_eq!(page.matches("<polyline").count(), 4, "LPIPS was not measured");
         assert_eq!(page.matches("<img").count(), 3 * 3);
-        assert!(page.contains("a&lt;b/training-20/test/random_0000.png") && !page.contains("a<b"));
+        assert!(page.contains("a&lt;b%231/training-20/test/random_0000.png") && !page.contains("a<b"));
         assert_eq!(page.matches("<figcaption>ours</figcaption>").count(), 1 + 3);
         assert!(page.contains("cx=\"240.0\"") && !page.contains("NaN"), "{page}");
     }

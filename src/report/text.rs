@@ -43,6 +43,11 @@ pub fn slot(name: &str, record: &PlanRecord, kind: Kind<'_>) -> String {
     }
 }
 
+/// The path of a file, relative to the page, as a quoted attribute.
+pub fn address(path: &str) -> String {
+    escape(&path.replace('%', "%25").replace('#', "%23").replace('?', "%3F"))
+}
+
 /// `text` with everything escaped that means something in HTML, in an element or in a quoted attribute.
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());

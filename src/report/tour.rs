@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::evaluation::{STYLE, pictures, table};
 use super::folder;
-use super::text::escape;
+use super::text::{address, escape};
 use crate::Result;
 use crate::evaluate::results::METRICS;
 use crate::evaluate::tour::{Step, Tour};
@@ -78,8 +78,7 @@ fn steps(steps: &[Step]) -> String {
 
 /// Small pictures of the scene's folder.
 fn gallery(scene: &str, files: &[String]) -> String {
-    let picture = |file: &String| {
-        format!("<figure><img src=\"{}/{}\" alt=\"\"></figure>", escape(scene), escape(file).replace('%', "%25"))
-    };
+    let picture =
+        |file: &String| format!("<figure><img src=\"{}/{}\" alt=\"\"></figure>", address(scene), address(file));
     files.iter().map(picture).collect()
 }
