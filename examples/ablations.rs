@@ -157,12 +157,9 @@ fn defaults() -> Vec<Variant> {
 
 /// With all else as shipped.
 fn distances() -> Vec<Variant> {
-    let row = |weight: f32| {
-        variant(format!("{weight}"), move |config| {
-            config.gate_softness = Config::new(config.preset, config.views).gate_softness;
-            config.distance_weight = weight;
-        })
-    };
+    let softness = Config::new(Preset::Object, 1).gate_softness;
+    let set = move |config: &mut Config, weight| (config.gate_softness, config.distance_weight) = (softness, weight);
+    let row = |weight: f32| variant(format!("{weight}"), move |config| set(config, weight));
     [0.0, 0.3, 1.0, 3.0].map(row).into()
 }
 

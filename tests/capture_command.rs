@@ -33,6 +33,15 @@ fn place(count: usize, size: u32) -> Place {
     place
 }
 
+/// Two folders hold the same files, to the byte.
+fn assert_same(place: &Place, one: &str, other: &str) {
+    assert_eq!(place.files(one), place.files(other));
+    for name in place.files(one) {
+        let read = |folder: &str| std::fs::read(place.path(&format!("{folder}/{name}"))).unwrap();
+        assert!(read(one) == read(other), "{name} differs");
+    }
+}
+
 /// If this failed, the folder would not be a capture that trainers read, or its files would not belong together.
 #[test]
 fn the_folder_is_a_capture_as_it_is() {
@@ -95,11 +104,7 @@ fn a_stopped_capture_goes_on_at_the_first_missing_picture() {
     assert!(went_on.out.contains("kept     "), "{}", went_on.out);
     assert_eq!(std::fs::metadata(&first).unwrap().modified().unwrap(), before);
     place.done(&asked.replace("--out o", "--out whole"));
-    assert_eq!(place.files("o"), place.files("whole"));
-    for name in place.files("whole") {
-        let read = |folder: &str| std::fs::read(place.path(&format!("{folder}/{name}"))).unwrap();
-        assert!(read("o") == read("whole"), "{name} differs");
-    }
+    assert_same(&place, "o", "whole");
 }
 
 /// If this failed, pictures of an earlier capture would count as those of one that was stopped, and be trained on as its own.
@@ -117,11 +122,7 @@ fn a_stopped_capture_takes_no_pictures_of_an_earlier_one() {
     assert_eq!(stopped.code, Some(130), "{}{}", stopped.out, stopped.err);
     place.done(asked);
     place.done(&asked.replace("--out o", "--out whole"));
-    assert_eq!(place.files("o"), place.files("whole"));
-    for name in place.files("whole") {
-        let read = |folder: &str| std::fs::read(place.path(&format!("{folder}/{name}"))).unwrap();
-        assert!(read("o") == read("whole"), "{name} differs");
-    }
+    assert_same(&place, "o", "whole");
 }
 
 /// If this failed, bad input would end in a black picture, a panic, or a message that leaves the user alone.
