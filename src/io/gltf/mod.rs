@@ -22,7 +22,6 @@ use json::validation::Checked;
 
 use self::buffers::Buffers;
 use self::materials::Paint;
-use self::nodes::unfold;
 use super::checks;
 use crate::error::{Error, Result};
 use crate::scene::colour;
@@ -132,24 +131,10 @@ impl Scene<'_> {
     /// uses a few.
     fn add_primitive(&mut self, what: &str, primitive: &Primitive, world: DMat4) -> Result<()> {
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
-        let Some(positions) = attribute(Semantic::Positions) else {
-            return self.refuse(format!("{what} has no positions; export it again"));
-        };
-        let positions = self.buffers.vectors::<3>(positions, what)?;
-        let indices = match primitive.indices {
-            Some(accessor) => self.buffers.indices(accessor.value(), what)?,
-            None => (0..positions.len() as u32).collect(),
-        };
-        let Some(triangles) = unfold(primitive.mode, &indices) else {
+        let Some((positions, triangles)) = nodes::triangles(self.path, self.buffers, what, primitive)? else {
             self.left_out += 1;
             return Ok(());
         };
-        if let Some(outside) = triangles.as_flattened().iter().find(|&&v| v as usize >= positions.len()) {
-            return self.refuse(format!(
-                "{what} refers to vertex {outside} and there are only {}; export it again",
-                positions.len()
-            ));
-        }
         if self.mesh.triangles.len() + triangles.len() > MOST_TRIANGLES {
             return self.refuse(format!("the scene unfolds to over {MOST_TRIANGLES} triangles; simplify it first"));
         }

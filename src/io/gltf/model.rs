@@ -9,7 +9,7 @@ use json::validation::Checked;
 
 use super::buffers::{self, Buffers};
 use super::look::Look;
-use super::nodes::{placed, unfold};
+use super::nodes::{self, placed};
 use super::schema::Document;
 use super::{MOST_TRIANGLES, refuse_unreadable};
 use crate::error::{Error, Result};
@@ -167,23 +167,11 @@ impl Reader<'_> {
 
     /// Adds the triangles of a part with its vertices.
     fn add_part(&mut self, what: &str, primitive: &Primitive, world: DMat4) -> Result<()> {
-        let Some(positions) = primitive.attributes.get(&Checked::Valid(Semantic::Positions)) else {
-            return self.refuse(format!("{what} has no positions; export it again"));
-        };
-        let positions = self.buffers.vectors::<3>(positions.value(), what)?;
-        let indices = match primitive.indices {
-            Some(accessor) => self.buffers.indices(accessor.value(), what)?,
-            None => (0..positions.len() as u32).collect(),
-        };
-        let Some(triangles) = unfold(primitive.mode, &indices) else {
+        let Some((positions, triangles)) = nodes::triangles(self.path, self.buffers, what, primitive)? else {
             self.left_out += 1;
             return Ok(());
         };
         let count = positions.len();
-        if let Some(outside) = triangles.as_flattened().iter().find(|&&v| v as usize >= count) {
-            return self
-                .refuse(format!("{what} refers to vertex {outside} and there are only {count}; export it again"));
-        }
         let together = self.model.faces.len() + self.model.dropped + triangles.len();
         if together > MOST_TRIANGLES || self.model.vertices.len() + count > 3 * MOST_TRIANGLES {
             return self.refuse(format!("the scene unfolds to over {MOST_TRIANGLES} triangles; simplify it first"));

@@ -5,9 +5,10 @@ use std::path::Path;
 
 use glam::{DMat4, DQuat, DVec3};
 use gltf_json as json;
-use json::mesh::Mode;
+use json::mesh::{Mode, Primitive, Semantic};
 use json::validation::Checked;
 
+use super::buffers::Buffers;
 use crate::error::{Error, Result};
 
 /// Every node of the default scene with its world-from-node matrix, from the roots on.
@@ -61,6 +62,31 @@ fn transform(node: &json::Node) -> DMat4 {
         rotation,
         vector(node.translation, DVec3::ZERO),
     )
+}
+
+/// Positions, and triangles by three of them.
+pub(super) type Triangles = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+
+/// The triangles of a part, which errors call `what`, in its mesh's frame; none where it has points or lines.
+///
+/// # Errors
+/// Where it has no positions, or refers to some that are not there.
+pub(super) fn triangles(path: &Path, buffers: &Buffers, what: &str, part: &Primitive) -> Result<Option<Triangles>> {
+    let refuse = |what: String| Err(Error::input(path, what));
+    let Some(positions) = part.attributes.get(&Checked::Valid(Semantic::Positions)) else {
+        return refuse(format!("{what} has no positions; export it again"));
+    };
+    let positions = buffers.vectors::<3>(positions.value(), what)?;
+    let indices = match part.indices {
+        Some(accessor) => buffers.indices(accessor.value(), what)?,
+        None => (0..positions.len() as u32).collect(),
+    };
+    let Some(triangles) = unfold(part.mode, &indices) else { return Ok(None) };
+    let count = positions.len();
+    if let Some(outside) = triangles.as_flattened().iter().find(|&&v| v as usize >= count) {
+        return refuse(format!("{what} refers to vertex {outside} and there are only {count}; export it again"));
+    }
+    Ok(Some((positions, triangles)))
 }
 
 /// The triangles that a part's indices make in its mode; none where it has points or lines.

@@ -69,7 +69,7 @@ fn a_mirrored_node_keeps_its_outside() {
 /// If this failed, fans and parts without indices would be read wrongly.
 #[test]
 fn fans_and_plain_lists_are_unfolded() {
-    let fan = unfold(Checked::Valid(Mode::TriangleFan), &[9, 1, 2, 3]).unwrap();
+    let fan = nodes::unfold(Checked::Valid(Mode::TriangleFan), &[9, 1, 2, 3]).unwrap();
     assert_eq!(fan, [[1, 2, 9], [2, 3, 9]]);
     let mesh = read(&scene(r#"{"mesh": 0}"#, r#"{"attributes": {"POSITION": 0}}"#, "")).unwrap();
     assert_eq!((mesh.triangles, mesh.positions.len()), (vec![[0, 1, 2]], 3));
