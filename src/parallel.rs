@@ -2,6 +2,38 @@
 
 use rayon::prelude::*;
 
+use crate::{Error, Result};
+
+/// Threads that work may use here: as many as the machine has, or the share of them that [`on_a_share`] gives.
+pub fn threads() -> usize {
+    rayon::current_num_threads()
+}
+
+/// Does `work` with one of `parts` equal shares of the machine's threads, so that others that do the same do not get in its way.
+///
+/// # Errors
+/// As `work`, or where the system gives no threads.
+pub fn on_a_share<T: Send>(parts: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+    if parts <= 1 {
+        return work();
+    }
+    let share = rayon::ThreadPoolBuilder::new().num_threads((threads() / parts).max(1)).build();
+    share.map_err(|e| Error::request(format!("the system gives no threads ({e})")))?.install(work)
+}
+
+/// What `work` makes of the index and each of the items, in their order.
+pub fn mapped<T: Sync, R: Send>(items: &[T], work: impl Fn(usize, &T) -> R + Sync) -> Vec<R> {
+    items.par_iter().enumerate().map(|(index, item)| work(index, item)).collect()
+}
+
+/// Calls `work` with every item; the first failure in time ends it, and what others have begun goes on to its end.
+///
+/// # Errors
+/// As `work`.
+pub fn try_each<T: Sync>(items: &[T], work: impl Fn(&T) -> Result<()> + Sync + Send) -> Result<()> {
+    items.par_iter().try_for_each(work)
+}
+
 /// Calls `work` with the index and the contents of every chunk of `length` items, on as many threads as the machine has.
 pub fn in_parallel<T: Send>(items: &mut [T], length: usize, work: impl Fn(usize, &mut [T]) + Sync) {
     items.par_chunks_mut(length.max(1)).enumerate().for_each(|(index, chunk)| work(index, chunk));

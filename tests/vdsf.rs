@@ -25,7 +25,7 @@ fn the_score_ranks_unseen_surfaces_by_the_density_they_need() {
     let scenes: Vec<Scene> = (0..400).map(|index| Scene::draw(HELD_OUT, index)).collect();
     for (candidates, least) in [(1, [0.7, 0.8]), (4, [0.75, 0.85])] {
         for (count, least) in [[5, 15], [30, 30]].into_iter().zip(least) {
-            let observations = fit::observe(&scenes, Sparse { count, candidates }, HELD_OUT).unwrap();
+            let observations = fit::observe(&scenes, Sparse { count, candidates }, HELD_OUT);
             let single = correlation(&observations, |seen| seen.variance);
             let expected = correlation(&observations, |seen| seen.expected);
             println!("views {count:?}, best of {candidates}: single draw {single:.3}, expected {expected:.3}");
@@ -90,7 +90,7 @@ fn the_score_ranks_named_materials_under_known_light() {
             }
         }
     }
-    let observations = fit::observe(&scenes, Sparse::FITTED, HELD_OUT).unwrap();
+    let observations = fit::observe(&scenes, Sparse::FITTED, HELD_OUT);
     let single = correlation(&observations, |seen| seen.variance);
     let expected = correlation(&observations, |seen| seen.expected);
     println!("named materials: single draw {single:.3}, expected {expected:.3}");
@@ -108,7 +108,7 @@ fn a_metals_scores_and_densities_fall_with_its_roughness() {
     for lighting in [studio(0.0), hall(0.0)] {
         let metal = |roughness| Material::new(DVec3::new(1.0, 0.78, 0.34), 1.0, roughness, 0.04, 0.0);
         let scenes = roughnesses.map(|roughness| scene(metal(roughness), lighting.clone()));
-        let observations = fit::observe(&scenes, Sparse::FITTED, HELD_OUT).unwrap();
+        let observations = fit::observe(&scenes, Sparse::FITTED, HELD_OUT);
         for (roughness, seen) in roughnesses.iter().zip(&observations) {
             let score = Vdsf::embedded().apply(seen.expected);
             println!("{roughness} variance {:.5}, density {:.1}, score {score:.3}", seen.expected, seen.density);
@@ -141,8 +141,8 @@ fn two_fits_are_equal_bytes_and_another_seed_is_another_fit() {
     assert_ne!(text(3), text(4));
     // Each scene is measured on its own, so a scene's part of the threads' work cannot matter.
     let scenes: Vec<Scene> = (0..9).map(|index| Scene::draw(3, index)).collect();
-    let all = fit::observe(&scenes, Sparse::FITTED, 3).unwrap();
-    assert_eq!(fit::observe(&scenes[..1], Sparse::FITTED, 3).unwrap(), all[..1]);
+    let all = fit::observe(&scenes, Sparse::FITTED, 3);
+    assert_eq!(fit::observe(&scenes[..1], Sparse::FITTED, 3), all[..1]);
 }
 
 /// If this failed, the command would write something else than the library fits, or half of what was asked for.

@@ -23,6 +23,7 @@ use super::subject::Subject;
 use super::table;
 use crate::gaussians::record::TrainRecord;
 use crate::io::folder::{check_folder, write_files};
+use crate::parallel::on_a_share;
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
@@ -230,24 +231,26 @@ fn spread(
     // What one worker meets ends all of them.
     let (observe, over) = (Mutex::new(observe), AtomicBool::new(false));
     let work = |context: &Arc<Context>| {
-        let _end = EndOfAll(&over);
-        let (mut asked, mut product) = (false, String::new());
-        let mut hear = |event: Event<'_>| {
-            if let Event::Begins(key) = event {
-                product = key.to_owned();
+        on_a_share(contexts.len(), || {
+            let _end = EndOfAll(&over);
+            let (mut asked, mut product) = (false, String::new());
+            let mut hear = |event: Event<'_>| {
+                if let Event::Begins(key) = event {
+                    product = key.to_owned();
+                }
+                let heard = observe.lock().unwrap_or_else(PoisonError::into_inner)(event);
+                asked |= heard.is_break() || over.load(Ordering::Relaxed);
+                if asked { ControlFlow::Break(()) } else { heard }
+            };
+            for runs in &runs {
+                let worked = runs.work(context, &mut hear);
+                if !matches!(worked, Ok(true)) {
+                    over.store(true, Ordering::Relaxed);
+                    return if asked { worked } else { worked.and_then(|_| Err(ended_early(&product))) };
+                }
             }
-            let heard = observe.lock().unwrap_or_else(PoisonError::into_inner)(event);
-            asked |= heard.is_break() || over.load(Ordering::Relaxed);
-            if asked { ControlFlow::Break(()) } else { heard }
-        };
-        for runs in &runs {
-            let worked = runs.work(context, &mut hear);
-            if !matches!(worked, Ok(true)) {
-                over.store(true, Ordering::Relaxed);
-                return if asked { worked } else { worked.and_then(|_| Err(ended_early(&product))) };
-            }
-        }
-        Ok(true)
+            Ok(true)
+        })
     };
     let worked: Vec<Result<bool>> = thread::scope(|scope| {
         let others: Vec<_> = contexts.iter().skip(1).map(|context| scope.spawn(|| work(context))).collect();

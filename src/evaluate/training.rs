@@ -1,5 +1,6 @@
 //! Splats trained on photos, as a product: what scenes and pools share.
 
+use std::fs;
 use std::sync::Arc;
 
 use super::stage::{Event, Observe, Stage};
@@ -46,6 +47,8 @@ pub fn run(
     let Some(record) = record.filter(|record| record.status == Status::Complete) else { return Ok(None) };
     stage.write_json(RECORD, &record)?;
     stage.finish()?;
+    // Three times as large as the model, and of no use any more; what cannot be removed harms nobody.
+    drop(fs::remove_file(stage.file(CHECKPOINT)));
     Ok(Some((stage, record)))
 }
 

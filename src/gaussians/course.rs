@@ -15,6 +15,7 @@ use super::record::{CurvePoint, Evaluation, MemoryRecord, PhotosRecord, StageTim
 use super::renderer::Renderer;
 use super::trainer::Trainer;
 use crate::io::folder::replace_file;
+use crate::parallel::try_each;
 use crate::vulkan::profile::{Profile, Row};
 use crate::{Error, Result};
 
@@ -192,17 +193,20 @@ impl<'a> Course<'a> {
         if self.tests.is_empty() {
             return Ok(());
         }
-        let (folder, names, mut at) = (&self.run.request.folder, self.run.picture_names(), 0);
+        let (folder, names) = (&self.run.request.folder, self.run.picture_names());
+        let mut names = names.iter();
         let mut worst: Vec<(f64, String, Pair)> = Vec::new();
-        let mut views = self.tests.evaluate(&self.run.context, camera, all, |view, pair| {
+        let mut views = self.tests.evaluate(&self.run.context, camera, all, |seen| {
             if all {
-                products::write_pair(folder, &names[at], pair)?;
-                at += 1;
+                let pairs: Vec<_> = seen.iter().zip(names.by_ref()).collect();
+                try_each(&pairs, |((_, pair), name)| products::write_pair(folder, name, pair))?;
             }
-            let place = worst.partition_point(|(psnr, ..)| psnr.total_cmp(&view.quality.psnr).is_le());
-            if place < WORST {
-                worst.insert(place, (view.quality.psnr, view.name.clone(), pair.clone()));
-                worst.truncate(WORST);
+            for (view, pair) in seen {
+                let place = worst.partition_point(|(psnr, ..)| psnr.total_cmp(&view.quality.psnr).is_le());
+                if place < WORST {
+                    worst.insert(place, (view.quality.psnr, view.name.clone(), pair.clone()));
+                    worst.truncate(WORST);
+                }
             }
             Ok(())
         })?;

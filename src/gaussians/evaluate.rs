@@ -94,8 +94,8 @@ impl Tests {
         Ok(pair)
     }
 
-    /// Some of the test views, or all of them, with their metrics, in their order; `look` sees each pair. LPIPS is measured of
-    /// all, where the picture is large enough for it.
+    /// Some of the test views, or all of them, with their metrics, in their order; `look` sees their pictures, some at a time.
+    /// LPIPS is measured of all, where the picture is large enough for it.
     ///
     /// # Errors
     /// Where a photo cannot be decoded any more, or the device fails or has not enough memory.
@@ -104,7 +104,7 @@ impl Tests {
         context: &Arc<Context>,
         camera: Camera,
         all: bool,
-        mut look: impl FnMut(&TestView, &Pair) -> Result<()>,
+        mut look: impl FnMut(&[(TestView, Pair)]) -> Result<()>,
     ) -> Result<Vec<TestView>> {
         if all && self.lpips.is_none() && !self.is_empty() {
             self.lpips = Some(Lpips::new(context, &Weights::alex()?)?);
@@ -132,13 +132,14 @@ impl Tests {
         camera: Camera,
         pictures: &[Picture],
         views: &mut Vec<TestView>,
-        look: &mut impl FnMut(&TestView, &Pair) -> Result<()>,
+        look: &mut impl FnMut(&[(TestView, Pair)]) -> Result<()>,
     ) -> Result<()> {
         let mut measured: Vec<(Pair, Result<Quality>)> = Vec::new();
         for picture in pictures {
             measured.push((self.pair(camera, picture)?, Ok(Quality::default())));
         }
         in_parallel(&mut measured, 1, |_, part| part.iter_mut().for_each(|(pair, quality)| *quality = compared(pair)));
+        let mut seen = Vec::new();
         for (picture, (pair, quality)) in pictures.iter().zip(measured) {
             let mut quality = quality?;
             if let Some(network) = &mut self.lpips
@@ -150,10 +151,10 @@ impl Tests {
                     distance => Some(distance?),
                 };
             }
-            let view = TestView { name: self.photos[picture.index].camera.name.clone(), quality };
-            look(&view, &pair)?;
-            views.push(view);
+            seen.push((TestView { name: self.photos[picture.index].camera.name.clone(), quality }, pair));
         }
+        look(&seen)?;
+        views.extend(seen.into_iter().map(|(view, _)| view));
         Ok(())
     }
 }

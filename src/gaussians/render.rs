@@ -13,6 +13,7 @@ use super::rasterizer::{MOST_SIDE, Size, Wanted};
 use super::renderer::{Renderer, Rendering};
 use crate::io::folder::OutputFolder;
 use crate::io::picture::{self, Format, stem};
+use crate::parallel::threads;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::gaussians::Gaussians;
 use crate::vulkan::Context;
@@ -194,7 +195,7 @@ impl<'a> Job<'a> {
     fn writers(&self) -> usize {
         let pixels = u64::from(self.largest.width) * u64::from(self.largest.height);
         let most = MOST_BYTES / (BYTES_PER_PIXEL * pixels.max(1));
-        thread::available_parallelism().map_or(1, usize::from).min(most as usize).max(1)
+        threads().min(most as usize).max(1)
     }
 }
 

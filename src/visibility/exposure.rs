@@ -5,10 +5,11 @@ use glam::Vec3;
 
 use super::bvh::Bvh;
 use super::raycast::Ray;
+use crate::Result;
+use crate::parallel::mapped;
 use crate::scene::octahedral;
 use crate::scene::proxy::{Disc, Occluder, Proxy};
 use crate::scene::similarity::Similarity;
-use crate::{Error, Result};
 
 /// Directions from each disc: the texels of an octahedral map of so many a side.
 const RESOLUTION: u32 = 5;
@@ -41,22 +42,7 @@ pub fn expose(proxy: &mut Proxy) -> Result<usize> {
         let (normal, lift) = (disc.normal.as_vec3(), to_unit.length(disc.radius) as f32);
         [open(centre, normal, lift), open(centre, -normal, lift)]
     };
-    let workers = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let part = discs.len().div_ceil(workers).max(1);
-    let parts: Vec<Vec<[f32; 2]>> = std::thread::scope(|scope| {
-        let sides = &sides;
-        let cast = |part: &'_ [Disc]| {
-            let part = part.to_vec();
-            scope.spawn(move || part.iter().map(sides).collect::<Vec<_>>())
-        };
-        // All are started before the first is waited for.
-        let handles: Vec<_> = discs.chunks(part).map(cast).collect();
-        let join = |handle: std::thread::ScopedJoinHandle<'_, _>| {
-            handle.join().map_err(|_| Error::request("a thread that casts rays failed; run again"))
-        };
-        handles.into_iter().map(join).collect::<Result<_>>()
-    })?;
-    let open = parts.into_iter().flatten();
+    let open = mapped(discs, |_, disc| sides(disc));
     let mut buried = Vec::with_capacity(discs.len());
     for (disc, [front, back]) in discs.iter_mut().zip(open) {
         if back > front {

@@ -18,6 +18,7 @@ use half::f16;
 use self::budget::Queue;
 use super::Photo;
 use crate::error::{Error, Result};
+use crate::parallel::threads;
 use crate::scene::camera::Intrinsics;
 use crate::scene::colour;
 
@@ -54,7 +55,7 @@ pub struct Settings {
     /// Bytes that photos take together from the start of their decoding until they are handed out: file, decoded pixels,
     /// scratch and result. A photo that takes more on its own is decoded alone.
     pub memory: u64,
-    /// Threads; 0 for one per core.
+    /// Threads; 0 for as many as there are ([`crate::parallel::threads`]).
     pub threads: usize,
 }
 
@@ -194,8 +195,7 @@ impl<T: Send + 'static> Decoder<T> {
         make: impl Fn(&Photo, Decoded) -> T + Send + Sync + 'static,
     ) -> Result<Self> {
         let settings = Settings { shrink: settings.shrink.max(1), ..settings };
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        let threads = if settings.threads == 0 { cores } else { settings.threads }.min(photos.len());
+        let threads = if settings.threads == 0 { threads() } else { settings.threads }.min(photos.len());
         let work = Arc::new(Work { photos: photos.into(), settings, copies, make });
         let mut decoder = Self { queue: Arc::new(Queue::new(photos.len(), settings.memory)), workers: Vec::new() };
         for _ in 0..threads {

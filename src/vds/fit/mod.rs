@@ -26,6 +26,7 @@ use radiance::Sample;
 use regression::{rising_cubic, spearman};
 
 use super::vdsf::{Quality, VERSION, Vdsf};
+use crate::parallel::mapped;
 use crate::{Error, Result};
 
 /// Root mean square error that interpolation must keep, in luma.
@@ -98,28 +99,9 @@ impl Scene {
 }
 
 /// Measures scenes, each with draws of its own, over all cores; the order of the results is that of the scenes.
-///
-/// # Errors
-/// When a thread fails.
-pub fn observe(scenes: &[Scene], sparse: Sparse, seed: u64) -> Result<Vec<Observation>> {
+pub fn observe(scenes: &[Scene], sparse: Sparse, seed: u64) -> Vec<Observation> {
     let views = Views::new(seed);
-    let workers = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let numbered: Vec<(u32, &Scene)> = (0u32..).zip(scenes).collect();
-    let chunk = numbered.len().div_ceil(workers).max(1);
-    let parts: Vec<Vec<Observation>> = std::thread::scope(|scope| {
-        let views = &views;
-        let one = move |(index, scene): &(u32, &Scene)| measure(scene, views, sparse, seed, *index);
-        // All are started before the first is waited for.
-        let handles: Vec<_> = numbered
-            .chunks(chunk)
-            .map(|part| scope.spawn(move || part.iter().map(one).collect::<Vec<Observation>>()))
-            .collect();
-        let join = |handle: std::thread::ScopedJoinHandle<'_, Vec<Observation>>| {
-            handle.join().map_err(|_| Error::request("a thread that measures radiance failed; run again"))
-        };
-        handles.into_iter().map(join).collect::<Result<_>>()
-    })?;
-    Ok(parts.concat())
+    mapped(scenes, |index, scene| measure(scene, &views, sparse, seed, index as u32))
 }
 
 /// Measures one scene.
@@ -149,7 +131,7 @@ pub fn fit(samples: usize, seed: u64) -> Result<(Vdsf, Vec<Observation>)> {
         return Err(Error::request(format!("{samples} samples make no fit; give {fewest} to {most}")));
     }
     let scenes: Vec<Scene> = (0u32..).take(samples).map(|index| Scene::draw(seed, index)).collect();
-    let observations = observe(&scenes, Sparse::FITTED, seed)?;
+    let observations = observe(&scenes, Sparse::FITTED, seed);
     Ok((fit_to(&observations, seed), observations))
 }
 
