@@ -346,10 +346,11 @@ fn text(quality: &Quality) -> String {
 fn print(record: &TrainRecord, folder: &Path) {
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     say!(
-        "trained  {} iterations in {:.1} s ({:.1} a second), {} of {} splats",
+        "trained  {} iterations in {:.1} s ({:.1} a second; the device worked for {:.1} s), {} of {} splats",
         record.seconds_for,
         record.seconds,
         f64::from(record.seconds_for) / record.seconds.max(1e-9),
+        record.gpu_seconds,
         record.splats,
         record.config.max_splats
     );

@@ -67,6 +67,7 @@ impl<'a> Course<'a> {
             splats: start as u32,
             seconds: 0.0,
             seconds_for: 0,
+            gpu_seconds: 0.0,
             curve: Vec::new(),
             evaluations: Vec::new(),
             test_views: Vec::new(),
@@ -258,6 +259,7 @@ impl<'a> Course<'a> {
         record.splats = trainer.history().last().map_or(record.splats, |last| last.splats);
         record.seconds = self.started.elapsed().as_secs_f64();
         record.seconds_for = trainer.done() - self.first;
+        record.gpu_seconds = 1e-3 * trainer.gpu_ms();
         record.curve = curve(trainer);
         record.memory.peak = self.run.context.peak_allocated();
         let (profile, iterations) = match profile {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::evaluate::Pair;
 use super::record::TrainRecord;
-use crate::io::folder::write_files;
+use crate::io::folder::replace_unforced;
 use crate::io::picture;
 use crate::photos::Photo;
 use crate::{Error, Result};
@@ -87,12 +87,14 @@ pub fn clear(folder: &Path) -> Result<()> {
 /// # Errors
 /// When the system refuses.
 pub fn write_pair(folder: &Path, name: &Path, pair: &Pair) -> Result<()> {
-    let files = PICTURES.map(|of| folder.join(of).join(name));
-    for parent in files.iter().filter_map(|file| file.parent()) {
-        std::fs::create_dir_all(parent).map_err(|source| Error::io(parent, source))?;
+    for (of, pixels) in PICTURES.iter().zip([&pair.rendered, &pair.reference]) {
+        let file = folder.join(of).join(name);
+        if let Some(parent) = file.parent() {
+            std::fs::create_dir_all(parent).map_err(|source| Error::io(parent, source))?;
+        }
+        replace_unforced(&file, &picture::rgb(pair.width, pixels)?)?;
     }
-    let [rendered, reference] = [&pair.rendered, &pair.reference].map(|pixels| picture::rgb(pair.width, pixels));
-    write_files(&[(&files[0], &rendered?), (&files[1], &reference?)])
+    Ok(())
 }
 
 #[cfg(test)]

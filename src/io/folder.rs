@@ -186,14 +186,26 @@ pub fn write_files(files: &[(&Path, &[u8])]) -> Result<()> {
 /// # Errors
 /// When the system refuses, a full disk among others; the unfinished file is removed.
 pub fn replace_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let hidden = parent(path).join(format!(".{name}.part"));
-    let filled = fs::File::create(&hidden).and_then(|file| {
+    replace(path, |file| {
         let mut file = BufWriter::with_capacity(1 << 20, file);
         write(&mut file)?;
         file.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()
-    });
-    let moved = filled.and_then(|()| fs::rename(&hidden, path));
+    })
+}
+
+/// As [`replace_file`] for a small file that can be made again: it is not forced to the disk, which takes longer than writing
+/// it, so that a machine that loses its power may lose it.
+///
+/// # Errors
+/// As [`replace_file`].
+pub fn replace_unforced(path: &Path, bytes: &[u8]) -> Result<()> {
+    replace(path, |mut file| file.write_all(bytes))
+}
+
+fn replace(path: &Path, fill: impl FnOnce(fs::File) -> std::io::Result<()>) -> Result<()> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let hidden = parent(path).join(format!(".{name}.part"));
+    let moved = fs::File::create(&hidden).and_then(fill).and_then(|()| fs::rename(&hidden, path));
     if moved.is_err() {
         // What cannot be removed either is not worth a second error.
         drop(fs::remove_file(&hidden));

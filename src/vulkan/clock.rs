@@ -3,6 +3,7 @@
 use ash::vk;
 
 use super::context::Context;
+use super::spares::Queries;
 use crate::Result;
 
 /// GPU time of one stage, in nanoseconds since an arbitrary start that the stages of one recorder share.
@@ -16,9 +17,9 @@ pub struct Timing {
     pub end: f64,
 }
 
-/// Pairs of timestamps, one for each name. Whoever makes one destroys it.
+/// Pairs of timestamps, one for each name. Whoever makes one gives its queries back.
 pub(super) struct Clock {
-    pool: vk::QueryPool,
+    queries: Queries,
     capacity: u32,
     names: Vec<&'static str>,
     /// One pair around everything, not one around each stage.
@@ -29,17 +30,10 @@ impl Clock {
     /// Room for `capacity` pairs, reset by `commands`, which must be recording.
     pub(super) fn new(context: &Context, commands: vk::CommandBuffer, capacity: u32, whole: bool) -> Result<Self> {
         let capacity = capacity.max(1);
-        let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2 * capacity);
-        // SAFETY: the info is valid; the recording has begun, outside a render pass.
-        let pool = unsafe {
-            let pool = context
-                .device
-                .create_query_pool(&info, None)
-                .map_err(|code| context.failure("vkCreateQueryPool", code))?;
-            context.device.cmd_reset_query_pool(commands, pool, 0, 2 * capacity);
-            pool
-        };
-        Ok(Self { pool, capacity, names: Vec::new(), whole })
+        let queries = context.take_queries(2 * capacity)?;
+        // SAFETY: the recording has begun, outside a render pass; the range is the whole pool.
+        unsafe { context.device.cmd_reset_query_pool(commands, queries.pool, 0, queries.count) };
+        Ok(Self { queries, capacity, names: Vec::new(), whole })
     }
 
     /// Begins the next pair; past the capacity nothing is written.
@@ -58,7 +52,7 @@ impl Clock {
             let query = 2 * (self.names.len() as u32 - 1) + end as u32;
             let stage = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
             // SAFETY: the query lies inside the pool and was reset at the start of the recording.
-            unsafe { context.device.cmd_write_timestamp(commands, stage, self.pool, query) };
+            unsafe { context.device.cmd_write_timestamp(commands, stage, self.queries.pool, query) };
         }
     }
 
@@ -73,7 +67,7 @@ impl Clock {
         }
         let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
         // SAFETY: the first `ticks.len()` queries were written by the submission, which has ended.
-        unsafe { context.device.get_query_pool_results(self.pool, 0, &mut ticks, flags) }
+        unsafe { context.device.get_query_pool_results(self.queries.pool, 0, &mut ticks, flags) }
             .map_err(|code| context.failure("vkGetQueryPoolResults", code))?;
         let physical = context.physical();
         let mask = u64::MAX >> (64 - physical.timestamp_bits.clamp(1, 64));
@@ -83,9 +77,8 @@ impl Clock {
         Ok(pairs.map(|(pair, name)| Timing { name, start: since(pair[0]), end: since(pair[1]) }).collect())
     }
 
-    /// Lets go of the queries; nothing that writes them may be pending.
-    pub(super) fn destroy(self, context: &Context) {
-        // SAFETY: by the caller's word no submission uses the pool any more.
-        unsafe { context.device.destroy_query_pool(self.pool, None) };
+    /// Gives the queries back; nothing that writes them may be pending.
+    pub(super) fn give_back(self, context: &Context) {
+        context.give_queries(self.queries);
     }
 }

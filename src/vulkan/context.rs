@@ -9,6 +9,7 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
 use super::instance::Instance;
 use super::physical::Physical;
+use super::spares::Spares;
 use crate::{Error, Result};
 
 /// How to make a context.
@@ -32,6 +33,7 @@ pub struct Context {
     pub(super) debug_sync: bool,
     /// What was compiled once is found again.
     pub(super) pipeline_cache: vk::PipelineCache,
+    pub(super) spares: Spares,
     queue: vk::Queue,
     queue_lock: Arc<Mutex<()>>,
     physical: Physical,
@@ -123,6 +125,7 @@ impl Context {
                 .then(|| ash::nv::device_diagnostic_checkpoints::Device::new(&instance.raw, &device)),
             debug_sync,
             pipeline_cache,
+            spares: Spares::default(),
             queue,
             queue_lock,
             physical,
@@ -232,6 +235,7 @@ pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 impl Drop for Context {
     fn drop(&mut self) {
+        self.destroy_spares();
         // SAFETY: buffers, pipelines and recorders hold an `Arc` of this context, so none is left; each waited for its
         // own work. The allocator goes before the device, the device before the instance (the last field).
         unsafe {

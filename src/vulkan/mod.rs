@@ -16,6 +16,7 @@ pub mod pipeline;
 pub mod profile;
 pub mod recorder;
 pub mod shaders;
+mod spares;
 pub mod stage;
 
 pub use buffer::Buffer;

@@ -10,6 +10,7 @@ use super::clock::Clock;
 pub use super::clock::Timing;
 use super::context::Context;
 use super::pipeline::Pipeline;
+use super::spares::Commands;
 use super::stage::Access;
 use crate::{Error, Result};
 
@@ -35,21 +36,8 @@ impl<'a> Recorder<'a> {
     /// # Errors
     /// Where the device fails.
     pub fn new(context: &Arc<Context>) -> Result<Self> {
-        // A pool of its own: recording, too, must not share one between threads.
-        let info = vk::CommandPoolCreateInfo::default()
-            .queue_family_index(context.physical().queue_family)
-            .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
-        // SAFETY: the device is live and has this queue family.
-        let pool = unsafe { context.device.create_command_pool(&info, None) }
-            .map_err(|code| context.failure("vkCreateCommandPool", code))?;
-        let mut recorder = Self::around(context, vk::CommandBuffer::null(), pool);
-        let info = vk::CommandBufferAllocateInfo::default()
-            .command_pool(pool)
-            .level(vk::CommandBufferLevel::PRIMARY)
-            .command_buffer_count(1);
-        // SAFETY: the pool was made above; dropping `recorder` destroys it with all that came from it.
-        recorder.raw = unsafe { context.device.allocate_command_buffers(&info) }
-            .map_err(|code| context.failure("vkAllocateCommandBuffers", code))?[0];
+        let Commands { pool, raw } = context.take_commands()?;
+        let recorder = Self::around(context, raw, pool);
         recorder.begin()?;
         Ok(recorder)
     }
@@ -224,11 +212,13 @@ impl<'a> Recorder<'a> {
                 .map_err(|code| self.context.failure("vkEndCommandBuffer", code))?;
             self.ended = true;
         }
-        // SAFETY: the info is valid for the device.
-        let fence = unsafe { self.context.device.create_fence(&vk::FenceCreateInfo::default(), None) }
-            .map_err(|code| self.context.failure("vkCreateFence", code))?;
-        self.fences.push(fence);
-        self.context.submit(&[self.raw], fence)
+        let fence = self.context.take_fence()?;
+        let submitted = self.context.submit(&[self.raw], fence);
+        match submitted {
+            Ok(()) => self.fences.push(fence),
+            Err(_) => self.context.give_fence(fence),
+        }
+        submitted
     }
 
     /// Waits for every submission so far.
@@ -241,10 +231,8 @@ impl<'a> Recorder<'a> {
         }
         // SAFETY: the fences are live and each was submitted.
         let waited = unsafe { self.context.device.wait_for_fences(&self.fences, true, u64::MAX) };
-        for fence in self.fences.drain(..) {
-            // SAFETY: the wait is over, so nothing will signal the fence.
-            unsafe { self.context.device.destroy_fence(fence, None) };
-        }
+        // The wait is over, or the device lost: nothing will signal them.
+        self.fences.drain(..).for_each(|fence| self.context.give_fence(fence));
         waited.map_err(|code| self.context.failure("vkWaitForFences", code))
     }
 
@@ -430,9 +418,8 @@ impl Drop for Recorder<'_> {
         // A failure cannot be acted on here; a lost device runs nothing any more.
         let _ = self.wait();
         if let Some(clock) = self.clock.take() {
-            clock.destroy(&self.context);
+            clock.give_back(&self.context);
         }
-        // SAFETY: no submission of this command buffer is pending.
-        unsafe { self.context.device.destroy_command_pool(self.pool, None) };
+        self.context.give_commands(Commands { pool: self.pool, raw: self.raw });
     }
 }
