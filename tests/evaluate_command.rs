@@ -42,13 +42,24 @@ fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
     assert!(stopped.out.contains("the same command goes on"), "{}", stopped.out);
     assert!(!place.path("o/table.md").exists());
 
-    // Inputs, surface, tests; choice, photographs and training of two methods. Four were begun or done.
+    // What is complete by the next stop is in the tables.
+    let mut child = place.command(&format!("{TINY} --out o")).spawn().unwrap();
+    let output = read_until(&mut child, "complete cube, random");
+    let stopped = stop(child, output, "-INT");
+    assert_eq!(stopped.code, Some(130), "{}{}", stopped.out, stopped.err);
+    let made_again = ["surface", "photos"].iter().find(|name| stopped.out.contains(&format!("making   {name}")));
+    assert_eq!(made_again, None, "{}", stopped.out);
+    let table = place.read("o/table.md");
+    assert!(table.contains("runs still to come: 1.") && table.contains("| cube | random | 4 |"), "{table}");
+    assert!(!table.contains("| ours |") && place.read("o/report.html").contains("runs still to come: 1."), "{table}");
+
     let went_on = place.done(&format!("{TINY} --out o"));
-    assert!(went_on.out.contains("products 4 made, 5 kept"), "{}", went_on.out);
+    assert!(went_on.out.contains("complete cube, ours, 4 views, seed 0"), "{}", went_on.out);
     place.done(&format!("{TINY} --devices 0,0 --out whole"));
     assert_eq!(qualities(&results(&place, "o")), qualities(&results(&place, "whole")));
     let table = place.read("o/table.md");
     assert!(table.contains("| cube | random | 4 |") && table.contains("| cube | ours | 4 |"), "{table}");
+    assert!(!table.contains("still to come"), "{table}");
     assert!(place.read("o/table.csv").contains("\"cube\",ours,4,1,full,PSNR,"));
     for run in results(&place, "o")["runs"].as_array().unwrap() {
         let (folder, psnr) = (run["folder"].as_str().unwrap(), &run["quality"][1]["psnr"]);
@@ -107,7 +118,7 @@ fn bad_input_is_refused_and_nothing_is_written() {
     fs::create_dir_all(place.path("other")).unwrap();
     place.write("other/cube.gltf", place.read("cube.gltf"));
     place.write("table.md.gltf", place.read("cube.gltf"));
-    let cases: [(&str, &[&str]); 12] = [
+    let cases: [(&str, &[&str]); 13] = [
         ("evaluate cube.gltf --env sky.hdr --out o --methods random,nobodys", &["nobodys", "no such method", "ours"]),
         ("evaluate cube.gltf broken.glb --env sky.hdr --out o", &["broken.glb"]),
         ("evaluate none.glb --env sky.hdr --out o", &["none.glb", "there is no such file"]),
@@ -115,6 +126,7 @@ fn bad_input_is_refused_and_nothing_is_written() {
         ("evaluate cube.gltf --env sky.hdr --out o --budgets 20,20", &["--budgets", "twice"]),
         ("evaluate cube.gltf --env sky.hdr --out o --budgets 1", &["--budgets is 1"]),
         ("evaluate cube.gltf --env sky.hdr --out o --seeds 0", &["--seeds is 0"]),
+        ("evaluate cube.gltf --env sky.hdr --out o --test-spp 0", &["--test-spp is 0"]),
         ("evaluate cube.gltf other/cube.gltf --env sky.hdr --out o", &["other/cube.gltf", "this name"]),
         ("evaluate cube.gltf --env sky.hdr --out other", &["other", "holds no evaluation"]),
         ("evaluate table.md.gltf --env sky.hdr --out o", &["table.md.gltf", "rename"]),

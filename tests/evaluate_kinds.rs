@@ -7,6 +7,7 @@ use std::fs;
 
 use camsplat::gaussians::record::TrainRecord;
 use camsplat::io::photos::{self, Options};
+use camsplat::photograph::products::Record;
 use camsplat::plan::record::PlanRecord;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use command::gltf::{cube, sky};
@@ -42,7 +43,7 @@ fn pool() -> Place {
 }
 
 const TINY_ROOM: &str = "evaluate room.gltf --preset room --quick --methods random,fvs,ours --budgets 4 --seeds 1 --size 32 \
-                         --spp 2 --inputs 16 --tests 3 --iterations 20 --max-splats 200";
+                         --spp 2 --test-spp 4 --inputs 16 --tests 3 --iterations 20 --max-splats 200";
 const TINY_POOL: &str = "evaluate --pool photos --quick --methods random,coverage,fisherrf,ours --budgets 5 --seeds 1 --shrink 2 \
                          --inputs 6 --iterations 20 --max-splats 200";
 
@@ -61,12 +62,17 @@ fn a_room_is_evaluated_from_inside() {
     let table = place.read("o/table.md");
     assert!(table.contains("| scene | method | views | random | choice, s |"), "{table}");
     assert!(table.contains("| room | ours | 4 |") && table.contains("--surface true"), "{table}");
+    assert!(table.contains("with 2 samples, 3 test views a set with 4 samples"), "{table}");
     let plans: Vec<PlanRecord> = named(&place, "o/room", "plan.json");
     assert_eq!(plans.len(), 3);
     let captures: Vec<String> =
         place.files("o/room").into_iter().filter(|file| file.ends_with("transforms.json")).collect();
     // Inputs, tests and three choices.
     assert_eq!(captures.len(), 5);
+    let records: Vec<Record> = named(&place, "o/room", "capture.json");
+    let of_tests = |record: &&Record| record.cameras[0].name.starts_with("random_");
+    assert_eq!(records.iter().filter(of_tests).map(|record| record.samples).collect::<Vec<_>>(), [4]);
+    assert!(records.iter().filter(|record| !of_tests(record)).all(|record| record.samples == 2));
     for capture in captures {
         let folder = capture.trim_end_matches("/transforms.json");
         let set = photos::read(&place.path(&format!("o/room/{folder}")), &Options::default()).unwrap();

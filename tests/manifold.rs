@@ -2,6 +2,8 @@
 
 mod gaussian_support;
 
+use std::ops::ControlFlow;
+
 use camsplat::Result;
 use camsplat::gaussians::layout::{self, HARMONICS, OPACITY};
 use camsplat::gaussians::manifold::{Manifold, learnt, perturbation, rate};
@@ -193,16 +195,23 @@ fn cameras_are_placed_where_no_view_has_been() -> Result<()> {
         })
         .collect();
     let settings = Settings { learn: 150, steps: 10, rate: 0.02, side: 48, ..Settings::default() };
-    let place =
-        |kept: &[Camera], count| manifold::place(&context, &region, (intrinsics, kept), &model, (settings, 2), count);
-    let placed = place(&kept, 2)?;
+    let place = |kept: &[Camera], count: usize, mut most: usize| {
+        let mut go_on = || {
+            most = most.wrapping_sub(1);
+            if most == usize::MAX { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        manifold::place(&context, &region, (intrinsics, kept), &model, (settings, 2), count, &mut go_on)
+    };
+    let whole = |kept: &[Camera], count| place(kept, count, count).map(Option::unwrap);
+    let placed = whole(&kept, 2)?;
     assert_eq!(placed.len(), 2);
     for pose in &placed {
         assert!((pose.position.length() - 3.1).abs() < 1e-6 && pose.position.x < 0.0, "{}", pose.position);
     }
-    assert_eq!(place(&kept, 2)?, placed);
+    assert_eq!(whole(&kept, 2)?, placed);
+    assert_eq!(place(&kept, 2, 1)?, None, "stopped before the second");
     // Without views, four come first; fewer than four are of these.
-    assert_eq!(place(&[], 3)?.len(), 3);
+    assert_eq!(whole(&[], 3)?.len(), 3);
     silent(&context);
     Ok(())
 }

@@ -12,6 +12,7 @@ use crate::evaluate::job;
 use crate::evaluate::kind::Kind;
 use crate::evaluate::pool::Pool;
 use crate::evaluate::request::{Method, PeersFrom, Request, Settings, Shown};
+use crate::evaluate::results::Entry;
 use crate::evaluate::scene::Scene;
 use crate::evaluate::stage::Event;
 use crate::evaluate::subject::Subject;
@@ -31,7 +32,7 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value = "object")]
     preset: Preset,
     /// Choose among photos instead, every eighth held out: captures, as `camsplat select` takes them
-    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "env", "surface", "size", "spp", "tests"])]
+    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "env", "surface", "size", "spp", "test_spp", "tests"])]
     pool: Vec<PathBuf>,
     /// Folder for the tables and all products. An evaluation that is there goes on, and what it has made stays
     #[arg(long)]
@@ -62,6 +63,9 @@ pub struct Arguments {
     /// Samples of a pixel [default: 256; quick: 8]
     #[arg(long)]
     spp: Option<u32>,
+    /// Samples of a pixel of the test views, whose noise bounds every score [default: as --spp]
+    #[arg(long)]
+    test_spp: Option<u32>,
     /// Photos that a scene's surface and its scores are made from, of no part in the training, and the model that fisherrf and
     /// cover choose by [default: 10; rooms 30]
     #[arg(long)]
@@ -139,6 +143,7 @@ impl Arguments {
             settings: Settings {
                 size: self.size.unwrap_or(of.size),
                 samples: self.spp.unwrap_or(of.samples),
+                test_samples: self.test_spp.or(self.spp).unwrap_or(of.test_samples),
                 inputs: self.inputs.unwrap_or(if kind == Kind::Room { 30 } else { of.inputs }),
                 tests: self.tests.unwrap_or(of.tests),
                 iterations: self.iterations.unwrap_or(of.iterations),
@@ -189,27 +194,38 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     stop_on_interrupt()?;
     let start = Instant::now();
     let (mut made, mut kept) = (0, 0);
+    let page = arguments.out.join("report.html");
+    let mut written = Ok(());
     let outcome = job::run(&contexts, &request, &subjects, &arguments.out, &mut |event| {
         match event {
-            Event::Begins(product) => {
+            job::Event::Product(Event::Begins(product)) => {
                 made += 1;
                 say!("making   {product}, after {:.0} s", start.elapsed().as_secs_f64());
             }
-            Event::Kept(_) => kept += 1,
-            Event::Note(note) => say!("note     {note}"),
-            Event::Working => {}
+            job::Event::Product(Event::Kept(_)) => kept += 1,
+            job::Event::Product(Event::Note(note)) => say!("note     {note}"),
+            job::Event::Product(Event::Working) => {}
+            job::Event::Complete(entry, outcome) => {
+                let Entry { scene, method, views, seed, folder, .. } = entry;
+                let all = outcome.entries.len() + outcome.left;
+                let run = format!("{scene}, {method}, {views} views, seed {seed}");
+                say!("complete {run}: {folder} ({} of {all})", outcome.entries.len());
+                if written.is_ok() {
+                    let html = report::evaluation::html(&request, outcome);
+                    written = write_files(&[(&page, html.as_bytes())]);
+                }
+            }
         }
         go_on()
     });
     contexts.iter().for_each(|context| print_messages(context));
     let Some(outcome) = outcome? else {
-        say!("stopped; what is finished stays, and the same command goes on from there");
+        say!("stopped; what is finished stays and is in the tables, and the same command goes on from there");
         return Ok(ExitCode::from(super::INTERRUPTED));
     };
-    let page = arguments.out.join("report.html");
-    write_files(&[(&page, report::evaluation::html(&outcome).as_bytes())])?;
+    written?;
     say!("products {made} made, {kept} kept, in {:.0} s", start.elapsed().as_secs_f64());
-    say!("{}", table::markdown(&request, &outcome.rows).trim_end());
+    say!("{}", table::markdown(&request, &outcome.rows, outcome.left).trim_end());
     say!("written  {}, {}", arguments.out.join("table.md").display(), page.display());
     Ok(ExitCode::SUCCESS)
 }

@@ -4,7 +4,7 @@
 //! Every stage answers none where `observe` broke it off. What is finished stays, and the next run goes on from there.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::{Value, json};
 
@@ -18,6 +18,7 @@ use crate::gaussians::config::{Background, Config, Strategy};
 use crate::gaussians::record::TrainRecord;
 use crate::gaussians::split::{Split, Test};
 use crate::io::photos::{self, Images, Options};
+use crate::peers::job::Outside;
 use crate::photograph::products::{Products, Record, named};
 use crate::photograph::tracer::Tracer;
 use crate::photos::{Photo, PhotoSet};
@@ -86,22 +87,30 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// Where the device fails or the system refuses a file.
     pub fn photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Option<Stage>> {
-        self.photographs_in(&self.root, cameras, observe)
+        self.photographs_in(&self.root, cameras, self.settings.samples, observe)
+    }
+
+    /// Takes the photographs that what is trained is compared with.
+    ///
+    /// # Errors
+    /// As [`Bench::photographs`].
+    pub fn test_photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Option<Stage>> {
+        self.photographs_in(&self.root, cameras, self.settings.test_samples, observe)
     }
 
     /// Takes a photograph of a view that a method may choose, as a product below `folder`.
     fn photograph(&self, folder: &Path, photo: &Photo, observe: Observe) -> Result<Option<Photo>> {
-        let taken = self.photographs_in(folder, std::slice::from_ref(&photo.camera), observe)?;
+        let taken = self.photographs_in(folder, std::slice::from_ref(&photo.camera), self.settings.samples, observe)?;
         let read = |stage| read_photos(&stage).map(|set| set.photos.into_iter().next());
         taken.map_or(Ok(None), read)
     }
 
-    fn photographs_in(&self, root: &Path, cameras: &[Camera], observe: Observe) -> Result<Option<Stage>> {
+    fn photographs_in(&self, root: &Path, cameras: &[Camera], samples: u32, observe: Observe) -> Result<Option<Stage>> {
         let record = Record {
             version: env!("CARGO_PKG_VERSION").into(),
             scene: self.tracer.assembly().checksum(),
             cameras: named(cameras)?,
-            samples: self.settings.samples,
+            samples,
             seed: SEED,
             exposure: 0.0,
             // Behind a room is what its windows show; behind an object is nothing.
@@ -246,8 +255,13 @@ impl<'a> Bench<'a> {
             Some(request) => {
                 let model = model.map(training::model).transpose()?;
                 let (cameras, model) = ((intrinsics, &[][..]), model.as_ref());
-                let photograph = &mut |photo: &Photo| self.photograph(stage.folder(), photo, observe);
-                match peers::job::photographing(&self.context, &target, cameras, &request, model, photograph)? {
+                let observe = Mutex::new(observe);
+                let hear = |event: Event<'_>| observe.lock().unwrap_or_else(PoisonError::into_inner)(event);
+                let outside = Outside {
+                    photograph: &mut |photo| self.photograph(stage.folder(), photo, &mut |event| hear(event)),
+                    go_on: &mut || hear(Event::Working),
+                };
+                match peers::job::photographing(&self.context, &target, cameras, &request, model, outside)? {
                     Some(plan) => plan,
                     None => return Ok(None),
                 }

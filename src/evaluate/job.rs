@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
 use glam::DVec3;
@@ -18,7 +18,7 @@ use super::pool::Pool;
 use super::request::{Method, Request, Settings};
 use super::results::{self, Entry, Row};
 use super::scene::Scene;
-use super::stage::{Event, Observe, Stage};
+use super::stage::{self, Observe, Stage};
 use super::subject::Subject;
 use super::table;
 use crate::gaussians::record::TrainRecord;
@@ -32,7 +32,7 @@ pub const ASKED: &str = "evaluation.json";
 /// Files beside the folders of subjects.
 const WRITTEN: [&str; 5] = [ASKED, "table.md", "table.csv", "results.json", "report.html"];
 
-/// What an evaluation came to.
+/// What an evaluation came to, or has come to so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// What it is on.
@@ -41,7 +41,27 @@ pub struct Outcome {
     pub entries: Vec<Entry>,
     /// Their means.
     pub rows: Vec<Row>,
+    /// Runs still to come.
+    pub left: usize,
 }
+
+impl Outcome {
+    /// Of these runs out of `all`.
+    pub fn new(kind: Kind, entries: Vec<Entry>, all: usize) -> Self {
+        Self { kind, rows: results::rows(&entries), left: all.saturating_sub(entries.len()), entries }
+    }
+}
+
+/// What happens on the way.
+pub enum Event<'e> {
+    /// Something happens with a product.
+    Product(stage::Event<'e>),
+    /// A run is complete, and the tables have it.
+    Complete(&'e Entry, &'e Outcome),
+}
+
+/// Hears what happens and says whether to go on.
+pub type Hear<'h> = &'h mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send + 'h);
 
 /// Checks, before anything is computed, that an evaluation can be written into `folder`, which is empty, new or an earlier
 /// evaluation's; and that no two subjects would share a folder there.
@@ -69,9 +89,9 @@ pub fn check(folder: &Path, subjects: &[Subject]) -> Result<()> {
     })
 }
 
-/// Runs what is asked for on all of the devices and writes tables into `folder`; products that are there are taken as they are.
-/// None where `observe` broke it off; the same call goes on from there. Tables do not depend on the number of devices where
-/// these are alike, but for the seconds that choices take.
+/// Runs what is asked for on all of the devices; whenever a run is complete, tables of those that are go into `folder`. Products
+/// that are there are taken as they are. None where `hear` broke it off; the same call goes on from there. Tables do not
+/// depend on the number of devices where these are alike, but for the seconds that choices take.
 ///
 /// # Errors
 /// Where a stage fails; what is finished stays.
@@ -80,37 +100,76 @@ pub fn run(
     request: &Request,
     subjects: &[Subject],
     folder: &Path,
-    observe: Observe,
+    hear: Hear<'_>,
 ) -> Result<Option<Outcome>> {
     fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
     let names: Vec<&str> = subjects.iter().map(Subject::name).collect();
     let asked = format!("{:#}\n", json!({ "scenes": names, "request": request }));
     write_files(&[(&folder.join(ASKED), asked.as_bytes())])?;
-    let Some(entries) = spread(contexts, request, subjects, folder, observe)? else { return Ok(None) };
-    let rows = results::rows(&entries);
-    let written = json!({ "request": request, "rows": rows, "runs": entries });
-    write_files(&[
-        (&folder.join("table.md"), table::markdown(request, &rows).as_bytes()),
-        (&folder.join("table.csv"), table::csv(request.kind, &rows).as_bytes()),
-        (&folder.join("results.json"), format!("{written:#}\n").as_bytes()),
-    ])?;
-    Ok(Some(Outcome { kind: request.kind, entries, rows }))
+    let all = subjects.len() * request.runs().count();
+    let board = Board { request, folder, all, hear: Mutex::new(hear), entries: Mutex::default() };
+    let complete = spread(contexts, &board, subjects)?;
+    Ok(complete.then(|| board.outcome(&lock(&board.entries))))
+}
+
+/// What all workers share: who hears of them, and what they have made.
+struct Board<'b> {
+    request: &'b Request,
+    folder: &'b Path,
+    /// Runs in all.
+    all: usize,
+    hear: Mutex<Hear<'b>>,
+    /// What is complete, in the order of subjects and runs: the numbers of both.
+    entries: Mutex<Vec<([usize; 2], Entry)>>,
+}
+
+/// Locks what stays valid whatever a panicking thread did.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Board<'_> {
+    fn outcome(&self, entries: &[([usize; 2], Entry)]) -> Outcome {
+        Outcome::new(self.request.kind, entries.iter().map(|(_, entry)| entry.clone()).collect(), self.all)
+    }
+
+    fn hear(&self, event: Event<'_>) -> ControlFlow<()> {
+        lock(&self.hear)(event)
+    }
+
+    /// Adds a run, and writes the tables anew.
+    fn add(&self, place: [usize; 2], entry: Entry) -> Result<()> {
+        let mut entries = lock(&self.entries);
+        let at = entries.partition_point(|(other, _)| *other < place);
+        entries.insert(at, (place, entry));
+        let outcome = self.outcome(&entries);
+        let Self { request, folder, .. } = self;
+        let Outcome { rows, entries: runs, left, .. } = &outcome;
+        let written = json!({ "request": request, "rows": rows, "runs": runs });
+        write_files(&[
+            (&folder.join("table.md"), table::markdown(request, rows, *left).as_bytes()),
+            (&folder.join("table.csv"), table::csv(request.kind, rows).as_bytes()),
+            (&folder.join("results.json"), format!("{written:#}\n").as_bytes()),
+        ])?;
+        // A stop that is asked for here is heard before the next run.
+        let _ = self.hear(Event::Complete(&entries[at].1, &outcome));
+        Ok(())
+    }
 }
 
 /// The runs of one subject, handed out one by one.
-struct Runs<'a> {
-    request: &'a Request,
+struct Runs<'r, 'b> {
+    board: &'r Board<'b>,
     folder: PathBuf,
-    subject: &'a Subject,
+    number: usize,
+    subject: &'r Subject,
     next: AtomicUsize,
-    /// Those that are complete, with their numbers.
-    entries: Mutex<Vec<(usize, Entry)>>,
 }
 
-impl Runs<'_> {
+impl Runs<'_, '_> {
     fn take(&self) -> Option<(usize, (Method, u32, u64))> {
         let number = self.next.fetch_add(1, Ordering::Relaxed);
-        self.request.runs().nth(number).map(|run| (number, run))
+        self.board.request.runs().nth(number).map(|run| (number, run))
     }
 
     fn complete(
@@ -118,8 +177,8 @@ impl Runs<'_> {
         (number, (method, views, seed)): (usize, (Method, u32, u64)),
         (places, seconds): (Vec<DVec3>, f64),
         trained: &(Stage, TrainRecord),
-    ) {
-        let ((stage, record), sets) = (trained, self.request.kind.sets());
+    ) -> Result<()> {
+        let ((stage, record), sets) = (trained, self.board.request.kind.sets());
         let entry = Entry {
             scene: self.subject.name().to_owned(),
             method,
@@ -131,7 +190,7 @@ impl Runs<'_> {
             pictures: results::first_pictures(record, sets),
             places,
         };
-        self.entries.lock().unwrap_or_else(PoisonError::into_inner).push((number, entry));
+        self.board.add([self.number, number], entry)
     }
 
     /// Works on what is left of the subject on one device; what all runs share is made by who comes first. False where it was
@@ -144,21 +203,22 @@ impl Runs<'_> {
     }
 
     fn photographed(&self, context: &Arc<Context>, scene: &Scene, observe: Observe) -> Result<bool> {
-        let Settings { inputs, tests, .. } = self.request.settings;
-        let intrinsics = self.request.settings.intrinsics();
+        let request = self.board.request;
+        let Settings { inputs, tests, .. } = request.settings;
+        let intrinsics = request.settings.intrinsics();
         let inputs = scene.inputs(context, intrinsics, inputs)?;
         let tests = scene.tests(intrinsics, tests)?;
-        let bench = Bench::new(context, &self.folder, self.request, scene)?;
+        let bench = Bench::new(context, &self.folder, request, scene)?;
         let Some(inputs) = bench.photographs(&inputs, observe)? else { return Ok(false) };
         let Some(shown) = bench.shown(&inputs, observe)? else { return Ok(false) };
-        let Some(tests) = bench.photographs(&tests, observe)? else { return Ok(false) };
+        let Some(tests) = bench.test_photographs(&tests, observe)? else { return Ok(false) };
         let mut model = None;
-        if self.request.needs_model() {
+        if request.needs_model() {
             let Some((trained, _)) = bench.training(&inputs, None, 0, observe)? else { return Ok(false) };
             model = Some(trained);
         }
         while let Some((number, run @ (method, _, seed))) = self.take() {
-            if observe(Event::Working).is_break() {
+            if observe(stage::Event::Working).is_break() {
                 return Ok(false);
             }
             let model = model.as_ref().filter(|_| method.needs_model());
@@ -167,28 +227,28 @@ impl Runs<'_> {
             let Some(photos) = bench.photographs(&cameras, observe)? else { return Ok(false) };
             let Some(trained) = bench.training(&photos, Some(&tests), seed, observe)? else { return Ok(false) };
             let places = cameras.iter().map(|camera| camera.pose.position).collect();
-            self.complete((number, run), (places, plan.seconds), &trained);
+            self.complete((number, run), (places, plan.seconds), &trained)?;
         }
         Ok(true)
     }
 
     fn chosen(&self, context: &Arc<Context>, pool: &Pool, observe: Observe) -> Result<bool> {
-        let choices = Choices::new(context, &self.folder, self.request, pool, observe)?;
+        let choices = Choices::new(context, &self.folder, self.board.request, pool, observe)?;
         let mut model = None;
-        if self.request.needs_model() {
+        if self.board.request.needs_model() {
             model = choices.model(observe)?;
             if model.is_none() {
                 return Ok(false);
             }
         }
         while let Some((number, run @ (method, _, seed))) = self.take() {
-            if observe(Event::Working).is_break() {
+            if observe(stage::Event::Working).is_break() {
                 return Ok(false);
             }
             let model = model.as_ref().filter(|_| method.needs_model());
             let Some(chosen) = choices.choice(run, model, observe)? else { return Ok(false) };
             let Some(trained) = choices.training(&chosen, seed, observe)? else { return Ok(false) };
-            self.complete((number, run), (choices.places(&chosen), chosen.seconds), &trained);
+            self.complete((number, run), (choices.places(&chosen), chosen.seconds), &trained)?;
         }
         Ok(true)
     }
@@ -210,62 +270,48 @@ fn ended_early(product: &str) -> Error {
     Error::request(format!("{product} was not finished, and nobody stopped it; what is finished stays, run again"))
 }
 
-/// All runs, a worker for each device; none where it was broken off. Entries come in the order of subjects and runs.
-fn spread(
-    contexts: &[Arc<Context>],
-    request: &Request,
-    subjects: &[Subject],
-    folder: &Path,
-    observe: Observe,
-) -> Result<Option<Vec<Entry>>> {
+/// All runs, a worker for each device; false where it was broken off. Every worker begins with another subject, since all that
+/// come to one have to wait for what its runs share.
+fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) -> Result<bool> {
     let runs: Vec<Runs> = subjects
         .iter()
-        .map(|subject| Runs {
-            request,
-            folder: folder.join(subject.name()),
-            subject,
-            next: AtomicUsize::new(0),
-            entries: Mutex::default(),
+        .enumerate()
+        .map(|(number, subject)| {
+            let folder = board.folder.join(subject.name());
+            Runs { board, folder, number, subject, next: AtomicUsize::new(0) }
         })
         .collect();
     // What one worker meets ends all of them.
-    let (observe, over) = (Mutex::new(observe), AtomicBool::new(false));
-    let work = |context: &Arc<Context>| {
-        on_a_share(contexts.len(), || {
-            let _end = EndOfAll(&over);
-            let (mut asked, mut product) = (false, String::new());
-            let mut hear = |event: Event<'_>| {
-                if let Event::Begins(key) = event {
-                    product = key.to_owned();
-                }
-                let heard = observe.lock().unwrap_or_else(PoisonError::into_inner)(event);
-                asked |= heard.is_break() || over.load(Ordering::Relaxed);
-                if asked { ControlFlow::Break(()) } else { heard }
-            };
-            for runs in &runs {
-                let worked = runs.work(context, &mut hear);
-                if !matches!(worked, Ok(true)) {
-                    over.store(true, Ordering::Relaxed);
-                    return if asked { worked } else { worked.and_then(|_| Err(ended_early(&product))) };
-                }
+    let over = AtomicBool::new(false);
+    let work = |first: usize, context: &Arc<Context>| {
+        let _end = EndOfAll(&over);
+        let (mut asked, mut product) = (false, String::new());
+        let mut hear = |event: stage::Event<'_>| {
+            if let stage::Event::Begins(key) = event {
+                product = key.to_owned();
             }
-            Ok(true)
-        })
+            let heard = board.hear(Event::Product(event));
+            asked |= heard.is_break() || over.load(Ordering::Relaxed);
+            if asked { ControlFlow::Break(()) } else { heard }
+        };
+        for runs in runs.iter().cycle().skip(first).take(runs.len()) {
+            let worked = runs.work(context, &mut hear);
+            if !matches!(worked, Ok(true)) {
+                over.store(true, Ordering::Relaxed);
+                return if asked { worked } else { worked.and_then(|_| Err(ended_early(&product))) };
+            }
+        }
+        Ok(true)
     };
+    let work = |(first, context)| on_a_share(contexts.len(), || work(first, context));
     let worked: Vec<Result<bool>> = thread::scope(|scope| {
-        let others: Vec<_> = contexts.iter().skip(1).map(|context| scope.spawn(|| work(context))).collect();
-        let first = contexts.first().map(&work);
+        let mut workers = contexts.iter().enumerate();
+        let first = workers.next();
+        let others: Vec<_> = workers.map(|worker| scope.spawn(move || work(worker))).collect();
+        let first = first.map(work);
         let others = others.into_iter().map(|other| other.join().unwrap_or_else(|panic| resume_unwind(panic)));
         first.into_iter().chain(others).collect()
     });
     let worked: Vec<bool> = worked.into_iter().collect::<Result<_>>()?;
-    if worked.contains(&false) {
-        return Ok(None);
-    }
-    let entries = runs.into_iter().flat_map(|runs| {
-        let mut entries = runs.entries.into_inner().unwrap_or_else(PoisonError::into_inner);
-        entries.sort_by_key(|(number, _)| *number);
-        entries
-    });
-    Ok(Some(entries.map(|(_, entry)| entry).collect()))
+    Ok(!worked.contains(&false))
 }

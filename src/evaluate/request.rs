@@ -157,6 +157,8 @@ pub struct Settings {
     pub size: u32,
     /// Samples of a pixel.
     pub samples: u32,
+    /// Samples of a pixel of the test views: their noise counts against whatever is compared with them.
+    pub test_samples: u32,
     /// Input photos: what methods are shown is made from them.
     pub inputs: u32,
     /// Views of each set of tests.
@@ -178,6 +180,7 @@ impl Settings {
     pub const WHOLE: Self = Self {
         size: 800,
         samples: 256,
+        test_samples: 256,
         inputs: 10,
         tests: 200,
         iterations: 30_000,
@@ -190,6 +193,7 @@ impl Settings {
     pub const QUICK: Self = Self {
         size: 96,
         samples: 8,
+        test_samples: 8,
         inputs: 10,
         tests: 12,
         iterations: 300,
@@ -248,6 +252,7 @@ impl Request {
             ("--seeds", *seeds, 1, 100),
             ("--size", settings.size, 16, 4096),
             ("--spp", settings.samples, 1, 1 << 20),
+            ("--test-spp", settings.test_samples, 1, 1 << 20),
             ("--inputs", settings.inputs, 5, 1000),
             ("--tests", settings.tests, 1, 10_000),
             ("--iterations", settings.iterations, 1, 10_000_000),

@@ -9,21 +9,30 @@ use super::results::{Interval, METRICS, Row};
 /// Decimals of each metric.
 pub const DECIMALS: [usize; 3] = [2, 4, 4];
 
-/// A table for each metric, as Markdown.
-pub fn markdown(request: &Request, rows: &[Row]) -> String {
+/// What the numbers are of. `left` runs are still to come.
+pub fn description(request: &Request, left: usize) -> String {
     let settings = &request.settings;
     let mut text = format!(
         "{}; {} iterations of training, at most {} splats, {} seeds. Mean and half of the 95% interval over seeds \
-         (Student's t).\n",
+         (Student's t).",
         conditions(request),
         settings.iterations,
         settings.max_splats,
         request.seeds
     );
+    if left > 0 {
+        // Writing to a string cannot fail.
+        let _ = write!(text, " Not complete: runs still to come: {left}.");
+    }
+    text
+}
+
+/// A table for each metric, as Markdown.
+pub fn markdown(request: &Request, rows: &[Row], left: usize) -> String {
+    let mut text = description(request, left) + "\n";
     let columns = request.kind.columns();
     for (metric, name) in METRICS.iter().enumerate() {
         let arrow = if *name == "LPIPS" { "lower is better" } else { "higher is better" };
-        // Writing to a string cannot fail.
         let _ = write!(text, "\n## {name} ({arrow})\n\n| scene | method | views |");
         columns.iter().for_each(|column| text += &format!(" {column} |"));
         let _ = writeln!(text, " choice, s |\n|{}", "---|".repeat(columns.len() + 4));
@@ -59,8 +68,12 @@ fn conditions(request: &Request) -> String {
         }
         _ => "",
     };
+    let finer = match settings.test_samples {
+        same if same == settings.samples => String::new(),
+        samples => format!(" with {samples} samples"),
+    };
     format!(
-        "Methods chose on {shown}{peers}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set",
+        "Methods chose on {shown}{peers}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set{finer}",
         settings.size, settings.samples, settings.tests
     )
 }
@@ -125,7 +138,7 @@ mod tests {
             seeds: 3,
             settings: Settings::QUICK,
         };
-        let text = markdown(&request, &[row()]);
+        let text = markdown(&request, &[row()], 0);
         let line = "| cup, \"red\" | ours-no-vds | 20 | 20.00 ± 0.50 | 21.00 ± 0.25 | 19.00 | 20.00 ± 0.30 | 1.50 |";
         assert!(text.contains(line), "{text}");
         assert!(text.contains("| 20 | – | – | – | – | 1.50 |") && text.contains("10 input photos"), "{text}");
@@ -148,7 +161,7 @@ mod tests {
             seeds: 3,
             settings: Settings::QUICK,
         };
-        let text = markdown(&request, std::slice::from_ref(&one));
+        let text = markdown(&request, std::slice::from_ref(&one), 0);
         assert!(text.contains("| scene | method | views | held-out | choice, s |\n|---|---|---|---|---|\n"), "{text}");
         assert!(text.contains("| 20 | 20.00 ± 0.50 | 1.50 |") && text.contains("shrunk by 8"), "{text}");
         assert!(super::csv(Kind::Room, &[one]).contains(",20,3,random,PSNR,20,0.5"));

@@ -39,7 +39,15 @@ pub struct Size {
 impl Size {
     /// What two cores do within a minute or two.
     pub const DEMO: Self = Self {
-        settings: Settings { size: 96, samples: 12, inputs: 20, tests: 8, iterations: 300, ..Settings::QUICK },
+        settings: Settings {
+            size: 96,
+            samples: 12,
+            test_samples: 12,
+            inputs: 20,
+            tests: 8,
+            iterations: 300,
+            ..Settings::QUICK
+        },
         views: 20,
     };
 }
@@ -122,7 +130,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     }
     walk.done("plan", gap_beside_controls(&plan));
 
-    let Some(tests) = bench.photographs(&tests, &mut |event| walk.hear(&event))? else { return Ok(None) };
+    let Some(tests) = bench.test_photographs(&tests, &mut |event| walk.hear(&event))? else { return Ok(None) };
     walk.done("tests", format!("{} photographs of views that nobody chose", 3 * settings.tests));
 
     let trained = |walk: &mut Walk, (method, from): (Method, &str), cameras: &[Camera], seconds: f64| {
@@ -149,7 +157,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     };
 
     let entries = vec![ours, random];
-    let outcome = Outcome { kind, rows: results::rows(&entries), entries };
+    let outcome = Outcome::new(kind, entries, 2);
     let inputs = files(&inputs, &input_cameras)?;
     let photos = files(&photos, &plan.record.cameras)?;
     Ok(Some(Tour { steps: walk.steps, name, inputs, scores, target, plan, photos, outcome }))

@@ -1,5 +1,6 @@
 //! A whole plan of a peer: region, candidates, choice, metrics and controls, from a surface to a record.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -46,8 +47,9 @@ pub fn run(
     if request.method.needs_photographs() {
         return Err(no_photographs(request.method));
     }
-    // Nothing is photographed, so nothing is stopped.
-    let plan = photographing(context, target, (intrinsics, kept), request, model, &mut |_| Ok(None))?;
+    // Nothing is photographed, and nothing stopped.
+    let outside = Outside { photograph: &mut |_| Ok(None), go_on: &mut || ControlFlow::Continue(()) };
+    let plan = photographing(context, target, (intrinsics, kept), request, model, outside)?;
     plan.ok_or_else(|| no_photographs(request.method))
 }
 
@@ -60,7 +62,15 @@ pub fn no_photographs(method: Method) -> Error {
     ))
 }
 
-/// As [`run`], with photographs of candidates for the methods that need them; none where taking one was stopped.
+/// What a method asks for while it chooses.
+pub struct Outside<'o> {
+    /// Photographs of candidates, for the methods that need them.
+    pub photograph: Photograph<'o>,
+    /// Whether to go on, for those that take long.
+    pub go_on: &'o mut dyn FnMut() -> ControlFlow<()>,
+}
+
+/// As [`run`], with photographs of candidates; none where it was stopped.
 ///
 /// # Errors
 /// As [`run`], or where a photograph cannot be taken.
@@ -70,17 +80,18 @@ pub fn photographing(
     (intrinsics, kept): (Intrinsics, &[Camera]),
     request: &Request,
     model: Option<&Model>,
-    photograph: Photograph<'_>,
+    outside: Outside<'_>,
 ) -> Result<Option<Plan>> {
     let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
     let candidates = PhotoSet { photos: candidates(&scene.geometry, intrinsics, kept, request), ..PhotoSet::default() };
     let (start, mut behind_the_camera) = (Instant::now(), Duration::ZERO);
     let timed = &mut |photo: &Photo| {
         let start = Instant::now();
-        let taken = photograph(photo);
+        let taken = (outside.photograph)(photo);
         behind_the_camera += start.elapsed();
         taken
     };
+    let timed = Outside { photograph: timed, go_on: outside.go_on };
     let placed = place(context, &scene, target, (intrinsics, kept), &candidates, (request, model, timed))?;
     let Some(poses) = placed else { return Ok(None) };
     let seconds = start.elapsed().saturating_sub(behind_the_camera).as_secs_f64();
@@ -115,7 +126,7 @@ fn place(
     target: &Target,
     (intrinsics, kept): (Intrinsics, &[Camera]),
     candidates: &PhotoSet,
-    (request, model, photograph): (&Request, Option<&Model>, Photograph<'_>),
+    (request, model, outside): (&Request, Option<&Model>, Outside<'_>),
 ) -> Result<Option<Vec<Pose>>> {
     let (geometry, views) = (&scene.geometry, request.views as usize);
     let back = geometry.to_internal.inverse();
@@ -171,7 +182,8 @@ fn place(
             let missing = || Error::request("--method manifold needs trained splats; give them with --model");
             let settings = (request.manifold.unwrap_or_default(), request.seed);
             let (model, cameras) = (model.ok_or_else(missing)?, (intrinsics, kept));
-            let poses = manifold::place(context, &target.region, cameras, model, settings, views)?;
+            let placed = manifold::place(context, &target.region, cameras, model, settings, views, outside.go_on)?;
+            let Some(poses) = placed else { return Ok(None) };
             let settled = |pose: Pose| {
                 let inside = geometry.to_internal.pose(&pose);
                 back.pose(&Pose { position: geometry.settle(inside.position), ..inside })
@@ -180,7 +192,7 @@ fn place(
         }
         Method::FisherRetrain => {
             let settings = request.retraining.unwrap_or_default();
-            match retrained::fisher(context, &pool, &target.proxy, settings, photograph)? {
+            match retrained::fisher(context, &pool, &target.proxy, settings, outside.photograph)? {
                 Some(chosen) => chosen,
                 None => return Ok(None),
             }

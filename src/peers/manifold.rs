@@ -2,6 +2,7 @@
 //! (Lyu et al. 2024). The noise is [`crate::gaussians::manifold`]'s.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -224,7 +225,8 @@ impl Scene {
 
 /// Poses of `views` cameras on the sphere halfway through a shell, after those of `kept`, in the model's world. The noise of the model
 /// is learnt from the views so far, without which a few on Fibonacci points come first; then every camera goes where the
-/// spread is largest and counts as one more of these views. Views that are kept have the new cameras' lens here.
+/// spread is largest and counts as one more of these views. Views that are kept have the new cameras' lens here. Before each
+/// camera `go_on` says whether to; none where it was stopped.
 ///
 /// # Errors
 /// A region that is no shell, a model that the sphere does not show, or a device that fails or has not enough memory.
@@ -235,7 +237,8 @@ pub fn place(
     model: &Model,
     (settings, seed): (Settings, u64),
     views: usize,
-) -> Result<Vec<Pose>> {
+    go_on: &mut dyn FnMut() -> ControlFlow<()>,
+) -> Result<Option<Vec<Pose>>> {
     settings.validate()?;
     let sphere = Sphere::new(region)?;
     let intrinsics = intrinsics.shrunk(intrinsics.width.max(intrinsics.height).div_ceil(settings.side));
@@ -258,6 +261,9 @@ pub fn place(
         scene.learn(&known, None, settings.learn)?;
     }
     while placed.len() < views {
+        if go_on().is_break() {
+            return Ok(None);
+        }
         let angles = scene.climb(&settings, seed, placed.len() as u32)?;
         let pose = scene.sphere.pose(angles);
         let view = scene.view(pose);
@@ -267,7 +273,7 @@ pub fn place(
         }
         known.push(view);
     }
-    Ok(placed)
+    Ok(Some(placed))
 }
 
 #[cfg(test)]

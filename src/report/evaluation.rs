@@ -1,4 +1,4 @@
-//! The page of an evaluation: tables, curves against the number of views, test views side by side.
+//! The page of an evaluation: tables, charts, where cameras stand, test views side by side.
 //!
 //! Pictures are not embedded: the page lies in the evaluation's folder and shows the files that the runs left there.
 
@@ -8,12 +8,16 @@ use glam::DVec3;
 
 use super::text::{address, escape, number};
 use crate::evaluate::job::Outcome;
+use crate::evaluate::request::Request;
 use crate::evaluate::results::{Entry, Interval, METRICS, Row};
-use crate::evaluate::table::{DECIMALS, cell};
+use crate::evaluate::table::{DECIMALS, cell, description};
 
-/// Size of a chart and its margin in CSS pixels.
-const CHART: [f64; 2] = [360.0, 220.0];
+/// Size of a chart, its margin, and what names of methods take beside it, in CSS pixels.
+const CHART: [f64; 2] = [300.0, 220.0];
 const MARGIN: f64 = 40.0;
+const NAMES: f64 = 170.0;
+/// Height of a method's line.
+const LINE: f64 = 18.0;
 /// Colours of the methods, told apart by most people with colour vision deficiencies (Okabe and Ito, 2008).
 const COLOURS: [&str; 8] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#888888", "#000000"];
 
@@ -24,12 +28,13 @@ pub(super) const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;margin:2
      img{width:12em;image-rendering:pixelated}svg{max-width:100%}";
 
 /// The page.
-pub fn html(outcome: &Outcome) -> String {
-    let Outcome { kind, rows, entries } = outcome;
+pub fn html(request: &Request, outcome: &Outcome) -> String {
+    let Outcome { kind, rows, entries, left } = outcome;
     let columns = kind.columns();
     let mut page = format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>camsplat evaluation</title>\n\
-         <style>{STYLE}</style>\n<h1>Evaluation</h1>\n<p>Mean and half of the 95% interval over seeds.</p>\n",
+         <style>{STYLE}</style>\n<h1>Evaluation</h1>\n<p>{}</p>\n",
+        escape(&description(request, *left))
     );
     for scene in in_order(rows.iter().map(|row| row.scene.as_str())) {
         let rows: Vec<&Row> = rows.iter().filter(|row| row.scene == scene).collect();
@@ -38,7 +43,10 @@ pub fn html(outcome: &Outcome) -> String {
             page += &table(&rows, metric, name, &columns);
         }
         for (metric, name) in METRICS.iter().enumerate() {
-            page += &chart(&rows, metric, name);
+            page += &match in_order(rows.iter().map(|row| row.views))[..] {
+                [_] => intervals(&rows, metric, name),
+                _ => curves(&rows, metric, name),
+            };
         }
         let of_scene: Vec<&Entry> = entries.iter().filter(|entry| entry.scene == scene).collect();
         page += &layouts(&of_scene);
@@ -74,26 +82,70 @@ pub(super) fn table(rows: &[&Row], metric: usize, name: &str, columns: &[&str]) 
     text + "</table>\n"
 }
 
+/// A metric's mean over the sets, which the last column has.
+fn over_sets(row: &Row, metric: usize) -> Option<Interval> {
+    row.measured[metric].last().copied().flatten().filter(|interval| interval.mean.is_finite())
+}
+
+fn ends(interval: Interval) -> [f64; 2] {
+    [-1.0, 1.0].map(|side| interval.mean + side * interval.half.unwrap_or(0.0))
+}
+
+/// The least and the greatest; around one value alone, some room.
+fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    if high > low { (low, high) } else { (low - 0.5, high + 0.5) }
+}
+
+/// A metric of each method at the only number of views: a line of its own with mean and interval; empty where it was not measured.
+fn intervals(rows: &[&Row], metric: usize, name: &str) -> String {
+    let measured: Vec<_> = rows.iter().filter_map(|row| Some((row.method, over_sets(row, metric)?))).collect();
+    if measured.is_empty() {
+        return String::new();
+    }
+    let (low, high) = span(measured.iter().flat_map(|(_, interval)| ends(*interval)));
+    let inner = CHART[0] - MARGIN;
+    let x = |value: f64| NAMES + inner * (value - low) / (high - low);
+    let (bottom, edge) = (LINE * measured.len() as f64, NAMES + inner);
+    let (width, height) = (edge + MARGIN, bottom + LINE);
+    let mut text = format!(
+        "<figure><figcaption>{name}, mean over the sets</figcaption>\
+         <svg viewBox=\"0 0 {width} {height}\" width=\"{width}\" font-size=\"11\">\
+         <path d=\"M{NAMES} 0V{bottom}H{edge}\" fill=\"none\" stroke=\"#999\"/>\
+         <text x=\"{NAMES}\" y=\"{height}\" text-anchor=\"middle\">{}</text>\
+         <text x=\"{edge}\" y=\"{height}\" text-anchor=\"middle\">{}</text>",
+        number(low),
+        number(high)
+    );
+    for (i, (method, interval)) in measured.into_iter().enumerate() {
+        let (y, [from, to]) = (LINE * (i as f64 + 0.5), ends(interval).map(x));
+        let colour = COLOURS[0];
+        let (names, label) = (NAMES - 8.0, y + 4.0);
+        let _ = write!(
+            text,
+            "<text x=\"{names}\" y=\"{label}\" text-anchor=\"end\">{}</text><path d=\"M{from} {y}H{to}\" stroke=\"{colour}\"/>\
+             <circle cx=\"{}\" cy=\"{y}\" r=\"3\" fill=\"{colour}\"/>",
+            escape(method.name()),
+            x(interval.mean)
+        );
+    }
+    text + "</svg></figure>\n"
+}
+
 /// A metric's mean over the sets against the number of views, a line for each method; empty where it was not measured.
-fn chart(rows: &[&Row], metric: usize, name: &str) -> String {
-    // The last column is of all sets.
-    let value = |row: &Row| row.measured[metric].last().copied().flatten().filter(|interval| interval.mean.is_finite());
-    let ends = |interval: Interval| [-1.0, 1.0].map(|side| interval.mean + side * interval.half.unwrap_or(0.0));
+fn curves(rows: &[&Row], metric: usize, name: &str) -> String {
+    let value = |row: &Row| over_sets(row, metric);
     let values: Vec<f64> = rows.iter().filter_map(|row| value(row)).flat_map(ends).collect();
     if values.is_empty() {
         return String::new();
     }
-    let span = |values: &mut dyn Iterator<Item = f64>| {
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-        // Of one value alone, the middle.
-        if high > low { (low, high) } else { (low - 0.5, high + 0.5) }
-    };
-    let (left, right) = span(&mut rows.iter().map(|row| f64::from(row.views)));
-    let (low, high) = span(&mut values.into_iter());
-    let [width, height] = CHART;
-    let x = |views: u32| MARGIN + (width - 2.0 * MARGIN) * (f64::from(views) - left) / (right - left);
+    let (left, right) = span(rows.iter().map(|row| f64::from(row.views)));
+    let (low, high) = span(values.into_iter());
+    let methods = in_order(rows.iter().map(|row| row.method));
+    let [width, height] = [CHART[0] + NAMES, CHART[1].max(LINE * methods.len() as f64)];
+    let x = |views: u32| MARGIN + (CHART[0] - 2.0 * MARGIN) * (f64::from(views) - left) / (right - left);
     let y = |value: f64| height - MARGIN - (height - 2.0 * MARGIN) * (value - low) / (high - low);
-    let (bottom, edge) = (height - MARGIN, width - MARGIN);
+    let (bottom, edge) = (height - MARGIN, CHART[0] - MARGIN);
     let mut text = format!(
         "<figure><figcaption>{name} against the number of views</figcaption>\
          <svg viewBox=\"0 0 {width} {height}\" width=\"{width}\" font-size=\"11\">\
@@ -105,20 +157,30 @@ fn chart(rows: &[&Row], metric: usize, name: &str) -> String {
     for views in in_order(rows.iter().map(|row| row.views)) {
         let _ = write!(text, "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{views}</text>", x(views), bottom + 14.0);
     }
-    for (i, method) in in_order(rows.iter().map(|row| row.method)).into_iter().enumerate() {
+    for (i, method) in methods.into_iter().enumerate() {
         let colour = COLOURS[i % COLOURS.len()];
+        // Colours that come again have broken lines.
+        let dashes = 3 * (i / COLOURS.len());
         let own = rows.iter().filter(|row| row.method == method).filter_map(|row| Some((row.views, value(row)?)));
         let mut own: Vec<(u32, Interval)> = own.collect();
         own.sort_by_key(|(views, _)| *views);
         let line: Vec<String> = own.iter().map(|(views, v)| format!("{:.1},{:.1}", x(*views), y(v.mean))).collect();
-        let _ = write!(text, "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\"/>", line.join(" "));
+        let style = format!("fill=\"none\" stroke=\"{colour}\" stroke-dasharray=\"{dashes}\"");
+        let _ = write!(text, "<polyline points=\"{}\" {style}/>", line.join(" "));
         for (views, interval) in own {
             // Side by side, so that the bars of all methods are seen.
-            let (at, [from, to]) = (x(views) + 3.0 * i as f64, ends(interval).map(y));
+            let (at, [from, to]) = (x(views) + 2.0 * i as f64, ends(interval).map(y));
             let _ = write!(text, "<path d=\"M{at} {from}V{to}\" stroke=\"{colour}\"/>");
             let _ = write!(text, "<circle cx=\"{at}\" cy=\"{}\" r=\"2.5\" fill=\"{colour}\"/>", y(interval.mean));
         }
-        let _ = write!(text, "<text x=\"{}\" y=\"{}\" fill=\"{colour}\">{method}</text>", edge - 60.0, 12 + 12 * i);
+        let (at, next, label) = (CHART[0] + 4.0, CHART[0] + 24.0, LINE * (i as f64 + 0.5));
+        let _ = write!(
+            text,
+            "<path d=\"M{at} {label}H{next}\" {style}/><text x=\"{}\" y=\"{}\" fill=\"{colour}\">{}</text>",
+            next + 4.0,
+            label + 4.0,
+            escape(method.name())
+        );
     }
     text + "</svg></figure>\n"
 }
@@ -170,8 +232,7 @@ pub(super) fn pictures(scene: &str, entries: &[&Entry], sets: &[&str]) -> String
 mod tests {
     use super::*;
     use crate::evaluate::kind::Kind;
-    use crate::evaluate::request::Method;
-    use crate::evaluate::results::rows;
+    use crate::evaluate::request::{Method, Settings};
     use crate::gaussians::record::Quality;
 
     /// If this failed, a method or a budget would be missing from the page, or a scene's name would break it.
@@ -188,13 +249,27 @@ mod tests {
             pictures: ["half", "full", "random"].map(|set| format!("{set}_0000.png")).to_vec(),
             places: vec![DVec3::ZERO, DVec3::new(2.0, 1.0, 0.0)],
         };
+        let request = |budgets: &[u32]| Request {
+            kind: Kind::Object,
+            methods: vec![Method::Ours, Method::WithoutVds],
+            budgets: budgets.to_vec(),
+            seeds: 1,
+            settings: Settings::QUICK,
+        };
         let entries: Vec<Entry> =
             [Method::Ours, Method::WithoutVds].into_iter().flat_map(|m| [entry(m, 10), entry(m, 20)]).collect();
-        let page = html(&Outcome { kind: Kind::Object, rows: rows(&entries), entries });
+        let page = html(&request(&[10, 20]), &Outcome::new(Kind::Object, entries.clone(), 5));
         assert_eq!(page.matches("<polyline").count(), 4, "LPIPS was not measured");
         assert_eq!(page.matches("<img").count(), 3 * 3);
         assert!(page.contains("a&lt;b%231/training-20/test/random_0000.png") && !page.contains("a<b"));
         assert_eq!(page.matches("<figcaption>ours</figcaption>").count(), 1 + 3);
         assert!(page.contains("cx=\"240.0\"") && !page.contains("NaN"), "{page}");
+        assert!(page.contains("Not complete: runs still to come: 1.") && page.contains("300 iterations"), "{page}");
+
+        // Of one number of views there is no curve, but a line with mean and interval for each method and metric.
+        let entries: Vec<Entry> = entries.into_iter().filter(|entry| entry.views == 10).collect();
+        let page = html(&request(&[10]), &Outcome::new(Kind::Object, entries, 2));
+        assert!(!page.contains("<polyline") && !page.contains("NaN") && !page.contains("Not complete"), "{page}");
+        assert_eq!(page.matches("r=\"3\"").count(), 4, "{page}");
     }
 }
