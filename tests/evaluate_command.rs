@@ -77,6 +77,21 @@ fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
     assert_eq!(changed("cube"), before);
     let more = place.done(&format!("{} --out o", TINY.replace("random,ours", "random,fvs,ours")));
     assert!(more.out.contains("products 3 made, 9 kept"), "{}", more.out);
+
+    // A photograph of the inputs that is lost is told of, with what to do about it, and nothing is made of the others.
+    let inputs = place.files("o/cube").into_iter().find(|name| name.ends_with("images/input_0000.png")).unwrap();
+    fs::remove_file(place.path(&format!("o/cube/{inputs}"))).unwrap();
+    let inputs = inputs.split('/').next().unwrap();
+    for name in place.folders("o/cube").iter().filter(|name| name.starts_with("surface-")) {
+        fs::remove_dir_all(place.path(&format!("o/cube/{name}"))).unwrap();
+    }
+    let damaged = place.run(&format!("{TINY} --out o"));
+    assert_eq!(damaged.code, Some(2), "{}{}", damaged.out, damaged.err);
+    let told = [inputs, "input_0000.png", "remove the folder"].iter().all(|part| damaged.err.contains(part));
+    assert!(told && damaged.err.lines().count() == 1, "{}", damaged.err);
+    fs::remove_dir_all(place.path(&format!("o/cube/{inputs}"))).unwrap();
+    place.done(&format!("{TINY} --out o"));
+    assert_eq!(qualities(&results(&place, "o")), qualities(&results(&place, "whole")));
 }
 
 /// If this failed, what trains while it chooses would have no photographs to train on, take them again after a stop, or not

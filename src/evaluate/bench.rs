@@ -212,7 +212,7 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// Where its file cannot be read any more.
     pub fn target(&self, shown: &Stage, region: &Region) -> Result<Target> {
-        let surface = io::read_surface(&shown.file(SURFACE))?;
+        let surface = io::read_surface(&shown.file(SURFACE)).map_err(|error| shown.damaged(&error.to_string()))?;
         let choice = RegionChoice { shape: Some(region.shape), floor: region.floor, clearance: Some(region.clearance) };
         let path = self.scene.path.to_string_lossy();
         Target::new(&surface, &path, self.kind.preset(), &choice, region.up, &self.intrinsics())
@@ -300,6 +300,8 @@ impl<'a> Bench<'a> {
             self.stage("training", json!({ "photos": photos.key(), "tests": tests.map(Stage::key), "config": config }));
         let split = || {
             let test = tests.map_or(Test::Every(0), |tests| Test::Capture(tests.folder().to_owned()));
+            // What is damaged is told of as a product, not as a capture that somebody gave.
+            tests.map(read_photos).transpose()?;
             Split::new(read_photos(photos)?, &test, Images::Needed)
         };
         let capture = photos.folder().to_string_lossy().into_owned();
@@ -311,6 +313,12 @@ impl<'a> Bench<'a> {
     }
 }
 
+/// The photographs of a product.
 fn read_photos(stage: &Stage) -> Result<PhotoSet> {
-    photos::read(stage.folder(), &Options { images: Images::Needed, ..Options::default() })
+    let set = photos::read(stage.folder(), &Options { images: Images::Optional, ..Options::default() });
+    let set = set.map_err(|error| stage.damaged(&error.to_string()))?;
+    match set.missing.first() {
+        Some(missing) => Err(stage.damaged(&format!("missing or unreadable: {missing}"))),
+        None => Ok(set),
+    }
 }

@@ -80,7 +80,8 @@ impl<'a> Choices<'a> {
                 stage.write(SURFACE, &io::ply::write::surface_points(&found.points))?;
                 stage.finish()?;
             }
-            (io::read_surface(&stage.file(SURFACE))?, stage.key().to_owned())
+            let surface = io::read_surface(&stage.file(SURFACE)).map_err(|error| stage.damaged(&error.to_string()))?;
+            (surface, stage.key().to_owned())
         } else {
             (Surface::Points(set.points.clone()), "points of the capture".to_owned())
         };

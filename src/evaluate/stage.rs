@@ -106,15 +106,19 @@ impl Stage {
         replace_file(&self.file(name), |file| file.write_all(bytes))
     }
 
+    /// What is said where a file of it, which was complete once, is not whole any more.
+    pub fn damaged(&self, what: &str) -> Error {
+        Error::input(&self.folder, format!("this product is damaged ({what}); remove the folder and run again"))
+    }
+
     /// Reads a file of it back, as JSON.
     ///
     /// # Errors
     /// Where it is not there or not whole.
     pub fn read<T: DeserializeOwned>(&self, name: &str) -> Result<T> {
-        let file = self.file(name);
-        let text = fs::read(&file).map_err(|source| Error::io(&file, source))?;
-        let again = |e| Error::input(&file, format!("{e}; remove the folder and run again"));
-        serde_json::from_slice(&text).map_err(again)
+        let wrong = |error: &dyn std::fmt::Display| self.damaged(&format!("{name}: {error}"));
+        let text = fs::read(self.file(name)).map_err(|error| wrong(&error))?;
+        serde_json::from_slice(&text).map_err(|error| wrong(&error))
     }
 
     /// Writes a file of it, as JSON.

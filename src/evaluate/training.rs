@@ -58,6 +58,6 @@ pub fn run(
 /// Where they cannot be read any more.
 pub fn model(stage: &Stage) -> Result<Model> {
     let file = stage.file(MODEL);
-    let (gaussians, _) = io::read_gaussians_with_notes(&file)?;
+    let (gaussians, _) = io::read_gaussians_with_notes(&file).map_err(|error| stage.damaged(&error.to_string()))?;
     Ok(Model { path: file.to_string_lossy().into_owned(), gaussians, antialiased: false })
 }
