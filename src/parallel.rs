@@ -49,3 +49,18 @@ pub fn with_scratch<T: Send, S>(
     let chunks = items.par_chunks_mut(length.max(1)).enumerate();
     chunks.for_each_init(&scratch, |scratch, (index, chunk)| work(index, chunk, scratch));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, workers beside one another would each take all threads.
+    #[test]
+    fn a_share_is_a_part_of_the_threads() {
+        let all = threads();
+        assert_eq!(on_a_share(1, || Ok(threads())).unwrap(), all);
+        assert_eq!(on_a_share(2, || Ok(threads())).unwrap(), (all / 2).max(1));
+        assert_eq!(on_a_share(1000, || Ok(mapped(&[1, 2, 3], |i, n| i + n))).unwrap(), [1, 3, 5]);
+        assert!(on_a_share(2, || Err::<(), _>(Error::request("no"))).is_err());
+    }
+}

@@ -78,7 +78,7 @@ fn run(iterations: u32, status: Status) -> TrainRecord {
         splats: if iterations > 5000 { 1_000_000 } else { 138_766 },
         seconds: f64::from(iterations) / 214.0,
         seconds_for: iterations,
-        gpu_seconds: 0.0,
+        gpu_seconds: None,
         curve: curve.collect(),
         evaluations,
         test_views: (0..24).map(view).collect(),

@@ -195,7 +195,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let start = Instant::now();
     let (mut made, mut kept) = (0, 0);
     let page = arguments.out.join("report.html");
-    let mut written = Ok(());
+    let mut written = None;
     let outcome = job::run(&contexts, &request, &subjects, &arguments.out, &mut |event| {
         match event {
             job::Event::Product(Event::Begins(product)) => {
@@ -205,25 +205,27 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             job::Event::Product(Event::Kept(_)) => kept += 1,
             job::Event::Product(Event::Note(note)) => say!("note     {note}"),
             job::Event::Product(Event::Working) => {}
-            job::Event::Complete(entry, outcome) => {
+            job::Event::Complete(entry, [done, all]) => {
                 let Entry { scene, method, views, seed, folder, .. } = entry;
-                let all = outcome.entries.len() + outcome.left;
-                let run = format!("{scene}, {method}, {views} views, seed {seed}");
-                say!("complete {run}: {folder} ({} of {all})", outcome.entries.len());
-                if written.is_ok() {
-                    let html = report::evaluation::html(&request, outcome);
-                    written = write_files(&[(&page, html.as_bytes())]);
-                }
+                say!("complete {scene}, {method}, {views} views, seed {seed}: {folder} ({done} of {all})");
+            }
+            job::Event::Written(outcome) => {
+                let html = report::evaluation::html(&request, outcome);
+                written = Some(write_files(&[(&page, html.as_bytes())]));
             }
         }
         go_on()
     });
     contexts.iter().for_each(|context| print_messages(context));
     let Some(outcome) = outcome? else {
-        say!("stopped; what is finished stays and is in the tables, and the same command goes on from there");
+        say!("stopped; what is finished stays, and the same command goes on from there");
+        if let Some(written) = written {
+            written?;
+            say!("written  {}, {}, of what is complete", arguments.out.join("table.md").display(), page.display());
+        }
         return Ok(ExitCode::from(super::INTERRUPTED));
     };
-    written?;
+    written.unwrap_or(Ok(()))?;
     say!("products {made} made, {kept} kept, in {:.0} s", start.elapsed().as_secs_f64());
     say!("{}", table::markdown(&request, &outcome.rows, outcome.left).trim_end());
     say!("written  {}, {}", arguments.out.join("table.md").display(), page.display());

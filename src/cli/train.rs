@@ -345,12 +345,12 @@ fn text(quality: &Quality) -> String {
 
 fn print(record: &TrainRecord, folder: &Path) {
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    let worked = record.gpu_seconds.map_or(String::new(), |gpu| format!("; the device worked for {gpu:.1} s"));
     say!(
-        "trained  {} iterations in {:.1} s ({:.1} a second; the device worked for {:.1} s), {} of {} splats",
+        "trained  {} iterations in {:.1} s ({:.1} a second{worked}), {} of {} splats",
         record.seconds_for,
         record.seconds,
         f64::from(record.seconds_for) / record.seconds.max(1e-9),
-        record.gpu_seconds,
         record.splats,
         record.config.max_splats
     );

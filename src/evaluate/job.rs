@@ -56,8 +56,10 @@ impl Outcome {
 pub enum Event<'e> {
     /// Something happens with a product.
     Product(stage::Event<'e>),
-    /// A run is complete, and the tables have it.
-    Complete(&'e Entry, &'e Outcome),
+    /// A run is complete: so many of so many are.
+    Complete(&'e Entry, [usize; 2]),
+    /// The tables have been written, of what is complete.
+    Written(&'e Outcome),
 }
 
 /// Hears what happens and says whether to go on.
@@ -89,8 +91,8 @@ pub fn check(folder: &Path, subjects: &[Subject]) -> Result<()> {
     })
 }
 
-/// Runs what is asked for on all of the devices; whenever a run is complete, tables of those that are go into `folder`. Products
-/// that are there are taken as they are. None where `hear` broke it off; the same call goes on from there. Tables do not
+/// Runs what is asked for on all of the devices; whenever something was made for a run that is complete, tables of those that are go
+/// into `folder`. Products that are there are taken as they are. None where `hear` broke it off; the same call goes on from there. Tables do not
 /// depend on the number of devices where these are alike, but for the seconds that choices take.
 ///
 /// # Errors
@@ -105,20 +107,40 @@ pub fn run(
     fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
     let names: Vec<&str> = subjects.iter().map(Subject::name).collect();
     let asked = format!("{:#}\n", json!({ "scenes": names, "request": request }));
-    write_files(&[(&folder.join(ASKED), asked.as_bytes())])?;
-    let all = subjects.len() * request.runs().count();
-    let board = Board { request, folder, all, hear: Mutex::new(hear), entries: Mutex::default() };
-    let complete = spread(contexts, &board, subjects)?;
-    Ok(complete.then(|| board.outcome(&lock(&board.entries))))
+    // Tables that are there go with what was asked for then, until they are written anew.
+    if !folder.join(ASKED).is_file() {
+        write_files(&[(&folder.join(ASKED), asked.as_bytes())])?;
+    }
+    let board = Board {
+        request,
+        folder,
+        asked,
+        all: subjects.len() * request.runs().count(),
+        hear: Mutex::new(hear),
+        stopped: AtomicBool::new(false),
+        made: AtomicBool::new(false),
+        entries: Mutex::default(),
+    };
+    if !spread(contexts, &board, subjects)? {
+        return Ok(None);
+    }
+    let entries = lock(&board.entries);
+    board.write(&entries).map(Some)
 }
 
 /// What all workers share: who hears of them, and what they have made.
 struct Board<'b> {
     request: &'b Request,
     folder: &'b Path,
+    /// What is asked for, as it is written.
+    asked: String,
     /// Runs in all.
     all: usize,
     hear: Mutex<Hear<'b>>,
+    /// Whether a stop has been asked for.
+    stopped: AtomicBool,
+    /// Whether anything has been made that the tables lack.
+    made: AtomicBool,
     /// What is complete, in the order of subjects and runs: the numbers of both.
     entries: Mutex<Vec<([usize; 2], Entry)>>,
 }
@@ -129,31 +151,44 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Board<'_> {
-    fn outcome(&self, entries: &[([usize; 2], Entry)]) -> Outcome {
-        Outcome::new(self.request.kind, entries.iter().map(|(_, entry)| entry.clone()).collect(), self.all)
-    }
-
+    /// Tells of what happens; where a stop was asked for once, that is the answer from then on.
     fn hear(&self, event: Event<'_>) -> ControlFlow<()> {
-        lock(&self.hear)(event)
+        if matches!(event, Event::Product(stage::Event::Begins(_))) {
+            self.made.store(true, Ordering::Relaxed);
+        }
+        if lock(&self.hear)(event).is_break() {
+            self.stopped.store(true, Ordering::Relaxed);
+        }
+        if self.stopped.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
-    /// Adds a run, and writes the tables anew.
+    /// Adds a run. The tables are written where they are out of date: those of a complete evaluation stay while it is walked again.
     fn add(&self, place: [usize; 2], entry: Entry) -> Result<()> {
         let mut entries = lock(&self.entries);
         let at = entries.partition_point(|(other, _)| *other < place);
         entries.insert(at, (place, entry));
-        let outcome = self.outcome(&entries);
+        // A stop that is asked for here is heard before the next run.
+        let _ = self.hear(Event::Complete(&entries[at].1, [entries.len(), self.all]));
+        if self.made.swap(false, Ordering::Relaxed) {
+            self.write(&entries)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the tables of what is complete.
+    fn write(&self, entries: &[([usize; 2], Entry)]) -> Result<Outcome> {
         let Self { request, folder, .. } = self;
+        let outcome = Outcome::new(request.kind, entries.iter().map(|(_, entry)| entry.clone()).collect(), self.all);
         let Outcome { rows, entries: runs, left, .. } = &outcome;
-        let written = json!({ "request": request, "rows": rows, "runs": runs });
+        let written = json!({ "request": request, "rows": rows, "runs": runs, "left": left });
         write_files(&[
+            (&folder.join(ASKED), self.asked.as_bytes()),
             (&folder.join("table.md"), table::markdown(request, rows, *left).as_bytes()),
             (&folder.join("table.csv"), table::csv(request.kind, rows).as_bytes()),
             (&folder.join("results.json"), format!("{written:#}\n").as_bytes()),
         ])?;
-        // A stop that is asked for here is heard before the next run.
-        let _ = self.hear(Event::Complete(&entries[at].1, &outcome));
-        Ok(())
+        let _ = self.hear(Event::Written(&outcome));
+        Ok(outcome)
     }
 }
 
@@ -314,4 +349,51 @@ fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) ->
     });
     let worked: Vec<bool> = worked.into_iter().collect::<Result<_>>()?;
     Ok(!worked.contains(&false))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gaussians::record::Quality;
+
+    fn entry(method: Method) -> Entry {
+        let quality = vec![Quality { psnr: 20.0, ssim: 0.5, lpips: None }; 3];
+        let (folder, pictures, places) = (String::new(), Vec::new(), Vec::new());
+        Entry { scene: "s".into(), method, views: 4, seed: 0, seconds: 0.1, quality, folder, pictures, places }
+    }
+
+    /// If this failed, an evaluation that is complete would lose its tables to one that walks its runs again and is stopped, runs
+    /// would stand in the order in which devices were done, or a stop would be forgotten.
+    #[test]
+    fn tables_are_written_where_they_are_out_of_date_and_a_stop_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let table = folder.path().join("table.md");
+        fs::write(&table, "of an earlier run").unwrap();
+        let methods = vec![Method::Ours, Method::Scalar];
+        let request = Request { kind: Kind::Object, methods, budgets: vec![4], seeds: 1, settings: Settings::QUICK };
+        let mut hear = |event: Event<'_>| match event {
+            Event::Complete(..) => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        };
+        let board = Board {
+            request: &request,
+            folder: folder.path(),
+            asked: "{}".into(),
+            all: 2,
+            hear: Mutex::new(&mut hear),
+            stopped: AtomicBool::new(false),
+            made: AtomicBool::new(false),
+            entries: Mutex::default(),
+        };
+        let product = |event| board.hear(Event::Product(event));
+        assert!(product(stage::Event::Kept("k")).is_continue());
+        board.add([0, 1], entry(Method::Scalar)).unwrap();
+        assert_eq!(fs::read_to_string(&table).unwrap(), "of an earlier run");
+        assert!(product(stage::Event::Working).is_break(), "the stop was forgotten");
+        let _ = product(stage::Event::Begins("k"));
+        board.add([0, 0], entry(Method::Ours)).unwrap();
+        let written = fs::read_to_string(&table).unwrap();
+        let at = |method: &str| written.find(&format!("| s | {method} |")).unwrap();
+        assert!(at("ours") < at("ours-scalar") && !written.contains("still to come"), "{written}");
+    }
 }

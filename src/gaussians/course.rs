@@ -67,7 +67,7 @@ impl<'a> Course<'a> {
             splats: start as u32,
             seconds: 0.0,
             seconds_for: 0,
-            gpu_seconds: 0.0,
+            gpu_seconds: None,
             curve: Vec::new(),
             evaluations: Vec::new(),
             test_views: Vec::new(),
@@ -194,8 +194,8 @@ impl<'a> Course<'a> {
         if self.tests.is_empty() {
             return Ok(());
         }
-        let (folder, names) = (&self.run.request.folder, self.run.picture_names());
-        let mut names = names.iter();
+        let (folder, files) = (&self.run.request.folder, self.run.picture_names());
+        let mut names = files.iter();
         let mut worst: Vec<(f64, String, Pair)> = Vec::new();
         let mut views = self.tests.evaluate(&self.run.context, camera, all, |seen| {
             if all {
@@ -211,6 +211,9 @@ impl<'a> Course<'a> {
             }
             Ok(())
         })?;
+        if all {
+            products::force_pairs(folder, &files)?;
+        }
         self.worst = worst.into_iter().map(|(_, name, pair)| (name, pair)).collect();
         let evaluation = Evaluation { iteration: done, views: views.len(), quality: evaluate::mean(&views) };
         views.sort_by(|a, b| a.quality.psnr.total_cmp(&b.quality.psnr));
@@ -259,7 +262,8 @@ impl<'a> Course<'a> {
         record.splats = trainer.history().last().map_or(record.splats, |last| last.splats);
         record.seconds = self.started.elapsed().as_secs_f64();
         record.seconds_for = trainer.done() - self.first;
-        record.gpu_seconds = 1e-3 * trainer.gpu_ms();
+        let timed = self.run.context.physical().timestamp_bits > 0 && !self.run.context.debug_sync();
+        record.gpu_seconds = timed.then(|| 1e-3 * trainer.gpu_ms());
         record.curve = curve(trainer);
         record.memory.peak = self.run.context.peak_allocated();
         let (profile, iterations) = match profile {

@@ -7,6 +7,7 @@ use super::evaluate::Pair;
 use super::record::TrainRecord;
 use crate::io::folder::replace_unforced;
 use crate::io::picture;
+use crate::parallel::try_each;
 use crate::photos::Photo;
 use crate::{Error, Result};
 
@@ -82,7 +83,19 @@ pub fn clear(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Writes a test view, rendered and as it should be.
+/// Forces pictures of test views that have been written to the disk. One by one as they are written that would take longer
+/// than everything else about them.
+///
+/// # Errors
+/// When the system refuses.
+pub fn force_pairs(folder: &Path, names: &[PathBuf]) -> Result<()> {
+    let files: Vec<PathBuf> =
+        PICTURES.iter().flat_map(|of| names.iter().map(move |name| folder.join(of).join(name))).collect();
+    let force = |file: &PathBuf| std::fs::File::open(file).and_then(|opened| opened.sync_all());
+    try_each(&files, |file| force(file).map_err(|source| Error::io(file, source)))
+}
+
+/// Writes a test view, rendered and as it should be; [`force_pairs`] comes after the last.
 ///
 /// # Errors
 /// When the system refuses.

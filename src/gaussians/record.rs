@@ -130,9 +130,10 @@ pub struct TrainRecord {
     pub seconds: f64,
     /// Iterations that these seconds were spent on.
     pub seconds_for: u32,
-    /// Seconds for which the device worked on them. Of a host that keeps the device waiting it is well below `seconds`.
+    /// Seconds for which the device worked on them: well below `seconds` where the host keeps it waiting. None where the device
+    /// has no timestamps or every stage is waited for.
     #[serde(default)]
-    pub gpu_seconds: f64,
+    pub gpu_seconds: Option<f64>,
     /// The course of the run; a few hundred points at most.
     pub curve: Vec<CurvePoint>,
     /// Test metrics on the way and at the end.

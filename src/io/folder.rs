@@ -193,8 +193,8 @@ pub fn replace_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::
     })
 }
 
-/// As [`replace_file`] for a small file that can be made again: it is not forced to the disk, which takes longer than writing
-/// it, so that a machine that loses its power may lose it.
+/// As [`replace_file`] for one of many small files: it is not forced to the disk, which takes longer than writing it. Whoever
+/// relies on all of them forces them there after the last.
 ///
 /// # Errors
 /// As [`replace_file`].

@@ -221,7 +221,7 @@ impl<'a> Recorder<'a> {
         submitted
     }
 
-    /// Waits for every submission so far.
+    /// Waits for every submission so far. Where that fails but the device is not lost, they may still run: it can be called again.
     ///
     /// # Errors
     /// Where the device is lost; the error names the last stage that started, where the driver can tell.
@@ -231,8 +231,10 @@ impl<'a> Recorder<'a> {
         }
         // SAFETY: the fences are live and each was submitted.
         let waited = unsafe { self.context.device.wait_for_fences(&self.fences, true, u64::MAX) };
-        // The wait is over, or the device lost: nothing will signal them.
-        self.fences.drain(..).for_each(|fence| self.context.give_fence(fence));
+        if matches!(waited, Ok(()) | Err(vk::Result::ERROR_DEVICE_LOST)) {
+            // Nothing will signal them any more.
+            self.fences.drain(..).for_each(|fence| self.context.give_fence(fence));
+        }
         waited.map_err(|code| self.context.failure("vkWaitForFences", code))
     }
 
@@ -257,8 +259,11 @@ impl<'a> Recorder<'a> {
     /// GPU times of the stages of a [`Recorder::timed`] recording whose submission has been waited for.
     ///
     /// # Errors
-    /// Where the device fails.
+    /// Where the device fails, or nothing has been waited for.
     pub fn timings(&self) -> Result<Vec<Timing>> {
+        if !self.ended || !self.fences.is_empty() {
+            return Err(Error::request("times are there once a recording has been submitted and waited for"));
+        }
         self.clock.as_ref().map_or_else(|| Ok(Vec::new()), |clock| clock.timings(&self.context))
     }
 
@@ -415,8 +420,11 @@ impl Drop for Recorder<'_> {
         if !self.owned() {
             return;
         }
-        // A failure cannot be acted on here; a lost device runs nothing any more.
+        // A failure cannot be acted on here; a lost device runs nothing any more. What may still run is left to its device.
         let _ = self.wait();
+        if !self.fences.is_empty() {
+            return;
+        }
         if let Some(clock) = self.clock.take() {
             clock.give_back(&self.context);
         }

@@ -33,14 +33,11 @@ pub(super) struct Queries {
     pub count: u32,
 }
 
-/// Keeps `spare` where there is room for it, or else gives it back.
+/// Keeps `spare`, and gives the oldest back where there are too many.
 fn keep<T>(spares: &Mutex<Vec<T>>, spare: T) -> Option<T> {
     let mut spares = lock(spares);
-    if spares.len() < MOST {
-        spares.push(spare);
-        return None;
-    }
-    Some(spare)
+    spares.push(spare);
+    (spares.len() > MOST).then(|| spares.remove(0))
 }
 
 impl Context {
@@ -77,7 +74,7 @@ impl Context {
         let reset = unsafe { self.device.reset_command_pool(commands.pool, vk::CommandPoolResetFlags::empty()) };
         let left = if reset.is_ok() { keep(&self.spares.commands, commands) } else { Some(commands) };
         if let Some(Commands { pool, .. }) = left {
-            // SAFETY: as above.
+            // SAFETY: of this one or one that is kept, nothing is pending.
             unsafe { self.device.destroy_command_pool(pool, None) };
         }
     }
@@ -98,7 +95,7 @@ impl Context {
         let reset = unsafe { self.device.reset_fences(&[fence]) };
         let left = if reset.is_ok() { keep(&self.spares.fences, fence) } else { Some(fence) };
         if let Some(fence) = left {
-            // SAFETY: as above.
+            // SAFETY: neither this one nor one that is kept will be signalled.
             unsafe { self.device.destroy_fence(fence, None) };
         }
     }
@@ -120,7 +117,7 @@ impl Context {
     /// Takes queries back that no pending submission writes.
     pub(super) fn give_queries(&self, queries: Queries) {
         if let Some(Queries { pool, .. }) = keep(&self.spares.queries, queries) {
-            // SAFETY: by the caller's word no submission uses the pool any more.
+            // SAFETY: by the caller's word no submission uses it any more, nor one that is kept.
             unsafe { self.device.destroy_query_pool(pool, None) };
         }
     }
