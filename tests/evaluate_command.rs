@@ -133,7 +133,7 @@ fn bad_input_is_refused_and_nothing_is_written() {
     fs::create_dir_all(place.path("other")).unwrap();
     place.write("other/cube.gltf", place.read("cube.gltf"));
     place.write("table.md.gltf", place.read("cube.gltf"));
-    let cases: [(&str, &[&str]); 13] = [
+    let cases: [(&str, &[&str]); 15] = [
         ("evaluate cube.gltf --env sky.hdr --out o --methods random,nobodys", &["nobodys", "no such method", "ours"]),
         ("evaluate cube.gltf broken.glb --env sky.hdr --out o", &["broken.glb"]),
         ("evaluate none.glb --env sky.hdr --out o", &["none.glb", "there is no such file"]),
@@ -149,6 +149,11 @@ fn bad_input_is_refused_and_nothing_is_written() {
             "evaluate cube.gltf --env sky.hdr --out o --methods ours:seed=3",
             &["ours:seed=3", "seed is the evaluation's"],
         ),
+        (
+            "evaluate cube.gltf --env sky.hdr --out o --methods ours:distance_weight=-1",
+            &["method ours:distance_weight=-1: ", "is -1"],
+        ),
+        ("evaluate cube.gltf --env sky.hdr --out o --devices 0,,0", &["--devices", "an empty name"]),
         (
             "evaluate cube.gltf --env sky.hdr --out o --preset room --peers-from sphere --methods random",
             &["--peers-from sphere", "objects"],

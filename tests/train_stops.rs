@@ -205,6 +205,11 @@ fn resuming_as_another_run_is_refused_and_changes_nothing() {
         assert_refused(&place, &[(&format!("train {capture} {run} {options}"), fragments)]);
         assert!(contents(&place, "o") == before, "{capture} {options}: something was changed");
     }
+    place.done(&format!("train capture --out t {usual} --test fewer"));
+    let tested = contents(&place, "t");
+    let fragments = &["another capture", "tests: 8, not 9", "train anew (--force)"];
+    assert_refused(&place, &[(&format!("train capture --out t --resume {usual} --test larger"), fragments)]);
+    assert!(contents(&place, "t") == tested, "pictures of other tests came among those of the run");
     let none = format!("train capture --out none --resume {usual}");
     assert_refused(&place, &[(&none, &["none/checkpoint.bin: ", "no checkpoint", "without --resume"])]);
 

@@ -20,7 +20,7 @@ use crate::evaluate::table;
 use crate::io::environment::read_environment;
 use crate::io::folder::write_files;
 use crate::plan::config::Preset;
-use crate::{Result, report};
+use crate::{Error, Result, report};
 
 /// Arguments of `camsplat evaluate`.
 #[derive(Args, Debug)]
@@ -178,6 +178,11 @@ impl Arguments {
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let request = arguments.request();
     request.validate()?;
+    if arguments.devices.iter().any(|name| name.trim().is_empty()) {
+        return Err(Error::request(
+            "--devices: an empty name names no device; give numbers or names, as `camsplat devices` has them",
+        ));
+    }
     let mut notes = Vec::new();
     let subjects = arguments.subjects(&request, &mut notes)?;
     job::check(&arguments.out, &subjects)?;

@@ -120,7 +120,8 @@ impl<'a> Bench<'a> {
             exr: false,
         };
         let stage = Stage::new(root, "photos", json!(record));
-        if !stage.begins(observe)? {
+        let Some(begins) = stage.begins(observe)? else { return Ok(None) };
+        if !begins {
             return Ok(Some(stage));
         }
         let products = Products::new(stage.folder(), &record, false)?;
@@ -145,7 +146,8 @@ impl<'a> Bench<'a> {
     pub fn shown(&self, inputs: &Stage, observe: Observe) -> Result<Option<Stage>> {
         let stage =
             self.stage("surface", json!({ "photos": inputs.key(), "shown": self.settings.shown, "seed": SEED }));
-        if !stage.begins(observe)? {
+        let Some(begins) = stage.begins(observe)? else { return Ok(None) };
+        if !begins {
             return Ok(Some(stage));
         }
         let set = read_photos(inputs)?;
@@ -246,7 +248,8 @@ impl<'a> Bench<'a> {
                 "region": region, "camera": self.intrinsics(), "device": self.context.physical().name,
             }),
         );
-        if !stage.begins(observe)? {
+        let Some(begins) = stage.begins(observe)? else { return Ok(None) };
+        if !begins {
             return stage.read(PLAN).map(Some);
         }
         let target = self.target(shown, &region)?;

@@ -57,7 +57,7 @@ pub struct Choices<'a> {
 
 impl<'a> Choices<'a> {
     /// Finds the surface of a pool, whose products lie below `root`: the capture's own points, as `camsplat select` takes them,
-    /// or else what `camsplat proxy` makes of the candidates.
+    /// or else what `camsplat proxy` makes of the candidates. None where `observe` broke it off.
     ///
     /// # Errors
     /// Where there is no surface, or the device fails.
@@ -67,11 +67,12 @@ impl<'a> Choices<'a> {
         request: &Request,
         pool: &'a Pool,
         observe: Observe,
-    ) -> Result<Self> {
+    ) -> Result<Option<Self>> {
         let set = &pool.candidates;
         let (surface, key) = if set.points.positions.is_empty() {
             let stage = Stage::new(root, "surface", json!({ "pool": pool.checksum, "seed": SEED }));
-            if stage.begins(observe)? {
+            let Some(begins) = stage.begins(observe)? else { return Ok(None) };
+            if begins {
                 let options = stereo::Options { seed: SEED, ..stereo::Options::default() };
                 let found = stereo::reconstruct(context, set, &options).map_err(|error| match error {
                     Error::Request(what) => Error::input(pool.path(), what),
@@ -92,7 +93,7 @@ impl<'a> Choices<'a> {
         let intrinsics = set.photos[0].camera.intrinsics;
         let target = Target::new(&surface, &path, Preset::Object, &choice, up, &intrinsics)?;
         let (context, root) = (context.clone(), root.to_owned());
-        Ok(Self { context, root, settings: request.settings, pool, target, surface: key })
+        Ok(Some(Self { context, root, settings: request.settings, pool, target, surface: key }))
     }
 
     /// Splats trained on a few candidates that stand far from each other, for the methods that choose by a model.
@@ -137,7 +138,8 @@ impl<'a> Choices<'a> {
             "shrink": self.settings.shrink, "device": self.context.physical().name,
         });
         let stage = Stage::new(&self.root, "choice", inputs);
-        if !stage.begins(observe)? {
+        let Some(begins) = stage.begins(observe)? else { return Ok(None) };
+        if !begins {
             return stage.read(CHOSEN).map(Some);
         }
         // As they are trained on: what a model tells of a photo depends on its pixels, and takes time by them.

@@ -269,6 +269,7 @@ impl Runs<'_, '_> {
 
     fn chosen(&self, context: &Arc<Context>, pool: &Pool, observe: Observe) -> Result<bool> {
         let choices = Choices::new(context, &self.folder, self.board.request, pool, observe)?;
+        let Some(choices) = choices else { return Ok(false) };
         let mut model = None;
         if self.board.request.needs_model() {
             model = choices.model(observe)?;

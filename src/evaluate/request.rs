@@ -243,7 +243,9 @@ impl Request {
         }
         for method in methods {
             kind.check(*method)?;
-            method.config(kind.preset(), budgets.first().copied().unwrap_or(1).max(1), 0)?.validate()?;
+            let config = method.config(kind.preset(), budgets.first().copied().unwrap_or(1).max(1), 0)?;
+            // What is told is an option of `camsplat plan`, which is a key here.
+            config.validate().map_err(|error| Error::request(format!("method {method}: {error}")))?;
         }
         if settings.peers_from == PeersFrom::Sphere && *kind != Kind::Object {
             return Err(Error::request("--peers-from sphere: only around objects is there a sphere; leave it out"));

@@ -1,9 +1,11 @@
 //! Products of stages: each in a folder that a key of all of its inputs names, complete where `done.json` says so.
 
 use std::cell::RefCell;
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::Duration;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -14,6 +16,9 @@ use crate::{Error, Result};
 
 /// The file that is written last, with the inputs.
 const DONE: &str = "done.json";
+
+/// Time between two looks whether another has made a product.
+const BETWEEN_TRIES: Duration = Duration::from_millis(20);
 
 /// What happens on the way.
 pub enum Event<'e> {
@@ -71,23 +76,30 @@ impl Stage {
     }
 
     /// Whether it is to be made; its folder is there then, and nobody else makes it before [`Stage::finish`] or the end of
-    /// `self`. Where somebody is making it, this waits for it.
+    /// `self`. Where somebody is making it, this waits for it; none where `observe` does not want to.
     ///
     /// # Errors
     /// Where the system refuses.
-    pub fn begins(&self, observe: Observe) -> Result<bool> {
+    pub fn begins(&self, observe: Observe) -> Result<Option<bool>> {
         let mut is_done = self.is_done();
         if !is_done {
             self.begin()?;
             let refused = |source| Error::io(&self.folder, source);
             let folder = File::open(&self.folder).map_err(refused)?;
-            folder.lock().map_err(refused)?;
+            loop {
+                match folder.try_lock() {
+                    Ok(()) => break,
+                    Err(TryLockError::Error(source)) => return Err(refused(source)),
+                    Err(TryLockError::WouldBlock) if observe(Event::Working).is_break() => return Ok(None),
+                    Err(TryLockError::WouldBlock) => thread::sleep(BETWEEN_TRIES),
+                }
+            }
             is_done = self.is_done();
             *self.making.borrow_mut() = (!is_done).then_some(folder);
         }
         // A stop that is asked for here is heard within the stage, or before the next.
         let _ = observe(if is_done { Event::Kept(self.key()) } else { Event::Begins(self.key()) });
-        Ok(!is_done)
+        Ok(Some(!is_done))
     }
 
     /// Makes the folder.
@@ -163,6 +175,29 @@ mod tests {
         assert!(one.is_done() && stage(1.0).is_done() && !stage(2.0).is_done());
         fs::write(one.file(DONE), "{}").unwrap();
         assert!(!one.is_done());
+    }
+
+    /// If this failed, two workers would make a product at once, or one that waits for another could not be stopped.
+    #[test]
+    fn who_waits_for_a_product_hears_a_stop_and_gets_it_when_it_is_done() {
+        let root = tempfile::tempdir().unwrap();
+        let stage = || Stage::new(root.path(), "photos", json!(1));
+        let (one, other) = (stage(), stage());
+        assert_eq!(one.begins(&mut |_| ControlFlow::Continue(())).unwrap(), Some(true));
+        let mut asked = 0;
+        let stopped = other.begins(&mut |event| {
+            asked += 1;
+            assert!(matches!(event, Event::Working));
+            if asked == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        assert_eq!((stopped.unwrap(), asked), (None, 3));
+        let waited = other.begins(&mut move |event| {
+            if matches!(event, Event::Working) {
+                one.finish().unwrap();
+            }
+            ControlFlow::Continue(())
+        });
+        assert_eq!(waited.unwrap(), Some(false));
     }
 
     /// If this failed, products of earlier runs would not be found again. Values from the hash's authors.

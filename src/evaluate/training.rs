@@ -35,7 +35,8 @@ pub fn run(
     split: impl FnOnce() -> Result<Split>,
     observe: Observe,
 ) -> Result<Option<(Stage, TrainRecord)>> {
-    if !stage.begins(observe)? {
+    let Some(begins) = stage.begins(observe)? else { return Ok(None) };
+    if !begins {
         return stage.read(RECORD).map(|record| Some((stage, record)));
     }
     let Training { capture, config, shrink } = training;

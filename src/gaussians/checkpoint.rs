@@ -20,7 +20,7 @@ use crate::{Error, Result};
 /// First bytes of the file.
 const MAGIC: &[u8] = b"camsplat checkpoint 1\n";
 /// Keys that are named before others where several differ.
-const FIRST: [&str; 3] = ["strategy", "shrink", "photos"];
+const FIRST: [&str; 4] = ["strategy", "shrink", "photos", "tests"];
 /// Most bytes of a header: it holds an entry per evaluation and nothing longer.
 const MOST_HEADER: usize = 64 << 20;
 
@@ -37,6 +37,12 @@ pub struct Input {
     pub shrink: u32,
     /// Gaussians at the start.
     pub start: usize,
+    /// Photos to test with.
+    #[serde(default)]
+    pub tests: usize,
+    /// CRC-32 of their names, sizes and cameras, and of their pixels.
+    #[serde(default)]
+    pub test_photos: [u32; 2],
 }
 
 /// The head of a checkpoint.
@@ -212,7 +218,7 @@ mod tests {
         Checkpoint {
             header: Header {
                 config,
-                input: Input { photos: 5, cameras: 7, pixels: 9, shrink: 1, start: 3 },
+                input: Input { photos: 5, cameras: 7, pixels: 9, shrink: 1, start: 3, tests: 2, test_photos: [4, 6] },
                 done: 2,
                 population: 3,
                 // Black photos of nothing are the same as black pictures.
@@ -279,5 +285,7 @@ mod tests {
         assert!(refusal(&other, &input).contains("--strategy mcmc, not classic"), "{}", refusal(&other, &input));
         let other = Input { cameras: 8, ..input };
         assert!(refusal(&config, &other).contains("another capture (cameras: 7, not 8)"));
+        let other = Input { tests: 3, test_photos: [1, 1], ..input };
+        assert!(refusal(&config, &other).contains("another capture (tests: 2, not 3)"));
     }
 }

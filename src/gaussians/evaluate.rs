@@ -28,6 +28,8 @@ pub struct Tests {
     /// The view of the first photo; the others follow.
     first: usize,
     background: [f32; 3],
+    /// CRC-32 of all pixels.
+    pixels: u32,
     lpips: Option<Lpips>,
 }
 
@@ -58,9 +60,10 @@ impl Tests {
         mut observe: impl FnMut(usize) -> ControlFlow<()>,
     ) -> Result<Option<Self>> {
         let step = photos.len().div_ceil(FEW).max(1);
-        let mut few = Vec::new();
+        let (mut few, mut pixels) = (Vec::new(), crc32fast::Hasher::new());
         for (i, picture) in pictures::pictures(photos, &settings)?.enumerate() {
             let picture = picture?;
+            pixels.update(bytemuck::cast_slice(&picture.pixels));
             if i % step == 0 {
                 few.push(picture);
             }
@@ -68,7 +71,20 @@ impl Tests {
                 return Ok(None);
             }
         }
-        Ok(Some(Self { photos: photos.to_vec(), settings, few, first, background, lpips: None }))
+        Ok(Some(Self {
+            photos: photos.to_vec(),
+            settings,
+            few,
+            first,
+            background,
+            pixels: pixels.finalize(),
+            lpips: None,
+        }))
+    }
+
+    /// CRC-32 of all pixels.
+    pub fn fingerprint(&self) -> u32 {
+        self.pixels
     }
 
     /// Whether there are none.

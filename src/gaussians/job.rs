@@ -149,10 +149,12 @@ impl Run {
         let Some((photos, tests)) = self.photos(observe)? else { return Ok(None) };
         let input = Input {
             photos: split.train.photos.len(),
-            cameras: self.fingerprint(),
+            cameras: fingerprint(&split.train.photos, &self.views),
             pixels: photos.fingerprint(),
             shrink: *shrink,
             start: first.len(),
+            tests: split.test.len(),
+            test_photos: [fingerprint(&split.test, &self.views[split.train.photos.len()..]), tests.fingerprint()],
         };
         if let Some(resumed) = &resumed {
             checkpoint::check(&file, &resumed.header, config, &input)?;
@@ -181,16 +183,6 @@ impl Run {
         products::picture_names(&names)
     }
 
-    /// CRC-32 of the training photos' names, sizes and cameras.
-    fn fingerprint(&self) -> u32 {
-        let mut sum = crc32fast::Hasher::new();
-        for (photo, view) in self.request.split.train.photos.iter().zip(&self.views) {
-            sum.update(photo.camera.name.as_bytes());
-            sum.update(bytemuck::bytes_of(view));
-        }
-        sum.finalize()
-    }
-
     /// Decodes all photos: those to train on into the store. Nothing where `observe` breaks that off.
     fn photos(&self, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<Option<(PhotoStore, Tests)>> {
         let Split { train, test, .. } = &self.request.split;
@@ -212,4 +204,14 @@ impl Run {
         let tests = Tests::new(test, settings, train.photos.len(), background, decoded)?;
         Ok(tests.map(|tests| (store, tests)))
     }
+}
+
+/// CRC-32 of photos' names, sizes and cameras.
+fn fingerprint(photos: &[Photo], views: &[View]) -> u32 {
+    let mut sum = crc32fast::Hasher::new();
+    for (photo, view) in photos.iter().zip(views) {
+        sum.update(photo.camera.name.as_bytes());
+        sum.update(bytemuck::bytes_of(view));
+    }
+    sum.finalize()
 }
