@@ -20,7 +20,7 @@ pub struct Settings {
     pub shrink: u32,
     /// Bytes that photos on their way take together; see [`decode::Settings::memory`].
     pub memory: u64,
-    /// Threads; 0 for as many as there are ([`crate::parallel::threads`]).
+    /// Threads; 0 for as many as there are: one per core, or a worker's share of them.
     pub threads: usize,
 }
 

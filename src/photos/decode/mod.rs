@@ -55,7 +55,7 @@ pub struct Settings {
     /// Bytes that photos take together from the start of their decoding until they are handed out: file, decoded pixels,
     /// scratch and result. A photo that takes more on its own is decoded alone.
     pub memory: u64,
-    /// Threads; 0 for as many as there are ([`crate::parallel::threads`]).
+    /// Threads; 0 for as many as there are: one per core, or a worker's share of them.
     pub threads: usize,
 }
 
