@@ -1,8 +1,15 @@
 //! Work shared among threads so that the result does not depend on how many there are: every chunk has one writer.
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use rayon::prelude::*;
 
 use crate::{Error, Result};
+
+/// Locks a mutex whose contents stay valid whatever a panicking thread did.
+pub fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Threads that work may use here: as many as the machine has, or the share of them that [`on_a_share`] gives.
 pub fn threads() -> usize {

@@ -3,11 +3,12 @@
 use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::parallel::lock;
 use crate::plan::job::Event;
 use crate::{Error, Result};
 
@@ -35,12 +36,12 @@ pub fn leave_on_interrupt() -> Result<()> {
 
 fn hear_interrupts(leave: bool) -> Result<()> {
     static SET: OnceLock<()> = OnceLock::new();
-    *LEAVES.lock().unwrap_or_else(PoisonError::into_inner) = leave;
+    *lock(&LEAVES) = leave;
     if SET.set(()).is_err() {
         return Ok(());
     }
     ctrlc::set_handler(|| {
-        let leaves = LEAVES.lock().unwrap_or_else(PoisonError::into_inner);
+        let leaves = lock(&LEAVES);
         if *leaves {
             say!("stopped; nothing is written");
             std::process::exit(i32::from(super::INTERRUPTED));

@@ -4,7 +4,7 @@
 //! Every stage answers none where `observe` broke it off. What is finished stays, and the next run goes on from there.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use serde_json::{Value, json};
 
@@ -18,6 +18,7 @@ use crate::gaussians::config::{Background, Config, Strategy};
 use crate::gaussians::record::TrainRecord;
 use crate::gaussians::split::{Split, Test};
 use crate::io::photos::{self, Images, Options};
+use crate::parallel::lock;
 use crate::peers::job::Outside;
 use crate::photograph::products::{Products, Record, named};
 use crate::photograph::tracer::Tracer;
@@ -259,7 +260,7 @@ impl<'a> Bench<'a> {
                 let model = model.map(training::model).transpose()?;
                 let (cameras, model) = ((intrinsics, &[][..]), model.as_ref());
                 let observe = Mutex::new(observe);
-                let hear = |event: Event<'_>| observe.lock().unwrap_or_else(PoisonError::into_inner)(event);
+                let hear = |event: Event<'_>| lock(&observe)(event);
                 let outside = Outside {
                     photograph: &mut |photo| self.photograph(stage.folder(), photo, &mut |event| hear(event)),
                     go_on: &mut || hear(Event::Working),
@@ -303,9 +304,9 @@ impl<'a> Bench<'a> {
             self.stage("training", json!({ "photos": photos.key(), "tests": tests.map(Stage::key), "config": config }));
         let split = || {
             let test = tests.map_or(Test::Every(0), |tests| Test::Capture(tests.folder().to_owned()));
-            // What is damaged is told of as a product, not as a capture that somebody gave.
-            tests.map(read_photos).transpose()?;
-            Split::new(read_photos(photos)?, &test, Images::Needed)
+            // Tests that are damaged are told of as a product, not as a capture that somebody gave.
+            let split = Split::new(read_photos(photos)?, &test, Images::Needed);
+            split.or_else(|error| tests.map(read_photos).transpose().and(Err(error)))
         };
         let capture = photos.folder().to_string_lossy().into_owned();
         training::run(&self.context, stage, Training { capture, config, shrink: 1 }, split, observe)

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread;
 
 use glam::DVec3;
@@ -21,9 +21,10 @@ use super::scene::Scene;
 use super::stage::{self, Observe, Stage};
 use super::subject::Subject;
 use super::table;
+use crate::gaussians::products::PICTURES;
 use crate::gaussians::record::TrainRecord;
 use crate::io::folder::{check_folder, write_files};
-use crate::parallel::on_a_share;
+use crate::parallel::{lock, on_a_share};
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
@@ -91,9 +92,9 @@ pub fn check(folder: &Path, subjects: &[Subject]) -> Result<()> {
     })
 }
 
-/// Runs what is asked for on all of the devices; whenever something was made for a run that is complete, tables of those that are go
-/// into `folder`. Products that are there are taken as they are. None where `hear` broke it off; the same call goes on from there. Tables do not
-/// depend on the number of devices where these are alike, but for the seconds that choices take.
+/// Runs what is asked for on all of the devices; whenever something was made for a run that is complete, tables of those that
+/// are go into `folder`. Products that are there are taken as they are. None where `hear` broke it off; the same call goes on
+/// from there. Tables do not depend on the number of devices where these are alike, but for the seconds that choices take.
 ///
 /// # Errors
 /// Where a stage fails; what is finished stays.
@@ -143,11 +144,6 @@ struct Board<'b> {
     made: AtomicBool,
     /// What is complete, in the order of subjects and runs: the numbers of both.
     entries: Mutex<Vec<([usize; 2], Entry)>>,
-}
-
-/// Locks what stays valid whatever a panicking thread did.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Board<'_> {
@@ -214,6 +210,11 @@ impl Runs<'_, '_> {
         trained: &(Stage, TrainRecord),
     ) -> Result<()> {
         let ((stage, record), sets) = (trained, self.board.request.kind.sets());
+        let pictures = results::first_pictures(record, sets);
+        let shown = pictures.iter().flat_map(|picture| PICTURES.map(|of| format!("{of}/{picture}")));
+        if let Some(lost) = shown.into_iter().find(|name| !stage.file(name).is_file()) {
+            return Err(stage.damaged(&format!("missing: {lost}")));
+        }
         let entry = Entry {
             scene: self.subject.name().to_owned(),
             method,
@@ -222,7 +223,7 @@ impl Runs<'_, '_> {
             seconds,
             quality: results::by_set(record, sets),
             folder: stage.key().to_owned(),
-            pictures: results::first_pictures(record, sets),
+            pictures,
             places,
         };
         self.board.add([self.number, number], entry)

@@ -1,9 +1,10 @@
 //! Pictures to train on: photos in 8 bits, without distortion, decoded in the background.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use super::undistort::Map;
 use crate::Result;
+use crate::parallel::lock;
 use crate::photos::Photo;
 use crate::photos::decode::{self, Channels, Decoded, Decoder, Precision};
 use crate::scene::camera::Camera;
@@ -73,13 +74,12 @@ pub fn pictures(photos: &[Photo], settings: &Settings) -> Result<Decoder<Picture
 
 /// The map of a lens: that of the last photo, or a new one.
 fn map(last: &Mutex<Option<Arc<Map>>>, lens: Lens) -> Arc<Map> {
-    let lock = || last.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(map) = lock().as_ref().filter(|map| map.is_of(&lens)) {
+    if let Some(map) = lock(last).as_ref().filter(|map| map.is_of(&lens)) {
         return Arc::clone(map);
     }
     // Not under the lock: where every photo has its own lens, threads shall not wait for each other.
     let map = Arc::new(Map::new(lens));
-    *lock() = Some(Arc::clone(&map));
+    *lock(last) = Some(Arc::clone(&map));
     map
 }
 

@@ -20,7 +20,7 @@ pub const RECORD: &str = "train.json";
 /// The page to look at.
 pub const REPORT: &str = "report.html";
 /// Folders of the test views: as they are rendered, and the photos as they are compared with.
-const PICTURES: [&str; 2] = ["test", "reference"];
+pub const PICTURES: [&str; 2] = ["test", "reference"];
 
 /// File names of the pictures of photos with these names: without the folders that all have in common, and numbered where
 /// two would be the same.

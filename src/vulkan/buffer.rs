@@ -8,8 +8,9 @@ use bytemuck::{AnyBitPattern, NoUninit};
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
-use super::context::{Context, lock};
+use super::context::Context;
 use super::recorder::Recorder;
+use crate::parallel::lock;
 use crate::{Error, Result};
 
 /// Bytes of a staging buffer at most: larger transfers go through it part by part.

@@ -2,7 +2,7 @@
 
 use std::mem::ManuallyDrop;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use ash::vk;
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
@@ -10,6 +10,7 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use super::instance::Instance;
 use super::physical::Physical;
 use super::spares::Spares;
+use crate::parallel::lock;
 use crate::{Error, Result};
 
 /// How to make a context.
@@ -226,11 +227,6 @@ impl Context {
             let _ = unsafe { functions.set_debug_utils_object_name(&info) };
         }
     }
-}
-
-/// Locks a mutex; what it guards stays valid whatever a panicking thread did.
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Drop for Context {

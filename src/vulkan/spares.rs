@@ -5,8 +5,9 @@ use std::sync::Mutex;
 
 use ash::vk;
 
-use super::context::{Context, lock};
+use super::context::Context;
 use crate::Result;
+use crate::parallel::lock;
 
 /// Of each kind so many are kept.
 const MOST: usize = 16;
