@@ -104,12 +104,12 @@ fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
     assert_eq!(qualities(&results(&place, "o")), qualities(&results(&place, "whole")));
 }
 
-/// If this failed, what trains while it chooses would have no photographs to train on, take them again after a stop, or not
-/// say how long it trained.
+/// If this failed, what trains while it chooses would have no photographs to train on, take them again after a stop, not
+/// say how long it trained, or train otherwise than all others.
 #[test]
 fn a_method_that_trains_while_it_chooses_photographs_its_choices() {
     let place = place();
-    let run = TINY.replace("random,ours --budgets 4", "fisherrf-retrain --budgets 6");
+    let run = TINY.replace("random,ours --budgets 4", "fisherrf-retrain --antialiased --budgets 6");
     place.done(&format!("{run} --out o"));
     let folders = place.folders("o/cube");
     let choice = folders.iter().find(|name| name.starts_with("choice-")).unwrap();
@@ -119,8 +119,35 @@ fn a_method_that_trains_while_it_chooses_photographs_its_choices() {
     let plan: Value = serde_json::from_str(&place.read(&format!("o/cube/{choice}/plan.json"))).unwrap();
     let retraining = &plan["config"]["retraining"];
     assert_eq!((&retraining["every"], &retraining["max_splats"]), (&1.into(), &40.into()), "{retraining}");
+    assert_eq!(retraining["antialiased"], true);
     let again = place.done(&format!("{run} --out o"));
     assert!(again.out.contains("products 0 made, 6 kept"), "{}", again.out);
+}
+
+/// If this failed, splats would be trained with the filter and looked at without, methods would choose by a model of another
+/// kind than all others, or what has nothing to do with training would be made again.
+#[test]
+fn the_filter_against_aliasing_is_of_all_training_and_of_nothing_else() {
+    let place = place();
+    let run = TINY.replace("random,ours --budgets 4", "cover,ours --budgets 6");
+    place.done(&format!("{} --out o", run.replace("cover,", "")));
+    let plain = place.folders("o/cube");
+    assert!(!place.read("o/table.md").contains("--antialiased"));
+    place.done(&format!("{run} --antialiased --out o"));
+    let made: Vec<String> = place.folders("o/cube").into_iter().filter(|name| !plain.contains(name)).collect();
+    assert!(place.read("o/table.md").contains("20 iterations of training with the filter against aliasing"));
+    let read = |file: String| -> Value { serde_json::from_str(&place.read(&file)).unwrap() };
+    let trained: Vec<&String> = made.iter().filter(|name| name.starts_with("training-")).collect();
+    // The model that COVER chooses by and one of each method.
+    assert_eq!(trained.len(), 3, "{made:?}");
+    for name in trained {
+        assert_eq!(read(format!("o/cube/{name}/train.json"))["config"]["antialiased"], true, "{name}");
+    }
+    // A plan needs no model.
+    let choices: Vec<&String> = made.iter().filter(|name| name.starts_with("choice-")).collect();
+    assert_eq!(choices.len(), 1, "{made:?}");
+    assert_eq!(read(format!("o/cube/{}/plan.json", choices[0]))["method"], "cover");
+    assert!(!made.iter().any(|name| name.starts_with("surface-")), "{made:?}");
 }
 
 /// If this failed, manifold sampling would have no model in an evaluation, or not say how far its cameras went.

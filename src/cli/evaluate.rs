@@ -82,6 +82,9 @@ pub struct Arguments {
     /// Most splats [default: 1000000; quick: 5000]
     #[arg(long)]
     max_splats: Option<u32>,
+    /// Train with Mip-Splatting's filter: views from farther away than the photos lose less
+    #[arg(long)]
+    antialiased: bool,
     /// The protocol of the paper: the whole one, with every method of its tables, where peers choose from the outer sphere
     #[arg(long, conflicts_with_all = ["quick", "pool"])]
     paper: bool,
@@ -154,6 +157,7 @@ impl Arguments {
                     (true, Kind::Object) => PeersFrom::Sphere,
                     _ => of.peers_from,
                 }),
+                antialiased: self.antialiased,
             },
         }
     }

@@ -26,7 +26,7 @@ pub struct PeerOptions {
     #[arg(long, value_enum, default_value = "ours")]
     pub method: Method,
     /// Random poses that a method chooses from [default: 10000 fvs and fvs-chord, 2000 fvs-shared and coverage, 1000 acp,
-    /// 300 fisherrf and cover]
+    /// 300 or three for each view fisherrf and cover]
     #[arg(long, value_name = "N")]
     pub candidates: Option<u32>,
     /// Nodes of the grid along a side [acp; default: 32]

@@ -293,10 +293,11 @@ impl<'a> Bench<'a> {
         seed: u64,
         observe: Observe,
     ) -> Result<Option<(Stage, TrainRecord)>> {
-        let Settings { iterations, max_splats, .. } = self.settings;
+        let Settings { iterations, max_splats, antialiased, .. } = self.settings;
         // White is what objects stand before; rooms fill their pictures.
         let config = Config {
             background: Background::White,
+            antialiased,
             seed,
             ..Config::new(iterations, max_splats).with_strategy(Strategy::Mcmc, true)
         };

@@ -173,7 +173,7 @@ impl<'a> Choices<'a> {
         seed: u64,
         observe: Observe,
     ) -> Result<Option<(Stage, TrainRecord)>> {
-        let Settings { iterations, max_splats, shrink, .. } = self.settings;
+        let Settings { iterations, max_splats, shrink, antialiased, .. } = self.settings;
         let kept: HashSet<&str> = names.iter().map(String::as_str).collect();
         let of_these = |photo: &Photo| kept.contains(photo.camera.name.as_str());
         let train: PhotoSet = self.pool.candidates.clone().filtered(of_these).with_points_seen();
@@ -181,6 +181,7 @@ impl<'a> Choices<'a> {
         let split = Split { train, test, notes: Vec::new() };
         let config = Config {
             background: split.usual_background(),
+            antialiased,
             seed,
             ..Config::new(iterations, max_splats).with_strategy(Strategy::Mcmc, points)
         };

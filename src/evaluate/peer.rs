@@ -21,6 +21,7 @@ pub fn sized(request: Request, settings: &Settings) -> Request {
             max_splats: (settings.max_splats / SPLATS).max(1),
             shrink: settings.size.div_ceil(SIDE),
             background: Background::White,
+            antialiased: settings.antialiased,
             ..published
         };
         sized.within(settings.iterations / ITERATIONS, request.views)

@@ -173,6 +173,8 @@ pub struct Settings {
     pub shrink: u32,
     /// Where around an object peers may put cameras.
     pub peers_from: PeersFrom,
+    /// Whether splats are trained and looked at with the filter against aliasing.
+    pub antialiased: bool,
 }
 
 impl Settings {
@@ -188,6 +190,7 @@ impl Settings {
         shown: Shown::Proxy,
         shrink: 1,
         peers_from: PeersFrom::Region,
+        antialiased: false,
     };
     /// What two cores do in minutes.
     pub const QUICK: Self = Self {
@@ -201,6 +204,7 @@ impl Settings {
         shown: Shown::Proxy,
         shrink: 8,
         peers_from: PeersFrom::Region,
+        antialiased: false,
     };
 
     /// Horizontal field of view of all cameras that photograph a scene, in degrees: the planner's default.

@@ -13,10 +13,11 @@ pub const DECIMALS: [usize; 3] = [2, 4, 4];
 pub fn description(request: &Request, left: usize) -> String {
     let settings = &request.settings;
     let mut text = format!(
-        "{}; {} iterations of training, at most {} splats, {} seeds. Mean and half of the 95% interval over seeds \
+        "{}; {} iterations of training{}, at most {} splats, {} seeds. Mean and half of the 95% interval over seeds \
          (Student's t).",
         conditions(request),
         settings.iterations,
+        if settings.antialiased { " with the filter against aliasing (`--antialiased`)" } else { "" },
         settings.max_splats,
         request.seeds
     );

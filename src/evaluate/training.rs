@@ -60,5 +60,6 @@ pub fn run(
 pub fn model(stage: &Stage) -> Result<Model> {
     let file = stage.file(MODEL);
     let (gaussians, _) = io::read_gaussians_with_notes(&file).map_err(|error| stage.damaged(&error.to_string()))?;
-    Ok(Model { path: file.to_string_lossy().into_owned(), gaussians, antialiased: false })
+    let TrainRecord { config, .. } = stage.read(RECORD)?;
+    Ok(Model { path: file.to_string_lossy().into_owned(), gaussians, antialiased: config.antialiased })
 }

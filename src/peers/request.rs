@@ -73,16 +73,18 @@ impl Method {
         self == Self::FisherRetrain
     }
 
-    /// Candidates to choose from where nothing is said; none where there is no choice.
-    pub fn candidates(self) -> Option<u32> {
-        match self {
+    /// Candidates to choose `views` from where nothing is said; none where there is no choice.
+    pub fn candidates(self, views: u32) -> Option<u32> {
+        let usual = match self {
             Self::Ours | Self::Random | Self::Fibonacci | Self::Manifold => None,
             Self::Fvs | Self::FvsChord => Some(10_000),
             // Counting shared points takes every pair.
             Self::FvsShared | Self::Coverage => Some(2000),
             Self::Acp => Some(1000),
-            Self::Fisher | Self::FisherRetrain | Self::Cover => Some(300),
-        }
+            // Few, since each takes a look at a model; as many as there are views would leave no choice.
+            Self::Fisher | Self::FisherRetrain | Self::Cover => Some(views.saturating_mul(3).max(300)),
+        };
+        usual.map(|usual| usual.max(views))
     }
 }
 
@@ -140,13 +142,13 @@ impl Request {
             return Err(Error::request(format!("--method {name}: {what}; leave the others out")));
         }
         let most = 1 << 20;
-        let candidates = match (method.candidates(), candidates) {
+        let candidates = match (method.candidates(config.views), candidates) {
             (None, Some(_)) => {
                 return Err(Error::request(format!(
                     "--method {name} chooses from no candidates; leave --candidates out"
                 )));
             }
-            (default, given) => given.or(default.map(|default| default.max(config.views))),
+            (default, given) => given.or(default),
         };
         if let Some(count) = candidates.filter(|count| *count < config.views || *count > most) {
             let views = config.views;
@@ -174,6 +176,17 @@ mod tests {
     use clap::ValueEnum;
 
     use super::*;
+
+    /// If this failed, a method would take all of its candidates: no choice, and no better than random.
+    #[test]
+    fn candidates_outnumber_views() {
+        let of = |method, views| Request::new(method, None, &Config::new(Preset::Room, views)).unwrap().candidates;
+        for method in [Method::Fisher, Method::FisherRetrain, Method::Cover] {
+            assert_eq!([50, 100, 300].map(|views| of(method, views)), [Some(300), Some(300), Some(900)]);
+        }
+        assert_eq!([300, 20_000].map(|views| of(Method::Fvs, views)), [Some(10_000), Some(20_000)]);
+        assert_eq!(of(Method::Random, 300), None);
+    }
 
     /// If this failed, a method would have one name on the command line and another in tables or records.
     #[test]

@@ -46,12 +46,22 @@ pub struct Settings {
     pub shrink: u32,
     /// What lies behind everything.
     pub background: Background,
+    /// Whether the model is trained and looked at with the filter against aliasing.
+    pub antialiased: bool,
 }
 
 impl Default for Settings {
     fn default() -> Self {
         let information::Settings { lambda, first } = information::Settings::default();
-        Self { lambda, first, every: 100, max_splats: 200_000, shrink: 1, background: Background::Black }
+        Self {
+            lambda,
+            first,
+            every: 100,
+            max_splats: 200_000,
+            shrink: 1,
+            background: Background::Black,
+            antialiased: false,
+        }
     }
 }
 
@@ -109,8 +119,8 @@ pub fn fisher(
         let what = format!("--train-every {every} makes {iterations} iterations for {count} views");
         return Err(Error::request(format!("{what}; give less, for at most {MOST_ITERATIONS}")));
     }
-    let background = settings.background;
-    let config = Config { seed: pool.seed, background, ..Config::new(iterations, settings.max_splats) }
+    let Settings { background, antialiased, .. } = settings;
+    let config = Config { seed: pool.seed, background, antialiased, ..Config::new(iterations, settings.max_splats) }
         .with_strategy(Strategy::Mcmc, true);
     let mut trainer = trainer(context, pool, proxy, config, settings.shrink)?;
     let mut fisher = Fisher::of_training(context, &trainer, settings.lambda)?;
