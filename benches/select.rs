@@ -26,7 +26,7 @@ fn main() -> Result<()> {
     println!("{}, {}", physical.name, physical.driver.trim());
     let filter = std::env::args().skip(1).find(|argument| !argument.starts_with("--"));
     let mut rows = Vec::new();
-    for (count, photos, points) in [(40, 300, 2000), (1000, 20_000, 1000)] {
+    for (count, photos, points) in [(40, 300, 4000), (1000, 20_000, 1000)] {
         let name = format!("select_{count}_of_{photos}");
         let wanted = filter.as_ref().map_or(physical.kind != "CPU" || photos < 1000, |filter| name.contains(filter));
         if !wanted {

@@ -76,7 +76,7 @@ pub struct Arguments {
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Points of the surface that the choice is made on, and as many others that it is scored on
-    #[arg(long, default_value_t = 2000)]
+    #[arg(long, default_value_t = 4000)]
     points: u32,
     #[command(flatten)]
     device: DeviceOptions,

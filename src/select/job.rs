@@ -37,8 +37,8 @@ const RAISES: u32 = 8;
 const MANY_VIEWS: usize = 200;
 const LIGHT_ITERATIONS: u32 = 300;
 const LIGHT_RESOLUTION: u32 = 32;
-/// Pools above this size are looked at in coarser directions.
-const MANY: usize = 2000;
+/// Directions around a point, along a side: more points tell more than more directions (docs/selection.md).
+const RESOLUTION: u32 = 12;
 /// What the sharpest photo is worth over the least sharp, as a part of the cost that falls to a photo on average: more cost
 /// than that no swap takes on for sharpness.
 const SHARPNESS_PART: f64 = 0.1;
@@ -151,7 +151,7 @@ impl Request {
             must: Vec::new(),
             never: Vec::new(),
             seed: 0,
-            points: 2000,
+            points: 4000,
             preset: Preset::Object,
             retraining: None,
         }
@@ -325,8 +325,7 @@ impl<'a> Prospect<'a> {
         let planning = start.elapsed().as_secs_f64();
 
         let start = Instant::now();
-        let resolution = if self.set.photos.len() > MANY { 12 } else { 16 };
-        let plain = Objective::new(&self.survey, resolution);
+        let plain = Objective::new(&self.survey, RESOLUTION);
         let (mut subset, costs) = match request.method {
             Method::Swap => self.swap(&pool, &plain, &planned, sharpness),
             method => (self.by(method, &pool, &planned)?, Vec::new()),
