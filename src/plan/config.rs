@@ -245,7 +245,7 @@ impl Config {
             lambda_bound: 10.0,
             lambda_scale: 0.2,
             nearest_tau: 0.02,
-            distance_weight: if preset == Preset::Object { 1.0 } else { 0.0 },
+            distance_weight: if preset == Preset::Object { 0.3 } else { 0.0 },
             rate_centre: 0.0065,
             rate_direction: 0.02,
             rate_scale: 0.005,
