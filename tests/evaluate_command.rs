@@ -124,8 +124,8 @@ fn a_method_that_trains_while_it_chooses_photographs_its_choices() {
     assert!(again.out.contains("products 0 made, 6 kept"), "{}", again.out);
 }
 
-/// If this failed, splats would be trained with the filter and looked at without, methods would choose by a model of another
-/// kind than all others, or what has nothing to do with training would be made again.
+/// If this failed, some of the splats that are compared, or that methods choose by, would be trained without the filter, the
+/// table would not say so, or what has nothing to do with training would be made again.
 #[test]
 fn the_filter_against_aliasing_is_of_all_training_and_of_nothing_else() {
     let place = place();

@@ -177,7 +177,8 @@ mod tests {
 
     use super::*;
 
-    /// If this failed, a method would take all of its candidates: no choice, and no better than random.
+    /// If this failed, a method that looks at a model would take all of its candidates, as good as at random, or another would have
+    /// fewer candidates than views.
     #[test]
     fn candidates_outnumber_views() {
         let of = |method, views| Request::new(method, None, &Config::new(Preset::Room, views)).unwrap().candidates;
