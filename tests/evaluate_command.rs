@@ -1,6 +1,7 @@
 //! `camsplat evaluate`: from a scene to tables, going on after a stop, and what it refuses.
 
 mod command;
+mod lpips_weights;
 
 use std::fs;
 
@@ -150,6 +151,45 @@ fn the_filter_against_aliasing_is_of_all_training_and_of_nothing_else() {
     assert!(!made.iter().any(|name| name.starts_with("surface-")), "{made:?}");
 }
 
+/// If this failed, LPIPS of VGG16 would stand beside other views than those that it is of, training would be done again for it, or it
+/// would be in tables that it was not asked for.
+#[test]
+fn lpips_of_vgg_is_measured_of_what_is_trained() {
+    let place = place();
+    // The network is slow on two cores.
+    let tiny = TINY.replace("random,ours", "ours").replace("--size 48", "--size 32").replace("--tests 2", "--tests 1");
+    place.done(&format!("{tiny} --out o"));
+    place.write("vgg.safetensors", lpips_weights::vgg());
+    let added = place.done(&format!("{tiny} --out o --lpips-vgg vgg.safetensors"));
+    assert!(added.out.contains("products 1 made, 6 kept"), "{}", added.out);
+    assert!(place.read("o/table.md").contains("## LPIPS of VGG16 (lower is better)"));
+    let results = results(&place, "o");
+    let (run, weights) = (&results["runs"][0], &results["lpips_vgg"]);
+    assert!(weights.is_u64(), "{weights}");
+    let [rendered, reference] =
+        ["test", "reference"].map(|of| format!("o/cube/{}/{of}", run["folder"].as_str().unwrap()));
+    place.done(&format!("metrics {rendered} {reference} --lpips vgg --lpips-vgg vgg.safetensors --json m.json"));
+    let metrics: Value = serde_json::from_str(&place.read("m.json")).unwrap();
+    let pairs = metrics["pairs"].as_array().unwrap();
+    for (set, quality) in ["half", "full", "random"].iter().zip(run["quality"].as_array().unwrap()) {
+        let pair = pairs.iter().find(|pair| pair["name"].as_str().unwrap().starts_with(set)).unwrap();
+        let [mine, theirs] = [&quality["lpips_vgg"], &pair["lpips_vgg"]].map(|distance| distance.as_f64().unwrap());
+        assert!((mine - theirs).abs() < 1e-9 && mine > 1e-3, "{set}: {mine}, not {theirs}");
+    }
+
+    let again = place.done(&format!("{tiny} --out o --lpips-vgg vgg.safetensors"));
+    assert!(again.out.contains("products 0 made, 7 kept"), "{}", again.out);
+    let folder = place.folders("o/cube").into_iter().find(|name| name.starts_with("lpips-")).unwrap();
+    place.write(&format!("o/cube/{folder}/lpips.json"), "{}");
+    let damaged = place.run(&format!("{tiny} --out o --lpips-vgg vgg.safetensors"));
+    assert_eq!(damaged.code, Some(2), "{}{}", damaged.out, damaged.err);
+    assert!(damaged.err.contains(&folder) && damaged.err.contains("remove the folder"), "{}", damaged.err);
+
+    // What is not asked for any more goes with the next tables.
+    place.done(&format!("{} --out o", tiny.replace("ours", "ours,fvs")));
+    assert!(!place.read("o/table.md").contains("VGG16") && !place.read("o/report.html").contains("VGG16"));
+}
+
 /// If this failed, manifold sampling would have no model in an evaluation, or not say how far its cameras went.
 #[test]
 fn manifold_sampling_takes_steps_in_proportion() {
@@ -170,7 +210,9 @@ fn bad_input_is_refused_and_nothing_is_written() {
     fs::create_dir_all(place.path("other")).unwrap();
     place.write("other/cube.gltf", place.read("cube.gltf"));
     place.write("table.md.gltf", place.read("cube.gltf"));
-    let cases: [(&str, &[&str]); 15] = [
+    let alex = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/lpips/alex_f16.safetensors");
+    fs::copy(alex, place.path("alex.safetensors")).unwrap();
+    let cases: [(&str, &[&str]); 17] = [
         ("evaluate cube.gltf --env sky.hdr --out o --methods random,nobodys", &["nobodys", "no such method", "ours"]),
         ("evaluate cube.gltf broken.glb --env sky.hdr --out o", &["broken.glb"]),
         ("evaluate none.glb --env sky.hdr --out o", &["none.glb", "there is no such file"]),
@@ -189,6 +231,11 @@ fn bad_input_is_refused_and_nothing_is_written() {
         (
             "evaluate cube.gltf --env sky.hdr --out o --methods ours:distance_weight=-1",
             &["method ours:distance_weight=-1: ", "is -1"],
+        ),
+        ("evaluate cube.gltf --env sky.hdr --out o --lpips-vgg none", &["none: ", "there is no such file"]),
+        (
+            "evaluate cube.gltf --env sky.hdr --out o --lpips-vgg alex.safetensors",
+            &["alex.safetensors: ", "weights of VGG16"],
         ),
         ("evaluate cube.gltf --env sky.hdr --out o --devices 0,,0", &["--devices", "an empty name"]),
         (

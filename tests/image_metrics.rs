@@ -1,6 +1,7 @@
 //! PSNR, SSIM and LPIPS against what other programs say, and every stage against its twin with the validation layers on.
 
 mod images;
+mod lpips_weights;
 #[path = "primitives_support/mod.rs"]
 mod support;
 
@@ -18,7 +19,7 @@ use camsplat::vulkan::{Buffer, Pipeline, Recorder};
 use camsplat::{Error, Result};
 use half::f16;
 use images::Image;
-use safetensors::{Dtype, serialize, tensor::TensorView};
+use lpips_weights::{file, vgg};
 use serde_json::Value;
 use support::{context, random, silent};
 
@@ -208,40 +209,7 @@ fn by_twins(weights: &Weights, a: &Rgb8, b: &Rgb8) -> Vec<f64> {
     distances
 }
 
-/// A safetensors file in f16 with every tensor of a network. `value` is told the tensor's name, the index of the value
-/// and how many values make one channel.
-fn file(network: Network, value: impl Fn(&str, usize, usize) -> f32) -> Vec<u8> {
-    let mut tensors = Vec::new();
-    let mut add = |name: String, shape: Vec<usize>| {
-        let (count, channel) = (shape.iter().product::<usize>(), shape[1..].iter().product());
-        let bytes = (0..count).flat_map(|i| f16::from_f32(value(&name, i, channel)).to_le_bytes()).collect::<Vec<u8>>();
-        tensors.push((name, shape, bytes));
-    };
-    for (i, Convolution { from, to, kernel, .. }) in network.convolutions().enumerate() {
-        add(format!("conv{i}.weight"), [to, from, kernel, kernel].map(|side| side as usize).to_vec());
-        add(format!("conv{i}.bias"), vec![to as usize]);
-    }
-    for (i, channels) in network.taps().enumerate() {
-        add(format!("lin{i}.weight"), vec![channels as usize]);
-    }
-    let views =
-        tensors.iter().map(|(name, shape, bytes)| (name, TensorView::new(Dtype::F16, shape.clone(), bytes).unwrap()));
-    serialize(views, None).unwrap()
-}
-
-/// VGG16 with weights of our own, which keep values at about the size that they have (He et al. 2015).
-static VGG: LazyLock<Weights> = LazyLock::new(|| {
-    let noise = values(8, 4099);
-    let bytes = file(Network::Vgg, |name, i, channel| {
-        let value = noise[i % noise.len()];
-        match name {
-            _ if name.starts_with("lin") => value.abs(),
-            _ if name.ends_with(".bias") => 0.05 * value,
-            _ => value * (6.0 / channel as f32).sqrt(),
-        }
-    });
-    Weights::parse(Path::new("vgg"), &bytes, Network::Vgg).unwrap()
-});
+static VGG: LazyLock<Weights> = LazyLock::new(|| Weights::parse(Path::new("vgg"), &vgg(), Network::Vgg).unwrap());
 
 /// If this failed, layers would be in the wrong order, buffers of one size be used for another, or a result depend on
 /// what was compared before.

@@ -24,6 +24,7 @@ fn run(iterations: u32, status: Status) -> TrainRecord {
         psnr: 17.0 + 10.4 * progress(i),
         ssim: 0.45 + 0.37 * progress(i),
         lpips: Some(0.55 - 0.38 * progress(i)),
+        lpips_vgg: None,
     };
     let curve = (1..=iterations / 100).map(|k| {
         let splats = (138_766.0 * 1.05f64.powi(k as i32 - 5).max(1.0)).min(1e6) as u32;
@@ -44,6 +45,7 @@ fn run(iterations: u32, status: Status) -> TrainRecord {
             psnr: 22.31 + 0.4 * f64::from(i),
             ssim: 0.7012 + 0.008 * f64::from(i),
             lpips: Some(0.31 - 0.009 * f64::from(i)),
+            lpips_vgg: None,
         },
     };
     let stages = "splat_backward 1.214|splat_forward 0.871|radix_sort 0.655|splat_update 0.602|ssim_backward 0.214|\
@@ -247,7 +249,7 @@ fn values_that_are_not_finite_do_not_break_the_page() {
     record.curve[3].loss = f64::NAN;
     record.curve[4].psnr = f64::INFINITY;
     record.curve[5].instances = f64::NAN;
-    record.evaluations[3].quality = Quality { psnr: f64::INFINITY, ssim: f64::NAN, lpips: None };
+    record.evaluations[3].quality = Quality { psnr: f64::INFINITY, ssim: f64::NAN, ..Quality::default() };
     record.test_views[0].quality.psnr = f64::INFINITY;
     record.stages[0].ms = f64::NAN;
     record.seconds = f64::NAN;

@@ -11,7 +11,7 @@ use glam::DVec3;
 use super::options::{DeviceOptions, print_messages, print_target};
 use super::plan::print_plan;
 use super::progress::{Progress, go_on, stop_on_interrupt};
-use crate::evaluate::results::{Interval, METRICS, Row};
+use crate::evaluate::results::{Interval, Row, measured};
 use crate::evaluate::scene::Scene;
 use crate::evaluate::tour::{self, Event, Size, Step};
 use crate::io::folder::{OutputFolder, check_folder, write_files};
@@ -114,7 +114,7 @@ fn photograph(context: &Arc<Context>, out: &Path) -> Result<bool> {
 
 fn print_scores(rows: &[Row]) {
     say!("\ntest views         {:>12} {:>12} {:>12} {:>12}", "half radius", "full radius", "random", "all");
-    for (metric, name) in METRICS.iter().enumerate() {
+    for (metric, name) in measured(rows) {
         for row in rows {
             let cell = |interval: &Option<_>| {
                 interval.map_or_else(|| "-".into(), |Interval { mean, .. }| format!("{mean:.3}"))

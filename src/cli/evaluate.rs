@@ -19,6 +19,7 @@ use crate::evaluate::subject::Subject;
 use crate::evaluate::table;
 use crate::io::environment::read_environment;
 use crate::io::folder::write_files;
+use crate::metrics::image::{Network, Weights};
 use crate::plan::config::Preset;
 use crate::{Error, Result, report};
 
@@ -79,12 +80,16 @@ pub struct Arguments {
     /// Iterations of training [default: 30000; quick: 300]
     #[arg(long)]
     iterations: Option<u32>,
-    /// Most splats [default: 1000000; quick: 5000]
+    /// Most splats [default: 1000000; quick: 2500]
     #[arg(long)]
     max_splats: Option<u32>,
     /// Train with Mip-Splatting's filter: views from farther away than the photos lose less
     #[arg(long)]
     antialiased: bool,
+    /// Measure LPIPS with VGG16 too, whose weights these are (safetensors); scripts/make_lpips_weights.py makes them. What is
+    /// trained already is not trained again for it
+    #[arg(long, value_name = "FILE")]
+    lpips_vgg: Option<PathBuf>,
     /// The protocol of the paper: the whole one, with every method of its tables, where peers choose from the outer sphere
     #[arg(long, conflicts_with_all = ["quick", "pool"])]
     paper: bool,
@@ -187,6 +192,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             "--devices: an empty name names no device; give numbers or names, as `camsplat devices` has them",
         ));
     }
+    let weights = arguments.lpips_vgg.as_deref().map(|file| Weights::read(file, Network::Vgg)).transpose()?;
     let mut notes = Vec::new();
     let subjects = arguments.subjects(&request, &mut notes)?;
     job::check(&arguments.out, &subjects)?;
@@ -205,7 +211,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let (mut made, mut kept) = (0, 0);
     let page = arguments.out.join("report.html");
     let mut written = None;
-    let outcome = job::run(&contexts, &request, &subjects, &arguments.out, &mut |event| {
+    let outcome = job::run(&contexts, &request, &subjects, &arguments.out, weights.as_ref(), &mut |event| {
         match event {
             job::Event::Product(Event::Begins(product)) => {
                 made += 1;

@@ -14,6 +14,7 @@ use serde_json::json;
 use super::bench::Bench;
 use super::choices::Choices;
 use super::kind::Kind;
+use super::perceptual;
 use super::pool::Pool;
 use super::request::{Method, Request, Settings};
 use super::results::{self, Entry, Row};
@@ -24,6 +25,7 @@ use super::table;
 use crate::gaussians::products::PICTURES;
 use crate::gaussians::record::TrainRecord;
 use crate::io::folder::{check_folder, write_files};
+use crate::metrics::image::Weights;
 use crate::parallel::{lock, on_a_share};
 use crate::vulkan::Context;
 use crate::{Error, Result};
@@ -93,8 +95,8 @@ pub fn check(folder: &Path, subjects: &[Subject]) -> Result<()> {
 }
 
 /// Runs what is asked for on all of the devices; whenever something was made for a run that is complete, tables of those that
-/// are go into `folder`. Products that are there are taken as they are. None where `hear` broke it off; the same call goes on
-/// from there. Tables do not depend on the number of devices where these are alike, but for the seconds that choices take.
+/// are go into `folder`. Products that are there are taken as they are. With the weights of a network, LPIPS is measured with it
+/// too. None where `hear` broke it off; the same call goes on from there. Tables do not depend on the number of devices where these are alike, but for the seconds that choices take.
 ///
 /// # Errors
 /// Where a stage fails; what is finished stays.
@@ -103,11 +105,16 @@ pub fn run(
     request: &Request,
     subjects: &[Subject],
     folder: &Path,
+    weights: Option<&Weights>,
     hear: Hear<'_>,
 ) -> Result<Option<Outcome>> {
+    if let Some(weights) = weights {
+        subjects.iter().try_for_each(|subject| perceptual::check(contexts, weights, subject, &request.settings))?;
+    }
     fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
     let names: Vec<&str> = subjects.iter().map(Subject::name).collect();
-    let asked = format!("{:#}\n", json!({ "scenes": names, "request": request }));
+    let asked = json!({ "scenes": names, "request": request, "lpips_vgg": weights.map(Weights::fingerprint) });
+    let asked = format!("{asked:#}\n");
     // Tables that are there go with what was asked for then, until they are written anew.
     if !folder.join(ASKED).is_file() {
         write_files(&[(&folder.join(ASKED), asked.as_bytes())])?;
@@ -115,6 +122,7 @@ pub fn run(
     let board = Board {
         request,
         folder,
+        weights,
         asked,
         all: subjects.len() * request.runs().count(),
         hear: Mutex::new(hear),
@@ -133,6 +141,8 @@ pub fn run(
 struct Board<'b> {
     request: &'b Request,
     folder: &'b Path,
+    /// Of the network that LPIPS is measured with beside AlexNet.
+    weights: Option<&'b Weights>,
     /// What is asked for, as it is written.
     asked: String,
     /// Runs in all.
@@ -176,7 +186,8 @@ impl Board<'_> {
         let Self { request, folder, .. } = self;
         let outcome = Outcome::new(request.kind, entries.iter().map(|(_, entry)| entry.clone()).collect(), self.all);
         let Outcome { rows, entries: runs, left, .. } = &outcome;
-        let written = json!({ "request": request, "rows": rows, "runs": runs, "left": left });
+        let vgg = self.weights.map(Weights::fingerprint);
+        let written = json!({ "request": request, "lpips_vgg": vgg, "rows": rows, "runs": runs, "left": left });
         write_files(&[
             (&folder.join(ASKED), self.asked.as_bytes()),
             (&folder.join("table.md"), table::markdown(request, rows, *left).as_bytes()),
@@ -207,9 +218,9 @@ impl Runs<'_, '_> {
         &self,
         (number, (method, views, seed)): (usize, (Method, u32, u64)),
         (places, seconds): (Vec<DVec3>, f64),
-        trained: &(Stage, TrainRecord),
+        (stage, record): &(Stage, TrainRecord),
     ) -> Result<()> {
-        let ((stage, record), sets) = (trained, self.board.request.kind.sets());
+        let sets = self.board.request.kind.sets();
         let pictures = results::first_pictures(record, sets);
         let shown = pictures.iter().flat_map(|picture| PICTURES.map(|of| format!("{of}/{picture}")));
         if let Some(lost) = shown.into_iter().find(|name| !stage.file(name).is_file()) {
@@ -238,6 +249,17 @@ impl Runs<'_, '_> {
         }
     }
 
+    /// Measures LPIPS with the network whose weights there are; false where it was broken off.
+    fn measured(
+        &self,
+        context: &Arc<Context>,
+        (stage, record): &mut (Stage, TrainRecord),
+        observe: Observe,
+    ) -> Result<bool> {
+        let Some(weights) = self.board.weights else { return Ok(true) };
+        perceptual::measure(context, weights, &self.folder, stage, record, observe)
+    }
+
     fn photographed(&self, context: &Arc<Context>, scene: &Scene, observe: Observe) -> Result<bool> {
         let request = self.board.request;
         let Settings { inputs, tests, .. } = request.settings;
@@ -261,7 +283,10 @@ impl Runs<'_, '_> {
             let Some(plan) = bench.choice(run, &shown, model, observe)? else { return Ok(false) };
             let cameras = bench.standing(&plan.cameras, observe);
             let Some(photos) = bench.photographs(&cameras, observe)? else { return Ok(false) };
-            let Some(trained) = bench.training(&photos, Some(&tests), seed, observe)? else { return Ok(false) };
+            let Some(mut trained) = bench.training(&photos, Some(&tests), seed, observe)? else { return Ok(false) };
+            if !self.measured(context, &mut trained, observe)? {
+                return Ok(false);
+            }
             let places = cameras.iter().map(|camera| camera.pose.position).collect();
             self.complete((number, run), (places, plan.seconds), &trained)?;
         }
@@ -284,7 +309,10 @@ impl Runs<'_, '_> {
             }
             let model = model.as_ref().filter(|_| method.needs_model());
             let Some(chosen) = choices.choice(run, model, observe)? else { return Ok(false) };
-            let Some(trained) = choices.training(&chosen, seed, observe)? else { return Ok(false) };
+            let Some(mut trained) = choices.training(&chosen, seed, observe)? else { return Ok(false) };
+            if !self.measured(context, &mut trained, observe)? {
+                return Ok(false);
+            }
             self.complete((number, run), (choices.places(&chosen), chosen.seconds), &trained)?;
         }
         Ok(true)
@@ -359,7 +387,7 @@ mod tests {
     use crate::gaussians::record::Quality;
 
     fn entry(method: Method) -> Entry {
-        let quality = vec![Quality { psnr: 20.0, ssim: 0.5, lpips: None }; 3];
+        let quality = vec![Quality { psnr: 20.0, ssim: 0.5, ..Quality::default() }; 3];
         let (folder, pictures, places) = (String::new(), Vec::new(), Vec::new());
         Entry { scene: "s".into(), method, views: 4, seed: 0, seconds: 0.1, quality, folder, pictures, places }
     }
@@ -380,6 +408,7 @@ mod tests {
         let board = Board {
             request: &request,
             folder: folder.path(),
+            weights: None,
             asked: "{}".into(),
             all: 2,
             hear: Mutex::new(&mut hear),

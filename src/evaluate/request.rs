@@ -200,7 +200,7 @@ impl Settings {
         inputs: 10,
         tests: 12,
         iterations: 300,
-        max_splats: 5000,
+        max_splats: 2500,
         shown: Shown::Proxy,
         shrink: 8,
         peers_from: PeersFrom::Region,

@@ -42,7 +42,7 @@ pub struct Interval {
 }
 
 /// What is measured, in the order of [`Row::measured`].
-pub const METRICS: [&str; 3] = ["PSNR", "SSIM", "LPIPS"];
+pub const METRICS: [&str; 4] = ["PSNR", "SSIM", "LPIPS", "LPIPS of VGG16"];
 
 /// A row of the table: all seeds of a method at a budget on a scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -58,7 +58,7 @@ pub struct Row {
     /// Seconds of the choice.
     pub seconds: Interval,
     /// [`METRICS`] by [`Kind::columns`](super::kind::Kind::columns); none where one was not measured.
-    pub measured: [Vec<Option<Interval>>; 3],
+    pub measured: [Vec<Option<Interval>>; METRICS.len()],
 }
 
 /// Views of each set of tests, by the beginnings of their names; of one set alone all are.
@@ -82,6 +82,13 @@ pub fn first_pictures(record: &TrainRecord, sets: &[&str]) -> Vec<String> {
     };
     let first = |views: Vec<&TestView>| views.into_iter().min_by(|a, b| a.name.cmp(&b.name)).map(picture);
     of_sets(record, sets).into_iter().map(|views| first(views).unwrap_or_default()).collect()
+}
+
+/// Number and name of the metrics that tables have: of VGG16, which has to be asked for, only where some row has it.
+pub fn measured<'r>(rows: impl IntoIterator<Item = &'r Row> + Clone) -> impl Iterator<Item = (usize, &'static str)> {
+    const ALWAYS: usize = METRICS.len() - 1;
+    let of = move |metric: usize| rows.clone().into_iter().any(|row| row.measured[metric].iter().any(Option::is_some));
+    (0..METRICS.len()).filter(move |metric| *metric < ALWAYS || of(*metric)).map(|metric| (metric, METRICS[metric]))
 }
 
 /// A row for each scene, method and budget, in the order in which they come first.
@@ -120,7 +127,7 @@ fn row(group: &[&Entry]) -> Row {
         views: first.views,
         seeds: group.len(),
         seconds: interval(&group.iter().map(|entry| entry.seconds).collect::<Vec<_>>()),
-        measured: [metric(|q| Some(q.psnr)), metric(|q| Some(q.ssim)), metric(|q| q.lpips)],
+        measured: [metric(|q| Some(q.psnr)), metric(|q| Some(q.ssim)), metric(|q| q.lpips), metric(|q| q.lpips_vgg)],
     }
 }
 
@@ -176,7 +183,9 @@ mod tests {
             views,
             seed,
             seconds: 0.5,
-            quality: [0.0, 3.0, 6.0].map(|more| Quality { psnr: psnr + more, ssim: 0.5, lpips: None }).to_vec(),
+            quality: [0.0, 3.0, 6.0]
+                .map(|more| Quality { psnr: psnr + more, ssim: 0.5, ..Quality::default() })
+                .to_vec(),
             folder: String::new(),
             pictures: Vec::new(),
             places: Vec::new(),
@@ -194,6 +203,7 @@ mod tests {
         assert_eq!(told(&rows[1]), (Method::WithoutVds, 20, 1, vec![10.0, 13.0, 16.0, 13.0]));
         assert_eq!((rows.len(), rows[2].views), (3, 40));
         assert_eq!(rows[0].measured[2], [None; 4]);
+        assert_eq!(measured(&rows).collect::<Vec<_>>(), [(0, "PSNR"), (1, "SSIM"), (2, "LPIPS")]);
         let one = |entry: &Entry| Entry { quality: entry.quality[..1].to_vec(), ..entry.clone() };
         assert_eq!(means(&super::rows(&[one(&entries[0]), one(&entries[2])])[0]), [21.0], "one set is the whole");
         assert!((rows[0].measured[0][0].unwrap().half.unwrap() - 12.706).abs() < 1e-9);

@@ -4,10 +4,10 @@ use std::fmt::Write;
 
 use super::kind::Kind;
 use super::request::{PeersFrom, Request, Shown};
-use super::results::{Interval, METRICS, Row};
+use super::results::{Interval, METRICS, Row, measured};
 
 /// Decimals of each metric.
-pub const DECIMALS: [usize; 3] = [2, 4, 4];
+pub const DECIMALS: [usize; METRICS.len()] = [2, 4, 4, 4];
 
 /// What the numbers are of. `left` runs are still to come.
 pub fn description(request: &Request, left: usize) -> String {
@@ -32,15 +32,15 @@ pub fn description(request: &Request, left: usize) -> String {
 pub fn markdown(request: &Request, rows: &[Row], left: usize) -> String {
     let mut text = description(request, left) + "\n";
     let columns = request.kind.columns();
-    for (metric, name) in METRICS.iter().enumerate() {
-        let arrow = if *name == "LPIPS" { "lower is better" } else { "higher is better" };
+    for (metric, name) in measured(rows) {
+        let arrow = if name.starts_with("LPIPS") { "lower is better" } else { "higher is better" };
         let _ = write!(text, "\n## {name} ({arrow})\n\n| scene | method | views |");
         columns.iter().for_each(|column| text += &format!(" {column} |"));
         let _ = writeln!(text, " choice, s |\n|{}", "---|".repeat(columns.len() + 4));
         for row in rows {
             let _ = write!(text, "| {} | {} | {} |", row.scene.replace('|', "\\|"), row.method, row.views);
-            for measured in &row.measured[metric] {
-                let cell = measured.map_or_else(|| "–".into(), |interval| cell(interval, DECIMALS[metric]));
+            for mean in &row.measured[metric] {
+                let cell = mean.map_or_else(|| "–".into(), |interval| cell(interval, DECIMALS[metric]));
                 let _ = write!(text, " {cell} |");
             }
             let _ = writeln!(text, " {} |", cell(row.seconds, 2));
@@ -90,9 +90,9 @@ pub fn csv(kind: Kind, rows: &[Row]) -> String {
             let half = interval.and_then(|interval| interval.half).map_or_else(String::new, |half| half.to_string());
             let _ = writeln!(text, "{scene},{},{},{},{set},{metric},{mean},{half}", row.method, row.views, row.seeds);
         };
-        for (metric, measured) in METRICS.iter().zip(&row.measured) {
-            for (set, measured) in columns.iter().zip(measured) {
-                line(set, metric, *measured);
+        for (metric, name) in measured(rows) {
+            for (set, mean) in columns.iter().zip(&row.measured[metric]) {
+                line(set, name, *mean);
             }
         }
         line("", "choice_seconds", Some(row.seconds));
@@ -125,6 +125,7 @@ mod tests {
                 vec![of(20.0, Some(0.5)), of(21.0, Some(0.25)), of(19.0, None), of(20.0, Some(0.3))],
                 vec![of(0.81, Some(0.01)); 4],
                 vec![None; 4],
+                vec![None; 4],
             ],
         }
     }
@@ -143,6 +144,7 @@ mod tests {
         let line = "| cup, \"red\" | ours-no-vds | 20 | 20.00 ± 0.50 | 21.00 ± 0.25 | 19.00 | 20.00 ± 0.30 | 1.50 |";
         assert!(text.contains(line), "{text}");
         assert!(text.contains("| 20 | – | – | – | – | 1.50 |") && text.contains("10 input photos"), "{text}");
+        assert!(!text.contains("VGG16"), "{text}");
         let csv = super::csv(Kind::Object, &[row()]);
         let lines: Vec<&str> = csv.lines().collect();
         assert_eq!(lines.len(), 1 + 3 * 4 + 1);

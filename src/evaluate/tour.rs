@@ -46,6 +46,7 @@ impl Size {
             inputs: 20,
             tests: 8,
             iterations: 300,
+            max_splats: 5000,
             ..Settings::QUICK
         },
         views: 20,

@@ -213,7 +213,7 @@ mod tests {
         let mut config = Config::new(100, 8);
         config.degree = 0;
         let values = planes(0) * 3;
-        let quality = Quality { psnr: f64::INFINITY, ssim: 1.0, lpips: None };
+        let quality = Quality { psnr: f64::INFINITY, ssim: 1.0, ..Quality::default() };
         let plane = |k: usize| (0..values).map(|i| (i * (k + 1)) as f32 * 0.1).collect();
         Checkpoint {
             header: Header {

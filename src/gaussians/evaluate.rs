@@ -186,13 +186,17 @@ fn compared(pair: &Pair) -> Result<Quality> {
     let (rendered, reference) = (pair.of(&pair.rendered)?, pair.of(&pair.reference)?);
     let same = if pair.rendered == pair.reference { 1.0 } else { 0.0 };
     let ssim = if pair.width.min(pair.height) < SSIM_WINDOW { same } else { ssim(&rendered, &reference)? };
-    Ok(Quality { psnr: psnr(&rendered, &reference)?, ssim, lpips: None })
+    Ok(Quality { psnr: psnr(&rendered, &reference)?, ssim, ..Quality::default() })
 }
 
 /// Means over test views; a LPIPS that one lacks has no mean.
 pub fn mean(views: &[TestView]) -> Quality {
     let n = views.len().max(1) as f64;
     let of = |value: fn(&Quality) -> f64| views.iter().map(|view| value(&view.quality)).sum::<f64>() / n;
-    let lpips = views.iter().map(|view| view.quality.lpips).sum::<Option<f64>>().map(|sum| sum / n);
-    Quality { psnr: of(|q| q.psnr), ssim: of(|q| q.ssim), lpips: lpips.filter(|_| !views.is_empty()) }
+    let every = |value: fn(&Quality) -> Option<f64>| {
+        let sum = views.iter().map(|view| value(&view.quality)).sum::<Option<f64>>();
+        sum.filter(|_| !views.is_empty()).map(|sum| sum / n)
+    };
+    let (lpips, lpips_vgg) = (every(|q| q.lpips), every(|q| q.lpips_vgg));
+    Quality { psnr: of(|q| q.psnr), ssim: of(|q| q.ssim), lpips, lpips_vgg }
 }

@@ -22,8 +22,8 @@ pub const REPORT: &str = "report.html";
 /// Folders of the test views: as they are rendered, and the photos as they are compared with.
 pub const PICTURES: [&str; 2] = ["test", "reference"];
 
-/// File names of the pictures of photos with these names: without the folders that all have in common, and numbered where
-/// two would be the same.
+/// File names of the pictures of photos with these names, whatever their order: without the folders that all have in common,
+/// and where two would be the same, with the photos' places in the order of names.
 pub fn picture_names(names: &[String]) -> Vec<PathBuf> {
     let paths: Vec<PathBuf> = names.iter().map(|name| picture::stem(name).unwrap_or_default().into()).collect();
     let folder = |path: &PathBuf| path.parent().map(Path::to_path_buf).unwrap_or_default();
@@ -42,7 +42,8 @@ pub fn picture_names(names: &[String]) -> Vec<PathBuf> {
     if different.len() == plain.len() {
         return plain;
     }
-    short.iter().enumerate().map(|(i, path)| named(path, format!("{i}_"))).collect()
+    let place = |name: &String| names.iter().filter(|other| *other < name).count();
+    short.iter().zip(names).map(|(path, name)| named(path, format!("{}_", place(name)))).collect()
 }
 
 /// Refuses a run that would replace what it reads: whose folder is the capture's own, or one of whose files is a photo or mask.
@@ -125,7 +126,8 @@ mod tests {
         assert_eq!(names(&["test/r_0.png", "test/r_1.jpg"]), ["r_0.png", "r_1.png"]);
         assert_eq!(names(&["a/0/x.png", "a/1/x.png"]), ["0/x.png", "1/x.png"]);
         assert_eq!(names(&["/home/me/x.jpg", "../y.jpg"]), ["home/me/x.png", "y.png"]);
-        assert_eq!(names(&["0.png", "0.PNG", "1.jpg"]), ["0_0.png", "1_0.png", "2_1.png"]);
+        assert_eq!(names(&["0.PNG", "0.png", "1.jpg"]), ["0_0.png", "1_0.png", "2_1.png"]);
+        assert_eq!(names(&["1.jpg", "0.png", "0.PNG"]), ["2_1.png", "1_0.png", "0_0.png"]);
         assert_eq!(names(&["only/one.png"]), ["one.png"]);
         assert!(names(&[]).is_empty());
     }

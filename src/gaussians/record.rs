@@ -62,6 +62,9 @@ pub struct Quality {
     pub ssim: f64,
     /// LPIPS with AlexNet; absent where it was not measured.
     pub lpips: Option<f64>,
+    /// LPIPS with VGG16, which `camsplat evaluate --lpips-vgg` measures; absent elsewhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lpips_vgg: Option<f64>,
 }
 
 /// A number, or infinity for `null`.

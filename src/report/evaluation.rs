@@ -9,7 +9,7 @@ use glam::DVec3;
 use super::text::{address, escape, number};
 use crate::evaluate::job::Outcome;
 use crate::evaluate::request::Request;
-use crate::evaluate::results::{Entry, Interval, METRICS, Row};
+use crate::evaluate::results::{Entry, Interval, Row, measured};
 use crate::evaluate::table::{DECIMALS, cell, description};
 
 /// Size of a chart, its margin, and what names of methods take beside it, in CSS pixels.
@@ -39,10 +39,10 @@ pub fn html(request: &Request, outcome: &Outcome) -> String {
     for scene in in_order(rows.iter().map(|row| row.scene.as_str())) {
         let rows: Vec<&Row> = rows.iter().filter(|row| row.scene == scene).collect();
         let _ = writeln!(page, "<h2>{}</h2>", escape(scene));
-        for (metric, name) in METRICS.iter().enumerate() {
+        for (metric, name) in measured(rows.iter().copied()) {
             page += &table(&rows, metric, name, &columns);
         }
-        for (metric, name) in METRICS.iter().enumerate() {
+        for (metric, name) in measured(rows.iter().copied()) {
             page += &match in_order(rows.iter().map(|row| row.views))[..] {
                 [_] => intervals(&rows, metric, name),
                 _ => curves(&rows, metric, name),
@@ -244,7 +244,7 @@ mod tests {
             views,
             seed: 0,
             seconds: 0.1,
-            quality: vec![Quality { psnr: 20.0 + f64::from(views), ssim: 0.5, lpips: None }; 3],
+            quality: vec![Quality { psnr: 20.0 + f64::from(views), ssim: 0.5, ..Quality::default() }; 3],
             folder: format!("training-{views}"),
             pictures: ["half", "full", "random"].map(|set| format!("{set}_0000.png")).to_vec(),
             places: vec![DVec3::ZERO, DVec3::new(2.0, 1.0, 0.0)],

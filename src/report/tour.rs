@@ -9,7 +9,7 @@ use super::evaluation::{STYLE, pictures, table};
 use super::folder;
 use super::text::{address, escape};
 use crate::Result;
-use crate::evaluate::results::METRICS;
+use crate::evaluate::results::measured;
 use crate::evaluate::tour::{Step, Tour};
 use crate::io::folder::{OutputFolder, write_files};
 
@@ -57,7 +57,7 @@ fn html(tour: &Tour, plans: &[(&str, &str)]) -> String {
     );
     let rows: Vec<_> = tour.outcome.rows.iter().collect();
     let (columns, sets) = (tour.outcome.kind.columns(), tour.outcome.kind.sets());
-    METRICS.iter().enumerate().for_each(|(metric, name)| page += &table(&rows, metric, name, &columns));
+    measured(&tour.outcome.rows).for_each(|(metric, name)| page += &table(&rows, metric, name, &columns));
     page += &pictures(&tour.name, &tour.outcome.entries.iter().collect::<Vec<_>>(), sets);
     page += "<h2>Other plans</h2>\n<ul>\n";
     for (folder, of) in plans {

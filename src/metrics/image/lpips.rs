@@ -78,6 +78,14 @@ impl Lpips {
         self.network
     }
 
+    /// Refuses pictures that are too small for the network or too large for the device.
+    ///
+    /// # Errors
+    /// As for [`Lpips::distance`].
+    pub fn check(context: &Context, network: Network, width: u32, height: u32) -> Result<()> {
+        Needs::new(context, network, Size { channels: 3, width, height }).map(|_| ())
+    }
+
     /// The distance of two pictures: 0 where they are the same, about 1 where they have nothing in common.
     ///
     /// # Errors
@@ -147,8 +155,17 @@ impl Lpips {
     }
 }
 
-impl Room {
-    fn new(context: &Arc<Context>, network: Network, size: Size) -> Result<Self> {
+/// What comparing pictures of one size takes.
+struct Needs {
+    sizes: Vec<Size>,
+    /// Bytes of the largest layer.
+    largest: u64,
+    /// Pixels of the largest layer that is compared.
+    pixels: u32,
+}
+
+impl Needs {
+    fn new(context: &Context, network: Network, size: Size) -> Result<Self> {
         let Size { width, height, .. } = size;
         let sizes = network.sizes(width, height).ok_or_else(|| {
             let (name, least) = (network.name(), network.least());
@@ -177,6 +194,13 @@ impl Room {
         if all > free {
             return refuse("what is kept of both", all, free);
         }
+        Ok(Self { sizes, largest, pixels })
+    }
+}
+
+impl Room {
+    fn new(context: &Arc<Context>, network: Network, size: Size) -> Result<Self> {
+        let Needs { sizes, largest, pixels } = Needs::new(context, network, size)?;
         let features = |name| Buffer::device(context, name, largest);
         Ok(Self {
             features: [

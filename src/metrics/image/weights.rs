@@ -108,6 +108,14 @@ impl Weights {
         self.network
     }
 
+    /// CRC-32 of all values.
+    pub fn fingerprint(&self) -> u32 {
+        let of_layers = self.layers.iter().flat_map(|layer| [&layer.weights, &layer.biases]);
+        let mut crc = crc32fast::Hasher::new();
+        of_layers.chain(&self.linear).for_each(|values| crc.update(bytemuck::cast_slice(values)));
+        crc.finalize()
+    }
+
     /// Its convolutions in order.
     pub fn layers(&self) -> &[Layer] {
         &self.layers
