@@ -190,6 +190,27 @@ fn lpips_of_vgg_is_measured_of_what_is_trained() {
     assert!(!place.read("o/table.md").contains("VGG16") && !place.read("o/report.html").contains("VGG16"));
 }
 
+/// If this failed, input photos would be taken from all around whatever was asked for, or the table would not say where from.
+#[test]
+fn inputs_can_be_taken_from_one_side() {
+    let place = place();
+    place.done(&format!("{} --inputs-from biased --out o", TINY.replace("random,ours", "random")));
+    assert!(place.read("o/table.md").contains("8 input photos from one side"), "{}", place.read("o/table.md"));
+    let inputs = place.files("o/cube").into_iter().find(|name| name.ends_with("images/input_0000.png")).unwrap();
+    let cameras = format!("o/cube/{}/transforms.json", inputs.split('/').next().unwrap());
+    let cameras: Value = serde_json::from_str(&place.read(&cameras)).unwrap();
+    let places = cameras["frames"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|frame| [0, 1, 2].map(|axis| frame["transform_matrix"][axis][3].as_f64().unwrap()));
+    let places: Vec<[f64; 3]> = places.collect();
+    let far = places.iter().map(|place| place.iter().map(|x| x * x).sum::<f64>().sqrt()).sum::<f64>();
+    let sum = [0, 1, 2].map(|axis| places.iter().map(|place| place[axis]).sum::<f64>());
+    let sum = sum.iter().map(|x| x * x).sum::<f64>().sqrt();
+    assert!(places.len() == 8 && sum > 0.55 * far, "{places:?}");
+}
+
 /// If this failed, manifold sampling would have no model in an evaluation, or not say how far its cameras went.
 #[test]
 fn manifold_sampling_takes_steps_in_proportion() {
@@ -212,7 +233,7 @@ fn bad_input_is_refused_and_nothing_is_written() {
     place.write("table.md.gltf", place.read("cube.gltf"));
     let alex = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/lpips/alex_f16.safetensors");
     fs::copy(alex, place.path("alex.safetensors")).unwrap();
-    let cases: [(&str, &[&str]); 17] = [
+    let cases: [(&str, &[&str]); 18] = [
         ("evaluate cube.gltf --env sky.hdr --out o --methods random,nobodys", &["nobodys", "no such method", "ours"]),
         ("evaluate cube.gltf broken.glb --env sky.hdr --out o", &["broken.glb"]),
         ("evaluate none.glb --env sky.hdr --out o", &["none.glb", "there is no such file"]),
@@ -238,6 +259,10 @@ fn bad_input_is_refused_and_nothing_is_written() {
             &["alex.safetensors: ", "weights of VGG16"],
         ),
         ("evaluate cube.gltf --env sky.hdr --out o --devices 0,,0", &["--devices", "an empty name"]),
+        (
+            "evaluate cube.gltf --env sky.hdr --out o --preset room --inputs-from random --methods random",
+            &["--inputs-from", "objects"],
+        ),
         (
             "evaluate cube.gltf --env sky.hdr --out o --preset room --peers-from sphere --methods random",
             &["--peers-from sphere", "objects"],

@@ -11,7 +11,7 @@ use super::progress::{go_on, stop_on_interrupt};
 use crate::evaluate::job;
 use crate::evaluate::kind::Kind;
 use crate::evaluate::pool::Pool;
-use crate::evaluate::request::{Method, PeersFrom, Request, Settings, Shown};
+use crate::evaluate::request::{InputsFrom, Method, PeersFrom, Request, Settings, Shown};
 use crate::evaluate::results::Entry;
 use crate::evaluate::scene::Scene;
 use crate::evaluate::stage::Event;
@@ -71,6 +71,9 @@ pub struct Arguments {
     /// cover choose by [default: 10; rooms 30]
     #[arg(long)]
     inputs: Option<u32>,
+    /// Where around an object these are taken from [default: uniform]
+    #[arg(long, value_enum)]
+    inputs_from: Option<InputsFrom>,
     /// Test views of each set: three of objects, one of rooms [default: 200; quick: 12]
     #[arg(long)]
     tests: Option<u32>,
@@ -153,6 +156,7 @@ impl Arguments {
                 samples: self.spp.unwrap_or(of.samples),
                 test_samples: self.test_spp.or(self.spp).unwrap_or(of.test_samples),
                 inputs: self.inputs.unwrap_or(if kind == Kind::Room { 30 } else { of.inputs }),
+                inputs_from: self.inputs_from.unwrap_or(of.inputs_from),
                 tests: self.tests.unwrap_or(of.tests),
                 iterations: self.iterations.unwrap_or(of.iterations),
                 max_splats: self.max_splats.unwrap_or(of.max_splats),

@@ -16,7 +16,7 @@ use super::choices::Choices;
 use super::kind::Kind;
 use super::perceptual;
 use super::pool::Pool;
-use super::request::{Method, Request, Settings};
+use super::request::{Method, Request};
 use super::results::{self, Entry, Row};
 use super::scene::Scene;
 use super::stage::{self, Observe, Stage};
@@ -262,10 +262,9 @@ impl Runs<'_, '_> {
 
     fn photographed(&self, context: &Arc<Context>, scene: &Scene, observe: Observe) -> Result<bool> {
         let request = self.board.request;
-        let Settings { inputs, tests, .. } = request.settings;
         let intrinsics = request.settings.intrinsics();
-        let inputs = scene.inputs(context, intrinsics, inputs)?;
-        let tests = scene.tests(intrinsics, tests)?;
+        let inputs = scene.inputs(context, &request.settings)?;
+        let tests = scene.tests(intrinsics, request.settings.tests)?;
         let bench = Bench::new(context, &self.folder, request, scene)?;
         let Some(inputs) = bench.photographs(&inputs, observe)? else { return Ok(false) };
         let Some(shown) = bench.shown(&inputs, observe)? else { return Ok(false) };
@@ -384,6 +383,7 @@ fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evaluate::request::Settings;
     use crate::gaussians::record::Quality;
 
     fn entry(method: Method) -> Entry {

@@ -150,6 +150,18 @@ pub enum PeersFrom {
     Sphere,
 }
 
+/// How the places of an object's input photos are chosen, which people choose in their own ways.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum InputsFrom {
+    /// From all around, evenly
+    Uniform,
+    /// From all around, at random
+    Random,
+    /// Evenly from one side, a third of the sphere
+    Biased,
+}
+
 /// The size of everything.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Settings {
@@ -161,6 +173,8 @@ pub struct Settings {
     pub test_samples: u32,
     /// Input photos: what methods are shown is made from them.
     pub inputs: u32,
+    /// Where they are taken from.
+    pub inputs_from: InputsFrom,
     /// Views of each set of tests.
     pub tests: u32,
     /// Iterations of training.
@@ -184,6 +198,7 @@ impl Settings {
         samples: 256,
         test_samples: 256,
         inputs: 10,
+        inputs_from: InputsFrom::Uniform,
         tests: 200,
         iterations: 30_000,
         max_splats: 1_000_000,
@@ -198,6 +213,7 @@ impl Settings {
         samples: 8,
         test_samples: 8,
         inputs: 10,
+        inputs_from: InputsFrom::Uniform,
         tests: 12,
         iterations: 300,
         max_splats: 2500,
@@ -250,6 +266,11 @@ impl Request {
             let config = method.config(kind.preset(), budgets.first().copied().unwrap_or(1).max(1), 0)?;
             // What is told is an option of `camsplat plan`, which is a key here.
             config.validate().map_err(|error| Error::request(format!("method {method}: {error}")))?;
+        }
+        if settings.inputs_from != InputsFrom::Uniform && *kind != Kind::Object {
+            return Err(Error::request(
+                "--inputs-from: only around objects can inputs be placed otherwise; leave it out",
+            ));
         }
         if settings.peers_from == PeersFrom::Sphere && *kind != Kind::Object {
             return Err(Error::request("--peers-from sphere: only around objects is there a sphere; leave it out"));

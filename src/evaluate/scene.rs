@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::request::Settings;
 use super::room::EmptySpace;
 use super::views;
 use crate::io;
@@ -98,9 +99,10 @@ impl Scene {
     ///
     /// # Errors
     /// Where the device fails.
-    pub fn inputs(&self, context: &Arc<Context>, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
+    pub fn inputs(&self, context: &Arc<Context>, settings: &Settings) -> Result<Vec<Camera>> {
+        let (intrinsics, count) = (settings.intrinsics(), settings.inputs);
         match &self.views {
-            Around::Object(_) => views::inputs(&self.region, intrinsics, count),
+            Around::Object(_) => views::inputs(&self.region, intrinsics, settings.inputs_from, count),
             Around::Room(space) => space.inputs(context, intrinsics, count),
         }
     }

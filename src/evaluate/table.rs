@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::kind::Kind;
-use super::request::{PeersFrom, Request, Shown};
+use super::request::{InputsFrom, PeersFrom, Request, Shown};
 use super::results::{Interval, METRICS, Row, measured};
 
 /// Decimals of each metric.
@@ -59,9 +59,16 @@ fn conditions(request: &Request) -> String {
             settings.inputs, settings.shrink
         );
     }
+    let inputs = match settings.inputs_from {
+        InputsFrom::Uniform => format!("{} input photos", settings.inputs),
+        InputsFrom::Random => {
+            format!("{} input photos from places at random (`--inputs-from random`)", settings.inputs)
+        }
+        InputsFrom::Biased => format!("{} input photos from one side (`--inputs-from biased`)", settings.inputs),
+    };
     let shown = match settings.shown {
-        Shown::Proxy => format!("a surface made from {} input photos", settings.inputs),
-        Shown::True => format!("the scene's own mesh (`--surface true`), scored from {} input photos", settings.inputs),
+        Shown::Proxy => format!("a surface made from {inputs}"),
+        Shown::True => format!("the scene's own mesh (`--surface true`), scored from {inputs}"),
     };
     let peers = match settings.peers_from {
         PeersFrom::Sphere if request.kind == Kind::Object => {

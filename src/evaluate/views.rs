@@ -3,26 +3,50 @@
 use glam::DVec3;
 
 use super::kind::Kind;
+use super::request::InputsFrom;
 use crate::Result;
 use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::random;
 use crate::scene::region::Region;
 
-/// Seed and streams of the test views, which are the same in all runs.
+/// Seed, and streams of the test views, which are the same in all runs.
 const SEED: u64 = 0x7465_7374;
 const STREAMS: [u32; 3] = [1, 2, 3];
+/// Stream of input views at random.
+const INPUTS: u32 = 5;
 /// Part of the surface's points that a test view of random orientation has in its picture.
 const VISIBLE: f64 = 0.5;
 /// Draws of a random test view; the next one looks at the centre.
 const DRAWS: u32 = 10_000;
 
-/// Input cameras on Fibonacci points in the middle of the region.
+/// Input cameras in the middle of the region, looking in: on Fibonacci points of its sphere, at random, or on those of three times
+/// as many Fibonacci points that are farthest to one side.
 ///
 /// # Errors
 /// Where the region is no shell.
-pub fn inputs(region: &Region, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
-    let poses = baselines::fibonacci_shell(region, count as usize)?;
+pub fn inputs(region: &Region, intrinsics: Intrinsics, from: InputsFrom, count: u32) -> Result<Vec<Camera>> {
+    let even = baselines::fibonacci_shell(region, count as usize)?;
+    let poses = match from {
+        InputsFrom::Uniform => even,
+        InputsFrom::Biased => {
+            let mut poses = baselines::fibonacci_shell(region, 3 * count as usize)?;
+            let side = region.up.any_orthonormal_vector();
+            let aside = |pose: &Pose| pose.forward().dot(side);
+            poses.sort_by(|a, b| aside(a).total_cmp(&aside(b)));
+            poses.truncate(count as usize);
+            poses
+        }
+        InputsFrom::Random => {
+            let (centre, _) = region.bounding_sphere();
+            let anywhere = |(i, pose): (u32, &Pose)| {
+                let [u, v, ..] = random::uniforms(SEED, INPUTS, i);
+                let out = random::direction(u, v);
+                Pose::looking(centre + pose.position.distance(centre) * out, -out, region.up)
+            };
+            (0..).zip(&even).map(anywhere).collect()
+        }
+    };
     Ok(poses.iter().enumerate().map(|(i, pose)| camera(format!("input_{i:04}"), *pose, intrinsics)).collect())
 }
 
@@ -76,6 +100,31 @@ pub fn camera(name: String, pose: Pose, intrinsics: Intrinsics) -> Camera {
 mod tests {
     use super::*;
     use crate::evaluate::request::Settings;
+
+    /// If this failed, photos from one side would be from all around, or those at random even.
+    #[test]
+    fn inputs_stand_where_they_should() {
+        let region = Region::around_object((DVec3::ONE, 0.5), 25f64.to_radians(), DVec3::Y, None).unwrap();
+        let places = |from| -> Vec<DVec3> {
+            let cameras = inputs(&region, Settings::QUICK.intrinsics(), from, 20).unwrap();
+            cameras.iter().map(|camera| camera.pose.position - DVec3::ONE).collect()
+        };
+        let (even, random, side) =
+            (places(InputsFrom::Uniform), places(InputsFrom::Random), places(InputsFrom::Biased));
+        let middle = even[0].length();
+        assert!([&even, &random, &side].iter().all(|places| places.len() == 20));
+        assert!(even.iter().chain(&random).chain(&side).all(|place| (place.length() - middle).abs() < 1e-9));
+        let mean = |places: &[DVec3]| places.iter().sum::<DVec3>() / (20.0 * middle);
+        let least = |places: &[DVec3]| {
+            let apart = |i: usize| (0..i).map(move |j| places[i].angle_between(places[j]));
+            (1..20).flat_map(apart).fold(f64::INFINITY, f64::min)
+        };
+        // Of a third of the sphere the mean is two thirds of the radius from the centre.
+        let towards = mean(&side);
+        assert!(mean(&even).length() < 0.05 && (towards.length() - 2.0 / 3.0).abs() < 0.05, "{towards}");
+        assert!(towards.y.abs() < 0.1, "from above or below: {towards}");
+        assert!(mean(&random).length() < 0.5 && least(&random) < 0.5 * least(&even), "{}", least(&random));
+    }
 
     /// If this failed, tests would be of views that show nothing, or of other distances than the table says.
     #[test]
