@@ -233,7 +233,8 @@ fn bad_input_is_refused_and_nothing_is_written() {
     place.write("table.md.gltf", place.read("cube.gltf"));
     let alex = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/lpips/alex_f16.safetensors");
     fs::copy(alex, place.path("alex.safetensors")).unwrap();
-    let cases: [(&str, &[&str]); 18] = [
+    place.write("vgg.safetensors", lpips_weights::vgg());
+    let cases: [(&str, &[&str]); 19] = [
         ("evaluate cube.gltf --env sky.hdr --out o --methods random,nobodys", &["nobodys", "no such method", "ours"]),
         ("evaluate cube.gltf broken.glb --env sky.hdr --out o", &["broken.glb"]),
         ("evaluate none.glb --env sky.hdr --out o", &["none.glb", "there is no such file"]),
@@ -257,6 +258,11 @@ fn bad_input_is_refused_and_nothing_is_written() {
         (
             "evaluate cube.gltf --env sky.hdr --out o --lpips-vgg alex.safetensors",
             &["alex.safetensors: ", "weights of VGG16"],
+        ),
+        (
+            // Its largest layer is larger than any buffer.
+            "evaluate cube.gltf --env sky.hdr --out o --size 4096 --lpips-vgg vgg.safetensors",
+            &["VGG16 of 4096 x 4096", "leave out --lpips-vgg"],
         ),
         ("evaluate cube.gltf --env sky.hdr --out o --devices 0,,0", &["--devices", "an empty name"]),
         (

@@ -96,7 +96,8 @@ pub fn check(folder: &Path, subjects: &[Subject]) -> Result<()> {
 
 /// Runs what is asked for on all of the devices; whenever something was made for a run that is complete, tables of those that
 /// are go into `folder`. Products that are there are taken as they are. With the weights of a network, LPIPS is measured with it
-/// too. None where `hear` broke it off; the same call goes on from there. Tables do not depend on the number of devices where these are alike, but for the seconds that choices take.
+/// too. None where `hear` broke it off; the same call goes on from there. Tables do not depend on the number of devices where
+/// these are alike, but for the seconds that choices take.
 ///
 /// # Errors
 /// Where a stage fails; what is finished stays.

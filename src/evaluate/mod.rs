@@ -3,8 +3,8 @@
 //! [`request`] says what is compared and how, [`kind`] what each kind of subject has of its own. A [`subject`] is read and checked
 //! first: a [`scene`] with [`views`] around an object or in the empty space of a [`room`], or a [`mod@pool`] of photos. [`stage`] keeps
 //! every product under a key of its inputs; [`mod@bench`] makes those of a scene, [`choices`] those of a pool, [`training`] and
-//! [`perceptual`] what both share. [`job`] makes all that is asked for, [`results`] means and intervals, [`table`] the tables; [`tour`] goes the whole way
-//! once, as the demo does. `docs/evaluation.md` has the protocol.
+//! [`perceptual`] what both share. [`job`] makes all that is asked for, [`results`] means and intervals, [`table`] the tables;
+//! [`tour`] goes the whole way once, as the demo does. `docs/evaluation.md` has the protocol.
 
 pub mod bench;
 pub mod choices;

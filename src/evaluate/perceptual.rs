@@ -1,4 +1,5 @@
-//! LPIPS with VGG16 of the test views, whose weights are the user's: a product of its own, so that nothing is trained again for it.
+//! LPIPS with VGG16 of the test views, whose weights are the user's: a product of its own, so that nothing is trained again
+//! for it.
 
 use std::collections::BTreeMap;
 use std::fs;
