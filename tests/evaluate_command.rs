@@ -151,6 +151,30 @@ fn the_filter_against_aliasing_is_of_all_training_and_of_nothing_else() {
     assert!(!made.iter().any(|name| name.starts_with("surface-")), "{made:?}");
 }
 
+/// If this failed, an evaluation could not be made in parts on several machines: a seed would be left out or made twice, or would
+/// come out otherwise there.
+#[test]
+fn seeds_that_were_made_apart_are_put_together() {
+    let place = place();
+    let run = TINY.replace("random,ours", "random");
+    place.done(&format!("{run} --out here"));
+    let there = place.done(&format!("{run} --first-seed 1 --out there"));
+    assert!(there.out.contains("complete cube, random, 4 views, seed 1"), "{}", there.out);
+    assert!(place.read("there/table.md").contains(", seed 1. Mean"), "{}", place.read("there/table.md"));
+    let both = run.replace("--seeds 1", "--seeds 2");
+    place.done(&format!("{both} --out both"));
+    for folder in place.folders("there/cube") {
+        if !place.folders("here/cube").contains(&folder) {
+            fs::rename(place.path(&format!("there/cube/{folder}")), place.path(&format!("here/cube/{folder}")))
+                .unwrap();
+        }
+    }
+    let put = place.done(&format!("{both} --out here"));
+    // Inputs, surface, tests; choice, photographs and training of each.
+    assert!(put.out.contains("products 0 made, 9 kept"), "{}", put.out);
+    assert_eq!(qualities(&results(&place, "here")), qualities(&results(&place, "both")));
+}
+
 /// If this failed, LPIPS of VGG16 would stand beside other views than those that it is of, training would be done again for it, or it
 /// would be in tables that it was not asked for.
 #[test]
@@ -234,7 +258,7 @@ fn bad_input_is_refused_and_nothing_is_written() {
     let alex = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/lpips/alex_f16.safetensors");
     fs::copy(alex, place.path("alex.safetensors")).unwrap();
     place.write("vgg.safetensors", lpips_weights::vgg());
-    let cases: [(&str, &[&str]); 19] = [
+    let cases: [(&str, &[&str]); 20] = [
         ("evaluate cube.gltf --env sky.hdr --out o --methods random,nobodys", &["nobodys", "no such method", "ours"]),
         ("evaluate cube.gltf broken.glb --env sky.hdr --out o", &["broken.glb"]),
         ("evaluate none.glb --env sky.hdr --out o", &["none.glb", "there is no such file"]),
@@ -242,6 +266,7 @@ fn bad_input_is_refused_and_nothing_is_written() {
         ("evaluate cube.gltf --env sky.hdr --out o --budgets 20,20", &["--budgets", "twice"]),
         ("evaluate cube.gltf --env sky.hdr --out o --budgets 1", &["--budgets is 1"]),
         ("evaluate cube.gltf --env sky.hdr --out o --seeds 0", &["--seeds is 0"]),
+        ("evaluate cube.gltf --env sky.hdr --out o --first-seed 1000001", &["--first-seed is 1000001"]),
         ("evaluate cube.gltf --env sky.hdr --out o --test-spp 0", &["--test-spp is 0"]),
         ("evaluate cube.gltf other/cube.gltf --env sky.hdr --out o", &["other/cube.gltf", "this name"]),
         ("evaluate cube.gltf --env sky.hdr --out other", &["other", "holds no evaluation"]),

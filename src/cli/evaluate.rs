@@ -52,6 +52,9 @@ pub struct Arguments {
     /// Runs of each, for the intervals
     #[arg(long, default_value_t = 3)]
     seeds: u32,
+    /// Seed of the first of these: an evaluation can be made in parts, on several machines, whose folders are then copied into one
+    #[arg(long, default_value_t = 0, value_name = "SEED")]
+    first_seed: u32,
     /// Small pictures and short training: minutes on two cores
     #[arg(long)]
     quick: bool,
@@ -151,6 +154,7 @@ impl Arguments {
             methods: self.methods.clone().unwrap_or_else(named),
             budgets: self.budgets.clone().unwrap_or_else(budgets),
             seeds: self.seeds,
+            first_seed: self.first_seed,
             settings: Settings {
                 size: self.size.unwrap_or(of.size),
                 samples: self.spp.unwrap_or(of.samples),

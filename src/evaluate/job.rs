@@ -401,7 +401,14 @@ mod tests {
         let table = folder.path().join("table.md");
         fs::write(&table, "of an earlier run").unwrap();
         let methods = vec![Method::Ours, Method::Scalar];
-        let request = Request { kind: Kind::Object, methods, budgets: vec![4], seeds: 1, settings: Settings::QUICK };
+        let request = Request {
+            kind: Kind::Object,
+            methods,
+            budgets: vec![4],
+            seeds: 1,
+            first_seed: 0,
+            settings: Settings::QUICK,
+        };
         let mut hear = |event: Event<'_>| match event {
             Event::Complete(..) => ControlFlow::Break(()),
             _ => ControlFlow::Continue(()),

@@ -241,8 +241,10 @@ pub struct Request {
     pub methods: Vec<Method>,
     /// Numbers of views, each once.
     pub budgets: Vec<u32>,
-    /// Runs of each, with the seeds from zero.
+    /// Runs of each.
     pub seeds: u32,
+    /// The seed of the first of these; the others follow.
+    pub first_seed: u32,
     /// The size of everything.
     pub settings: Settings,
 }
@@ -253,7 +255,7 @@ impl Request {
     /// # Errors
     /// In a line that names the option.
     pub fn validate(&self) -> Result<()> {
-        let Self { kind, methods, budgets, seeds, settings } = self;
+        let Self { kind, methods, budgets, seeds, first_seed, settings } = self;
         let twice = |what: &str| Err(Error::request(format!("{what} names something twice; give each once")));
         if (1..methods.len()).any(|i| methods[..i].contains(&methods[i])) {
             return twice("--methods");
@@ -277,6 +279,7 @@ impl Request {
         }
         let limits = [
             ("--seeds", *seeds, 1, 100),
+            ("--first-seed", *first_seed, 0, 1_000_000),
             ("--size", settings.size, 16, 4096),
             ("--spp", settings.samples, 1, 1 << 20),
             ("--test-spp", settings.test_samples, 1, 1 << 20),
@@ -303,7 +306,8 @@ impl Request {
 
     /// Every run: method, number of views and seed, in the order in which they are made.
     pub fn runs(&self) -> impl Iterator<Item = (Method, u32, u64)> + '_ {
-        let of_budget = |views: u32| (0..u64::from(self.seeds)).map(move |seed| (views, seed));
+        let first = u64::from(self.first_seed);
+        let of_budget = move |views: u32| (first..first + u64::from(self.seeds)).map(move |seed| (views, seed));
         let seeded = self.budgets.iter().flat_map(move |views| of_budget(*views));
         seeded.flat_map(|(views, seed)| self.methods.iter().map(move |method| (*method, views, seed)))
     }

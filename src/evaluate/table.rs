@@ -13,19 +13,27 @@ pub const DECIMALS: [usize; METRICS.len()] = [2, 4, 4, 4];
 pub fn description(request: &Request, left: usize) -> String {
     let settings = &request.settings;
     let mut text = format!(
-        "{}; {} iterations of training{}, at most {} splats, {} seeds. Mean and half of the 95% interval over seeds \
+        "{}; {} iterations of training{}, at most {} splats, {}. Mean and half of the 95% interval over seeds \
          (Student's t).",
         conditions(request),
         settings.iterations,
         if settings.antialiased { " with the filter against aliasing (`--antialiased`)" } else { "" },
         settings.max_splats,
-        request.seeds
+        seeds(request)
     );
     if left > 0 {
         // Writing to a string cannot fail.
         let _ = write!(text, " Not complete: runs still to come: {left}.");
     }
     text
+}
+
+/// Which seeds there are, in words.
+fn seeds(request: &Request) -> String {
+    match (request.first_seed, request.seeds) {
+        (first, 1) => format!("seed {first}"),
+        (first, count) => format!("{count} seeds from {first}"),
+    }
 }
 
 /// A table for each metric, as Markdown.
@@ -145,9 +153,11 @@ mod tests {
             methods: vec![Method::WithoutVds],
             budgets: vec![20],
             seeds: 3,
+            first_seed: 7,
             settings: Settings::QUICK,
         };
         let text = markdown(&request, &[row()], 0);
+        assert!(text.contains(", 3 seeds from 7. Mean"), "{text}");
         let line = "| cup, \"red\" | ours-no-vds | 20 | 20.00 ± 0.50 | 21.00 ± 0.25 | 19.00 | 20.00 ± 0.30 | 1.50 |";
         assert!(text.contains(line), "{text}");
         assert!(text.contains("| 20 | – | – | – | – | 1.50 |") && text.contains("10 input photos"), "{text}");
@@ -169,6 +179,7 @@ mod tests {
             methods: vec![Method::Ours],
             budgets: vec![20],
             seeds: 3,
+            first_seed: 0,
             settings: Settings::QUICK,
         };
         let text = markdown(&request, std::slice::from_ref(&one), 0);

@@ -106,7 +106,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     let intrinsics = settings.intrinsics();
     let random = Method::Peer(Peer::Random);
     let (kind, methods) = (Kind::Object, vec![Method::Ours, random]);
-    let request = Request { kind, methods, budgets: vec![views], seeds: 1, settings };
+    let request = Request { kind, methods, budgets: vec![views], seeds: 1, first_seed: 0, settings };
     let input_cameras = scene.inputs(context, &settings)?;
     let tests = scene.tests(intrinsics, settings.tests)?;
     let mut walk = Walk { observe, begun: Instant::now(), kept: false, steps: Vec::new() };

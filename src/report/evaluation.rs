@@ -254,6 +254,7 @@ mod tests {
             methods: vec![Method::Ours, Method::WithoutVds],
             budgets: budgets.to_vec(),
             seeds: 1,
+            first_seed: 0,
             settings: Settings::QUICK,
         };
         let entries: Vec<Entry> =
