@@ -5,7 +5,7 @@ mod gaussian_support;
 use camsplat::Result;
 use camsplat::gaussians::frame::View;
 use camsplat::gaussians::layout;
-use camsplat::gaussians::rasterizer::Wanted;
+use camsplat::gaussians::rasterizer::{Threads, Wanted};
 use camsplat::gaussians::twin;
 use camsplat::scene::gaussians::Gaussians;
 use gaussian_support::{Pass, context, pass, photo, scene, silent, twin_view, view};
@@ -81,7 +81,7 @@ fn compare(name: &str, gaussians: &Gaussians, view: View, antialiased: bool, pas
 }
 
 fn wanted(antialiased: bool) -> Wanted {
-    Wanted { antialiased, depths: true, gradients: true, fast: false }
+    Wanted { antialiased, depths: true, gradients: true, ..Wanted::default() }
 }
 
 /// Every gradient of the trainer comes from these stages: a wrong sign or factor still descends, only badly.
@@ -100,8 +100,15 @@ fn stages_agree_with_the_twin_over_odd_scenes() -> Result<()> {
         let gaussians = scene(seed as u64, count, degree);
         let view = view(width, height);
         let photo = photo(seed as u64, &view);
-        let pass = pass(&context, &gaussians, view, &photo, BACKGROUND, wanted(antialiased), 1 << 17)?;
-        compare(name, &gaussians, view, antialiased, &pass, &photo);
+        let mut pictures = Vec::new();
+        // However a tile's pixels are divided among threads.
+        for threads in [Threads::WIDE, Threads::NARROW, Threads { forward: 64, backward: 32, ..Threads::NARROW }] {
+            let wanted = Wanted { threads: Some(threads), ..wanted(antialiased) };
+            let pass = pass(&context, &gaussians, view, &photo, BACKGROUND, wanted, 1 << 17)?;
+            compare(&format!("{name}, {threads:?}"), &gaussians, view, antialiased, &pass, &photo);
+            pictures.push(pass.picture);
+        }
+        assert!(pictures.iter().all(|picture| *picture == pictures[0]), "{name}: the threads show in the picture");
     }
     silent(&context);
     Ok(())

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use super::config::Config;
 use super::frame::{Frame, View};
 use super::layout::{self, PassPush, Projected};
-use super::rasterizer::{Rasterizer, Size, Wanted};
+use super::rasterizer::{Rasterizer, Size, Threads, Wanted};
 use super::renderer::Renderer;
 use super::trainer::Trainer;
 use crate::primitives::{Count, Operation, Reduce};
@@ -177,7 +177,7 @@ impl Fisher {
         let planes = vec![0f32; layout::planes(renderer.degree) * count as usize];
         Ok(Self {
             forms_pipeline: Pipeline::new(context, &FISHER_FORMS, &[constant])?,
-            squares: Pipeline::new(context, &FISHER_SQUARES, &[constant, super::rasterizer::threads(context)])?,
+            squares: Pipeline::new(context, &FISHER_SQUARES, &[constant, Threads::of(context).squares])?,
             gather: Pipeline::new(context, &FISHER_GATHER, &[constant])?,
             score: Pipeline::new(context, &FISHER_SCORE, &[constant])?,
             sum: Reduce::new(context, Operation::SumF32, count)?,

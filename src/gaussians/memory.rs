@@ -50,5 +50,5 @@ pub(super) fn statistics(config: &Config) -> u64 {
 
 /// What a run wants of its pictures.
 pub(super) fn wanted(config: &Config) -> Wanted {
-    Wanted { antialiased: config.antialiased, depths: false, gradients: true, fast: config.fast }
+    Wanted { antialiased: config.antialiased, depths: false, gradients: true, fast: config.fast, threads: None }
 }

@@ -82,6 +82,31 @@ pub struct Wanted {
     pub gradients: bool,
     /// Gradients summed by atomic additions of floats, in whatever order they come: no two runs are the same.
     pub fast: bool,
+    /// How the work on a tile is divided, where not as suits the device.
+    pub threads: Option<Threads>,
+}
+
+/// Threads of a workgroup of the stages that work on a tile. Gradients are sums over pixels, in an order that depends on them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Threads {
+    /// Of compositing.
+    pub forward: u32,
+    /// Of its gradient.
+    pub backward: u32,
+    /// Of the Fisher information.
+    pub squares: u32,
+}
+
+impl Threads {
+    /// A pixel each.
+    pub const WIDE: Self = Self { forward: 256, backward: 256, squares: 256 };
+    /// Many pixels each, for CPUs, on which barriers and shared memory cost more than arithmetic; eight threads fill a vector.
+    pub const NARROW: Self = Self { forward: 16, backward: 8, squares: 64 };
+
+    /// Those that suit a device.
+    pub fn of(context: &Context) -> Self {
+        if context.physical().kind == "CPU" { Self::NARROW } else { Self::WIDE }
+    }
 }
 
 /// Gaussians on the device.
@@ -211,11 +236,6 @@ pub fn buffers(context: &Context, sizes: &Sizes, wanted: Wanted) -> Vec<(&'stati
     ]
 }
 
-/// Threads of the stages that work on a tile: a pixel each, or four each where a barrier costs every thread a switch.
-pub(super) fn threads(context: &Context) -> u32 {
-    if context.physical().kind == "CPU" { 64 } else { 256 }
-}
-
 impl Rasterizer {
     /// Makes room for `sizes`.
     ///
@@ -226,7 +246,7 @@ impl Rasterizer {
         let buffer = |name: &str| footprint::buffer(context, &plan, name);
         let antialiased = u32::from(wanted.antialiased);
         let pipeline = |stage| Pipeline::new(context, stage, &[antialiased]);
-        let threads = threads(context);
+        let threads = wanted.threads.unwrap_or(Threads::of(context));
         if wanted.fast && !context.physical().atomic_floats {
             let name = &context.physical().name;
             return Err(Error::request(format!("{name} adds no floats atomically; train without --fast")));
@@ -237,8 +257,8 @@ impl Rasterizer {
             count: pipeline(&SPLAT_COUNT)?,
             emit: pipeline(&SPLAT_EMIT)?,
             ranges: pipeline(&SPLAT_RANGES)?,
-            forward: Pipeline::new(context, &SPLAT_FORWARD, &[antialiased, threads, u32::from(wanted.depths)])?,
-            backward: Pipeline::new(context, backward, &[antialiased, threads])?,
+            forward: Pipeline::new(context, &SPLAT_FORWARD, &[antialiased, threads.forward, u32::from(wanted.depths)])?,
+            backward: Pipeline::new(context, backward, &[antialiased, threads.backward])?,
             scan: Scan::new(context, sizes.gaussians)?,
             context: context.clone(),
             wanted,

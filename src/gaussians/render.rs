@@ -115,7 +115,7 @@ impl<'a> Job<'a> {
     ) -> Result<Outcome> {
         let Settings { depth, antialiased, .. } = self.settings;
         let frame = Frame::new(self.cameras, &gaussians.centres);
-        let wanted = Wanted { antialiased, depths: depth, gradients: false, fast: false };
+        let wanted = Wanted { antialiased, depths: depth, ..Wanted::default() };
         let mut renderer = Renderer::new(context, &frame.gaussians_to_training(gaussians), self.largest, wanted)?;
         thread::scope(|scope| {
             let (sender, receiver) = mpsc::sync_channel::<Task>(0);

@@ -2,8 +2,10 @@
 // whatever tiles they belong to, so that no tile is longer work than another; within a tile it goes on from the checkpoint that
 // the forward pass left.
 //
-// SPLATS instances at a time: first pixel by pixel, front to back, what each pixel says to each instance, into shared memory;
-// then instance by instance the sums over the pixels of the strips it reaches, LANES threads each, in fixed order.
+// SPLATS instances at a time: what each pixel says to each instance, front to back, and the sums over the pixels of a lane, strip by
+// strip; then the sums over lanes, in fixed order. On a GPU a thread has a pixel, and what pixels say goes through shared memory to
+// the threads that have lanes. On a CPU, where each access to shared memory takes longer than what it brings, few threads
+// have many pixels (NARROW), which lie in lanes of their own.
 //
 // With x = sum_j c_j a_j T_j + T_end * background and g = dL/dx: dL/da_k = T_k c_k.g - (x.g - sum_{j <= k} c_j.g a_j T_j)/(1 - a_k).
 //
@@ -25,15 +27,18 @@ layout(binding = 11, std430) readonly buffer ByPixel { vec4 by_pixel[]; };
 
 const uint THREADS = gl_WorkGroupSize.x;
 const uint PIXELS = TILE_PIXELS / THREADS;
+// A thread has many pixels, those of its lane, or one.
+const bool NARROW = THREADS <= STRIP;
 // Instances in shared memory, and of these worked on at a time. More of them run slower: shared memory limits how many
 // workgroups a multiprocessor holds.
 const uint STAGED = 64;
 const uint SPLATS = 4;
-// Threads that sum over a tile's pixels for an instance: each takes one pixel of every strip, in the same column.
-const uint LANES = STRIP;
+// Sums over a tile's pixels are made by lanes, which take COLUMNS pixels of every strip, always in the same columns.
+const uint LANES = NARROW ? THREADS : STRIP;
+const uint COLUMNS = STRIP / LANES;
 const uint STRIPS = TILE_PIXELS / STRIP;
 // Sums of an instance over lanes are made in parts.
-const uint PARTS = 3;
+const uint PARTS = (LANES + 10) / 11;
 const uint PART = (LANES + PARTS - 1) / PARTS;
 const uint ROWS = SUMS * SPLATS;
 // Lanes of a row in shared memory, with what keeps rows out of one another's banks.
@@ -44,8 +49,8 @@ shared vec4 means[STAGED];  // mean, opacity, conic xx
 shared vec4 conics[STAGED];  // conic xy and yy, red, green
 shared float blues[STAGED];
 shared uint strips[STAGED];
-// What each pixel says to each instance: the weight of its colour, and dL/da * a.
-shared vec2 said[SPLATS * TILE_PIXELS];
+// What each pixel says to each instance.
+shared vec2 said[NARROW ? 1 : SPLATS * TILE_PIXELS];
 shared float by_lane[ROWS * ROW];
 shared float by_part[ROWS * PARTS];
 
@@ -69,22 +74,56 @@ void stage(uint from, uint end, uvec2 corner) {
     }
 }
 
-// Sums over a lane's pixels for instance `k` of those in shared memory, the `s`-th of those worked on. `centre` is that of the
-// lane's first pixel; by its pixels' colours the loss changes as `slopes`.
-void sum_lane(uint k, uint s, uint lane, vec2 centre, vec3 slopes[STRIPS]) {
-    vec3 colour = vec3(0.0), q = vec3(0.0);
+// What a pixel says to an instance: the weight of its colour, and dL/da * a. `d` is from the instance's mean to the pixel; `counts`
+// says whether the pixel's light gets as far. What is `left` of the light, and `behind`, the gradient by what is still to come, go on.
+vec2 say(vec2 d, vec4 mean, vec4 other, float blue, bool counts, vec3 gradient, inout float left, inout float behind) {
+    vec3 conic = vec3(mean.w, other.xy), colour = vec3(other.zw, blue);
+    float sigma = 0.5 * (conic.x * d.x * d.x + conic.z * d.y * d.y) + conic.y * d.x * d.y;
+    float full = mean.z * exp(-sigma), alpha = min(MOST_ALPHA, full);
+    float weight = 0.0, slope = 0.0;
+    if (counts && sigma >= 0.0 && alpha >= LEAST_ALPHA) {
+        float shade = dot(gradient, colour);
+        weight = left * alpha;
+        behind -= weight * shade;
+        float by_alpha = left * shade - behind / (1.0 - alpha);
+        slope = full <= MOST_ALPHA ? by_alpha * alpha : 0.0;
+        left *= 1.0 - alpha;
+    }
+    return vec2(weight, slope);
+}
+
+// Sums over pixels of one column: by colour, and of q, q dy, q dy^2.
+struct Column {
+    vec3 colour;
+    vec3 q;
+};
+
+void add(inout Column sum, vec2 pixel, float y, vec3 gradient) {
+    sum.colour += pixel.x * gradient;
+    sum.q += pixel.y * vec3(1.0, y, y * y);
+}
+
+// The same for a column at `x` from the mean, in the order of SUMS.
+float[SUMS] sums_of(Column sum, float x) {
+    vec3 colour = sum.colour, q = sum.q;
+    return float[SUMS](colour.x, colour.y, colour.z, q.x, x * q.x, q.y, x * x * q.x, x * q.y, q.z);
+}
+
+void keep(uint s, uint lane, float sums[SUMS]) {
+    [[unroll]] for (uint value = 0; value < SUMS; ++value) by_lane[(value * SPLATS + s) * ROW + lane] = sums[value];
+}
+
+// Sums over a lane's pixels of what they have said to the `s`-th instance worked on, which is the `k`-th in shared memory. `centre`
+// is that of the lane's first pixel.
+void sum_lane(uint k, uint s, uint lane, vec2 centre, vec3 gradients[STRIPS]) {
+    Column sum = Column(vec3(0.0), vec3(0.0));
     vec2 d = centre - means[k].xy;
     uint reached = strips[k];
     [[unroll]] for (uint strip = 0; strip < STRIPS; ++strip) {
         if ((reached >> strip & 1) == 0) continue;
-        vec2 pixel = said[s * TILE_PIXELS + strip * STRIP + lane];
-        float y = d.y + float(strip * (STRIP / TILE));
-        colour += pixel.x * slopes[strip];
-        q += pixel.y * vec3(1.0, y, y * y);
+        add(sum, said[s * TILE_PIXELS + strip * STRIP + lane], d.y + float(strip * (STRIP / TILE)), gradients[strip]);
     }
-    // In the order of SUMS.
-    float sums[SUMS] = float[SUMS](colour.x, colour.y, colour.z, q.x, d.x * q.x, q.y, d.x * d.x * q.x, d.x * q.y, q.z);
-    [[unroll]] for (uint value = 0; value < SUMS; ++value) by_lane[(value * SPLATS + s) * ROW + lane] = sums[value];
+    keep(s, lane, sums_of(sum, d.x));
 }
 
 // Sums over a part of the lanes.
@@ -136,11 +175,12 @@ void main() {
                 last[p] = ends[texel];
             }
         }
-        vec3 slopes[STRIPS];
+        // By the pixels of the thread's lane.
+        vec3 gradients[STRIPS];
         [[unroll]] for (uint strip = 0; strip < STRIPS; ++strip) {
             uvec2 pixel = pixel_of(corner, strip * STRIP + lane);
             bool inside = pixel.x < camera.width && pixel.y < camera.height;
-            slopes[strip] = inside ? by_pixel[pixel.y * camera.width + pixel.x].xyz : vec3(0.0);
+            gradients[strip] = inside ? by_pixel[pixel.y * camera.width + pixel.x].xyz : vec3(0.0);
         }
         for (uint from = begin; from < used; from += STAGED) {
             uint here = min(used - from, STAGED);
@@ -150,32 +190,39 @@ void main() {
             for (uint base = 0; base < here; base += SPLATS) {
                 for (uint s = 0; s < SPLATS; ++s) {
                     uint k = base + s, reached = strips[k];
-                    // One pixel a thread: not even loaded.
-                    if (PIXELS == 1 && (reached >> thread / STRIP & 1) == 0) continue;
+                    // Not even loaded.
+                    if (!NARROW && (reached >> thread / STRIP & 1) == 0) continue;
                     vec4 mean = means[k], other = conics[k];
-                    vec3 conic = vec3(mean.w, other.xy), colour = vec3(other.zw, blues[k]);
-                    [[unroll]] for (uint p = 0; p < PIXELS; ++p) {
-                        uint pixel = p * THREADS + thread;
-                        if ((reached >> pixel / STRIP & 1) == 0) continue;
-                        vec2 d = vec2(pixel_of(corner, pixel)) + 0.5 - mean.xy;
-                        float sigma = 0.5 * (conic.x * d.x * d.x + conic.z * d.y * d.y) + conic.y * d.x * d.y;
-                        float full = mean.z * exp(-sigma), alpha = min(MOST_ALPHA, full);
-                        float weight = 0.0, slope = 0.0;
-                        if (from + k < last[p] && sigma >= 0.0 && alpha >= LEAST_ALPHA) {
-                            float shade = dot(gradient[p], colour);
-                            weight = left[p] * alpha;
-                            behind[p] -= weight * shade;
-                            float by_alpha = left[p] * shade - behind[p] / (1.0 - alpha);
-                            slope = full <= MOST_ALPHA ? by_alpha * alpha : 0.0;
-                            left[p] *= 1.0 - alpha;
-                        }
-                        said[s * TILE_PIXELS + pixel] = vec2(weight, slope);
+                    float blue = blues[k];
+                    if (!NARROW) {
+                        vec2 d = vec2(pixel_of(corner, thread)) + 0.5 - mean.xy;
+                        bool counts = from + k < last[0];
+                        said[s * TILE_PIXELS + thread] = say(d, mean, other, blue, counts, gradient[0], left[0], behind[0]);
+                        continue;
                     }
+                    float sums[SUMS];
+                    [[unroll]] for (uint value = 0; value < SUMS; ++value) sums[value] = 0.0;
+                    [[unroll]] for (uint c = 0; c < COLUMNS; ++c) {
+                        Column sum = Column(vec3(0.0), vec3(0.0));
+                        vec2 first_d = vec2(pixel_of(corner, c * THREADS + thread)) + 0.5 - mean.xy;
+                        [[unroll]] for (uint strip = 0; strip < STRIPS; ++strip) {
+                            if ((reached >> strip & 1) == 0) continue;
+                            uint p = strip * COLUMNS + c;
+                            vec2 d = first_d + vec2(0.0, strip * (STRIP / TILE));
+                            bool counts = from + k < last[p];
+                            add(sum, say(d, mean, other, blue, counts, gradient[p], left[p], behind[p]), d.y, gradient[p]);
+                        }
+                        float of_column[SUMS] = sums_of(sum, first_d.x);
+                        [[unroll]] for (uint value = 0; value < SUMS; ++value) sums[value] += of_column[value];
+                    }
+                    keep(s, thread, sums);
                 }
                 barrier();
-                vec2 centre = vec2(pixel_of(corner, lane)) + 0.5;
-                for (uint s = thread / LANES; s < SPLATS; s += THREADS / LANES) sum_lane(base + s, s, lane, centre, slopes);
-                barrier();
+                if (!NARROW) {
+                    vec2 centre = vec2(pixel_of(corner, lane)) + 0.5;
+                    for (uint s = thread / LANES; s < SPLATS; s += THREADS / LANES) sum_lane(base + s, s, lane, centre, gradients);
+                    barrier();
+                }
                 for (uint item = thread; item < ROWS * PARTS; item += THREADS) sum_part(item);
                 barrier();
                 for (uint item = thread; item < ROWS; item += THREADS) {
