@@ -102,13 +102,18 @@ fn stages_agree_with_the_twin_over_odd_scenes() -> Result<()> {
         let photo = photo(seed as u64, &view);
         let mut pictures = Vec::new();
         // However a tile's pixels are divided among threads.
-        for threads in [Threads::WIDE, Threads::NARROW, Threads { forward: 64, backward: 32, ..Threads::NARROW }] {
+        for threads in
+            [Threads::WIDE, Threads::NARROW, Threads { forward: 64, backward: 32, loss: 64, ..Threads::NARROW }]
+        {
             let wanted = Wanted { threads: Some(threads), ..wanted(antialiased) };
             let pass = pass(&context, &gaussians, view, &photo, BACKGROUND, wanted, 1 << 17)?;
             compare(&format!("{name}, {threads:?}"), &gaussians, view, antialiased, &pass, &photo);
-            pictures.push(pass.picture);
+            pictures.push((pass.picture, pass.by_pixel));
         }
-        assert!(pictures.iter().all(|picture| *picture == pictures[0]), "{name}: the threads show in the picture");
+        assert!(
+            pictures.iter().all(|picture| *picture == pictures[0]),
+            "{name}: the threads show in the picture or in the loss"
+        );
     }
     silent(&context);
     Ok(())

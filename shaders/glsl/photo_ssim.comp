@@ -7,8 +7,8 @@
 #include "shared/group.glsl"
 #include "shared/gaussian.glsl"
 #include "shared/frame.glsl"
+layout(local_size_x = 256, local_size_x_id = 0) in;
 #include "shared/photo.glsl"
-layout(local_size_x = 256) in;
 
 layout(binding = 0, std430) readonly buffer Views { View views[]; };
 layout(binding = 1, std430) readonly buffer Picture { vec4 picture[]; };
@@ -21,20 +21,19 @@ layout(binding = 4, std430) writeonly buffer TileLosses { vec4 tile_losses[]; };
 shared vec2 values[HALO * HALO];  // x and y
 shared vec4 rows[HALO * TILE];  // E[x], E[y], E[xx], E[yy] along a row
 shared float products[HALO * TILE];  // E[xy]
-shared vec4 sums[256];
+shared vec4 sums[TILE_PIXELS];
 
 void main() {
     View camera = views[view];
     uvec2 size = uvec2(camera.width, camera.height), tiles = tiles_of(camera);
     uint tile = group_index(), thread = gl_LocalInvocationIndex;
     if (tile >= tiles.x * tiles.y) return;
-    uvec2 corner = TILE * uvec2(tile % tiles.x, tile / tiles.x), local = uvec2(thread % TILE, thread / TILE);
-    uvec2 pixel = corner + local;
-    bool inside = all(lessThan(pixel, size));
-    vec4 sum = vec4(0.0);
+    uvec2 corner = TILE * uvec2(tile % tiles.x, tile / tiles.x), local = uvec2(thread % TILE, thread / TILE * RUN);
+    vec4 sum[RUN];
+    [[unroll]] for (uint r = 0; r < RUN; ++r) sum[r] = vec4(0.0);
     for (uint c = 0; c < 3; ++c) {
         barrier();
-        for (uint k = thread; k < HALO * HALO; k += 256) {
+        for (uint k = thread; k < HALO * HALO; k += THREADS) {
             ivec2 at = ivec2(corner) + ivec2(k % HALO, k / HALO) - RADIUS;
             values[k] = vec2(0.0);
             if (all(greaterThanEqual(at, ivec2(0))) && all(lessThan(uvec2(at), size))) {
@@ -43,25 +42,36 @@ void main() {
             }
         }
         barrier();
-        for (uint k = thread; k < HALO * TILE; k += 256) {
-            uint start = k / TILE * HALO + k % TILE;
-            vec4 row = vec4(0.0);
-            float product = 0.0;
-            [[unroll]] for (uint i = 0; i < 2 * RADIUS + 1; ++i) {
-                vec2 v = values[start + i];
-                row += WINDOW[i] * vec4(v, v * v);
-                product += WINDOW[i] * v.x * v.y;
+        for (uint k = thread; k < HALO * RUNS; k += THREADS) {
+            uint row = k / RUNS, first = k % RUNS * RUN;
+            vec2 v[REACH];
+            [[unroll]] for (uint i = 0; i < REACH; ++i) v[i] = values[row * HALO + first + i];
+            [[unroll]] for (uint r = 0; r < RUN; ++r) {
+                vec4 mean = vec4(0.0);
+                float product = 0.0;
+                [[unroll]] for (uint i = 0; i < 2 * RADIUS + 1; ++i) {
+                    mean += WINDOW[i] * vec4(v[r + i], v[r + i] * v[r + i]);
+                    product += WINDOW[i] * v[r + i].x * v[r + i].y;
+                }
+                rows[row * TILE + first + r] = mean;
+                products[row * TILE + first + r] = product;
             }
-            rows[k] = row;
-            products[k] = product;
         }
         barrier();
-        if (inside) {
+        vec4 along[REACH];
+        float product_along[REACH];
+        [[unroll]] for (uint i = 0; i < REACH; ++i) {
+            along[i] = rows[(local.y + i) * TILE + local.x];
+            product_along[i] = products[(local.y + i) * TILE + local.x];
+        }
+        [[unroll]] for (uint r = 0; r < RUN; ++r) {
+            uvec2 pixel = corner + local + uvec2(0, r);
+            if (any(greaterThanEqual(pixel, size))) continue;
             vec4 mean = vec4(0.0);
             float product = 0.0;
             [[unroll]] for (uint i = 0; i < 2 * RADIUS + 1; ++i) {
-                mean += WINDOW[i] * rows[(local.y + i) * TILE + local.x];
-                product += WINDOW[i] * products[(local.y + i) * TILE + local.x];
+                mean += WINDOW[i] * along[r + i];
+                product += WINDOW[i] * product_along[r + i];
             }
             vec2 variance = mean.zw - mean.xy * mean.xy;
             float covariance = product - mean.x * mean.y;
@@ -75,15 +85,15 @@ void main() {
             slopes[(3 * c + 0) * plane + texel] = by_mean;
             slopes[(3 * c + 1) * plane + texel] = by_variance;
             slopes[(3 * c + 2) * plane + texel] = by_covariance;
-            vec2 mine = values[(local.y + RADIUS) * HALO + local.x + RADIUS];
+            vec2 mine = values[(local.y + r + RADIUS) * HALO + local.x + RADIUS];
             float difference = mine.x - mine.y;
-            sum += vec4(abs(difference), ssim, difference * difference, 0.0);
+            sum[r] += vec4(abs(difference), ssim, difference * difference, 0.0);
         }
     }
-    sums[thread] = sum;
-    for (uint half_ = 128; half_ > 0; half_ >>= 1) {
+    [[unroll]] for (uint r = 0; r < RUN; ++r) sums[(local.y + r) * TILE + local.x] = sum[r];
+    for (uint half_ = TILE_PIXELS / 2; half_ > 0; half_ >>= 1) {
         barrier();
-        if (thread < half_) sums[thread] += sums[thread + half_];
+        for (uint k = thread; k < half_; k += THREADS) sums[k] += sums[k + half_];
     }
     if (thread == 0) tile_losses[tile] = sums[0];
 }

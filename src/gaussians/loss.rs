@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::frame::View;
 use super::layout::PassPush;
-use super::rasterizer::{Size, Sizes};
+use super::rasterizer::{Size, Sizes, Threads};
 use crate::Result;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder, footprint};
 
@@ -101,12 +101,12 @@ impl Loss {
     ///
     /// # Errors
     /// Where the device has not that much memory, or fails.
-    pub fn new(context: &Arc<Context>, sizes: &Sizes) -> Result<Self> {
+    pub fn new(context: &Arc<Context>, sizes: &Sizes, threads: Threads) -> Result<Self> {
         let plan = buffers(sizes);
         let buffer = |name: &str| footprint::buffer(context, &plan, name);
         Ok(Self {
-            ssim: Pipeline::new(context, &PHOTO_SSIM, &[])?,
-            gradient: Pipeline::new(context, &PHOTO_GRADIENT, &[])?,
+            ssim: Pipeline::new(context, &PHOTO_SSIM, &[threads.loss])?,
+            gradient: Pipeline::new(context, &PHOTO_GRADIENT, &[threads.loss])?,
             tally: Pipeline::new(context, &TRAIN_TALLY, &[])?,
             slopes: buffer("slopes")?,
             tile_losses: buffer("tile_losses")?,

@@ -93,15 +93,17 @@ pub struct Threads {
     pub forward: u32,
     /// Of its gradient.
     pub backward: u32,
+    /// Of the loss.
+    pub loss: u32,
     /// Of the Fisher information.
     pub squares: u32,
 }
 
 impl Threads {
     /// A pixel each.
-    pub const WIDE: Self = Self { forward: 256, backward: 256, squares: 256 };
+    pub const WIDE: Self = Self { forward: 256, backward: 256, loss: 256, squares: 256 };
     /// Many pixels each, for CPUs, on which barriers and shared memory cost more than arithmetic; eight threads fill a vector.
-    pub const NARROW: Self = Self { forward: 16, backward: 8, squares: 64 };
+    pub const NARROW: Self = Self { forward: 16, backward: 8, loss: 32, squares: 64 };
 
     /// Those that suit a device.
     pub fn of(context: &Context) -> Self {

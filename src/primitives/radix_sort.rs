@@ -8,7 +8,7 @@
 use std::sync::Arc;
 
 use super::count::{Bound, Count, check_most};
-use super::scan::{SCAN_ROWS, record_rows};
+use super::scan::{record_rows, rows_pipeline};
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
 
@@ -80,7 +80,7 @@ impl RadixSort {
         let table = 4 * DIGITS * most.div_ceil(tile) as u64;
         Ok(Self {
             histogram: Pipeline::new(context, &RADIX_HISTOGRAM, &[threads])?,
-            rows: Pipeline::new(context, &SCAN_ROWS, &[threads])?,
+            rows: rows_pipeline(context)?,
             scatter_keys: Pipeline::new(context, &RADIX_SCATTER, &[threads, 0])?,
             scatter_pairs: Pipeline::new(context, &RADIX_SCATTER, &[threads, 1])?,
             table: Buffer::device(context, "radix table", table)?,

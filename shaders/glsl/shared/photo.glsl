@@ -23,3 +23,9 @@ const float L1_SHARE = 0.8;
 
 // A tile with what the window reaches around it.
 const uint HALO = TILE + 2 * RADIUS;
+// A thread has so many pixels, side by side in the window's first pass and one below the other in its second: what it reads
+// from shared memory serves all of them.
+const uint THREADS = gl_WorkGroupSize.x;
+const uint RUN = TILE_PIXELS / THREADS;
+const uint RUNS = TILE / RUN;
+const uint REACH = RUN + 2 * RADIUS;
