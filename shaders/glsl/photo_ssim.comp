@@ -7,7 +7,7 @@
 #include "shared/group.glsl"
 #include "shared/gaussian.glsl"
 #include "shared/frame.glsl"
-layout(local_size_x = 256, local_size_x_id = 0) in;
+layout(local_size_x = 256, local_size_x_id = 1) in;
 #include "shared/photo.glsl"
 
 layout(binding = 0, std430) readonly buffer Views { View views[]; };

@@ -52,7 +52,8 @@ pub struct Arguments {
     /// Runs of each, for the intervals
     #[arg(long, default_value_t = 3)]
     seeds: u32,
-    /// Seed of the first of these: an evaluation can be made in parts, on several machines, whose folders are then copied into one
+    /// Seed of the first of these: an evaluation can be made in parts, on several machines with the same device, whose folders of
+    /// subjects are then copied into one
     #[arg(long, default_value_t = 0, value_name = "SEED")]
     first_seed: u32,
     /// Small pictures and short training: minutes on two cores
@@ -86,7 +87,7 @@ pub struct Arguments {
     /// Iterations of training [default: 30000; quick: 300]
     #[arg(long)]
     iterations: Option<u32>,
-    /// Most splats [default: 1000000; quick: 2500]
+    /// Most splats [default: 1000000; quick: 5000]
     #[arg(long)]
     max_splats: Option<u32>,
     /// Train with Mip-Splatting's filter: views from farther away than the photos lose less

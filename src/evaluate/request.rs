@@ -216,7 +216,7 @@ impl Settings {
         inputs_from: InputsFrom::Uniform,
         tests: 12,
         iterations: 300,
-        max_splats: 2500,
+        max_splats: 5000,
         shown: Shown::Proxy,
         shrink: 8,
         peers_from: PeersFrom::Region,

@@ -32,6 +32,7 @@ pub fn description(request: &Request, left: usize) -> String {
 fn seeds(request: &Request) -> String {
     match (request.first_seed, request.seeds) {
         (first, 1) => format!("seed {first}"),
+        (0, count) => format!("{count} seeds"),
         (first, count) => format!("{count} seeds from {first}"),
     }
 }

@@ -105,8 +105,8 @@ impl Loss {
         let plan = buffers(sizes);
         let buffer = |name: &str| footprint::buffer(context, &plan, name);
         Ok(Self {
-            ssim: Pipeline::new(context, &PHOTO_SSIM, &[threads.loss])?,
-            gradient: Pipeline::new(context, &PHOTO_GRADIENT, &[threads.loss])?,
+            ssim: Pipeline::new(context, &PHOTO_SSIM, &[0, threads.loss])?,
+            gradient: Pipeline::new(context, &PHOTO_GRADIENT, &[0, threads.loss])?,
             tally: Pipeline::new(context, &TRAIN_TALLY, &[])?,
             slopes: buffer("slopes")?,
             tile_losses: buffer("tile_losses")?,

@@ -82,18 +82,29 @@ pub struct Wanted {
     pub gradients: bool,
     /// Gradients summed by atomic additions of floats, in whatever order they come: no two runs are the same.
     pub fast: bool,
-    /// How the work on a tile is divided, where not as suits the device.
+    /// How the pixels of a tile are divided; none for what suits the device.
     pub threads: Option<Threads>,
 }
 
-/// Threads of a workgroup of the stages that work on a tile. Gradients are sums over pixels, in an order that depends on them.
+impl Wanted {
+    /// How the pixels of a tile are divided on a device.
+    ///
+    /// # Errors
+    /// Where no stages do that.
+    pub fn divided(self, context: &Context) -> Result<Threads> {
+        self.threads.unwrap_or(Threads::of(context)).check()
+    }
+}
+
+/// Threads of a workgroup of the stages that work on a tile of 256 pixels: powers of two up to 256. Gradients are sums over
+/// pixels, in an order that depends on their number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Threads {
     /// Of compositing.
     pub forward: u32,
-    /// Of its gradient.
+    /// Of its gradient: 256, or up to 32.
     pub backward: u32,
-    /// Of the loss.
+    /// Of the loss: at least 16.
     pub loss: u32,
     /// Of the Fisher information.
     pub squares: u32,
@@ -108,6 +119,19 @@ impl Threads {
     /// Those that suit a device.
     pub fn of(context: &Context) -> Self {
         if context.physical().kind == "CPU" { Self::NARROW } else { Self::WIDE }
+    }
+
+    /// Refuses numbers for which stages were not written.
+    ///
+    /// # Errors
+    /// In a line with the numbers.
+    pub fn check(self) -> Result<Self> {
+        let Self { forward, backward, loss, squares } = self;
+        let divide = [forward, backward, loss, squares].iter().all(|n| n.is_power_of_two() && *n <= TILE * TILE);
+        if divide && (backward <= 2 * TILE || backward == TILE * TILE) && loss >= TILE {
+            return Ok(self);
+        }
+        Err(Error::request(format!("no stages divide a tile among so many threads: {self:?}; see their fields")))
     }
 }
 
@@ -248,7 +272,7 @@ impl Rasterizer {
         let buffer = |name: &str| footprint::buffer(context, &plan, name);
         let antialiased = u32::from(wanted.antialiased);
         let pipeline = |stage| Pipeline::new(context, stage, &[antialiased]);
-        let threads = wanted.threads.unwrap_or(Threads::of(context));
+        let threads = wanted.divided(context)?;
         if wanted.fast && !context.physical().atomic_floats {
             let name = &context.physical().name;
             return Err(Error::request(format!("{name} adds no floats atomically; train without --fast")));

@@ -16,7 +16,7 @@ use super::layout::{self, PassPush};
 use super::loss::{Ledger, Loss, Record, mailbox};
 use super::mcmc::{self, Mcmc};
 use super::memory;
-use super::rasterizer::{Model, Rasterizer, Size, Threads};
+use super::rasterizer::{Model, Rasterizer, Size};
 use super::rounds::Rounds;
 use super::store::PhotoStore;
 use super::update::{Moments, Trained, Update, UpdatePush};
@@ -135,7 +135,7 @@ impl Trainer {
             model,
             moments,
             rasterizer: Rasterizer::new(context, sizes, memory::wanted(&config))?,
-            loss: Loss::new(context, &sizes, Threads::of(context))?,
+            loss: Loss::new(context, &sizes, memory::wanted(&config).divided(context)?)?,
             update: Update::new(context, memory::wanted(&config), config.strategy == Strategy::Classic)?,
             density: match config.strategy {
                 Strategy::Mcmc => Density::Mcmc(Mcmc::new(context, config.max_splats)?),

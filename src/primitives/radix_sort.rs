@@ -8,7 +8,7 @@
 use std::sync::Arc;
 
 use super::count::{Bound, Count, check_most};
-use super::scan::{record_rows, rows_pipeline};
+use super::scan::{SCAN_ROWS, record_rows};
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
 
@@ -80,7 +80,7 @@ impl RadixSort {
         let table = 4 * DIGITS * most.div_ceil(tile) as u64;
         Ok(Self {
             histogram: Pipeline::new(context, &RADIX_HISTOGRAM, &[threads])?,
-            rows: rows_pipeline(context)?,
+            rows: Pipeline::new(context, &SCAN_ROWS, &[row_threads(context)])?,
             scatter_keys: Pipeline::new(context, &RADIX_SCATTER, &[threads, 0])?,
             scatter_pairs: Pipeline::new(context, &RADIX_SCATTER, &[threads, 1])?,
             table: Buffer::device(context, "radix table", table)?,
@@ -167,6 +167,12 @@ impl RadixSort {
         }
         Ok(from)
     }
+}
+
+/// Threads that scan a row of the table: on a CPU as many as fill a vector, since others would wait for them at every barrier, and
+/// most rows are shorter than what 256 threads take at once.
+fn row_threads(context: &Context) -> u32 {
+    if context.physical().kind == "CPU" { 8 } else { threads(context) }
 }
 
 /// Threads per workgroup: 8 of the narrowest subgroups, but at least 64, which are 16 subgroups of 4: the scatter stage

@@ -61,7 +61,7 @@ impl Scan {
         check_most(most)?;
         Ok(Self {
             reduce: Pipeline::new(context, &REDUCE, &[Operation::SumU32 as u32])?,
-            rows: rows_pipeline(context)?,
+            rows: Pipeline::new(context, &SCAN_ROWS, &[])?,
             blocks: Pipeline::new(context, &SCAN_BLOCKS, &[])?,
             offsets: Buffer::device(context, "scan offsets", Self::footprint(most))?,
             most,
@@ -99,13 +99,6 @@ impl Scan {
             .linear(bound.count.div_ceil(BLOCK));
         Ok(())
     }
-}
-
-/// The pipeline of [`record_rows`]. On a CPU a row is walked by as many threads as fill a vector: others would wait for them at every
-/// barrier, and most rows are shorter than 256 threads' runs.
-pub(super) fn rows_pipeline(context: &Arc<Context>) -> Result<Pipeline> {
-    let threads = if context.physical().kind == "CPU" { 8 } else { 256 };
-    Pipeline::new(context, &SCAN_ROWS, &[threads])
 }
 
 /// Scans a table of `rows` rows, `stride` apart, each with an element per `block` counted elements.

@@ -9,7 +9,7 @@ use camsplat::Result;
 use camsplat::gaussians::frame::View;
 use camsplat::gaussians::layout::{self, PassPush};
 use camsplat::gaussians::loss::{Ledger, Loss, Record};
-use camsplat::gaussians::rasterizer::{Model, Rasterizer, Size, Sizes, Threads, Wanted};
+use camsplat::gaussians::rasterizer::{Model, Rasterizer, Size, Sizes, Wanted};
 use camsplat::gaussians::twin;
 use camsplat::gaussians::update::{Moments, Update, UpdatePush};
 use camsplat::scene::gaussians::{Gaussians, coefficients};
@@ -168,7 +168,7 @@ pub fn pass(
     };
     let views = Buffer::from_slice(context, "views", &[view])?;
     let rasterizer = Rasterizer::new(context, sizes, wanted)?;
-    let loss = Loss::new(context, &sizes, wanted.threads.unwrap_or(Threads::of(context)))?;
+    let loss = Loss::new(context, &sizes, wanted.divided(context)?)?;
     loss.photo.upload(photo)?;
     let update = Update::new(context, wanted, false)?;
     let push = PassPush { stride, view: 0, degree: gaussians.degree, room, background, iteration: 0 };

@@ -2,12 +2,13 @@
 // whatever tiles they belong to, so that no tile is longer work than another; within a tile it goes on from the checkpoint that
 // the forward pass left.
 //
-// SPLATS instances at a time: what each pixel says to each instance, front to back, and the sums over the pixels of a lane, strip by
-// strip; then the sums over lanes, in fixed order. On a GPU a thread has a pixel, and what pixels say goes through shared memory to
-// the threads that have lanes. On a CPU, where each access to shared memory takes longer than what it brings, few threads
-// have many pixels (NARROW), which lie in lanes of their own.
+// SPLATS instances at a time: what each pixel says to each instance, front to back, and the sums over the pixels of a lane, strip
+// by strip; then the sums over lanes, in fixed order. On a GPU a thread has a pixel, and what pixels say goes through shared
+// memory to the threads that have lanes. On a CPU, where each access to shared memory takes longer than what it brings, few
+// threads have many pixels (NARROW), all those of a lane of their own.
 //
-// With x = sum_j c_j a_j T_j + T_end * background and g = dL/dx: dL/da_k = T_k c_k.g - (x.g - sum_{j <= k} c_j.g a_j T_j)/(1 - a_k).
+// With x = sum_j c_j a_j T_j + T_end * background and g = dL/dx:
+// dL/da_k = T_k c_k.g - (x.g - sum_{j <= k} c_j.g a_j T_j)/(1 - a_k).
 //
 // Included after the push constants and `void leave(uint instance, uint value, float sum)`, which takes the sums of an instance,
 // by its place in the order of emission.
@@ -74,8 +75,9 @@ void stage(uint from, uint end, uvec2 corner) {
     }
 }
 
-// What a pixel says to an instance: the weight of its colour, and dL/da * a. `d` is from the instance's mean to the pixel; `counts`
-// says whether the pixel's light gets as far. What is `left` of the light, and `behind`, the gradient by what is still to come, go on.
+// What a pixel says to an instance: the weight of its colour, and dL/da * a. `d` is from the instance's mean to the pixel;
+// `counts` says whether the pixel's light gets as far. What is `left` of the light, and `behind`, the gradient by what is still
+// to come, go on.
 vec2 say(vec2 d, vec4 mean, vec4 other, float blue, bool counts, vec3 gradient, inout float left, inout float behind) {
     vec3 conic = vec3(mean.w, other.xy), colour = vec3(other.zw, blue);
     float sigma = 0.5 * (conic.x * d.x * d.x + conic.z * d.y * d.y) + conic.y * d.x * d.y;
@@ -204,15 +206,15 @@ void main() {
                     [[unroll]] for (uint value = 0; value < SUMS; ++value) sums[value] = 0.0;
                     [[unroll]] for (uint c = 0; c < COLUMNS; ++c) {
                         Column sum = Column(vec3(0.0), vec3(0.0));
-                        vec2 first_d = vec2(pixel_of(corner, c * THREADS + thread)) + 0.5 - mean.xy;
+                        uint column = c * THREADS + thread;
                         [[unroll]] for (uint strip = 0; strip < STRIPS; ++strip) {
                             if ((reached >> strip & 1) == 0) continue;
                             uint p = strip * COLUMNS + c;
-                            vec2 d = first_d + vec2(0.0, strip * (STRIP / TILE));
+                            vec2 d = vec2(pixel_of(corner, strip * STRIP + column)) + 0.5 - mean.xy;
                             bool counts = from + k < last[p];
                             add(sum, say(d, mean, other, blue, counts, gradient[p], left[p], behind[p]), d.y, gradient[p]);
                         }
-                        float of_column[SUMS] = sums_of(sum, first_d.x);
+                        float of_column[SUMS] = sums_of(sum, float(pixel_of(corner, column).x) + 0.5 - mean.x);
                         [[unroll]] for (uint value = 0; value < SUMS; ++value) sums[value] += of_column[value];
                     }
                     keep(s, thread, sums);
