@@ -424,7 +424,8 @@ fn a_stop_at_any_time_leaves_all_or_nothing() {
         let mut child =
             place.command(&format!("plan ball.ply --out {out} {SMALL} --iterations 50000")).spawn().unwrap();
         let output = read_until(&mut child, line);
-        let ran = stop(child, output, "-INT");
+        // Not -INT, which shells tell what they run in the background to ignore.
+        let ran = stop(child, output, "-TERM");
         // Before the work begins the signal itself ends the process, and there is no exit code.
         assert!([None, Some(130)].contains(&ran.code), "{line}: {:?} {}", ran.code, ran.err);
         match place.path(&out).exists() {
