@@ -172,6 +172,9 @@ fn seeds_that_were_made_apart_are_put_together() {
     let put = place.done(&format!("{both} --out here"));
     // Inputs, surface, tests; choice, photographs and training of each.
     assert!(put.out.contains("products 0 made, 9 kept"), "{}", put.out);
+    let seeds: Vec<_> =
+        results(&place, "here")["runs"].as_array().unwrap().iter().map(|run| run["seed"].as_u64()).collect();
+    assert_eq!(seeds, [Some(0), Some(1)]);
     assert_eq!(qualities(&results(&place, "here")), qualities(&results(&place, "both")));
 }
 

@@ -38,7 +38,7 @@ const uint SPLATS = 4;
 const uint LANES = NARROW ? THREADS : STRIP;
 const uint COLUMNS = STRIP / LANES;
 const uint STRIPS = TILE_PIXELS / STRIP;
-// Sums of an instance over lanes are made in parts.
+// Sums of an instance over lanes are made in parts, of eleven lanes at most.
 const uint PARTS = (LANES + 10) / 11;
 const uint PART = (LANES + PARTS - 1) / PARTS;
 const uint ROWS = SUMS * SPLATS;
@@ -177,7 +177,7 @@ void main() {
                 last[p] = ends[texel];
             }
         }
-        // By the pixels of the thread's lane.
+        // By the pixels of the thread's lane, for `sum_lane`.
         vec3 gradients[STRIPS];
         [[unroll]] for (uint strip = 0; strip < STRIPS; ++strip) {
             uvec2 pixel = pixel_of(corner, strip * STRIP + lane);
@@ -192,7 +192,7 @@ void main() {
             for (uint base = 0; base < here; base += SPLATS) {
                 for (uint s = 0; s < SPLATS; ++s) {
                     uint k = base + s, reached = strips[k];
-                    // Not even loaded.
+                    // What does not reach the thread's strip is not even loaded.
                     if (!NARROW && (reached >> thread / STRIP & 1) == 0) continue;
                     vec4 mean = means[k], other = conics[k];
                     float blue = blues[k];

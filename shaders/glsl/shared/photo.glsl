@@ -1,4 +1,4 @@
-// What the loss's stages share: photos as they are stored, and the window of SSIM.
+// What the loss's stages share: photos as they are stored, and the window of SSIM. Included after the workgroup's size.
 
 // A pixel that the photo does not show; `UNKNOWN` in gaussians/pictures.rs.
 const uint UNKNOWN = 0x00ffffffu;
