@@ -56,7 +56,13 @@ fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
     // Inputs, surface, tests; choice, photographs and training of the first method: nothing of that is made again.
     let (before, after) = went_on.out.split_once("complete cube, random").unwrap();
     assert!(!before.contains("making") && after.contains("complete cube, ours, 4 views, seed 0"), "{}", went_on.out);
-    place.done(&format!("{TINY} --devices 0,0 --out whole"));
+    let made: Vec<&str> = after.lines().filter(|line| line.starts_with("making")).collect();
+    assert!(
+        made.len() == 3 && made.iter().all(|line| line.contains(" for cube, ours, 4 views, seed 0, after")),
+        "{made:?}"
+    );
+    let whole = place.done(&format!("{TINY} --devices 0,0 --out whole"));
+    assert_eq!(whole.out.matches(" for all runs of cube, after").count(), 3, "{}", whole.out);
     assert_eq!(qualities(&results(&place, "o")), qualities(&results(&place, "whole")));
     let table = place.read("o/table.md");
     assert!(table.contains("| cube | random | 4 |") && table.contains("| cube | ours | 4 |"), "{table}");

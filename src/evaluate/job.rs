@@ -267,15 +267,19 @@ impl Runs<'_, '_> {
         let inputs = scene.inputs(context, &request.settings)?;
         let tests = scene.tests(intrinsics, request.settings.tests)?;
         let bench = Bench::new(context, &self.folder, request, scene)?;
-        let Some(inputs) = bench.photographs(&inputs, observe)? else { return Ok(false) };
-        let Some(shown) = bench.shown(&inputs, observe)? else { return Ok(false) };
-        let Some(tests) = bench.test_photographs(&tests, observe)? else { return Ok(false) };
+        let mut shared = made_for(format!("all runs of {}", self.subject.name()), &mut *observe);
+        let Some(inputs) = bench.photographs(&inputs, &mut shared)? else { return Ok(false) };
+        let Some(shown) = bench.shown(&inputs, &mut shared)? else { return Ok(false) };
+        let Some(tests) = bench.test_photographs(&tests, &mut shared)? else { return Ok(false) };
         let mut model = None;
         if request.needs_model() {
-            let Some((trained, _)) = bench.training(&inputs, None, 0, observe)? else { return Ok(false) };
+            let Some((trained, _)) = bench.training(&inputs, None, 0, &mut shared)? else { return Ok(false) };
             model = Some(trained);
         }
-        while let Some((number, run @ (method, _, seed))) = self.take() {
+        drop(shared);
+        while let Some((number, run @ (method, views, seed))) = self.take() {
+            let scene = self.subject.name();
+            let observe = &mut made_for(format!("{scene}, {method}, {views} views, seed {seed}"), &mut *observe);
             if observe(stage::Event::Working).is_break() {
                 return Ok(false);
             }
@@ -294,16 +298,20 @@ impl Runs<'_, '_> {
     }
 
     fn chosen(&self, context: &Arc<Context>, pool: &Pool, observe: Observe) -> Result<bool> {
-        let choices = Choices::new(context, &self.folder, self.board.request, pool, observe)?;
+        let mut shared = made_for(format!("all runs of {}", self.subject.name()), &mut *observe);
+        let choices = Choices::new(context, &self.folder, self.board.request, pool, &mut shared)?;
         let Some(choices) = choices else { return Ok(false) };
         let mut model = None;
         if self.board.request.needs_model() {
-            model = choices.model(observe)?;
+            model = choices.model(&mut shared)?;
             if model.is_none() {
                 return Ok(false);
             }
         }
-        while let Some((number, run @ (method, _, seed))) = self.take() {
+        drop(shared);
+        while let Some((number, run @ (method, views, seed))) = self.take() {
+            let scene = self.subject.name();
+            let observe = &mut made_for(format!("{scene}, {method}, {views} views, seed {seed}"), &mut *observe);
             if observe(stage::Event::Working).is_break() {
                 return Ok(false);
             }
@@ -316,6 +324,14 @@ impl Runs<'_, '_> {
             self.complete((number, run), (choices.places(&chosen), chosen.seconds), &trained)?;
         }
         Ok(true)
+    }
+}
+
+/// Tells on with every product what it is made for.
+fn made_for<'o>(what: String, observe: Observe<'o>) -> impl FnMut(stage::Event<'_>) -> ControlFlow<()> + Send + 'o {
+    move |event| match event {
+        stage::Event::Begins(product) => observe(stage::Event::Begins(&format!("{product} for {what}"))),
+        event => observe(event),
     }
 }
 

@@ -7,7 +7,7 @@ use super::pictures::{self, Picture, UNKNOWN};
 use super::record::{Quality, TestView};
 use crate::metrics::image::weights::Weights;
 use crate::metrics::image::{Lpips, Rgb8, SSIM_WINDOW, psnr, ssim};
-use crate::parallel::in_parallel;
+use crate::parallel::mapped;
 use crate::photos::Photo;
 use crate::vulkan::Context;
 use crate::{Error, Result};
@@ -92,11 +92,11 @@ impl Tests {
         self.photos.is_empty()
     }
 
-    /// A test view as it is and as it should be. What the photo does not show is black in both.
-    fn pair(&self, camera: Camera, picture: &Picture) -> Result<Pair> {
-        let Picture { index, width, height, pixels } = picture;
+    /// A test view as it is and as it should be, of what the model looks like there. What the photo does not show is black in
+    /// both.
+    fn pair(&self, seen: &[[f32; 4]], picture: &Picture) -> Pair {
+        let Picture { width, height, pixels, .. } = picture;
         let background = self.background.map(f64::from);
-        let seen = camera(self.first + index)?;
         let byte = |value: f64| (255.0 * value.clamp(0.0, 1.0)).round() as u8;
         let mut pair = Pair { width: *width, height: *height, rendered: Vec::new(), reference: Vec::new() };
         for (stored, seen) in pixels.iter().zip(seen) {
@@ -107,7 +107,7 @@ impl Tests {
                 pair.reference.push(if known { byte(a * value + (1.0 - a) * background[c]) } else { 0 });
             }
         }
-        Ok(pair)
+        pair
     }
 
     /// Some of the test views, or all of them, with their metrics, in their order; `look` sees their pictures, some at a time.
@@ -150,11 +150,15 @@ impl Tests {
         views: &mut Vec<TestView>,
         look: &mut impl FnMut(&[(TestView, Pair)]) -> Result<()>,
     ) -> Result<()> {
-        let mut measured: Vec<(Pair, Result<Quality>)> = Vec::new();
+        let mut drawn = Vec::new();
         for picture in pictures {
-            measured.push((self.pair(camera, picture)?, Ok(Quality::default())));
+            drawn.push((picture, camera(self.first + picture.index)?));
         }
-        in_parallel(&mut measured, 1, |_, part| part.iter_mut().for_each(|(pair, quality)| *quality = compared(pair)));
+        let measured = mapped(&drawn, |_, (picture, seen)| {
+            let pair = self.pair(seen, picture);
+            let quality = compared(&pair);
+            (pair, quality)
+        });
         let mut seen = Vec::new();
         for (picture, (pair, quality)) in pictures.iter().zip(measured) {
             let mut quality = quality?;

@@ -240,11 +240,10 @@ pub fn planes(picture: &Rgb8) -> Vec<f32> {
     // ImageNet's, of values in [0, 1]; LPIPS has them for values in [-1, 1] (`ScalingLayer` of its code).
     const SHIFT: [f64; 3] = [-0.030, -0.088, -0.188];
     const SCALE: [f64; 3] = [0.458, 0.448, 0.450];
-    let channels = SHIFT.into_iter().zip(SCALE).enumerate();
-    channels
-        .flat_map(|(c, (shift, scale))| {
-            let scaled: [f32; 256] = std::array::from_fn(|v| ((2.0 * v as f64 / 255.0 - 1.0 - shift) / scale) as f32);
-            picture.pixels().iter().skip(c).step_by(3).map(move |v| scaled[usize::from(*v)])
-        })
-        .collect()
+    let mut planes = Vec::with_capacity(picture.pixels().len());
+    for (c, (shift, scale)) in SHIFT.into_iter().zip(SCALE).enumerate() {
+        let scaled: [f32; 256] = std::array::from_fn(|v| ((2.0 * v as f64 / 255.0 - 1.0 - shift) / scale) as f32);
+        planes.extend(picture.pixels().as_chunks::<3>().0.iter().map(|pixel| scaled[usize::from(pixel[c])]));
+    }
+    planes
 }
