@@ -312,6 +312,47 @@ fn bad_input_is_refused_and_nothing_is_written() {
     assert_eq!(place.files("other"), ["cube.gltf"]);
 }
 
+/// If this failed, a layout of one's own could not be compared, or would be compared with other cameras than those of the file.
+#[test]
+fn cameras_of_a_file_are_a_method() {
+    let place = place();
+    let tiny = TINY.replace("random,ours", "random");
+    place.done(&format!("{tiny} --out o"));
+    let plan = place.files("o").into_iter().find(|file| file.ends_with("plan.json")).unwrap();
+    fs::copy(place.path(&format!("o/{plan}")), place.path("mine.json")).unwrap();
+    // The same places: photographed and trained already.
+    let given = place.done(&format!("{} --out o", tiny.replace("random", "random,cameras:mine.json")));
+    let made: Vec<&str> = given.out.lines().filter(|line| line.starts_with("making")).collect();
+    assert!(matches!(made[..], [choice] if choice.starts_with("making   choice")), "{made:?}");
+    let results = results(&place, "o");
+    let qualities = qualities(&results);
+    assert_eq!((qualities[1].0, qualities[0].1), (&Value::from("cameras:mine.json"), qualities[1].1));
+    assert!(place.read("o/report.html").contains("cameras:mine.json"));
+    // Other places under the same name are another choice.
+    let mut moved: Value = serde_json::from_str(&place.read("mine.json")).unwrap();
+    moved["cameras"].as_array_mut().unwrap().reverse();
+    place.write("mine.json", moved.to_string());
+    let again = place.done(&format!("{} --out o", tiny.replace("random", "cameras:mine.json")));
+    assert!(again.out.contains("making   photos"), "{}", again.out);
+
+    let asked = |more: &str| format!("{} --out p {more}", tiny.replace("random", "cameras:mine.json"));
+    fs::create_dir_all(place.path("other")).unwrap();
+    place.write("other/second.gltf", place.read("cube.gltf"));
+    place.write("mine.txt", "no cameras");
+    assert_refused(
+        &place,
+        &[
+            (
+                &asked("").replace("--budgets 4", "--budgets 4,5"),
+                &["cameras:mine.json", "4 cameras", "5 are asked for", "--budgets 4"],
+            ),
+            (&asked("").replace("cube.gltf", "cube.gltf other/second.gltf"), &["cameras:mine.json", "one scene"]),
+            (&asked("").replace("mine.json", "none.json"), &["none.json"]),
+            (&asked("").replace("mine.json", "mine.txt"), &["mine.txt"]),
+        ],
+    );
+}
+
 /// If this failed, the quick evaluation would tell nothing: a plan must be worth more than views at random even there.
 #[test]
 #[ignore = "takes minutes"]

@@ -41,7 +41,8 @@ pub struct Arguments {
     /// Light from far around, of all scenes: an equirectangular .hdr file, +Y up
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
-    /// Who chooses: ours, ours-scalar, ours-no-vds, ours-iterative, or a --method of `camsplat plan` [default: random,
+    /// Who chooses: ours, ours-scalar, ours-no-vds, ours-iterative, a --method of `camsplat plan`, or cameras:FILE for those of
+    /// a file, as `camsplat capture` takes them, with the lens of all others [default: random,
     /// fibonacci, fvs, acp, fisherrf, fisherrf-retrain, cover, manifold, ours-iterative, ours-no-vds, ours-scalar, ours; rooms:
     /// without fibonacci and manifold; pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
@@ -204,7 +205,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let weights = arguments.lpips_vgg.as_deref().map(|file| Weights::read(file, Network::Vgg)).transpose()?;
     let mut notes = Vec::new();
     let subjects = arguments.subjects(&request, &mut notes)?;
-    job::check(&arguments.out, &subjects)?;
+    job::check(&arguments.out, &request, &subjects)?;
     for note in &notes {
         say!("{note}");
     }

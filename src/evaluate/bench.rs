@@ -242,21 +242,22 @@ impl<'a> Bench<'a> {
             (true, PeersFrom::Sphere, Kind::Object) => self.scene.region.outermost(),
             _ => self.scene.region,
         };
-        let stage = self.stage(
-            "choice",
-            json!({
-                "surface": shown.key(), "model": model.map(Stage::key), "method": method, "config": config, "peer": peer,
-                "region": region, "camera": self.intrinsics(), "device": self.context.physical().name,
-            }),
-        );
+        let mut inputs = json!({
+            "surface": shown.key(), "model": model.map(Stage::key), "method": method, "config": config, "peer": peer,
+            "region": region, "camera": self.intrinsics(), "device": self.context.physical().name,
+        });
+        if let Method::Given(given) = method {
+            inputs["given"] = json!(given.poses);
+        }
+        let stage = self.stage("choice", inputs);
         let Some(begins) = stage.begins(observe)? else { return Ok(None) };
         if !begins {
             return stage.read(PLAN).map(Some);
         }
         let target = self.target(shown, &region)?;
         let intrinsics = self.intrinsics();
-        let plan = match peer {
-            Some(request) => {
+        let plan = match (peer, method) {
+            (Some(request), _) => {
                 let model = model.map(training::model).transpose()?;
                 let (cameras, model) = ((intrinsics, &[][..]), model.as_ref());
                 let observe = Mutex::new(observe);
@@ -270,7 +271,10 @@ impl<'a> Bench<'a> {
                     None => return Ok(None),
                 }
             }
-            None => plan::job::run(&self.context, &target, intrinsics, &[], config, Tools::default(), |_| {
+            (None, Method::Given(given)) => {
+                peers::job::given(&self.context, &target, intrinsics, given.poses.clone(), (method.name(), &config))?
+            }
+            (None, _) => plan::job::run(&self.context, &target, intrinsics, &[], config, Tools::default(), |_| {
                 observe(Event::Working)
             })?,
         };

@@ -69,11 +69,12 @@ pub enum Event<'e> {
 pub type Hear<'h> = &'h mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send + 'h);
 
 /// Checks, before anything is computed, that an evaluation can be written into `folder`, which is empty, new or an earlier
-/// evaluation's; and that no two subjects would share a folder there.
+/// evaluation's; that no two subjects would share a folder there; and that the methods fit so many subjects.
 ///
 /// # Errors
-/// In a line that names the folder or the subject.
-pub fn check(folder: &Path, subjects: &[Subject]) -> Result<()> {
+/// In a line that names the folder, the subject or the method.
+pub fn check(folder: &Path, request: &Request, subjects: &[Subject]) -> Result<()> {
+    request.check_subjects(subjects.len())?;
     for (i, subject) in subjects.iter().enumerate() {
         if subjects[..i].iter().any(|other| other.name().eq_ignore_ascii_case(subject.name())) {
             let what = "another subject has this name, and tables tell them by their names; rename it";

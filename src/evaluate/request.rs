@@ -1,6 +1,7 @@
 //! What is compared, and how.
 
 use std::fmt;
+use std::path::Path;
 use std::str::FromStr;
 
 use clap::ValueEnum;
@@ -9,10 +10,10 @@ use serde::Serialize;
 use super::kind::Kind;
 use crate::peers::request::Method as Peer;
 use crate::plan::config::{Config, Preset};
-use crate::scene::camera::Intrinsics;
-use crate::{Error, Result};
+use crate::scene::camera::{Intrinsics, Pose};
+use crate::{Error, Result, io};
 
-/// A way to choose views: the planner with a part left out, or a peer.
+/// A way to choose views: the planner with a part left out, a peer, or somebody's own choice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(into = "&'static str")]
 pub enum Method {
@@ -27,14 +28,35 @@ pub enum Method {
     /// The planner with some of its numbers set otherwise: `ours:KEY=VALUE[:KEY=VALUE...]`, where keys are those of
     /// [`Config`] as `plan.json` has them.
     Set(&'static str),
+    /// Cameras that are there already: `cameras:FILE`.
+    Given(&'static Given),
     /// Somebody else's method.
     Peer(Peer),
 }
+
+/// Where cameras stand that were placed by other means.
+#[derive(Debug)]
+pub struct Given {
+    /// As on the command line, which tells them apart.
+    name: String,
+    /// Their poses in the scene's frame.
+    pub poses: Vec<Pose>,
+}
+
+impl PartialEq for Given {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for Given {}
 
 /// Keys that [`Method::Set`] leaves alone: the evaluation has them from elsewhere.
 const OWN: [&str; 5] = ["views", "seed", "preset", "held_out", "checkpoint_every"];
 /// What [`Method::Set`] begins with.
 const SET: &str = "ours:";
+/// What [`Method::Given`] begins with.
+const GIVEN: &str = "cameras:";
 
 /// The planner's variants by name.
 const VARIANTS: [(&str, Method); 4] = [
@@ -50,6 +72,7 @@ impl Method {
         match self {
             Self::Peer(peer) => peer.name(),
             Self::Set(name) => name,
+            Self::Given(given) => &given.name,
             variant => VARIANTS.iter().find(|(_, method)| *method == variant).map_or("ours", |(name, _)| name),
         }
     }
@@ -61,7 +84,7 @@ impl Method {
     pub fn config(self, preset: Preset, views: u32, seed: u64) -> Result<Config> {
         let plain = Config { seed, ..Config::new(preset, views) };
         Ok(match self {
-            Self::Ours | Self::Peer(_) => plain,
+            Self::Ours | Self::Peer(_) | Self::Given(_) => plain,
             Self::Scalar => Config { directional: false, ..plain },
             Self::WithoutVds => Config { vds: false, ..plain },
             Self::Iterative => Config { vds: false, iterative: true, ..plain },
@@ -122,9 +145,15 @@ impl FromStr for Method {
             // A command names a handful, for as long as it runs: methods stay small and can be copied.
             return Ok(Self::Set(Box::leak(name.into())));
         }
+        if let Some(file) = name.strip_prefix(GIVEN) {
+            let cameras = io::read_cameras(Path::new(file)).map_err(|error| error.to_string())?;
+            let poses = cameras.iter().map(|camera| camera.pose).collect();
+            return Ok(Self::Given(Box::leak(Box::new(Given { name: name.into(), poses }))));
+        }
         Peer::from_str(name, false).map(Self::Peer).map_err(|_| {
             let peers = Peer::value_variants().iter().filter(|peer| **peer != Peer::Ours).map(|peer| peer.name());
-            let known: Vec<&str> = VARIANTS.iter().map(|(name, _)| *name).chain(peers).collect();
+            let known: Vec<&str> =
+                VARIANTS.iter().map(|(name, _)| *name).chain(peers).chain(["cameras:FILE"]).collect();
             format!("no such method; give some of {}", known.join(", "))
         })
     }
@@ -268,6 +297,13 @@ impl Request {
             let config = method.config(kind.preset(), budgets.first().copied().unwrap_or(1).max(1), 0)?;
             // What is told is an option of `camsplat plan`, which is a key here.
             config.validate().map_err(|error| Error::request(format!("method {method}: {error}")))?;
+            if let Method::Given(given) = method
+                && let Some(budget) = budgets.iter().find(|budget| **budget as usize != given.poses.len())
+            {
+                let count = given.poses.len();
+                let what = format!("these are {count} cameras, and {budget} are asked for; give --budgets {count}");
+                return Err(Error::request(format!("method {method}: {what}")));
+            }
         }
         if settings.inputs_from != InputsFrom::Uniform && *kind != Kind::Object {
             return Err(Error::request(
@@ -296,6 +332,19 @@ impl Request {
                 Err(Error::request("nothing to compare; give --methods and --budgets"))
             }
             None => Ok(()),
+        }
+    }
+
+    /// Refuses subjects that a method does not fit together.
+    ///
+    /// # Errors
+    /// In a line that names the method.
+    pub fn check_subjects(&self, subjects: usize) -> Result<()> {
+        match self.methods.iter().find(|method| matches!(method, Method::Given(_))) {
+            Some(method) if subjects > 1 => Err(Error::request(format!(
+                "method {method}: cameras stand around one scene, and there are {subjects}; evaluate that one by itself"
+            ))),
+            _ => Ok(()),
         }
     }
 
