@@ -7,7 +7,7 @@ use std::fs;
 
 use command::gltf::{cube, sky};
 use command::{Place, assert_refused, ended, read_until, stop};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// A cube whose material is not the same all over, and the light on it.
 fn place() -> Place {
@@ -316,41 +316,56 @@ fn bad_input_is_refused_and_nothing_is_written() {
 #[test]
 fn cameras_of_a_file_are_a_method() {
     let place = place();
-    let tiny = TINY.replace("random,ours", "random");
-    place.done(&format!("{tiny} --out o"));
+    let tiny = |methods: &str, out: &str| format!("{} --out {out}", TINY.replace("random,ours", methods));
+    place.done(&tiny("random", "o"));
     let plan = place.files("o").into_iter().find(|file| file.ends_with("plan.json")).unwrap();
-    fs::copy(place.path(&format!("o/{plan}")), place.path("mine.json")).unwrap();
+    let mut mine: Value = serde_json::from_str(&place.read(&format!("o/{plan}"))).unwrap();
+    // Another lens, which does not count.
+    let lens = json!({ "width": 640, "height": 480, "focal": [300.0, 300.0], "principal": [320.0, 240.0] });
+    mine["cameras"].as_array_mut().unwrap().iter_mut().for_each(|camera| camera["intrinsics"] = lens.clone());
+    place.write("mine.json", mine.to_string());
+
     // The same places: photographed and trained already.
-    let given = place.done(&format!("{} --out o", tiny.replace("random", "random,cameras:mine.json")));
-    let made: Vec<&str> = given.out.lines().filter(|line| line.starts_with("making")).collect();
-    assert!(matches!(made[..], [choice] if choice.starts_with("making   choice")), "{made:?}");
+    let given = place.done(&tiny("random,cameras:mine.json", "o"));
+    let made = |out: &str| -> Vec<String> {
+        out.lines().filter(|line| line.starts_with("making")).map(|line| line[9..].replace("-", " ")).collect()
+    };
+    assert!(matches!(&made(&given.out)[..], [choice] if choice.starts_with("choice ")), "{}", given.out);
     let results = results(&place, "o");
     let qualities = qualities(&results);
     assert_eq!((qualities[1].0, qualities[0].1), (&Value::from("cameras:mine.json"), qualities[1].1));
     assert!(place.read("o/report.html").contains("cameras:mine.json"));
-    // Other places under the same name are another choice.
-    let mut moved: Value = serde_json::from_str(&place.read("mine.json")).unwrap();
-    moved["cameras"].as_array_mut().unwrap().reverse();
-    place.write("mine.json", moved.to_string());
-    let again = place.done(&format!("{} --out o", tiny.replace("random", "cameras:mine.json")));
-    assert!(again.out.contains("making   photos"), "{}", again.out);
+    assert!(place.read("o/table.md").contains("cameras:FILE are where the file has them"));
+    // As many as they are alone, whatever else is asked for, and chosen once for all seeds.
+    let budgets = tiny("cameras:mine.json", "o").replace("--budgets 4 --seeds 1", "--budgets 4,5 --seeds 2");
+    let given = place.done(&budgets);
+    assert_eq!(given.out.matches("complete cube").count(), 2, "{}", given.out);
+    assert!(matches!(&made(&given.out)[..], [training] if training.starts_with("training ")), "{}", given.out);
+    // Others under the same name are another choice.
+    mine["cameras"].as_array_mut().unwrap().reverse();
+    place.write("mine.json", mine.to_string());
+    assert!(made(&place.done(&tiny("cameras:mine.json", "o")).out).len() == 3);
 
-    let asked = |more: &str| format!("{} --out p {more}", tiny.replace("random", "cameras:mine.json"));
     fs::create_dir_all(place.path("other")).unwrap();
     place.write("other/second.gltf", place.read("cube.gltf"));
     place.write("mine.txt", "no cameras");
-    assert_refused(
-        &place,
-        &[
-            (
-                &asked("").replace("--budgets 4", "--budgets 4,5"),
-                &["cameras:mine.json", "4 cameras", "5 are asked for", "--budgets 4"],
-            ),
-            (&asked("").replace("cube.gltf", "cube.gltf other/second.gltf"), &["cameras:mine.json", "one scene"]),
-            (&asked("").replace("mine.json", "none.json"), &["none.json"]),
-            (&asked("").replace("mine.json", "mine.txt"), &["mine.txt"]),
-        ],
-    );
+    mine["cameras"].as_array_mut().unwrap().truncate(1);
+    place.write("one.json", mine.to_string());
+    let given = tiny("cameras:mine.json", "p");
+    let cases: [(String, &[&str]); 7] = [
+        (given.replace("--budgets 4", "--budgets 5,6"), &["cameras:mine.json", "4 cameras", "give --budgets 4"]),
+        (given.replace("mine.json", "one.json"), &["cameras:one.json", "1 cameras; give 2 to 1000"]),
+        (given.replace("mine.json", "mine.json,cameras:./mine.json"), &["--methods", "twice"]),
+        (given.replace("cube.gltf", "cube.gltf other/second.gltf"), &["cameras:mine.json", "one scene"]),
+        (given.replace("mine.json", "none.json"), &["none.json"]),
+        (given.replace("mine.json", "mine.txt"), &["mine.txt"]),
+        (
+            "evaluate --pool cube.gltf --methods cameras:mine.json --out p".into(),
+            &["cameras:mine.json", "places cameras"],
+        ),
+    ];
+    let cases: Vec<(&str, &[&str])> = cases.iter().map(|(arguments, said)| (arguments.as_str(), *said)).collect();
+    assert_refused(&place, &cases);
 }
 
 /// If this failed, the quick evaluation would tell nothing: a plan must be worth more than views at random even there.

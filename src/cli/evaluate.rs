@@ -41,9 +41,8 @@ pub struct Arguments {
     /// Light from far around, of all scenes: an equirectangular .hdr file, +Y up
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
-    /// Who chooses: ours, ours-scalar, ours-no-vds, ours-iterative, a --method of `camsplat plan`, or cameras:FILE for those of
-    /// a file, as `camsplat capture` takes them, with the lens of all others [default: random,
-    /// fibonacci, fvs, acp, fisherrf, fisherrf-retrain, cover, manifold, ours-iterative, ours-no-vds, ours-scalar, ours; rooms:
+    /// Who chooses: ours, ours-scalar, ours-no-vds, ours-iterative, a --method of `camsplat plan`, or cameras:FILE, a layout of
+    /// your own in whatever `camsplat capture` takes, seen through everybody's lens [default: random, fibonacci, fvs, acp, fisherrf, fisherrf-retrain, cover, manifold, ours-iterative, ours-no-vds, ours-scalar, ours; rooms:
     /// without fibonacci and manifold; pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     methods: Option<Vec<Method>>,
@@ -181,6 +180,11 @@ impl Arguments {
     fn subjects(&self, request: &Request, notes: &mut Vec<String>) -> Result<Vec<Subject>> {
         let environment = self.env.as_deref().map(|path| read_environment(path, notes)).transpose()?;
         let intrinsics = request.settings.intrinsics();
+        for method in &request.methods {
+            if let Method::Given(given) = method {
+                notes.extend(given.notes.iter().map(|note| format!("{method}: {note}")));
+            }
+        }
         let mut subjects = Vec::new();
         for path in &self.scenes {
             let scene = Scene::read(path, self.preset, environment.as_ref(), &intrinsics, notes)?;

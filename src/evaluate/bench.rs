@@ -72,7 +72,8 @@ impl<'a> Bench<'a> {
         if moved > 0 {
             let all = cameras.len();
             let note = format!(
-                "{moved} of {all} cameras stood nearer to things than the clearance, or in them, and have moved aside"
+                "{moved} of {all} cameras stood outside of the region, nearer to things than the clearance or in them, and have \
+                 moved to the nearest free place"
             );
             let _ = observe(Event::Note(note));
         }
@@ -132,6 +133,10 @@ impl<'a> Bench<'a> {
         let taken = photograph::job::run(&self.tracer, &record, &products, stage.folder(), |_| {
             (heard.borrow_mut())(Event::Working)
         })?;
+        if taken.empty > 0 {
+            let note = format!("{} of {all} photographs show nothing of the scene", taken.empty);
+            let _ = (heard.borrow_mut())(Event::Note(note));
+        }
         if taken.pictures < all {
             return Ok(None);
         }
@@ -242,13 +247,17 @@ impl<'a> Bench<'a> {
             (true, PeersFrom::Sphere, Kind::Object) => self.scene.region.outermost(),
             _ => self.scene.region,
         };
-        let mut inputs = json!({
-            "surface": shown.key(), "model": model.map(Stage::key), "method": method, "config": config, "peer": peer,
-            "region": region, "camera": self.intrinsics(), "device": self.context.physical().name,
-        });
-        if let Method::Given(given) = method {
-            inputs["given"] = json!(given.poses);
-        }
+        let (camera, device) = (self.intrinsics(), &self.context.physical().name);
+        let inputs = match method {
+            // Whatever they are called, and for all seeds.
+            Method::Given(given) => json!({
+                "surface": shown.key(), "given": given.poses, "region": region, "camera": camera, "device": device,
+            }),
+            _ => json!({
+                "surface": shown.key(), "model": model.map(Stage::key), "method": method, "config": config, "peer": peer,
+                "region": region, "camera": camera, "device": device,
+            }),
+        };
         let stage = self.stage("choice", inputs);
         let Some(begins) = stage.begins(observe)? else { return Ok(None) };
         if !begins {
@@ -272,7 +281,8 @@ impl<'a> Bench<'a> {
                 }
             }
             (None, Method::Given(given)) => {
-                peers::job::given(&self.context, &target, intrinsics, given.poses.clone(), (method.name(), &config))?
+                let config = crate::plan::config::Config { seed: 0, ..config };
+                plan::job::given(&self.context, &target, intrinsics, given.poses.clone(), (method.name(), &config))?
             }
             (None, _) => plan::job::run(&self.context, &target, intrinsics, &[], config, Tools::default(), |_| {
                 observe(Event::Working)

@@ -279,8 +279,8 @@ impl Runs<'_, '_> {
         }
         drop(shared);
         while let Some((number, run @ (method, views, seed))) = self.take() {
-            let scene = self.subject.name();
-            let observe = &mut made_for(format!("{scene}, {method}, {views} views, seed {seed}"), &mut *observe);
+            let name = self.subject.name();
+            let observe = &mut made_for(format!("{name}, {method}, {views} views, seed {seed}"), &mut *observe);
             if observe(stage::Event::Working).is_break() {
                 return Ok(false);
             }
@@ -311,8 +311,8 @@ impl Runs<'_, '_> {
         }
         drop(shared);
         while let Some((number, run @ (method, views, seed))) = self.take() {
-            let scene = self.subject.name();
-            let observe = &mut made_for(format!("{scene}, {method}, {views} views, seed {seed}"), &mut *observe);
+            let name = self.subject.name();
+            let observe = &mut made_for(format!("{name}, {method}, {views} views, seed {seed}"), &mut *observe);
             if observe(stage::Event::Working).is_break() {
                 return Ok(false);
             }
@@ -328,10 +328,11 @@ impl Runs<'_, '_> {
     }
 }
 
-/// Tells on with every product what it is made for.
+/// Passes events on; says of every product and note what it is for.
 fn made_for<'o>(what: String, observe: Observe<'o>) -> impl FnMut(stage::Event<'_>) -> ControlFlow<()> + Send + 'o {
     move |event| match event {
         stage::Event::Begins(product) => observe(stage::Event::Begins(&format!("{product} for {what}"))),
+        stage::Event::Note(note) => observe(stage::Event::Note(format!("{note} ({what})"))),
         event => observe(event),
     }
 }

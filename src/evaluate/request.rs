@@ -28,7 +28,7 @@ pub enum Method {
     /// The planner with some of its numbers set otherwise: `ours:KEY=VALUE[:KEY=VALUE...]`, where keys are those of
     /// [`Config`] as `plan.json` has them.
     Set(&'static str),
-    /// Cameras that are there already: `cameras:FILE`.
+    /// Cameras that are there already, `cameras:FILE`, at the budget of their number.
     Given(&'static Given),
     /// Somebody else's method.
     Peer(Peer),
@@ -37,18 +37,22 @@ pub enum Method {
 /// Where cameras stand that were placed by other means.
 #[derive(Debug)]
 pub struct Given {
-    /// As on the command line, which tells them apart.
-    name: String,
+    /// What they are called, as on the command line.
+    pub name: String,
     /// Their poses in the scene's frame.
     pub poses: Vec<Pose>,
+    /// What was understood of the file, for the user to check.
+    pub notes: Vec<String>,
 }
 
+/// Whatever they are called.
 impl PartialEq for Given {
     fn eq(&self, other: &Self) -> bool {
-        self.name == other.name
+        self.poses == other.poses
     }
 }
 
+// Poses that were read are numbers.
 impl Eq for Given {}
 
 /// Keys that [`Method::Set`] leaves alone: the evaluation has them from elsewhere.
@@ -101,6 +105,11 @@ impl Method {
         })
     }
 
+    /// Whether it can be asked for so many views: cameras that are there are as many as they are.
+    pub fn takes(self, views: u32) -> bool {
+        !matches!(self, Self::Given(given) if given.poses.len() != views as usize)
+    }
+
     /// Whether it chooses by a model of the scene.
     pub fn needs_model(self) -> bool {
         matches!(self, Self::Peer(peer) if peer.needs_model())
@@ -146,9 +155,13 @@ impl FromStr for Method {
             return Ok(Self::Set(Box::leak(name.into())));
         }
         if let Some(file) = name.strip_prefix(GIVEN) {
-            let cameras = io::read_cameras(Path::new(file)).map_err(|error| error.to_string())?;
+            if file.is_empty() {
+                return Err("name a file behind cameras:".into());
+            }
+            let read = io::read_cameras_with_notes(Path::new(file)).map_err(|error| error.to_string());
+            let (cameras, notes) = read?;
             let poses = cameras.iter().map(|camera| camera.pose).collect();
-            return Ok(Self::Given(Box::leak(Box::new(Given { name: name.into(), poses }))));
+            return Ok(Self::Given(Box::leak(Box::new(Given { name: name.into(), poses, notes }))));
         }
         Peer::from_str(name, false).map(Self::Peer).map_err(|_| {
             let peers = Peer::value_variants().iter().filter(|peer| **peer != Peer::Ours).map(|peer| peer.name());
@@ -297,11 +310,14 @@ impl Request {
             let config = method.config(kind.preset(), budgets.first().copied().unwrap_or(1).max(1), 0)?;
             // What is told is an option of `camsplat plan`, which is a key here.
             config.validate().map_err(|error| Error::request(format!("method {method}: {error}")))?;
-            if let Method::Given(given) = method
-                && let Some(budget) = budgets.iter().find(|budget| **budget as usize != given.poses.len())
-            {
-                let count = given.poses.len();
-                let what = format!("these are {count} cameras, and {budget} are asked for; give --budgets {count}");
+            if !budgets.iter().any(|budget| method.takes(*budget)) {
+                let count = if let Method::Given(given) = method { given.poses.len() } else { 0 };
+                let what = match (2..=1000).contains(&count) {
+                    true => {
+                        format!("these are {count} cameras; give --budgets {count}, beside others if there are some")
+                    }
+                    false => format!("these are {count} cameras; give 2 to 1000"),
+                };
                 return Err(Error::request(format!("method {method}: {what}")));
             }
         }
@@ -358,7 +374,10 @@ impl Request {
         let first = u64::from(self.first_seed);
         let of_budget = move |views: u32| (first..first + u64::from(self.seeds)).map(move |seed| (views, seed));
         let seeded = self.budgets.iter().flat_map(move |views| of_budget(*views));
-        seeded.flat_map(|(views, seed)| self.methods.iter().map(move |method| (*method, views, seed)))
+        seeded.flat_map(|(views, seed)| {
+            let methods = self.methods.iter().filter(move |method| method.takes(views));
+            methods.map(move |method| (*method, views, seed))
+        })
     }
 }
 
@@ -374,6 +393,7 @@ mod tests {
         let set = Method::Set("ours:nearest_tau=0.1:gate=pinhole:scale=0.5");
         for method in VARIANTS.iter().map(|(_, method)| *method).chain(peers).chain([set]) {
             assert_eq!(method.name().parse(), Ok(method));
+            assert!(method.takes(7));
         }
         let config = set.config(Preset::Object, 20, 3).unwrap();
         let told = (config.nearest_tau, config.gate, config.scale, config.views, config.seed);
@@ -388,6 +408,8 @@ mod tests {
             let error = wrong.parse::<Method>().unwrap().config(Preset::Object, 20, 0).unwrap_err().to_string();
             assert!(error.contains(wrong) && error.contains(named), "{error}");
         }
+        assert!("cameras:".parse::<Method>().unwrap_err().contains("name a file"));
+        assert!("nobodys".parse::<Method>().unwrap_err().ends_with(", cameras:FILE"));
         assert!("nobodys".parse::<Method>().unwrap_err().contains("ours-no-vds, ours-iterative, random, fibonacci"));
     }
 }

@@ -22,7 +22,7 @@ const BETWEEN_TRIES: Duration = Duration::from_millis(20);
 
 /// What happens on the way.
 pub enum Event<'e> {
-    /// A product is made: its key, to which those who pass this on may add what for.
+    /// A product is made: its key; the evaluation adds what for.
     Begins(&'e str),
     /// A product was there from an earlier run.
     Kept(&'e str),

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::kind::Kind;
-use super::request::{InputsFrom, PeersFrom, Request, Shown};
+use super::request::{InputsFrom, Method, PeersFrom, Request, Shown};
 use super::results::{Interval, METRICS, Row, measured};
 
 /// Decimals of each metric.
@@ -47,7 +47,8 @@ pub fn markdown(request: &Request, rows: &[Row], left: usize) -> String {
         columns.iter().for_each(|column| text += &format!(" {column} |"));
         let _ = writeln!(text, " choice, s |\n|{}", "---|".repeat(columns.len() + 4));
         for row in rows {
-            let _ = write!(text, "| {} | {} | {} |", row.scene.replace('|', "\\|"), row.method, row.views);
+            let [scene, method] = [&row.scene, row.method.name()].map(|name| name.replace('|', "\\|"));
+            let _ = write!(text, "| {scene} | {method} | {} |", row.views);
             for mean in &row.measured[metric] {
                 let cell = mean.map_or_else(|| "–".into(), |interval| cell(interval, DECIMALS[metric]));
                 let _ = write!(text, " {cell} |");
@@ -89,8 +90,12 @@ fn conditions(request: &Request) -> String {
         same if same == settings.samples => String::new(),
         samples => format!(" with {samples} samples"),
     };
+    let given = match request.methods.iter().any(|method| matches!(method, Method::Given(_))) {
+        true => ", cameras:FILE are where the file has them",
+        false => "",
+    };
     format!(
-        "Methods chose on {shown}{peers}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set{finer}",
+        "Methods chose on {shown}{peers}{given}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set{finer}",
         settings.size, settings.samples, settings.tests
     )
 }
@@ -100,11 +105,13 @@ pub fn csv(kind: Kind, rows: &[Row]) -> String {
     let columns = kind.columns();
     let mut text = String::from("scene,method,views,seeds,set,metric,mean,half_interval_95\n");
     for row in rows {
-        let scene = format!("\"{}\"", row.scene.replace('"', "\"\""));
+        let quoted = |name: &str| format!("\"{}\"", name.replace('"', "\"\""));
+        let (scene, method) = (quoted(&row.scene), row.method.name());
+        let method = if method.contains('"') { quoted(method) } else { method.to_owned() };
         let mut line = |set: &str, metric: &str, interval: Option<Interval>| {
             let mean = interval.map_or_else(String::new, |interval| interval.mean.to_string());
             let half = interval.and_then(|interval| interval.half).map_or_else(String::new, |half| half.to_string());
-            let _ = writeln!(text, "{scene},{},{},{},{set},{metric},{mean},{half}", row.method, row.views, row.seeds);
+            let _ = writeln!(text, "{scene},{method},{},{},{set},{metric},{mean},{half}", row.views, row.seeds);
         };
         for (metric, name) in measured(rows) {
             for (set, mean) in columns.iter().zip(&row.measured[metric]) {
@@ -127,7 +134,7 @@ pub fn cell(Interval { mean, half }: Interval, decimals: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::request::{Method, Settings};
+    use crate::evaluate::request::{Given, Settings};
 
     fn row() -> Row {
         let of = |mean, half| Some(Interval { mean, half });
@@ -169,6 +176,10 @@ mod tests {
         assert_eq!(lines[1], "\"cup, \"\"red\"\"\",ours-no-vds,20,3,half,PSNR,20,0.5");
         assert!(lines[3].ends_with("random,PSNR,19,") && lines[9].ends_with("half,LPIPS,,"), "{csv}");
         assert!(lines[13].ends_with(",,choice_seconds,1.5,"));
+        let given = Given { name: "cameras:a|\"b\".json".into(), poses: Vec::new(), notes: Vec::new() };
+        let given = Row { method: Method::Given(Box::leak(Box::new(given))), ..row() };
+        assert!(markdown(&request, std::slice::from_ref(&given), 0).contains("| cameras:a\\|\"b\".json | 20 |"));
+        assert!(super::csv(Kind::Object, &[given]).contains(",\"cameras:a|\"\"b\"\".json\",20,3,half,PSNR,20,0.5"));
     }
 
     /// If this failed, a table of rooms or pools would have columns that nobody measured.

@@ -17,8 +17,9 @@ pub type Camera<'c> = &'c mut dyn FnMut(usize) -> Result<Vec<[f32; 4]>>;
 
 /// Test views that are looked at on the way.
 const FEW: usize = 16;
-/// Pictures that are measured at once.
+/// Pictures that are measured at once, and bytes of these as they are drawn, 16 a pixel.
 const AT_ONCE: usize = 16;
+const BYTES: u64 = 1 << 29;
 
 /// Photos to test with. Few of them are kept decoded; all of them are decoded again in the end.
 pub struct Tests {
@@ -94,16 +95,17 @@ impl Tests {
 
     /// A test view as it is and as it should be, of what the model looks like there. What the photo does not show is black in
     /// both.
-    fn pair(&self, seen: &[[f32; 4]], picture: &Picture) -> Pair {
+    fn pair(&self, rendered: &[[f32; 4]], picture: &Picture) -> Pair {
         let Picture { width, height, pixels, .. } = picture;
         let background = self.background.map(f64::from);
         let byte = |value: f64| (255.0 * value.clamp(0.0, 1.0)).round() as u8;
-        let mut pair = Pair { width: *width, height: *height, rendered: Vec::new(), reference: Vec::new() };
-        for (stored, seen) in pixels.iter().zip(seen) {
+        let bytes = || Vec::with_capacity(3 * pixels.len());
+        let mut pair = Pair { width: *width, height: *height, rendered: bytes(), reference: bytes() };
+        for (stored, rendered) in pixels.iter().zip(rendered) {
             let [r, g, b, a] = stored.to_le_bytes().map(|v| f64::from(v) / 255.0);
             for (c, value) in [r, g, b].into_iter().enumerate() {
                 let known = *stored != UNKNOWN;
-                pair.rendered.push(if known { byte(seen[c].into()) } else { 0 });
+                pair.rendered.push(if known { byte(rendered[c].into()) } else { 0 });
                 pair.reference.push(if known { byte(a * value + (1.0 - a) * background[c]) } else { 0 });
             }
         }
@@ -142,8 +144,21 @@ impl Tests {
         }
     }
 
-    /// Measures some test views; LPIPS where its network is there.
+    /// Measures test views, as many at a time as memory has room for.
     fn measure(
+        &mut self,
+        camera: Camera,
+        pictures: &[Picture],
+        views: &mut Vec<TestView>,
+        look: &mut impl FnMut(&[(TestView, Pair)]) -> Result<()>,
+    ) -> Result<()> {
+        let largest = pictures.iter().map(|picture| 16 * picture.pixels.len() as u64).max().unwrap_or(0);
+        let at_once = (BYTES / largest.max(1)).clamp(1, AT_ONCE as u64) as usize;
+        pictures.chunks(at_once).try_for_each(|some| self.measure_together(camera, some, views, look))
+    }
+
+    /// Measures some test views; LPIPS where its network is there.
+    fn measure_together(
         &mut self,
         camera: Camera,
         pictures: &[Picture],
@@ -154,11 +169,12 @@ impl Tests {
         for picture in pictures {
             drawn.push((picture, camera(self.first + picture.index)?));
         }
-        let measured = mapped(&drawn, |_, (picture, seen)| {
-            let pair = self.pair(seen, picture);
+        let measured = mapped(&drawn, |_, (picture, rendered)| {
+            let pair = self.pair(rendered, picture);
             let quality = compared(&pair);
             (pair, quality)
         });
+        drop(drawn);
         let mut seen = Vec::new();
         for (picture, (pair, quality)) in pictures.iter().zip(measured) {
             let mut quality = quality?;

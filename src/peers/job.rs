@@ -103,22 +103,6 @@ pub fn photographing(
     conclude(context, scene, target, (intrinsics, kept), &config, (method.name(), described), outcome).map(Some)
 }
 
-/// Scores cameras that were placed by other means, in the user's world, as a plan of ours; it took no time.
-///
-/// # Errors
-/// A region without free space, or a device that fails.
-pub fn given(
-    context: &Arc<Context>,
-    target: &Target,
-    intrinsics: Intrinsics,
-    poses: Vec<Pose>,
-    (name, config): (&str, &Config),
-) -> Result<Plan> {
-    let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
-    let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds: 0.0 };
-    conclude(context, scene, target, (intrinsics, &[]), config, (name, serde_json::Value::Null), outcome)
-}
-
 /// The cameras that are kept, and behind them poses at random in the region.
 fn candidates(geometry: &SceneGeometry, intrinsics: Intrinsics, kept: &[Camera], request: &Request) -> Vec<Photo> {
     let [low, high, ..] = random::bits(request.seed, CANDIDATES, 0);

@@ -194,6 +194,24 @@ pub fn run(
     Ok(plan)
 }
 
+/// Scores cameras that were placed by other means, in the user's world, as a plan is scored; it took no time. `name` is what they are
+/// called; of `config` count the same as in [`conclude`].
+///
+/// # Errors
+/// A region without free space, or a device that fails.
+pub fn given(
+    context: &Arc<Context>,
+    target: &Target,
+    intrinsics: Intrinsics,
+    poses: Vec<Pose>,
+    (name, config): (&str, &Config),
+) -> Result<Plan> {
+    let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
+    let described = serde_json::json!({ "cameras": poses.len() });
+    let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds: 0.0 };
+    conclude(context, scene, target, (intrinsics, &[]), config, (name, described), outcome)
+}
+
 /// Scores what came out, its snapshots and the controls on held-out points, and writes the record. Of `config` count the views,
 /// the seed, the preset, the gate and the held-out points; `method` is its name and its own configuration.
 ///

@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use super::text::{address, escape, number};
 use crate::evaluate::job::Outcome;
-use crate::evaluate::request::Request;
+use crate::evaluate::request::{Method, Request};
 use crate::evaluate::results::{Entry, Interval, Row, measured};
 use crate::evaluate::table::{DECIMALS, cell, description};
 
@@ -16,6 +16,8 @@ use crate::evaluate::table::{DECIMALS, cell, description};
 const CHART: [f64; 2] = [300.0, 220.0];
 const MARGIN: f64 = 40.0;
 const NAMES: f64 = 170.0;
+/// Characters of a name that have room there.
+const LABEL: usize = 26;
 /// Height of a method's line.
 const LINE: f64 = 18.0;
 /// Colours of the methods, told apart by most people with colour vision deficiencies (Okabe and Ito, 2008).
@@ -75,7 +77,7 @@ pub(super) fn table(rows: &[&Row], metric: usize, name: &str, columns: &[&str]) 
         format!("<td>{}</td>", interval.map_or_else(|| "–".to_owned(), |interval| cell(interval, decimals)))
     };
     for row in rows {
-        let _ = write!(text, "<tr><td>{}</td><td>{}</td>", row.method, row.views);
+        let _ = write!(text, "<tr><td>{}</td><td>{}</td>", escape(row.method.name()), row.views);
         row.measured[metric].iter().for_each(|measured| text += &cell(*measured, DECIMALS[metric]));
         let _ = writeln!(text, "{}</tr>", cell(Some(row.seconds), 2));
     }
@@ -85,6 +87,18 @@ pub(super) fn table(rows: &[&Row], metric: usize, name: &str, columns: &[&str]) 
 /// A metric's mean over the sets, which the last column has.
 fn over_sets(row: &Row, metric: usize) -> Option<Interval> {
     row.measured[metric].last().copied().flatten().filter(|interval| interval.mean.is_finite())
+}
+
+/// A method's name in a chart: of a long one the end, which tells files apart.
+fn label_of(method: Method) -> String {
+    let name = method.name();
+    match name.chars().count().checked_sub(LABEL) {
+        None | Some(0) => escape(name),
+        Some(more) => {
+            let end: String = name.chars().skip(more + 1).collect();
+            format!("<title>{}</title>…{}", escape(name), escape(&end))
+        }
+    }
 }
 
 fn ends(interval: Interval) -> [f64; 2] {
@@ -125,7 +139,7 @@ fn intervals(rows: &[&Row], metric: usize, name: &str) -> String {
             text,
             "<text x=\"{names}\" y=\"{label}\" text-anchor=\"end\">{}</text><path d=\"M{from} {y}H{to}\" stroke=\"{colour}\"/>\
              <circle cx=\"{}\" cy=\"{y}\" r=\"3\" fill=\"{colour}\"/>",
-            escape(method.name()),
+            label_of(method),
             x(interval.mean)
         );
     }
@@ -179,7 +193,7 @@ fn curves(rows: &[&Row], metric: usize, name: &str) -> String {
             "<path d=\"M{at} {label}H{next}\" {style}/><text x=\"{}\" y=\"{}\" fill=\"{colour}\">{}</text>",
             next + 4.0,
             label + 4.0,
-            escape(method.name())
+            label_of(method)
         );
     }
     text + "</svg></figure>\n"
@@ -224,7 +238,7 @@ pub(super) fn pictures(scene: &str, entries: &[&Entry], sets: &[&str]) -> String
         let picture = |entry: &Entry, of: &str, caption: &str| {
             let [scene, file] = [scene, entry.pictures[i].as_str()].map(address);
             let path = format!("{scene}/{}/{of}/{file}", entry.folder);
-            format!("<figure><img src=\"{path}\" alt=\"\"><figcaption>{caption}</figcaption></figure>")
+            format!("<figure><img src=\"{path}\" alt=\"\"><figcaption>{}</figcaption></figure>", escape(caption))
         };
         let reference = shown.first().map(|entry| picture(entry, "reference", &format!("{set}: the photograph")));
         text += &reference.unwrap_or_default();
@@ -238,8 +252,39 @@ pub(super) fn pictures(scene: &str, entries: &[&Entry], sets: &[&str]) -> String
 mod tests {
     use super::*;
     use crate::evaluate::kind::Kind;
-    use crate::evaluate::request::{Method, Settings};
+    use crate::evaluate::request::{Given, Settings};
     use crate::gaussians::record::Quality;
+
+    /// If this failed, the name of a file could break the page or run what it likes, or could not be read in a chart.
+    #[test]
+    fn names_of_files_are_text() {
+        let name = "cameras:a folder with a long name/<img src=x>.json";
+        let given = Given { name: name.into(), poses: Vec::new(), notes: Vec::new() };
+        let entry = Entry {
+            scene: "cup".into(),
+            method: Method::Given(Box::leak(Box::new(given))),
+            views: 4,
+            seed: 0,
+            seconds: 0.0,
+            quality: vec![Quality { psnr: 20.0, ssim: 0.5, ..Quality::default() }; 3],
+            folder: "training-1".into(),
+            pictures: ["half", "full", "random"].map(|set| format!("{set}_0000.png")).to_vec(),
+            places: vec![DVec3::ZERO, DVec3::new(2.0, 1.0, 0.0)],
+        };
+        let request = Request {
+            kind: Kind::Object,
+            methods: vec![entry.method],
+            budgets: vec![4],
+            seeds: 1,
+            first_seed: 0,
+            settings: Settings::QUICK,
+        };
+        let page = html(&request, &Outcome::new(Kind::Object, vec![entry], 1));
+        assert!(!page.contains("<img src=x>"), "{page}");
+        // Three tables, the layout, three pictures; in two charts its end, with all of it to be pointed at.
+        assert_eq!(page.matches("cameras:a folder with a long name/&lt;img src=x&gt;.json").count(), 3 + 1 + 3 + 2);
+        assert_eq!(page.matches("</title>…ong name/&lt;img src=x&gt;.json</text>").count(), 2, "{page}");
+    }
 
     /// If this failed, a method or a budget would be missing from the page, or all where seeds do not begin at zero, or a scene's name
     /// would break it.
