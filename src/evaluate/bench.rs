@@ -247,15 +247,15 @@ impl<'a> Bench<'a> {
             (true, PeersFrom::Sphere, Kind::Object) => self.scene.region.outermost(),
             _ => self.scene.region,
         };
-        let (camera, device) = (self.intrinsics(), &self.context.physical().name);
+        let (intrinsics, device) = (self.intrinsics(), &self.context.physical().name);
         let inputs = match method {
             // Whatever they are called, and for all seeds.
             Method::Given(given) => json!({
-                "surface": shown.key(), "given": given.poses, "region": region, "camera": camera, "device": device,
+                "surface": shown.key(), "given": given.poses, "region": region, "camera": intrinsics, "device": device,
             }),
             _ => json!({
                 "surface": shown.key(), "model": model.map(Stage::key), "method": method, "config": config, "peer": peer,
-                "region": region, "camera": camera, "device": device,
+                "region": region, "camera": intrinsics, "device": device,
             }),
         };
         let stage = self.stage("choice", inputs);
@@ -264,7 +264,6 @@ impl<'a> Bench<'a> {
             return stage.read(PLAN).map(Some);
         }
         let target = self.target(shown, &region)?;
-        let intrinsics = self.intrinsics();
         let plan = match (peer, method) {
             (Some(request), _) => {
                 let model = model.map(training::model).transpose()?;

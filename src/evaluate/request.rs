@@ -310,8 +310,11 @@ impl Request {
             let config = method.config(kind.preset(), budgets.first().copied().unwrap_or(1).max(1), 0)?;
             // What is told is an option of `camsplat plan`, which is a key here.
             config.validate().map_err(|error| Error::request(format!("method {method}: {error}")))?;
-            if !budgets.iter().any(|budget| method.takes(*budget)) {
-                let count = if let Method::Given(given) = method { given.poses.len() } else { 0 };
+            if let Method::Given(Given { poses, .. }) = method
+                && !budgets.is_empty()
+                && !budgets.iter().any(|budget| method.takes(*budget))
+            {
+                let count = poses.len();
                 let what = match (2..=1000).contains(&count) {
                     true => {
                         format!("these are {count} cameras; give --budgets {count}, beside others if there are some")
@@ -385,6 +388,22 @@ impl Request {
 mod tests {
     use super::*;
     use crate::plan::config::Gate;
+
+    /// If this failed, who asks for nothing would be told of something else.
+    #[test]
+    fn nothing_to_compare_is_said() {
+        let of = |methods: Vec<Method>, budgets: Vec<u32>| {
+            let (kind, settings) = (Kind::Object, Settings::QUICK);
+            Request { kind, methods, budgets, seeds: 1, first_seed: 0, settings }.validate()
+        };
+        let given = Given { name: "cameras:a".into(), poses: Vec::new(), notes: Vec::new() };
+        let given = Method::Given(Box::leak(Box::new(given)));
+        for nothing in [of(vec![Method::Ours, given], Vec::new()), of(Vec::new(), vec![4])] {
+            assert!(nothing.is_err_and(|error| error.to_string().contains("nothing to compare")));
+        }
+        assert!(of(vec![given], vec![4]).is_err_and(|error| error.to_string().contains("0 cameras; give 2 to 1000")));
+        assert!(of(vec![Method::Ours], vec![4]).is_ok());
+    }
 
     /// If this failed, a method could be named and not be the one that runs.
     #[test]

@@ -144,7 +144,7 @@ impl Tests {
         }
     }
 
-    /// Measures test views, as many at a time as memory has room for.
+    /// Measures test views, as many at a time as memory has room for; LPIPS where its network is there.
     fn measure(
         &mut self,
         camera: Camera,
@@ -154,43 +154,34 @@ impl Tests {
     ) -> Result<()> {
         let largest = pictures.iter().map(|picture| 16 * picture.pixels.len() as u64).max().unwrap_or(0);
         let at_once = (BYTES / largest.max(1)).clamp(1, AT_ONCE as u64) as usize;
-        pictures.chunks(at_once).try_for_each(|some| self.measure_together(camera, some, views, look))
-    }
-
-    /// Measures some test views; LPIPS where its network is there.
-    fn measure_together(
-        &mut self,
-        camera: Camera,
-        pictures: &[Picture],
-        views: &mut Vec<TestView>,
-        look: &mut impl FnMut(&[(TestView, Pair)]) -> Result<()>,
-    ) -> Result<()> {
-        let mut drawn = Vec::new();
-        for picture in pictures {
-            drawn.push((picture, camera(self.first + picture.index)?));
-        }
-        let measured = mapped(&drawn, |_, (picture, rendered)| {
-            let pair = self.pair(rendered, picture);
-            let quality = compared(&pair);
-            (pair, quality)
-        });
-        drop(drawn);
-        let mut seen = Vec::new();
-        for (picture, (pair, quality)) in pictures.iter().zip(measured) {
-            let mut quality = quality?;
-            if let Some(network) = &mut self.lpips
-                && pair.width.min(pair.height) >= network.network().least()
-            {
-                quality.lpips = match network.distance(&pair.of(&pair.rendered)?, &pair.of(&pair.reference)?) {
-                    // No reason to lose a model.
-                    Err(Error::OutOfMemory { .. }) => None,
-                    distance => Some(distance?),
-                };
+        for some in pictures.chunks(at_once) {
+            let mut drawn = Vec::new();
+            for picture in some {
+                drawn.push((picture, camera(self.first + picture.index)?));
             }
-            seen.push((TestView { name: self.photos[picture.index].camera.name.clone(), quality }, pair));
+            let measured = mapped(&drawn, |_, (picture, rendered)| {
+                let pair = self.pair(rendered, picture);
+                let quality = compared(&pair);
+                (pair, quality)
+            });
+            drop(drawn);
+            let mut seen = Vec::new();
+            for (picture, (pair, quality)) in some.iter().zip(measured) {
+                let mut quality = quality?;
+                if let Some(network) = &mut self.lpips
+                    && pair.width.min(pair.height) >= network.network().least()
+                {
+                    quality.lpips = match network.distance(&pair.of(&pair.rendered)?, &pair.of(&pair.reference)?) {
+                        // No reason to lose a model.
+                        Err(Error::OutOfMemory { .. }) => None,
+                        distance => Some(distance?),
+                    };
+                }
+                seen.push((TestView { name: self.photos[picture.index].camera.name.clone(), quality }, pair));
+            }
+            look(&seen)?;
+            views.extend(seen.into_iter().map(|(view, _)| view));
         }
-        look(&seen)?;
-        views.extend(seen.into_iter().map(|(view, _)| view));
         Ok(())
     }
 }
