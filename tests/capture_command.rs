@@ -162,6 +162,36 @@ fn what_is_doubtful_is_said() {
     assert!(ran.out.contains("1 cameras stand inside of something: view 1.png"), "{}", ran.out);
     assert!(ran.out.contains("no materials: it is grey"), "{}", ran.out);
     assert!(ran.out.contains("behind   nothing"), "{}", ran.out);
+    assert!(!ran.out.contains("are black"), "{}", ran.out);
+    // Backs that are meant to be seen tell nothing; that nothing is seen does.
+    let with = |more: &str| cube(&ORANGE.replace(r#""pbr"#, &format!(r#"{more}, "pbr"#)));
+    place.write("closed.gltf", with(r#""doubleSided": true"#));
+    let ran = place.done("capture closed.gltf cameras.json --out closed --env sky.hdr --spp 2");
+    assert!(!ran.out.contains("1 cameras stand"), "{}", ran.out);
+    let black: Vec<&str> = ran.out.lines().filter(|line| line.contains("are black")).collect();
+    assert!(
+        matches!(black[..], [line] if line.contains("1 pictures") && line.ends_with(": view 1.png")),
+        "{}",
+        ran.out
+    );
+    let dark = place.run("capture closed.gltf cameras.json --out dark --spp 2");
+    assert!(dark.code == Some(2) && dark.err.contains("no light"), "{}", dark.err);
+}
+
+/// If this failed, a scene of which a part is unlit would come out black elsewhere, without a word.
+#[test]
+fn unlit_things_are_no_light_for_others() {
+    let place = place(1, 8);
+    let unlit =
+        r#", "extensionsUsed": ["KHR_materials_unlit"], "materials": [{"extensions": {"KHR_materials_unlit": {}}}]"#;
+    place.write("unlit.gltf", cube(unlit));
+    let ran = place.done("capture unlit.gltf cameras.json --out unlit --spp 1");
+    assert!(!ran.out.contains("warning"), "{}", ran.out);
+    let second = r#""material": 0}, {"attributes": {"POSITION": 0}, "indices": 1, "material": 1}]"#;
+    let both = cube(&unlit.replace("{}}}]", "{}}}, {}]")).replace(r#""material": 0}]"#, second);
+    place.write("both.gltf", both);
+    let ran = place.done("capture both.gltf cameras.json --out both --spp 1");
+    assert!(ran.out.contains("warning  no lamp, nothing that emits and no environment"), "{}", ran.out);
 }
 
 /// If this failed, windows of a room would be holes, or exposure would not be what photographers mean by a stop.

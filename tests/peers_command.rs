@@ -50,6 +50,34 @@ fn every_peer_leaves_a_plan_in_its_region_and_the_same_twice() {
     }
 }
 
+/// If this failed, a row of the evaluation could not be planned by itself under its name.
+#[test]
+fn variants_of_the_planner_are_methods_too() {
+    let place = Place::new();
+    let region = "--views 3 --iterations 20 --held-out 50 --shell 0,0,0,2,3";
+    for (method, options) in [
+        ("ours", ""),
+        ("ours-scalar", "--scalar-vds"),
+        ("ours-no-vds", "--no-vds"),
+        ("ours-iterative", "--no-vds --iterative"),
+    ] {
+        place.done(&format!("plan ball.ply --out a --force --method {method} {region}"));
+        place.done(&format!("plan ball.ply --out b --force {options} {region}"));
+        assert_eq!(
+            (place.plan("a").method.as_str(), place.plan("a").config),
+            ("ours", place.plan("b").config),
+            "{method}"
+        );
+        assert_eq!(place.read("a/transforms.json"), place.read("b/transforms.json"), "{method}");
+    }
+    let refused = place.run(&format!("plan ball.ply --out c --method ours-no-vds --candidates 9 {region}"));
+    assert!(
+        refused.code == Some(2) && refused.err.contains("--candidates is for methods that choose"),
+        "{}",
+        refused.err
+    );
+}
+
 /// If this failed, Ctrl-C would end a choice by a signal and not say what became of it, or leave half of a folder.
 #[test]
 fn a_stopped_choice_writes_nothing_and_says_so() {

@@ -131,6 +131,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         model.materials.len(),
         assembly.lights()
     );
+    let lit = model.faces.iter().any(|face| !model.materials[face.material as usize].unlit);
+    if lit && assembly.lights() == 0 && environment.is_none() {
+        say!("warning  no lamp, nothing that emits and no environment: light what is not unlit with --env FILE.hdr");
+    }
     say!("behind   {}", if record.show_sky { "the environment" } else { "nothing: alpha and masks are written" });
     let inside = cameras_inside(&model, &assembly, &record.cameras);
     if !inside.is_empty() {
@@ -153,7 +157,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         done.map_or_else(go_on, |done| progress.advance(done, all))
     });
     progress.finish();
-    let Outcome { pictures, kept, mended, empty, points } = outcome?;
+    let Outcome { pictures, kept, mended, empty, mut dark, points } = outcome?;
     print_messages(&context);
     if kept > 0 {
         say!("kept     {kept} pictures of an earlier run");
@@ -169,6 +173,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     say!("pictures {} in {:.2} s", all - kept, start.elapsed().as_secs_f64());
     if empty > 0 {
         say!("         {empty} show nothing: check that the cameras are in the scene's frame");
+    }
+    dark.retain(|name| !inside.contains(&name.as_str()));
+    if !dark.is_empty() {
+        let what = "are black: no light reaches what they see, or their cameras stand inside of something";
+        say!("warning  {} pictures {what}: {}", dark.len(), dark.join(", "));
     }
     say!("written  {}, with {points} points of the surface", arguments.out.display());
     Ok(ExitCode::SUCCESS)

@@ -13,7 +13,6 @@ use super::vds;
 use crate::io;
 use crate::io::folder::{OutputFolder, check_file, write_files};
 use crate::metrics::Metrics;
-use crate::peers::request::Method;
 use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Start};
 use crate::plan::footprint;
 use crate::plan::job::{self, Plan, Tools};
@@ -230,9 +229,9 @@ impl Tuning {
 
 /// Plans, writes the folder and prints what came out.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let config = arguments.tuning.apply(Config::new(arguments.region.preset(), arguments.views));
+    let mut config = arguments.tuning.apply(Config::new(arguments.region.preset(), arguments.views));
+    let peer = arguments.peers.request(&mut config)?;
     config.validate()?;
-    let peer = arguments.peers.request(&config)?;
     if let (Some((peer, _)), true) =
         (&peer, arguments.dry_run || arguments.profile || arguments.trace.is_some() || arguments.capture.is_some())
     {
@@ -248,7 +247,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let folder = if arguments.dry_run { None } else { Some(OutputFolder::create(&arguments.out, arguments.force)?) };
     arguments.region.choice()?;
     let mut opened = None;
-    let target = match captured(arguments, &mut opened)? {
+    let reads_photos = config.vds && peer.is_none();
+    let target = match captured(arguments, reads_photos, &mut opened)? {
         Some((surface, poses)) => {
             arguments.region.target_of(&surface, &arguments.surface, &poses, &intrinsics, None)?
         }
@@ -302,7 +302,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 /// The points of a capture, scored from its photos where it has any; none where the surface is no capture with points.
 /// The device is opened only for photos.
-fn captured(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<Option<(Surface, Vec<Pose>)>> {
+fn captured(
+    arguments: &Arguments,
+    reads_photos: bool,
+    opened: &mut Option<Arc<Context>>,
+) -> Result<Option<(Surface, Vec<Pose>)>> {
     if !io::may_be_capture(&arguments.surface) {
         return Ok(None);
     }
@@ -322,7 +326,7 @@ fn captured(arguments: &Arguments, opened: &mut Option<Arc<Context>>) -> Result<
         Tuning { no_vds: true, .. } => Some("--no-vds"),
         Tuning { base_loss: true, .. } => Some("--base-loss"),
         _ if arguments.dry_run => Some("--dry-run"),
-        _ if arguments.peers.method != Method::Ours => Some("--method"),
+        _ if !reads_photos => Some("--method"),
         _ if images < 2 => Some("fewer than two have an image"),
         _ => None,
     };

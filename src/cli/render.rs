@@ -87,7 +87,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let Outcome { pictures, empty } = outcome?;
     print_messages(&context);
     if pictures < all {
-        say!("stopped after {pictures} of {all} pictures; nothing is written");
+        if pictures == 0 {
+            say!("stopped before the first picture; nothing is written");
+        } else {
+            folder.commit()?;
+            say!("stopped after {pictures} of {all} pictures, which are written; --force makes all of them anew");
+        }
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     folder.commit()?;

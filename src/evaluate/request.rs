@@ -62,12 +62,12 @@ const SET: &str = "ours:";
 /// What [`Method::Given`] begins with.
 const GIVEN: &str = "cameras:";
 
-/// The planner's variants by name.
-const VARIANTS: [(&str, Method); 4] = [
-    ("ours", Method::Ours),
-    ("ours-scalar", Method::Scalar),
-    ("ours-no-vds", Method::WithoutVds),
-    ("ours-iterative", Method::Iterative),
+/// The planner and its variants.
+const VARIANTS: [(Peer, Method); 4] = [
+    (Peer::Ours, Method::Ours),
+    (Peer::OursScalar, Method::Scalar),
+    (Peer::OursNoVds, Method::WithoutVds),
+    (Peer::OursIterative, Method::Iterative),
 ];
 
 impl Method {
@@ -77,7 +77,7 @@ impl Method {
             Self::Peer(peer) => peer.name(),
             Self::Set(name) => name,
             Self::Given(given) => &given.name,
-            variant => VARIANTS.iter().find(|(_, method)| *method == variant).map_or("ours", |(name, _)| name),
+            variant => variant.planner().name(),
         }
     }
 
@@ -88,10 +88,6 @@ impl Method {
     pub fn config(self, preset: Preset, views: u32, seed: u64) -> Result<Config> {
         let plain = Config { seed, ..Config::new(preset, views) };
         Ok(match self {
-            Self::Ours | Self::Peer(_) | Self::Given(_) => plain,
-            Self::Scalar => Config { directional: false, ..plain },
-            Self::WithoutVds => Config { vds: false, ..plain },
-            Self::Iterative => Config { vds: false, iterative: true, ..plain },
             Self::Set(name) => {
                 let set = name.strip_prefix(SET).unwrap_or_default().split(':');
                 let set: Vec<(&str, &str)> = set.map(|one| one.split_once('=').unwrap_or((one, ""))).collect();
@@ -102,7 +98,16 @@ impl Method {
                 };
                 config.map_err(|what| Error::request(format!("method {name}: {what}")))?
             }
+            _ => self.planner().planner(&plain).unwrap_or(plain),
         })
+    }
+
+    /// As `camsplat plan` has it: the planner where it is not of its `--method`s.
+    fn planner(self) -> Peer {
+        match self {
+            Self::Peer(peer) => peer,
+            variant => VARIANTS.iter().find(|(_, method)| *method == variant).map_or(Peer::Ours, |(peer, _)| *peer),
+        }
     }
 
     /// Whether it can be asked for so many views: cameras that are there are as many as they are.
@@ -147,9 +152,6 @@ impl FromStr for Method {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        if let Some((_, method)) = VARIANTS.iter().find(|(known, _)| *known == name) {
-            return Ok(*method);
-        }
         if name.starts_with(SET) {
             // A command names a handful, for as long as it runs: methods stay small and can be copied.
             return Ok(Self::Set(Box::leak(name.into())));
@@ -163,12 +165,12 @@ impl FromStr for Method {
             let poses = cameras.iter().map(|camera| camera.pose).collect();
             return Ok(Self::Given(Box::leak(Box::new(Given { name: name.into(), poses, notes }))));
         }
-        Peer::from_str(name, false).map(Self::Peer).map_err(|_| {
-            let peers = Peer::value_variants().iter().filter(|peer| **peer != Peer::Ours).map(|peer| peer.name());
+        let peer = Peer::from_str(name, false).map_err(|_| {
             let known: Vec<&str> =
-                VARIANTS.iter().map(|(name, _)| *name).chain(peers).chain(["cameras:FILE"]).collect();
+                Peer::value_variants().iter().map(|peer| peer.name()).chain(["cameras:FILE"]).collect();
             format!("no such method; give some of {}", known.join(", "))
-        })
+        })?;
+        Ok(VARIANTS.iter().find(|(known, _)| *known == peer).map_or(Self::Peer(peer), |(_, variant)| *variant))
     }
 }
 

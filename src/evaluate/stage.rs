@@ -17,6 +17,10 @@ use crate::{Error, Result};
 /// The file that is written last, with the inputs.
 const DONE: &str = "done.json";
 
+/// How often what a stage makes has changed while its options stayed: whoever changes it raises the number, so that products of
+/// earlier programs are made anew, and whatever is made from them.
+const REVISIONS: [(&str, u32); 5] = [("photos", 1), ("surface", 1), ("choice", 1), ("training", 2), ("lpips", 1)];
+
 /// Time between two looks whether another has made a product.
 const BETWEEN_TRIES: Duration = Duration::from_millis(20);
 
@@ -49,7 +53,8 @@ impl Stage {
     /// The product of a stage of this name with these inputs, below `root`. Inputs that are products themselves stand there
     /// by their [`Stage::key`].
     pub fn new(root: &Path, name: &str, inputs: Value) -> Self {
-        let inputs = json!({ "stage": name, "version": env!("CARGO_PKG_VERSION"), "inputs": inputs });
+        let revision = REVISIONS.iter().find(|(stage, _)| *stage == name).map_or(1, |(_, revision)| *revision);
+        let inputs = json!({ "stage": name, "revision": revision, "inputs": inputs });
         let key = format!("{name}-{:016x}", fnv1a(inputs.to_string().as_bytes()));
         Self { folder: root.join(&key), key, inputs, making: RefCell::default() }
     }

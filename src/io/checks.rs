@@ -13,7 +13,7 @@ use crate::scene::surface::Surface;
 const LARGEST: f64 = 1e18;
 
 /// Whether `p` can be computed with.
-fn usable(p: DVec3) -> bool {
+pub(crate) fn usable(p: DVec3) -> bool {
     p.is_finite() && p.abs().max_element() <= LARGEST
 }
 

@@ -160,7 +160,10 @@ fn place(
     };
     let farthest = |distance| pool.farthest(distance).ok_or_else(too_many);
     let chosen = match request.method {
-        Method::Ours => return Err(Error::request("--method ours is the planner's; it is no peer")),
+        Method::Ours | Method::OursScalar | Method::OursNoVds | Method::OursIterative => {
+            let name = request.method.name();
+            return Err(Error::request(format!("--method {name} is the planner's; it is no peer")));
+        }
         Method::Random => {
             let poses = baselines::random(&geometry.free, views, request.seed, inward);
             return Ok(Some(poses.iter().map(|pose| back.pose(pose)).collect()));

@@ -14,6 +14,12 @@ use crate::{Error, Result};
 pub enum Method {
     /// The planner
     Ours,
+    /// The planner with scores that are the same in all directions (--scalar-vds)
+    OursScalar,
+    /// The planner without scores (--no-vds)
+    OursNoVds,
+    /// The planner without scores, one view after another (--no-vds --iterative)
+    OursIterative,
     /// At random: looking in around an object, anywhere in a room
     Random,
     /// On spherical Fibonacci points, looking in
@@ -33,7 +39,7 @@ pub enum Method {
     #[value(name = "fisherrf")]
     #[serde(rename = "fisherrf")]
     Fisher,
-    /// The same, with the model trained on the views chosen so far, and on with each
+    /// The same, with the model trained on photographs of the views chosen so far, and on with each; of `evaluate` and `select` only
     #[value(name = "fisherrf-retrain")]
     #[serde(rename = "fisherrf-retrain")]
     FisherRetrain,
@@ -48,6 +54,9 @@ impl Method {
     pub fn name(self) -> &'static str {
         let choosing = match self {
             Self::Ours => return crate::plan::job::OURS,
+            Self::OursScalar => return "ours-scalar",
+            Self::OursNoVds => return "ours-no-vds",
+            Self::OursIterative => return "ours-iterative",
             Self::Manifold => return "manifold",
             Self::Random => Choosing::Random,
             Self::Fibonacci => Choosing::Fibonacci,
@@ -63,6 +72,18 @@ impl Method {
         choosing.name()
     }
 
+    /// The planner's configuration, where this is the planner or a variant of it.
+    pub fn planner(self, config: &Config) -> Option<Config> {
+        let config = config.clone();
+        match self {
+            Self::Ours => Some(config),
+            Self::OursScalar => Some(Config { directional: false, ..config }),
+            Self::OursNoVds => Some(Config { vds: false, ..config }),
+            Self::OursIterative => Some(Config { vds: false, iterative: true, ..config }),
+            _ => None,
+        }
+    }
+
     /// Whether it chooses by a model of the scene.
     pub fn needs_model(self) -> bool {
         matches!(self, Self::Fisher | Self::Cover | Self::Manifold)
@@ -76,7 +97,8 @@ impl Method {
     /// Candidates to choose `views` from where nothing is said; none where there is no choice.
     pub fn candidates(self, views: u32) -> Option<u32> {
         let usual = match self {
-            Self::Ours | Self::Random | Self::Fibonacci | Self::Manifold => None,
+            Self::Ours | Self::OursScalar | Self::OursNoVds | Self::OursIterative => None,
+            Self::Random | Self::Fibonacci | Self::Manifold => None,
             Self::Fvs | Self::FvsChord => Some(10_000),
             // Counting shared points takes every pair.
             Self::FvsShared | Self::Coverage => Some(2000),

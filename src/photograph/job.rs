@@ -21,7 +21,7 @@ const LEAST_POINTS: u32 = 200;
 const POINT_STREAM: u32 = 0x706f_696e;
 
 /// What came of a capture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Outcome {
     /// Photographs that are there.
     pub pictures: u32,
@@ -31,6 +31,8 @@ pub struct Outcome {
     pub mended: u32,
     /// Photographs of this run that show nothing of the scene.
     pub empty: u32,
+    /// Cameras whose photographs of this run show something that no light comes from, in any pixel.
+    pub dark: Vec<String>,
     /// Points of the surface that were written.
     pub points: usize,
 }
@@ -63,7 +65,11 @@ pub fn run(
                 let taken = tracer.photograph(camera, number, exposure, || observe(None))?;
                 let Some(taken) = taken else { break };
                 let hits = (record.depth || record.normals).then(|| tracer.first_hits(camera, None)).transpose()?;
-                outcome.empty += u32::from(taken.pixels.iter().all(|pixel| pixel[3] == 0.0));
+                let is_empty = taken.pixels.iter().all(|pixel| pixel[3] == 0.0);
+                outcome.empty += u32::from(is_empty);
+                if !is_empty && taken.pixels.iter().all(|pixel| pixel[..3] == [0.0; 3]) {
+                    outcome.dark.push(camera.name.clone());
+                }
                 joined(writing.take())?;
                 writing = Some(scope.spawn(move || products.picture(record, camera, &taken, hits.as_ref())));
                 outcome.pictures += 1;

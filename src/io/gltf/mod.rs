@@ -50,7 +50,8 @@ const HARMLESS: [&str; 10] = [
 ///
 /// A triangle's colour is its material's base colour factor, times the base colour texture at the middle of the
 /// triangle (shrunk to 1024 texels a side first), times the mean of its vertices' colours, as 8-bit sRGB; alpha and all
-/// other material properties are left out. Points and lines are left out, morph targets and skins are at rest.
+/// other material properties are left out. Points and lines are left out, morph targets and skins are at rest; triangles with a
+/// corner that is not finite are dropped, and a note counts them.
 ///
 /// # Errors
 /// When the file is damaged or cut short, points outside of itself, needs an extension that hides its geometry, or
@@ -67,6 +68,7 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
         paint: Paint::new(&root, &buffers),
         mesh: Mesh::default(),
         left_out: 0,
+        dropped: 0,
     };
     for (node, world) in nodes::placed(path, &root, notes)? {
         if let Some(mesh) = root.nodes[node].mesh {
@@ -75,6 +77,9 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
     }
     if scene.left_out > 0 {
         notes.push(format!("{} parts of points or lines were left out", scene.left_out));
+    }
+    if scene.dropped > 0 {
+        notes.push(format!("{} triangles with a corner that is not finite were dropped", scene.dropped));
     }
     notes.append(&mut scene.paint.notes);
     checks::surface(path, Surface::Mesh(scene.mesh))
@@ -109,6 +114,8 @@ struct Scene<'a> {
     mesh: Mesh,
     /// Parts without triangles.
     left_out: usize,
+    /// Triangles whose corners cannot be computed with.
+    dropped: usize,
 }
 
 impl Scene<'_> {
@@ -135,7 +142,7 @@ impl Scene<'_> {
             self.left_out += 1;
             return Ok(());
         };
-        if self.mesh.triangles.len() + triangles.len() > MOST_TRIANGLES {
+        if self.mesh.triangles.len() + self.dropped + triangles.len() > MOST_TRIANGLES {
             return self.refuse(format!("the scene unfolds to over {MOST_TRIANGLES} triangles; simplify it first"));
         }
         let material = primitive.material.map(|material| material.value());
@@ -151,8 +158,13 @@ impl Scene<'_> {
         // A mirrored node turns its triangles inside out.
         let mirrored = world.determinant() < 0.0;
         let mut copies = vec![u32::MAX; positions.len()];
+        let placed = |v: usize| world.transform_point3(DVec3::from_array(positions[v]));
         for triangle in triangles {
             let [a, b, c] = triangle.map(|v| v as usize);
+            if ![a, b, c].into_iter().map(placed).all(checks::usable) {
+                self.dropped += 1;
+                continue;
+            }
             let mean_uv = mean(&uvs, [a, b, c]).map(DVec2::from_array);
             let tint = mean(&tints, [a, b, c]).map_or(DVec3::ONE, DVec3::from_array);
             self.mesh.colours.push(colour::srgb(self.paint.colour(material, mean_uv) * tint));
@@ -160,7 +172,7 @@ impl Scene<'_> {
             self.mesh.triangles.push(corners.map(|v| {
                 if copies[v] == u32::MAX {
                     copies[v] = self.mesh.positions.len() as u32;
-                    self.mesh.positions.push(world.transform_point3(DVec3::from_array(positions[v])));
+                    self.mesh.positions.push(placed(v));
                 }
                 copies[v]
             }));
