@@ -42,9 +42,9 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
     /// Who chooses: ours, ours-scalar, ours-no-vds, ours-iterative, a --method of `camsplat plan`, or cameras:FILE, a layout of
-    /// your own in whatever `camsplat capture` takes, seen through everybody's lens [default: random, fibonacci, fvs, acp,
-    /// fisherrf, fisherrf-retrain, cover, manifold, ours-iterative, ours-no-vds, ours-scalar, ours; rooms: without fibonacci and
-    /// manifold; pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
+    /// your own in whatever `camsplat capture` takes, seen through everybody's lens [default: random, fibonacci, fvs, fvs-chord,
+    /// fvs-shared, acp, fisherrf, fisherrf-retrain, cover, manifold, ours-iterative, ours-no-vds, ours-scalar, ours; rooms: without
+    /// fibonacci and manifold; pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     methods: Option<Vec<Method>>,
     /// How many views are chosen [default: 50,100; rooms 300; pools 20,40; quick: 20; rooms 30]
@@ -112,10 +112,12 @@ pub struct Arguments {
 }
 
 /// Methods where none are named.
-const USUAL: [&str; 12] = [
+const USUAL: [&str; 14] = [
     "random",
     "fibonacci",
     "fvs",
+    "fvs-chord",
+    "fvs-shared",
     "acp",
     "fisherrf",
     "fisherrf-retrain",
