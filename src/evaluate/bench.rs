@@ -240,7 +240,9 @@ impl<'a> Bench<'a> {
         let config =
             crate::plan::config::Config { held_out: HELD_OUT, ..method.config(self.kind.preset(), views, seed)? };
         let peer = match method {
-            Method::Peer(peer) => Some(sized(peers::request::Request::new(peer, None, &config)?, &self.settings)),
+            Method::Plan(placing) if placing.planner(&config).is_none() => {
+                Some(sized(peers::request::Request::new(placing, None, &config)?, &self.settings))
+            }
             _ => None,
         };
         let region = match (peer.is_some(), self.settings.peers_from, self.kind) {

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::request::Method;
-use crate::peers::request::Method as Peer;
+use crate::peers::request::Method as Placing;
 use crate::plan::config::Preset;
 use crate::select::job::Method as Choice;
 use crate::{Error, Result};
@@ -58,16 +58,16 @@ impl Kind {
     /// How a pool's photos are chosen by a method; none where it places cameras only.
     pub fn choice(method: Method) -> Option<Choice> {
         match method {
-            Method::Ours => Some(Choice::Swap),
-            Method::Peer(Peer::Random) => Some(Choice::Random),
-            Method::Peer(Peer::Fibonacci) => Some(Choice::Fibonacci),
-            Method::Peer(Peer::Fvs) => Some(Choice::Fvs),
-            Method::Peer(Peer::FvsChord) => Some(Choice::FvsChord),
-            Method::Peer(Peer::FvsShared) => Some(Choice::FvsShared),
-            Method::Peer(Peer::Coverage) => Some(Choice::Coverage),
-            Method::Peer(Peer::Acp) => Some(Choice::Acp),
-            Method::Peer(Peer::Fisher) => Some(Choice::Fisher),
-            Method::Peer(Peer::Cover) => Some(Choice::Cover),
+            Method::Plan(Placing::Ours) => Some(Choice::Swap),
+            Method::Plan(Placing::Random) => Some(Choice::Random),
+            Method::Plan(Placing::Fibonacci) => Some(Choice::Fibonacci),
+            Method::Plan(Placing::Fvs) => Some(Choice::Fvs),
+            Method::Plan(Placing::FvsChord) => Some(Choice::FvsChord),
+            Method::Plan(Placing::FvsShared) => Some(Choice::FvsShared),
+            Method::Plan(Placing::Coverage) => Some(Choice::Coverage),
+            Method::Plan(Placing::Acp) => Some(Choice::Acp),
+            Method::Plan(Placing::Fisher) => Some(Choice::Fisher),
+            Method::Plan(Placing::Cover) => Some(Choice::Cover),
             _ => None,
         }
     }
@@ -79,13 +79,13 @@ impl Kind {
     pub fn check(self, method: Method) -> Result<()> {
         let wrong = |why: &str| Err(Error::request(format!("--methods {method}: {why}; leave it out")));
         match self {
-            Self::Room if method == Method::Peer(Peer::Fibonacci) => {
+            Self::Room if method == Method::Plan(Placing::Fibonacci) => {
                 wrong("it places cameras on a sphere around an object, and a room has none")
             }
-            Self::Room if method == Method::Peer(Peer::Manifold) => {
+            Self::Room if method == Method::Plan(Placing::Manifold) => {
                 wrong("it moves cameras over a sphere around an object, and a room has none")
             }
-            Self::Pool if method == Method::Peer(Peer::FisherRetrain) => {
+            Self::Pool if method == Method::Plan(Placing::FisherRetrain) => {
                 wrong("it is not built for pools; camsplat select has it")
             }
             Self::Pool if Self::choice(method).is_none() => wrong("it places cameras, and of a pool photos are chosen"),
@@ -101,11 +101,16 @@ mod tests {
     /// If this failed, a method would fail after hours of photographs, or a table have a column twice.
     #[test]
     fn methods_and_columns_are_those_of_the_kind() {
-        let fibonacci = Method::Peer(Peer::Fibonacci);
+        let fibonacci = Method::Plan(Placing::Fibonacci);
         assert!(Kind::Object.check(fibonacci).is_ok() && Kind::Pool.check(fibonacci).is_ok());
         assert!(Kind::Room.check(fibonacci).unwrap_err().to_string().contains("--methods fibonacci"));
-        assert!(Kind::Room.check(Method::Iterative).is_ok() && Kind::Pool.check(Method::Ours).is_ok());
-        assert!(Kind::Pool.check(Method::Iterative).unwrap_err().to_string().contains("ours-iterative"));
+        assert!(
+            Kind::Room.check(Method::Plan(Placing::OursIterative)).is_ok()
+                && Kind::Pool.check(Method::Plan(Placing::Ours)).is_ok()
+        );
+        assert!(
+            Kind::Pool.check(Method::Plan(Placing::OursIterative)).unwrap_err().to_string().contains("ours-iterative")
+        );
         assert_eq!(Kind::Object.columns(), ["half", "full", "random", "all"]);
         assert_eq!((Kind::Room.columns(), Kind::Pool.columns()), (vec!["random"], vec!["held-out"]));
     }

@@ -8,30 +8,22 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::kind::Kind;
-use crate::peers::request::Method as Peer;
+use crate::peers::request::Method as Placing;
 use crate::plan::config::{Config, Preset};
 use crate::scene::camera::{Intrinsics, Pose};
 use crate::{Error, Result, io};
 
-/// A way to choose views: the planner with a part left out, a peer, or somebody's own choice.
+/// A way to choose views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(into = "&'static str")]
 pub enum Method {
-    /// The planner as it is: scores, and directions along which radiance varies.
-    Ours,
-    /// The planner with scores, the same in all directions.
-    Scalar,
-    /// The planner without scores.
-    WithoutVds,
-    /// The planner without scores, one view at a time.
-    Iterative,
+    /// A `--method` of `camsplat plan`: the planner, a variant of it, or a peer.
+    Plan(Placing),
     /// The planner with some of its numbers set otherwise: `ours:KEY=VALUE[:KEY=VALUE...]`, where keys are those of
     /// [`Config`] as `plan.json` has them.
     Set(&'static str),
     /// Cameras that are there already, `cameras:FILE`, at the budget of their number.
     Given(&'static Given),
-    /// Somebody else's method.
-    Peer(Peer),
 }
 
 /// Where cameras stand that were placed by other means.
@@ -62,22 +54,13 @@ const SET: &str = "ours:";
 /// What [`Method::Given`] begins with.
 const GIVEN: &str = "cameras:";
 
-/// The planner and its variants.
-const VARIANTS: [(Peer, Method); 4] = [
-    (Peer::Ours, Method::Ours),
-    (Peer::OursScalar, Method::Scalar),
-    (Peer::OursNoVds, Method::WithoutVds),
-    (Peer::OursIterative, Method::Iterative),
-];
-
 impl Method {
     /// As on the command line and in tables.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Peer(peer) => peer.name(),
+            Self::Plan(placing) => placing.name(),
             Self::Set(name) => name,
             Self::Given(given) => &given.name,
-            variant => variant.planner().name(),
         }
     }
 
@@ -98,16 +81,9 @@ impl Method {
                 };
                 config.map_err(|what| Error::request(format!("method {name}: {what}")))?
             }
-            _ => self.planner().planner(&plain).unwrap_or(plain),
+            Self::Plan(placing) => placing.planner(&plain).unwrap_or(plain),
+            Self::Given(_) => plain,
         })
-    }
-
-    /// As `camsplat plan` has it: the planner where it is not of its `--method`s.
-    fn planner(self) -> Peer {
-        match self {
-            Self::Peer(peer) => peer,
-            variant => VARIANTS.iter().find(|(_, method)| *method == variant).map_or(Peer::Ours, |(peer, _)| *peer),
-        }
     }
 
     /// Whether it can be asked for so many views: cameras that are there are as many as they are.
@@ -117,7 +93,7 @@ impl Method {
 
     /// Whether it chooses by a model of the scene.
     pub fn needs_model(self) -> bool {
-        matches!(self, Self::Peer(peer) if peer.needs_model())
+        matches!(self, Self::Plan(placing) if placing.needs_model())
     }
 }
 
@@ -165,12 +141,10 @@ impl FromStr for Method {
             let poses = cameras.iter().map(|camera| camera.pose).collect();
             return Ok(Self::Given(Box::leak(Box::new(Given { name: name.into(), poses, notes }))));
         }
-        let peer = Peer::from_str(name, false).map_err(|_| {
-            let known: Vec<&str> =
-                Peer::value_variants().iter().map(|peer| peer.name()).chain(["cameras:FILE"]).collect();
-            format!("no such method; give some of {}", known.join(", "))
-        })?;
-        Ok(VARIANTS.iter().find(|(known, _)| *known == peer).map_or(Self::Peer(peer), |(_, variant)| *variant))
+        Placing::from_str(name, false).map(Self::Plan).map_err(|_| {
+            let known = Placing::value_variants().iter().map(|placing| placing.name()).chain(["cameras:FILE"]);
+            format!("no such method; give some of {}", known.collect::<Vec<_>>().join(", "))
+        })
     }
 }
 
@@ -400,19 +374,19 @@ mod tests {
         };
         let given = Given { name: "cameras:a".into(), poses: Vec::new(), notes: Vec::new() };
         let given = Method::Given(Box::leak(Box::new(given)));
-        for nothing in [of(vec![Method::Ours, given], Vec::new()), of(Vec::new(), vec![4])] {
+        for nothing in [of(vec![Method::Plan(Placing::Ours), given], Vec::new()), of(Vec::new(), vec![4])] {
             assert!(nothing.is_err_and(|error| error.to_string().contains("nothing to compare")));
         }
         assert!(of(vec![given], vec![4]).is_err_and(|error| error.to_string().contains("0 cameras; give 2 to 1000")));
-        assert!(of(vec![Method::Ours], vec![4]).is_ok());
+        assert!(of(vec![Method::Plan(Placing::Ours)], vec![4]).is_ok());
     }
 
     /// If this failed, a method could be named and not be the one that runs.
     #[test]
     fn every_method_is_found_by_its_name() {
-        let peers = Peer::value_variants().iter().filter(|peer| **peer != Peer::Ours).map(|peer| Method::Peer(*peer));
+        let plans = Placing::value_variants().iter().map(|placing| Method::Plan(*placing));
         let set = Method::Set("ours:nearest_tau=0.1:gate=pinhole:scale=0.5");
-        for method in VARIANTS.iter().map(|(_, method)| *method).chain(peers).chain([set]) {
+        for method in plans.chain([set]) {
             assert_eq!(method.name().parse(), Ok(method));
             assert!(method.takes(7));
         }
@@ -431,6 +405,8 @@ mod tests {
         }
         assert!("cameras:".parse::<Method>().unwrap_err().contains("name a file"));
         assert!("nobodys".parse::<Method>().unwrap_err().ends_with(", cameras:FILE"));
-        assert!("nobodys".parse::<Method>().unwrap_err().contains("ours-no-vds, ours-iterative, random, fibonacci"));
+        assert!(
+            "nobodys".parse::<Method>().unwrap_err().contains("ours, ours-scalar, ours-no-vds, ours-iterative, random")
+        );
     }
 }

@@ -163,6 +163,7 @@ fn student(freedom: usize) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::peers::request::Method as Placing;
 
     /// If this failed, a difference could pass for certain that is not. The example: mean 10, deviation 1, three values.
     #[test]
@@ -191,16 +192,16 @@ mod tests {
             places: Vec::new(),
         };
         let entries = [
-            entry(Method::Ours, 20, 0, 20.0),
-            entry(Method::WithoutVds, 20, 0, 10.0),
-            entry(Method::Ours, 20, 1, 22.0),
-            entry(Method::Ours, 40, 0, 30.0),
+            entry(Method::Plan(Placing::Ours), 20, 0, 20.0),
+            entry(Method::Plan(Placing::OursNoVds), 20, 0, 10.0),
+            entry(Method::Plan(Placing::Ours), 20, 1, 22.0),
+            entry(Method::Plan(Placing::Ours), 40, 0, 30.0),
         ];
         let rows = rows(&entries);
         let means = |row: &Row| row.measured[0].iter().map(|i| i.unwrap().mean).collect::<Vec<_>>();
         let told = |row: &Row| (row.method, row.views, row.seeds, means(row));
-        assert_eq!(told(&rows[0]), (Method::Ours, 20, 2, vec![21.0, 24.0, 27.0, 24.0]));
-        assert_eq!(told(&rows[1]), (Method::WithoutVds, 20, 1, vec![10.0, 13.0, 16.0, 13.0]));
+        assert_eq!(told(&rows[0]), (Method::Plan(Placing::Ours), 20, 2, vec![21.0, 24.0, 27.0, 24.0]));
+        assert_eq!(told(&rows[1]), (Method::Plan(Placing::OursNoVds), 20, 1, vec![10.0, 13.0, 16.0, 13.0]));
         assert_eq!((rows.len(), rows[2].views), (3, 40));
         assert_eq!(rows[0].measured[2], [None; 4]);
         assert_eq!(measured(&rows).collect::<Vec<_>>(), [(0, "PSNR"), (1, "SSIM"), (2, "LPIPS")]);

@@ -135,12 +135,13 @@ pub fn cell(Interval { mean, half }: Interval, decimals: usize) -> String {
 mod tests {
     use super::*;
     use crate::evaluate::request::{Given, Settings};
+    use crate::peers::request::Method as Placing;
 
     fn row() -> Row {
         let of = |mean, half| Some(Interval { mean, half });
         Row {
             scene: "cup, \"red\"".into(),
-            method: Method::WithoutVds,
+            method: Method::Plan(Placing::OursNoVds),
             views: 20,
             seeds: 3,
             seconds: Interval { mean: 1.5, half: None },
@@ -158,7 +159,7 @@ mod tests {
     fn known_numbers_stand_where_they_belong() {
         let request = Request {
             kind: Kind::Object,
-            methods: vec![Method::WithoutVds],
+            methods: vec![Method::Plan(Placing::OursNoVds)],
             budgets: vec![20],
             seeds: 3,
             first_seed: 7,
@@ -188,7 +189,7 @@ mod tests {
         let one = Row { measured: row().measured.map(|all| all[..1].to_vec()), ..row() };
         let request = Request {
             kind: Kind::Pool,
-            methods: vec![Method::Ours],
+            methods: vec![Method::Plan(Placing::Ours)],
             budgets: vec![20],
             seeds: 3,
             first_seed: 0,

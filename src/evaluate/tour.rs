@@ -14,7 +14,7 @@ use super::results::{self, Entry};
 use super::scene::Scene;
 use super::stage::{self, Stage};
 use crate::io::photos;
-use crate::peers::request::Method as Peer;
+use crate::peers::request::Method as Placing;
 use crate::photograph::products::named;
 use crate::plan::job::{Plan, Target, Tools};
 use crate::scene::camera::Camera;
@@ -92,8 +92,8 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     let Size { settings, views } = size;
     let name = scene.name.clone();
     let intrinsics = settings.intrinsics();
-    let random = Method::Peer(Peer::Random);
-    let (kind, methods) = (Kind::Object, vec![Method::Ours, random]);
+    let random = Method::Plan(Placing::Random);
+    let (kind, methods) = (Kind::Object, vec![Method::Plan(Placing::Ours), random]);
     let request = Request { kind, methods, budgets: vec![views], seeds: 1, first_seed: 0, settings };
     let input_cameras = scene.inputs(context, &settings)?;
     let tests = scene.tests(intrinsics, settings.tests)?;
@@ -112,7 +112,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     let photographs = photos::read(inputs.folder(), &photos::Options::default())?.photos;
     let scores = vds::picture::scores(&points, &photographs)?;
 
-    let config = Method::Ours.config(kind.preset(), views, SEED)?;
+    let config = Method::Plan(Placing::Ours).config(kind.preset(), views, SEED)?;
     let plan = plan::job::run(context, &target, intrinsics, &[], config, Tools::default(), |_| walk.work())?;
     if plan.interrupted() {
         return Ok(None);
@@ -136,7 +136,12 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
         let entry = Entry { scene, method, views, seed: SEED, seconds, quality, folder, pictures, places };
         Ok::<_, Error>(Some((photos, entry)))
     };
-    let ours = trained(&mut walk, (Method::Ours, "the planned views"), &plan.record.cameras, plan.record.seconds)?;
+    let ours = trained(
+        &mut walk,
+        (Method::Plan(Placing::Ours), "the planned views"),
+        &plan.record.cameras,
+        plan.record.seconds,
+    )?;
     let Some((photos, ours)) = ours else { return Ok(None) };
     let drawn = bench.choice((random, views, SEED), &shown, None, &mut |event| walk.hear(&event))?;
     let Some(drawn) = drawn else { return Ok(None) };

@@ -254,6 +254,7 @@ mod tests {
     use crate::evaluate::kind::Kind;
     use crate::evaluate::request::{Given, Settings};
     use crate::gaussians::record::Quality;
+    use crate::peers::request::Method as Placing;
 
     /// If this failed, the name of a file could break the page or run what it likes, or could not be read in a chart.
     #[test]
@@ -303,14 +304,16 @@ mod tests {
         };
         let request = |budgets: &[u32]| Request {
             kind: Kind::Object,
-            methods: vec![Method::Ours, Method::WithoutVds],
+            methods: vec![Method::Plan(Placing::Ours), Method::Plan(Placing::OursNoVds)],
             budgets: budgets.to_vec(),
             seeds: 1,
             first_seed: 3,
             settings: Settings::QUICK,
         };
-        let entries: Vec<Entry> =
-            [Method::Ours, Method::WithoutVds].into_iter().flat_map(|m| [entry(m, 10), entry(m, 20)]).collect();
+        let entries: Vec<Entry> = [Method::Plan(Placing::Ours), Method::Plan(Placing::OursNoVds)]
+            .into_iter()
+            .flat_map(|m| [entry(m, 10), entry(m, 20)])
+            .collect();
         let page = html(&request(&[10, 20]), &Outcome::new(Kind::Object, entries.clone(), 5));
         assert_eq!(page.matches("<polyline").count(), 4, "LPIPS was not measured");
         assert_eq!(page.matches("<img").count(), 3 * 3);
