@@ -14,11 +14,11 @@ use crate::{Error, Result};
 pub enum Method {
     /// The planner
     Ours,
-    /// The planner with scores that are the same in all directions (--scalar-vds)
+    /// The planner with scores that are the same in all directions
     OursScalar,
-    /// The planner without scores (--no-vds)
+    /// The planner without scores
     OursNoVds,
-    /// The planner without scores, one view after another (--no-vds --iterative)
+    /// The planner without scores, one view after another
     OursIterative,
     /// At random: looking in around an object, anywhere in a room
     Random,
