@@ -161,6 +161,28 @@ fn numbers_that_are_none() {
     );
 }
 
+/// If this failed, a command would replace the surface, cameras or plan that it reads, or write poses that are no numbers.
+#[test]
+fn what_is_read_is_not_written_over_and_poses_are_numbers() {
+    let place = Place::new();
+    place.done(&format!("plan ball.ply --out p {SHORT}"));
+    place.write("p/s.ply", place.read("ball.ply"));
+    let read = "name another f";
+    assert_refused(
+        &place,
+        &[
+            (&format!("plan ball.ply --keep p --out p --force {SHORT}"), &["p stands in it", read]),
+            (&format!("plan p/s.ply --out p --force {SHORT}"), &["s.ply stands in it", read]),
+            (&format!("plan ball.ply --out o --trace ball.ply {SHORT}"), &["ball.ply: this is what is read", read]),
+            ("score ball.ply p --json ball.ply", &["this is what is read", read]),
+            ("score ball.ply p --json p/plan.json", &["plan.json: it stands in p", read]),
+            (&plan("ball.ply", "--rate-direction 1e30"), &["far too large", "give smaller ones"]),
+        ],
+    );
+    place.done("score ball.ply p --json p/score.json");
+    place.done("score ball.ply p --json p/score.json");
+}
+
 /// If this failed, a plan that cannot fit would eat the host's memory first, or die long after it could have been known.
 #[test]
 fn counts_beyond_the_device() {

@@ -9,6 +9,7 @@ use clap::{Args, ValueEnum};
 use super::options::{DeviceOptions, parse_size, print_messages};
 use super::progress::{Progress, go_on, stop_on_interrupt};
 use crate::gaussians::render::resize;
+use crate::io::apart::check_folder;
 use crate::io::environment::read_environment;
 use crate::io::gltf::read_model;
 use crate::io::picture::renamed;
@@ -74,23 +75,10 @@ enum Background {
     Env,
 }
 
-/// Refuses to write into the folder that an input stands in: it would be replaced.
-fn check_inputs_apart(arguments: &Arguments) -> Result<()> {
-    let Ok(out) = arguments.out.canonicalize() else { return Ok(()) };
-    let inputs = [Some(&arguments.scene), Some(&arguments.cameras), arguments.env.as_ref()];
-    let within = |path: &&PathBuf| path.canonicalize().is_ok_and(|path| path.starts_with(&out));
-    match inputs.into_iter().flatten().find(within) {
-        Some(input) => {
-            let what = format!("{} stands in it and might be replaced; name another folder", input.display());
-            Err(Error::input(&arguments.out, what))
-        }
-        None => Ok(()),
-    }
-}
-
 /// Photographs and writes.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
-    check_inputs_apart(arguments)?;
+    let inputs = [Some(&arguments.scene), Some(&arguments.cameras), arguments.env.as_ref()];
+    check_folder(&arguments.out, &inputs.into_iter().flatten().map(PathBuf::as_path).collect::<Vec<_>>())?;
     let (mut cameras, mut notes) = io::read_cameras_with_notes(&arguments.cameras)?;
     if let Some((width, height)) = arguments.size {
         resize(&mut cameras, width, height)?;

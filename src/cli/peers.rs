@@ -48,7 +48,7 @@ pub struct PeerOptions {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     pub noise_steps: Option<u32>,
     #[command(flatten)]
-    model: ModelOptions,
+    pub model: ModelOptions,
 }
 
 impl PeerOptions {

@@ -1,6 +1,6 @@
 //! `camsplat plan`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -11,6 +11,7 @@ use super::peers::{self, PeerOptions};
 use super::progress::{Progress, leave_on_interrupt, stop_on_interrupt};
 use super::vds;
 use crate::io;
+use crate::io::apart::{check_files, check_folder};
 use crate::io::folder::{OutputFolder, check_file, write_files};
 use crate::metrics::Metrics;
 use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Start};
@@ -241,10 +242,20 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     for file in [&arguments.trace, &arguments.capture].into_iter().flatten() {
         check_file(file)?;
     }
+    let model = arguments.peers.model.model.as_ref();
+    let inputs: Vec<&Path> = [Some(&arguments.surface), arguments.keep.as_ref(), model]
+        .into_iter()
+        .flatten()
+        .map(PathBuf::as_path)
+        .collect();
+    check_files(&arguments.trace.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &inputs)?;
     // Before any thread or Vulkan instance is made: RenderDoc's layer is switched on through the environment.
     let renderdoc = arguments.capture.as_ref().map(|_| RenderDoc::load()).transpose()?;
     let intrinsics = arguments.camera.intrinsics()?;
     let folder = if arguments.dry_run { None } else { Some(OutputFolder::create(&arguments.out, arguments.force)?) };
+    if folder.is_some() {
+        check_folder(&arguments.out, &inputs)?;
+    }
     arguments.region.choice()?;
     let mut opened = None;
     let reads_photos = config.vds && peer.is_none();

@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::options::{DeviceOptions, RegionOptions, print_messages};
 use super::plan::table;
+use crate::io::apart::check_files;
 use crate::io::folder::{check_file, write_files};
 use crate::metrics::score_point::Field;
 use crate::plan::job;
@@ -45,6 +46,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     if let Some(file) = &arguments.json {
         check_file(file)?;
+        check_files(&[file], &[&arguments.surface, &arguments.cameras])?;
     }
     let (cameras, notes) = io::read_cameras_with_notes(&arguments.cameras)?;
     for note in notes {
@@ -59,6 +61,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let metrics = job::score(&context, &target, &cameras, arguments.held_out, arguments.seed, field)?;
     print_messages(&context);
     say!("{}", table(&[("cameras", &metrics)]).trim_end());
+    if metrics.coverage_1 == 0.0 {
+        say!("warning  no camera sees any held-out point, and the figures below tell nothing: are both in one frame?");
+    }
     say!("voronoi cell    {:.4} sr, deviation {:.4} sr", metrics.voronoi_mean, metrics.voronoi_deviation);
     say!("triangulation   {:.1}° between the two views farthest apart", metrics.triangulation_mean_deg);
     say!("ground sampling {:.6} units a pixel", metrics.sampling_distance_mean);

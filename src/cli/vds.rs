@@ -10,6 +10,7 @@ use indicatif::ProgressBar;
 
 use super::options::{DeviceOptions, print_messages};
 use crate::io;
+use crate::io::apart::check_files;
 use crate::io::folder::{check_file, write_files};
 use crate::io::photos::{Images, Options};
 use crate::photos::PhotoSet;
@@ -63,6 +64,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     check_file(&arguments.out)?;
     check_file(&picture_file)?;
+    let inputs = [Some(arguments.capture.as_path()), arguments.surface.as_deref()];
+    // Of an earlier run there are both.
+    let written = [&arguments.out, if arguments.out.exists() { &arguments.out } else { &picture_file }];
+    check_files(&written.map(PathBuf::as_path), &inputs.into_iter().flatten().collect::<Vec<_>>())?;
     let images = if arguments.skip_missing { Images::SkipMissing } else { Images::Needed };
     let capture = io::photos::read(&arguments.capture, &Options { images, ..Options::default() })?;
     for note in &capture.notes {

@@ -19,6 +19,7 @@
 //! rendered pictures. For photographing, [`gltf::read_model`] reads a scene with its materials and lamps, and
 //! [`environment`] the light around it.
 
+pub mod apart;
 mod binary;
 mod checks;
 pub mod colmap;

@@ -226,6 +226,10 @@ pub fn conclude(
     (method, described): (&str, serde_json::Value),
     outcome: Outcome,
 ) -> Result<Plan> {
+    if !outcome.poses.iter().all(|pose| pose.position.is_finite() && pose.rotation.is_finite()) {
+        let what = "cameras have left all bounds, which a rate or weight does that is far too large; give smaller ones";
+        return Err(Error::request(what));
+    }
     let points = target.proxy.sample(config.held_out as usize, config.seed, HELD_OUT_STREAM);
     let scorer = Scorer::new(context, &scene, &points)?;
     let few = Scorer::new(context, &scene, &points[..points.len().min(CHECKPOINT_POINTS)])?;

@@ -47,6 +47,7 @@ pub(super) fn decode(photo: &Photo, index: usize, settings: &Settings) -> Result
         let name = &photo.camera.name;
         return Err(Error::input(name, "this photo has no image file; bring it back or leave the photo out"));
     };
+    check_announced(path)?;
     let k = &photo.camera.intrinsics;
     let mask = photo.mask.as_deref().map(|mask| coverage(mask, k.width, k.height)).transpose()?;
     let stored = read(path)?;
@@ -196,8 +197,7 @@ impl Stored {
 
 /// Reads an image file.
 fn read(path: &Path) -> Result<Stored> {
-    let refuse =
-        |what: String| Error::input(path, format!("the image cannot be decoded ({what}); bring back a whole one"));
+    let refuse = |what: String| undecodable(path, &what);
     let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
     let mut reader =
         ImageReader::new(Cursor::new(&bytes[..])).with_guessed_format().map_err(|e| refuse(e.to_string()))?;
@@ -221,12 +221,28 @@ fn read(path: &Path) -> Result<Stored> {
         other => return Err(refuse(format!("its colours are {other:?}"))),
     };
     let total = decoder.total_bytes();
-    if total > LARGEST {
-        return Err(refuse(format!("{width} x {height} pixels are too many")));
-    }
+    check_size(path, width, height, total)?;
     let mut pixels = vec![0; total as usize];
     decoder.read_image(&mut pixels).map_err(|e| refuse(e.to_string()))?;
     Ok(Stored { width, height, samples, wide, bytes: pixels })
+}
+
+/// Refuses an image whose header announces too much, before anything is made of its size. Headers that cannot be read are left to
+/// the decoder.
+fn check_announced(path: &Path) -> Result<()> {
+    let Ok(Header { width, height, pixel_bytes, .. }) = Header::read(path) else { return Ok(()) };
+    check_size(path, width, height, u64::from(width) * u64::from(height) * pixel_bytes)
+}
+
+fn check_size(path: &Path, width: u32, height: u32, bytes: u64) -> Result<()> {
+    match bytes > LARGEST {
+        true => Err(undecodable(path, &format!("{width} x {height} pixels are too many"))),
+        false => Ok(()),
+    }
+}
+
+fn undecodable(path: &Path, what: &str) -> Error {
+    Error::input(path, format!("the image cannot be decoded ({what}); bring back a whole one"))
 }
 
 /// Whether a JPEG's scan is followed by its end mark: decoders fill what a cut file lacks with grey, without a word.
