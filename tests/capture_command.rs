@@ -178,9 +178,9 @@ fn what_is_doubtful_is_said() {
     assert!(dark.code == Some(2) && dark.err.contains("no light"), "{}", dark.err);
 }
 
-/// If this failed, a scene of which a part is unlit would come out black elsewhere, without a word.
+/// If this failed, a scene of which a part is unlit could come out black elsewhere, without a word.
 #[test]
-fn unlit_things_are_no_light_for_others() {
+fn lit_things_without_a_light_are_told_of() {
     let place = place(1, 8);
     let unlit =
         r#", "extensionsUsed": ["KHR_materials_unlit"], "materials": [{"extensions": {"KHR_materials_unlit": {}}}]"#;

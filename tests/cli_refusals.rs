@@ -167,6 +167,7 @@ fn what_is_read_is_not_written_over_and_poses_are_numbers() {
     let place = Place::new();
     place.done(&format!("plan ball.ply --out p {SHORT}"));
     place.write("p/s.ply", place.read("ball.ply"));
+    place.write("image.png", "a picture");
     let read = "name another f";
     assert_refused(
         &place,
@@ -175,7 +176,8 @@ fn what_is_read_is_not_written_over_and_poses_are_numbers() {
             (&format!("plan p/s.ply --out p --force {SHORT}"), &["s.ply stands in it", read]),
             (&format!("plan ball.ply --out o --trace ball.ply {SHORT}"), &["ball.ply: this is what is read", read]),
             ("score ball.ply p --json ball.ply", &["this is what is read", read]),
-            ("score ball.ply p --json p/plan.json", &["plan.json: it stands in p", read]),
+            ("score ball.ply p --json p/plan.json", &["plan.json: this is what is read", read]),
+            ("score ball.ply p --json image.png", &["image.png: a file of another kind", read]),
             (&plan("ball.ply", "--rate-direction 1e30"), &["far too large", "give smaller ones"]),
         ],
     );

@@ -110,6 +110,21 @@ fn what_cannot_be_scored_is_refused_in_one_line() {
     refused("vds shots --out points.ply", "the capture holds no points");
     refused("vds shots --surface ball.ply --points 2 --out points.ply", "--points is 2");
     refused("vds shots --surface ball.ply --out points.png", "ends in .ply");
+    std::fs::copy(place.path("ball.ply"), place.path("shots/points3D.ply")).unwrap();
+    std::fs::create_dir(place.path("o")).unwrap();
+    place.write("o/s.ply", place.read("ball.ply"));
+    for (arguments, word) in [
+        ("vds shots --surface ball.ply --out ball.ply", "ball.ply: this is what is read"),
+        ("vds shots --surface ball.ply --out shots/points3D.ply", "points3D.ply: this is what is read"),
+        ("vds shots --surface ball.ply --out shots/images/3.ply", "3.png: this picture is not of an earlier run"),
+        ("proxy shots --out shots/images/3.png", "3.png: a file of another kind"),
+        ("render ball.ply shots --out shots/images --force", "a part of shots"),
+        ("train shots --trace shots/transforms.json --out t", "this is what is read"),
+        ("select shots --count 3 --surface o/s.ply --out o --force", "s.ply stands in it"),
+    ] {
+        refused(arguments, word);
+    }
+    std::fs::remove_file(place.path("shots/points3D.ply")).unwrap();
     refused("vds nowhere --out points.ply", "nowhere");
     GrayImage::from_pixel(40, 30, Luma([9])).save(place.path("shots/images/3.png")).unwrap();
     refused("vds shots --surface ball.ply --out points.ply", "3.png");

@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use super::options::{DeviceOptions, parse_size, print_messages};
 use super::progress::{Progress, go_on, stop_on_interrupt};
 use crate::gaussians::render::resize;
-use crate::io::apart::check_folder;
+use crate::io::apart::check_output_folder;
 use crate::io::environment::read_environment;
 use crate::io::gltf::read_model;
 use crate::io::picture::renamed;
@@ -78,7 +78,7 @@ enum Background {
 /// Photographs and writes.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let inputs = [Some(&arguments.scene), Some(&arguments.cameras), arguments.env.as_ref()];
-    check_folder(&arguments.out, &inputs.into_iter().flatten().map(PathBuf::as_path).collect::<Vec<_>>())?;
+    check_output_folder(&arguments.out, inputs.into_iter().flatten())?;
     let (mut cameras, mut notes) = io::read_cameras_with_notes(&arguments.cameras)?;
     if let Some((width, height)) = arguments.size {
         resize(&mut cameras, width, height)?;
@@ -121,7 +121,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     );
     let lit = model.faces.iter().any(|face| !model.materials[face.material as usize].unlit);
     if lit && assembly.lights() == 0 && environment.is_none() {
-        say!("warning  no lamp, nothing that emits and no environment: light what is not unlit with --env FILE.hdr");
+        say!(
+            "warning  no lamp, nothing that emits and no environment: what is not unlit stays dark; give --env FILE.hdr"
+        );
     }
     say!("behind   {}", if record.show_sky { "the environment" } else { "nothing: alpha and masks are written" });
     let inside = cameras_inside(&model, &assembly, &record.cameras);

@@ -52,11 +52,11 @@ pub struct PeerOptions {
 }
 
 impl PeerOptions {
-    /// What is asked of a peer; none where the planner is to place the cameras, whose configuration the method may change.
+    /// What is asked of a peer; none where the planner is to place the cameras.
     ///
     /// # Errors
     /// An option that the method does not take.
-    pub fn request(&self, config: &mut Config) -> Result<Option<(Request, Option<Model>)>> {
+    pub fn request(&self, config: &Config) -> Result<Option<(Request, Option<Model>)>> {
         if self.method.needs_photographs() {
             return Err(job::no_photographs(self.method));
         }
@@ -70,8 +70,7 @@ impl PeerOptions {
             let what = "--renders, --steps, --look-size and --noise-steps are for --method manifold; leave them out";
             return Err(Error::request(what));
         }
-        if let Some(variant) = self.method.planner(config) {
-            *config = variant;
+        if self.method.planner(config).is_some() {
             return match self.candidates {
                 Some(_) => Err(Error::request("--candidates is for methods that choose; give one with --method")),
                 None => Ok(None),

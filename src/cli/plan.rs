@@ -1,6 +1,6 @@
 //! `camsplat plan`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use super::peers::{self, PeerOptions};
 use super::progress::{Progress, leave_on_interrupt, stop_on_interrupt};
 use super::vds;
 use crate::io;
-use crate::io::apart::{check_files, check_folder};
+use crate::io::apart::{check_output_file, check_output_folder};
 use crate::io::folder::{OutputFolder, check_file, write_files};
 use crate::metrics::Metrics;
 use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Start};
@@ -230,9 +230,10 @@ impl Tuning {
 
 /// Plans, writes the folder and prints what came out.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let mut config = arguments.tuning.apply(Config::new(arguments.region.preset(), arguments.views));
-    let peer = arguments.peers.request(&mut config)?;
+    let config = arguments.tuning.apply(Config::new(arguments.region.preset(), arguments.views));
+    let config = arguments.peers.method.planner(&config).unwrap_or(config);
     config.validate()?;
+    let peer = arguments.peers.request(&config)?;
     if let (Some((peer, _)), true) =
         (&peer, arguments.dry_run || arguments.profile || arguments.trace.is_some() || arguments.capture.is_some())
     {
@@ -243,18 +244,14 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         check_file(file)?;
     }
     let model = arguments.peers.model.model.as_ref();
-    let inputs: Vec<&Path> = [Some(&arguments.surface), arguments.keep.as_ref(), model]
-        .into_iter()
-        .flatten()
-        .map(PathBuf::as_path)
-        .collect();
-    check_files(&arguments.trace.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &inputs)?;
+    let inputs = || [Some(&arguments.surface), arguments.keep.as_ref(), model].into_iter().flatten();
+    arguments.trace.iter().try_for_each(|file| check_output_file(file, inputs()))?;
     // Before any thread or Vulkan instance is made: RenderDoc's layer is switched on through the environment.
     let renderdoc = arguments.capture.as_ref().map(|_| RenderDoc::load()).transpose()?;
     let intrinsics = arguments.camera.intrinsics()?;
     let folder = if arguments.dry_run { None } else { Some(OutputFolder::create(&arguments.out, arguments.force)?) };
     if folder.is_some() {
-        check_folder(&arguments.out, &inputs)?;
+        check_output_folder(&arguments.out, inputs())?;
     }
     arguments.region.choice()?;
     let mut opened = None;

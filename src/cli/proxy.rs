@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 
 use super::options::{DeviceOptions, print_messages};
-use crate::io::apart::check_files;
+use crate::io::apart::check_output_file;
 use crate::io::folder::{check_file, write_files};
 use crate::io::photos::{self, Images};
 use crate::io::ply::write;
@@ -86,7 +86,7 @@ impl Arguments {
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let options = arguments.options()?;
     check_file(&arguments.out)?;
-    check_files(&[&arguments.out], &[&arguments.capture])?;
+    check_output_file(&arguments.out, [&arguments.capture])?;
     let images = if arguments.skip_missing { Images::SkipMissing } else { Images::Needed };
     let set = photos::read(&arguments.capture, &photos::Options { images, ..photos::Options::default() })?;
     for note in &set.notes {

@@ -9,7 +9,7 @@ use clap::Args;
 use super::options::{DeviceOptions, parse_size, print_messages};
 use super::progress::{Progress, stop_on_interrupt};
 use crate::gaussians::render::{Job, Outcome, Settings, resize};
-use crate::io::apart::check_folder;
+use crate::io::apart::check_output_folder;
 use crate::io::folder::OutputFolder;
 use crate::io::picture::{Format, renamed};
 use crate::{Result, io};
@@ -59,7 +59,7 @@ type Colour = [f32; 3];
 /// Renders and writes.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let folder = OutputFolder::create(&arguments.out, arguments.force)?;
-    check_folder(&arguments.out, &[&arguments.model, &arguments.cameras])?;
+    check_output_folder(&arguments.out, [&arguments.model, &arguments.cameras])?;
     let (mut cameras, notes) = io::read_cameras_with_notes(&arguments.cameras)?;
     if let Some((width, height)) = arguments.size {
         resize(&mut cameras, width, height)?;
@@ -89,12 +89,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let Outcome { pictures, empty } = outcome?;
     print_messages(&context);
     if pictures < all {
-        if pictures == 0 {
-            say!("stopped before the first picture; nothing is written");
-        } else {
-            folder.commit()?;
-            say!("stopped after {pictures} of {all} pictures, which are written; --force makes all of them anew");
-        }
+        folder.commit()?;
+        say!("stopped after {pictures} of {all} pictures, which are written; --force makes all of them anew");
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     folder.commit()?;

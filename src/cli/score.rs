@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::options::{DeviceOptions, RegionOptions, print_messages};
 use super::plan::table;
-use crate::io::apart::check_files;
+use crate::io::apart::check_output_file;
 use crate::io::folder::{check_file, write_files};
 use crate::metrics::score_point::Field;
 use crate::plan::job;
@@ -46,7 +46,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     if let Some(file) = &arguments.json {
         check_file(file)?;
-        check_files(&[file], &[&arguments.surface, &arguments.cameras])?;
+        check_output_file(file, [&arguments.surface, &arguments.cameras])?;
     }
     let (cameras, notes) = io::read_cameras_with_notes(&arguments.cameras)?;
     for note in notes {

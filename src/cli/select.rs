@@ -13,7 +13,7 @@ use super::options::{
 use super::plan::table;
 use super::progress::{leave_on_interrupt, stop_on_interrupt};
 use super::retraining::RetrainingOptions;
-use crate::io::apart::check_folder;
+use crate::io::apart::check_output_folder;
 use crate::io::folder::OutputFolder;
 use crate::io::photos::Images;
 use crate::metrics::Metrics;
@@ -87,7 +87,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let folder = OutputFolder::create(&arguments.out, arguments.force)?;
     let inputs = [&arguments.surface, &arguments.must, &arguments.never, &arguments.model.model];
-    check_folder(&arguments.out, &inputs.into_iter().flatten().map(PathBuf::as_path).collect::<Vec<_>>())?;
+    check_output_folder(&arguments.out, inputs.into_iter().flatten())?;
     let set = capture(arguments)?;
     check_apart(&arguments.out, &set)?;
     for note in &set.notes {

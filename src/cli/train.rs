@@ -19,7 +19,7 @@ use crate::gaussians::products::{CHECKPOINT, MODEL, RECORD, REPORT};
 use crate::gaussians::record::{Evaluation, PhotosRecord, Quality, Status, TrainRecord};
 use crate::gaussians::split::{Split, Test};
 use crate::io;
-use crate::io::apart::check_files;
+use crate::io::apart::check_output_file;
 use crate::io::folder::{check_file, check_folder, replace_file, write_files};
 use crate::io::photos::{Images, Options};
 use crate::report::training::{self, Comparison, Shown};
@@ -116,7 +116,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     configuration(arguments, true).validate()?;
     if let Some(file) = &arguments.trace {
         check_file(file)?;
-        check_files(&[file], &[&arguments.capture])?;
+        check_output_file(file, [&arguments.capture])?;
     }
     if !arguments.dry_run {
         check_out(arguments)?;

@@ -10,7 +10,7 @@ use indicatif::ProgressBar;
 
 use super::options::{DeviceOptions, print_messages};
 use crate::io;
-use crate::io::apart::check_files;
+use crate::io::apart::check_output_file;
 use crate::io::folder::{check_file, write_files};
 use crate::io::photos::{Images, Options};
 use crate::photos::PhotoSet;
@@ -64,10 +64,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     check_file(&arguments.out)?;
     check_file(&picture_file)?;
-    let inputs = [Some(arguments.capture.as_path()), arguments.surface.as_deref()];
-    // Of an earlier run there are both.
-    let written = [&arguments.out, if arguments.out.exists() { &arguments.out } else { &picture_file }];
-    check_files(&written.map(PathBuf::as_path), &inputs.into_iter().flatten().collect::<Vec<_>>())?;
+    check_output_file(&arguments.out, [Some(&arguments.capture), arguments.surface.as_ref()].into_iter().flatten())?;
+    if picture_file.exists() && !arguments.out.exists() {
+        let what = "this picture is not of an earlier run and would be replaced; give --out another name";
+        return Err(Error::input(&picture_file, what));
+    }
     let images = if arguments.skip_missing { Images::SkipMissing } else { Images::Needed };
     let capture = io::photos::read(&arguments.capture, &Options { images, ..Options::default() })?;
     for note in &capture.notes {

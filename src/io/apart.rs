@@ -6,40 +6,37 @@ use crate::error::{Error, Result};
 
 /// Folders in which captures keep what is read of them.
 const OF_CAPTURES: [&str; 3] = ["images", "masks", "sparse"];
+/// Files of captures and plans that are read.
+const NAMES: [&str; 5] = ["plan.json", "cameras.json", "transforms.json", "points.ply", "points3d.ply"];
+/// Endings of files that are read, and that no command writes by their name.
+const READ: [&str; 10] = ["png", "jpg", "jpeg", "exr", "hdr", "bin", "glb", "gltf", "obj", "log"];
 
-/// What is read of folders beside: kinds of files, and how names of others begin.
-const KINDS: [&str; 8] = ["png", "jpg", "jpeg", "exr", "bin", "txt", "log", "gltf"];
-const NAMES: [&str; 4] = ["plan.json", "cameras.json", "transforms", "points"];
-
-/// Refuses files that are an input, or are there already and a part of an input folder by their names.
+/// Refuses a file to write that is an input or a known part of an input folder, or in whose place something of another kind stands.
 ///
 /// # Errors
-/// In a line that names the file and the input.
-pub fn check_files(files: &[&Path], inputs: &[&Path]) -> Result<()> {
-    for (file, at) in files.iter().filter_map(|file| Some((file, real(file)?))) {
-        for (input, read) in inputs.iter().filter_map(|input| Some((input, real(input)?))) {
-            if at == read {
-                return Err(Error::input(file, "this is what is read, and would be replaced; name another file"));
-            }
-            if at.starts_with(&read) && is_part(&at) {
-                let what = format!(
-                    "it stands in {}, which is read, and would be replaced; name another file",
-                    input.display()
-                );
-                return Err(Error::input(file, what));
-            }
+/// In a line that names the file.
+pub fn check_output_file<'a>(file: &Path, inputs: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
+    let Some(at) = real(file) else { return Ok(()) };
+    let refuse = |what: &str| Err(Error::input(file, format!("{what} and would be replaced; name another file")));
+    let name = at.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    for read in inputs.into_iter().filter_map(|input| real(input)) {
+        if at == read || at.starts_with(&read) && NAMES.contains(&name.as_str()) {
+            return refuse("this is what is read,");
         }
     }
-    Ok(())
+    match name.rsplit_once('.') {
+        Some((_, kind)) if READ.contains(&kind) => refuse("a file of another kind stands here,"),
+        _ => Ok(()),
+    }
 }
 
-/// Refuses a folder in which an input stands, or which is a part of an input that is a capture.
+/// Refuses a folder to write in which an input stands, or which is a part of an input that is a capture.
 ///
 /// # Errors
 /// In a line that names the folder and the input.
-pub fn check_folder(folder: &Path, inputs: &[&Path]) -> Result<()> {
+pub fn check_output_folder<'a>(folder: &Path, inputs: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
     let Some(out) = real(folder) else { return Ok(()) };
-    for (input, read) in inputs.iter().filter_map(|input| Some((input, real(input)?))) {
+    for (input, read) in inputs.into_iter().filter_map(|input| Some((input, real(input)?))) {
         if read.starts_with(&out) {
             let what = format!("{} stands in it and might be replaced; name another folder", input.display());
             return Err(Error::input(folder, what));
@@ -53,13 +50,6 @@ pub fn check_folder(folder: &Path, inputs: &[&Path]) -> Result<()> {
     Ok(())
 }
 
-/// Whether a file in a folder that is read may be what is read of it.
-fn is_part(file: &Path) -> bool {
-    let name = file.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    let kind = name.rsplit('.').next().unwrap_or_default();
-    KINDS.contains(&kind) || NAMES.iter().any(|start| name.starts_with(start))
-}
-
 /// Where a path leads, links followed; none where nothing stands there.
 fn real(path: &Path) -> Option<PathBuf> {
     path.canonicalize().ok()
@@ -69,7 +59,8 @@ fn real(path: &Path) -> Option<PathBuf> {
 mod tests {
     use super::*;
 
-    /// If this failed, a command would replace the photographs, poses or surface that it was given.
+    /// If this failed, a command would replace the photographs, poses or surface that it was given, or an earlier result would be
+    /// in the way of a new one.
     #[test]
     fn what_is_read_is_not_written_over() {
         let place = tempfile::tempdir().unwrap();
@@ -81,21 +72,23 @@ mod tests {
         {
             std::fs::write(at(file), "x").unwrap();
         }
-        let files = |file: &str, input: &str| check_files(&[&at(file)], &[&at(input)]);
-        for (file, input) in [
+        let file = |file: &str, input: &str| check_output_file(&at(file), [&at(input)]);
+        for (out, input) in [
             ("s.ply", "s.ply"),
             ("cap/../s.ply", "s.ply"),
             ("cap/images/0.png", "cap"),
+            ("cap/images/0.png", "cap/cameras.json"),
             ("cap/cameras.json", "cap"),
             ("cap/points3D.ply", "cap"),
         ] {
-            assert!(files(file, input).unwrap_err().to_string().contains("would be replaced"), "{file}");
+            assert!(file(out, input).unwrap_err().to_string().contains("would be replaced"), "{out}");
         }
-        // What an earlier run has left there is not what is read.
-        for (file, input) in [("t.ply", "s.ply"), ("cap/new.png", "cap"), ("cap/score.json", "cap")] {
-            assert!(files(file, input).is_ok(), "{file}");
+        for (out, input) in
+            [("t.ply", "s.ply"), ("cap/new.png", "cap"), ("cap/score.json", "cap"), ("out/s.ply", "s.ply")]
+        {
+            assert!(file(out, input).is_ok(), "{out}");
         }
-        let folder = |out: &str, input: &str| check_folder(&at(out), &[&at(input)]);
+        let folder = |out: &str, input: &str| check_output_folder(&at(out), [&at(input)]);
         for (out, input) in [("cap", "cap"), ("cap", "cap/cameras.json"), ("out", "out/s.ply"), ("cap/images", "cap")] {
             assert!(folder(out, input).unwrap_err().to_string().contains("name another folder"), "{out}");
         }

@@ -153,6 +153,26 @@ fn faults_name_their_file() {
     assert!(all[5].is_ok());
 }
 
+/// If this failed, a header that announces more than memory holds would end the program where a mask is stretched to its size.
+#[test]
+fn a_header_that_announces_too_much_is_refused_before_its_mask() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, mask) = (folder.path().join("a.png"), folder.path().join("mask.png"));
+    RgbImage::new(8, 8).save(&path).unwrap();
+    image::GrayImage::new(8, 8).save(&mask).unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    // Width, height, and the checksum of the chunk that holds them (CRC-32).
+    bytes[16..24].copy_from_slice(&[200_000u32.to_be_bytes(), 200_000u32.to_be_bytes()].concat());
+    let step = |crc: u32, _| (crc >> 1) ^ if crc & 1 == 1 { 0xedb8_8320 } else { 0 };
+    let crc = !bytes[12..29].iter().fold(u32::MAX, |crc, byte| (0..8).fold(crc ^ u32::from(*byte), step));
+    bytes[29..33].copy_from_slice(&crc.to_be_bytes());
+    std::fs::write(&path, bytes).unwrap();
+    let photos = [Photo { mask: Some(mask), ..photo(path, 200_000, 200_000) }];
+    let decoded = Decoder::new(&photos, Settings::default()).unwrap().next().unwrap();
+    let error = decoded.err().unwrap().to_string();
+    assert!(error.contains("a.png") && error.contains("200000 x 200000 pixels are too many"), "{error}");
+}
+
 /// By hand. If this failed, intensities would be compared that are not proportional to light.
 #[test]
 fn values_are_linear() {
