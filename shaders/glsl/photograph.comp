@@ -58,75 +58,91 @@ float weight(float own, float other) {
     return 1.0 / (1.0 + ratio * ratio);
 }
 
-vec4 path(uint pixel, uint number) {
+// A path between two of its rays.
+struct Path {
+    vec3 origin;
+    vec3 direction;
+    vec3 light;     // found so far
+    vec3 left;      // what passes of light that is yet to be found
+    float density;  // of the direction, by solid angle
+    float alpha;
+    float rays;
+    uint hits;
+    bool looked;    // whether lights were looked for at the last hit
+};
+
+Path camera_path(uint pixel, uint number) {
     vec4 jitter = random4(seed, pixel, number, 0);
     vec2 at = (vec2(pixel % width, pixel / width) + jitter.xy - principal) / focal;
-    vec3 origin = position, direction = normalize(at.x * right + at.y * down + forward);
-    vec3 light = vec3(0.0), left = vec3(1.0);
-    float alpha = 0.0, density = 0.0, rays = 0.0;
-    bool looked = false;  // whether lights were looked for at the last hit
-    for (uint k = 0; k < MOST_HITS; ++k) {
-        Hit hit = closest(origin, direction, 0.0, uvec3(seed ^ 0x9e3779b9u, pixel, number * MOST_HITS + k), true);
-        rays += 1.0;
-        if (hit.t >= MISS) {
-            if (k == 0 && show_sky == 0) break;
-            alpha = 1.0;
-            if (setting[0].sky_width == 0) break;
-            vec4 found = sky_from(direction);
-            light += left * found.rgb * (looked ? (STRATEGY == 1 ? 0.0 : weight(density, found.w)) : 1.0);
-            break;
-        }
-        alpha = 1.0;
-        vec3 wo = -direction, emission;
-        bool front;
-        Surface s = surface_at(hit, wo, emission, front);
-        Face face = faces[hit.slot];
-        uint flags = materials[face.material].flags;
-        if (!front && (flags & VOLUME) != 0) left *= exp(-hit.t * materials[face.material].absorption);
-        if (max(emission.r, max(emission.g, emission.b)) > 0.0) {
-            float other = looked ? light_density(face.light, hit.slot, hit.t, abs(dot(s.side, wo))) : 0.0;
-            bool twice = looked && face.light != NONE;
-            light += left * emission * (twice ? (STRATEGY == 1 ? 0.0 : weight(density, other)) : 1.0);
-            if ((flags & UNLIT) != 0) break;
-        }
-        vec3 place = primitives[3 * hit.slot].xyz + hit.at.x * primitives[3 * hit.slot + 1].xyz
-            + hit.at.y * primitives[3 * hit.slot + 2].xyz;
+    vec3 direction = normalize(at.x * right + at.y * down + forward);
+    return Path(position, direction, vec3(0.0), vec3(1.0), 0.0, 0.0, 0.0, 0, false);
+}
 
-        looked = STRATEGY != 2 && is_wide(s);
-        uvec4 words = pcg4d(uvec4(seed, pixel, number, 4 * k + 1));
-        if (looked || setting[0].lights > 0) {
-            Lit lit = light_towards(place, words, pcg4d(uvec4(seed, pixel, number, 4 * k + 2)));
-            // Lamps are met by no ray, whatever the strategy.
-            if (lit.reach > 0.0 && (looked || lit.density == 0.0)) {
-                vec4 through = scattered(s, wo, lit.towards);
-                float most = max(through.r, max(through.g, through.b));
-                if (most > 0.0) {
-                    bool twice = STRATEGY == 0 && lit.density > 0.0;
-                    vec3 start = beside(place, dot(lit.towards, s.side) > 0.0 ? s.side : -s.side);
-                    float share = passing(start, lit.towards, lit.reach, lit.slot);
-                    rays += 1.0;
-                    light += left * through.rgb * lit.light * (share * (twice ? weight(lit.density, through.w) : 1.0));
-                }
+// Follows a path to its next hit. False where it ends there.
+bool extend(inout Path path, uint pixel, uint number) {
+    uint k = path.hits++;
+    if (k == MOST_HITS) return false;
+    Hit hit = closest(path.origin, path.direction, 0.0, uvec3(seed ^ 0x9e3779b9u, pixel, number * MOST_HITS + k), true);
+    path.rays += 1.0;
+    if (hit.t >= MISS) {
+        if (k == 0 && show_sky == 0) return false;
+        path.alpha = 1.0;
+        if (setting[0].sky_width == 0) return false;
+        vec4 found = sky_from(path.direction);
+        float share = path.looked ? (STRATEGY == 1 ? 0.0 : weight(path.density, found.w)) : 1.0;
+        path.light += path.left * found.rgb * share;
+        return false;
+    }
+    path.alpha = 1.0;
+    vec3 wo = -path.direction, emission;
+    bool front;
+    Surface s = surface_at(hit, wo, emission, front);
+    Face face = faces[hit.slot];
+    uint flags = materials[face.material].flags;
+    if (!front && (flags & VOLUME) != 0) path.left *= exp(-hit.t * materials[face.material].absorption);
+    if (max(emission.r, max(emission.g, emission.b)) > 0.0) {
+        float other = path.looked ? light_density(face.light, hit.slot, hit.t, abs(dot(s.side, wo))) : 0.0;
+        bool twice = path.looked && face.light != NONE;
+        path.light += path.left * emission * (twice ? (STRATEGY == 1 ? 0.0 : weight(path.density, other)) : 1.0);
+        if ((flags & UNLIT) != 0) return false;
+    }
+    vec3 place = primitives[3 * hit.slot].xyz + hit.at.x * primitives[3 * hit.slot + 1].xyz
+        + hit.at.y * primitives[3 * hit.slot + 2].xyz;
+
+    path.looked = STRATEGY != 2 && is_wide(s);
+    uvec4 words = pcg4d(uvec4(seed, pixel, number, 4 * k + 1));
+    if (path.looked || setting[0].lights > 0) {
+        Lit lit = light_towards(place, words, pcg4d(uvec4(seed, pixel, number, 4 * k + 2)));
+        // Lamps are met by no ray, whatever the strategy.
+        if (lit.reach > 0.0 && (path.looked || lit.density == 0.0)) {
+            vec4 through = scattered(s, wo, lit.towards);
+            float most = max(through.r, max(through.g, through.b));
+            if (most > 0.0) {
+                bool twice = STRATEGY == 0 && lit.density > 0.0;
+                vec3 start = beside(place, dot(lit.towards, s.side) > 0.0 ? s.side : -s.side);
+                float share = passing(start, lit.towards, lit.reach, lit.slot);
+                path.rays += 1.0;
+                path.light += path.left * through.rgb * lit.light * (share * (twice ? weight(lit.density, through.w) : 1.0));
             }
         }
-
-        vec3 wi = sampled(s, wo, random4(seed, pixel, number, 4 * k + 3));
-        if (dot(wi, wi) == 0.0) break;
-        vec4 through = scattered(s, wo, wi);
-        if (!(through.w > 0.0)) break;
-        left *= through.rgb / through.w;
-        density = through.w;
-        float most = max(left.r, max(left.g, left.b));
-        if (!(most > 0.0)) break;
-        if (k >= SURE_HITS) {
-            float survives = min(most, 0.95);
-            if (random4(seed, pixel, number, 4 * k + 4).x >= survives) break;
-            left /= survives;
-        }
-        origin = beside(place, dot(wi, s.side) > 0.0 ? s.side : -s.side);
-        direction = normalize(wi);
     }
-    return vec4(light, COUNT_RAYS != 0 ? rays : alpha);
+
+    vec3 wi = sampled(s, wo, random4(seed, pixel, number, 4 * k + 3));
+    if (dot(wi, wi) == 0.0) return false;
+    vec4 through = scattered(s, wo, wi);
+    if (!(through.w > 0.0)) return false;
+    path.left *= through.rgb / through.w;
+    path.density = through.w;
+    float most = max(path.left.r, max(path.left.g, path.left.b));
+    if (!(most > 0.0)) return false;
+    if (k >= SURE_HITS) {
+        float survives = min(most, 0.95);
+        if (random4(seed, pixel, number, 4 * k + 4).x >= survives) return false;
+        path.left /= survives;
+    }
+    path.origin = beside(place, dot(wi, s.side) > 0.0 ? s.side : -s.side);
+    path.direction = normalize(wi);
+    return true;
 }
 
 void main() {
@@ -134,11 +150,15 @@ void main() {
     if (i >= count) return;
     uint pixel = first + i;
     vec4 sum = first_sample == 0 ? vec4(0.0) : exposure[pixel];
-    for (uint k = 0; k < samples; ++k) {
-        vec4 found = path(pixel, first_sample + k);
+    uint number = first_sample, last = first_sample + samples;
+    Path path = camera_path(pixel, number);
+    // One loop over the hits of all samples: a thread whose path has ended begins the next beside others that go on.
+    while (number < last) {
+        if (extend(path, pixel, number)) continue;
         // A weight of 0 times a density beyond single precision is no light.
-        if (dot(found.rgb, vec3(1.0)) < 1e30) sum += found;
-        else sum.w += found.w;
+        if (dot(path.light, vec3(1.0)) < 1e30) sum.rgb += path.light;
+        sum.w += COUNT_RAYS != 0 ? path.rays : path.alpha;
+        path = camera_path(pixel, ++number);
     }
     exposure[pixel] = sum;
 }

@@ -1,5 +1,6 @@
 //! Photographs by path tracing, on the device.
 
+use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -24,8 +25,9 @@ const CPU_PATHS: u64 = 1 << 17;
 const GPU_PATHS: u64 = 1 << 20;
 /// How long a submission should take: it has twice as many samples while it takes less than half of that.
 const SUBMISSION: Duration = Duration::from_millis(200);
-/// Samples of one dispatch. On CPU devices the loops of a thread must stay short: past 65,535 turns they end silently.
-const GPU_SAMPLES: u32 = 8;
+/// Paths of one dispatch on a GPU: the more samples a thread takes, the less it waits for others in the end. On CPU devices it
+/// takes one, since the loops of a thread must stay short there: past 65,535 turns they end silently.
+const GPU_DISPATCH: u64 = 1 << 23;
 /// Bytes of a pixel: its sum, and what lies in its middle.
 const PIXEL: u64 = 16;
 
@@ -77,6 +79,8 @@ pub struct Tracer {
     found: Buffer,
     assembly: Assembly,
     pixels: u64,
+    /// Samples of a submission, as the last picture had them in the end.
+    per_submission: Cell<u32>,
 }
 
 impl Tracer {
@@ -132,6 +136,7 @@ impl Tracer {
             buffers,
             assembly,
             pixels,
+            per_submission: Cell::new(1),
         })
     }
 
@@ -154,9 +159,10 @@ impl Tracer {
     ) -> Result<Option<Photograph>> {
         let pixels = self.check(&camera.intrinsics)?;
         let on_cpu = self.context.physical().kind == "CPU";
-        let (most_paths, most_samples) = if on_cpu { (CPU_PATHS, 1) } else { (GPU_PATHS, GPU_SAMPLES) };
-        let part = most_paths.min(u64::from(pixels)) as u32;
-        let mut per_submission = 1;
+        let part = if on_cpu { CPU_PATHS } else { GPU_PATHS }.min(u64::from(pixels)) as u32;
+        let most_samples = if on_cpu { 1 } else { (GPU_DISPATCH / u64::from(part)) as u32 };
+        // Pictures of a scene take alike, but a watchdog should not learn of one that takes far longer.
+        let mut per_submission = (self.per_submission.get() / 4).max(1);
         for first in (0..pixels).step_by(part as usize) {
             let count = part.min(pixels - first);
             let mut sample = 0;
@@ -182,6 +188,7 @@ impl Tracer {
                 per_submission = per_submission.min(exposure.samples);
             }
         }
+        self.per_submission.set(per_submission);
         let sums: Vec<[f32; 4]> = self.exposure.download(pixels as usize)?;
         let mean = |sum: [f32; 4]| sum.map(|v| v / exposure.samples as f32);
         let pixels = sums.into_iter().map(mean).collect();

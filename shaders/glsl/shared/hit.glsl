@@ -45,30 +45,31 @@ Hit closest(vec3 origin, vec3 direction, float t_min, uvec3 key, bool keyed) {
     uint size = 0, child = 0;
     Hit best = Hit(MISS, NONE, vec2(0.0));
     while (true) {
-        if ((child & LEAF) != 0) {
-            uint first = child & ((1u << COUNT_SHIFT) - 1u), count = (child ^ LEAF) >> COUNT_SHIFT;
-            for (uint k = 0; k < count; ++k) {
-                uint slot = first + k;
-                vec2 at;
-                float t = intersect_triangle(slot, origin, direction, at);
-                // Of equals the lower slot stays, whatever the order of the boxes.
-                if (!(t >= t_min && t <= best.t) || t >= MISS || (t == best.t && slot > best.slot)) continue;
-                if (has_alpha(slot)) {
-                    float least = keyed ? float(pcg4d(uvec4(key, slot)).x >> 8u) * 5.9604644775390625e-8 : 0.4999;
-                    if (opacity(slot, at) <= least) continue;
-                }
-                best = Hit(t, slot, at);
-            }
-        } else {
+        // Down to the next leaf: rays beside one another do the same thing then.
+        while ((child & LEAF) == 0) {
             uvec2 entered = children_entered(nodes[child], origin, inverse, t_min, best.t);
             if (entered.y != NO_CHILD) stack[size++] = entered.y;
             child = entered.x;
             if (child != NO_CHILD) continue;
+            if (size == 0) return best;
+            child = stack[--size];
         }
-        if (size == 0) break;
+        uint first = child & ((1u << COUNT_SHIFT) - 1u), count = (child ^ LEAF) >> COUNT_SHIFT;
+        for (uint k = 0; k < count; ++k) {
+            uint slot = first + k;
+            vec2 at;
+            float t = intersect_triangle(slot, origin, direction, at);
+            // Of equals the lower slot stays, whatever the order of the boxes.
+            if (!(t >= t_min && t <= best.t) || t >= MISS || (t == best.t && slot > best.slot)) continue;
+            if (has_alpha(slot)) {
+                float least = keyed ? float(pcg4d(uvec4(key, slot)).x >> 8u) * 5.9604644775390625e-8 : 0.4999;
+                if (opacity(slot, at) <= least) continue;
+            }
+            best = Hit(t, slot, at);
+        }
+        if (size == 0) return best;
         child = stack[--size];
     }
-    return best;
 }
 
 // Share of the light that passes along a ray up to `t_max`; the triangle in slot `lit` stops none.
@@ -78,25 +79,26 @@ float passing(vec3 origin, vec3 direction, float t_max, uint lit) {
     uint size = 0, child = 0;
     float left = 1.0;
     while (true) {
-        if ((child & LEAF) != 0) {
-            uint first = child & ((1u << COUNT_SHIFT) - 1u), count = (child ^ LEAF) >> COUNT_SHIFT;
-            for (uint k = 0; k < count; ++k) {
-                vec2 at;
-                float t = intersect_triangle(first + k, origin, direction, at);
-                if (!(t >= 0.0 && t < t_max) || first + k == lit) continue;
-                left *= has_alpha(first + k) ? 1.0 - opacity(first + k, at) : 0.0;
-                if (left <= 0.0) return 0.0;
-            }
-        } else {
+        // Down to the next leaf: rays beside one another do the same thing then.
+        while ((child & LEAF) == 0) {
             uvec2 entered = children_entered(nodes[child], origin, inverse, 0.0, t_max);
             if (entered.y != NO_CHILD) stack[size++] = entered.y;
             child = entered.x;
             if (child != NO_CHILD) continue;
+            if (size == 0) return left;
+            child = stack[--size];
         }
-        if (size == 0) break;
+        uint first = child & ((1u << COUNT_SHIFT) - 1u), count = (child ^ LEAF) >> COUNT_SHIFT;
+        for (uint k = 0; k < count; ++k) {
+            vec2 at;
+            float t = intersect_triangle(first + k, origin, direction, at);
+            if (!(t >= 0.0 && t < t_max) || first + k == lit) continue;
+            left *= has_alpha(first + k) ? 1.0 - opacity(first + k, at) : 0.0;
+            if (left <= 0.0) return 0.0;
+        }
+        if (size == 0) return left;
         child = stack[--size];
     }
-    return left;
 }
 
 // A place beside the surface, on the side that `normal` points to, from which a ray does not meet it again: Waechter and

@@ -26,24 +26,25 @@ float trace(vec3 origin, vec3 direction, float t_min, float t_max, bool any_hit)
     uint size = 0, child = 0;
     float best = MISS;
     while (true) {
-        if ((child & LEAF) != 0) {
-            uint first = child & ((1u << COUNT_SHIFT) - 1u), count = (child ^ LEAF) >> COUNT_SHIFT;
-            for (uint k = 0; k < count; ++k) {
-                float t = intersect(first + k, origin, direction, t_min, t_max);
-                if (t < MISS) {
-                    best = t;
-                    t_max = t;
-                    if (any_hit) return best;
-                }
-            }
-        } else {
+        // Down to the next leaf: rays beside one another do the same thing then.
+        while ((child & LEAF) == 0) {
             uvec2 entered = children_entered(nodes[child], origin, inverse, t_min, t_max);
             if (entered.y != NO_CHILD) stack[size++] = entered.y;
             child = entered.x;
             if (child != NO_CHILD) continue;
+            if (size == 0) return best;
+            child = stack[--size];
         }
-        if (size == 0) break;
+        uint first = child & ((1u << COUNT_SHIFT) - 1u), count = (child ^ LEAF) >> COUNT_SHIFT;
+        for (uint k = 0; k < count; ++k) {
+            float t = intersect(first + k, origin, direction, t_min, t_max);
+            if (t < MISS) {
+                best = t;
+                t_max = t;
+                if (any_hit) return best;
+            }
+        }
+        if (size == 0) return best;
         child = stack[--size];
     }
-    return best;
 }
