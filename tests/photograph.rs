@@ -146,6 +146,33 @@ fn lamps_light_a_plane_as_their_definition_says() {
     }
 }
 
+/// If this failed, rays would start so far off a large triangle that what stands on it throws no shadow at its foot: half of what
+/// the camera looks at lies in the shadow of a wall a thousandth as high as the floor's quarter is wide.
+#[test]
+fn what_stands_on_a_huge_floor_throws_its_whole_shadow() {
+    for half in [1.0, 1000.0] {
+        let mut model = Model::default();
+        let place = DVec3::new(0.1, 0.0, 0.23) * half;
+        add_quad(&mut model, DVec3::ZERO, half * DVec3::Z, half * DVec3::X, lambert(0.5));
+        let wall = place + DVec3::new(-0.05, 0.025, 0.0);
+        add_quad(&mut model, wall, 0.025 * DVec3::Y, DVec3::Z, lambert(0.0));
+        let direction = Vec3::new(1.0, -1.0, 0.0).normalize();
+        let colour = Vec3::ONE;
+        model.lamps.push(Lamp {
+            kind: LampKind::Directional,
+            position: DVec3::ZERO,
+            direction,
+            colour,
+            range: f32::INFINITY,
+        });
+        // From above, as far as 0.05 to each side of the shadow's end.
+        let camera = camera(place + DVec3::new(0.0, 1.0, 1e-3), place, 64, 2.0 * 0.05f64.atan());
+        let lit = f64::from(mean(&photograph(&model, None, &camera, 16)).x) / (0.5 / PI * 0.5f64.sqrt());
+        println!("half side {half}: {lit}");
+        assert!((lit - 0.5).abs() < 0.02, "half side {half}: {lit} is lit");
+    }
+}
+
 /// A sky that shines from above, or from below.
 fn half_sky(above: bool) -> Environment {
     let (width, height) = (64, 32);

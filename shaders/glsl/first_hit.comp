@@ -40,7 +40,7 @@ void main() {
     uint pixel = chosen_only != 0 ? chosen[i] : i;
     vec2 at = (vec2(pixel % width, pixel / width) + 0.5 - principal) / focal;
     vec3 direction = normalize(at.x * right + at.y * down + forward);
-    Hit hit = closest(position, direction, 0.0, uvec3(0), false);
+    Hit hit = closest(position, direction, NONE, uvec3(0), false);
     if (hit.t >= MISS) {
         found[i] = vec4(0.0);
         return;

@@ -68,6 +68,7 @@ struct Path {
     float alpha;
     float rays;
     uint hits;
+    uint own;       // the triangle that the ray starts from
     bool looked;    // whether lights were looked for at the last hit
 };
 
@@ -75,14 +76,14 @@ Path camera_path(uint pixel, uint number) {
     vec4 jitter = random4(seed, pixel, number, 0);
     vec2 at = (vec2(pixel % width, pixel / width) + jitter.xy - principal) / focal;
     vec3 direction = normalize(at.x * right + at.y * down + forward);
-    return Path(position, direction, vec3(0.0), vec3(1.0), 0.0, 0.0, 0.0, 0, false);
+    return Path(position, direction, vec3(0.0), vec3(1.0), 0.0, 0.0, 0.0, 0, NONE, false);
 }
 
 // Follows a path to its next hit. False where it ends there.
 bool extend(inout Path path, uint pixel, uint number) {
     uint k = path.hits++;
     if (k == MOST_HITS) return false;
-    Hit hit = closest(path.origin, path.direction, 0.0, uvec3(seed ^ 0x9e3779b9u, pixel, number * MOST_HITS + k), true);
+    Hit hit = closest(path.origin, path.direction, path.own, uvec3(seed ^ 0x9e3779b9u, pixel, number * MOST_HITS + k), true);
     path.rays += 1.0;
     if (hit.t >= MISS) {
         if (k == 0 && show_sky == 0) return false;
@@ -119,8 +120,8 @@ bool extend(inout Path path, uint pixel, uint number) {
             float most = max(through.r, max(through.g, through.b));
             if (most > 0.0) {
                 bool twice = STRATEGY == 0 && lit.density > 0.0;
-                vec3 start = beside(place, dot(lit.towards, s.side) > 0.0 ? s.side : -s.side);
-                float share = passing(start, lit.towards, lit.reach, lit.slot);
+                vec3 start = beside(hit, place, dot(lit.towards, s.side) > 0.0 ? s.side : -s.side);
+                float share = passing(start, lit.towards, lit.reach, hit.slot, lit.slot);
                 path.rays += 1.0;
                 path.light += path.left * through.rgb * lit.light * (share * (twice ? weight(lit.density, through.w) : 1.0));
             }
@@ -140,8 +141,9 @@ bool extend(inout Path path, uint pixel, uint number) {
         if (random4(seed, pixel, number, 4 * k + 4).x >= survives) return false;
         path.left /= survives;
     }
-    path.origin = beside(place, dot(wi, s.side) > 0.0 ? s.side : -s.side);
+    path.origin = beside(hit, place, dot(wi, s.side) > 0.0 ? s.side : -s.side);
     path.direction = normalize(wi);
+    path.own = hit.slot;
     return true;
 }
 

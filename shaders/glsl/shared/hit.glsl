@@ -37,9 +37,9 @@ bool has_alpha(uint slot) {
     return primitives[3 * slot + 1].w != 0.0;
 }
 
-// The closest hit past `t_min`. What stops a share of the light stops the ray where a number in [0, 1) of `key` and the
-// triangle is below that share; without a key (0), where it is half or more.
-Hit closest(vec3 origin, vec3 direction, float t_min, uvec3 key, bool keyed) {
+// The closest hit but for the triangle in slot `own`, where the ray starts. What stops a share of the light stops the ray where
+// a number in [0, 1) of `key` and the triangle is below that share; without a key (0), where it is half or more.
+Hit closest(vec3 origin, vec3 direction, uint own, uvec3 key, bool keyed) {
     vec3 inverse = vec3(inverse_slope(direction.x), inverse_slope(direction.y), inverse_slope(direction.z));
     uint stack[STACK];
     uint size = 0, child = 0;
@@ -47,7 +47,7 @@ Hit closest(vec3 origin, vec3 direction, float t_min, uvec3 key, bool keyed) {
     while (true) {
         // Down to the next leaf: rays beside one another do the same thing then.
         while ((child & LEAF) == 0) {
-            uvec2 entered = children_entered(nodes[child], origin, inverse, t_min, best.t);
+            uvec2 entered = children_entered(nodes[child], origin, inverse, 0.0, best.t);
             if (entered.y != NO_CHILD) stack[size++] = entered.y;
             child = entered.x;
             if (child != NO_CHILD) continue;
@@ -60,7 +60,7 @@ Hit closest(vec3 origin, vec3 direction, float t_min, uvec3 key, bool keyed) {
             vec2 at;
             float t = intersect_triangle(slot, origin, direction, at);
             // Of equals the lower slot stays, whatever the order of the boxes.
-            if (!(t >= t_min && t <= best.t) || t >= MISS || (t == best.t && slot > best.slot)) continue;
+            if (!(t >= 0.0 && t <= best.t) || t >= MISS || (t == best.t && slot > best.slot) || slot == own) continue;
             if (has_alpha(slot)) {
                 float least = keyed ? float(pcg4d(uvec4(key, slot)).x >> 8u) * 5.9604644775390625e-8 : 0.4999;
                 if (opacity(slot, at) <= least) continue;
@@ -72,8 +72,9 @@ Hit closest(vec3 origin, vec3 direction, float t_min, uvec3 key, bool keyed) {
     }
 }
 
-// Share of the light that passes along a ray up to `t_max`; the triangle in slot `lit` stops none.
-float passing(vec3 origin, vec3 direction, float t_max, uint lit) {
+// Share of the light that passes along a ray up to `t_max`; the triangles where it starts and ends, in the slots `own` and `lit`,
+// stop none.
+float passing(vec3 origin, vec3 direction, float t_max, uint own, uint lit) {
     vec3 inverse = vec3(inverse_slope(direction.x), inverse_slope(direction.y), inverse_slope(direction.z));
     uint stack[STACK];
     uint size = 0, child = 0;
@@ -92,7 +93,7 @@ float passing(vec3 origin, vec3 direction, float t_max, uint lit) {
         for (uint k = 0; k < count; ++k) {
             vec2 at;
             float t = intersect_triangle(first + k, origin, direction, at);
-            if (!(t >= 0.0 && t < t_max) || first + k == lit) continue;
+            if (!(t >= 0.0 && t < t_max) || first + k == own || first + k == lit) continue;
             left *= has_alpha(first + k) ? 1.0 - opacity(first + k, at) : 0.0;
             if (left <= 0.0) return 0.0;
         }
@@ -101,11 +102,12 @@ float passing(vec3 origin, vec3 direction, float t_max, uint lit) {
     }
 }
 
-// A place beside the surface, on the side that `normal` points to, from which a ray does not meet it again: Waechter and
-// Binder 2019, "A Fast and Robust Method for Avoiding Self-Intersection".
-vec3 beside(vec3 position, vec3 normal) {
-    float radius = setting[0].radius;
-    ivec3 steps = ivec3(256.0 * normal);
-    vec3 moved = intBitsToFloat(floatBitsToInt(position) + mix(steps, -steps, lessThan(position, vec3(0.0))));
-    return mix(moved, position + radius / 65536.0 * normal, lessThan(abs(position), vec3(radius / 32.0)));
+// A place beside a hit on the side that `normal` points to, farther off its triangle's plane than rounding may have left the
+// place and a neighbour in that plane: by eight units in the last place of the terms that it is the sum of, along the normal
+// (Pharr, Jakob and Humphreys 2023, "Physically Based Rendering", 6.8), and at least by what the scene's coordinates can tell
+// apart. The triangle itself is left out by its slot.
+vec3 beside(Hit hit, vec3 place, vec3 normal) {
+    vec3 v0 = primitives[3 * hit.slot].xyz, e1 = primitives[3 * hit.slot + 1].xyz, e2 = primitives[3 * hit.slot + 2].xyz;
+    vec3 terms = abs(v0) + abs(hit.at.x * e1) + abs(hit.at.y * e2);
+    return place + (dot(terms, abs(normal)) * 9.5367431640625e-7 + setting[0].radius * 2.384185791015625e-7) * normal;
 }
