@@ -91,6 +91,7 @@ fn regions_that_are_none() {
         ("--box 0,0,0,1,1,1,1", &["--box takes 6 numbers", "not 7"]),
         ("--box 0,0,0,1,1,a", &["invalid value 'a' for '--box", "--help"]),
         ("--box NaN,0,0,1,1,1", &["not finite"]),
+        ("--shell 1e9,0,0,1,2", &["times its own size away", "move the region nearer", "--shell"]),
         ("--shell 0,0,0,3,2", &["radii 3 and 2", "the inner must be"]),
         ("--shell 0,0,0,3,3", &["radii 3 and 3", "the inner must be"]),
         ("--shell 0,0,0,-1,3", &["radii -1 and 3", "the inner must be"]),

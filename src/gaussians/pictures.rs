@@ -1,14 +1,15 @@
 //! Pictures to train on: photos in 8 bits, without distortion, decoded in the background.
 
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 use super::undistort::Map;
-use crate::Result;
 use crate::parallel::lock;
 use crate::photos::Photo;
 use crate::photos::decode::{self, Channels, Decoded, Decoder, Precision};
 use crate::scene::camera::Camera;
 use crate::scene::lens::Lens;
+use crate::{Error, Result};
 
 /// The pixel of which a photo shows nothing, since straightening it reaches past its rim: transparent white. No other pixel
 /// without alpha has a colour.
@@ -55,21 +56,31 @@ pub struct Picture {
 /// sRGB, as OpenCV does; colours are weighted by alpha. EXIF orientation is ignored.
 ///
 /// # Errors
-/// As [`Decoder`]: each photo on its own, in a line that names its file.
-pub fn pictures(photos: &[Photo], settings: &Settings) -> Result<Decoder<Picture>> {
+/// As [`Decoder`]: each photo on its own, in a line that names its file; also where straightening leaves nothing of it.
+pub fn pictures(photos: &[Photo], settings: &Settings) -> Result<impl Iterator<Item = Result<Picture>> + use<>> {
     let Settings { shrink, memory, threads } = *settings;
     let decoding = decode::Settings { channels: Channels::Rgb, precision: Precision::Byte, shrink, memory, threads };
     // Photos of one lens mostly follow each other.
     let last: Mutex<Option<Arc<Map>>> = Mutex::default();
     // The photo and its picture, and a map that takes as much as both.
     let copies = if photos.iter().any(|photo| !photo.distortion.is_none()) { 4 } else { 2 };
-    Decoder::making(photos, decoding, copies, move |photo, decoded| {
+    let files: Vec<PathBuf> =
+        photos.iter().map(|photo| photo.image.clone().unwrap_or_else(|| photo.camera.name.clone().into())).collect();
+    let shows = move |picture: Picture| match picture.pixels.iter().all(|pixel| *pixel == UNKNOWN) {
+        true => Err(Error::input(
+            &files[picture.index],
+            "nothing is left of this photo once it is straightened; give the lens that it was taken with, or leave it out",
+        )),
+        false => Ok(picture),
+    };
+    let decoder = Decoder::making(photos, decoding, copies, move |photo, decoded| {
         let Decoded { index, width, height, .. } = decoded;
         let bent = packed(decoded);
         let lens = Lens::new(photo.camera.intrinsics.shrunk(shrink.max(1)), photo.distortion);
         let pixels = if lens.distortion.is_none() { bent } else { map(&last, lens).straightened(&bent) };
         Picture { index, width, height, pixels }
-    })
+    })?;
+    Ok(decoder.map(move |picture| picture.and_then(&shows)))
 }
 
 /// The map of a lens: that of the last photo, or a new one.
@@ -222,6 +233,21 @@ mod tests {
         for (alone, picture) in alone.zip(&pictures[5..]) {
             assert_eq!(alone.unwrap().pixels, picture.as_ref().unwrap().pixels);
         }
+    }
+
+    /// If this failed, a lens that cannot have taken a photo would leave a test that every model passes, with no error at all.
+    #[test]
+    fn a_photo_of_which_its_lens_leaves_nothing_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        noisy(&path, 40, 30, 1);
+        let mut taken = photo(path, 40, 30);
+        assert!(all(std::slice::from_ref(&taken), 1)[0].is_ok());
+        // Folds over within a hundredth of the focal length, of which the picture, beside the axis, shows nothing.
+        taken.distortion.radial[0] = -1e4;
+        taken.camera.intrinsics.principal = [-400.0, 15.0];
+        let error = all(&[taken], 1).remove(0).unwrap_err().to_string();
+        assert!(error.contains("a.png") && error.contains("nothing is left") && error.contains("lens"), "{error}");
     }
 
     /// If this failed, a dry run would promise memory that the pictures do not have, or cameras would not fit the pictures.

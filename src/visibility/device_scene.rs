@@ -5,13 +5,16 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::Result;
 use crate::scene::free_space::{self, FreeSpace};
 use crate::scene::proxy::Proxy;
 use crate::scene::region::{Region, Shape};
 use crate::scene::similarity::Similarity;
 use crate::visibility::bvh::{Bvh, Primitives};
 use crate::vulkan::{Buffer, Context};
+use crate::{Error, Result};
+
+/// How far a surface may lie from the middle of the region, over its size: its points are told apart by less than a hundredth of it.
+const FARTHEST: f64 = 1e5;
 
 crate::gpu_struct! {
     /// Where cameras may stand, in the planner's frame (`shared/region_types.glsl`).
@@ -59,8 +62,17 @@ impl SceneGeometry {
     /// Maps surface and region into the planner's frame.
     ///
     /// # Errors
-    /// Where the region leaves no free space, or the surface cannot be represented.
+    /// Where the region leaves no free space, or the surface cannot be represented: beside the region, or at all.
     pub fn new(proxy: &Proxy, region: &Region) -> Result<Self> {
+        let (lo, hi) = proxy.bounds();
+        let (away, size) = ((0.5 * (lo + hi) - region.bounding_sphere().0).length(), (hi - lo).length());
+        if away > FARTHEST * size && size > 0.0 {
+            return Err(Error::request(format!(
+                "the surface lies {:.0e} times its own size away from the middle of the region, where single precision cannot \
+                 tell its points apart; move the region nearer (--shell, --box)",
+                away / size
+            )));
+        }
         let to_internal = region.to_planner_frame();
         let internal = region.transformed(&to_internal)?;
         let occluder = proxy.occluder.transformed(&to_internal);
