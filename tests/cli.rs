@@ -157,6 +157,14 @@ fn every_option_of_the_help_is_accepted() {
                  --device 0 --debug-sync --held-out 50 --seed 4 --frustum --json m.json";
     place.done(&format!("score ball.ply first/plan.json {given}"));
     place.done("score ball.ply first/plan.json --shell 0,0,0,2,3");
+    // A region that cannot be read is told.
+    place.write("other.json", place.read("first/plan.json").replace("\"clearance\"", "\"clarity\""));
+    let scored = place.done("score ball.ply other.json --shell 0,0,0,2,3");
+    assert!(
+        scored.out.contains("the region in other.json cannot be read") && scored.out.contains("clearance"),
+        "{}",
+        scored.out
+    );
     let untried: Vec<String> =
         options(&place, "score").into_keys().filter(|name| !given.contains(name) && name != "shell").collect();
     assert_eq!(untried, ["help"]);

@@ -217,6 +217,12 @@ fn resuming_as_another_run_is_refused_and_changes_nothing() {
     let ran = place.done(&format!("train capture {run} {usual}"));
     assert!(ran.out.contains("complete 4 iterations were trained already"), "{}", ran.out);
     assert!(contents(&place, "o") == before, "a complete run was changed");
+    // One whose model was damaged since has it again.
+    let (_, model) = before.iter().find(|(name, _)| name.ends_with("point_cloud.ply")).unwrap();
+    place.write("o/point_cloud.ply", &model[..model.len() / 2]);
+    place.done(&format!("train capture {run} {usual}"));
+    assert!(fs::read(place.path("o/point_cloud.ply")).unwrap() == *model, "the model is another");
+    before.iter().for_each(|(name, bytes)| place.write(&format!("o/{name}"), bytes));
 
     for (bytes, fragments) in [
         (before[0].1[..before[0].1.len() / 2].to_vec(), ["checkpoint is damaged", "--force"]),

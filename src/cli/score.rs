@@ -54,7 +54,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     // A default region follows from the cameras that are there, as far as they agree.
     let first = cameras.first().ok_or_else(|| Error::input(&arguments.cameras, "it holds no cameras"))?;
-    let stored = stored_region(&arguments.cameras);
+    let (stored, note) = stored_region(&arguments.cameras);
+    if let Some(note) = note {
+        say!("{note}");
+    }
     let target = arguments.region.target(&arguments.surface, &first.intrinsics, stored)?;
     let context = arguments.device.open()?;
     let field = if arguments.frustum { Field::Frustum } else { Field::Cone };
@@ -75,13 +78,23 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The region that a plan.json was made for: what its cameras are fairly measured by.
-fn stored_region(cameras: &Path) -> Option<Region> {
+/// The region that a plan.json was made for, which is what its cameras are fairly measured by, or why it cannot be known.
+fn stored_region(cameras: &Path) -> (Option<Region>, Option<String>) {
     #[derive(serde::Deserialize)]
     struct Plan {
-        region: Region,
+        region: serde_json::Value,
     }
-    // Whether the file can be read at all has been settled by whoever read its cameras.
-    let bytes = std::fs::read(cameras).ok()?;
-    Some(serde_json::from_slice::<Plan>(&bytes).ok()?.region)
+    // Whether the file can be read at all has been settled by whoever read its cameras; those of others have no region.
+    let plan = std::fs::read(cameras).ok().and_then(|bytes| serde_json::from_slice::<Plan>(&bytes).ok());
+    let Some(Plan { region }) = plan else { return (None, None) };
+    match serde_json::from_value(region) {
+        Ok(region) => (Some(region), None),
+        Err(error) => {
+            let note = format!(
+                "the region in {} cannot be read ({error}), and that of the options is taken",
+                cameras.display()
+            );
+            (None, Some(note))
+        }
+    }
 }

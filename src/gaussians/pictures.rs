@@ -1,6 +1,6 @@
 //! Pictures to train on: photos in 8 bits, without distortion, decoded in the background.
 
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use super::undistort::Map;
@@ -57,30 +57,26 @@ pub struct Picture {
 ///
 /// # Errors
 /// As [`Decoder`]: each photo on its own, in a line that names its file; also where straightening leaves nothing of it.
-pub fn pictures(photos: &[Photo], settings: &Settings) -> Result<impl Iterator<Item = Result<Picture>> + use<>> {
+pub fn pictures(photos: &[Photo], settings: &Settings) -> Result<Decoder<Picture>> {
     let Settings { shrink, memory, threads } = *settings;
     let decoding = decode::Settings { channels: Channels::Rgb, precision: Precision::Byte, shrink, memory, threads };
     // Photos of one lens mostly follow each other.
     let last: Mutex<Option<Arc<Map>>> = Mutex::default();
     // The photo and its picture, and a map that takes as much as both.
     let copies = if photos.iter().any(|photo| !photo.distortion.is_none()) { 4 } else { 2 };
-    let files: Vec<PathBuf> =
-        photos.iter().map(|photo| photo.image.clone().unwrap_or_else(|| photo.camera.name.clone().into())).collect();
-    let shows = move |picture: Picture| match picture.pixels.iter().all(|pixel| *pixel == UNKNOWN) {
-        true => Err(Error::input(
-            &files[picture.index],
-            "nothing is left of this photo once it is straightened; give the lens that it was taken with, or leave it out",
-        )),
-        false => Ok(picture),
-    };
-    let decoder = Decoder::making(photos, decoding, copies, move |photo, decoded| {
+    Decoder::making(photos, decoding, copies, move |photo, decoded| {
         let Decoded { index, width, height, .. } = decoded;
         let bent = packed(decoded);
         let lens = Lens::new(photo.camera.intrinsics.shrunk(shrink.max(1)), photo.distortion);
         let pixels = if lens.distortion.is_none() { bent } else { map(&last, lens).straightened(&bent) };
-        Picture { index, width, height, pixels }
-    })?;
-    Ok(decoder.map(move |picture| picture.and_then(&shows)))
+        if pixels.iter().all(|pixel| *pixel == UNKNOWN) {
+            return Err(Error::input(
+                photo.image.as_deref().unwrap_or(Path::new(&photo.camera.name)),
+                "nothing is left of this photo once it is straightened; give the lens that it was taken with, or leave it out",
+            ));
+        }
+        Ok(Picture { index, width, height, pixels })
+    })
 }
 
 /// The map of a lens: that of the last photo, or a new one.
@@ -123,7 +119,7 @@ pub fn picture_bytes(photos: &[Photo], shrink: u32) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use std::path::{Path, PathBuf};
+    use std::path::PathBuf;
 
     use glam::DVec3;
     use image::{GrayImage, Rgb, RgbImage, Rgba, RgbaImage};

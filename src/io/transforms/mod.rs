@@ -8,6 +8,7 @@
 
 mod write;
 
+use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
 
 use serde::Deserialize;
@@ -25,6 +26,19 @@ const IMAGE_EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"]
 
 /// Camera models that are no pinhole with the distortion that k1 to k4, p1 and p2 stand for.
 const NO_PINHOLES: [&str; 5] = ["EQUIRECTANGULAR", "OMNIDIRECTIONAL", "VR180", "ORTHOPHOTO", "FISHEYE624"];
+
+/// Camera models that are a pinhole with that distortion, or a fisheye.
+const PINHOLES: [&str; 9] = [
+    "OPENCV",
+    "OPENCV_FISHEYE",
+    "FISHEYE",
+    "PINHOLE",
+    "SIMPLE_PINHOLE",
+    "RADIAL",
+    "SIMPLE_RADIAL",
+    "RADIAL_FISHEYE",
+    "PERSPECTIVE",
+];
 
 /// Intrinsics of the file or of one frame.
 #[derive(Deserialize, Default, Clone, Copy)]
@@ -107,12 +121,14 @@ pub fn photos(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Tran
     let mut photos = Vec::with_capacity(file.frames.len());
     let mut missing_masks = Vec::new();
     let mut rescaled = 0;
+    let mut unknown_models = BTreeSet::new();
     for (i, frame) in file.frames.iter().enumerate() {
         let refuse = |what: &str| Error::input(path, format!("frame {i} ({:?}): {what}", frame.file_path));
         let model = frame.camera_model.as_ref().or(file.camera_model.as_ref());
         if let Some(model) = model.filter(|model| NO_PINHOLES.iter().any(|start| model.starts_with(start))) {
             return Err(refuse(&format!("camera_model {model:?} is no pinhole; give perspective images")));
         }
+        unknown_models.extend(model.filter(|model| !PINHOLES.contains(&model.as_str())));
         let Some(rows) = &frame.transform_matrix else {
             return Err(refuse("it has no transform_matrix; give the camera's pose or remove the frame"));
         };
@@ -131,6 +147,11 @@ pub fn photos(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Tran
             image,
             mask: named_mask.filter(|mask| mask.is_file()),
         });
+    }
+    for model in unknown_models {
+        notes.push(format!(
+            "camera_model {model:?} is not known; it is taken for a pinhole with the distortion of k1 to k4, p1 and p2"
+        ));
     }
     if rescaled > 0 {
         notes.push(format!("the intrinsics of {rescaled} cameras were rescaled to the size of their stored images"));
@@ -303,6 +324,22 @@ mod tests {
         assert_eq!((camera.intrinsics.width, camera.intrinsics.focal), (20, [25.0, 25.0]));
         assert_eq!(camera.intrinsics.principal, [10.0, 5.0]);
         assert_eq!(notes, ["the intrinsics of 1 cameras were rescaled to the size of their stored images"]);
+    }
+
+    /// If this failed, photos of a lens that nobody here knows would be taken for a pinhole's without a word, or every
+    /// usual file would come with a warning.
+    #[test]
+    fn a_camera_model_that_is_not_known_is_told() {
+        let noted = |model: &str| {
+            let frame = |name: &str| format!(r#"{{"file_path": "{name}", "transform_matrix": {IDENTITY}}}"#);
+            let (a, b) = (frame("a.png"), frame("b.png"));
+            let text = format!(r#"{{"fl_x": 10, "w": 10, "h": 10, "camera_model": "{model}", "frames": [{a}, {b}]}}"#);
+            let mut notes = Vec::new();
+            photos(Path::new("t.json"), text.as_bytes(), &mut notes).unwrap();
+            notes
+        };
+        assert!(matches!(&noted("WOBBLE")[..], [note] if note.contains("camera_model \"WOBBLE\" is not known")));
+        assert!(noted("OPENCV").is_empty() && noted("PINHOLE").is_empty());
     }
 
     /// If this failed, a file with a fault would be read as something else, or its message would not say where it is.

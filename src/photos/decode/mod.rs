@@ -178,7 +178,7 @@ impl Decoder {
     /// # Errors
     /// Where the system gives no threads.
     pub fn new(photos: &[Photo], settings: Settings) -> Result<Self> {
-        Self::making(photos, settings, 1, |_, decoded| decoded)
+        Self::making(photos, settings, 1, |_, decoded| Ok(decoded))
     }
 }
 
@@ -192,7 +192,7 @@ impl<T: Send + 'static> Decoder<T> {
         photos: &[Photo],
         settings: Settings,
         copies: u64,
-        make: impl Fn(&Photo, Decoded) -> T + Send + Sync + 'static,
+        make: impl Fn(&Photo, Decoded) -> Result<T> + Send + Sync + 'static,
     ) -> Result<Self> {
         let settings = Settings { shrink: settings.shrink.max(1), ..settings };
         let threads = if settings.threads == 0 { threads() } else { settings.threads }.min(photos.len());
@@ -255,7 +255,7 @@ impl<M> Work<M> {
     /// Decodes photos until there are none left.
     fn run<T>(&self, queue: &Queue<T>)
     where
-        M: Fn(&Photo, Decoded) -> T,
+        M: Fn(&Photo, Decoded) -> Result<T>,
     {
         while let Some(index) = queue.take() {
             let photo = &self.photos[index];
@@ -268,7 +268,7 @@ impl<M> Work<M> {
             }
             let path = photo.image.as_deref().unwrap_or(Path::new(&photo.camera.name));
             let made = guarded(path, || {
-                pixels::decode(photo, index, &self.settings).map(|decoded| (self.make)(photo, decoded))
+                pixels::decode(photo, index, &self.settings).and_then(|decoded| (self.make)(photo, decoded))
             });
             let left = if made.is_ok() { result } else { 0 };
             queue.finish(index, bytes, left.min(bytes), made);

@@ -100,7 +100,7 @@ fn what_is_made_of_photos_comes_in_their_order_and_within_the_budget() {
     let settings = Settings { precision: Precision::Byte, memory: 200_000, threads: 3, ..Settings::default() };
     let make = |photo: &Photo, decoded: Decoded| {
         assert_ne!(decoded.index, 7, "for the test");
-        (photo.camera.name.clone(), decoded.width, std::thread::current().id())
+        Ok((photo.camera.name.clone(), decoded.width, std::thread::current().id()))
     };
     let mut decoder = Decoder::making(&photos, settings, 2, make).unwrap();
     let all: Vec<_> = decoder.by_ref().collect();
