@@ -146,8 +146,8 @@ fn lamps_light_a_plane_as_their_definition_says() {
     }
 }
 
-/// If this failed, rays would start so far off a large triangle that what stands on it throws no shadow at its foot: half of what
-/// the camera looks at lies in the shadow of a wall a thousandth as high as the floor's quarter is wide.
+/// If this failed, rays would start so far off a large triangle that they pass over what stands on it: half of what the camera
+/// looks at lies in the shadow of a wall a twenty-thousandth as high as the floor's half side.
 #[test]
 fn what_stands_on_a_huge_floor_throws_its_whole_shadow() {
     for half in [1.0, 1000.0] {

@@ -147,6 +147,13 @@ bool extend(inout Path path, uint pixel, uint number) {
     return true;
 }
 
+// What a path adds to its pixel.
+vec4 found_by(Path path) {
+    // A weight of 0 times a density beyond single precision is no light.
+    vec3 light = dot(path.light, vec3(1.0)) < 1e30 ? path.light : vec3(0.0);
+    return vec4(light, COUNT_RAYS != 0 ? path.rays : path.alpha);
+}
+
 void main() {
     uint i = group_index() * 64 + gl_LocalInvocationIndex;
     if (i >= count) return;
@@ -157,10 +164,10 @@ void main() {
     // One loop over the hits of all samples: a thread whose path has ended begins the next beside others that go on.
     while (number < last) {
         if (extend(path, pixel, number)) continue;
-        // A weight of 0 times a density beyond single precision is no light.
-        if (dot(path.light, vec3(1.0)) < 1e30) sum.rgb += path.light;
-        sum.w += COUNT_RAYS != 0 ? path.rays : path.alpha;
+        sum += found_by(path);
         path = camera_path(pixel, ++number);
     }
+    // Where a device ends long loops, this is what the path has found so far.
+    if (number < last) sum += found_by(path);
     exposure[pixel] = sum;
 }

@@ -84,15 +84,16 @@ fn stored_region(cameras: &Path) -> (Option<Region>, Option<String>) {
     struct Plan {
         region: serde_json::Value,
     }
-    // Whether the file can be read at all has been settled by whoever read its cameras; those of others have no region.
-    let plan = std::fs::read(cameras).ok().and_then(|bytes| serde_json::from_slice::<Plan>(&bytes).ok());
-    let Some(Plan { region }) = plan else { return (None, None) };
+    // Whether there is a file that can be read has been settled by whoever read its cameras; those of others have no region.
+    let plan = io::json_file(cameras)
+        .and_then(|file| io::json::<Plan>(&file, &std::fs::read(&file).map_err(|e| Error::io(&file, e))?));
+    let Ok(Plan { region }) = plan else { return (None, None) };
     match serde_json::from_value(region) {
         Ok(region) => (Some(region), None),
         Err(error) => {
+            let file = cameras.display();
             let note = format!(
-                "the region in {} cannot be read ({error}), and that of the options is taken",
-                cameras.display()
+                "the region in {file} cannot be read ({error}), and that of the options, or the usual one, is taken"
             );
             (None, Some(note))
         }

@@ -195,13 +195,13 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 fn is_complete(request: &Request) -> bool {
     let text = fs::read_to_string(request.folder.join(RECORD)).unwrap_or_default();
     let is_of = |record: TrainRecord| {
-        let model = io::read_gaussians_with_notes(&request.folder.join(MODEL));
         let PhotosRecord { capture, train, test, shrink, .. } = record.photos;
         let photos = (request.split.train.photos.len(), request.split.test.len());
         record.status == Status::Complete
             && record.config == request.config
             && (capture, (train, test), shrink) == (request.capture.clone(), photos, request.shrink)
-            && model.is_ok_and(|(model, _)| model.len() == record.splats as usize)
+            && io::read_gaussians_with_notes(&request.folder.join(MODEL))
+                .is_ok_and(|(model, _)| model.len() == record.splats as usize)
     };
     serde_json::from_str(&text).is_ok_and(is_of)
 }

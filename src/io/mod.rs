@@ -159,7 +159,7 @@ pub fn read_cameras_with_notes(path: &Path) -> Result<(Vec<Camera>, Vec<String>)
 }
 
 /// `path` itself, or the file with cameras in the folder `path`.
-fn json_file(path: &Path) -> Result<PathBuf> {
+pub(crate) fn json_file(path: &Path) -> Result<PathBuf> {
     if !path.is_dir() {
         return Ok(path.to_owned());
     }
@@ -186,7 +186,7 @@ fn read_file(path: &Path) -> Result<Vec<u8>> {
 }
 
 /// Parses JSON; the message has the line and column.
-fn json<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T> {
+pub(crate) fn json<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T> {
     // A mark of byte order, which some editors leave, is no part of JSON.
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     serde_json::from_slice(bytes).map_err(|e| Error::input(path, format!("{e}; mend or export the file again")))

@@ -1,6 +1,5 @@
 //! Photographs by path tracing, on the device.
 
-use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -19,14 +18,14 @@ use crate::{Error, Result};
 const SEED_STREAM: u32 = 0x7068_6f74;
 /// Threads of a workgroup, as in the shaders.
 const GROUP: u32 = 64;
-/// Paths of one sample of a part, the least that is submitted: on a CPU they should end within a second, so that a run can be
-/// stopped, on a GPU long before a watchdog looks.
+/// Paths of the first submission of a picture, and pixels of a part of it at most: on a CPU they should end within a second, so
+/// that a run can be stopped, on a GPU long before a watchdog looks.
 const CPU_PATHS: u64 = 1 << 17;
 const GPU_PATHS: u64 = 1 << 20;
 /// How long a submission should take: it has twice as many samples while it takes less than half of that.
 const SUBMISSION: Duration = Duration::from_millis(200);
-/// Paths of one dispatch on a GPU: the more samples a thread takes, the less it waits for others in the end. On CPU devices it
-/// takes one, since the loops of a thread must stay short there: past 65,535 turns they end silently.
+/// Paths of one dispatch on a GPU: the more samples a thread takes, the less it waits for others in the end. On CPU devices
+/// it takes one, since the loops of a thread must stay short there: past 65,535 turns they end silently.
 const GPU_DISPATCH: u64 = 1 << 23;
 /// Bytes of a pixel: its sum, and what lies in its middle.
 const PIXEL: u64 = 16;
@@ -79,8 +78,6 @@ pub struct Tracer {
     found: Buffer,
     assembly: Assembly,
     pixels: u64,
-    /// Samples of a submission, as the last picture had them in the end.
-    per_submission: Cell<u32>,
 }
 
 impl Tracer {
@@ -136,7 +133,6 @@ impl Tracer {
             buffers,
             assembly,
             pixels,
-            per_submission: Cell::new(1),
         })
     }
 
@@ -159,10 +155,10 @@ impl Tracer {
     ) -> Result<Option<Photograph>> {
         let pixels = self.check(&camera.intrinsics)?;
         let on_cpu = self.context.physical().kind == "CPU";
-        let part = if on_cpu { CPU_PATHS } else { GPU_PATHS }.min(u64::from(pixels)) as u32;
+        let first_paths = if on_cpu { CPU_PATHS } else { GPU_PATHS };
+        let part = first_paths.min(u64::from(pixels)) as u32;
         let most_samples = if on_cpu { 1 } else { (GPU_DISPATCH / u64::from(part)) as u32 };
-        // Pictures of a scene take alike, but a watchdog should not learn of one that takes far longer.
-        let mut per_submission = (self.per_submission.get() / 4).max(1);
+        let mut per_submission = (first_paths / u64::from(part)) as u32;
         for first in (0..pixels).step_by(part as usize) {
             let count = part.min(pixels - first);
             let mut sample = 0;
@@ -188,7 +184,6 @@ impl Tracer {
                 per_submission = per_submission.min(exposure.samples);
             }
         }
-        self.per_submission.set(per_submission);
         let sums: Vec<[f32; 4]> = self.exposure.download(pixels as usize)?;
         let mean = |sum: [f32; 4]| sum.map(|v| v / exposure.samples as f32);
         let pixels = sums.into_iter().map(mean).collect();

@@ -13,7 +13,8 @@ use crate::visibility::bvh::{Bvh, Primitives};
 use crate::vulkan::{Buffer, Context};
 use crate::{Error, Result};
 
-/// How far a surface may lie from the middle of the region, over its size: its points are told apart by less than a hundredth of it.
+/// How far a surface may lie from the middle of the region, over its size: its points are told apart by less than a
+/// hundredth of it.
 const FARTHEST: f64 = 1e5;
 
 crate::gpu_struct! {

@@ -50,10 +50,9 @@ Hit closest(vec3 origin, vec3 direction, uint own, uvec3 key, bool keyed) {
             uvec2 entered = children_entered(nodes[child], origin, inverse, 0.0, best.t);
             if (entered.y != NO_CHILD) stack[size++] = entered.y;
             child = entered.x;
-            if (child != NO_CHILD) continue;
-            if (size == 0) return best;
-            child = stack[--size];
+            if (child == NO_CHILD && size > 0) child = stack[--size];
         }
+        if (child == NO_CHILD) break;
         uint first = child & ((1u << COUNT_SHIFT) - 1u), count = (child ^ LEAF) >> COUNT_SHIFT;
         for (uint k = 0; k < count; ++k) {
             uint slot = first + k;
@@ -67,13 +66,14 @@ Hit closest(vec3 origin, vec3 direction, uint own, uvec3 key, bool keyed) {
             }
             best = Hit(t, slot, at);
         }
-        if (size == 0) return best;
+        if (size == 0) break;
         child = stack[--size];
     }
+    return best;
 }
 
-// Share of the light that passes along a ray up to `t_max`; the triangles where it starts and ends, in the slots `own` and `lit`,
-// stop none.
+// Share of the light that passes along a ray up to `t_max`; the triangles where it starts and ends, in the slots `own` and
+// `lit`, stop none.
 float passing(vec3 origin, vec3 direction, float t_max, uint own, uint lit) {
     vec3 inverse = vec3(inverse_slope(direction.x), inverse_slope(direction.y), inverse_slope(direction.z));
     uint stack[STACK];
@@ -85,10 +85,9 @@ float passing(vec3 origin, vec3 direction, float t_max, uint own, uint lit) {
             uvec2 entered = children_entered(nodes[child], origin, inverse, 0.0, t_max);
             if (entered.y != NO_CHILD) stack[size++] = entered.y;
             child = entered.x;
-            if (child != NO_CHILD) continue;
-            if (size == 0) return left;
-            child = stack[--size];
+            if (child == NO_CHILD && size > 0) child = stack[--size];
         }
+        if (child == NO_CHILD) break;
         uint first = child & ((1u << COUNT_SHIFT) - 1u), count = (child ^ LEAF) >> COUNT_SHIFT;
         for (uint k = 0; k < count; ++k) {
             vec2 at;
@@ -97,15 +96,16 @@ float passing(vec3 origin, vec3 direction, float t_max, uint own, uint lit) {
             left *= has_alpha(first + k) ? 1.0 - opacity(first + k, at) : 0.0;
             if (left <= 0.0) return 0.0;
         }
-        if (size == 0) return left;
+        if (size == 0) break;
         child = stack[--size];
     }
+    return left;
 }
 
 // A place beside a hit on the side that `normal` points to, farther off its triangle's plane than rounding may have left the
-// place and a neighbour in that plane: by eight units in the last place of the terms that it is the sum of, along the normal
-// (Pharr, Jakob and Humphreys 2023, "Physically Based Rendering", 6.8), and at least by what the scene's coordinates can tell
-// apart. The triangle itself is left out by its slot.
+// place and a neighbour in that plane (but for slivers): by eight units in the last place of the terms that it is the sum of,
+// along the normal (Pharr, Jakob and Humphreys 2023, "Physically Based Rendering", 6.8), and at least by what the scene's
+// coordinates can tell apart. The triangle itself is left out by its slot.
 vec3 beside(Hit hit, vec3 place, vec3 normal) {
     vec3 v0 = primitives[3 * hit.slot].xyz, e1 = primitives[3 * hit.slot + 1].xyz, e2 = primitives[3 * hit.slot + 2].xyz;
     vec3 terms = abs(v0) + abs(hit.at.x * e1) + abs(hit.at.y * e2);

@@ -31,10 +31,9 @@ float trace(vec3 origin, vec3 direction, float t_min, float t_max, bool any_hit)
             uvec2 entered = children_entered(nodes[child], origin, inverse, t_min, t_max);
             if (entered.y != NO_CHILD) stack[size++] = entered.y;
             child = entered.x;
-            if (child != NO_CHILD) continue;
-            if (size == 0) return best;
-            child = stack[--size];
+            if (child == NO_CHILD && size > 0) child = stack[--size];
         }
+        if (child == NO_CHILD) break;
         uint first = child & ((1u << COUNT_SHIFT) - 1u), count = (child ^ LEAF) >> COUNT_SHIFT;
         for (uint k = 0; k < count; ++k) {
             float t = intersect(first + k, origin, direction, t_min, t_max);
@@ -44,7 +43,8 @@ float trace(vec3 origin, vec3 direction, float t_min, float t_max, bool any_hit)
                 if (any_hit) return best;
             }
         }
-        if (size == 0) return best;
+        if (size == 0) break;
         child = stack[--size];
     }
+    return best;
 }

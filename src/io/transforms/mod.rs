@@ -27,8 +27,8 @@ const IMAGE_EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"]
 /// Camera models that are no pinhole with the distortion that k1 to k4, p1 and p2 stand for.
 const NO_PINHOLES: [&str; 5] = ["EQUIRECTANGULAR", "OMNIDIRECTIONAL", "VR180", "ORTHOPHOTO", "FISHEYE624"];
 
-/// Camera models that are a pinhole with that distortion, or a fisheye.
-const PINHOLES: [&str; 9] = [
+/// Camera models that are a pinhole with that distortion, or a fisheye of k1 to k4.
+const MODELS: [&str; 9] = [
     "OPENCV",
     "OPENCV_FISHEYE",
     "FISHEYE",
@@ -128,7 +128,6 @@ pub fn photos(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Tran
         if let Some(model) = model.filter(|model| NO_PINHOLES.iter().any(|start| model.starts_with(start))) {
             return Err(refuse(&format!("camera_model {model:?} is no pinhole; give perspective images")));
         }
-        unknown_models.extend(model.filter(|model| !PINHOLES.contains(&model.as_str())));
         let Some(rows) = &frame.transform_matrix else {
             return Err(refuse("it has no transform_matrix; give the camera's pose or remove the frame"));
         };
@@ -139,6 +138,8 @@ pub fn photos(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Tran
         let intrinsics = lens.intrinsics(stored).map_err(|what| refuse(&what))?;
         rescaled += usize::from(stored.is_some() && lens.size().is_ok_and(|size| size.is_some() && size != stored));
         let fisheye = file.is_fisheye || model.is_some_and(|model| model.contains("FISHEYE"));
+        let unknown = model.filter(|model| !MODELS.contains(&model.as_str()));
+        unknown_models.extend(unknown.map(|model| (model, fisheye)));
         let named_mask = frame.mask_path.as_ref().map(|mask| folder.join(mask));
         missing_masks.extend(named_mask.iter().filter(|mask| !mask.is_file()).map(|mask| mask.display().to_string()));
         photos.push(Photo {
@@ -148,10 +149,9 @@ pub fn photos(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Tran
             mask: named_mask.filter(|mask| mask.is_file()),
         });
     }
-    for model in unknown_models {
-        notes.push(format!(
-            "camera_model {model:?} is not known; it is taken for a pinhole with the distortion of k1 to k4, p1 and p2"
-        ));
+    for (model, fisheye) in unknown_models {
+        let lens = if fisheye { "fisheye of k1 to k4" } else { "pinhole with the distortion of k1 to k4, p1 and p2" };
+        notes.push(format!("camera_model {model:?} is not known and taken for a {lens}"));
     }
     if rescaled > 0 {
         notes.push(format!("the intrinsics of {rescaled} cameras were rescaled to the size of their stored images"));
@@ -339,6 +339,7 @@ mod tests {
             notes
         };
         assert!(matches!(&noted("WOBBLE")[..], [note] if note.contains("camera_model \"WOBBLE\" is not known")));
+        assert!(matches!(&noted("THIN_PRISM_FISHEYE")[..], [note] if note.contains("taken for a fisheye")));
         assert!(noted("OPENCV").is_empty() && noted("PINHOLE").is_empty());
     }
 
