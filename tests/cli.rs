@@ -157,7 +157,12 @@ fn every_option_of_the_help_is_accepted() {
                  --device 0 --debug-sync --held-out 50 --seed 4 --frustum --json m.json";
     place.done(&format!("score ball.ply first/plan.json {given}"));
     place.done("score ball.ply first/plan.json --shell 0,0,0,2,3");
-    // A region that cannot be read is told.
+    // A plan's own region is taken, from its folder as from its file; one that cannot be read is told.
+    place.done(&format!("plan ball.ply --out own {SHORT} --shell 0,0,0,2.25,3"));
+    for cameras in ["own", "own/plan.json"] {
+        let scored = place.done(&format!("score ball.ply {cameras}"));
+        assert!(scored.out.contains("radii 2.250 to 3.000"), "{cameras}: {}", scored.out);
+    }
     place.write("other.json", place.read("first/plan.json").replace("\"clearance\"", "\"clarity\""));
     let scored = place.done("score ball.ply other.json --shell 0,0,0,2,3");
     assert!(

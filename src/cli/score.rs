@@ -54,10 +54,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     // A default region follows from the cameras that are there, as far as they agree.
     let first = cameras.first().ok_or_else(|| Error::input(&arguments.cameras, "it holds no cameras"))?;
-    let (stored, note) = stored_region(&arguments.cameras);
-    if let Some(note) = note {
+    let stored = stored_region(&arguments.cameras).unwrap_or_else(|note| {
         say!("{note}");
-    }
+        None
+    });
     let target = arguments.region.target(&arguments.surface, &first.intrinsics, stored)?;
     let context = arguments.device.open()?;
     let field = if arguments.frustum { Field::Frustum } else { Field::Cone };
@@ -78,8 +78,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The region that a plan.json was made for, which is what its cameras are fairly measured by, or why it cannot be known.
-fn stored_region(cameras: &Path) -> (Option<Region>, Option<String>) {
+/// The region that a plan.json was made for, which is what its cameras are fairly measured by.
+///
+/// # Errors
+/// A note where there is one that cannot be read.
+fn stored_region(cameras: &Path) -> Result<Option<Region>, String> {
     #[derive(serde::Deserialize)]
     struct Plan {
         region: serde_json::Value,
@@ -87,15 +90,9 @@ fn stored_region(cameras: &Path) -> (Option<Region>, Option<String>) {
     // Whether there is a file that can be read has been settled by whoever read its cameras; those of others have no region.
     let plan = io::json_file(cameras)
         .and_then(|file| io::json::<Plan>(&file, &std::fs::read(&file).map_err(|e| Error::io(&file, e))?));
-    let Ok(Plan { region }) = plan else { return (None, None) };
-    match serde_json::from_value(region) {
-        Ok(region) => (Some(region), None),
-        Err(error) => {
-            let file = cameras.display();
-            let note = format!(
-                "the region in {file} cannot be read ({error}), and that of the options, or the usual one, is taken"
-            );
-            (None, Some(note))
-        }
-    }
+    let Ok(Plan { region }) = plan else { return Ok(None) };
+    serde_json::from_value(region).map(Some).map_err(|error| {
+        let file = cameras.display();
+        format!("the region in {file} cannot be read ({error}), and that of the options, or the usual one, is taken")
+    })
 }
