@@ -70,6 +70,18 @@ fn folders_are_paired_by_name_and_measured() {
     assert!(ran.out.lines().last().unwrap().starts_with("mean "), "{}", ran.out);
 }
 
+/// If this failed, a script that keeps the table on a full disk would take what is left of it for all.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_under_the_table_is_an_error() {
+    let (place, _) = place();
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let ran = ended(place.command("metrics images reference --json m.json").stdout(full).output().unwrap());
+    assert_eq!((ran.code, ran.err.lines().count()), (Some(1), 1), "{}", ran.err);
+    assert!(ran.err.starts_with("error: standard output did not take all"), "{}", ran.err);
+    assert_eq!(json(&place, "m.json")["background"], "black");
+}
+
 /// If this failed, an image that is perfect would make a file that is no JSON, or a device be asked for without need.
 #[test]
 fn the_same_image_twice() {

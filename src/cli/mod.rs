@@ -1,11 +1,13 @@
 //! The command line: one file per subcommand, each parses, calls and prints.
 
 /// Prints a line. Who reads it may be gone (`camsplat plan ... | head -1`); that is no reason to lose a plan, so what
-/// cannot be printed is not.
+/// cannot be printed is not; for any other reason (a full disk) the exit code tells, see [`main`].
 macro_rules! say {
     ($($text:tt)*) => {{
         use std::io::Write as _;
-        let _ = writeln!(std::io::stdout(), $($text)*);
+        if let Err(error) = writeln!(std::io::stdout(), $($text)*) {
+            $crate::cli::unsaid(&error);
+        }
     }};
 }
 
@@ -36,6 +38,7 @@ mod vds;
 mod vdsf;
 
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::error::ErrorKind;
 use clap::{Arg, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -81,8 +84,18 @@ enum Command {
 /// Exit code of a run that the user stopped: 128 + SIGINT, as shells have it.
 const INTERRUPTED: u8 = 130;
 
+/// Whether something could not be printed though there is still a reader.
+static UNSAID: AtomicBool = AtomicBool::new(false);
+
+/// What [`say`] does where it cannot print.
+fn unsaid(error: &std::io::Error) {
+    if error.kind() != std::io::ErrorKind::BrokenPipe {
+        UNSAID.store(true, Ordering::Relaxed);
+    }
+}
+
 /// Runs the command line. Exit codes: 0 done, 2 bad input or request, 130 stopped by the user (what there was is
-/// written), 1 anything else.
+/// written), 1 anything else, such as a standard output that takes no more.
 pub fn main() -> ExitCode {
     let cli = match parser().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
@@ -104,6 +117,10 @@ pub fn main() -> ExitCode {
         Command::Vdsf(arguments) => vdsf::run(&arguments),
     };
     match result {
+        Ok(_) if UNSAID.load(Ordering::Relaxed) => {
+            complain!("error: standard output did not take all that was printed; is its disk full?");
+            ExitCode::FAILURE
+        }
         Ok(code) => code,
         Err(error) => {
             complain!("error: {error}");

@@ -144,6 +144,25 @@ impl Material {
     pub fn shines(&self) -> bool {
         self.emission.max_element() > 0.0 && !self.unlit
     }
+
+    /// All images on it.
+    pub fn maps(&self) -> impl Iterator<Item = Map> {
+        let maps = [
+            self.base_map,
+            self.metallic_roughness_map,
+            self.normal_map,
+            self.emission_map,
+            self.specular_map,
+            self.specular_colour_map,
+            self.transmission_map,
+            self.clearcoat_map,
+            self.clearcoat_roughness_map,
+            self.clearcoat_normal_map,
+            self.sheen_map,
+            self.sheen_roughness_map,
+        ];
+        maps.into_iter().flatten()
+    }
 }
 
 impl Default for Material {

@@ -66,7 +66,7 @@ pub fn read_model(path: &Path, notes: &mut Vec<String>) -> Result<Model> {
         materials.push(Material::default());
     }
     let model = Model { materials, images: look.images, ..Model::default() };
-    let mut reader = Reader { path, root: &root, buffers: &buffers, plain, model, left_out: 0 };
+    let mut reader = Reader { path, root: &root, buffers: &buffers, plain, model, left_out: 0, unplaced: 0 };
     for (node, world) in placed(path, &root, notes)? {
         if let Some(mesh) = root.nodes[node].mesh {
             reader.add(mesh.value(), world)?;
@@ -75,9 +75,12 @@ pub fn read_model(path: &Path, notes: &mut Vec<String>) -> Result<Model> {
             reader.model.lamps.push(lamp(path, &document, light.light, world)?);
         }
     }
-    let Reader { model, left_out, .. } = reader;
+    let Reader { model, left_out, unplaced, .. } = reader;
     if left_out > 0 {
         notes.push(format!("{left_out} parts of points or lines were left out"));
+    }
+    if unplaced > 0 {
+        notes.push(format!("{unplaced} parts have images but no coordinates for them, and show one texel of each"));
     }
     if model.dropped > 0 {
         notes.push(format!("{} triangles without area, or that are not finite, were dropped", model.dropped));
@@ -120,6 +123,8 @@ struct Reader<'a> {
     model: Model,
     /// Parts without triangles.
     left_out: usize,
+    /// Parts without the texture coordinates that an image of their material takes.
+    unplaced: usize,
 }
 
 impl Reader<'_> {
@@ -228,6 +233,7 @@ impl Reader<'_> {
             }
         }
         let material = &self.model.materials[material as usize];
+        self.unplaced += material.maps().any(|map| uvs[map.set as usize].is_none()) as usize;
         let map = material.normal_map.or(material.clearcoat_normal_map);
         if let Some(map) = map.filter(|_| tangents.is_none()) {
             add_tangents(&mut self.model.vertices, at as usize, &self.model.faces[first..], &map);

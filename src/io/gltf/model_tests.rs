@@ -162,5 +162,23 @@ fn what_is_missing_or_not_modelled_is_named() {
     let (model, notes) = Place::new(node, "", used).read();
     assert!(notes.iter().any(|note| note.contains("left out: KHR_materials_iridescence")), "{notes:?}");
     assert!(notes.iter().any(|note| note.contains("it is grey")), "{notes:?}");
+    assert!(!notes.iter().any(|note| note.contains("morph") || note.contains("coordinates")), "{notes:?}");
     assert_eq!(model.unwrap().materials[0], Material::grey());
+}
+
+/// If this failed, a shape that other programs show would come out as another without a word, or a texture as one colour.
+#[test]
+fn weights_and_missing_coordinates_are_told() {
+    let place = Place::new(r#"{"mesh": 0, "weights": [0, 0.5]}"#, r#", "material": 0"#, MATERIAL);
+    place.picture("a.png", 2);
+    let (_, notes) = place.read();
+    assert!(notes.iter().any(|note| note.contains("morph targets")), "{notes:?}");
+    assert!(!notes.iter().any(|note| note.contains("coordinates")), "{notes:?}");
+
+    let second = MATERIAL.replace(r#""normalTexture": {"index": 0"#, r#""normalTexture": {"index": 0, "texCoord": 1"#);
+    let place = Place::new(r#"{"mesh": 0, "weights": [0, 0]}"#, r#", "material": 0"#, &second);
+    place.picture("a.png", 2);
+    let (_, notes) = place.read();
+    assert!(notes.iter().any(|note| note.contains("1 parts have images but no coordinates")), "{notes:?}");
+    assert!(!notes.iter().any(|note| note.contains("morph")), "{notes:?}");
 }
