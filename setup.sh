@@ -45,12 +45,17 @@ if [ ${#missing[@]} -gt 0 ]; then
     # One at a time: a name that this release does not have must not keep the others from being installed.
     for package in "${missing[@]}"; do
         "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$package" >/dev/null ||
-            echo "setup.sh: could not install $package; see README.md, Installing" >&2
+            echo "setup.sh: could not install $package; see README.md, Two commands" >&2
     done
 fi
 
 # Debian's shaderc archives do not link as they are: merge them, check that the result links, and point cargo at it.
-# Where that fails cargo builds shaderc from source.
+# Where that fails cargo builds shaderc from source. A configuration that somebody else wrote stays as it is.
+mark='# Written by setup.sh.'
+setting='SHADERC_LIB_DIR = { value = ".shaderc", relative = true }'
+ours() {
+    [ ! -e .cargo/config.toml ] || [ "$(head -n 1 .cargo/config.toml)" = "$mark" ]
+}
 libdir=$(dirname "$(dpkg-query -L libshaderc-dev 2>/dev/null | grep -m1 'libshaderc_combined\.a$' || echo none/none)")
 merged=.shaderc/libshaderc_combined.a
 if [ -f "$libdir/libshaderc_combined.a" ] && { [ ! -f "$merged" ] || [ "$libdir/libshaderc_combined.a" -nt "$merged" ]; }; then
@@ -71,9 +76,14 @@ C
         g++ .shaderc/probe.o "$merged.new" -lpthread -o .shaderc/probe 2>.shaderc/probe.log && .shaderc/probe; then
         mv "$merged.new" "$merged"
         touch "$merged"
-        printf '# Written by setup.sh.\n[env]\nSHADERC_LIB_DIR = { value = ".shaderc", relative = true }\n' >.cargo/config.toml
+        if ours; then
+            printf '%s\n[env]\n%s\n' "$mark" "$setting" >.cargo/config.toml
+        else
+            echo "setup.sh: .cargo/config.toml is not of this script's making; add under [env]: $setting" >&2
+        fi
     else
-        rm -f "$merged.new" "$merged" .cargo/config.toml
+        rm -f "$merged.new" "$merged"
+        ours && rm -f .cargo/config.toml
         echo "setup.sh: the packaged shaderc does not link; cargo will build it from source (about 6 minutes, once)" >&2
     fi
 fi

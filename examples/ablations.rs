@@ -1,7 +1,7 @@
 //! The tables of docs/ablations.md: what each choice is worth, by held-out metrics, over scenes and seeds.
 //!
 //! ```text
-//! cargo run --release --example ablations -- shipped|defaults|parts|starts|voronoi|search [--seeds N] [--scene NAME] [--data DIR]
+//! cargo run --release --example ablations -- shipped|defaults|distances|parts|starts|voronoi|search [--seeds N] [--scene NAME] [--data DIR]
 //! ```
 //!
 //! Scenes are the two of the demo and, where DIR (or the environment variable CAMSPLAT_DATA) has them, four more; `search`

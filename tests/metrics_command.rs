@@ -82,6 +82,20 @@ fn a_full_disk_under_the_table_is_an_error() {
     assert_eq!(json(&place, "m.json")["background"], "black");
 }
 
+/// If this failed, figures would take the place of an image or of the weights that they were measured with.
+#[test]
+fn what_is_compared_is_not_written_over() {
+    let (place, _) = place();
+    place.write("w.safetensors", "weights");
+    for (file, options) in [("images/r_0.png", "--lpips none"), ("w.safetensors", "--lpips-alex w.safetensors")] {
+        let before = fs::read(place.path(file)).unwrap();
+        let ran = place.run(&format!("metrics images reference {options} --json {file}"));
+        assert_eq!(ran.code, Some(2), "{}", ran.err);
+        assert!(ran.err.contains(file) && ran.err.contains("would be replaced"), "{}", ran.err);
+        assert_eq!(fs::read(place.path(file)).unwrap(), before);
+    }
+}
+
 /// If this failed, an image that is perfect would make a file that is no JSON, or a device be asked for without need.
 #[test]
 fn the_same_image_twice() {

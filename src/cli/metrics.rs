@@ -8,6 +8,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use super::options::{DeviceOptions, print_messages};
+use crate::io::apart::check_output_file;
 use crate::io::folder::{check_file, write_files};
 use crate::metrics::image::{ImageMetrics, Lpips, Network, Rgb8, SSIM_WINDOW, Weights, psnr, ssim};
 use crate::photos::Header;
@@ -95,11 +96,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         check_file(file)?;
     }
     let Pairs { pairs, unpaired } = pairs(&arguments.images, &arguments.reference)?;
-    let json = arguments.json.as_deref().and_then(|file| file.canonicalize().ok());
-    if let Some(file) =
-        json.filter(|file| pairs.iter().flat_map(|p| &p.files).any(|f| f.canonicalize().is_ok_and(|f| f == *file)))
-    {
-        return Err(Error::input(file, "this image would be replaced; name another file for --json"));
+    if let Some(file) = &arguments.json {
+        let weights = [&arguments.lpips_alex, &arguments.lpips_vgg];
+        check_output_file(file, pairs.iter().flat_map(|pair| &pair.files).chain(weights.into_iter().flatten()))?;
     }
     let weights = weights(arguments)?;
     pairs.iter().try_for_each(|pair| check_size(pair, &weights))?;

@@ -95,7 +95,7 @@ fn unsaid(error: &std::io::Error) {
 }
 
 /// Runs the command line. Exit codes: 0 done, 2 bad input or request, 130 stopped by the user (what there was is
-/// written), 1 anything else, such as a standard output that takes no more.
+/// written, but for choices, which are made at once), 1 anything else, such as a standard output that takes no more.
 pub fn main() -> ExitCode {
     let cli = match parser().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,

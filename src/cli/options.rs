@@ -67,7 +67,7 @@ pub struct DeviceOptions {
 /// A model of the scene, for the methods that choose by one.
 #[derive(Args, Clone, Debug)]
 pub struct ModelOptions {
-    /// Trained splats of the scene (.ply), in the frame of the cameras [fisherrf, cover, manifold]
+    /// Trained splats of the scene (.ply), in the frame of the cameras, for methods that look at them
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// The model was trained with antialiasing

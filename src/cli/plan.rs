@@ -47,7 +47,7 @@ pub struct Arguments {
     region: RegionOptions,
     #[command(flatten)]
     camera: CameraOptions,
-    /// Cameras that exist already (COLMAP, transforms.json or plan.json): seen, never moved
+    /// Cameras that exist already (COLMAP or NSVF folder, transforms.json, plan.json or .log): seen, never moved
     #[arg(long)]
     keep: Option<PathBuf>,
     #[command(flatten)]
@@ -77,25 +77,25 @@ pub struct Tuning {
     /// Seed of every random number
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Iterations
+    /// Iterations [default: 1000]
     #[arg(long)]
     iterations: Option<u32>,
     /// What is minimised [default: nearest; splat above 6000 views, or where an option is given that only it has]
     #[arg(long, value_enum)]
     objective: Option<Objective>,
-    /// Field-of-view test while optimising
+    /// Field-of-view test while optimising [default: soft]
     #[arg(long, value_enum)]
     gate: Option<Gate>,
-    /// Softness of the gate, in cosines (cone) or sines (pinhole)
+    /// Softness of the gate, in cosines (cone) or sines (pinhole) [default: 0.02]
     #[arg(long)]
     gate_softness: Option<f32>,
-    /// Kernel of the splats
+    /// Kernel of the splats [default: angular]
     #[arg(long, value_enum)]
     kernel: Option<Kernel>,
-    /// Where the cameras are at first
+    /// Where the cameras are at first [default: random]
     #[arg(long, value_enum)]
     start: Option<Start>,
-    /// The way through the splat pass
+    /// The way through the splat pass [default: auto]
     #[arg(long, value_enum)]
     pass: Option<Pass>,
     /// Add the views one at a time, earlier ones fixed, with a fifth of --iterations for each
@@ -122,53 +122,53 @@ pub struct Tuning {
     /// Move no splat to where light is missing
     #[arg(long)]
     no_relocation: bool,
-    /// Iterations between relocations
+    /// Iterations between relocations [default: 50]
     #[arg(long)]
     relocate_every: Option<u32>,
-    /// Weight of the coverage regulariser
+    /// Weight of the coverage regulariser [default: 3]
     #[arg(long)]
     lambda_reg: Option<f32>,
-    /// Weight of the region term
+    /// Weight of the region term [default: 10]
     #[arg(long)]
     lambda_bound: Option<f32>,
-    /// Pressure on the scale
+    /// Pressure on the scale [default: 0.2]
     #[arg(long)]
     lambda_scale: Option<f32>,
-    /// Softness of the nearest-view minimum
+    /// Softness of the nearest-view minimum [default: 0.02]
     #[arg(long)]
     nearest_tau: Option<f32>,
     /// What distances count beside angles in the nearest-view minimum: radians that a view e times as far away as wanted is
-    /// off; one that is nearer is half as much off
+    /// off; one that is nearer is half as much off [default: 0.3; in rooms 0]
     #[arg(long)]
     distance_weight: Option<f32>,
-    /// Opacity of a splat
+    /// Opacity of a splat [default: 0.1]
     #[arg(long)]
     alpha: Option<f32>,
     /// Start scale of the splats, in radians
     #[arg(long)]
     scale: Option<f32>,
-    /// Learning rate of the scale; 0 holds it
+    /// Learning rate of the scale; 0 holds it [default: 0.005]
     #[arg(long)]
     rate_scale: Option<f32>,
-    /// Learning rate of positions, in radii of the region
+    /// Learning rate of positions, in radii of the region [default: 0.0065]
     #[arg(long)]
     rate_centre: Option<f32>,
-    /// Learning rate of directions
+    /// Learning rate of directions [default: 0.02]
     #[arg(long)]
     rate_direction: Option<f32>,
-    /// Point cameras a step
+    /// Point cameras a step [default: 20]
     #[arg(long)]
     probes: Option<u32>,
-    /// Point cameras in all
+    /// Point cameras in all [default: 2048]
     #[arg(long)]
     pool: Option<u32>,
     /// Texels of a point camera along a side, a multiple of 8
     #[arg(long)]
     resolution: Option<u32>,
-    /// Held-out points for the metrics
+    /// Held-out points for the metrics [default: 1000]
     #[arg(long)]
     held_out: Option<u32>,
-    /// Iterations between checkpoints of the metrics
+    /// Iterations between checkpoints of the metrics [default: 50]
     #[arg(long)]
     checkpoint_every: Option<u32>,
 }
@@ -381,4 +381,38 @@ pub fn table(rows: &[(&str, &Metrics)]) -> String {
         );
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory as _;
+
+    use super::*;
+    use crate::plan::config::Preset;
+
+    #[derive(clap::Parser)]
+    struct Planning {
+        #[command(flatten)]
+        tuning: Tuning,
+    }
+
+    /// If this failed, the help would tell another default than the one that is used.
+    #[test]
+    fn the_help_tells_the_defaults() {
+        let config = serde_json::to_value(Config::new(Preset::Object, 50)).unwrap();
+        let mut told = 0;
+        for argument in Planning::command().get_arguments() {
+            let help = argument.get_help().map(ToString::to_string).unwrap_or_default();
+            let Some((_, default)) = help.split_once("[default: ") else { continue };
+            let default = default.split([';', ']']).next().unwrap_or_default();
+            let used = &config[argument.get_id().as_str()];
+            let same = match used.as_f64() {
+                Some(used) => default.parse() == Ok(used as f32),
+                None => used.as_str() == Some(default),
+            };
+            assert!(same, "{}: {default} in the help, {used} in the configuration", argument.get_id());
+            told += 1;
+        }
+        assert!(told >= 20, "only {told} defaults were found");
+    }
 }

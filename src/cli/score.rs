@@ -17,9 +17,9 @@ use crate::{Error, Result, io};
 /// Arguments of `camsplat score`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model folder
+    /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model or capture folder
     surface: PathBuf,
-    /// COLMAP folder, transforms.json or plan.json
+    /// COLMAP or NSVF folder, transforms.json, plan.json or .log
     cameras: PathBuf,
     #[command(flatten)]
     region: RegionOptions,

@@ -56,8 +56,6 @@ pub struct Arguments {
     method: Method,
     #[command(flatten)]
     model: ModelOptions,
-    #[command(flatten)]
-    retraining: RetrainingOptions,
     /// File with names of photos that are chosen in any case, one a line
     #[arg(long, value_name = "FILE")]
     must: Option<PathBuf>,
@@ -81,6 +79,9 @@ pub struct Arguments {
     points: u32,
     #[command(flatten)]
     device: DeviceOptions,
+    // The last, since its heading would stand above whatever follows.
+    #[command(flatten)]
+    retraining: RetrainingOptions,
 }
 
 /// Chooses, writes the folder and prints what came out.

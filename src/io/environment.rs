@@ -22,10 +22,17 @@ const BRIGHTEST: f32 = 1e9;
 /// # Errors
 /// [`Error::Input`] where the file is no Radiance picture, damaged, not twice as wide as high, or black.
 pub fn read_environment(path: &Path, notes: &mut Vec<String>) -> Result<Environment> {
-    let bytes = super::read_file(path)?;
+    parse_environment(path, &super::read_file(path)?, notes)
+}
+
+/// As [`read_environment`], of the bytes of a file; messages name it by `path`.
+///
+/// # Errors
+/// As [`read_environment`]'s.
+pub fn parse_environment(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Environment> {
     let refuse = |what: String| Err(Error::input(path, what));
     let wanted = "give an equirectangular Radiance .hdr file";
-    let decoder = match HdrDecoder::new(Cursor::new(&bytes)) {
+    let decoder = match HdrDecoder::new(Cursor::new(bytes)) {
         Ok(decoder) => decoder,
         Err(e) => return refuse(format!("this is no environment map ({e}); {wanted}")),
     };

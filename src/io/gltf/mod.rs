@@ -11,7 +11,7 @@ mod model;
 mod nodes;
 mod schema;
 
-pub use model::read_model;
+pub use model::{parse_model, read_model};
 
 use std::path::Path;
 

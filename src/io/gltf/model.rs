@@ -40,8 +40,15 @@ const KNOWN: [&str; 13] = [
 /// [`Error::Input`] where the file is damaged, buffers or images are missing, it requires an extension that is not modelled,
 /// or no triangle is left.
 pub fn read_model(path: &Path, notes: &mut Vec<String>) -> Result<Model> {
-    let bytes = crate::io::read_file(path)?;
-    let (text, chunk) = buffers::split(path, &bytes)?;
+    parse_model(path, &crate::io::read_file(path)?, notes)
+}
+
+/// As [`read_model`], of the bytes of a file; `path` is where it says that other files lie beside it.
+///
+/// # Errors
+/// As [`read_model`]'s.
+pub fn parse_model(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Model> {
+    let (text, chunk) = buffers::split(path, bytes)?;
     let root: json::Root = crate::io::json(path, text)?;
     let document: Document = crate::io::json(path, text)?;
     refuse_unreadable(path, &root, notes)?;
