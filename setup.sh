@@ -50,16 +50,11 @@ if [ ${#missing[@]} -gt 0 ]; then
 fi
 
 # Debian's shaderc archives do not link as they are: merge them, check that the result links, and point cargo at it.
-# Where that fails cargo builds shaderc from source. A configuration that somebody else wrote stays as it is.
-mark='# Written by setup.sh.'
-setting='SHADERC_LIB_DIR = { value = ".shaderc", relative = true }'
-ours() {
-    [ ! -e .cargo/config.toml ] || [ "$(head -n 1 .cargo/config.toml)" = "$mark" ]
-}
+# Where that fails cargo builds shaderc from source.
 libdir=$(dirname "$(dpkg-query -L libshaderc-dev 2>/dev/null | grep -m1 'libshaderc_combined\.a$' || echo none/none)")
 merged=.shaderc/libshaderc_combined.a
 if [ -f "$libdir/libshaderc_combined.a" ] && { [ ! -f "$merged" ] || [ "$libdir/libshaderc_combined.a" -nt "$merged" ]; }; then
-    mkdir -p .shaderc .cargo
+    mkdir -p .shaderc
     {
         echo "create $merged.new"
         for name in shaderc_combined glslang MachineIndependent GenericCodeGen OSDependent OGLCompiler SPIRV SPIRV-Tools-opt SPIRV-Tools; do
@@ -76,15 +71,28 @@ C
         g++ .shaderc/probe.o "$merged.new" -lpthread -o .shaderc/probe 2>.shaderc/probe.log && .shaderc/probe; then
         mv "$merged.new" "$merged"
         touch "$merged"
-        if ours; then
-            printf '%s\n[env]\n%s\n' "$mark" "$setting" >.cargo/config.toml
-        else
-            echo "setup.sh: .cargo/config.toml is not of this script's making; add under [env]: $setting" >&2
-        fi
     else
         rm -f "$merged.new" "$merged"
-        ours && rm -f .cargo/config.toml
         echo "setup.sh: the packaged shaderc does not link; cargo will build it from source (about 6 minutes, once)" >&2
+    fi
+fi
+
+# Cargo's configuration says where the merged archive is. One that somebody else wrote, or wrote on in, stays as it is.
+config=.cargo/config.toml
+setting='SHADERC_LIB_DIR = { value = ".shaderc", relative = true }'
+written="# Written by setup.sh.
+[env]
+$setting"
+if [ -f "$merged" ] && [ ! -e "$config" ]; then
+    mkdir -p .cargo
+    echo "$written" >"$config"
+elif [ -f "$merged" ] && ! grep -q '^SHADERC_LIB_DIR' "$config"; then
+    echo "setup.sh: $config is not of this script's making; add under [env]: $setting" >&2
+elif [ ! -f "$merged" ] && [ -e "$config" ]; then
+    if [ "$(cat "$config")" = "$written" ]; then
+        rm "$config"
+    elif grep -q '^SHADERC_LIB_DIR.*"\.shaderc"' "$config"; then
+        echo "setup.sh: take SHADERC_LIB_DIR out of $config, for there is nothing in .shaderc" >&2
     fi
 fi
 echo "setup.sh: ready"

@@ -80,6 +80,9 @@ fn a_full_disk_under_the_table_is_an_error() {
     assert_eq!((ran.code, ran.err.lines().count()), (Some(1), 1), "{}", ran.err);
     assert!(ran.err.starts_with("error: standard output did not take all"), "{}", ran.err);
     assert_eq!(json(&place, "m.json")["background"], "black");
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let ran = ended(place.command("metrics --help").stdout(full).output().unwrap());
+    assert_eq!((ran.code, ran.err.lines().count()), (Some(1), 1), "{}", ran.err);
 }
 
 /// If this failed, figures would take the place of an image or of the weights that they were measured with.

@@ -84,6 +84,9 @@ enum Command {
 /// Exit code of a run that the user stopped: 128 + SIGINT, as shells have it.
 const INTERRUPTED: u8 = 130;
 
+/// What is said of a standard output that fails.
+const NO_ROOM: &str = "error: standard output did not take all that was printed; is its disk full?";
+
 /// Whether something could not be printed though there is still a reader.
 static UNSAID: AtomicBool = AtomicBool::new(false);
 
@@ -95,7 +98,7 @@ fn unsaid(error: &std::io::Error) {
 }
 
 /// Runs the command line. Exit codes: 0 done, 2 bad input or request, 130 stopped by the user (what there was is
-/// written, but for choices, which are made at once), 1 anything else, such as a standard output that takes no more.
+/// written; `select` and `plan --method` leave nothing), 1 anything else, such as a standard output that takes no more.
 pub fn main() -> ExitCode {
     let cli = match parser().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
@@ -117,9 +120,9 @@ pub fn main() -> ExitCode {
         Command::Vdsf(arguments) => vdsf::run(&arguments),
     };
     match result {
-        Ok(_) if UNSAID.load(Ordering::Relaxed) => {
-            complain!("error: standard output did not take all that was printed; is its disk full?");
-            ExitCode::FAILURE
+        Ok(code) if UNSAID.load(Ordering::Relaxed) => {
+            complain!("{NO_ROOM}");
+            if code == ExitCode::SUCCESS { ExitCode::FAILURE } else { code }
         }
         Ok(code) => code,
         Err(error) => {
@@ -142,8 +145,13 @@ fn parser() -> clap::Command {
 fn refuse(error: &clap::Error) -> ExitCode {
     use ErrorKind::{DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion};
     if matches!(error.kind(), DisplayHelp | DisplayVersion | DisplayHelpOnMissingArgumentOrSubcommand) {
-        // What cannot be printed cannot be told of either.
-        let _ = error.print();
+        if let Err(error) = error.print() {
+            unsaid(&error);
+        }
+        if UNSAID.load(Ordering::Relaxed) {
+            complain!("{NO_ROOM}");
+            return ExitCode::FAILURE;
+        }
         return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
     }
     complain!("{}", one_line(&error.to_string()));

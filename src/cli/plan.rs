@@ -52,10 +52,6 @@ pub struct Arguments {
     keep: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceOptions,
-    #[command(flatten)]
-    peers: PeerOptions,
-    #[command(flatten)]
-    tuning: Tuning,
     /// Print the device memory that the plan takes, and stop
     #[arg(long)]
     dry_run: bool,
@@ -68,6 +64,11 @@ pub struct Arguments {
     /// Capture one iteration with RenderDoc into FILE_*.rdc
     #[arg(long, value_name = "FILE")]
     capture: Option<PathBuf>,
+    // The last, since their headings would stand above whatever follows.
+    #[command(flatten)]
+    peers: PeerOptions,
+    #[command(flatten)]
+    tuning: Tuning,
 }
 
 /// The optimisation and its ablations. What is left out is the preset's default.
@@ -399,7 +400,8 @@ mod tests {
     /// If this failed, the help would tell another default than the one that is used.
     #[test]
     fn the_help_tells_the_defaults() {
-        let config = serde_json::to_value(Config::new(Preset::Object, 50)).unwrap();
+        let used = |preset, views| Tuning::default().apply(Config::new(preset, views));
+        let config = serde_json::to_value(used(Preset::Object, 50)).unwrap();
         let mut told = 0;
         for argument in Planning::command().get_arguments() {
             let help = argument.get_help().map(ToString::to_string).unwrap_or_default();
@@ -413,6 +415,11 @@ mod tests {
             assert!(same, "{}: {default} in the help, {used} in the configuration", argument.get_id());
             told += 1;
         }
-        assert!(told >= 20, "only {told} defaults were found");
+        assert_eq!(told, 21, "defaults of numbers and choices");
+        assert_eq!(used(Preset::Room, 50).distance_weight, 0.0);
+        assert_eq!(
+            [6000, 6001].map(|views| used(Preset::Object, views).objective),
+            [Objective::Nearest, Objective::Splat]
+        );
     }
 }

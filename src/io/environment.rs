@@ -38,7 +38,7 @@ pub fn parse_environment(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> 
     };
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width) * u64::from(height);
-    if width != 2 * height || height < 2 {
+    if u64::from(width) != 2 * u64::from(height) || height < 2 {
         return refuse(format!(
             "a picture of {width} x {height} is no environment map, which is twice as wide as high; {wanted}"
         ));
@@ -110,5 +110,7 @@ mod tests {
         assert!(says(&map("-Y 2 +X 4", &[[0; 4]; 8])).contains("is black"));
         assert!(says(&map("-Y 2 +X 4", &[[9, 9, 9, 128]; 3])).contains("damaged"));
         assert!(says(&map("-Y 20000 +X 40000", &[[9, 9, 9, 128]; 3])).contains("announces"));
+        // Twice this height is 0 in 32 bits.
+        assert!(says(&map("-Y 2147483648 +X 0", &[[9, 9, 9, 128]; 3])).contains("no environment map"));
     }
 }

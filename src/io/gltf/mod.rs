@@ -102,10 +102,6 @@ fn refuse_unreadable(path: &Path, root: &json::Root, notes: &mut Vec<String>) ->
     if !root.skins.is_empty() {
         notes.push("skinned meshes are read at rest".into());
     }
-    let weights = root.nodes.iter().map(|node| &node.weights).chain(root.meshes.iter().map(|mesh| &mesh.weights));
-    if weights.flatten().flatten().any(|weight| *weight != 0.0) {
-        notes.push("morph targets are read at rest: their weights are not applied".into());
-    }
     Ok(())
 }
 

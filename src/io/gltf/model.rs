@@ -87,7 +87,9 @@ pub fn parse_model(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result
         notes.push(format!("{left_out} parts of points or lines were left out"));
     }
     if unplaced > 0 {
-        notes.push(format!("{unplaced} parts have images but no coordinates for them, and show one texel of each"));
+        notes.push(format!(
+            "{unplaced} parts lack the texture coordinates that an image of theirs takes: it shows one colour there"
+        ));
     }
     if model.dropped > 0 {
         notes.push(format!("{} triangles without area, or that are not finite, were dropped", model.dropped));

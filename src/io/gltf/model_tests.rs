@@ -179,6 +179,6 @@ fn weights_and_missing_coordinates_are_told() {
     let place = Place::new(r#"{"mesh": 0, "weights": [0, 0]}"#, r#", "material": 0"#, &second);
     place.picture("a.png", 2);
     let (_, notes) = place.read();
-    assert!(notes.iter().any(|note| note.contains("1 parts have images but no coordinates")), "{notes:?}");
+    assert!(notes.iter().any(|note| note.contains("1 parts lack the texture coordinates")), "{notes:?}");
     assert!(!notes.iter().any(|note| note.contains("morph")), "{notes:?}");
 }

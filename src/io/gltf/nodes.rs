@@ -44,7 +44,16 @@ pub(super) fn placed(path: &Path, root: &json::Root, notes: &mut Vec<String>) ->
         found.push((index, world));
         open.extend(node.children.iter().flatten().map(|child| (child.value(), world)));
     }
+    if found.iter().any(|(node, _)| is_morphed(root, &root.nodes[*node])) {
+        notes.push("morph targets are read at rest: their weights are not applied".into());
+    }
     Ok(found)
+}
+
+/// Whether a node shows its mesh in another shape than at rest; its own weights go before those of the mesh.
+fn is_morphed(root: &json::Root, node: &json::Node) -> bool {
+    let Some(mesh) = node.mesh.and_then(|mesh| root.meshes.get(mesh.value())) else { return false };
+    node.weights.as_ref().or(mesh.weights.as_ref()).is_some_and(|weights| weights.iter().any(|weight| *weight != 0.0))
 }
 
 /// Parent-from-node matrix.
