@@ -9,6 +9,7 @@ use camsplat::evaluate::request::Settings;
 use camsplat::evaluate::scene::Scene;
 use camsplat::evaluate::tour::{self, Event, Size};
 use camsplat::plan::config::Preset;
+use camsplat::plan::job::RegionChoice;
 use camsplat::report;
 use camsplat::scene::samples;
 use camsplat::vulkan::{Context, Options};
@@ -33,7 +34,7 @@ fn subject() -> Scene {
     let intrinsics = SMALL.settings.intrinsics();
     Scene::new(
         Path::new("photographed"),
-        Preset::Object,
+        (Preset::Object, &RegionChoice::USUAL),
         (&model, Some(&samples::studio())),
         model.surface(),
         &intrinsics,

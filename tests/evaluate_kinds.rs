@@ -5,6 +5,7 @@ mod command;
 use std::collections::HashSet;
 use std::fs;
 
+use camsplat::gaussians::config::Background;
 use camsplat::gaussians::record::TrainRecord;
 use camsplat::io::photos::{self, Options};
 use camsplat::photograph::products::Record;
@@ -85,10 +86,40 @@ fn a_room_is_evaluated_from_inside() {
             assert_eq!(black, 0, "{} shows what is no wall", photo.camera.name);
         }
     }
+    let trained: Vec<TrainRecord> = named(&place, "o/room", "train.json");
+    assert!(trained.iter().all(|record| record.config.background == Background::Black));
     let page = place.read("o/report.html");
     assert!(page.contains("/reference/random_0000.png") && !page.contains("<th>half"), "{page}");
     let again = place.done(&format!("{TINY_ROOM} --out o"));
     assert!(again.out.contains("products 0 made"), "{}", again.out);
+}
+
+/// If this failed, cameras or tests would stand in what lies around a room, whose mesh says nothing of where it ends.
+#[test]
+fn a_box_holds_the_cameras_of_a_room_and_its_tests() {
+    let place = room();
+    let tiny = TINY_ROOM.replace("--preset room ", "").replace("random,fvs,ours", "random,ours");
+    place.done(&format!("{tiny} --box -0.4,-0.5,0.1,0.4,0.6,0.7 --clearance 0.2 --out o"));
+    let table = place.read("o/table.md");
+    let told = "in the box from [-0.4, -0.5, 0.1] to [0.4, 0.6, 0.7], none nearer to things than 0.2";
+    assert!(table.contains(told), "{table}");
+    let records: Vec<Record> = named(&place, "o/room", "capture.json");
+    assert_eq!(records.len(), 4);
+    for camera in records.iter().flat_map(|record| &record.cameras) {
+        let place = camera.pose.position;
+        let within = place.cmpge(DVec3::new(-0.401, -0.501, 0.099)) & place.cmple(DVec3::new(0.401, 0.601, 0.701));
+        assert!(within.all(), "{} stands at {place}", camera.name);
+    }
+}
+
+/// If this failed, a table of infinite scores would come without a word: photos that nothing lights are all alike.
+#[test]
+fn black_photographs_are_told_of() {
+    let place = Place::new();
+    place.write("room.gltf", cube(", \"materials\": [{\"doubleSided\": true}]"));
+    place.write("sky.hdr", sky());
+    let ran = place.done(&format!("{} --env sky.hdr --out o", TINY_ROOM.replace("random,fvs,ours", "random")));
+    assert!(ran.out.contains("3 of 3 photographs are black") && ran.out.contains("--box"), "{}", ran.out);
 }
 
 /// If this failed, a user would learn from a stack of errors, or never, that photos of a smooth room give no surface.
@@ -146,7 +177,12 @@ fn what_does_not_fit_is_refused_and_nothing_is_written() {
     let lost = place.path("lost");
     fs::create_dir_all(lost.join("images")).unwrap();
     fs::copy(place.path("photos/transforms.json"), lost.join("transforms.json")).unwrap();
-    let cases: [(&str, &[&str]); 8] = [
+    place.write("hall.gltf", place.read("room.gltf"));
+    let cases: [(&str, &[&str]); 12] = [
+        ("evaluate room.gltf --preset object --box 0,0,0,1,1,1 --out o", &["--box", "--preset room"]),
+        ("evaluate room.gltf --clearance 0.1 --out o", &["--clearance", "--preset room"]),
+        ("evaluate room.gltf hall.gltf --box 0,0,0,1,1,1 --out o", &["--box", "there are 2"]),
+        ("evaluate room.gltf --box 0,0,1 --out o", &["--box takes 6 numbers", "not 3"]),
         ("evaluate room.gltf --preset room --out o --methods random,fibonacci", &["--methods fibonacci", "room"]),
         ("evaluate --pool photos --out o", &["photos", "17 of its 20 photos", "--budgets is 20"]),
         ("evaluate --pool photos --out o --budgets 5 --inputs 18", &["photos", "--inputs is 18"]),

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::options::{DeviceOptions, print_messages};
+use super::options::{DeviceOptions, box_of, print_messages};
 use super::progress::{go_on, stop_on_interrupt};
 use crate::evaluate::job;
 use crate::evaluate::kind::Kind;
@@ -21,6 +21,7 @@ use crate::io::environment::read_environment;
 use crate::io::folder::write_files;
 use crate::metrics::image::{Network, Weights};
 use crate::plan::config::Preset;
+use crate::plan::job::RegionChoice;
 use crate::{Error, Result, report};
 
 /// Arguments of `camsplat evaluate`.
@@ -29,12 +30,18 @@ pub struct Arguments {
     /// Objects or rooms with materials and lamps: .glb or .gltf files
     #[arg(required_unless_present = "pool")]
     scenes: Vec<PathBuf>,
-    /// Kind of the scenes: objects seen from around them, or rooms seen from inside
-    #[arg(long, value_enum, default_value = "object")]
-    preset: Preset,
+    /// Kind of the scenes: objects seen from around them, or rooms seen from inside [default: room with --box, else object]
+    #[arg(long, value_enum)]
+    preset: Option<Preset>,
     /// Choose among photos instead, every eighth held out: captures, as `camsplat select` takes them
-    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "env", "surface", "size", "spp", "test_spp", "tests"])]
+    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "box_", "clearance", "env", "surface", "size", "spp", "test_spp", "tests"])]
     pool: Vec<PathBuf>,
+    /// In a room, cameras and test views stand in a box: corners X0,Y0,Z0,X1,Y1,Z1 [default: the room's bounds less the clearance]
+    #[arg(long = "box", value_delimiter = ',', allow_hyphen_values = true, value_name = "NUMBERS")]
+    box_: Option<Vec<f64>>,
+    /// In a room, no camera closer than this to the surface [default: a twentieth of the room's smallest side]
+    #[arg(long)]
+    clearance: Option<f64>,
     /// Folder for the tables and all products. An evaluation that is there goes on, and what it has made stays
     #[arg(long)]
     out: PathBuf,
@@ -132,8 +139,13 @@ const OF_POOLS: [&str; 7] = ["random", "fvs", "coverage", "acp", "fisherrf", "co
 const QUICK: [&str; 3] = ["random", "fvs", "ours"];
 
 impl Arguments {
-    fn request(&self) -> Request {
-        let kind = if self.pool.is_empty() { Kind::of(self.preset) } else { Kind::Pool };
+    fn preset(&self) -> Preset {
+        self.preset.unwrap_or(if self.box_.is_some() { Preset::Room } else { Preset::Object })
+    }
+
+    fn request(&self) -> Result<Request> {
+        let kind = if self.pool.is_empty() { Kind::of(self.preset()) } else { Kind::Pool };
+        let shape = self.box_.as_deref().map(box_of).transpose()?;
         let usual: &[&str] = match kind {
             _ if self.quick => &QUICK,
             Kind::Pool => &OF_POOLS,
@@ -153,7 +165,7 @@ impl Arguments {
         let of = if self.quick { Settings::QUICK } else { Settings::WHOLE };
         // Indoors, photos of so few samples are too noisy to be matched.
         let shown = if self.quick && kind == Kind::Room { Shown::True } else { of.shown };
-        Request {
+        Ok(Request {
             kind,
             methods: self.methods.clone().unwrap_or_else(named),
             budgets: self.budgets.clone().unwrap_or_else(budgets),
@@ -174,9 +186,10 @@ impl Arguments {
                     (true, Kind::Object) => PeersFrom::Sphere,
                     _ => of.peers_from,
                 }),
+                region: RegionChoice { shape, floor: None, clearance: self.clearance },
                 antialiased: self.antialiased,
             },
-        }
+        })
     }
 
     /// Reads all that is evaluated on; the notes say what was understood.
@@ -190,7 +203,7 @@ impl Arguments {
         }
         let mut subjects = Vec::new();
         for path in &self.scenes {
-            let scene = Scene::read(path, self.preset, environment.as_ref(), &intrinsics, notes)?;
+            let scene = Scene::read(path, (self.preset(), &request.settings.region), environment.as_ref(), &intrinsics, notes)?;
             subjects.push(Subject::Scene(Box::new(scene)));
         }
         for path in &self.pool {
@@ -202,7 +215,7 @@ impl Arguments {
 
 /// Evaluates, writes and prints the tables.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let request = arguments.request();
+    let request = arguments.request()?;
     request.validate()?;
     if arguments.devices.iter().any(|name| name.trim().is_empty()) {
         return Err(Error::request(

@@ -181,12 +181,7 @@ impl RegionOptions {
                 };
                 Some(Shape::Shell { centre: DVec3::new(x, y, z), r_min, r_max })
             }
-            (None, Some(numbers)) => {
-                let &[x0, y0, z0, x1, y1, z1] = &numbers[..] else {
-                    return Err(count("--box", "X0,Y0,Z0,X1,Y1,Z1", 6, numbers.len()));
-                };
-                Some(Shape::Box { min: DVec3::new(x0, y0, z0), max: DVec3::new(x1, y1, z1) })
-            }
+            (None, Some(numbers)) => Some(box_of(numbers)?),
             (None, None) => None,
         };
         Ok(RegionChoice { shape, floor: self.floor, clearance: self.clearance })
@@ -215,6 +210,17 @@ pub fn print_messages(context: &Context) {
     for message in context.messages() {
         complain!("validation: {message}");
     }
+}
+
+/// The box of its two corners.
+///
+/// # Errors
+/// Where there are too many or too few numbers.
+pub fn box_of(numbers: &[f64]) -> Result<Shape> {
+    let &[x0, y0, z0, x1, y1, z1] = numbers else {
+        return Err(count("--box", "X0,Y0,Z0,X1,Y1,Z1", 6, numbers.len()));
+    };
+    Ok(Shape::Box { min: DVec3::new(x0, y0, z0), max: DVec3::new(x1, y1, z1) })
 }
 
 fn count(option: &str, form: &str, wanted: usize, given: usize) -> Error {

@@ -137,6 +137,12 @@ impl<'a> Bench<'a> {
             let note = format!("{} of {all} photographs show nothing of the scene", taken.empty);
             let _ = (heard.borrow_mut())(Event::Note(note));
         }
+        if !taken.dark.is_empty() {
+            let dark = taken.dark.len();
+            let narrower = if self.kind == Kind::Room { "; --box can keep cameras to where there is light" } else { "" };
+            let note = format!("{dark} of {all} photographs are black: no light comes from what they show{narrower}");
+            let _ = (heard.borrow_mut())(Event::Note(note));
+        }
         if taken.pictures < all {
             return Ok(None);
         }
@@ -309,9 +315,10 @@ impl<'a> Bench<'a> {
         observe: Observe,
     ) -> Result<Option<(Stage, TrainRecord)>> {
         let Settings { iterations, max_splats, antialiased, .. } = self.settings;
-        // White is what objects stand before; rooms fill their pictures.
+        // Objects stand before white; what a room's picture shows beyond it is in the picture, and black where nothing is.
+        let background = if self.kind == Kind::Room { Background::Black } else { Background::White };
         let config = Config {
-            background: Background::White,
+            background,
             antialiased,
             seed,
             ..Config::new(iterations, max_splats).with_strategy(Strategy::Mcmc, true)

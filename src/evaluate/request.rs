@@ -10,6 +10,7 @@ use serde::Serialize;
 use super::kind::Kind;
 use crate::peers::request::Method as Placing;
 use crate::plan::config::{Config, Preset};
+use crate::plan::job::RegionChoice;
 use crate::scene::camera::{Intrinsics, Pose};
 use crate::{Error, Result, io};
 
@@ -205,6 +206,8 @@ pub struct Settings {
     pub shrink: u32,
     /// Where around an object peers may put cameras.
     pub peers_from: PeersFrom,
+    /// What the user says of where in a room cameras may stand.
+    pub region: RegionChoice,
     /// Whether splats are trained and looked at with the filter against aliasing.
     pub antialiased: bool,
 }
@@ -223,6 +226,7 @@ impl Settings {
         shown: Shown::Proxy,
         shrink: 1,
         peers_from: PeersFrom::Region,
+        region: RegionChoice::USUAL,
         antialiased: false,
     };
     /// What two cores do in minutes.
@@ -238,6 +242,7 @@ impl Settings {
         shown: Shown::Proxy,
         shrink: 8,
         peers_from: PeersFrom::Region,
+        region: RegionChoice::USUAL,
         antialiased: false,
     };
 
@@ -308,6 +313,12 @@ impl Request {
         if settings.peers_from == PeersFrom::Sphere && *kind != Kind::Object {
             return Err(Error::request("--peers-from sphere: only around objects is there a sphere; leave it out"));
         }
+        if settings.region != RegionChoice::USUAL && *kind != Kind::Room {
+            return Err(Error::request(
+                "--box and --clearance: they are of rooms, and around an object its bounds tell where cameras stand; give \
+                 --preset room, or leave them out",
+            ));
+        }
         let limits = [
             ("--seeds", *seeds, 1, 100),
             ("--first-seed", *first_seed, 0, 1_000_000),
@@ -330,11 +341,16 @@ impl Request {
         }
     }
 
-    /// Refuses subjects that a method does not fit together.
+    /// Refuses subjects that a method, or a box, does not fit together.
     ///
     /// # Errors
-    /// In a line that names the method.
+    /// In a line that names the method or the option.
     pub fn check_subjects(&self, subjects: usize) -> Result<()> {
+        if self.settings.region.shape.is_some() && subjects > 1 {
+            return Err(Error::request(format!(
+                "--box: it lies in one room, and there are {subjects}; evaluate that one by itself"
+            )));
+        }
         match self.methods.iter().find(|method| matches!(method, Method::Given(_))) {
             Some(method) if subjects > 1 => Err(Error::request(format!(
                 "method {method}: cameras stand around one scene, and there are {subjects}; evaluate that one by itself"

@@ -33,7 +33,7 @@ pub struct Scene {
     pub assembly: Assembly,
     /// Its mesh.
     pub surface: Surface,
-    /// Where cameras may stand, by its true bounds: the same for every method, seed and budget.
+    /// Where cameras may stand: the same for every method, seed and budget.
     pub region: Region,
     /// Where cameras that nobody chooses come from.
     pub views: Around,
@@ -48,19 +48,19 @@ pub enum Around {
 }
 
 impl Scene {
-    /// Reads a glTF scene; the notes say what was left out.
+    /// Reads a glTF scene; the notes say what was left out. What the choice leaves out of the region follows from its bounds.
     ///
     /// # Errors
     /// Where it cannot be read, has no light, or leaves cameras no room.
     pub fn read(
         path: &Path,
-        preset: Preset,
+        (preset, choice): (Preset, &RegionChoice),
         environment: Option<&Environment>,
         intrinsics: &Intrinsics,
         notes: &mut Vec<String>,
     ) -> Result<Self> {
         let model = read_model(path, notes)?;
-        Self::new(path, preset, (&model, environment), io::read_surface(path)?, intrinsics)
+        Self::new(path, (preset, choice), (&model, environment), io::read_surface(path)?, intrinsics)
     }
 
     /// Makes one of a model under an environment and its mesh, +Y up; errors and tables call it by its path.
@@ -69,7 +69,7 @@ impl Scene {
     /// Where it has no light, or leaves cameras no room.
     pub fn new(
         path: &Path,
-        preset: Preset,
+        (preset, choice): (Preset, &RegionChoice),
         (model, environment): (&Model, Option<&Environment>),
         surface: Surface,
         intrinsics: &Intrinsics,
@@ -81,8 +81,7 @@ impl Scene {
         let assembly = Assembly::new(model, environment).map_err(named)?;
         // glTF is Y up.
         let (up, path_name) = (DVec3::Y, path.to_string_lossy());
-        let choice = RegionChoice::default();
-        let target = Target::new(&surface, &path_name, preset, &choice, up, intrinsics).map_err(named)?;
+        let target = Target::new(&surface, &path_name, preset, choice, up, intrinsics).map_err(named)?;
         let region = target.region;
         let views = match preset {
             Preset::Object => {

@@ -5,6 +5,8 @@ use std::fmt::Write;
 use super::kind::Kind;
 use super::request::{InputsFrom, Method, PeersFrom, Request, Shown};
 use super::results::{Interval, METRICS, Row, measured};
+use crate::plan::job::RegionChoice;
+use crate::scene::region::Shape;
 
 /// Decimals of each metric.
 pub const DECIMALS: [usize; METRICS.len()] = [2, 4, 4, 4];
@@ -86,6 +88,15 @@ fn conditions(request: &Request) -> String {
         }
         _ => "",
     };
+    let RegionChoice { shape, clearance, .. } = settings.region;
+    let mut region = match shape {
+        Some(Shape::Box { min, max }) => format!(", cameras and tests in the box from {min} to {max}"),
+        _ => String::new(),
+    };
+    if let Some(clearance) = clearance {
+        // Writing to a string cannot fail.
+        let _ = write!(region, ", none nearer to things than {clearance}");
+    }
     let finer = match settings.test_samples {
         same if same == settings.samples => String::new(),
         samples => format!(" with {samples} samples"),
@@ -95,7 +106,7 @@ fn conditions(request: &Request) -> String {
         false => "",
     };
     format!(
-        "Methods chose on {shown}{peers}{given}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set{finer}",
+        "Methods chose on {shown}{region}{peers}{given}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set{finer}",
         settings.size, settings.samples, settings.tests
     )
 }

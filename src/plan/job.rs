@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
+use serde::Serialize;
 
 use super::config::{Config, Preset};
 use super::planner::{Outcome, Planner};
@@ -33,7 +34,7 @@ pub const OURS: &str = "ours";
 const CHECKPOINT_POINTS: usize = 400;
 
 /// What the user says of the region; what is left out follows from the surface.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct RegionChoice {
     /// The shape itself.
     pub shape: Option<Shape>,
@@ -41,6 +42,11 @@ pub struct RegionChoice {
     pub floor: Option<f64>,
     /// Clearance around the surface.
     pub clearance: Option<f64>,
+}
+
+impl RegionChoice {
+    /// All follows from the surface.
+    pub const USUAL: Self = Self { shape: None, floor: None, clearance: None };
 }
 
 /// A surface, ready to plan for.
