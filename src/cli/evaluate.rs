@@ -203,7 +203,8 @@ impl Arguments {
         }
         let mut subjects = Vec::new();
         for path in &self.scenes {
-            let scene = Scene::read(path, (self.preset(), &request.settings.region), environment.as_ref(), &intrinsics, notes)?;
+            let scene =
+                Scene::read(path, (self.preset(), &request.settings.region), environment.as_ref(), &intrinsics, notes)?;
             subjects.push(Subject::Scene(Box::new(scene)));
         }
         for path in &self.pool {

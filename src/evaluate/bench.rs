@@ -139,7 +139,8 @@ impl<'a> Bench<'a> {
         }
         if !taken.dark.is_empty() {
             let dark = taken.dark.len();
-            let narrower = if self.kind == Kind::Room { "; --box can keep cameras to where there is light" } else { "" };
+            let narrower =
+                if self.kind == Kind::Room { "; --box can keep cameras to where there is light" } else { "" };
             let note = format!("{dark} of {all} photographs are black: no light comes from what they show{narrower}");
             let _ = (heard.borrow_mut())(Event::Note(note));
         }
