@@ -34,7 +34,7 @@ fn subject() -> Scene {
     let intrinsics = SMALL.settings.intrinsics();
     Scene::new(
         Path::new("photographed"),
-        (Preset::Object, &RegionChoice::USUAL),
+        (Preset::Object, &RegionChoice::default()),
         (&model, Some(&samples::studio())),
         model.surface(),
         &intrinsics,

@@ -99,27 +99,65 @@ fn a_room_is_evaluated_from_inside() {
 fn a_box_holds_the_cameras_of_a_room_and_its_tests() {
     let place = room();
     let tiny = TINY_ROOM.replace("--preset room ", "").replace("random,fvs,ours", "random,ours");
-    place.done(&format!("{tiny} --box -0.4,-0.5,0.1,0.4,0.6,0.7 --clearance 0.2 --out o"));
+    let places = |out: &str| -> Vec<DVec3> {
+        let records: Vec<Record> = named(&place, &format!("{out}/room"), "capture.json");
+        records.iter().flat_map(|record| &record.cameras).map(|camera| camera.pose.position).collect()
+    };
+    // The walls are at 1; free space is told to a voxel.
+    place.done(&format!("{tiny} --box -0.4,-0.5,0.1,0.4,0.6,0.95 --clearance 0.2 --out o"));
     let table = place.read("o/table.md");
-    let told = "in the box from [-0.4, -0.5, 0.1] to [0.4, 0.6, 0.7], none nearer to things than 0.2";
+    let told = "in the box from [-0.4, -0.5, 0.1] to [0.4, 0.6, 0.95], no camera nearer to things than 0.2";
     assert!(table.contains(told), "{table}");
-    let records: Vec<Record> = named(&place, "o/room", "capture.json");
-    assert_eq!(records.len(), 4);
-    for camera in records.iter().flat_map(|record| &record.cameras) {
-        let place = camera.pose.position;
-        let within = place.cmpge(DVec3::new(-0.401, -0.501, 0.099)) & place.cmple(DVec3::new(0.401, 0.601, 0.701));
-        assert!(within.all(), "{} stands at {place}", camera.name);
+    let first = places("o");
+    assert_eq!(first.len(), 16 + 3 + 2 * 4);
+    for place in first {
+        let within = place.cmpge(DVec3::new(-0.401, -0.501, 0.099)) & place.cmple(DVec3::new(0.401, 0.601, 0.84));
+        assert!(within.all(), "a camera stands at {place}");
+    }
+    // Of another box nothing is taken over.
+    let other = place.done(&format!("{tiny} --box -0.4,-0.5,-0.7,0.4,0.6,-0.1 --out o"));
+    assert!(other.out.contains(", 0 kept"), "{}", other.out);
+    assert_eq!(places("o").iter().filter(|place| place.z < 0.0).count(), 16 + 3 + 2 * 4);
+}
+
+/// If this failed, one test that shows a lamp alone, and comes out as it is, would make the score of all of them infinite.
+#[test]
+fn tests_of_one_colour_are_left_out() {
+    let place = Place::new();
+    // Five walls too bright for a picture, and one that they light.
+    let materials = r#", "materials": [{"doubleSided": true, "emissiveFactor": [1, 1, 1],
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 50}}},
+        {"doubleSided": true, "pbrMetallicRoughness": {"baseColorFactor": [0.01, 0.005, 0.003, 1], "metallicFactor": 0}}]"#;
+    let whole = r#""indices": 1, "material": 0}"#;
+    let [walls, wall] = [(30, 0), (6, 60)].map(|(count, at)| {
+        format!(r#"{{"bufferView": 1, "byteOffset": {at}, "componentType": 5123, "count": {count}, "type": "SCALAR"}}"#)
+    });
+    let all = r#"{"bufferView": 1, "componentType": 5123, "count": 36, "type": "SCALAR"}"#;
+    let room = cube(materials)
+        .replace(whole, &format!(r#"{whole}, {{"attributes": {{"POSITION": 0}}, "indices": 2, "material": 1}}"#))
+        .replace(all, &format!("{walls}, {wall}"));
+    place.write("room.gltf", room);
+    let tiny = TINY_ROOM.replace("random,fvs,ours", "random").replace("--tests 3", "--tests 12");
+    let ran = place.done(&format!("{tiny} --out o"));
+    let [record]: [TrainRecord; 1] = named(&place, "o/room", "train.json").try_into().unwrap();
+    let left = record.test_views.len();
+    assert!((1..12).contains(&left), "{left}");
+    assert!(ran.out.contains(&format!("{} of 12 test views are of one colour", 12 - left)), "{}", ran.out);
+    for view in &record.test_views {
+        assert!(view.quality.psnr.is_finite(), "{}", view.name);
     }
 }
 
-/// If this failed, a table of infinite scores would come without a word: photos that nothing lights are all alike.
+/// If this failed, an evaluation in the dark would train for hours and score nothing.
 #[test]
-fn black_photographs_are_told_of() {
+fn a_room_without_light_is_refused_when_it_is_seen() {
     let place = Place::new();
-    place.write("room.gltf", cube(", \"materials\": [{\"doubleSided\": true}]"));
+    place.write("room.gltf", cube(r#", "materials": [{"doubleSided": true}]"#));
     place.write("sky.hdr", sky());
-    let ran = place.done(&format!("{} --env sky.hdr --out o", TINY_ROOM.replace("random,fvs,ours", "random")));
-    assert!(ran.out.contains("3 of 3 photographs are black") && ran.out.contains("--box"), "{}", ran.out);
+    let ran = place.run(&format!("{} --env sky.hdr --out o", TINY_ROOM.replace("random,fvs,ours", "random")));
+    assert_eq!(ran.code, Some(2), "{}{}", ran.out, ran.err);
+    assert!(ran.out.contains("3 of 3 photographs are black"), "{}", ran.out);
+    assert!(ran.err.contains("room.gltf") && ran.err.contains("--box") && ran.err.lines().count() == 1, "{}", ran.err);
 }
 
 /// If this failed, a user would learn from a stack of errors, or never, that photos of a smooth room give no surface.
@@ -178,7 +216,13 @@ fn what_does_not_fit_is_refused_and_nothing_is_written() {
     fs::create_dir_all(lost.join("images")).unwrap();
     fs::copy(place.path("photos/transforms.json"), lost.join("transforms.json")).unwrap();
     place.write("hall.gltf", place.read("room.gltf"));
-    let cases: [(&str, &[&str]); 12] = [
+    let cases: [(&str, &[&str]); 15] = [
+        (
+            "evaluate room.gltf --box -1.5,0,0,-1.2,0.5,0.5 --out o",
+            &["room.gltf", "outside of the scene", "[1.000, 1.000"],
+        ),
+        ("evaluate room.gltf --box 0,0,0,0.5,nan,0.5 --out o", &["box", "not finite"]),
+        ("evaluate room.gltf --preset room --clearance nan --out o", &["clearance NaN"]),
         ("evaluate room.gltf --preset object --box 0,0,0,1,1,1 --out o", &["--box", "--preset room"]),
         ("evaluate room.gltf --clearance 0.1 --out o", &["--clearance", "--preset room"]),
         ("evaluate room.gltf hall.gltf --box 0,0,0,1,1,1 --out o", &["--box", "there are 2"]),

@@ -97,7 +97,8 @@ fn photograph(context: &Arc<Context>, out: &Path) -> Result<bool> {
     let model = samples::object_model();
     let (sky, surface, intrinsics) = (samples::studio(), model.surface(), size.settings.intrinsics());
     let path = Path::new(PHOTOGRAPHED);
-    let scene = Scene::new(path, (Preset::Object, &RegionChoice::USUAL), (&model, Some(&sky)), surface, &intrinsics)?;
+    let scene =
+        Scene::new(path, (Preset::Object, &RegionChoice::default()), (&model, Some(&sky)), surface, &intrinsics)?;
     let tour = tour::run(context, out, size, &scene, &mut |event| {
         if let Event::Done(Step { name, what, seconds }) = event {
             say!("{name:<8} {what}: {seconds:.1} s");

@@ -218,6 +218,7 @@ impl Arguments {
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let request = arguments.request()?;
     request.validate()?;
+    request.check_subjects(arguments.scenes.len() + arguments.pool.len())?;
     if arguments.devices.iter().any(|name| name.trim().is_empty()) {
         return Err(Error::request(
             "--devices: an empty name names no device; give numbers or names, as `camsplat devices` has them",

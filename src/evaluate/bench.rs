@@ -3,6 +3,7 @@
 //!
 //! Every stage answers none where `observe` broke it off. What is finished stays, and the next run goes on from there.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
@@ -14,7 +15,7 @@ use super::request::{Method, PeersFrom, Request, Settings, Shown};
 use super::scene::{Around, Scene};
 use super::stage::{Event, Observe, Stage};
 use super::training::{self, Training};
-use crate::gaussians::config::{Background, Config, Strategy};
+use crate::gaussians::config::{Config, Strategy};
 use crate::gaussians::record::TrainRecord;
 use crate::gaussians::split::{Split, Test};
 use crate::io::photos::{self, Images, Options};
@@ -41,6 +42,13 @@ const HELD_OUT: u32 = 200;
 /// Files of the products.
 pub(super) const SURFACE: &str = "surface.ply";
 const PLAN: &str = "plan.json";
+
+/// Photographs that what is trained is compared with.
+pub struct Tests {
+    stage: Stage,
+    /// Names of those that tell nothing.
+    plain: HashSet<String>,
+}
 
 /// A scene with its products.
 pub struct Bench<'a> {
@@ -92,12 +100,34 @@ impl<'a> Bench<'a> {
         self.photographs_in(&self.root, cameras, self.settings.samples, observe)
     }
 
-    /// Takes the photographs that what is trained is compared with.
+    /// Takes the photographs that what is trained is compared with. In a room those of one colour are left out: before a lamp or in
+    /// the dark PSNR is infinite or not by a rounding.
     ///
     /// # Errors
-    /// As [`Bench::photographs`].
-    pub fn test_photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Option<Stage>> {
-        self.photographs_in(&self.root, cameras, self.settings.test_samples, observe)
+    /// As [`Bench::photographs`], and where none is left.
+    pub fn test_photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Option<Tests>> {
+        let Some(stage) = self.photographs_in(&self.root, cameras, self.settings.test_samples, &mut *observe)? else {
+            return Ok(None);
+        };
+        let mut plain = HashSet::new();
+        if self.kind == Kind::Room {
+            for photo in read_photos(&stage)?.photos {
+                if is_plain(&photo).map_err(|error| stage.damaged(&error.to_string()))? {
+                    plain.insert(photo.camera.name);
+                }
+            }
+        }
+        if plain.len() == cameras.len() {
+            let what = "every test view is of one colour throughout, which tells nothing; keep cameras with --box to where \
+                        things are lit";
+            return Err(Error::input(&self.scene.path, what));
+        }
+        if !plain.is_empty() {
+            let (count, all) = (plain.len(), cameras.len());
+            let note = format!("{count} of {all} test views are of one colour throughout and are left out");
+            let _ = observe(Event::Note(note));
+        }
+        Ok(Some(Tests { stage, plain }))
     }
 
     /// Takes a photograph of a view that a method may choose, as a product below `folder`.
@@ -137,11 +167,17 @@ impl<'a> Bench<'a> {
             let note = format!("{} of {all} photographs show nothing of the scene", taken.empty);
             let _ = (heard.borrow_mut())(Event::Note(note));
         }
-        if !taken.dark.is_empty() {
-            let dark = taken.dark.len();
-            let narrower =
-                if self.kind == Kind::Room { "; --box can keep cameras to where there is light" } else { "" };
-            let note = format!("{dark} of {all} photographs are black: no light comes from what they show{narrower}");
+        // Of candidates that are photographed one by one hundreds may be.
+        if !taken.dark.is_empty() && all > 1 {
+            let (dark, made) = (taken.dark.len(), taken.pictures - taken.kept);
+            let narrower = match (self.kind, self.settings.region.shape) {
+                (Kind::Room, None) => "; --box keeps cameras to a part of it",
+                _ => "",
+            };
+            let note = format!(
+                "{dark} of {made} photographs are black: no light reaches what they see, or they are taken inside of \
+                 something{narrower}"
+            );
             let _ = (heard.borrow_mut())(Event::Note(note));
         }
         if taken.pictures < all {
@@ -157,8 +193,10 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// Where the photos give no surface, or the device fails.
     pub fn shown(&self, inputs: &Stage, observe: Observe) -> Result<Option<Stage>> {
-        let stage =
-            self.stage("surface", json!({ "photos": inputs.key(), "shown": self.settings.shown, "seed": SEED }));
+        let stage = self.stage(
+            "surface",
+            json!({ "photos": inputs.key(), "shown": self.settings.shown, "region": self.scene.region, "seed": SEED }),
+        );
         let Some(begins) = stage.begins(observe)? else { return Ok(None) };
         if !begins {
             return Ok(Some(stage));
@@ -195,11 +233,10 @@ impl<'a> Bench<'a> {
     /// The surface of the input photos.
     fn reconstructed(&self, set: &PhotoSet) -> Result<Points> {
         let options = stereo::Options { seed: SEED, ..stereo::Options::default() };
-        if self.kind == Kind::Room {
-            // Cameras in a room look at no one place; where they may stand says how far away walls can be. What is nearer than
-            // a tenth of that is too near to be found in two pictures.
-            let (min, max) = self.scene.region.bounds();
-            let far = (max - min).length();
+        if let Around::Room(space) = &self.scene.views {
+            // Cameras in a room look at no one place; what is nearer than a tenth of how far away walls can be is too near to be
+            // found in two pictures.
+            let far = space.farthest();
             let depths = Some([0.1 * far, far]);
             let options = stereo::Options { depths, hull: false, ..options };
             return match stereo::reconstruct(&self.context, set, &options) {
@@ -248,7 +285,7 @@ impl<'a> Bench<'a> {
             crate::plan::config::Config { held_out: HELD_OUT, ..method.config(self.kind.preset(), views, seed)? };
         let peer = match method {
             Method::Plan(placing) if placing.planner(&config).is_none() => {
-                Some(sized(peers::request::Request::new(placing, None, &config)?, &self.settings))
+                Some(sized(peers::request::Request::new(placing, None, &config)?, self.kind, &self.settings))
             }
             _ => None,
         };
@@ -311,26 +348,28 @@ impl<'a> Bench<'a> {
     pub fn training(
         &self,
         photos: &Stage,
-        tests: Option<&Stage>,
+        tests: Option<&Tests>,
         seed: u64,
         observe: Observe,
     ) -> Result<Option<(Stage, TrainRecord)>> {
         let Settings { iterations, max_splats, antialiased, .. } = self.settings;
-        // Objects stand before white; what a room's picture shows beyond it is in the picture, and black where nothing is.
-        let background = if self.kind == Kind::Room { Background::Black } else { Background::White };
         let config = Config {
-            background,
+            background: self.kind.background(),
             antialiased,
             seed,
             ..Config::new(iterations, max_splats).with_strategy(Strategy::Mcmc, true)
         };
-        let stage =
-            self.stage("training", json!({ "photos": photos.key(), "tests": tests.map(Stage::key), "config": config }));
+        let tested = tests.map(|tests| tests.stage.key());
+        let stage = self.stage("training", json!({ "photos": photos.key(), "tests": tested, "config": config }));
         let split = || {
-            let test = tests.map_or(Test::Every(0), |tests| Test::Capture(tests.folder().to_owned()));
+            let test = tests.map_or(Test::Every(0), |tests| Test::Capture(tests.stage.folder().to_owned()));
             // Tests that are damaged are told of as a product, not as a capture that somebody gave.
             let split = Split::new(read_photos(photos)?, &test, Images::Needed);
-            split.or_else(|error| tests.map(read_photos).transpose().and(Err(error)))
+            let split = split.or_else(|error| tests.map(|tests| read_photos(&tests.stage)).transpose().and(Err(error)));
+            split.map(|mut split| {
+                split.test.retain(|photo| tests.is_none_or(|tests| !tests.plain.contains(&photo.camera.name)));
+                split
+            })
         };
         let capture = photos.folder().to_string_lossy().into_owned();
         training::run(&self.context, stage, Training { capture, config, shrink: 1 }, split, observe)
@@ -339,6 +378,13 @@ impl<'a> Bench<'a> {
     fn stage(&self, name: &str, inputs: Value) -> Stage {
         Stage::new(&self.root, name, inputs)
     }
+}
+
+/// Whether all pixels of a photo are alike.
+fn is_plain(photo: &Photo) -> Result<bool, image::ImageError> {
+    let Some(file) = &photo.image else { return Ok(false) };
+    let picture = image::open(file)?.into_rgb8();
+    Ok(picture.pixels().all(|pixel| pixel == picture.get_pixel(0, 0)))
 }
 
 /// The photographs of a product.

@@ -69,10 +69,11 @@ pub enum Event<'e> {
 pub type Hear<'h> = &'h mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send + 'h);
 
 /// Checks, before anything is computed, that an evaluation can be written into `folder`, which is empty, new or an earlier
-/// evaluation's; that no two subjects would share a folder there; and that the methods fit so many subjects.
+/// evaluation's; that no two subjects would share a folder there; and that methods and box fit so many
+/// subjects.
 ///
 /// # Errors
-/// In a line that names the folder, the subject or the method.
+/// In a line that names the folder, the subject, the method or the option.
 pub fn check(folder: &Path, request: &Request, subjects: &[Subject]) -> Result<()> {
     request.check_subjects(subjects.len())?;
     for (i, subject) in subjects.iter().enumerate() {

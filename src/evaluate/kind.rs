@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::request::Method;
+use crate::gaussians::config::Background;
 use crate::peers::request::Method as Placing;
 use crate::plan::config::Preset;
 use crate::select::job::Method as Choice;
@@ -35,6 +36,12 @@ impl Kind {
             Self::Object | Self::Pool => Preset::Object,
             Self::Room => Preset::Room,
         }
+    }
+
+    /// What splats of a scene are trained over. Objects stand before white. A room's pictures have no alpha: what lies behind
+    /// windows is in them, and over white its dark places would have to be filled with black, which stands before other views.
+    pub fn background(self) -> Background {
+        if self == Self::Room { Background::Black } else { Background::White }
     }
 
     /// Sets of test views; of several, by what their names begin with.

@@ -1,7 +1,7 @@
 //! Other people's methods at the size of an evaluation.
 
+use super::kind::Kind;
 use super::request::Settings;
-use crate::gaussians::config::Background;
 use crate::peers::manifold;
 use crate::peers::request::Request;
 use crate::select::retrained;
@@ -15,12 +15,12 @@ const SPLATS: u32 = 5;
 const WHOLE: f64 = 30_000.0;
 
 /// A request whose costs fit the evaluation: what a method trains between its choices is a part of what is trained on them.
-pub fn sized(request: Request, settings: &Settings) -> Request {
+pub fn sized(request: Request, kind: Kind, settings: &Settings) -> Request {
     let fit = |published: retrained::Settings| {
         let sized = retrained::Settings {
             max_splats: (settings.max_splats / SPLATS).max(1),
             shrink: settings.size.div_ceil(SIDE),
-            background: Background::White,
+            background: kind.background(),
             antialiased: settings.antialiased,
             ..published
         };
@@ -32,4 +32,22 @@ pub fn sized(request: Request, settings: &Settings) -> Request {
         manifold::Settings { steps: steps.clamp(1, published.steps), ..published }
     };
     Request { retraining: request.retraining.map(fit), manifold: request.manifold.map(ascent), ..request }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gaussians::config::Background;
+    use crate::peers::request::Method;
+    use crate::plan::config::{Config, Preset};
+
+    /// If this failed, a method would train over another background while it chooses than what it chooses is trained over.
+    #[test]
+    fn what_a_method_trains_is_like_what_is_trained() {
+        let request = Request::new(Method::FisherRetrain, None, &Config::new(Preset::Room, 20)).unwrap();
+        for (kind, background) in [(Kind::Room, Background::Black), (Kind::Object, Background::White)] {
+            let retraining = sized(request.clone(), kind, &Settings::QUICK).retraining.unwrap();
+            assert_eq!((retraining.background, retraining.max_splats), (background, 1000));
+        }
+    }
 }

@@ -181,6 +181,9 @@ pub enum InputsFrom {
     Biased,
 }
 
+/// A region that follows from a scene's bounds.
+const BY_BOUNDS: RegionChoice = RegionChoice { shape: None, floor: None, clearance: None };
+
 /// The size of everything.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Settings {
@@ -226,7 +229,7 @@ impl Settings {
         shown: Shown::Proxy,
         shrink: 1,
         peers_from: PeersFrom::Region,
-        region: RegionChoice::USUAL,
+        region: BY_BOUNDS,
         antialiased: false,
     };
     /// What two cores do in minutes.
@@ -242,7 +245,7 @@ impl Settings {
         shown: Shown::Proxy,
         shrink: 8,
         peers_from: PeersFrom::Region,
-        region: RegionChoice::USUAL,
+        region: BY_BOUNDS,
         antialiased: false,
     };
 
@@ -313,7 +316,7 @@ impl Request {
         if settings.peers_from == PeersFrom::Sphere && *kind != Kind::Object {
             return Err(Error::request("--peers-from sphere: only around objects is there a sphere; leave it out"));
         }
-        if settings.region != RegionChoice::USUAL && *kind != Kind::Room {
+        if settings.region != BY_BOUNDS && *kind != Kind::Room {
             return Err(Error::request(
                 "--box and --clearance: they are of rooms, and around an object its bounds tell where cameras stand; give \
                  --preset room, or leave them out",
@@ -341,7 +344,7 @@ impl Request {
         }
     }
 
-    /// Refuses subjects that a method, or a box, does not fit together.
+    /// Refuses several subjects where a method or a box is of one.
     ///
     /// # Errors
     /// In a line that names the method or the option.

@@ -40,8 +40,16 @@ impl EmptySpace {
     /// The empty space of the region of a scene.
     ///
     /// # Errors
-    /// Where there is none.
+    /// Where there is none, or the region lies outside of the room.
     pub fn new(target: Target) -> Result<Self> {
+        let (min, max) = target.region.bounds();
+        let (low, high) = target.proxy.bounds();
+        if min.cmpge(high).any() || max.cmple(low).any() {
+            return Err(Error::request(format!(
+                "region: the box from {min:.3} to {max:.3} lies outside of the scene, which goes from {low:.3} to {high:.3}; \
+                 give another --box"
+            )));
+        }
         let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
         Ok(Self { target, geometry })
     }
@@ -72,7 +80,7 @@ impl EmptySpace {
         if cameras.len() < count as usize {
             return Err(Error::input(
                 &self.target.record.path,
-                "nearly nothing is seen from the empty space within its bounds: it is no room; evaluate it with --preset object",
+                "nearly nothing is seen from where cameras may stand in it: give another --box, or, where it is no room, --preset object",
             ));
         }
         Ok(cameras)
@@ -96,7 +104,14 @@ impl EmptySpace {
         (cameras.iter().map(settle).collect(), moved)
     }
 
-    /// Share of the scene's own surface that has one of `positions` within the clearance.
+    /// How far away from a camera in the region a thing of the room can be.
+    pub fn farthest(&self) -> f64 {
+        let (min, max) = self.target.region.bounds();
+        let (low, high) = self.target.proxy.robust_bounds();
+        (high - min).max(max - low).length()
+    }
+
+    /// Share of the scene's own surface, also of what no camera in the region sees, that has one of `positions` within the clearance.
     pub fn told(&self, positions: &[DVec3]) -> f64 {
         let near = self.target.region.clearance;
         let points = self.target.proxy.sample(POINTS, TEST_SEED, 0);

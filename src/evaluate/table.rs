@@ -95,13 +95,16 @@ fn conditions(request: &Request) -> String {
     };
     if let Some(clearance) = clearance {
         // Writing to a string cannot fail.
-        let _ = write!(region, ", none nearer to things than {clearance}");
+        let _ = write!(region, ", no camera nearer to things than {clearance}");
     }
     let finer = match settings.test_samples {
         same if same == settings.samples => String::new(),
         samples => format!(" with {samples} samples"),
     };
     let given = match request.methods.iter().any(|method| matches!(method, Method::Given(_))) {
+        true if request.kind == Kind::Room => {
+            ", cameras:FILE are where the file has them, but for those that had to move"
+        }
         true => ", cameras:FILE are where the file has them",
         false => "",
     };

@@ -44,11 +44,6 @@ pub struct RegionChoice {
     pub clearance: Option<f64>,
 }
 
-impl RegionChoice {
-    /// All follows from the surface.
-    pub const USUAL: Self = Self { shape: None, floor: None, clearance: None };
-}
-
 /// A surface, ready to plan for.
 pub struct Target {
     /// What blocks rays and where probes stand.

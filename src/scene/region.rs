@@ -126,6 +126,10 @@ impl Region {
     /// direction, or a floor above everything.
     pub fn validated(self) -> Result<Self> {
         let wrong = |what: String| Err(Error::request(format!("region: {what}")));
+        // First, since a box may be made of it.
+        if !(self.clearance >= 0.0 && self.clearance.is_finite()) {
+            return wrong(format!("clearance {}; give a length of zero or more", self.clearance));
+        }
         match self.shape {
             Shape::Shell { centre, r_min, r_max } => {
                 if !(centre.is_finite() && r_min.is_finite() && r_max.is_finite()) {
@@ -151,9 +155,6 @@ impl Region {
         let Some(up) = self.up.try_normalize() else {
             return wrong(format!("up direction {} has no direction; give a vector that is not zero", self.up));
         };
-        if !(self.clearance >= 0.0 && self.clearance.is_finite()) {
-            return wrong(format!("clearance {}; give a length of zero or more", self.clearance));
-        }
         let valid = Self { up, ..self };
         if matches!(self.shape, Shape::Box { .. }) && self.floor.is_some() && up.abs().max_element() < 1.0 - 1e-9 {
             return wrong(format!("a floor in a box needs an up along an axis, not {up}; give --up"));
