@@ -87,6 +87,7 @@ fn a_room_is_evaluated_from_inside() {
         }
     }
     let trained: Vec<TrainRecord> = named(&place, "o/room", "train.json");
+    assert_eq!(trained.len(), 3);
     assert!(trained.iter().all(|record| record.config.background == Background::Black));
     let page = place.read("o/report.html");
     assert!(page.contains("/reference/random_0000.png") && !page.contains("<th>half"), "{page}");

@@ -218,6 +218,7 @@ impl Arguments {
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let request = arguments.request()?;
     request.validate()?;
+    // Before any is read: a box that is of another room would be called wrong first.
     request.check_subjects(arguments.scenes.len() + arguments.pool.len())?;
     if arguments.devices.iter().any(|name| name.trim().is_empty()) {
         return Err(Error::request(
