@@ -362,6 +362,12 @@ fn print(record: &TrainRecord, folder: &Path) {
     if let (Status::Complete, Some(last)) = (record.status, record.evaluations.last()) {
         say!("test     {} views: {}", last.views, text(&last.quality));
     }
+    if let Some([best, last]) = record.came_apart() {
+        say!(
+            "warning: the training came apart: its photos are told to {last:.1} dB in the end, where they were told to {best:.1}; \
+             with another --seed it may hold"
+        );
+    }
     say!("model    {}", folder.join(MODEL).display());
     say!("report   {}", folder.join(REPORT).display());
 }

@@ -42,6 +42,9 @@ fn seeds(request: &Request) -> String {
 /// A table for each metric, as Markdown.
 pub fn markdown(request: &Request, rows: &[Row], left: usize) -> String {
     let mut text = description(request, left) + "\n";
+    if let Some(apart) = apart(rows) {
+        text += &format!("\n{apart}\n");
+    }
     let columns = request.kind.columns();
     for (metric, name) in measured(rows) {
         let arrow = if name.starts_with("LPIPS") { "lower is better" } else { "higher is better" };
@@ -59,6 +62,19 @@ pub fn markdown(request: &Request, rows: &[Row], left: usize) -> String {
         }
     }
     text
+}
+
+/// Of which rows some trainings came apart, if of any.
+pub fn apart(rows: &[Row]) -> Option<String> {
+    let of = |row: &Row| {
+        let Row { scene, views, seeds, came_apart, .. } = row;
+        format!("{scene}, {}, {views} views ({came_apart} of {seeds})", row.method.name())
+    };
+    let rows: Vec<String> = rows.iter().filter(|row| row.came_apart > 0).map(of).collect();
+    (!rows.is_empty()).then(|| {
+        let told = rows.join("; ");
+        format!("Trainings that came apart, their photos told more than 1 dB worse in the end than before: {told}.")
+    })
 }
 
 /// What methods chose on and which pictures were trained on.
@@ -158,6 +174,7 @@ mod tests {
             method: Method::Plan(Placing::OursNoVds),
             views: 20,
             seeds: 3,
+            came_apart: 0,
             seconds: Interval { mean: 1.5, half: None },
             measured: [
                 vec![of(20.0, Some(0.5)), of(21.0, Some(0.25)), of(19.0, None), of(20.0, Some(0.3))],
@@ -184,7 +201,9 @@ mod tests {
         let line = "| cup, \"red\" | ours-no-vds | 20 | 20.00 ± 0.50 | 21.00 ± 0.25 | 19.00 | 20.00 ± 0.30 | 1.50 |";
         assert!(text.contains(line), "{text}");
         assert!(text.contains("| 20 | – | – | – | – | 1.50 |") && text.contains("10 input photos"), "{text}");
-        assert!(!text.contains("VGG16"), "{text}");
+        assert!(!text.contains("VGG16") && !text.contains("came apart"), "{text}");
+        let broken = markdown(&request, &[Row { came_apart: 2, ..row() }], 0);
+        assert!(broken.contains("in the end than before: cup, \"red\", ours-no-vds, 20 views (2 of 3).\n"), "{broken}");
         let csv = super::csv(Kind::Object, &[row()]);
         let lines: Vec<&str> = csv.lines().collect();
         assert_eq!(lines.len(), 1 + 3 * 4 + 1);

@@ -132,8 +132,8 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
         let pictures = results::first_pictures(&record, kind.sets());
         let folder = stage.key().to_owned();
         let places = cameras.iter().map(|camera| camera.pose.position).collect();
-        let scene = name.clone();
-        let entry = Entry { scene, method, views, seed: SEED, seconds, quality, folder, pictures, places };
+        let (scene, came_apart) = (name.clone(), record.came_apart());
+        let entry = Entry { scene, method, views, seed: SEED, seconds, quality, came_apart, folder, pictures, places };
         Ok::<_, Error>(Some((photos, entry)))
     };
     let ours = trained(

@@ -148,3 +148,51 @@ pub struct TrainRecord {
     /// Device memory.
     pub memory: MemoryRecord,
 }
+
+/// Iterations below which a course does not tell whether a training came apart.
+const TELLING: u32 = 1000;
+
+/// Decibels by which a training that came apart is worse in the end than it was.
+const APART: f64 = 1.0;
+
+impl TrainRecord {
+    /// PSNR of the training pictures in decibels, in the best fifth of the run's course and in the last, where the last is more than
+    /// 1 dB worse: relocation has taken the model apart (docs/training.md, What can go wrong). None of runs that are not complete
+    /// or have fewer than 1000 iterations.
+    pub fn came_apart(&self) -> Option<[f64; 2]> {
+        let told = self.status == Status::Complete && self.config.iterations >= TELLING;
+        told.then(|| fallen(&self.curve)).flatten()
+    }
+}
+
+/// PSNR in the best and in the last fifth of a course, where the last is worse by more than [`APART`].
+fn fallen(curve: &[CurvePoint]) -> Option<[f64; 2]> {
+    let fifths = curve.chunks(curve.len().div_ceil(5).max(1));
+    let means = fifths.map(|part| part.iter().map(|point| point.psnr).sum::<f64>() / part.len() as f64);
+    let means: Vec<f64> = means.collect();
+    let (best, last) = (means.iter().copied().fold(f64::NEG_INFINITY, f64::max), *means.last()?);
+    (best - last > APART).then_some([best, last])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a training that fell apart would pass for one, or one that did not would be called so. The second course is
+    /// that of a room which came apart, a point of sixteen; the third has a reset of the opacities.
+    #[test]
+    fn a_fall_is_one_that_lasts() {
+        let course = |psnr: &[f64]| -> Vec<CurvePoint> {
+            psnr.iter().map(|psnr| CurvePoint { psnr: *psnr, ..CurvePoint::default() }).collect()
+        };
+        assert_eq!(fallen(&course(&[12.6, 18.8, 18.7, 19.8, 20.1, 20.2, 20.6, 20.2, 20.0, 21.0])), None);
+        let room = [
+            12.6, 17.7, 19.3, 19.3, 19.5, 20.1, 20.2, 20.2, 20.2, 19.9, 18.0, 15.2, 15.6, 15.1, 15.1, 15.3, 15.5, 14.7,
+            16.1, 14.8, 14.6, 15.1, 16.5, 16.8, 16.2,
+        ];
+        let [best, last] = fallen(&course(&room)).expect("it came apart");
+        assert!((best - 20.12).abs() < 0.01 && (last - 15.84).abs() < 0.01, "{best} and {last}");
+        assert_eq!(fallen(&course(&[15.0, 20.0, 9.0, 21.0, 22.0])), None);
+        assert_eq!(fallen(&[]), None);
+    }
+}

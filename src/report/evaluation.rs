@@ -10,7 +10,7 @@ use super::text::{address, escape, number};
 use crate::evaluate::job::Outcome;
 use crate::evaluate::request::{Method, Request};
 use crate::evaluate::results::{Entry, Interval, Row, measured};
-use crate::evaluate::table::{DECIMALS, cell, description};
+use crate::evaluate::table::{DECIMALS, apart, cell, description};
 
 /// Size of a chart, its margin, and what names of methods take beside it, in CSS pixels.
 const CHART: [f64; 2] = [300.0, 220.0];
@@ -38,6 +38,9 @@ pub fn html(request: &Request, outcome: &Outcome) -> String {
          <style>{STYLE}</style>\n<h1>Evaluation</h1>\n<p>{}</p>\n",
         escape(&description(request, *left))
     );
+    if let Some(apart) = apart(rows) {
+        let _ = writeln!(page, "<p>{}</p>", escape(&apart));
+    }
     for scene in in_order(rows.iter().map(|row| row.scene.as_str())) {
         let rows: Vec<&Row> = rows.iter().filter(|row| row.scene == scene).collect();
         let _ = writeln!(page, "<h2>{}</h2>", escape(scene));
@@ -268,6 +271,7 @@ mod tests {
             seed: 0,
             seconds: 0.0,
             quality: vec![Quality { psnr: 20.0, ssim: 0.5, ..Quality::default() }; 3],
+            came_apart: Some([20.0, 15.0]),
             folder: "training-1".into(),
             pictures: ["half", "full", "random"].map(|set| format!("{set}_0000.png")).to_vec(),
             places: vec![DVec3::ZERO, DVec3::new(2.0, 1.0, 0.0)],
@@ -282,8 +286,9 @@ mod tests {
         };
         let page = html(&request, &Outcome::new(Kind::Object, vec![entry], 1));
         assert!(!page.contains("<img src=x>"), "{page}");
-        // Three tables, the layout, three pictures; in two charts its end, with all of it to be pointed at.
-        assert_eq!(page.matches("cameras:a folder with a long name/&lt;img src=x&gt;.json").count(), 3 + 1 + 3 + 2);
+        // That its training came apart, three tables, the layout, three pictures; in two charts its end, with all of it to be
+        // pointed at.
+        assert_eq!(page.matches("cameras:a folder with a long name/&lt;img src=x&gt;.json").count(), 1 + 3 + 1 + 3 + 2);
         assert_eq!(page.matches("</title>…ong name/&lt;img src=x&gt;.json</text>").count(), 2, "{page}");
     }
 
@@ -298,6 +303,7 @@ mod tests {
             seed: 3,
             seconds: 0.1,
             quality: vec![Quality { psnr: 20.0 + f64::from(views), ssim: 0.5, ..Quality::default() }; 3],
+            came_apart: None,
             folder: format!("training-{views}"),
             pictures: ["half", "full", "random"].map(|set| format!("{set}_0000.png")).to_vec(),
             places: vec![DVec3::ZERO, DVec3::new(2.0, 1.0, 0.0)],
