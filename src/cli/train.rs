@@ -364,8 +364,8 @@ fn print(record: &TrainRecord, folder: &Path) {
     }
     if let Some([best, last]) = record.came_apart() {
         say!(
-            "warning: the training came apart: its photos are told to {last:.1} dB in the end, where they were told to {best:.1}; \
-             with another --seed it may hold"
+            "warning  the training came apart: in its last fifth its photos are told to {last:.1} dB, in its best they \
+             were to {best:.1}; with another --seed it may hold"
         );
     }
     say!("model    {}", folder.join(MODEL).display());

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use super::kind::Kind;
 use super::request::{InputsFrom, Method, PeersFrom, Request, Shown};
 use super::results::{Interval, METRICS, Row, measured};
+use crate::gaussians::record::APART;
 use crate::plan::job::RegionChoice;
 use crate::scene::region::Shape;
 
@@ -73,7 +74,9 @@ pub fn apart(rows: &[Row]) -> Option<String> {
     let rows: Vec<String> = rows.iter().filter(|row| row.came_apart > 0).map(of).collect();
     (!rows.is_empty()).then(|| {
         let told = rows.join("; ");
-        format!("Trainings that came apart, their photos told more than 1 dB worse in the end than before: {told}.")
+        format!(
+            "Trainings that came apart, their photos told more than {APART} dB worse in the end than before: {told}."
+        )
     })
 }
 
@@ -149,6 +152,9 @@ pub fn csv(kind: Kind, rows: &[Row]) -> String {
             }
         }
         line("", "choice_seconds", Some(row.seconds));
+        if row.came_apart > 0 {
+            line("", "came_apart", Some(Interval { mean: row.came_apart as f64, half: None }));
+        }
     }
     text
 }
@@ -202,7 +208,9 @@ mod tests {
         assert!(text.contains(line), "{text}");
         assert!(text.contains("| 20 | – | – | – | – | 1.50 |") && text.contains("10 input photos"), "{text}");
         assert!(!text.contains("VGG16") && !text.contains("came apart"), "{text}");
-        let broken = markdown(&request, &[Row { came_apart: 2, ..row() }], 0);
+        let broken = [Row { came_apart: 2, ..row() }];
+        assert!(super::csv(Kind::Object, &broken).ends_with("\"cup, \"\"red\"\"\",ours-no-vds,20,3,,came_apart,2,\n"));
+        let broken = markdown(&request, &broken, 0);
         assert!(broken.contains("in the end than before: cup, \"red\", ours-no-vds, 20 views (2 of 3).\n"), "{broken}");
         let csv = super::csv(Kind::Object, &[row()]);
         let lines: Vec<&str> = csv.lines().collect();

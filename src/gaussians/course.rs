@@ -11,7 +11,7 @@ use super::job::{Event, Request, Run};
 use super::loss::Record;
 use super::products::{self, CHECKPOINT, MODEL};
 use super::rasterizer::{Size, Wanted};
-use super::record::{CurvePoint, Evaluation, MemoryRecord, PhotosRecord, StageTime, Status, TrainRecord};
+use super::record::{CurvePoint, Evaluation, MemoryRecord, PhotosRecord, StageTime, Status, TrainRecord, finite_mean};
 use super::renderer::Renderer;
 use super::trainer::Trainer;
 use crate::io::folder::replace_file;
@@ -310,7 +310,7 @@ fn curve(trainer: &Trainer) -> Vec<CurvePoint> {
         CurvePoint {
             iteration,
             loss: mean(Record::loss),
-            psnr: mean(Record::psnr),
+            psnr: finite_mean(part.iter().map(Record::psnr)),
             splats: part.last().map_or(0, |record| record.splats),
             instances: mean(|record| f64::from(record.instances)),
         }

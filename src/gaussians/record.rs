@@ -44,7 +44,9 @@ pub struct CurvePoint {
     pub iteration: u32,
     /// Loss, without the regularisers of parameters.
     pub loss: f64,
-    /// PSNR of the training pictures in decibels, without rounding.
+    /// PSNR of the training pictures in decibels, without rounding, in the mean of those that were not drawn to the bit; infinite,
+    /// `null` in JSON, where all were.
+    #[serde(deserialize_with = "or_infinite")]
     pub psnr: f64,
     /// Splats at its end.
     pub splats: u32,
@@ -153,24 +155,30 @@ pub struct TrainRecord {
 const TELLING: u32 = 1000;
 
 /// Decibels by which a training that came apart is worse in the end than it was.
-const APART: f64 = 1.0;
+pub const APART: f64 = 1.0;
 
 impl TrainRecord {
-    /// PSNR of the training pictures in decibels, in the best fifth of the run's course and in the last, where the last is more than
-    /// 1 dB worse: relocation has taken the model apart (docs/training.md, What can go wrong). None of runs that are not complete
-    /// or have fewer than 1000 iterations.
+    /// Mean PSNR of the training pictures in decibels, in the best fifth of the run and in the last, where the last is worse by more
+    /// than [`APART`]: under MCMC most likely by relocation (docs/training.md, What can go wrong). None of runs that are not complete
+    /// or have fewer than 1000 iterations, nor of a model that falls within the first fifth or recovers.
     pub fn came_apart(&self) -> Option<[f64; 2]> {
         let told = self.status == Status::Complete && self.config.iterations >= TELLING;
         told.then(|| fallen(&self.curve)).flatten()
     }
 }
 
+/// The mean of those that are finite; infinite where none is.
+pub(super) fn finite_mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.filter(|value| value.is_finite()).fold((0.0, 0.0), |(s, n), value| (s + value, n + 1.0));
+    if count > 0.0 { sum / count } else { f64::INFINITY }
+}
+
 /// PSNR in the best and in the last fifth of a course, where the last is worse by more than [`APART`].
 fn fallen(curve: &[CurvePoint]) -> Option<[f64; 2]> {
     let fifths = curve.chunks(curve.len().div_ceil(5).max(1));
-    let means = fifths.map(|part| part.iter().map(|point| point.psnr).sum::<f64>() / part.len() as f64);
-    let means: Vec<f64> = means.collect();
-    let (best, last) = (means.iter().copied().fold(f64::NEG_INFINITY, f64::max), *means.last()?);
+    let means: Vec<f64> = fifths.map(|part| finite_mean(part.iter().map(|point| point.psnr))).collect();
+    let best = means.iter().copied().filter(|mean| mean.is_finite()).fold(f64::NEG_INFINITY, f64::max);
+    let last = *means.last()?;
     (best - last > APART).then_some([best, last])
 }
 
@@ -194,5 +202,13 @@ mod tests {
         assert!((best - 20.12).abs() < 0.01 && (last - 15.84).abs() < 0.01, "{best} and {last}");
         assert_eq!(fallen(&course(&[15.0, 20.0, 9.0, 21.0, 22.0])), None);
         assert_eq!(fallen(&[]), None);
+        // Dark photos that are drawn to the bit.
+        let endless = f64::INFINITY;
+        assert_eq!(fallen(&course(&[endless, 20.0, 20.5, 21.0, 21.0])), None);
+        assert_eq!(
+            fallen(&course(&[15.0, endless, 20.0, 20.5, 21.0, 20.0, 16.0, endless, 15.0, endless])),
+            Some([20.5, 15.0])
+        );
+        assert_eq!(fallen(&course(&[endless; 5])), None);
     }
 }

@@ -177,7 +177,16 @@ fn heading(record: &TrainRecord) -> String {
         escape(&line)
     );
     let (class, notice) = match record.status {
-        Status::Complete => return html,
+        Status::Complete => {
+            if let Some([best, last]) = record.came_apart() {
+                let _ = writeln!(
+                    html,
+                    "<p class=\"notice\" role=\"status\">The training came apart: in its last fifth its photos are told to \
+                     {last:.1} dB, in its best they were to {best:.1}. With another seed it may hold.</p>"
+                );
+            }
+            return html;
+        }
         Status::Running => (
             "line",
             format!(
