@@ -38,8 +38,9 @@ impl Kind {
         }
     }
 
-    /// What splats of a scene are trained over, which is known before its photographs are there; those of a pool tell by themselves. Objects stand before white. A room's pictures have no alpha: what lies behind
-    /// windows is in them, and over white its dark places would have to be filled with black, which stands before other views.
+    /// What splats of a scene are trained over, which is known before its photographs are there; those of a pool tell by
+    /// themselves. Objects stand before white. A room's pictures have no alpha: what lies behind windows is in them, and over
+    /// white its dark places would have to be filled with black, which stands before other views.
     pub fn background(self) -> Background {
         if self == Self::Room { Background::Black } else { Background::White }
     }
