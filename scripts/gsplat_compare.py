@@ -7,7 +7,8 @@
 
 The capture is a folder of transforms_train.json and transforms_test.json (Blender axes) with RGBA pictures, shown over
 white. Strategy, rates, weights and start are those of gsplat's trainer for its MCMC strategy; frame, schedule (compressed
-for fewer than 30000 iterations) and random cube are camsplat's. Where fused-ssim is missing, SSIM is a convolution of
+for fewer than 30000 iterations, with no more than five relocations a round of photos; gsplat grows by 5% at each) and random
+cube are camsplat's. Where fused-ssim is missing, SSIM is a convolution of
 torch, which is slower: the result says so. `--no-ssim` trains on L1 alone: no kernel for SSIM makes gsplat faster than that.
 """
 
@@ -30,6 +31,11 @@ DEGREE = 3
 CONSTANT = 0.28209479177387814
 # Last iterations, in which the budget is spent: the rate is measured over them apart.
 TIMED = 1000
+
+
+def apart(scaled, photos):
+    """Iterations between relocations, as src/gaussians/config.rs has them."""
+    return max(scaled(100), 10, min(photos // 5, (scaled(25_000) - scaled(500)) // 20))
 
 
 def load(folder, name):
@@ -127,7 +133,7 @@ def main():
     splats, optimizers, schedule = start(count, -middle / extent, 1.3 / extent, total)
     strategy = MCMCStrategy(
         cap_max=arguments.max_splats,
-        refine_start_iter=scaled(500), refine_stop_iter=scaled(25_000), refine_every=scaled(100),
+        refine_start_iter=scaled(500), refine_stop_iter=scaled(25_000), refine_every=apart(scaled, len(photos)),
     )  # fmt: skip
     strategy.check_sanity(splats, optimizers)
     state = strategy.initialize_state()

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use camsplat::Result;
 use camsplat::gaussians::config::{Config, Strategy};
 use camsplat::gaussians::frame::Frame;
+use camsplat::gaussians::mcmc::grown;
 use camsplat::gaussians::split::{Split, Test};
 use camsplat::gaussians::store::PhotoStore;
 use camsplat::gaussians::trainer::{State, Trainer};
@@ -100,6 +101,33 @@ fn a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> Result<()> {
         assert_eq!(second.history(), whole.history(), "{strategy:?}");
         assert!(same(&second.state()?, &whole.state()?), "{strategy:?}: the models differ");
     }
+    Ok(())
+}
+
+/// If this failed, a run on many photos would relocate as often as one on few, or the device would count otherwise than the host,
+/// also where the run is taken up again.
+#[test]
+fn many_photos_set_the_schedule_and_the_population() -> Result<()> {
+    const PHOTOS: usize = 60;
+    let (context, folder) = (context()?, tempfile::tempdir().unwrap());
+    capture::write(folder.path(), PHOTOS as u32, 20);
+    let config = Config { degree: 0, ..Config::new(300, 300) };
+    let mut first = trainer(&context, folder.path(), &config, 1)?;
+    let begun = first.state()?.population;
+    let expected = |photos: usize, iteration: u32| {
+        let schedule = config.schedule(photos);
+        (0..schedule.refinements_before(iteration)).fold(begun, |n, _| grown(n, schedule.growth, config.max_splats))
+    };
+    first.run(53, None, go_on)?;
+    let (state, history) = (first.state()?, first.history());
+    drop(first);
+    assert_eq!(state.population, expected(PHOTOS, 53));
+    assert_ne!(state.population, expected(9, 53), "the photos do not count");
+    let mut second = trainer(&context, folder.path(), &config, 1)?;
+    second.restore(&state, &history)?;
+    second.run(130, None, go_on)?;
+    assert_eq!(second.state()?.population, expected(PHOTOS, 130));
+    silent(&context);
     Ok(())
 }
 

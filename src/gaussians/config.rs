@@ -59,9 +59,16 @@ const LONG: [u32; 2] = [10_000, 1_000];
 pub const LEAST_OPACITY: f32 = 0.005;
 /// Iterations that the schedule of the papers is written for; shorter runs go through it faster.
 const SCHEDULE: f64 = 30_000.0;
+/// Factor of the population at each refinement of the papers' schedule, until the budget is spent.
+const GROWTH: f64 = 1.05;
+/// Relocations in a round of all photos, at most: a copy starts without moments, and until photos show it the holds on opacity and
+/// size fade it. Relocated too often, the living thin out sooner than photos can strengthen them (docs/training.md).
+const RELOCATIONS_A_ROUND: usize = 5;
+/// Relocations that stay in a run for however many photos, if it had as many.
+const FEWEST_RELOCATIONS: u32 = 20;
 
 /// When what happens, in iterations from zero.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Schedule {
     /// A degree of harmonics more every so often.
     pub degree_every: u32,
@@ -71,6 +78,8 @@ pub struct Schedule {
     pub refine_until: u32,
     /// Iterations between refinements.
     pub refine_every: u32,
+    /// Factor of the population at a refinement, until the budget is spent (MCMC).
+    pub growth: f64,
     /// Iterations between resets of the opacities (classic).
     pub reset_every: u32,
 }
@@ -131,16 +140,26 @@ impl Config {
         }
     }
 
-    /// The schedule: that of the papers, compressed for runs of fewer than 30,000 iterations.
-    pub fn schedule(&self) -> Schedule {
+    /// The schedule of a run on so many photos: that of the papers, compressed for runs of fewer than 30,000 iterations. Where MCMC
+    /// would relocate more than five times in a round of photos, relocations are farther apart, as far as twenty of them remain,
+    /// and the population grows by more at each.
+    pub fn schedule(&self, photos: usize) -> Schedule {
         let share = (f64::from(self.iterations) / SCHEDULE).min(1.0);
         let scaled = |iterations: f64| ((iterations * share).round() as u32).max(1);
+        let mcmc = self.strategy == Strategy::Mcmc;
+        let (refine_from, refine_until) = (scaled(500.0), scaled(if mcmc { 25_000.0 } else { 15_000.0 }));
+        // Gradients and moments need a few steps between two changes.
+        let planned = scaled(100.0).max(10);
+        let most = (refine_until - refine_from) / FEWEST_RELOCATIONS;
+        let apart = u32::try_from(photos / RELOCATIONS_A_ROUND).unwrap_or(u32::MAX).min(most);
+        let refine_every = if mcmc { planned.max(apart) } else { planned };
         Schedule {
             degree_every: scaled(1000.0),
-            refine_from: scaled(500.0),
-            refine_until: scaled(if self.strategy == Strategy::Mcmc { 25_000.0 } else { 15_000.0 }),
-            // Gradients and moments need a few steps between two changes.
-            refine_every: scaled(100.0).max(10),
+            refine_from,
+            refine_until,
+            refine_every,
+            // Rounded, so that every machine has the same: a checkpoint may be taken up on another.
+            growth: (GROWTH.powf(f64::from(refine_every) / f64::from(planned)) * 1e12).round() / 1e12,
             // Opacities need a few hundred steps to come back.
             reset_every: scaled(3000.0).max(500),
         }
@@ -175,5 +194,51 @@ impl Schedule {
     pub fn resets_after(&self, iteration: u32) -> bool {
         let next = iteration + 1;
         next < self.refine_until && next.is_multiple_of(self.reset_every)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn schedule(iterations: u32, photos: usize) -> Schedule {
+        Config::new(iterations, 100_000).schedule(photos)
+    }
+
+    /// By hand. If this failed, rooms of hundreds of photos would be relocated more often than photos show their splats, which
+    /// made trainings come apart; or all that few photos are trained with would change.
+    #[test]
+    fn relocations_are_as_in_the_papers_or_five_in_a_round_of_photos() {
+        for (iterations, photos, every) in [
+            (30_000, 300, 100),
+            (30_000, 1000, 200),
+            (7000, 0, 23),
+            (7000, 50, 23),
+            (7000, 115, 23),
+            (7000, 120, 24),
+            (7000, 300, 60),
+            (300, 20, 10),
+            (2, 300, 10),
+            (1, 300, 10),
+        ] {
+            assert_eq!(schedule(iterations, photos).refine_every, every, "{iterations} iterations, {photos} photos");
+        }
+        assert_eq!(schedule(7000, 50).growth, GROWTH);
+        let classic = Config::new(7000, 100_000).with_strategy(Strategy::Classic, true).schedule(300);
+        assert_eq!(classic.refine_every, 23);
+    }
+
+    /// If this failed, a short run on many photos would end with a fraction of its splats, or without a relocation.
+    #[test]
+    fn runs_on_many_photos_grow_as_far_as_those_on_few() {
+        for (iterations, photos) in [(7000, 300), (7000, 1000), (2000, 5000), (300, 200), (30_000, usize::MAX)] {
+            let [few, many] = [10, photos].map(|photos| {
+                let schedule = schedule(iterations, photos);
+                let refinements = schedule.refinements_before(iterations);
+                (refinements, f64::from(refinements) * schedule.growth.ln())
+            });
+            assert!(many.0 >= few.0.min(FEWEST_RELOCATIONS), "{iterations}, {photos}: {} refinements", many.0);
+            assert!((many.1 / few.1 - 1.0).abs() < 0.1, "{iterations}, {photos}: {} and {}", few.1, many.1);
+        }
     }
 }

@@ -51,12 +51,9 @@ crate::stage!(
     }
 );
 
-/// Share by which the population grows at each refinement.
-const GROWTH: f64 = 1.05;
-
-/// How many Gaussians there are after a refinement.
-pub fn grown(before: u32, budget: u32) -> u32 {
-    ((f64::from(before) * GROWTH).ceil() as u32).clamp(before, budget.max(before))
+/// How many Gaussians there are after a refinement that multiplies them by `growth`.
+pub fn grown(before: u32, growth: f64, budget: u32) -> u32 {
+    ((f64::from(before) * growth).ceil() as u32).clamp(before, budget.max(before))
 }
 
 /// The stages. Their lists are the rasterizer's scratch.
@@ -85,7 +82,7 @@ impl Mcmc {
         })
     }
 
-    /// Records a refinement of `before` Gaussians, after which there are [`grown`].
+    /// Records a refinement of `before` Gaussians, after which there are `after`.
     ///
     /// # Errors
     /// None that the budget does not rule out.
@@ -94,10 +91,10 @@ impl Mcmc {
         commands: &mut Recorder<'a>,
         Trained { model, moments, control }: Trained<'a>,
         rasterizer: &'a Rasterizer,
-        before: u32,
+        [before, after]: [u32; 2],
         [seed, iteration]: [u64; 2],
     ) -> Result<()> {
-        let after = grown(before, self.budget);
+        debug_assert!(before <= after && after <= self.budget.max(before));
         let push = McmcPush {
             stride: model.stride,
             planes: model.planes,
@@ -137,12 +134,13 @@ mod tests {
     fn the_population_grows_to_the_budget_and_stays_there() {
         let (mut n, mut steps) = (1000, 0);
         while n < 100_000 {
-            let next = grown(n, 100_000);
+            let next = grown(n, 1.05, 100_000);
             assert!(next > n, "{n} grew to {next}");
             (n, steps) = (next, steps + 1);
         }
         assert!((90..110).contains(&steps), "{steps} refinements");
-        assert_eq!(grown(n, 100_000), 100_000);
-        assert_eq!(grown(5, 3), 5);
+        assert_eq!(grown(n, 1.05, 100_000), 100_000);
+        assert_eq!(grown(5, 1.05, 3), 5);
+        assert_eq!(grown(1000, 1.83, 100_000), 1830);
     }
 }

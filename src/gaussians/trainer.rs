@@ -126,7 +126,7 @@ impl Trainer {
         drop(commands);
         Ok(Self {
             context: context.clone(),
-            schedule: config.schedule(),
+            schedule: config.schedule(photos.len()),
             started_with: population,
             view_buffer: Buffer::from_slice(context, "views", &views)?,
             views,
@@ -173,7 +173,8 @@ impl Trainer {
         Ok(())
     }
 
-    /// Adds a photo from one of the views, in 8 bits as [`super::pictures`] has them; iterations to come look at it as well.
+    /// Adds a photo from one of the views, in 8 bits as [`super::pictures`] has them; iterations to come look at it as well. The
+    /// schedule stays that of the photos that were there at first; of a run that began with none, that of few.
     ///
     /// # Errors
     /// Where there is no such view, the photo is of another size, or there is no memory for it.
@@ -219,8 +220,12 @@ impl Trainer {
 
     /// Gaussians of a hard budget at an iteration: a function of the schedule alone.
     fn budgeted(&self, iteration: u32) -> u32 {
-        (0..self.schedule.refinements_before(iteration))
-            .fold(self.started_with, |n, _| mcmc::grown(n, self.config.max_splats))
+        (0..self.schedule.refinements_before(iteration)).fold(self.started_with, |n, _| self.grown(n))
+    }
+
+    /// The same after a refinement.
+    fn grown(&self, before: u32) -> u32 {
+        mcmc::grown(before, self.schedule.growth, self.config.max_splats)
     }
 
     /// GPU time of the iterations so far in milliseconds, with the gaps between stages but not those between blocks of them.
@@ -392,7 +397,7 @@ impl Trainer {
         match &self.density {
             Density::Mcmc(mcmc) => {
                 let before = self.budgeted(iteration);
-                mcmc.record(commands, trained, rasterizer, before, keys)
+                mcmc.record(commands, trained, rasterizer, [before, self.grown(before)], keys)
             }
             Density::Classic(classic) => {
                 let removes_wide = iteration >= self.schedule.reset_every;
