@@ -362,11 +362,8 @@ fn print(record: &TrainRecord, folder: &Path) {
     if let (Status::Complete, Some(last)) = (record.status, record.evaluations.last()) {
         say!("test     {} views: {}", last.views, text(&last.quality));
     }
-    if let Some([best, last]) = record.came_apart() {
-        say!(
-            "warning  the training came apart: in its last fifth its photos are told to {last:.1} dB, in its best they \
-             were to {best:.1}; with another --seed it may hold"
-        );
+    if let Some(line) = record.apart_line() {
+        say!("warning  {line}");
     }
     say!("model    {}", folder.join(MODEL).display());
     say!("report   {}", folder.join(REPORT).display());

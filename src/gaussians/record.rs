@@ -165,6 +165,16 @@ impl TrainRecord {
         let told = self.status == Status::Complete && self.config.iterations >= TELLING;
         told.then(|| fallen(&self.curve)).flatten()
     }
+
+    /// [`Self::came_apart`] in a sentence.
+    pub fn apart_line(&self) -> Option<String> {
+        self.came_apart().map(|[best, last]| {
+            format!(
+                "the training came apart: in its last fifth its photos are told to {last:.1} dB, in its best they were to \
+                 {best:.1}; with another --seed it may hold"
+            )
+        })
+    }
 }
 
 /// The mean of those that are finite; infinite where none is.

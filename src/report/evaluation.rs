@@ -47,10 +47,15 @@ pub fn html(request: &Request, outcome: &Outcome) -> String {
         for (metric, name) in measured(rows.iter().copied()) {
             page += &table(&rows, metric, name, &columns);
         }
+        let of = match kind.sets() {
+            [set] => format!("{set} views"),
+            _ => "mean over the sets".into(),
+        };
         for (metric, name) in measured(rows.iter().copied()) {
+            let name = format!("{name}, {of}");
             page += &match in_order(rows.iter().map(|row| row.views))[..] {
-                [_] => intervals(&rows, metric, name),
-                _ => curves(&rows, metric, name),
+                [_] => intervals(&rows, metric, &name),
+                _ => curves(&rows, metric, &name),
             };
         }
         let of_scene: Vec<&Entry> = entries.iter().filter(|entry| entry.scene == scene).collect();
@@ -126,7 +131,7 @@ fn intervals(rows: &[&Row], metric: usize, name: &str) -> String {
     let (bottom, edge) = (LINE * measured.len() as f64, NAMES + inner);
     let (width, height) = (edge + MARGIN, bottom + LINE);
     let mut text = format!(
-        "<figure><figcaption>{name}, mean over the sets</figcaption>\
+        "<figure><figcaption>{name}</figcaption>\
          <svg viewBox=\"0 0 {width} {height}\" width=\"{width}\" font-size=\"11\">\
          <path d=\"M{NAMES} 0V{bottom}H{edge}\" fill=\"none\" stroke=\"#999\"/>\
          <text x=\"{NAMES}\" y=\"{height}\" text-anchor=\"middle\">{}</text>\
@@ -330,8 +335,19 @@ mod tests {
 
         // Of one number of views there is no curve, but a line with mean and interval for each method and metric.
         let entries: Vec<Entry> = entries.into_iter().filter(|entry| entry.views == 10).collect();
-        let page = html(&request(&[10]), &Outcome::new(Kind::Object, entries, 2));
+        let page = html(&request(&[10]), &Outcome::new(Kind::Object, entries.clone(), 2));
         assert!(!page.contains("<polyline") && !page.contains("NaN") && !page.contains("Not complete"), "{page}");
         assert_eq!(page.matches("r=\"3\"").count(), 4, "{page}");
+        assert!(page.contains("<figcaption>PSNR, mean over the sets</figcaption>"), "{page}");
+
+        // A room has one set of tests, and a mean over none.
+        let first = |entry: Entry| Entry {
+            quality: entry.quality[..1].to_vec(),
+            pictures: entry.pictures[..1].to_vec(),
+            ..entry
+        };
+        let rooms = entries.into_iter().map(first).collect();
+        let page = html(&Request { kind: Kind::Room, ..request(&[10]) }, &Outcome::new(Kind::Room, rooms, 2));
+        assert!(page.contains("<figcaption>PSNR, random views</figcaption>"), "{page}");
     }
 }

@@ -178,12 +178,8 @@ fn heading(record: &TrainRecord) -> String {
     );
     let (class, notice) = match record.status {
         Status::Complete => {
-            if let Some([best, last]) = record.came_apart() {
-                let _ = writeln!(
-                    html,
-                    "<p class=\"notice\" role=\"status\">The training came apart: in its last fifth its photos are told to \
-                     {last:.1} dB, in its best they were to {best:.1}. With another seed it may hold.</p>"
-                );
+            if let Some(line) = record.apart_line() {
+                let _ = writeln!(html, "<p class=\"notice\" role=\"status\">Warning: {}.</p>", escape(&line));
             }
             return html;
         }
@@ -417,7 +413,7 @@ fn summary(record: &TrainRecord) -> String {
         0 => "random splats".into(),
         points => format!("{} of the capture", counted(points, "point")),
     };
-    let schedule = config.schedule();
+    let schedule = config.schedule(photos.train);
     let refinements = format!(
         "every {}, from {} to {}",
         counted(schedule.refine_every as usize, "iteration"),
