@@ -36,7 +36,7 @@ pub fn html(request: &Request, outcome: &Outcome) -> String {
     let mut page = format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>camsplat evaluation</title>\n\
          <style>{STYLE}</style>\n<h1>Evaluation</h1>\n<p>{}</p>\n",
-        escape(&description(request, *left))
+        with_code(&description(request, *left))
     );
     if let Some(apart) = apart(rows) {
         let _ = writeln!(page, "<p>{}</p>", escape(&apart));
@@ -95,6 +95,13 @@ pub(super) fn table(rows: &[&Row], metric: usize, name: &str, columns: &[&str]) 
 /// A metric's mean over the sets, which the last column has.
 fn over_sets(row: &Row, metric: usize) -> Option<Interval> {
     row.measured[metric].last().copied().flatten().filter(|interval| interval.mean.is_finite())
+}
+
+/// Text of Markdown whose only marks are those of code.
+fn with_code(text: &str) -> String {
+    let parts = escape(text);
+    let parts = parts.split('`').enumerate();
+    parts.map(|(i, part)| if i % 2 == 1 { format!("<code>{part}</code>") } else { part.into() }).collect()
 }
 
 /// A method's name in a chart: of a long one the end, which tells files apart.
@@ -260,7 +267,7 @@ pub(super) fn pictures(scene: &str, entries: &[&Entry], sets: &[&str]) -> String
 mod tests {
     use super::*;
     use crate::evaluate::kind::Kind;
-    use crate::evaluate::request::{Given, Settings};
+    use crate::evaluate::request::{Given, Settings, Shown};
     use crate::gaussians::record::Quality;
     use crate::peers::request::Method as Placing;
 
@@ -347,7 +354,10 @@ mod tests {
             ..entry
         };
         let rooms = entries.into_iter().map(first).collect();
-        let page = html(&Request { kind: Kind::Room, ..request(&[10]) }, &Outcome::new(Kind::Room, rooms, 2));
+        let settings = Settings { shown: Shown::True, ..Settings::QUICK };
+        let request = Request { kind: Kind::Room, settings, ..request(&[10]) };
+        let page = html(&request, &Outcome::new(Kind::Room, rooms, 2));
         assert!(page.contains("<figcaption>PSNR, random views</figcaption>"), "{page}");
+        assert!(page.contains("own mesh (<code>--surface true</code>), scored"), "{page}");
     }
 }
