@@ -1,5 +1,6 @@
 //! `camsplat capture`.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -112,11 +113,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         say!("{note}");
     }
     let sky = if environment.is_some() { " and an environment" } else { "" };
+    let materials: BTreeSet<u32> = model.faces.iter().map(|face| face.material).collect();
     say!(
         "scene    {}: {} triangles, {} materials, {} lights{sky}",
         arguments.scene.display(),
         model.faces.len(),
-        model.materials.len(),
+        materials.len(),
         assembly.lights()
     );
     let lit = model.faces.iter().any(|face| !model.materials[face.material as usize].unlit);
@@ -168,6 +170,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if !dark.is_empty() {
         let what = "are black: no light reaches what they see, or their cameras stand inside of something";
         say!("warning  {} pictures {what}: {}", dark.len(), dark.join(", "));
+    }
+    if points == 0 {
+        say!(
+            "warning  no opaque pixel shows the surface: the model has no points, and most trainers want some to start from"
+        );
     }
     say!("written  {}, with {points} points of the surface", arguments.out.display());
     Ok(ExitCode::SUCCESS)

@@ -48,10 +48,11 @@ pub struct Arguments {
     /// Light from far around, of all scenes: an equirectangular .hdr file, +Y up
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
-    /// Who chooses: ours, ours-scalar, ours-no-vds, ours-iterative, a --method of `camsplat plan`, or cameras:FILE, a layout of
-    /// your own in whatever `camsplat capture` takes, seen through everybody's lens [default: random, fibonacci, fvs, fvs-chord,
-    /// fvs-shared, acp, fisherrf, fisherrf-retrain, cover, manifold, ours-iterative, ours-no-vds, ours-scalar, ours; rooms: without
-    /// fibonacci and manifold; pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
+    /// Who chooses: ours, ours-scalar, ours-no-vds, ours-iterative, a --method of `camsplat plan`, ours:KEY=VALUE, the planner with a
+    /// key of its configuration set otherwise, or cameras:FILE, a layout of your own in whatever `camsplat capture` takes, seen
+    /// through everybody's lens [default: random, fibonacci, fvs, fvs-chord, fvs-shared, acp, fisherrf, fisherrf-retrain, cover,
+    /// manifold, ours-iterative, ours-no-vds, ours-scalar, ours; rooms: without fibonacci and manifold; pools: random, fvs,
+    /// coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     methods: Option<Vec<Method>>,
     /// How many views are chosen [default: 50,100; rooms 300; pools 20,40; quick: 20; rooms 30]
@@ -105,7 +106,8 @@ pub struct Arguments {
     /// trained already is not trained again for it
     #[arg(long, value_name = "FILE")]
     lpips_vgg: Option<PathBuf>,
-    /// The protocol of the paper: the whole one, with every method of its tables, where peers choose from the outer sphere
+    /// The protocol of the paper: the whole one, with every method of its tables, where peers choose from the outer sphere; LPIPS
+    /// is AlexNet's without --lpips-vgg
     #[arg(long, conflicts_with_all = ["quick", "pool"])]
     paper: bool,
     /// Where around an object peers may put cameras; the planner always has the whole region [default: region; paper: sphere]

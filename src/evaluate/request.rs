@@ -143,7 +143,8 @@ impl FromStr for Method {
             return Ok(Self::Given(Box::leak(Box::new(Given { name: name.into(), poses, notes }))));
         }
         Placing::from_str(name, false).map(Self::Plan).map_err(|_| {
-            let known = Placing::value_variants().iter().map(|placing| placing.name()).chain(["cameras:FILE"]);
+            let known = Placing::value_variants().iter().map(|placing| placing.name());
+            let known = known.chain(["ours:KEY=VALUE", "cameras:FILE"]);
             format!("no such method; give some of {}", known.collect::<Vec<_>>().join(", "))
         })
     }

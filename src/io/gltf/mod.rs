@@ -59,7 +59,8 @@ const HARMLESS: [&str; 10] = [
 pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surface> {
     let (text, chunk) = buffers::split(path, bytes)?;
     let root: json::Root = super::json(path, text)?;
-    refuse_unreadable(path, &root, notes)?;
+    let harmless = |name: &str| HARMLESS.iter().any(|start| name.starts_with(start));
+    refuse_unreadable(path, &root, harmless, notes)?;
     let buffers = Buffers::load(path, &root, chunk)?;
     let mut scene = Scene {
         path,
@@ -78,6 +79,10 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
     if scene.left_out > 0 {
         notes.push(format!("{} parts of points or lines were left out", scene.left_out));
     }
+    if scene.dropped > 0 && scene.mesh.triangles.is_empty() {
+        let what = format!("all {} triangles have a corner that is not finite; export the scene again", scene.dropped);
+        return Err(Error::input(path, what));
+    }
     if scene.dropped > 0 {
         notes.push(format!("{} triangles with a corner that is not finite were dropped", scene.dropped));
     }
@@ -85,15 +90,21 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
     checks::surface(path, Surface::Mesh(scene.mesh))
 }
 
-/// Refuses other versions and extensions without which the geometry is not there.
-fn refuse_unreadable(path: &Path, root: &json::Root, notes: &mut Vec<String>) -> Result<()> {
+/// Refuses other versions, and files that require extensions of which `readable` does not say that they can be read or do no harm.
+fn refuse_unreadable(
+    path: &Path,
+    root: &json::Root,
+    readable: impl Fn(&str) -> bool,
+    notes: &mut Vec<String>,
+) -> Result<()> {
     if !root.asset.version.starts_with("2.") {
         let what = format!("this is glTF {:?}; convert it to glTF 2.0", root.asset.version);
         return Err(Error::input(path, what));
     }
-    let unreadable = |name: &&String| !HARMLESS.iter().any(|start| name.starts_with(start));
-    if let Some(name) = root.extensions_required.iter().find(unreadable) {
-        let what = format!("it needs the extension {name:?}, which is not read; export it without (uncompressed)");
+    let required = root.extensions_required.iter().map(String::as_str);
+    let unread: Vec<&str> = required.filter(|name| !readable(name)).collect();
+    if !unread.is_empty() {
+        let what = format!("it needs extensions that are not read ({}); export it without them", unread.join(", "));
         return Err(Error::input(path, what));
     }
     if root.extensions_used.iter().any(|name| name == "EXT_mesh_gpu_instancing") {

@@ -51,13 +51,10 @@ pub fn parse_model(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result
     let (text, chunk) = buffers::split(path, bytes)?;
     let root: json::Root = crate::io::json(path, text)?;
     let document: Document = crate::io::json(path, text)?;
-    refuse_unreadable(path, &root, notes)?;
-    let is_unknown = |name: &&String| !KNOWN.contains(&name.as_str());
-    if let Some(name) = document.extensions_required.iter().find(is_unknown) {
-        let what = format!("it requires the extension {name:?}, which is not modelled; export it without");
-        return Err(Error::input(path, what));
-    }
-    let unknown: Vec<&str> = document.extensions_used.iter().filter(is_unknown).map(String::as_str).collect();
+    let known = |name: &str| KNOWN.contains(&name);
+    refuse_unreadable(path, &root, known, notes)?;
+    let used = document.extensions_used.iter().map(String::as_str);
+    let unknown: Vec<&str> = used.filter(|name| !known(name)).collect();
     if !unknown.is_empty() {
         notes.push(format!("not modelled, and left out: {}", unknown.join(", ")));
     }
@@ -90,6 +87,10 @@ pub fn parse_model(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result
         notes.push(format!(
             "{unplaced} parts lack the texture coordinates that an image of theirs takes: it shows one colour there"
         ));
+    }
+    if model.dropped > 0 && model.faces.is_empty() {
+        let what = format!("all {} triangles lack area or are not finite; export the scene again", model.dropped);
+        return Err(Error::input(path, what));
     }
     if model.dropped > 0 {
         notes.push(format!("{} triangles without area, or that are not finite, were dropped", model.dropped));

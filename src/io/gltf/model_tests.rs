@@ -149,8 +149,10 @@ fn what_is_missing_or_not_modelled_is_named() {
     assert!(place.refusal().contains("buffer 0 is missing"), "{}", place.refusal());
 
     let refusal = |more: &str| Place::new(node, r#", "material": 0"#, more).refusal();
-    let required = r#", "extensionsRequired": ["KHR_materials_iridescence"], "materials": [{}]"#;
-    assert!(refusal(required).contains("KHR_materials_iridescence"));
+    let required = r#", "extensionsRequired": ["KHR_materials_iridescence", "EXT_baz"], "materials": [{}]"#;
+    assert!(refusal(required).contains("(KHR_materials_iridescence, EXT_baz)"));
+    let flat = Place::new(r#"{"mesh": 0, "scale": [0, 0, 0]}"#, "", "").refusal();
+    assert!(flat.contains("triangles lack area"), "{flat}");
     assert!(refusal(r#", "materials": []"#).contains("material 0, which is not there"));
     assert!(
         refusal(r#", "materials": [{"pbrMetallicRoughness": {"roughnessFactor": 7}}]"#)

@@ -13,7 +13,6 @@ pub(super) struct Document {
     pub nodes: Vec<Node>,
     pub extensions: DocumentExtensions,
     pub extensions_used: Vec<String>,
-    pub extensions_required: Vec<String>,
 }
 
 #[derive(Deserialize, Default)]

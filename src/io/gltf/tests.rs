@@ -104,8 +104,10 @@ fn faults_are_named() {
     assert!(part(r#"{"mesh": 0}"#, r#"{"attributes": {"POSITION": 77}}"#).contains("accessor 77"));
     assert!(part(r#"{"mesh": 0}"#, r#"{"attributes": {"POSITION": 0}, "mode": 1}"#).contains("no points"));
     assert!(part(r#"{"mesh": 0, "scale": [1, 1, 1e39]}"#, STRIP).contains("line 1"), "1e39 is no f32");
-    let needs = r#"{"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]}"#;
-    assert!(read(needs).unwrap_err().to_string().contains("KHR_draco_mesh_compression"));
+    let needs = r#"{"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression", "EXT_baz"]}"#;
+    assert!(read(needs).unwrap_err().to_string().contains("(KHR_draco_mesh_compression, EXT_baz)"));
+    let far = part(r#"{"mesh": 0, "scale": [1e38, 1e38, 1e38], "translation": [3e38, 3e38, 3e38]}"#, STRIP);
+    assert!(far.contains("triangles have a corner that is not finite"), "{far}");
     assert!(read(r#"{"asset": {"version": "1.0"}}"#).unwrap_err().to_string().contains("convert it"));
     let short = parse(Path::new("a.glb"), b"glTF\x02\0\0\0\xff\0\0\0", &mut Vec::new()).unwrap_err().to_string();
     assert!(short.contains("announces 255 bytes and has 12"), "{short}");
