@@ -173,7 +173,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     if points == 0 {
         say!(
-            "warning  no opaque pixel shows the surface: the model has no points, and most trainers want some to start from"
+            "warning  no opaque pixel that was looked at shows the surface: the model has no points, and most trainers \
+             want some to start from"
         );
     }
     say!("written  {}, with {points} points of the surface", arguments.out.display());

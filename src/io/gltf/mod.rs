@@ -80,7 +80,10 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
         notes.push(format!("{} parts of points or lines were left out", scene.left_out));
     }
     if scene.dropped > 0 && scene.mesh.triangles.is_empty() {
-        let what = format!("all {} triangles have a corner that is not finite; export the scene again", scene.dropped);
+        let what = format!(
+            "all {} triangles have a corner that is not finite or beyond 1e18; export the scene again",
+            scene.dropped
+        );
         return Err(Error::input(path, what));
     }
     if scene.dropped > 0 {
@@ -104,7 +107,10 @@ fn refuse_unreadable(
     let required = root.extensions_required.iter().map(String::as_str);
     let unread: Vec<&str> = required.filter(|name| !readable(name)).collect();
     if !unread.is_empty() {
-        let what = format!("it needs extensions that are not read ({}); export it without them", unread.join(", "));
+        let what = format!(
+            "it needs extensions that are not read ({}); export it without them (uncompressed)",
+            unread.join(", ")
+        );
         return Err(Error::input(path, what));
     }
     if root.extensions_used.iter().any(|name| name == "EXT_mesh_gpu_instancing") {

@@ -89,7 +89,10 @@ pub fn parse_model(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result
         ));
     }
     if model.dropped > 0 && model.faces.is_empty() {
-        let what = format!("all {} triangles lack area or are not finite; export the scene again", model.dropped);
+        let what = format!(
+            "all {} triangles lack area, are not finite or lie beyond 1e18; export the scene again",
+            model.dropped
+        );
         return Err(Error::input(path, what));
     }
     if model.dropped > 0 {
