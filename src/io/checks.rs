@@ -10,7 +10,7 @@ use crate::scene::camera::Camera;
 use crate::scene::surface::Surface;
 
 /// Largest coordinate: its square is still finite in the single precision that devices compute with.
-const LARGEST: f64 = 1e18;
+pub(crate) const LARGEST: f64 = 1e18;
 
 /// Whether `p` can be computed with.
 pub(crate) fn usable(p: DVec3) -> bool {

@@ -81,8 +81,9 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
     }
     if scene.dropped > 0 && scene.mesh.triangles.is_empty() {
         let what = format!(
-            "all {} triangles have a corner that is not finite or beyond 1e18; export the scene again",
-            scene.dropped
+            "all {} triangles have a corner that is not finite (or beyond {:e}); export the scene again",
+            scene.dropped,
+            checks::LARGEST
         );
         return Err(Error::input(path, what));
     }

@@ -13,6 +13,7 @@ use super::nodes::{self, placed};
 use super::schema::Document;
 use super::{MOST_TRIANGLES, refuse_unreadable};
 use crate::error::{Error, Result};
+use crate::io::checks;
 use crate::scene::model::{Face, Lamp, LampKind, Map, Material, Model, Vertex};
 
 /// Extensions that are modelled, or change nothing about a photograph.
@@ -90,8 +91,9 @@ pub fn parse_model(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result
     }
     if model.dropped > 0 && model.faces.is_empty() {
         let what = format!(
-            "all {} triangles lack area, are not finite or lie beyond 1e18; export the scene again",
-            model.dropped
+            "all {} triangles lack area or are not finite (or beyond {:e}); export the scene again",
+            model.dropped,
+            checks::LARGEST
         );
         return Err(Error::input(path, what));
     }
@@ -239,7 +241,7 @@ impl Reader<'_> {
             let [p, q, r] = corners.map(|v| self.model.vertices[v as usize].position);
             // As the device has them, in single precision.
             let area = (q - p).as_vec3().as_dvec3().cross((r - p).as_vec3().as_dvec3()).length();
-            if area > 0.0 && area.is_finite() && [p, q, r].iter().all(|p| p.abs().max_element() < 1e18) {
+            if area > 0.0 && area.is_finite() && [p, q, r].into_iter().all(checks::usable) {
                 self.model.faces.push(Face { corners, material });
             } else {
                 self.model.dropped += 1;
