@@ -19,6 +19,7 @@ pub mod photograph;
 pub mod photos;
 pub mod plan;
 pub mod primitives;
+pub mod quality;
 pub mod report;
 pub mod scene;
 pub mod select;

@@ -119,7 +119,7 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
     let (reg, reg_centre, reg_direction) = regulariser(&batch, &image.weights);
     let lambda = match config.objective {
         Objective::Splat => config.lambda_reg as f64,
-        Objective::Nearest => 0.0,
+        Objective::Nearest | Objective::Quality => 0.0,
     };
 
     // Single texels may fall on either side of a cut-off in float32: the tolerances allow for a few of thousands.

@@ -360,6 +360,9 @@ pub fn print_plan(plan: &Plan) {
     let mut rows = vec![("plan", &record.metrics)];
     rows.extend(record.controls.iter().map(|control| (control.name.as_str(), &control.metrics)));
     say!("{}", table(&rows).trim_end());
+    if let Some(expected) = &record.expected {
+        say!("expected {}", expected.line());
+    }
 }
 
 /// Metrics, a row per camera set.

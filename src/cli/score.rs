@@ -9,9 +9,9 @@ use super::options::{DeviceOptions, RegionOptions, print_messages};
 use super::plan::table;
 use crate::io::apart::check_output_file;
 use crate::io::folder::{check_file, write_files};
-use crate::metrics::score_point::Field;
+use crate::plan::config::{Config, Gate, Preset};
 use crate::plan::job;
-use crate::scene::region::Region;
+use crate::scene::region::{Region, Shape};
 use crate::{Error, Result, io};
 
 /// Arguments of `camsplat score`.
@@ -60,9 +60,19 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     });
     let target = arguments.region.target(&arguments.surface, &first.intrinsics, stored)?;
     let context = arguments.device.open()?;
-    let field = if arguments.frustum { Field::Frustum } else { Field::Cone };
-    let metrics = job::score(&context, &target, &cameras, arguments.held_out, arguments.seed, field)?;
+    let preset = match target.region.shape {
+        Shape::Box { .. } => Preset::Room,
+        Shape::Shell { .. } => arguments.region.preset(),
+    };
+    let config = Config {
+        seed: arguments.seed,
+        held_out: arguments.held_out,
+        gate: if arguments.frustum { Gate::Pinhole } else { Gate::Soft },
+        ..Config::new(arguments.region.preset.unwrap_or(preset), cameras.len() as u32)
+    };
+    let (expected, metrics) = job::score(&context, &target, &cameras, &config)?;
     print_messages(&context);
+    say!("expected        {}", expected.line());
     say!("{}", table(&[("cameras", &metrics)]).trim_end());
     if metrics.coverage_1 == 0.0 {
         say!("warning  no camera sees any held-out point, and the figures below tell nothing: are both in one frame?");

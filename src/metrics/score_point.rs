@@ -184,7 +184,8 @@ impl<'a> Scorer<'a> {
     }
 }
 
-fn view(geometry: &SceneGeometry, camera: &Camera) -> View {
+/// A camera, given in the user's world, as the device has it.
+pub fn view(geometry: &SceneGeometry, camera: &Camera) -> View {
     let pose = geometry.to_internal.pose(&camera.pose);
     let rotation = pose.rotation;
     let intrinsics = &camera.intrinsics;

@@ -169,7 +169,9 @@ fn place(
             return Ok(Some(poses.iter().map(|pose| back.pose(pose)).collect()));
         }
         Method::Fibonacci => {
-            let poses = baselines::fibonacci_shell(&geometry.region, views)?;
+            // Layouts differ by their rotation alone, so that each seed has its own.
+            let turn = baselines::turn(&geometry.region, request.seed, 0);
+            let poses = baselines::even_shell(&geometry.region, views, 0.5, turn)?;
             let settled = |pose: &Pose| back.pose(&Pose { position: geometry.settle(pose.position), ..*pose });
             return Ok(Some(poses.iter().map(settled).collect()));
         }

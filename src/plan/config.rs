@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::quality::viewers::Viewers;
 use crate::{Error, Result};
 
 /// What is minimised.
@@ -12,6 +13,8 @@ pub enum Objective {
     Splat,
     /// The soft minimum of the angle from a direction to the nearest view that sees the point.
     Nearest,
+    /// The error that viewers are expected to see of what the photographs train ([`crate::quality`]).
+    Quality,
 }
 
 /// How a camera's field of view is tested while optimising. Metrics always use the hard gate.
@@ -131,6 +134,11 @@ pub struct Config {
     pub lambda_bound: f32,
     /// Pressure on s squared.
     pub lambda_scale: f32,
+    /// From where people will look at what is trained.
+    pub viewers: Viewers,
+    /// What the expected-quality objective counts a splat off for each factor of e that its gate lets through less, in
+    /// radians.
+    pub turn_weight: f32,
     /// Softness of the nearest-view minimum.
     pub nearest_tau: f32,
     /// What distances count beside angles in the nearest-view minimum: radians that a view e
@@ -232,7 +240,7 @@ impl Config {
             probes: 20,
             pool: 2048,
             resolution: None,
-            objective: if views > MOST_DENSE { Objective::Splat } else { Objective::Nearest },
+            objective: Objective::Quality,
             gate: Gate::Soft,
             gate_softness: 0.02,
             kernel: Kernel::Angular,
@@ -244,6 +252,8 @@ impl Config {
             lambda_reg: 3.0,
             lambda_bound: 10.0,
             lambda_scale: 0.2,
+            viewers: Viewers::Region,
+            turn_weight: 0.04,
             nearest_tau: 0.02,
             distance_weight: if preset == Preset::Object { 0.3 } else { 0.0 },
             rate_centre: 0.0065,

@@ -2,12 +2,14 @@
 
 use super::binned::TILE;
 use super::buffers::element_sizes;
-use super::config::Config;
+use super::config::{Config, Objective};
 use super::dense::KERNEL_CUTOFF;
 use super::shared::{Control, Settings};
 use super::tally::mailbox;
 use crate::Result;
 use crate::metrics::score_point;
+use crate::quality::expected::LOOKS;
+use crate::quality::look::Look;
 use crate::visibility::probe_depth::Probe;
 use crate::visibility::probe_lobe::Lobe;
 use crate::vulkan::Context;
@@ -31,7 +33,14 @@ pub(super) fn footprint(
     binned: bool,
 ) -> Footprint {
     let (splats, probes, texels) = (s.splats as u64, s.probes as u64, (resolution * resolution) as u64);
-    let slots = if binned { s.capacity as u64 } else { probes * s.blocks as u64 * s.capacity as u64 };
+    let quality = config.objective == Objective::Quality;
+    let looks = probes * u64::from(LOOKS);
+    let slots = match (quality, binned) {
+        // Three partials a look.
+        (true, _) => 3 * looks,
+        (_, true) => s.capacity as u64,
+        _ => probes * s.blocks as u64 * s.capacity as u64,
+    };
     let snapshots = (s.iterations.div_ceil(config.checkpoint_every.max(1)) + 1) as u64;
     let [splat, gradient, tally, moments, terms, record] = element_sizes();
     let mut buffers = vec![
@@ -42,8 +51,8 @@ pub(super) fn footprint(
         ("settings", size_of::<Settings>() as u64),
         ("control", size_of::<Control>() as u64),
         ("splats", splat * splats),
-        ("visible", if binned { 0 } else { 4 * slots }),
-        ("slots", 4 * probes * splats),
+        ("visible", if binned || quality { 0 } else { 4 * slots }),
+        ("slots", if quality { 4 * slots } else { 4 * probes * splats }),
         ("partials", gradient * slots),
         ("tallies", tally * probes * s.blocks as u64),
         ("deficit", 4 * probes * texels),
@@ -57,6 +66,7 @@ pub(super) fn footprint(
         ("history", record * s.iterations as u64),
         ("snapshots", splat * splats * snapshots),
         ("mailbox", 4 * mailbox::WORDS as u64),
+        ("looks", if quality { size_of::<Look>() as u64 * looks } else { 0 }),
         (HELD_OUT, score_point::footprint(2 * config.held_out as u64, splats)),
     ];
     if binned {

@@ -8,9 +8,10 @@ use std::time::Instant;
 use glam::DVec3;
 use serde::Serialize;
 
-use super::config::{Config, Preset};
+use super::config::{Config, Objective, Preset};
 use super::planner::{Outcome, Planner};
 use super::preparation::Preparation;
+use super::reference::{Expected, Reference};
 use super::record::{CheckpointRecord, ControlRecord, PlanRecord, Status, SurfaceRecord};
 use crate::metrics::score_point::{Field, Scorer, aggregate};
 use crate::metrics::{Metrics, PointMetrics};
@@ -168,7 +169,7 @@ pub fn run(
     let Tools { mut profile, capture } = tools;
     let start = Instant::now();
     let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
-    let preparation = Preparation::new(context, &geometry, &target.proxy, &intrinsics, kept, config)?;
+    let preparation = Preparation::new(context, &geometry, &target.proxy, &intrinsics, kept, config.clone())?;
     mark(&mut profile, "preparation", start);
     let scene = DeviceScene::new(context, geometry)?;
     if let Some((renderdoc, template)) = capture {
@@ -179,7 +180,17 @@ pub fn run(
         commands.submit_and_wait()?;
         let _ = observe(Event::Captured(renderdoc.end()?));
     }
-    let (planner, outcome) = optimise(context, &scene, preparation, profile.as_deref_mut(), |done, all| {
+    let start = Instant::now();
+    let reference = match config.objective {
+        Objective::Quality => Some(Reference::new(context, &scene, target, (intrinsics, kept), &config)?),
+        _ => None,
+    };
+    let preparation = match &reference {
+        Some(reference) => preparation.starting_from(&reference.best().poses),
+        None => preparation,
+    };
+    mark(&mut profile, "simple layouts", start);
+    let (planner, mut outcome) = optimise(context, &scene, preparation, profile.as_deref_mut(), |done, all| {
         observe(Event::Iterations(done, all))
     })?;
 
@@ -188,9 +199,26 @@ pub fn run(
     let start = Instant::now();
     let config = planner.config().clone();
     drop(planner);
+    let mut expected = None;
+    let mut began_from = None;
+    if let Some(reference) = &reference {
+        let to_internal = &scene.geometry.to_internal;
+        let planned: Vec<Pose> = outcome.poses.iter().map(|pose| to_internal.pose(pose)).collect();
+        let mut expectation = reference.expect(&planned)?;
+        let best = reference.best();
+        began_from = Some(best.name.clone());
+        // Never worse than a layout that is as simple as it is good.
+        if expectation.error_db > best.expectation.error_db && outcome.status == Status::Complete {
+            outcome.poses = best.poses.iter().map(|pose| to_internal.inverse().pose(pose)).collect();
+            expectation = best.expectation.clone();
+        }
+        expected = Some(reference.compare(&expectation));
+    }
+    drop(reference);
     let described = serde_json::to_value(&config)
         .map_err(|e| Error::request(format!("the configuration cannot be written: {e}")))?;
-    let plan = conclude(context, scene, target, (intrinsics, kept), &config, (OURS, described), outcome)?;
+    let mut plan = conclude(context, scene, target, (intrinsics, kept), &config, (OURS, described), outcome)?;
+    (plan.record.expected, plan.record.began_from) = (expected, began_from);
     mark(&mut profile, "metrics", start);
     Ok(plan)
 }
@@ -267,6 +295,8 @@ pub fn conclude(
         history: outcome.history,
         checkpoints,
         metrics: aggregate(&scores),
+        expected: None,
+        began_from: None,
         controls,
         seconds: outcome.seconds,
     };
@@ -309,21 +339,24 @@ pub fn optimise<'a>(
     }
 }
 
-/// Held-out metrics of any camera set on a target.
+/// Expected quality and held-out metrics of any camera set on a target. Of `config` count the preset, the seed, the viewers,
+/// the held-out points and the gate's shape.
 ///
 /// # Errors
-/// A region without free space, or a device that fails.
+/// A region without free space, viewers without a place, or a device that fails.
 pub fn score(
     context: &Arc<Context>,
     target: &Target,
     cameras: &[Camera],
-    held_out: u32,
-    seed: u64,
-    field: Field,
-) -> Result<Metrics> {
+    config: &Config,
+) -> Result<(Expected, Metrics)> {
+    let first = cameras.first().ok_or_else(|| Error::request("there are no cameras to score"))?;
     let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
-    let points = target.proxy.sample(held_out as usize, seed, HELD_OUT_STREAM);
-    Ok(aggregate(&Scorer::new(context, &scene, &points)?.score(cameras, field)?))
+    let reference = Reference::new(context, &scene, target, (first.intrinsics, &[]), config)?;
+    let expected = reference.compare(&reference.expect_cameras(cameras)?);
+    let points = target.proxy.sample(config.held_out as usize, config.seed, HELD_OUT_STREAM);
+    let field = if config.gate.pinhole() { Field::Frustum } else { Field::Cone };
+    Ok((expected, aggregate(&Scorer::new(context, &scene, &points)?.score(cameras, field)?)))
 }
 
 /// Planned cameras named "0000", "0001", ..., then the kept ones.

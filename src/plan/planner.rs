@@ -19,6 +19,7 @@ use super::shared::{Control, Gradient, Record, Settings, Splat, Tally};
 use super::snapshot::{SNAPSHOT, SnapshotPush};
 use super::tally::mailbox;
 use super::update::UPDATE;
+use super::viewed::Viewed;
 use crate::scene::camera::Pose;
 use crate::visibility::device_scene::DeviceScene;
 use crate::visibility::probe_depth::ProbeMaps;
@@ -49,6 +50,7 @@ pub struct Planner<'a> {
 enum Way {
     Dense(Pipeline),
     Binned(Box<Binned>),
+    Viewed(Box<Viewed>),
 }
 
 struct Pipelines {
@@ -79,13 +81,16 @@ impl<'a> Planner<'a> {
     /// # Errors
     /// A surface that no camera can see from the region, or a plan that is larger than the device's memory.
     pub fn new(context: &Arc<Context>, scene: &'a DeviceScene, preparation: Preparation) -> Result<Self> {
-        let Preparation { config, mut settings, points, start, start_scale, resolution, binned, footprint, .. } =
-            preparation;
+        let Preparation { config, mut settings, points, viewers, radius, start, start_scale, .. } = preparation;
+        let Preparation { resolution, binned, footprint, .. } = preparation;
         super::footprint::check(&footprint, context)?;
         let (points, maps) = probes::reachable(context, scene, points, resolution, config.preset)?;
         let lobes = probes::lobes(&config, &points);
         settings.pool = maps.probes.len() as u32;
-        settings.probes = settings.probes.min(settings.pool);
+        let quality = config.objective == Objective::Quality;
+        if !quality {
+            settings.probes = settings.probes.min(settings.pool);
+        }
         let gate = match config.gate {
             Gate::Hard => 0,
             Gate::Soft => 1,
@@ -99,13 +104,18 @@ impl<'a> Planner<'a> {
             gate,
             config.kernel as u32,
             config.occlusion as u32,
-            0,
+            scene.discs(),
             threads,
             each,
             !lobes.is_empty() as u32,
             (settings.distance_weight > 0.0) as u32,
         ];
         let splat = || {
+            if quality {
+                let looks = Buffer::device(context, "looks", footprint.bytes_of("looks")?)?;
+                let of = (&viewers[..], radius);
+                return Ok(Way::Viewed(Box::new(Viewed::new(context, scene, &settings, of, &constants, looks)?)));
+            }
             if binned {
                 let buffer = |name: &str| Buffer::device(context, name, footprint.bytes_of(name)?);
                 return Ok(Way::Binned(Box::new(Binned::new(context, &settings, &constants, buffer)?)));
@@ -231,6 +241,9 @@ impl<'a> Planner<'a> {
         let (b, p, s, scene, maps) = (&self.buffers, &self.pipelines, &self.settings, self.scene, &self.maps);
         let least = ((s.splats - s.kept) / 10).max(1);
         commands.stage(&p.rank).bind(&[&b.settings, &b.control, &b.moments, &b.order]).linear(s.splats.div_ceil(64));
+        if let Way::Viewed(viewed) = &p.splat {
+            return viewed.relocate(commands, scene, b, least);
+        }
         commands
             .stage(&p.relocate)
             .bind(&[
@@ -258,6 +271,7 @@ impl<'a> Planner<'a> {
         let (b, p, s, scene, maps) = (&self.buffers, &self.pipelines, &self.settings, self.scene, &self.maps);
         match &p.splat {
             Way::Binned(binned) => binned.record(commands, s, maps, b)?,
+            Way::Viewed(viewed) => viewed.record(commands, scene, b),
             Way::Dense(dense) => commands
                 .stage(dense)
                 .bind(&[
@@ -381,6 +395,7 @@ impl<'a> Planner<'a> {
     pub fn stages_of_a_block(&self) -> u32 {
         let splat = match self.pipelines.splat {
             Way::Dense(_) => 1,
+            Way::Viewed(_) => 2,
             // Nine stages and a fill, two scans of three stages, seven or eight sorting passes of three.
             Way::Binned(_) => 10 + 6 + 24,
         };
@@ -397,6 +412,7 @@ impl<'a> Planner<'a> {
         let needed = |word| self.buffers.mailbox.peek(word).unwrap_or(0);
         let (pairs, instances) = match self.pipelines.splat {
             Way::Dense(_) => (needed(mailbox::MOST_VISIBLE), 0),
+            Way::Viewed(_) => (0, 0),
             Way::Binned(_) => (needed(mailbox::MOST_PAIRS), needed(mailbox::MOST_INSTANCES)),
         };
         if pairs > self.settings.capacity || instances > self.settings.instances {

@@ -1,10 +1,11 @@
 //! What is settled of a run before the device has allocated anything.
 
-use super::config::{Config, MOST_DENSE, MOST_VIEWS, Objective, Pass};
+use super::config::{Config, MOST_DENSE, MOST_VIEWS, Objective, Pass, Preset};
 use super::footprint::{self, Room};
 use super::shared::{Settings, Splat};
 use super::start;
-use crate::scene::camera::{Camera, Intrinsics};
+use crate::quality::look::Viewer;
+use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::proxy::{Proxy, SurfacePoint};
 use crate::scene::random;
 use crate::visibility::device_scene::SceneGeometry;
@@ -17,6 +18,13 @@ use crate::{Error, Result};
 /// Pairs of texel and visible splat an iteration from which on binning pays; see docs/benchmarks.md.
 const DENSE_WORK: f64 = 3e7;
 
+/// Points that tell whether the region sees the surface at all, where no point cameras are drawn from it.
+const REACHABLE: u32 = 256;
+/// Most viewers that a run draws; then it begins again with the first, and with other pixels of it.
+const MOST_VIEWERS: u32 = 1 << 15;
+/// What sets the viewers of a run apart from those that judge it.
+const VIEWER_SEED: u64 = 0x6c6f_6f6b;
+
 /// Stream of the surface's samples that probes stand on; held-out points take another.
 pub const PROBE_STREAM: u32 = 0;
 
@@ -26,6 +34,9 @@ pub struct Preparation {
     pub(super) config: Config,
     pub(super) settings: Settings,
     pub(super) points: Vec<SurfacePoint>,
+    /// Viewers that looks are drawn from, and bounding radius of the surface in the user's world (quality).
+    pub(super) viewers: Vec<Viewer>,
+    pub(super) radius: f64,
     pub(super) start: Vec<Splat>,
     pub(super) start_scale: f32,
     pub(super) resolution: u32,
@@ -52,7 +63,14 @@ impl Preparation {
         if config.views > MOST_VIEWS {
             return Err(Error::request(format!("--views is {}; give at most {MOST_VIEWS}", config.views)));
         }
-        let mut points = proxy.sample(config.pool as usize, config.seed, PROBE_STREAM);
+        let quality = config.objective == Objective::Quality;
+        let viewers = match quality {
+            true => viewers(&config, geometry, intrinsics)?,
+            false => Vec::new(),
+        };
+        // Looks take the place of point cameras; what is left for these is to tell a surface that no camera can see.
+        let pool = if quality { REACHABLE } else { config.pool };
+        let mut points = proxy.sample(pool as usize, config.seed, PROBE_STREAM);
         random::shuffle(&mut points, config.seed, PROBE_STREAM);
         let kept_splats = kept.iter().map(|camera| {
             let pose = geometry.to_internal.pose(&camera.pose);
@@ -71,7 +89,8 @@ impl Preparation {
         let resolution = config.resolution.unwrap_or_else(|| start::resolution(start_scale));
         points.truncate(footprint::pool(points.len(), config.probes, resolution, context.physical()));
 
-        let (splats, probes) = (start.len() as u32, config.probes.min(points.len() as u32));
+        let probes = if quality { config.probes } else { config.probes.min(points.len() as u32) };
+        let splats = start.len() as u32;
         let [threads, each] = dense_shape(context.physical());
         let binned = match config.pass {
             Pass::Dense => false,
@@ -86,7 +105,7 @@ impl Preparation {
                 "the nearest-view objective has no binned pass; use --pass dense or auto, or --objective splat",
             ));
         }
-        if !binned && splats > MOST_DENSE {
+        if !binned && !quality && splats > MOST_DENSE {
             return Err(Error::request(format!(
                 "the dense pass takes at most {MOST_DENSE} cameras; use --objective splat with --pass binned or auto"
             )));
@@ -106,7 +125,7 @@ impl Preparation {
             capacity: room.capacity,
             instances: room.instances,
             row: if binned { 0 } else { room.capacity },
-            blocks: if binned { 1 } else { (resolution * resolution).div_ceil(threads * each) },
+            blocks: if binned || quality { 1 } else { (resolution * resolution).div_ceil(threads * each) },
             iterations: if config.iterative { round_length * config.views } else { config.iterations },
             round_length,
             seed: (config.seed ^ (config.seed >> 32)) as u32,
@@ -125,11 +144,13 @@ impl Preparation {
             lambda_scale: config.lambda_scale,
             scale_floor: 0.5 * start_scale,
             nearest_tau: config.nearest_tau,
+            turn_weight: config.turn_weight,
             distance_weight: if config.objective == Objective::Nearest { config.distance_weight } else { 0.0 },
         };
         let scene_bytes = geometry.bytes();
         let footprint = footprint::footprint(context, &settings, &config, resolution, scene_bytes, binned);
-        Ok(Self { config, settings, points, start, start_scale, resolution, binned, scene_bytes, footprint })
+        let radius = proxy.sphere.1;
+        Ok(Self { config, settings, points, viewers, radius, start, start_scale, resolution, binned, scene_bytes, footprint })
     }
 
     /// The same run with room for so many pairs and instances in the binned pass, and a quarter more.
@@ -142,6 +163,15 @@ impl Preparation {
         self
     }
 
+    /// The same run from other places: poses of the planned splats in the planner's frame.
+    pub fn starting_from(mut self, poses: &[Pose]) -> Self {
+        for (splat, pose) in self.start[self.settings.kept as usize..].iter_mut().zip(poses) {
+            splat.centre = pose.position.as_vec3().to_array();
+            splat.direction = pose.forward().as_vec3().normalize().to_array();
+        }
+        self
+    }
+
     /// Whether the binned pass was taken.
     pub fn binned(&self) -> bool {
         self.binned
@@ -151,6 +181,14 @@ impl Preparation {
     pub fn footprint(&self) -> &Footprint {
         &self.footprint
     }
+}
+
+/// Viewers of a whole run: those of each iteration are its own.
+fn viewers(config: &Config, geometry: &SceneGeometry, intrinsics: &Intrinsics) -> Result<Vec<Viewer>> {
+    let count = config.iterations.saturating_mul(config.probes).min(MOST_VIEWERS);
+    let inward = config.preset == Preset::Object;
+    let cameras = config.viewers.sample(geometry, *intrinsics, inward, config.seed ^ VIEWER_SEED, count)?;
+    Ok(cameras.iter().map(|camera| Viewer::new(camera, geometry)).collect())
 }
 
 /// Threads of a workgroup of the dense pass and texels of a thread: many small workgroups fill a GPU; on a CPU fewer

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::reference::Expected;
 use crate::metrics::Metrics;
 use crate::scene::camera::Camera;
 use crate::scene::region::Region;
@@ -102,6 +103,12 @@ pub struct PlanRecord {
     pub checkpoints: Vec<CheckpointRecord>,
     /// Held-out metrics of the plan.
     pub metrics: Metrics,
+    /// Expected quality of all cameras, where it was computed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub expected: Option<Expected>,
+    /// The layout that the plan began from, and where the plan is that layout itself, since nothing better was found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub began_from: Option<String>,
     /// Controls on the same points.
     pub controls: Vec<ControlRecord>,
     /// Wall time of the optimisation or the choice, seconds.

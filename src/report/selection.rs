@@ -259,6 +259,8 @@ fn page(written: &Written<'_>) -> Result<String> {
             .map(|(iteration, cost)| IterationRecord { iteration, loss: *cost as f32, ..IterationRecord::default() })
             .collect(),
         checkpoints: Vec::new(),
+        expected: None,
+        began_from: None,
         metrics: selection.metrics,
         controls: selection.controls.clone(),
         seconds: selection.seconds.iter().sum(),

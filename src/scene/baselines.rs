@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 use super::camera::Pose;
 use super::free_space::FreeSpace;
@@ -12,6 +12,9 @@ use crate::{Error, Result};
 
 /// Apart from the streams of positions, so that where a camera stands says nothing about where it looks.
 const DIRECTIONS: u32 = 0x8000_0000;
+
+/// Stream of the rotations of even layouts.
+const TURN: u32 = 0x7475_726e;
 
 /// Poses at uniform random positions in free space: looking at the region's centre where `inward`, else in uniform random
 /// directions. In the frame of `space`, the image's up along the region's.
@@ -39,10 +42,28 @@ pub fn random(space: &FreeSpace, count: usize, seed: u64, inward: bool) -> Vec<P
 /// # Errors
 /// [`Error::Request`] where the region is no shell or the floor is above the sphere.
 pub fn fibonacci_shell(region: &Region, count: usize) -> Result<Vec<Pose>> {
+    even_shell(region, count, 0.5, DQuat::IDENTITY)
+}
+
+/// A rotation for an even layout of a region: any, or about the region's up where a floor leaves no other.
+pub fn turn(region: &Region, seed: u64, index: u32) -> DQuat {
+    let [u, v, w, _] = random::uniforms(seed, TURN, index);
+    match region.floor {
+        Some(_) => DQuat::from_axis_angle(region.up, TAU * u),
+        None => random::rotation([u, v, w]),
+    }
+}
+
+/// As [`fibonacci_shell`], on the sphere that is `part` of the way from the inner to the outer one, turned by `turn`, which must
+/// keep the region's up where it has a floor.
+///
+/// # Errors
+/// As [`fibonacci_shell`].
+pub fn even_shell(region: &Region, count: usize, part: f64, turn: DQuat) -> Result<Vec<Pose>> {
     let Shape::Shell { centre, r_min, r_max } = region.shape else {
         return Err(Error::request("baseline fibonacci: needs a shell to place cameras on; use random in a box"));
     };
-    let radius = 0.5 * (r_min + r_max);
+    let radius = r_min + part * (r_max - r_min);
     let lowest = region.floor.map_or(-1.0, |floor| ((floor - centre.dot(region.up)) / radius).max(-1.0));
     if lowest >= 1.0 {
         return Err(Error::request("baseline fibonacci: the floor is above the middle of the shell; lower the floor"));
@@ -53,10 +74,32 @@ pub fn fibonacci_shell(region: &Region, count: usize) -> Result<Vec<Pose>> {
         let height = lowest + (1.0 - lowest) * (i as f64 + 0.5) / count as f64;
         let (sin, cos) = (TAU * (golden * i as f64).fract()).sin_cos();
         let flat: DVec3 = (1.0 - height * height).sqrt() * (cos * x + sin * y);
-        let outward = flat + height * region.up;
+        let outward = turn * (flat + height * region.up);
         Pose::looking(centre + radius * outward, -outward, region.up)
     };
     Ok((0..count).map(pose).collect())
+}
+
+/// Poses on an even grid at eye height, six tenths up the region, in four level directions a place, the first of them 45
+/// degrees off the region's axes: how a room is photographed from a tripod. In the frame of `space`, at its free places.
+pub fn grid(space: &FreeSpace, count: usize) -> Vec<Pose> {
+    let up = space.region.up;
+    let (low, high) = space.region.bounds();
+    let (across, along) = up.any_orthonormal_pair();
+    let extent = |axis: DVec3| ((high - low) * axis).element_sum().abs().max(1e-9);
+    let (wide, deep) = (extent(across), extent(along));
+    let places = count.div_ceil(4);
+    let columns = ((places as f64 * wide / deep).sqrt().round() as usize).clamp(1, places.max(1));
+    let rows = places.div_ceil(columns);
+    let middle = 0.5 * (low + high) + 0.1 * extent(up) * up;
+    let pose = |i: usize| {
+        let (place, direction) = (i / 4, i % 4);
+        let at = |k: usize, of: usize| (k as f64 + 0.5) / of as f64 - 0.5;
+        let (x, y) = (wide * at(place % columns, columns), deep * at(place / columns, rows));
+        let (sin, cos) = (TAU * (0.125 + 0.25 * direction as f64)).sin_cos();
+        Pose::looking(space.project(middle + x * across + y * along), cos * across + sin * along, up)
+    };
+    (0..count).map(pose).collect()
 }
 
 #[cfg(test)]

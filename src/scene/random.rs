@@ -5,7 +5,7 @@
 
 use std::f64::consts::TAU;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 /// Four well-mixed 32-bit words from four words that may be plain counters.
 pub fn pcg4d(words: [u32; 4]) -> [u32; 4] {
@@ -50,6 +50,14 @@ pub fn direction(u: f64, v: f64) -> DVec3 {
     let r = (1.0 - z * z).max(0.0).sqrt();
     let (sin, cos) = (TAU * v).sin_cos();
     DVec3::new(r * cos, r * sin, z)
+}
+
+/// A rotation, uniform over all of them, from three uniform numbers in [0, 1): Shoemake, "Uniform Random Rotations"
+/// (Graphics Gems III, 1992).
+pub fn rotation([u, v, w]: [f64; 3]) -> DQuat {
+    let (a, b) = ((1.0 - u).sqrt(), u.sqrt());
+    let ((sin_v, cos_v), (sin_w, cos_w)) = ((TAU * v).sin_cos(), (TAU * w).sin_cos());
+    DQuat::from_xyzw(a * sin_v, a * cos_v, b * sin_w, b * cos_w).normalize()
 }
 
 /// Fisher-Yates shuffle in place, keyed by (seed, stream). At most 2^32 items take part.

@@ -2,7 +2,7 @@
 // formulae of gate, kernel and region. Lengths are in units of the region's bounding radius.
 
 layout(constant_id = 0) const uint RESOLUTION = 16;  // texels of a point camera along a side
-layout(constant_id = 1) const uint OBJECTIVE = 0;    // 0 splat, 1 nearest
+layout(constant_id = 1) const uint OBJECTIVE = 0;    // 0 splat, 1 nearest, 2 quality
 layout(constant_id = 2) const uint GATE = 1;         // 0 hard cone, 1 soft cone, 2 hard frustum, 3 soft frustum
 layout(constant_id = 3) const uint KERNEL = 0;       // 0 angular, 1 metric
 layout(constant_id = 4) const uint OCCLUSION = 1;    // 0 everything is seen through
@@ -48,6 +48,7 @@ struct Settings {
     float scale_floor;
     float nearest_tau;
     float distance_weight;  // radians that a view e times as far away as wanted is off (nearest)
+    float turn_weight;      // radians that a point's gate half open is worth, over log 2 (quality)
 };
 
 // What changes from one iteration to the next; written by `update` alone, at its end.

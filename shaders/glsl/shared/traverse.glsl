@@ -19,8 +19,10 @@ float intersect(uint slot, vec3 origin, vec3 direction, float t_min, float t_max
     return t >= t_min && t <= t_max ? t : MISS;
 }
 
-// Distance to the closest hit in [t_min, t_max], or MISS; with `any_hit` the first hit that is met will do.
-float trace(vec3 origin, vec3 direction, float t_min, float t_max, bool any_hit) {
+// Distance to the closest hit in [t_min, t_max], or MISS, and the slot of what is hit; with `any_hit` the first hit that is met
+// will do.
+float trace_slot(vec3 origin, vec3 direction, float t_min, float t_max, bool any_hit, out uint slot) {
+    slot = 0;
     vec3 inverse = vec3(inverse_slope(direction.x), inverse_slope(direction.y), inverse_slope(direction.z));
     uint stack[STACK];
     uint size = 0, child = 0;
@@ -40,6 +42,7 @@ float trace(vec3 origin, vec3 direction, float t_min, float t_max, bool any_hit)
             if (t < MISS) {
                 best = t;
                 t_max = t;
+                slot = first + k;
                 if (any_hit) return best;
             }
         }
@@ -47,4 +50,9 @@ float trace(vec3 origin, vec3 direction, float t_min, float t_max, bool any_hit)
         child = stack[--size];
     }
     return best;
+}
+
+float trace(vec3 origin, vec3 direction, float t_min, float t_max, bool any_hit) {
+    uint slot;
+    return trace_slot(origin, direction, t_min, t_max, any_hit, slot);
 }

@@ -1,0 +1,94 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// Expected error of what a set of cameras will train: a workgroup per viewer, a thread per look, which finds the views nearest
+// to it that see its point (the whole image, exact occlusion) and applies the law. Twin: src/quality/expected.rs.
+#include "shared/bvh.glsl"
+#include "shared/look.glsl"
+#include "shared/law.glsl"
+layout(local_size_x = 64) in;  // looks of a viewer
+
+layout(push_constant) uniform Push {
+    uint views;
+    uint first;  // viewer of the first workgroup
+};
+
+// A camera: position and image axes scaled by the inverse tangents of the half fields of view.
+struct View {
+    vec3 position;
+    float focal;
+    vec3 forward;
+    float cone_cos;
+    vec3 right;
+    float spare0;
+    vec3 down;
+    float spare1;
+};
+
+// Of a viewer.
+struct Verdict {
+    float error;   // mean of exp(law) over the looks that show the surface
+    uint shown;    // looks that show the surface
+    uint unseen;   // of these, looks whose point no view sees
+    float spare0;
+};
+
+layout(binding = 0, std430) readonly buffer Nodes { Node nodes[]; };
+layout(binding = 1, std430) readonly buffer Primitives { vec4 primitives[]; };
+layout(binding = 2, std430) readonly buffer Looks { Look looks[]; };
+layout(binding = 3, std430) readonly buffer Cameras { View cameras[]; };
+layout(binding = 4, std430) readonly buffer LawBlock { Law law[]; };
+layout(binding = 5, std430) writeonly buffer Errors { float errors[]; };  // by look; negative where no view sees the point
+layout(binding = 6, std430) writeonly buffer Verdicts { Verdict verdicts[]; };
+#include "shared/traverse.glsl"
+
+
+float view_cost(uint view, Look look, out vec3 n, out float d) {
+    View camera = cameras[view];
+    vec3 ray = camera.position - look.position;
+    d = max(length(ray), 1e-6);
+    n = ray / d;
+    float z = -dot(n, camera.forward);
+    bool inside = z > 0.0 && abs(dot(n, camera.right)) <= z && abs(dot(n, camera.down)) <= z;
+    if (!inside || dot(n, look.normal) <= 0.0) return 2.0;
+    return 2.0 * asin(min(0.5 * length(look.direction - n), 1.0));
+}
+#include "shared/nearest_views.glsl"
+
+shared float sums[64];
+shared uint counts[64];
+
+void main() {
+    uint viewer = first + gl_WorkGroupID.x, thread = gl_LocalInvocationIndex;
+    Look look = looks[viewer * 64 + thread];
+    float error = 0.0;
+    uint count = 0;
+    if (look.distance > 0.0) {
+        Near found[4];
+        uint have = nearest_views(look, views, 3, found);
+        vec3 angles = vec3(FARTHEST);
+        for (uint k = 0; k < 3; ++k) if (k < have) angles[k] = found[k].cost;
+        float log_ratio = 0.0;
+        if (have > 0) {
+            vec3 n;
+            float d;
+            view_cost(found[0].view, look, n, d);
+            log_ratio = log(d / look.distance);
+        }
+        error = exp(law_at(law[0], angles, log_ratio));
+        count = have > 0 ? 1u : 0x10001u;
+    }
+    errors[viewer * 64 + thread] = count > 1u ? -error : error;
+    sums[thread] = error;
+    counts[thread] = count;
+    for (uint half_ = 32; half_ > 0; half_ >>= 1) {
+        barrier();
+        if (thread < half_) {
+            sums[thread] += sums[thread + half_];
+            counts[thread] += counts[thread + half_];
+        }
+    }
+    if (thread == 0) {
+        uint shown = counts[0] & 0xffffu;
+        verdicts[viewer] = Verdict(shown > 0 ? sums[0] / float(shown) : 0.0, shown, counts[0] >> 16u, 0.0);
+    }
+}

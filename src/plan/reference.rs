@@ -1,0 +1,133 @@
+//! What a plan is measured against: the expected quality of simple layouts in the same region.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::config::{Config, Preset};
+use super::job::Target;
+use super::starts;
+use crate::Result;
+use crate::quality::expected::{Expectation, Judge};
+use crate::quality::law::Law;
+use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::visibility::device_scene::DeviceScene;
+use crate::vulkan::Context;
+
+/// Viewers that layouts are judged by; none of them is one of the optimiser's.
+const VIEWERS: u32 = 512;
+/// What sets them apart.
+const JUDGE_SEED: u64 = 0x6a75_6467;
+
+/// Expected quality of a set of cameras, against the best simple layout of as many.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Expected {
+    /// Decibels of PSNR of trained splats, the mean over viewers; positive is better than the layout it is measured against.
+    pub db: f64,
+    /// Standard deviation of that figure, as the calibration has it.
+    pub sd: f64,
+    /// Share of what viewers look at that no camera sees.
+    pub unseen: f64,
+    /// The layout it is measured against.
+    pub against: String,
+}
+
+impl Expected {
+    /// In words, on one line.
+    pub fn line(&self) -> String {
+        format!(
+            "{:+.2} dB (sd {:.2}) against {}; no camera sees {:.1}% of what viewers look at",
+            self.db,
+            self.sd,
+            self.against,
+            100.0 * self.unseen
+        )
+    }
+}
+
+/// A simple layout and what is expected of it.
+pub struct Layout {
+    /// What it is called.
+    pub name: String,
+    /// Its poses in the planner's frame, kept cameras left out.
+    pub poses: Vec<Pose>,
+    /// What viewers are expected to see of it.
+    pub expectation: Expectation,
+}
+
+/// Simple layouts of as many cameras as a plan has, judged by viewers that no optimiser saw.
+pub struct Reference<'a> {
+    judge: Judge<'a>,
+    scene: &'a DeviceScene,
+    intrinsics: Intrinsics,
+    kept: Vec<Camera>,
+    /// At least one, as [`starts::layouts`] gives them.
+    pub layouts: Vec<Layout>,
+}
+
+impl<'a> Reference<'a> {
+    /// Judges the layouts of `config.views` cameras beside those kept.
+    ///
+    /// # Errors
+    /// Viewers without a place, or a device that fails.
+    pub fn new(
+        context: &Arc<Context>,
+        scene: &'a DeviceScene,
+        target: &Target,
+        (intrinsics, kept): (Intrinsics, &[Camera]),
+        config: &Config,
+    ) -> Result<Self> {
+        let inward = config.preset == Preset::Object;
+        let seed = config.seed ^ JUDGE_SEED;
+        let viewers = config.viewers.sample(&scene.geometry, intrinsics, inward, seed, VIEWERS)?;
+        let judge = Judge::new(context, scene, target.proxy.sphere.1, viewers, &Law::embedded(), seed)?;
+        let mut reference = Self { judge, scene, intrinsics, kept: kept.to_vec(), layouts: Vec::new() };
+        for (name, poses) in starts::layouts(config, &scene.geometry) {
+            let expectation = reference.expect(&poses)?;
+            reference.layouts.push(Layout { name, poses, expectation });
+        }
+        Ok(reference)
+    }
+
+    /// What is expected of poses in the planner's frame, beside the kept cameras.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn expect(&self, poses: &[Pose]) -> Result<Expectation> {
+        let back = self.scene.geometry.to_internal.inverse();
+        let planned = poses.iter().map(|pose| Camera {
+            name: String::new(),
+            pose: back.pose(pose),
+            intrinsics: self.intrinsics,
+        });
+        self.judge.expect(&planned.chain(self.kept.iter().cloned()).collect::<Vec<_>>())
+    }
+
+    /// What is expected of cameras in the user's world, without those kept.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn expect_cameras(&self, cameras: &[Camera]) -> Result<Expectation> {
+        self.judge.expect(cameras)
+    }
+
+    /// The layout of which most is expected.
+    pub fn best(&self) -> &Layout {
+        let error = |layout: &&Layout| layout.expectation.error_db;
+        let best = self.layouts.iter().min_by(|a, b| error(a).total_cmp(&error(b)));
+        // `starts::layouts` always has cameras at random.
+        best.expect("there is a simple layout in every region")
+    }
+
+    /// An expectation against the best layout.
+    pub fn compare(&self, expectation: &Expectation) -> Expected {
+        let best = self.best();
+        let law = Law::embedded();
+        Expected {
+            db: law.decibels(best.expectation.error_db - expectation.error_db),
+            sd: law.spread(),
+            unseen: expectation.unseen,
+            against: best.name.clone(),
+        }
+    }
+}

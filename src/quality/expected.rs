@@ -1,0 +1,217 @@
+//! Expected quality of a set of cameras on looks that no optimiser has used (`expected.comp`), and its twin.
+
+use std::sync::Arc;
+
+use super::law::Law;
+use super::look::{Caster, LOOK, Look, LookPush, Viewer, lift, place};
+use super::nearest::nearest;
+use crate::Result;
+use crate::metrics::score_point::{View, view};
+use crate::scene::camera::Camera;
+use crate::visibility::bvh::Node;
+use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
+use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+
+crate::gpu_struct! {
+    /// Push constants of `expected`.
+    pub struct ExpectedPush {
+        /// Cameras.
+        pub views: u32,
+        /// Viewer of the first workgroup.
+        pub first: u32,
+    }
+}
+
+crate::gpu_struct! {
+    /// What a viewer is expected to see.
+    pub struct Verdict {
+        /// Mean of exp(law) over the looks that show the surface.
+        pub error: f32,
+        /// Looks that show the surface.
+        pub shown: u32,
+        /// Of these, looks whose point no view sees.
+        pub unseen: u32,
+        /// Unused.
+        pub spare0: f32,
+    }
+}
+
+crate::stage!(
+    /// A workgroup per viewer, a thread per look.
+    pub EXPECTED = expected(ExpectedPush) {
+        read nodes, read primitives, read looks, read cameras, read law, write errors, write verdicts,
+    } with [Node, Look, View, Law, Verdict]
+);
+
+/// Looks of a viewer along a side of its picture.
+pub const SIDE: u32 = 8;
+/// Looks of a viewer.
+pub const LOOKS: u32 = SIDE * SIDE;
+/// Viewers that show the surface in fewer looks than this say nothing.
+pub const LEAST_SHOWN: u32 = 4;
+
+/// What viewers are expected to see of what a set of cameras trains.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Expectation {
+    /// Mean over viewers of ten times the decimal logarithm of the mean expected squared error of their looks, in the law's own
+    /// decibels: lower is better.
+    pub error_db: f64,
+    /// Share of the looks whose point no camera sees, the mean over viewers.
+    pub unseen: f64,
+    /// By viewer, in their order; none for those that show too little of the surface.
+    pub viewers: Vec<Option<f32>>,
+}
+
+/// Viewers with what they see, ready to judge sets of cameras.
+pub struct Judge<'a> {
+    context: Arc<Context>,
+    scene: &'a DeviceScene,
+    viewers: Vec<Camera>,
+    looks: Buffer,
+    law: Buffer,
+    errors: Buffer,
+    verdicts: Buffer,
+    pipeline: Pipeline,
+}
+
+impl<'a> Judge<'a> {
+    /// Draws the looks of `viewers`, given in the user's world, on a surface of bounding radius `radius` there.
+    ///
+    /// # Errors
+    /// Where device memory runs out or the device fails.
+    pub fn new(
+        context: &Arc<Context>,
+        scene: &'a DeviceScene,
+        radius: f64,
+        viewers: Vec<Camera>,
+        law: &Law,
+        seed: u64,
+    ) -> Result<Self> {
+        let pool: Vec<Viewer> = viewers.iter().map(|viewer| Viewer::new(viewer, &scene.geometry)).collect();
+        let count = pool.len() as u32;
+        let looks = Buffer::device(context, "looks", u64::from(count * LOOKS) * size_of::<Look>() as u64)?;
+        let viewer_buffer = Buffer::from_slice(context, "viewers", &pool)?;
+        let control = Buffer::from_slice(context, "control", &[0u32])?;
+        let draw = Pipeline::new(context, &LOOK, &[0, 0, 0, 0, 0, scene.discs()])?;
+        let mut commands = Recorder::new(context)?;
+        commands
+            .stage(&draw)
+            .bind(&[&scene.nodes, &scene.primitives, &control, &viewer_buffer, &looks])
+            .push(&push(count, &scene.geometry, radius, seed))
+            .linear((count * LOOKS).div_ceil(64));
+        commands.submit_and_wait()?;
+        drop(commands);
+        Ok(Self {
+            context: context.clone(),
+            scene,
+            looks,
+            law: Buffer::from_slice(context, "law", &[*law])?,
+            errors: Buffer::device(context, "errors", u64::from(4 * count * LOOKS))?,
+            verdicts: Buffer::device(context, "verdicts", u64::from(count) * size_of::<Verdict>() as u64)?,
+            pipeline: Pipeline::new(context, &EXPECTED, &[0, 0, 0, 0, 0, scene.discs()])?,
+            viewers,
+        })
+    }
+
+    /// The viewers, in the user's world.
+    pub fn viewers(&self) -> &[Camera] {
+        &self.viewers
+    }
+
+    /// What the viewers look at, [`LOOKS`] each, in the planner's frame.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn looks(&self) -> Result<Vec<Look>> {
+        self.looks.download(self.viewers.len() * LOOKS as usize)
+    }
+
+    /// Judges cameras, given in the user's world.
+    ///
+    /// # Errors
+    /// Where device memory runs out or the device fails.
+    pub fn expect(&self, cameras: &[Camera]) -> Result<Expectation> {
+        let views: Vec<View> = cameras.iter().map(|camera| view(&self.scene.geometry, camera)).collect();
+        let views = if views.is_empty() { vec![View::default()] } else { views };
+        let camera_buffer = Buffer::from_slice(&self.context, "cameras", &views)?;
+        let mut commands = Recorder::new(&self.context)?;
+        let most = self.context.physical().groups_x as usize;
+        for first in (0..self.viewers.len()).step_by(most) {
+            commands
+                .stage(&self.pipeline)
+                .bind(&[
+                    &self.scene.nodes,
+                    &self.scene.primitives,
+                    &self.looks,
+                    &camera_buffer,
+                    &self.law,
+                    &self.errors,
+                    &self.verdicts,
+                ])
+                .push(&ExpectedPush { views: cameras.len() as u32, first: first as u32 })
+                .groups([most.min(self.viewers.len() - first) as u32, 1, 1]);
+        }
+        commands.submit_and_wait()?;
+        drop(commands);
+        Ok(aggregate(&self.verdicts.download::<Verdict>(self.viewers.len())?))
+    }
+
+    /// Expected errors by look of the cameras judged last: exp(law), negative where no view sees the point, zero where the
+    /// look shows no surface.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn errors(&self) -> Result<Vec<f32>> {
+        self.errors.download(self.viewers.len() * LOOKS as usize)
+    }
+}
+
+fn push(count: u32, geometry: &SceneGeometry, radius: f64, seed: u64) -> LookPush {
+    let seed = (seed ^ (seed >> 32)) as u32;
+    LookPush { pool: count, count, first: 0, side: SIDE, seed, lift: lift(geometry, radius) }
+}
+
+/// The mean over viewers.
+fn aggregate(verdicts: &[Verdict]) -> Expectation {
+    let counts = |verdict: &&Verdict| verdict.shown >= LEAST_SHOWN;
+    let decibels = |verdict: &Verdict| 10.0 * verdict.error.max(f32::MIN_POSITIVE).log10();
+    let all = verdicts.iter().filter(counts).count().max(1) as f64;
+    Expectation {
+        error_db: verdicts.iter().filter(counts).map(|verdict| f64::from(decibels(verdict))).sum::<f64>() / all,
+        unseen: verdicts.iter().filter(counts).map(|v| f64::from(v.unseen) / f64::from(v.shown)).sum::<f64>() / all,
+        viewers: verdicts.iter().map(|verdict| counts(&verdict).then(|| decibels(verdict))).collect(),
+    }
+}
+
+/// The twin of [`Judge`]: the looks of `viewers` and what is expected of `cameras` there, both given in the user's world.
+pub fn expect(
+    geometry: &SceneGeometry,
+    radius: f64,
+    viewers: &[Camera],
+    cameras: &[Camera],
+    law: &Law,
+    seed: u64,
+) -> (Vec<Look>, Expectation) {
+    let LookPush { seed, lift, .. } = push(viewers.len() as u32, geometry, radius, seed);
+    let caster = Caster::new(geometry, lift);
+    let views: Vec<View> = cameras.iter().map(|camera| view(geometry, camera)).collect();
+    let mut looks = Vec::new();
+    let mut verdicts = Vec::new();
+    for (viewer, index) in viewers.iter().map(|viewer| Viewer::new(viewer, geometry)).zip(0..) {
+        let mut verdict = Verdict::default();
+        let mut sum = 0.0;
+        for pixel in 0..LOOKS {
+            let look = caster.look(index, &viewer, place(seed, index, pixel, SIDE));
+            if look.distance > 0.0 {
+                let found = nearest(&geometry.bvh, &look, &views, 3);
+                verdict.shown += 1;
+                verdict.unseen += u32::from(found.is_empty());
+                sum += law.log_error(&found).exp();
+            }
+            looks.push(look);
+        }
+        verdict.error = if verdict.shown > 0 { (sum / f64::from(verdict.shown)) as f32 } else { 0.0 };
+        verdicts.push(verdict);
+    }
+    (looks, aggregate(&verdicts))
+}

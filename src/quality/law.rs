@@ -1,0 +1,46 @@
+//! The law of expected error.
+
+use super::nearest::{FARTHEST, Near};
+
+crate::gpu_struct! {
+    /// The law as the device has it (`shared/law.glsl`): the logarithm of the squared error of trained splats at a look, beside
+    /// what the material itself makes of it.
+    pub struct Law {
+        /// By the angle of the first, second and third nearest view that sees the point, in radians.
+        pub angle: [f32; 3],
+        /// By the logarithm of the nearest one's distance over the viewer's, where it is farther away.
+        pub farther: f32,
+    }
+}
+
+impl Law {
+    /// The one that is built in.
+    pub fn embedded() -> Self {
+        Self { angle: [0.967, 0.114, 0.334], farther: 0.421 }
+    }
+
+    /// Logarithm of the squared error at a look whose nearest views are these, beside what the material makes of it.
+    pub fn log_error(&self, found: &[Near]) -> f64 {
+        let angle = |k: usize| f64::from(found.get(k).map_or(FARTHEST, |near| near.angle));
+        let by_angle: f64 = (0..3).map(|k| f64::from(self.angle[k]) * angle(k)).sum();
+        let log_ratio = found.first().map_or(0.0, |near| f64::from(near.ratio).ln());
+        by_angle + f64::from(self.farther) * log_ratio.max(0.0)
+    }
+}
+
+/// Decibels of trained PSNR for a decibel of the law, and what is left of the difference of two layouts, as a standard
+/// deviation in decibels: both of runs of layouts that the law was not fitted to.
+const SLOPE: f64 = 1.2;
+const SPREAD: f64 = 0.2;
+
+impl Law {
+    /// What a difference of expected errors, in the law's decibels, comes to in trained PSNR.
+    pub fn decibels(&self, difference: f64) -> f64 {
+        SLOPE * difference
+    }
+
+    /// Standard deviation of [`Law::decibels`], in decibels.
+    pub fn spread(&self) -> f64 {
+        SPREAD
+    }
+}

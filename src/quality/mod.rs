@@ -1,0 +1,8 @@
+//! Expected quality: what splats trained on the photographs of a set of cameras will show, told before anything is
+//! photographed.
+
+pub mod expected;
+pub mod law;
+pub mod look;
+pub mod nearest;
+pub mod viewers;

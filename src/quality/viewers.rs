@@ -1,0 +1,150 @@
+//! Viewers: from where people will look at what is trained.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::random;
+use crate::scene::region::Shape;
+use crate::visibility::device_scene::SceneGeometry;
+use crate::{Error, Result};
+
+/// First stream of the viewers' poses; each try has one of its own, and so has where it looks.
+const POSITIONS: u32 = 0x7669_6500;
+const DIRECTIONS: u32 = 0x7669_6600;
+/// Tries for each viewer.
+const TRIES: u32 = 200;
+
+/// A distribution of poses from which people look, in the user's world.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Viewers {
+    /// By the region. Around an object a third each: at half of its outer radius and at the whole of it, looking at the
+    /// centre, and anywhere between with the centre anywhere in the picture. In a box or a room: anywhere in free space,
+    /// in any direction. Above the floor where there is one.
+    #[default]
+    Region,
+    /// As around an object, between two spheres.
+    Shell {
+        /// Their centre.
+        centre: DVec3,
+        /// The smaller radius.
+        r_min: f64,
+        /// The larger radius.
+        r_max: f64,
+    },
+    /// Anywhere in a box, in any direction.
+    Box {
+        /// Lowest corner.
+        min: DVec3,
+        /// Highest corner.
+        max: DVec3,
+    },
+    /// As by the region, but in a cone about its centre only.
+    Cone {
+        /// Direction from the centre to the middle of the cone.
+        axis: DVec3,
+        /// Full opening angle in degrees.
+        degrees: f64,
+    },
+    /// As by the region, but between two heights along up only.
+    Heights {
+        /// The lower.
+        low: f64,
+        /// The higher.
+        high: f64,
+    },
+    /// These cameras, each as often as the others.
+    Cameras(Vec<Camera>),
+}
+
+impl Viewers {
+    /// `count` viewers with the lens `intrinsics` (cameras have their own), in the user's world. `inward`: of an object, seen
+    /// from around it. The same seed gives the same viewers, the first of a larger count among them.
+    ///
+    /// # Errors
+    /// Where no place fits what is asked for.
+    pub fn sample(
+        &self,
+        geometry: &SceneGeometry,
+        intrinsics: Intrinsics,
+        inward: bool,
+        seed: u64,
+        count: u32,
+    ) -> Result<Vec<Camera>> {
+        if let Self::Cameras(cameras) = self {
+            if cameras.is_empty() {
+                return Err(Error::request("viewers: there are no cameras; name a file with some"));
+            }
+            return Ok((0..count as usize).map(|i| cameras[i % cameras.len()].clone()).collect());
+        }
+        let back = geometry.to_internal.inverse();
+        let (centre, radius) = match *self {
+            Self::Shell { centre, r_max, .. } => (centre, r_max),
+            _ => {
+                let (centre, radius) = geometry.region.bounding_sphere();
+                (back.point(centre), back.length(radius))
+            }
+        };
+        let up = back.direction(geometry.region.up);
+        let floor = geometry.region.floor.map(|floor| back.point(floor * geometry.region.up).dot(up));
+        let fits = |place: DVec3| {
+            let height = place.dot(up);
+            floor.is_none_or(|floor| height >= floor)
+                && match *self {
+                    Self::Cone { axis, degrees } => {
+                        (place - centre).angle_between(axis) <= 0.5 * degrees.to_radians()
+                    }
+                    Self::Heights { low, high } => (low..=high).contains(&height),
+                    _ => true,
+                }
+        };
+        let around = match (self, geometry.region.shape) {
+            (Self::Shell { r_min, r_max, .. }, _) => Some((*r_min, *r_max)),
+            (Self::Box { .. }, _) | (_, Shape::Box { .. }) => None,
+            _ if !inward => None,
+            _ => Some((0.5 * radius, radius)),
+        };
+        let place = |stream: u32, i: u32| -> DVec3 {
+            let [u, v, w, _] = random::uniforms(seed, stream, i);
+            match (around, self) {
+                (Some((near, far)), _) => {
+                    let distance = match i % 3 {
+                        0 => near,
+                        1 => far,
+                        // Even in volume.
+                        _ => (near.powi(3) + (far.powi(3) - near.powi(3)) * w).cbrt(),
+                    };
+                    centre + distance * random::direction(u, v)
+                }
+                (None, Self::Box { min, max }) => *min + (*max - *min) * DVec3::new(u, v, w),
+                (None, _) => back.point(geometry.free.sample(seed, stream, i)),
+            }
+        };
+        let viewer = |i: u32| {
+            let mut places = (0..TRIES).map(|k| place(POSITIONS + k, i));
+            let position = places.find(|place| fits(*place))?;
+            let [u, v, ..] = random::uniforms(seed, DIRECTIONS, i);
+            let pose = match around {
+                Some(_) if i % 3 < 2 => Pose::looking(position, centre - position, up),
+                Some(_) => aside(position, centre - position, up, &intrinsics, [u, v]),
+                None => Pose::looking(position, random::direction(u, v), up),
+            };
+            Some(Camera { name: format!("viewer_{i:05}"), pose, intrinsics })
+        };
+        (0..count).map(viewer).collect::<Option<Vec<_>>>().ok_or_else(|| {
+            Error::request("viewers: hardly any place fits what --viewers says of it, above the floor if there is one; give a larger part")
+        })
+    }
+}
+
+/// The pose at `position` that has what lies in `direction` at image position (u, v), each in [0, 1).
+fn aside(position: DVec3, direction: DVec3, up: DVec3, intrinsics: &Intrinsics, [u, v]: [f64; 2]) -> Pose {
+    let straight = Pose::looking(position, direction, up);
+    let [fx, fy] = intrinsics.focal;
+    let [cx, cy] = intrinsics.principal;
+    let (x, y) = ((u * f64::from(intrinsics.width) - cx) / fx, (v * f64::from(intrinsics.height) - cy) / fy);
+    // Turned the other way by the same: nearly so, since the image stays upright.
+    let forward = straight.rotation * DVec3::new(-x, -y, 1.0);
+    Pose::looking(position, forward, up)
+}
