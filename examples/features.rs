@@ -13,7 +13,7 @@ use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 
 #[derive(serde::Deserialize)]
-struct In { scene: String, corners: Option<[f64; 6]>, k: [f64; 6], tests: Vec<[[f64; 4]; 4]>, px: Vec<[f64; 2]>, pv: Vec<usize>, runs: Vec<Vec<[[f64; 4]; 4]>> }
+struct In { scene: String, corners: Option<[f64; 6]>, k: [f64; 6], tests: Vec<[[f64; 4]; 4]>, px: Vec<[f64; 2]>, pv: Vec<usize>, runs: Vec<Vec<[[f64; 4]; 4]>>, #[serde(default)] background: bool }
 fn pose(m: &[[f64; 4]; 4]) -> Pose {
     let c = |i: usize, s: f64| s * DVec3::new(m[0][i], m[1][i], m[2][i]);
     Pose { position: c(3, 1.0), rotation: DQuat::from_mat3(&DMat3::from_cols(c(0, 1.0), c(1, -1.0), c(2, -1.0))).normalize() }
@@ -36,8 +36,19 @@ fn main() {
     let rows: Vec<Vec<f32>> = (0..input.px.len()).into_par_iter().map(|i| {
         let [y, x] = input.px[i];
         let look = caster.look(input.pv[i] as u32, &tests[input.pv[i]], [((x + 0.5) / w) as f32, ((y + 0.5) / h) as f32]);
+        let mut look = look;
+        let surface = look.distance > 0.0;
+        if !surface && input.background {
+            let c = geometry.to_internal.point(target.proxy.sphere.0).as_vec3();
+            let t = &tests[input.pv[i]];
+            let o = glam::Vec3::from(t.position);
+            let (u, v) = (((x + 0.5) / w) as f32, ((y + 0.5) / h) as f32);
+            let dir = (glam::Vec3::from(t.corner) + u * glam::Vec3::from(t.across) + v * glam::Vec3::from(t.along)).normalize();
+            let along = (c - o).dot(dir);
+            look.position = (o + along * dir).to_array(); look.direction = (-dir).to_array(); look.distance = along; look.normal = [0.0; 3];
+        }
         let viewer_cos = glam::Vec3::from(look.normal).dot(glam::Vec3::from(look.direction));
-        let mut row = vec![look.distance, viewer_cos];
+        let mut row = vec![if surface { look.distance } else { -look.distance }, viewer_cos];
         row.extend(look.position); row.extend(look.direction);
         for views in &runs {
             let mut found = if look.distance > 0.0 { nearest(&geometry.bvh, &look, views, 400) } else { Vec::new() };

@@ -22,6 +22,10 @@ layout(binding = 8, std430) writeonly buffer Partials { Gradient partials[]; };
 layout(binding = 9, std430) writeonly buffer Tallies { Tally tallies[]; };
 #include "shared/traverse.glsl"
 
+// Radians that a splat counts as off for each sine by which the point lies outside of its picture: steep enough that it turns
+// to what is judged by yes and no.
+const float TURN = 8.0;
+
 // The angle at the point between viewer and splat, and how far the splat would have to turn to have the point in its picture.
 float view_cost(uint view, Look look, out vec3 n, out float d) {
     Splat splat = splats[view];
@@ -31,7 +35,7 @@ float view_cost(uint view, Look look, out vec3 n, out float d) {
     if (dot(n, look.normal) <= 0.0) return 2.0;
     float angle = 2.0 * asin(min(0.5 * length(look.direction - n), 1.0));
     if (angle >= 2.0) return 2.0;
-    return angle - settings[0].turn_weight * log(max(gate(-n, splat, settings[0]).open, 1e-30));
+    return angle - TURN * settings[0].gate_softness * log(max(gate(-n, splat, settings[0]).open, 1e-30));
 }
 #include "shared/nearest_views.glsl"
 
@@ -49,42 +53,27 @@ vec2 total_of(vec2 value) {
     return sums[0];
 }
 
-// The law of up to four costs in order, where one of them may be left out.
-float without(vec4 costs, uint left_out, vec4 log_ratios) {
-    vec3 angles;
-    uint to = 0;
-    for (uint k = 0; k < 4 && to < 3; ++k) if (k != left_out) angles[to++] = costs[k];
-    return law_at(law[0], angles, left_out == 0 ? log_ratios.y : log_ratios.x);
-}
-
 void main() {
     Settings s = settings[0];
     if (control[0].halt != 0) return;
     uint viewer = gl_WorkGroupID.x, thread = gl_LocalInvocationIndex, place = viewer * 64 + thread;
     Look look = looks[place];
     bool shown = look.distance > 0.0;
-    Near found[4];
+    Near found[3];
     uint have = 0;
-    vec4 costs = vec4(FARTHEST), log_ratios = vec4(0.0);
-    vec3 n[4];
-    float d[4];
-    for (uint k = 0; k < 4; ++k) {
-        n[k] = vec3(0.0);
-        d[k] = 1.0;
-        found[k] = Near(2.0, NONE);
-    }
-    float value = 0.0, error = 0.0;
+    vec3 n[3];
+    float d[3];
+    float error = 0.0, log_ratio = 0.0;
     if (shown) {
-        have = nearest_views(look, control[0].live, 4, found);
-        for (uint k = 0; k < have; ++k) {
-            costs[k] = view_cost(found[k].view, look, n[k], d[k]);
-            log_ratios[k] = log(d[k] / look.distance);
-        }
-        value = without(costs, 4, log_ratios);
-        error = exp(value);
+        have = nearest_views(look, control[0].live, found);
+        vec3 costs = vec3(FARTHEST);
+        for (uint k = 0; k < have; ++k) costs[k] = view_cost(found[k].view, look, n[k], d[k]);
+        if (have > 0) log_ratio = log(d[0] / look.distance);
+        error = exp(law_at(law[0], costs, log_ratio));
     }
     vec2 total = total_of(vec2(error, shown ? 1.0 : 0.0));
     // The loss of a viewer is log(total.x / total.y): each look's part of its gradient.
+    float turn = TURN * s.gate_softness;
     float viewers = float(s.probes), weight = shown ? error / (total.x * viewers) : 0.0;
     for (uint k = 0; k < 3; ++k) {
         uint record = place * 3 + k;
@@ -96,14 +85,10 @@ void main() {
         float by_cost = weight * law[0].angle[k];
         // By the unit direction n: of the angle, whose chord is 2 sin(angle/2), and of the turn, whose gate looks along -n.
         float cosine = clamp(dot(look.direction, n[k]), -1.0, 1.0), sine = sqrt(max(1.0 - cosine * cosine, 1e-8));
-        vec3 by_n = by_cost * (-look.direction / sine + s.turn_weight * g.by_view);
+        vec3 by_n = by_cost * (-look.direction / sine + turn * g.by_view);
         grad.centre = (by_n - dot(by_n, n[k]) * n[k]) / d[k];
-        if (k == 0) {
-            if (log_ratios.x > 0.0) grad.centre += weight * law[0].farther / d[k] * n[k];
-        }
-        grad.direction = -by_cost * s.turn_weight * g.by_direction;
-        // The rise of the loss if this splat were not there, as far as this look goes.
-        grad.utility = weight * (exp(without(costs, k, log_ratios) - value) - 1.0);
+        if (k == 0 && log_ratio > 0.0) grad.centre += weight * law[0].farther / d[k] * n[k];
+        grad.direction = -by_cost * turn * g.by_direction;
         partials[record] = grad;
     }
     if (thread == 0) {

@@ -136,9 +136,6 @@ pub struct Config {
     pub lambda_scale: f32,
     /// From where people will look at what is trained.
     pub viewers: Viewers,
-    /// What the expected-quality objective counts a splat off for each factor of e that its gate lets through less, in
-    /// radians.
-    pub turn_weight: f32,
     /// Softness of the nearest-view minimum.
     pub nearest_tau: f32,
     /// What distances count beside angles in the nearest-view minimum: radians that a view e
@@ -236,13 +233,13 @@ impl Config {
             views,
             preset,
             seed: 0,
-            iterations: 1000,
+            iterations: if preset == Preset::Object { 300 } else { 600 },
             probes: 20,
             pool: 2048,
             resolution: None,
             objective: Objective::Quality,
-            gate: Gate::Soft,
-            gate_softness: 0.02,
+            gate: Gate::Pinhole,
+            gate_softness: 0.01,
             kernel: Kernel::Angular,
             alpha: 0.1,
             occlusion: true,
@@ -253,11 +250,10 @@ impl Config {
             lambda_bound: 10.0,
             lambda_scale: 0.2,
             viewers: Viewers::Region,
-            turn_weight: 0.04,
             nearest_tau: 0.02,
             distance_weight: if preset == Preset::Object { 0.3 } else { 0.0 },
-            rate_centre: 0.0065,
-            rate_direction: 0.02,
+            rate_centre: 0.015,
+            rate_direction: 0.05,
             rate_scale: 0.005,
             decay: 0.05,
             scale: None,

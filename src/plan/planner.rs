@@ -241,9 +241,6 @@ impl<'a> Planner<'a> {
         let (b, p, s, scene, maps) = (&self.buffers, &self.pipelines, &self.settings, self.scene, &self.maps);
         let least = ((s.splats - s.kept) / 10).max(1);
         commands.stage(&p.rank).bind(&[&b.settings, &b.control, &b.moments, &b.order]).linear(s.splats.div_ceil(64));
-        if let Way::Viewed(viewed) = &p.splat {
-            return viewed.relocate(commands, scene, b, least);
-        }
         commands
             .stage(&p.relocate)
             .bind(&[

@@ -129,7 +129,7 @@ impl Preparation {
             iterations: if config.iterative { round_length * config.views } else { config.iterations },
             round_length,
             seed: (config.seed ^ (config.seed >> 32)) as u32,
-            relocate_every: if config.iterative { 0 } else { config.relocate_every },
+            relocate_every: if config.iterative || quality { 0 } else { config.relocate_every },
             relocate_until: (config.relocate_until * config.iterations as f32) as u32,
             weighted: config.vds as u32,
             equal: config.equal_probes as u32,
@@ -144,7 +144,6 @@ impl Preparation {
             lambda_scale: config.lambda_scale,
             scale_floor: 0.5 * start_scale,
             nearest_tau: config.nearest_tau,
-            turn_weight: config.turn_weight,
             distance_weight: if config.objective == Objective::Nearest { config.distance_weight } else { 0.0 },
         };
         let scene_bytes = geometry.bytes();

@@ -62,8 +62,6 @@ gpu_struct! {
         pub nearest_tau: f32,
         /// Radians that a view e times as far away as wanted is off, in the nearest-view minimum.
         pub distance_weight: f32,
-        /// Radians that a splat is off for each factor of e that its gate lets through less (quality).
-        pub turn_weight: f32,
     }
 }
 

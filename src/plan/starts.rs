@@ -6,8 +6,9 @@ use crate::scene::camera::Pose;
 use crate::scene::region::Shape;
 use crate::visibility::device_scene::SceneGeometry;
 
-/// Parts of the way through the shell that even layouts stand at.
-const PARTS: [f64; 4] = [0.1, 0.35, 0.6, 0.85];
+/// Parts of the way through the shell that even layouts stand at, each turned in its own way: nearer to either end photographs of
+/// an object train worse (docs/quality.md).
+const PARTS: [f64; 6] = [0.5, 0.5, 0.5, 0.5, 0.35, 0.65];
 
 /// Simple layouts of `config.views` cameras in the planner's frame, each at free places: even spheres at several distances around
 /// an object; in a room a grid at eye height; cameras at random in both.

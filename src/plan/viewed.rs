@@ -1,16 +1,16 @@
-//! The pass of expected quality: looks of fresh viewers each iteration (`look.comp`), what they ask of the splats nearest to
-//! them (`viewed.comp`), and splats that do little put where a viewer sees badly (`relocate_viewed.comp`).
+//! The pass of expected quality: looks of fresh viewers each iteration (`look.comp`), and what they ask of the splats nearest to
+//! them (`viewed.comp`).
 
 use std::sync::Arc;
 
 use super::buffers::Buffers;
-use super::shared::{Control, Gradient, Moments, Settings, Splat, Tally};
+use super::shared::{Control, Gradient, Settings, Splat, Tally};
 use crate::Result;
 use crate::quality::expected::{LOOKS, SIDE};
 use crate::quality::law::Law;
 use crate::quality::look::{self, LOOK, Look, LookPush, Viewer};
 use crate::visibility::bvh::Node;
-use crate::visibility::device_scene::{DeviceRegion, DeviceScene};
+use crate::visibility::device_scene::DeviceScene;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::stage!(
@@ -21,19 +21,10 @@ crate::stage!(
     } with [Settings, Control, Splat, Node, Look, Law, Gradient, Tally]
 );
 
-crate::stage!(
-    /// A workgroup for each of the tenth of splats with the least utility.
-    pub RELOCATE_VIEWED = relocate_viewed(()) {
-        read settings, read control, write splats, read looks, read tallies, write moments, read order, read region,
-        read free_distance, read nodes, read primitives,
-    } with [Settings, Control, Splat, Look, Tally, Moments, DeviceRegion, Node]
-);
-
 /// Pipelines and buffers of the pass.
 pub(super) struct Viewed {
     draw: Pipeline,
     judge: Pipeline,
-    relocate: Pipeline,
     viewers: Buffer,
     looks: Buffer,
     law: Buffer,
@@ -50,11 +41,10 @@ impl Viewed {
         constants: &[u32],
         looks: Buffer,
     ) -> Result<Self> {
-        let [draw, judge, relocate] = Pipeline::several(context, [&LOOK, &VIEWED, &RELOCATE_VIEWED], constants)?;
+        let [draw, judge] = Pipeline::several(context, [&LOOK, &VIEWED], constants)?;
         Ok(Self {
             draw,
             judge,
-            relocate,
             viewers: Buffer::from_slice(context, "viewers", viewers)?,
             looks,
             law: Buffer::from_slice(context, "law", &[Law::embedded()])?,
@@ -91,31 +81,5 @@ impl Viewed {
                 &b.tallies,
             ])
             .groups([self.push.count, 1, 1]);
-    }
-
-    /// Records the relocation of `least` splats.
-    pub(super) fn relocate<'a>(
-        &'a self,
-        commands: &mut Recorder<'a>,
-        scene: &'a DeviceScene,
-        b: &'a Buffers,
-        least: u32,
-    ) {
-        commands
-            .stage(&self.relocate)
-            .bind(&[
-                &b.settings,
-                &b.control,
-                &b.splats,
-                &self.looks,
-                &b.tallies,
-                &b.moments,
-                &b.order,
-                &scene.region,
-                &scene.free_distance,
-                &scene.nodes,
-                &scene.primitives,
-            ])
-            .groups([least, 1, 1]);
     }
 }

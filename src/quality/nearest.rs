@@ -41,7 +41,7 @@ pub fn nearest(bvh: &Bvh, look: &Look, views: &[View], most: usize) -> Vec<Near>
         let forward = along(view.forward);
         let inside = forward > 0.0 && along(view.right).abs() <= forward && along(view.down).abs() <= forward;
         let (angle, cosine) = (angle(direction, n), n.dot(normal));
-        if inside && cosine > 0.0 && angle < FARTHEST {
+        if inside && (cosine > 0.0 || normal == Vec3::ZERO) && angle < FARTHEST {
             gated.push((Near { angle, ratio: distance / look.distance, cosine, view: index }, n, distance));
         }
     }

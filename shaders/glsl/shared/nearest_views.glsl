@@ -17,10 +17,10 @@ struct Near {
     uint view;
 };
 
-// Fills the first places of `found` with the nearest of `count` views that nothing hides; returns how many there are.
-uint nearest_views(Look look, uint count, uint most, out Near found[4]) {
+// Fills `found` with the three nearest of `count` views that nothing hides; returns how many there are.
+uint nearest_views(Look look, uint count, out Near found[3]) {
     uint have = 0;
-    for (uint k = 0; k < 4; ++k) found[k] = Near(FARTHEST, 0xffffffffu);
+    for (uint k = 0; k < 3; ++k) found[k] = Near(FARTHEST, 0xffffffffu);
     float last_cost = -1.0;
     uint last_view = 0;
     for (uint walk = 0; walk < WALKS; ++walk) {
@@ -57,7 +57,7 @@ uint nearest_views(Look look, uint count, uint most, out Near found[4]) {
             if (trace(look.position, n, 0.0, d, true) < MISS) continue;
             found[have] = Near(costs[k], listed[k]);
             ++have;
-            if (have == most) return have;
+            if (have == 3) return have;
         }
         last_cost = costs[LISTED - 1];
         last_view = listed[LISTED - 1];

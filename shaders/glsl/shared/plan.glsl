@@ -48,7 +48,6 @@ struct Settings {
     float scale_floor;
     float nearest_tau;
     float distance_weight;  // radians that a view e times as far away as wanted is off (nearest)
-    float turn_weight;      // radians that a point's gate half open is worth, over log 2 (quality)
 };
 
 // What changes from one iteration to the next; written by `update` alone, at its end.
