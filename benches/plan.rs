@@ -106,7 +106,7 @@ fn iteration(
         objective: Objective::Splat,
         probes,
         pass,
-        ..Config::new(scene.preset, views)
+        ..Config::of(Objective::Splat, scene.preset, views)
     };
     let planner = scene.planner(context, config, 20)?;
     let resolution = planner.maps().resolution;
@@ -155,8 +155,12 @@ fn whole(
     views: u32,
     probes: u32,
 ) -> Result<()> {
-    let config =
-        Config { probes, resolution: Some(32), objective: Objective::Splat, ..Config::new(scene.preset, views) };
+    let config = Config {
+        probes,
+        resolution: Some(32),
+        objective: Objective::Splat,
+        ..Config::of(Objective::Splat, scene.preset, views)
+    };
     let planner = scene.planner(context, config, 0)?;
     let blocks = planner.settings().iterations / planner.block();
     let repeats = if context.physical().kind == "CPU" { 1 } else { 15 };

@@ -357,8 +357,12 @@ fn starts(context: &Arc<Context>, scenes: &[Scene], seeds: u64) -> Result<()> {
                 (", neither", false, false),
             ] {
                 let config = |seed| {
-                    let mut config =
-                        Config { seed, start, objective: Objective::Splat, ..Config::new(scene.preset, scene.views) };
+                    let mut config = Config {
+                        seed,
+                        start,
+                        objective: Objective::Splat,
+                        ..Config::of(Objective::Splat, scene.preset, scene.views)
+                    };
                     base(&mut config);
                     if !reg {
                         config.lambda_reg = 0.0;

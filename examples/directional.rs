@@ -182,8 +182,13 @@ fn main() -> Result<()> {
             for seed in 0..arguments.seeds {
                 let points = photographed(&mesh, arguments.input, seed)?;
                 let scene = Scene::new(&context, &Surface::Points(points), Some(region))?;
-                let config =
-                    Config { seed, objective, vds, directional, ..Config::new(Preset::Object, arguments.views) };
+                let config = Config {
+                    seed,
+                    objective,
+                    vds,
+                    directional,
+                    ..Config::of(objective, Preset::Object, arguments.views)
+                };
                 let geometry = &scene.device.geometry;
                 let preparation = Preparation::new(&context, geometry, &scene.proxy, &intrinsics(), &[], config)?;
                 let planner = Planner::new(&context, &scene.device, preparation)?;

@@ -75,7 +75,8 @@ type Look = (DVec3, DVec3);
 fn around(centre: DVec3, (near, far): (f64, f64), views: usize, draws: &mut Draws) -> Vec<(&'static str, Vec<Look>)> {
     let middle = 0.5 * (near + far);
     let radius = near / 2.13;
-    let at = |directions: &[DVec3], r: f64| -> Vec<Look> { directions.iter().map(|d| (centre + r * *d, centre)).collect() };
+    let at =
+        |directions: &[DVec3], r: f64| -> Vec<Look> { directions.iter().map(|d| (centre + r * *d, centre)).collect() };
     let even = |draws: &mut Draws| -> Vec<DVec3> {
         let turn = draws.rotation();
         fibonacci(views).into_iter().map(|d| turn * d).collect()
@@ -135,7 +136,8 @@ fn around(centre: DVec3, (near, far): (f64, f64), views: usize, draws: &mut Draw
     all.push(("halves", halves.collect()));
     for (name, off) in [("aim25", 0.25), ("aim50", 0.5)] {
         let directions = even(draws);
-        let aimed = directions.iter().map(|d| (centre + middle * *d, centre + off * radius / 3f64.sqrt() * draws.normal()));
+        let aimed =
+            directions.iter().map(|d| (centre + middle * *d, centre + off * radius / 3f64.sqrt() * draws.normal()));
         all.push((name, aimed.collect()));
     }
     all
@@ -158,7 +160,8 @@ fn inside(space: &FreeSpace, views: usize, draws: &mut Draws) -> Vec<(&'static s
     let grid = (0..views).map(|i| {
         let (stand, turn) = (i / 4, i % 4);
         let (column, row) = (stand % columns, stand / columns);
-        let mut p = low + extent * DVec3::new((column as f64 + 0.5) / columns as f64, 0.0, (row as f64 + 0.5) / rows as f64);
+        let mut p =
+            low + extent * DVec3::new((column as f64 + 0.5) / columns as f64, 0.0, (row as f64 + 0.5) / rows as f64);
         p += (eye - p.dot(up)) * up;
         let angle = TAU * (turn as f64 / 4.0 + 0.125);
         let p = space.project(p);

@@ -161,8 +161,13 @@ fn plan(driver: &Driver<'_>, pass: Pass, own: &Arc<Context>) -> Outcome {
     let intrinsics = Intrinsics::from_fov(800, 800, 50f64.to_radians());
     let choice = RegionChoice::default();
     let target = Target::new(&samples::object(), "object", Preset::Object, &choice, DVec3::Z, &intrinsics).unwrap();
-    let short =
-        Config { seed: 5, iterations: 60, pool: 256, objective: Objective::Splat, ..Config::new(Preset::Object, 12) };
+    let short = Config {
+        seed: 5,
+        iterations: 60,
+        pool: 256,
+        objective: Objective::Splat,
+        ..Config::of(Objective::Splat, Preset::Object, 12)
+    };
     let config = Config { pass, relocate_every: 10, checkpoint_every: 20, ..short };
     let geometry = SceneGeometry::new(&target.proxy, &target.region).unwrap();
     let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &[], config).unwrap();

@@ -29,7 +29,7 @@ fn small(preset: Preset, views: u32) -> Config {
         pool: 64,
         checkpoint_every: 10,
         relocate_every: 10,
-        ..Config::new(preset, views)
+        ..Config::of(Objective::Splat, preset, views)
     }
 }
 
@@ -327,8 +327,13 @@ fn a_scaled_moved_and_turned_scene_gives_the_plan_scaled_moved_and_turned() {
 fn a_plan_is_better_than_its_start() {
     let context = context();
     for (preset, scene, views) in [(Preset::Object, object(&context), 40), (Preset::Room, room(&context), 120)] {
-        let config =
-            Config { iterations: 300, probes: 20, pool: 512, checkpoint_every: 50, ..Config::new(preset, views) };
+        let config = Config {
+            iterations: 300,
+            probes: 20,
+            pool: 512,
+            checkpoint_every: 50,
+            ..Config::of(Objective::Splat, preset, views)
+        };
         let outcome = run(&context, &scene, config);
         let points = scene.proxy.sample(300, 0, 1);
         let scorer = Scorer::new(&context, &scene.device, &points).expect("a scorer");
@@ -367,7 +372,7 @@ fn the_dense_pass_takes_as_many_cameras_as_it_says() {
         pool: 16,
         checkpoint_every: 1,
         relocate_every: 0,
-        ..Config::new(Preset::Object, MOST_DENSE)
+        ..Config::of(Objective::Splat, Preset::Object, MOST_DENSE)
     };
     let dense = planner(&context, &scene, Config { pass: Pass::Dense, ..config.clone() });
     let binned = planner(&context, &scene, Config { pass: Pass::Binned, ..config });

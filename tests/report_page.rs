@@ -113,6 +113,8 @@ fn record(path: &str, region: Region, cameras: Vec<Camera>, kept: usize) -> Plan
         history: history.collect(),
         checkpoints: checkpoints.collect(),
         metrics: metrics(1.0),
+        expected: None,
+        began_from: None,
         controls: vec![control("random", 0.0), control("fibonacci", 0.55)],
         seconds: 83.4,
     }

@@ -150,7 +150,7 @@ fn five_iterations_are_those_of_the_twin() {
         // where a splat is just out, rounding of the position decides about the step.
         lambda_bound: 0.1,
         seed: 11,
-        ..Config::new(Preset::Object, 12)
+        ..Config::of(Objective::Splat, Preset::Object, 12)
     };
     let cases = [
         ("splat", joint.clone()),

@@ -26,7 +26,7 @@ struct View {
 
 // Of a viewer.
 struct Verdict {
-    float error;   // mean of exp(law) over the looks that show the surface
+    float error;   // weighted sum of exp(law) over all looks, over their number
     uint shown;    // looks that show the surface
     uint unseen;   // of these, looks whose point no view sees
     float spare0;
@@ -49,7 +49,7 @@ float view_cost(uint view, Look look, out vec3 n, out float d) {
     n = ray / d;
     float z = -dot(n, camera.forward);
     bool inside = z > 0.0 && abs(dot(n, camera.right)) <= z && abs(dot(n, camera.down)) <= z;
-    if (!inside || dot(n, look.normal) <= 0.0) return 2.0;
+    if (!inside || dot(n, look.normal) <= 0.0 && look.normal != vec3(0.0)) return 2.0;
     return 2.0 * asin(min(0.5 * length(look.direction - n), 1.0));
 }
 #include "shared/nearest_views.glsl"
@@ -74,10 +74,11 @@ void main() {
             view_cost(found[0].view, look, n, d);
             log_ratio = log(d / look.distance);
         }
-        error = exp(law_at(law[0], angles, log_ratio));
-        count = have > 0 ? 1u : 0x10001u;
+        error = look.weight * exp(law_at(law[0], angles, log_ratio));
+        // Looks, those of the surface, and those of its points that no view sees: eight bits each.
+        count = look.normal == vec3(0.0) ? 1u : (have > 0 ? 0x101u : 0x10101u);
     }
-    errors[viewer * 64 + thread] = count > 1u ? -error : error;
+    errors[viewer * 64 + thread] = count > 0xffffu ? -error : error;
     sums[thread] = error;
     counts[thread] = count;
     for (uint half_ = 32; half_ > 0; half_ >>= 1) {
@@ -88,7 +89,7 @@ void main() {
         }
     }
     if (thread == 0) {
-        uint shown = counts[0] & 0xffffu;
-        verdicts[viewer] = Verdict(shown > 0 ? sums[0] / float(shown) : 0.0, shown, counts[0] >> 16u, 0.0);
+        uint looked = counts[0] & 0xffu, shown = (counts[0] >> 8u) & 0xffu;
+        verdicts[viewer] = Verdict(looked > 0 ? sums[0] / float(looked) : 0.0, shown, counts[0] >> 16u, 0.0);
     }
 }

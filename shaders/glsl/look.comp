@@ -9,12 +9,14 @@
 layout(local_size_x = 64) in;
 
 layout(push_constant) uniform Push {
-    uint pool;     // viewers there are
-    uint count;    // viewers of this draw
-    uint first;    // the first of them at iteration 0
-    uint side;     // pixels of a viewer along a side of its picture
+    vec3 middle;       // of the surface
+    float background;  // weight of looks beside the surface; 0: they count for nothing
+    uint pool;         // viewers there are
+    uint count;        // viewers of this draw
+    uint first;        // the first of them at iteration 0
+    uint side;         // pixels of a viewer along a side of its picture
     uint seed;
-    float lift;    // off a mesh
+    float lift;        // off a mesh
 };
 
 // A pinhole camera: the ray through image position (u, v) runs along corner + u across + v along.
@@ -47,7 +49,7 @@ void main() {
     vec2 at = (vec2(pixel % side, pixel / side % side) + jitter) / float(side);
     Viewer viewer = viewers[index];
     vec3 direction = normalize(viewer.corner + at.x * viewer.across + at.y * viewer.along);
-    Look look = Look(vec3(0.0), 0.0, vec3(0.0), index, vec3(0.0), 0);
+    Look look = Look(vec3(0.0), 0.0, vec3(0.0), index, vec3(0.0), 0.0);
     uint slot;
     float t = trace_slot(viewer.position, direction, 0.0, MISS, false, slot);
     if (t < MISS) {
@@ -69,6 +71,15 @@ void main() {
             look.distance = t;
             look.direction = -direction;
             look.normal = normal;
+            look.weight = 1.0;
+        }
+    } else if (background > 0.0) {
+        float along = dot(middle - viewer.position, direction);
+        if (along > 0.0) {
+            look.position = viewer.position + along * direction;
+            look.distance = along;
+            look.direction = -direction;
+            look.weight = background;
         }
     }
     looks[i] = look;

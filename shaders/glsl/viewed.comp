@@ -32,16 +32,16 @@ float view_cost(uint view, Look look, out vec3 n, out float d) {
     vec3 ray = splat.centre - look.position;
     d = max(length(ray), 1e-6);
     n = ray / d;
-    if (dot(n, look.normal) <= 0.0) return 2.0;
+    if (dot(n, look.normal) <= 0.0 && look.normal != vec3(0.0)) return 2.0;
     float angle = 2.0 * asin(min(0.5 * length(look.direction - n), 1.0));
     if (angle >= 2.0) return 2.0;
     return angle - TURN * settings[0].gate_softness * log(max(gate(-n, splat, settings[0]).open, 1e-30));
 }
 #include "shared/nearest_views.glsl"
 
-shared vec2 sums[64];
+shared vec4 sums[64];
 
-vec2 total_of(vec2 value) {
+vec4 total_of(vec4 value) {
     uint thread = gl_LocalInvocationIndex;
     barrier();
     sums[thread] = value;
@@ -58,27 +58,27 @@ void main() {
     if (control[0].halt != 0) return;
     uint viewer = gl_WorkGroupID.x, thread = gl_LocalInvocationIndex, place = viewer * 64 + thread;
     Look look = looks[place];
-    bool shown = look.distance > 0.0;
+    bool looks_at = look.distance > 0.0, shown = look.normal != vec3(0.0);
     Near found[3];
     uint have = 0;
     vec3 n[3];
     float d[3];
     float error = 0.0, log_ratio = 0.0;
-    if (shown) {
+    if (looks_at) {
         have = nearest_views(look, control[0].live, found);
         vec3 costs = vec3(FARTHEST);
         for (uint k = 0; k < have; ++k) costs[k] = view_cost(found[k].view, look, n[k], d[k]);
         if (have > 0) log_ratio = log(d[0] / look.distance);
-        error = exp(law_at(law[0], costs, log_ratio));
+        error = look.weight * exp(law_at(law[0], costs, log_ratio));
     }
-    vec2 total = total_of(vec2(error, shown ? 1.0 : 0.0));
+    vec4 total = total_of(vec4(error, looks_at ? 1.0 : 0.0, shown ? 1.0 : 0.0, 0.0));
     // The loss of a viewer is log(total.x / total.y): each look's part of its gradient.
     float turn = TURN * s.gate_softness;
-    float viewers = float(s.probes), weight = shown ? error / (total.x * viewers) : 0.0;
+    float viewers = float(s.probes), weight = looks_at ? error / (total.x * viewers) : 0.0;
     for (uint k = 0; k < 3; ++k) {
         uint record = place * 3 + k;
         Gradient grad = Gradient(vec3(0.0), 0.0, vec3(0.0), 0.0);
-        bool counts = k < have && total.y >= 4.0;
+        bool counts = k < have && total.z >= 4.0;
         slots[record] = counts ? found[k].view : NONE;
         if (!counts) continue;
         Gate g = gate(-n[k], splats[found[k].view], s);
@@ -92,7 +92,7 @@ void main() {
         partials[record] = grad;
     }
     if (thread == 0) {
-        bool counts = total.y >= 4.0;
-        tallies[viewer] = Tally(counts ? log(total.x / total.y) / viewers : 0.0, 0.0, 0.0, total.y, 0);
+        bool counts = total.z >= 4.0;
+        tallies[viewer] = Tally(counts ? log(total.x / total.y) / viewers : 0.0, 0.0, 0.0, total.z, 0);
     }
 }

@@ -10,6 +10,7 @@ use crate::io;
 use crate::plan::config::Preset;
 use crate::plan::job::{RegionChoice, Target};
 use crate::plan::record::SurfaceRecord;
+use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Intrinsics, Pose, common_up};
 use crate::scene::region::{Region, Shape};
 use crate::scene::surface::Surface;
@@ -51,6 +52,58 @@ pub struct CameraOptions {
     /// Image size in pixels
     #[arg(long, default_value = "800x800", value_parser = parse_size, value_name = "WxH")]
     pub size: (u32, u32),
+}
+
+/// From where people will look.
+#[derive(Args, Clone, Debug, Default)]
+pub struct ViewerOptions {
+    /// From where people will look at what is trained: shell:CX,CY,CZ,RMIN,RMAX, box:X0,Y0,Z0,X1,Y1,Z1, cone:DEGREES,X,Y,Z (as by
+    /// default, but in a cone along this direction from the middle), heights:LOW,HIGH, or cameras (COLMAP or NSVF folder,
+    /// transforms.json, ...), such as the tests of an evaluation [default: around an object from half of the region's outer
+    /// radius to the whole of it, in rooms anywhere]
+    #[arg(long, value_name = "VIEWERS", allow_hyphen_values = true)]
+    viewers: Option<String>,
+}
+
+impl ViewerOptions {
+    /// The viewers.
+    ///
+    /// # Errors
+    /// Where there are too many or too few numbers, or no cameras.
+    pub fn viewers(&self) -> Result<Viewers> {
+        let Some(text) = &self.viewers else { return Ok(Viewers::Region) };
+        let forms = [
+            ("shell", "CX,CY,CZ,RMIN,RMAX"),
+            ("box", "X0,Y0,Z0,X1,Y1,Z1"),
+            ("cone", "DEGREES,X,Y,Z"),
+            ("heights", "LOW,HIGH"),
+        ];
+        let named =
+            forms.iter().find_map(|(kind, form)| Some((*kind, *form, text.strip_prefix(kind)?.strip_prefix(':')?)));
+        let Some((kind, form, numbers)) = named else {
+            return Ok(Viewers::Cameras(io::read_cameras(Path::new(text))?));
+        };
+        let read: Result<Vec<f64>, _> = numbers.split(',').map(|number| number.trim().parse()).collect();
+        let wrong = || Error::request(format!("--viewers {text}: give {kind}:{form}"));
+        let numbers = read.map_err(|_| wrong())?;
+        if numbers.iter().any(|number| !number.is_finite()) {
+            return Err(wrong());
+        }
+        match (kind, &numbers[..]) {
+            ("shell", &[x, y, z, r_min, r_max]) if 0.0 < r_min && r_min <= r_max => {
+                Ok(Viewers::Shell { centre: DVec3::new(x, y, z), r_min, r_max })
+            }
+            ("box", numbers) => match box_of(numbers).map_err(|_| wrong())? {
+                Shape::Box { min, max } if min.cmple(max).all() => Ok(Viewers::Box { min, max }),
+                _ => Err(wrong()),
+            },
+            ("cone", &[degrees, x, y, z]) if degrees > 0.0 && DVec3::new(x, y, z) != DVec3::ZERO => {
+                Ok(Viewers::Cone { axis: DVec3::new(x, y, z), degrees })
+            }
+            ("heights", &[low, high]) if low <= high => Ok(Viewers::Heights { low, high }),
+            _ => Err(wrong()),
+        }
+    }
 }
 
 /// The device to run on.

@@ -1,12 +1,13 @@
 //! `camsplat plan`.
 
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::Args;
 
-use super::options::{CameraOptions, DeviceOptions, RegionOptions, print_messages};
+use super::options::{CameraOptions, DeviceOptions, RegionOptions, ViewerOptions, print_messages};
 use super::peers::{self, PeerOptions};
 use super::progress::{Progress, leave_on_interrupt, stop_on_interrupt};
 use super::vds;
@@ -14,12 +15,12 @@ use crate::io;
 use crate::io::apart::{check_output_file, check_output_folder};
 use crate::io::folder::{OutputFolder, check_file, write_files};
 use crate::metrics::Metrics;
-use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Start};
-use crate::plan::footprint;
-use crate::plan::job::{self, Plan, Tools};
+use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Preset, Start};
+use crate::plan::job::{self, Plan, Target, Tools};
 use crate::plan::preparation::Preparation;
+use crate::plan::{curve, footprint};
 use crate::report;
-use crate::scene::camera::Pose;
+use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::surface::Surface;
 use crate::vds::job::Settings;
 use crate::visibility::device_scene::SceneGeometry;
@@ -35,8 +36,11 @@ pub struct Arguments {
     /// scores
     surface: PathBuf,
     /// Cameras to place
-    #[arg(long)]
-    views: u32,
+    #[arg(long, required_unless_present = "curve")]
+    views: Option<u32>,
+    /// Say how many views are worth taking: plan with 5 to 300 and write what is expected of each (curve.svg, curve.json)
+    #[arg(long, conflicts_with_all = ["views", "method", "dry_run", "profile", "trace", "capture"])]
+    curve: bool,
     /// Folder to write
     #[arg(long)]
     out: PathBuf,
@@ -47,6 +51,8 @@ pub struct Arguments {
     region: RegionOptions,
     #[command(flatten)]
     camera: CameraOptions,
+    #[command(flatten)]
+    viewers: ViewerOptions,
     /// Cameras that exist already (COLMAP or NSVF folder, transforms.json, plan.json or .log): seen, never moved
     #[arg(long)]
     keep: Option<PathBuf>,
@@ -78,16 +84,16 @@ pub struct Tuning {
     /// Seed of every random number
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Iterations [default: 1000]
+    /// Iterations [default: 300; in rooms 600; of the other objectives 1000]
     #[arg(long)]
     iterations: Option<u32>,
-    /// What is minimised [default: nearest; splat above 6000 views, or where an option is given that only it has]
+    /// What is minimised [default: quality; splat, the paper's, where an option is given that only it has]
     #[arg(long, value_enum)]
     objective: Option<Objective>,
-    /// Field-of-view test while optimising [default: soft]
+    /// Field-of-view test while optimising [default: pinhole; of the other objectives soft]
     #[arg(long, value_enum)]
     gate: Option<Gate>,
-    /// Softness of the gate, in cosines (cone) or sines (pinhole) [default: 0.02]
+    /// Softness of the gate, in cosines (cone) or sines (pinhole) [default: 0.01; of the other objectives 0.02]
     #[arg(long)]
     gate_softness: Option<f32>,
     /// Kernel of the splats [default: angular]
@@ -151,13 +157,13 @@ pub struct Tuning {
     /// Learning rate of the scale; 0 holds it [default: 0.005]
     #[arg(long)]
     rate_scale: Option<f32>,
-    /// Learning rate of positions, in radii of the region [default: 0.0065]
+    /// Learning rate of positions, in radii of the region [default: 0.015; of the other objectives 0.0065]
     #[arg(long)]
     rate_centre: Option<f32>,
-    /// Learning rate of directions [default: 0.02]
+    /// Learning rate of directions [default: 0.05; of the other objectives 0.02]
     #[arg(long)]
     rate_direction: Option<f32>,
-    /// Point cameras a step [default: 20]
+    /// Point cameras a step, or viewers [default: 20]
     #[arg(long)]
     probes: Option<u32>,
     /// Point cameras in all [default: 2048]
@@ -175,24 +181,25 @@ pub struct Tuning {
 }
 
 impl Tuning {
-    /// Applies what was given to a configuration.
-    pub fn apply(&self, mut config: Config) -> Config {
+    /// The configuration that was asked for; `implied` is an objective that follows from what else was asked for.
+    pub fn config(&self, preset: Preset, views: u32, implied: Option<Objective>) -> Config {
         fn set<T: Copy>(target: &mut T, given: Option<T>) {
             *target = given.unwrap_or(*target);
         }
         let of_splat = self.kernel.is_some()
             || self.pass == Some(Pass::Binned)
             || self.base_loss
+            || self.no_vds
+            || self.scalar_vds
+            || self.iterative
             || self.no_reg
             || [self.lambda_reg, self.lambda_scale, self.alpha, self.scale, self.rate_scale]
                 .iter()
                 .any(Option::is_some);
-        if of_splat {
-            config.objective = Objective::Splat;
-        }
+        let default = if of_splat { Objective::Splat } else { Objective::Quality };
+        let mut config = Config::of(self.objective.or(implied).unwrap_or(default), preset, views);
         config.seed = self.seed;
         set(&mut config.iterations, self.iterations);
-        set(&mut config.objective, self.objective);
         set(&mut config.gate, self.gate);
         set(&mut config.gate_softness, self.gate_softness);
         set(&mut config.kernel, self.kernel);
@@ -231,7 +238,9 @@ impl Tuning {
 
 /// Plans, writes the folder and prints what came out.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let config = arguments.tuning.apply(Config::new(arguments.region.preset(), arguments.views));
+    let views = arguments.views.unwrap_or(1);
+    let config = arguments.tuning.config(arguments.region.preset(), views, arguments.peers.method.objective());
+    let config = Config { viewers: arguments.viewers.viewers()?, ..config };
     let config = arguments.peers.method.planner(&config).unwrap_or(config);
     config.validate()?;
     let peer = arguments.peers.request(&config)?;
@@ -256,7 +265,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     arguments.region.choice()?;
     let mut opened = None;
-    let reads_photos = config.vds && peer.is_none();
+    let reads_photos = config.vds && config.objective != Objective::Quality && peer.is_none();
     let target = match captured(arguments, reads_photos, &mut opened)? {
         Some((surface, poses)) => {
             arguments.region.target_of(&surface, &arguments.surface, &poses, &intrinsics, None)?
@@ -280,6 +289,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         say!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));
         return Ok(ExitCode::SUCCESS);
     };
+    if arguments.curve {
+        return draw_curve(&context, &target, (intrinsics, &kept), &config, folder);
+    }
     if let Some(request) = &peer {
         return peers::run(&context, request, &target, (intrinsics, &kept), folder);
     }
@@ -309,6 +321,31 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Plans with ever more views and writes what is expected of each.
+fn draw_curve(
+    context: &Arc<Context>,
+    target: &Target,
+    cameras: (Intrinsics, &[Camera]),
+    config: &Config,
+    folder: OutputFolder,
+) -> Result<ExitCode> {
+    leave_on_interrupt()?;
+    say!("{:>5} {:>9} {:>8}", "views", "expected", "unseen");
+    let points = curve::curve(context, target, cameras, config, |_| ControlFlow::Continue(()))?;
+    for point in &points {
+        say!("{:>5} {:>+6.2} dB {:>7.1}%", point.views, point.db, 100.0 * point.unseen);
+    }
+    print_messages(context);
+    say!("{}", curve::sentence(&points));
+    let path = folder.path().join("curve.svg");
+    folder.write("curve.svg", curve::svg(&points))?;
+    let text = serde_json::to_string_pretty(&points);
+    folder.write("curve.json", text.map_err(|e| Error::request(format!("the curve cannot be written: {e}")))?)?;
+    folder.commit()?;
+    say!("plot     {}", path.display());
+    Ok(ExitCode::SUCCESS)
+}
+
 /// The points of a capture, scored from its photos where it has any; none where the surface is no capture with points.
 /// The device is opened only for photos.
 fn captured(
@@ -335,7 +372,7 @@ fn captured(
         Tuning { no_vds: true, .. } => Some("--no-vds"),
         Tuning { base_loss: true, .. } => Some("--base-loss"),
         _ if arguments.dry_run => Some("--dry-run"),
-        _ if !reads_photos => Some("--method"),
+        _ if !reads_photos => Some("only --objective splat plans by scores"),
         _ if images < 2 => Some("fewer than two have an image"),
         _ => None,
     };
@@ -403,7 +440,7 @@ mod tests {
     /// If this failed, the help would tell another default than the one that is used.
     #[test]
     fn the_help_tells_the_defaults() {
-        let used = |preset, views| Tuning::default().apply(Config::new(preset, views));
+        let used = |preset, views| Tuning::default().config(preset, views, None);
         let config = serde_json::to_value(used(Preset::Object, 50)).unwrap();
         let mut told = 0;
         for argument in Planning::command().get_arguments() {
@@ -420,9 +457,5 @@ mod tests {
         }
         assert_eq!(told, 21, "defaults of numbers and choices");
         assert_eq!(used(Preset::Room, 50).distance_weight, 0.0);
-        assert_eq!(
-            [6000, 6001].map(|views| used(Preset::Object, views).objective),
-            [Objective::Nearest, Objective::Splat]
-        );
     }
 }

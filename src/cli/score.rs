@@ -4,13 +4,16 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
+use serde::Serialize;
 
-use super::options::{DeviceOptions, RegionOptions, print_messages};
+use super::options::{DeviceOptions, RegionOptions, ViewerOptions, print_messages};
 use super::plan::table;
 use crate::io::apart::check_output_file;
 use crate::io::folder::{check_file, write_files};
+use crate::metrics::Metrics;
 use crate::plan::config::{Config, Gate, Preset};
 use crate::plan::job;
+use crate::plan::reference::Expected;
 use crate::scene::region::{Region, Shape};
 use crate::{Error, Result, io};
 
@@ -25,18 +28,31 @@ pub struct Arguments {
     region: RegionOptions,
     #[command(flatten)]
     device: DeviceOptions,
-    /// Held-out points
+    #[command(flatten)]
+    viewers: ViewerOptions,
+    /// Print the geometric metrics too: coverage, angular gaps, Voronoi cells, triangulation, ground sampling
+    #[arg(long)]
+    all: bool,
+    /// Held-out points of the geometric metrics
     #[arg(long, default_value_t = 1000)]
     held_out: u32,
-    /// Seed of the held-out points
+    /// Seed of viewers, layouts and held-out points
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Test the rectangular image, not the cone inscribed in it
+    /// Geometric metrics by the rectangular image, not the cone inscribed in it
     #[arg(long)]
     frustum: bool,
     /// Write the metrics here too
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+}
+
+/// What `--json` writes.
+#[derive(Serialize)]
+struct Scores {
+    expected: Expected,
+    #[serde(flatten)]
+    metrics: Metrics,
 }
 
 /// Scores and prints.
@@ -60,6 +76,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     });
     let target = arguments.region.target(&arguments.surface, &first.intrinsics, stored)?;
     let context = arguments.device.open()?;
+    let viewers = arguments.viewers.viewers()?;
     let preset = match target.region.shape {
         Shape::Box { .. } => Preset::Room,
         Shape::Shell { .. } => arguments.region.preset(),
@@ -67,21 +84,24 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let config = Config {
         seed: arguments.seed,
         held_out: arguments.held_out,
+        viewers,
         gate: if arguments.frustum { Gate::Pinhole } else { Gate::Soft },
         ..Config::new(arguments.region.preset.unwrap_or(preset), cameras.len() as u32)
     };
     let (expected, metrics) = job::score(&context, &target, &cameras, &config)?;
     print_messages(&context);
-    say!("expected        {}", expected.line());
-    say!("{}", table(&[("cameras", &metrics)]).trim_end());
-    if metrics.coverage_1 == 0.0 {
-        say!("warning  no camera sees any held-out point, and the figures below tell nothing: are both in one frame?");
+    say!("expected {}", expected.line());
+    if expected.unseen >= 1.0 {
+        say!("warning  no camera sees anything that viewers look at: are both in one frame?");
     }
-    say!("voronoi cell    {:.4} sr, deviation {:.4} sr", metrics.voronoi_mean, metrics.voronoi_deviation);
-    say!("triangulation   {:.1}° between the two views farthest apart", metrics.triangulation_mean_deg);
-    say!("ground sampling {:.6} units a pixel", metrics.sampling_distance_mean);
+    if arguments.all {
+        say!("{}", table(&[("cameras", &metrics)]).trim_end());
+        say!("voronoi cell    {:.4} sr, deviation {:.4} sr", metrics.voronoi_mean, metrics.voronoi_deviation);
+        say!("triangulation   {:.1}° between the two views farthest apart", metrics.triangulation_mean_deg);
+        say!("ground sampling {:.6} units a pixel", metrics.sampling_distance_mean);
+    }
     if let Some(file) = &arguments.json {
-        let text = serde_json::to_string_pretty(&metrics)
+        let text = serde_json::to_string_pretty(&Scores { expected, metrics })
             .map_err(|e| Error::request(format!("the metrics cannot be written: {e}")))?;
         write_files(&[(file, text.as_bytes())])?;
     }

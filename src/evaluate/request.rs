@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::kind::Kind;
 use crate::peers::request::Method as Placing;
-use crate::plan::config::{Config, Preset};
+use crate::plan::config::{Config, Objective, Preset};
 use crate::plan::job::RegionChoice;
 use crate::scene::camera::{Intrinsics, Pose};
 use crate::{Error, Result, io};
@@ -75,6 +75,13 @@ impl Method {
             Self::Set(name) => {
                 let set = name.strip_prefix(SET).unwrap_or_default().split(':');
                 let set: Vec<(&str, &str)> = set.map(|one| one.split_once('=').unwrap_or((one, ""))).collect();
+                // Other numbers are those of the objective, unless they are set too.
+                let objective = set.iter().find(|(key, _)| *key == "objective");
+                let objective = objective.and_then(|(_, value)| Objective::from_str(value, false).ok());
+                let plain = match objective {
+                    Some(objective) => plain.with_objective(objective),
+                    None => plain,
+                };
                 let twice = (1..set.len()).find(|i| set[..*i].iter().any(|(key, _)| *key == set[*i].0));
                 let config = match twice {
                     Some(i) => Err(format!("{} is given twice", set[i].0)),

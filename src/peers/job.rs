@@ -100,7 +100,7 @@ pub fn photographing(
     let config = Config { seed, gate, held_out, ..Config::new(preset, views) };
     let described =
         serde_json::to_value(request).map_err(|e| Error::request(format!("the request cannot be written: {e}")))?;
-    conclude(context, scene, target, (intrinsics, kept), &config, (method.name(), described), outcome).map(Some)
+    conclude(context, scene, target, (intrinsics, kept), &config, (method.name(), described), (outcome, None)).map(Some)
 }
 
 /// The cameras that are kept, and behind them poses at random in the region.

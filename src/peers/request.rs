@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::manifold;
-use crate::plan::config::{Config, Gate, Preset};
+use crate::plan::config::{Config, Gate, Objective, Preset};
 use crate::select::job::Method as Choosing;
 use crate::select::{acp, information, retrained};
 use crate::{Error, Result};
@@ -14,11 +14,11 @@ use crate::{Error, Result};
 pub enum Method {
     /// The planner
     Ours,
-    /// The planner with scores that are the same in all directions
+    /// The paper's objective with scores that are the same in all directions
     OursScalar,
-    /// The planner without scores
+    /// The paper's objective without scores
     OursNoVds,
-    /// The planner without scores, one view after another
+    /// The paper's objective without scores, one view after another
     OursIterative,
     /// At random: looking in around an object, anywhere in a room
     Random,
@@ -72,14 +72,19 @@ impl Method {
         choosing.name()
     }
 
+    /// What it minimises, where it has only one objective: scores, and one view after another, are the paper's.
+    pub fn objective(self) -> Option<Objective> {
+        matches!(self, Self::OursScalar | Self::OursNoVds | Self::OursIterative).then_some(Objective::Splat)
+    }
+
     /// The planner's configuration, where this is the planner or a variant of it.
     pub fn planner(self, config: &Config) -> Option<Config> {
-        let config = config.clone();
+        let paper = || config.clone().with_objective(Objective::Splat);
         match self {
-            Self::Ours => Some(config),
-            Self::OursScalar => Some(Config { directional: false, ..config }),
-            Self::OursNoVds => Some(Config { vds: false, ..config }),
-            Self::OursIterative => Some(Config { vds: false, iterative: true, ..config }),
+            Self::Ours => Some(config.clone()),
+            Self::OursScalar => Some(Config { directional: false, ..paper() }),
+            Self::OursNoVds => Some(Config { vds: false, ..paper() }),
+            Self::OursIterative => Some(Config { vds: false, iterative: true, ..paper() }),
             _ => None,
         }
     }

@@ -226,20 +226,38 @@ impl Config {
         Ok(())
     }
 
-    /// The defaults of a preset, settled in docs/ablations.md. Above [`MOST_DENSE`] views the objective is
-    /// [`Objective::Splat`], whose binned pass has no such bound.
+    /// The defaults of a preset.
     pub fn new(preset: Preset, views: u32) -> Self {
+        Self::of(Objective::Quality, preset, views)
+    }
+
+    /// The same with another objective and its defaults; as it is where that is its own.
+    pub fn with_objective(self, objective: Objective) -> Self {
+        if self.objective == objective {
+            return self;
+        }
+        let Self { views, preset, seed, held_out, checkpoint_every, viewers, .. } = self;
+        Self { seed, held_out, checkpoint_every, viewers, ..Self::of(objective, preset, views) }
+    }
+
+    /// The defaults of an objective, settled in docs/quality.md and docs/ablations.md.
+    pub fn of(objective: Objective, preset: Preset, views: u32) -> Self {
+        let quality = objective == Objective::Quality;
         Self {
             views,
             preset,
             seed: 0,
-            iterations: if preset == Preset::Object { 300 } else { 600 },
+            iterations: match (quality, preset) {
+                (true, Preset::Object) => 300,
+                (true, Preset::Room) => 600,
+                (false, _) => 1000,
+            },
             probes: 20,
             pool: 2048,
             resolution: None,
-            objective: Objective::Quality,
-            gate: Gate::Pinhole,
-            gate_softness: 0.01,
+            objective,
+            gate: if quality { Gate::Pinhole } else { Gate::Soft },
+            gate_softness: if quality { 0.01 } else { 0.02 },
             kernel: Kernel::Angular,
             alpha: 0.1,
             occlusion: true,
@@ -252,8 +270,8 @@ impl Config {
             viewers: Viewers::Region,
             nearest_tau: 0.02,
             distance_weight: if preset == Preset::Object { 0.3 } else { 0.0 },
-            rate_centre: 0.015,
-            rate_direction: 0.05,
+            rate_centre: if quality { 0.015 } else { 0.0065 },
+            rate_direction: if quality { 0.05 } else { 0.02 },
             rate_scale: 0.005,
             decay: 0.05,
             scale: None,

@@ -11,10 +11,11 @@ use serde::Serialize;
 use super::config::{Config, Objective, Preset};
 use super::planner::{Outcome, Planner};
 use super::preparation::Preparation;
-use super::reference::{Expected, Reference};
 use super::record::{CheckpointRecord, ControlRecord, PlanRecord, Status, SurfaceRecord};
+use super::reference::{Expected, Reference};
 use crate::metrics::score_point::{Field, Scorer, aggregate};
 use crate::metrics::{Metrics, PointMetrics};
+use crate::quality::expected::Expectation;
 use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::proxy::{Occluder, Orientation, Proxy, SurfacePoint};
@@ -199,28 +200,39 @@ pub fn run(
     let start = Instant::now();
     let config = planner.config().clone();
     drop(planner);
-    let mut expected = None;
-    let mut began_from = None;
-    if let Some(reference) = &reference {
-        let to_internal = &scene.geometry.to_internal;
-        let planned: Vec<Pose> = outcome.poses.iter().map(|pose| to_internal.pose(pose)).collect();
-        let mut expectation = reference.expect(&planned)?;
-        let best = reference.best();
-        began_from = Some(best.name.clone());
-        // Never worse than a layout that is as simple as it is good.
-        if expectation.error_db > best.expectation.error_db && outcome.status == Status::Complete {
-            outcome.poses = best.poses.iter().map(|pose| to_internal.inverse().pose(pose)).collect();
-            expectation = best.expectation.clone();
-        }
-        expected = Some(reference.compare(&expectation));
+    let (mut expected, mut began_from) = (None, None);
+    if let Some(reference) = reference {
+        expected = Some(reference.compare(&reference.guard(&mut outcome)?));
+        began_from = Some(reference.best().name.clone());
     }
-    drop(reference);
     let described = serde_json::to_value(&config)
         .map_err(|e| Error::request(format!("the configuration cannot be written: {e}")))?;
-    let mut plan = conclude(context, scene, target, (intrinsics, kept), &config, (OURS, described), outcome)?;
-    (plan.record.expected, plan.record.began_from) = (expected, began_from);
+    let mut plan =
+        conclude(context, scene, target, (intrinsics, kept), &config, (OURS, described), (outcome, expected))?;
+    plan.record.began_from = began_from;
     mark(&mut profile, "metrics", start);
     Ok(plan)
+}
+
+/// Plans by expected quality and says what is expected of the plan, which is not scored otherwise.
+///
+/// # Errors
+/// As [`run`].
+pub fn expected_plan(
+    context: &Arc<Context>,
+    target: &Target,
+    intrinsics: Intrinsics,
+    kept: &[Camera],
+    config: Config,
+) -> Result<Expectation> {
+    let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+    let preparation = Preparation::new(context, &geometry, &target.proxy, &intrinsics, kept, config.clone())?;
+    let scene = DeviceScene::new(context, geometry)?;
+    let reference = Reference::new(context, &scene, target, (intrinsics, kept), &config)?;
+    let preparation = preparation.starting_from(&reference.best().poses);
+    let (planner, mut outcome) = optimise(context, &scene, preparation, None, |_, _| ControlFlow::Continue(()))?;
+    drop(planner);
+    reference.guard(&mut outcome)
 }
 
 /// Scores cameras that were placed by other means, in the user's world, as a plan is scored; it took no time. `name` is what they are
@@ -238,11 +250,12 @@ pub fn given(
     let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
     let described = serde_json::json!({ "cameras": poses.len() });
     let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds: 0.0 };
-    conclude(context, scene, target, (intrinsics, &[]), config, (name, described), outcome)
+    conclude(context, scene, target, (intrinsics, &[]), config, (name, described), (outcome, None))
 }
 
 /// Scores what came out, its snapshots and the controls on held-out points, and writes the record. Of `config` count the views,
-/// the seed, the preset, the gate and the held-out points; `method` is its name and its own configuration.
+/// the seed, the preset, the viewers, the gate and the held-out points; `method` is its name and its own configuration. What is
+/// expected of the outcome is worked out where it is not given.
 ///
 /// # Errors
 /// A device that fails.
@@ -253,7 +266,7 @@ pub fn conclude(
     (intrinsics, kept): (Intrinsics, &[Camera]),
     config: &Config,
     (method, described): (&str, serde_json::Value),
-    outcome: Outcome,
+    (outcome, expected): (Outcome, Option<Expected>),
 ) -> Result<Plan> {
     if !outcome.poses.iter().all(|pose| pose.position.is_finite() && pose.rotation.is_finite()) {
         let what = "cameras have left all bounds, which a rate or weight does that is far too large; give smaller ones";
@@ -280,6 +293,13 @@ pub fn conclude(
     for (name, poses) in control_poses(&scene, config).into_iter().filter(|(name, _)| *name != method) {
         controls.push(ControlRecord { name: name.into(), metrics: aggregate(&scorer.score(&cameras(&poses), field)?) });
     }
+    let expected = match expected {
+        Some(expected) => expected,
+        None => {
+            let reference = Reference::new(context, &scene, target, (intrinsics, kept), config)?;
+            reference.compare(&reference.expect_cameras(&cameras(&outcome.poses))?)
+        }
+    };
     let physical = context.physical();
     let record = PlanRecord {
         version: env!("CARGO_PKG_VERSION").into(),
@@ -295,7 +315,7 @@ pub fn conclude(
         history: outcome.history,
         checkpoints,
         metrics: aggregate(&scores),
-        expected: None,
+        expected: Some(expected),
         began_from: None,
         controls,
         seconds: outcome.seconds,

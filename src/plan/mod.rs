@@ -3,6 +3,7 @@
 pub mod binned;
 mod buffers;
 pub mod config;
+pub mod curve;
 pub mod dense;
 pub mod footprint;
 pub mod job;

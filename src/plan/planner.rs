@@ -20,6 +20,7 @@ use super::snapshot::{SNAPSHOT, SnapshotPush};
 use super::tally::mailbox;
 use super::update::UPDATE;
 use super::viewed::Viewed;
+use crate::quality::look::Look;
 use crate::scene::camera::Pose;
 use crate::visibility::device_scene::DeviceScene;
 use crate::visibility::probe_depth::ProbeMaps;
@@ -81,7 +82,7 @@ impl<'a> Planner<'a> {
     /// # Errors
     /// A surface that no camera can see from the region, or a plan that is larger than the device's memory.
     pub fn new(context: &Arc<Context>, scene: &'a DeviceScene, preparation: Preparation) -> Result<Self> {
-        let Preparation { config, mut settings, points, viewers, radius, start, start_scale, .. } = preparation;
+        let Preparation { config, mut settings, points, viewers, around, start, start_scale, .. } = preparation;
         let Preparation { resolution, binned, footprint, .. } = preparation;
         super::footprint::check(&footprint, context)?;
         let (points, maps) = probes::reachable(context, scene, points, resolution, config.preset)?;
@@ -113,8 +114,8 @@ impl<'a> Planner<'a> {
         let splat = || {
             if quality {
                 let looks = Buffer::device(context, "looks", footprint.bytes_of("looks")?)?;
-                let of = (&viewers[..], radius);
-                return Ok(Way::Viewed(Box::new(Viewed::new(context, scene, &settings, of, &constants, looks)?)));
+                let of = (&viewers[..], around);
+                return Ok(Way::Viewed(Box::new(Viewed::new(context, &settings, of, &constants, looks)?)));
             }
             if binned {
                 let buffer = |name: &str| Buffer::device(context, name, footprint.bytes_of(name)?);
@@ -198,6 +199,17 @@ impl<'a> Planner<'a> {
         let texels = self.maps.resolution * self.maps.resolution;
         let count = if self.settings.distance_weight > 0.0 { self.maps.probes.len() * texels as usize } else { 0 };
         self.buffers.stands.download(count)
+    }
+
+    /// The looks of the last iteration; none where the objective has no viewers.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn looks(&self) -> Result<Vec<Look>> {
+        match &self.pipelines.splat {
+            Way::Viewed(viewed) => viewed.looks(),
+            _ => Ok(Vec::new()),
+        }
     }
 
     /// The splats at the start, kept ones first.

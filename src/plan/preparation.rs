@@ -4,7 +4,8 @@ use super::config::{Config, MOST_DENSE, MOST_VIEWS, Objective, Pass, Preset};
 use super::footprint::{self, Room};
 use super::shared::{Settings, Splat};
 use super::start;
-use crate::quality::look::Viewer;
+use crate::quality::law::Law;
+use crate::quality::look::{Surroundings, Viewer};
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::proxy::{Proxy, SurfacePoint};
 use crate::scene::random;
@@ -34,9 +35,9 @@ pub struct Preparation {
     pub(super) config: Config,
     pub(super) settings: Settings,
     pub(super) points: Vec<SurfacePoint>,
-    /// Viewers that looks are drawn from, and bounding radius of the surface in the user's world (quality).
+    /// Viewers that looks are drawn from, and what looks take of the surface (quality).
     pub(super) viewers: Vec<Viewer>,
-    pub(super) radius: f64,
+    pub(super) around: Surroundings,
     pub(super) start: Vec<Splat>,
     pub(super) start_scale: f32,
     pub(super) resolution: u32,
@@ -148,8 +149,21 @@ impl Preparation {
         };
         let scene_bytes = geometry.bytes();
         let footprint = footprint::footprint(context, &settings, &config, resolution, scene_bytes, binned);
-        let radius = proxy.sphere.1;
-        Ok(Self { config, settings, points, viewers, radius, start, start_scale, resolution, binned, scene_bytes, footprint })
+        let object = config.preset == Preset::Object;
+        let around = Surroundings::new(geometry, proxy.sphere, object, &Law::embedded());
+        Ok(Self {
+            config,
+            settings,
+            points,
+            viewers,
+            around,
+            start,
+            start_scale,
+            resolution,
+            binned,
+            scene_bytes,
+            footprint,
+        })
     }
 
     /// The same run with room for so many pairs and instances in the binned pass, and a quarter more.

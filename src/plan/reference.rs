@@ -6,10 +6,13 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{Config, Preset};
 use super::job::Target;
+use super::planner::Outcome;
+use super::record::Status;
 use super::starts;
 use crate::Result;
 use crate::quality::expected::{Expectation, Judge};
 use crate::quality::law::Law;
+use crate::quality::look::Surroundings;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::visibility::device_scene::DeviceScene;
 use crate::vulkan::Context;
@@ -80,7 +83,9 @@ impl<'a> Reference<'a> {
         let inward = config.preset == Preset::Object;
         let seed = config.seed ^ JUDGE_SEED;
         let viewers = config.viewers.sample(&scene.geometry, intrinsics, inward, seed, VIEWERS)?;
-        let judge = Judge::new(context, scene, target.proxy.sphere.1, viewers, &Law::embedded(), seed)?;
+        let law = Law::embedded();
+        let around = Surroundings::new(&scene.geometry, target.proxy.sphere, inward, &law);
+        let judge = Judge::new(context, scene, around, viewers, &law, seed)?;
         let mut reference = Self { judge, scene, intrinsics, kept: kept.to_vec(), layouts: Vec::new() };
         for (name, poses) in starts::layouts(config, &scene.geometry) {
             let expectation = reference.expect(&poses)?;
@@ -95,11 +100,8 @@ impl<'a> Reference<'a> {
     /// Where the device fails.
     pub fn expect(&self, poses: &[Pose]) -> Result<Expectation> {
         let back = self.scene.geometry.to_internal.inverse();
-        let planned = poses.iter().map(|pose| Camera {
-            name: String::new(),
-            pose: back.pose(pose),
-            intrinsics: self.intrinsics,
-        });
+        let planned =
+            poses.iter().map(|pose| Camera { name: String::new(), pose: back.pose(pose), intrinsics: self.intrinsics });
         self.judge.expect(&planned.chain(self.kept.iter().cloned()).collect::<Vec<_>>())
     }
 
@@ -117,6 +119,22 @@ impl<'a> Reference<'a> {
         let best = self.layouts.iter().min_by(|a, b| error(a).total_cmp(&error(b)));
         // `starts::layouts` always has cameras at random.
         best.expect("there is a simple layout in every region")
+    }
+
+    /// What is expected of a finished run, which takes the poses of the best layout where these are better: no plan is worse
+    /// than a layout that is simpler.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn guard(&self, outcome: &mut Outcome) -> Result<Expectation> {
+        let to_internal = &self.scene.geometry.to_internal;
+        let planned: Vec<Pose> = outcome.poses.iter().map(|pose| to_internal.pose(pose)).collect();
+        let (expectation, best) = (self.expect(&planned)?, self.best());
+        if expectation.error_db <= best.expectation.error_db || outcome.status != Status::Complete {
+            return Ok(expectation);
+        }
+        outcome.poses = best.poses.iter().map(|pose| to_internal.inverse().pose(pose)).collect();
+        Ok(best.expectation.clone())
     }
 
     /// An expectation against the best layout.

@@ -3,13 +3,17 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use super::buffers::Buffers;
+use super::dense::{Batch, gate};
 use super::shared::{Control, Gradient, Settings, Splat, Tally};
 use crate::Result;
 use crate::quality::expected::{LOOKS, SIDE};
 use crate::quality::law::Law;
-use crate::quality::look::{self, LOOK, Look, LookPush, Viewer};
-use crate::visibility::bvh::Node;
+use crate::quality::look::{LOOK, Look, LookPush, Surroundings, Viewer};
+use crate::quality::nearest::{nearest, toward, vectors};
+use crate::visibility::bvh::{Bvh, Node};
 use crate::visibility::device_scene::DeviceScene;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
@@ -20,6 +24,71 @@ crate::stage!(
         write partials, write tallies,
     } with [Settings, Control, Splat, Node, Look, Law, Gradient, Tally]
 );
+
+/// Radians that a splat counts as off for each sine by which a point lies outside of its picture.
+const TURN: f64 = 8.0;
+/// Viewers that show the surface in fewer looks than this say nothing.
+const LEAST_SHOWN: usize = crate::quality::expected::LEAST_SHOWN as usize;
+
+/// Expected loss and its gradient.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Expected {
+    /// Mean over viewers of the logarithm of the mean expected error of their looks.
+    pub loss: f64,
+    /// Its gradient by each splat's centre.
+    pub by_centre: Vec<DVec3>,
+    /// Its gradient by each splat's direction, as if the direction were a free vector.
+    pub by_direction: Vec<DVec3>,
+}
+
+/// The twin of `viewed`: of `looks`, [`LOOKS`] to a viewer. Of `batch` count the settings, the gate, the splats and their tangents.
+pub fn viewed(batch: &Batch<'_>, looks: &[Look], bvh: &Bvh, law: &Law) -> Expected {
+    let viewers: Vec<&[Look]> = looks.chunks(LOOKS as usize).collect();
+    let turn = TURN * f64::from(batch.settings.gate_softness);
+    let count = batch.splats.len();
+    let mut expected =
+        Expected { by_centre: vec![DVec3::ZERO; count], by_direction: vec![DVec3::ZERO; count], loss: 0.0 };
+    for looks in &viewers {
+        let shown: Vec<&Look> = looks.iter().filter(|look| look.distance > 0.0).collect();
+        if shown.iter().filter(|look| look.normal != [0.0; 3]).count() < LEAST_SHOWN {
+            continue;
+        }
+        let found: Vec<_> = shown
+            .iter()
+            .map(|look| {
+                let views = batch.splats.iter().enumerate().filter_map(|(j, (centre, direction))| {
+                    let mut near = toward(look, j as u32, *centre)?;
+                    near.cost -= turn * gate(batch, j, -near.direction, *direction).0.max(1e-30).ln();
+                    Some(near)
+                });
+                nearest(bvh, look, views)
+            })
+            .collect();
+        let error = |(look, found): (&&Look, &Vec<_>)| {
+            f64::from(look.weight) * law.log_error(found, f64::from(look.distance)).exp()
+        };
+        let errors: Vec<f64> = shown.iter().zip(&found).map(error).collect();
+        let total: f64 = errors.iter().sum();
+        expected.loss += (total / shown.len() as f64).ln() / viewers.len() as f64;
+        for ((look, found), error) in shown.iter().zip(&found).zip(&errors) {
+            let weight = error / (total * viewers.len() as f64);
+            let [_, to_viewer, _] = vectors(look);
+            for (k, near) in found.iter().enumerate() {
+                let (n, d, j) = (near.direction, near.distance, near.view as usize);
+                let (_, by_view, by_turn) = gate(batch, j, -n, batch.splats[j].1);
+                let by_cost = weight * f64::from(law.angle[k]);
+                let sine = (1.0 - to_viewer.dot(n).powi(2)).max(1e-8).sqrt();
+                let by_n = by_cost * (turn * by_view - to_viewer / sine);
+                expected.by_centre[j] += (by_n - by_n.dot(n) * n) / d;
+                if k == 0 && d > f64::from(look.distance) {
+                    expected.by_centre[j] += weight * f64::from(law.farther) / d * n;
+                }
+                expected.by_direction[j] -= by_cost * turn * by_turn;
+            }
+        }
+    }
+    expected
+}
 
 /// Pipelines and buffers of the pass.
 pub(super) struct Viewed {
@@ -32,12 +101,11 @@ pub(super) struct Viewed {
 }
 
 impl Viewed {
-    /// Uploads the viewers of a run on a surface of bounding radius `radius` in the user's world.
+    /// Uploads the viewers of a run.
     pub(super) fn new(
         context: &Arc<Context>,
-        scene: &DeviceScene,
         settings: &Settings,
-        (viewers, radius): (&[Viewer], f64),
+        (viewers, around): (&[Viewer], Surroundings),
         constants: &[u32],
         looks: Buffer,
     ) -> Result<Self> {
@@ -48,15 +116,13 @@ impl Viewed {
             viewers: Buffer::from_slice(context, "viewers", viewers)?,
             looks,
             law: Buffer::from_slice(context, "law", &[Law::embedded()])?,
-            push: LookPush {
-                pool: viewers.len() as u32,
-                count: settings.probes,
-                first: 0,
-                side: SIDE,
-                seed: settings.seed,
-                lift: look::lift(&scene.geometry, radius),
-            },
+            push: around.push(viewers.len() as u32, settings.probes, SIDE, settings.seed),
         })
+    }
+
+    /// The looks of the last iteration.
+    pub(super) fn looks(&self) -> Result<Vec<Look>> {
+        self.looks.download((self.push.count * LOOKS) as usize)
     }
 
     /// Records the looks of an iteration and what they ask for.
@@ -81,5 +147,80 @@ impl Viewed {
                 &b.tallies,
             ])
             .groups([self.push.count, 1, 1]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::config::{Config, Gate, Kernel, Objective, Preset};
+    use crate::quality::expected::expect;
+    use crate::quality::viewers::Viewers;
+    use crate::scene::baselines;
+    use crate::scene::camera::Intrinsics;
+    use crate::scene::proxy::{Orientation, Proxy};
+    use crate::scene::region::{Region, Shape};
+    use crate::scene::{random, samples};
+    use crate::visibility::device_scene::SceneGeometry;
+
+    /// A wrong gradient still descends, only badly: nothing else would show it.
+    #[test]
+    fn gradients_are_those_of_finite_differences() {
+        let shape = Shape::Box { min: DVec3::splat(0.2), max: DVec3::new(5.8, 3.8, 2.6) };
+        let region = Region { shape, up: DVec3::Z, floor: None, clearance: 0.15 };
+        let proxy = Proxy::new(&samples::room(), Orientation::Trusted).unwrap();
+        let geometry = SceneGeometry::new(&proxy, &region).unwrap();
+        let intrinsics = Intrinsics::from_fov(600, 400, 60f64.to_radians());
+        let viewers = Viewers::Region.sample(&geometry, intrinsics, false, 1, 6).unwrap();
+        let law = Law { angle: [0.9, 0.2, 0.4], farther: 0.5, background: 0.3, ..Law::default() };
+        let around = Surroundings::new(&geometry, proxy.sphere, true, &law);
+        let (looks, _) = expect(&geometry, around, &viewers, &[], &law, 3);
+        for softness in [0.05f32, 0.3] {
+            let settings = Settings { gate_softness: softness, ..Settings::default() };
+            let config = Config::new(Preset::Room, 12);
+            let poses = baselines::random(&geometry.free, 12, 7, false);
+            let splats: Vec<_> = poses.iter().map(|pose| (pose.position, pose.forward())).collect();
+            let loss = |splats: &[(DVec3, DVec3)]| {
+                let batch = Batch {
+                    settings: &settings,
+                    objective: Objective::Quality,
+                    gate: Gate::Pinhole,
+                    kernel: Kernel::Angular,
+                    occlusion: config.occlusion,
+                    splats,
+                    tangents: &[[0.6, 0.4]],
+                    probes: &[],
+                    lobes: &[],
+                    directions: &[],
+                    depth: &[],
+                    stands: &[],
+                    log_scale: 0.0,
+                };
+                viewed(&batch, &looks, &geometry.bvh, &law)
+            };
+            let exact = loss(&splats);
+            let most = |of: &[DVec3]| of.iter().map(|g| g.length()).fold(0.0, f64::max);
+            assert!(most(&exact.by_centre) > 1e-3 && most(&exact.by_direction) > 1e-3);
+            for j in 0..splats.len() {
+                let [u, v, w, x] = random::uniforms(5, softness.to_bits(), j as u32);
+                for (step, of_centre) in [(random::direction(u, v), true), (random::direction(w, x), false)] {
+                    let h = 1e-6;
+                    let moved = |h: f64| {
+                        let mut splats = splats.clone();
+                        let part = if of_centre { &mut splats[j].0 } else { &mut splats[j].1 };
+                        *part += h * step;
+                        loss(&splats).loss
+                    };
+                    let difference = (moved(h) - moved(-h)) / (2.0 * h);
+                    let gradient = if of_centre { exact.by_centre[j] } else { exact.by_direction[j] };
+                    let off = (difference - gradient.dot(step)).abs();
+                    assert!(
+                        off < 1e-5 + 1e-3 * gradient.length(),
+                        "{softness}, {j}: {difference} of {}",
+                        gradient.dot(step)
+                    );
+                }
+            }
+        }
     }
 }

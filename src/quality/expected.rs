@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::law::Law;
-use super::look::{Caster, LOOK, Look, LookPush, Viewer, lift, place};
-use super::nearest::nearest;
+use super::look::{Caster, LOOK, Look, LookPush, Surroundings, Viewer, place};
+use super::nearest::nearest_cameras;
 use crate::Result;
 use crate::metrics::score_point::{View, view};
 use crate::scene::camera::Camera;
@@ -25,7 +25,7 @@ crate::gpu_struct! {
 crate::gpu_struct! {
     /// What a viewer is expected to see.
     pub struct Verdict {
-        /// Mean of exp(law) over the looks that show the surface.
+        /// Weighted sum of exp(law) over all looks, over their number.
         pub error: f32,
         /// Looks that show the surface.
         pub shown: u32,
@@ -75,14 +75,14 @@ pub struct Judge<'a> {
 }
 
 impl<'a> Judge<'a> {
-    /// Draws the looks of `viewers`, given in the user's world, on a surface of bounding radius `radius` there.
+    /// Draws the looks of `viewers`, given in the user's world.
     ///
     /// # Errors
     /// Where device memory runs out or the device fails.
     pub fn new(
         context: &Arc<Context>,
         scene: &'a DeviceScene,
-        radius: f64,
+        around: Surroundings,
         viewers: Vec<Camera>,
         law: &Law,
         seed: u64,
@@ -97,7 +97,7 @@ impl<'a> Judge<'a> {
         commands
             .stage(&draw)
             .bind(&[&scene.nodes, &scene.primitives, &control, &viewer_buffer, &looks])
-            .push(&push(count, &scene.geometry, radius, seed))
+            .push(&push(count, around, seed))
             .linear((count * LOOKS).div_ceil(64));
         commands.submit_and_wait()?;
         drop(commands);
@@ -166,9 +166,8 @@ impl<'a> Judge<'a> {
     }
 }
 
-fn push(count: u32, geometry: &SceneGeometry, radius: f64, seed: u64) -> LookPush {
-    let seed = (seed ^ (seed >> 32)) as u32;
-    LookPush { pool: count, count, first: 0, side: SIDE, seed, lift: lift(geometry, radius) }
+fn push(count: u32, around: Surroundings, seed: u64) -> LookPush {
+    around.push(count, count, SIDE, (seed ^ (seed >> 32)) as u32)
 }
 
 /// The mean over viewers.
@@ -186,31 +185,33 @@ fn aggregate(verdicts: &[Verdict]) -> Expectation {
 /// The twin of [`Judge`]: the looks of `viewers` and what is expected of `cameras` there, both given in the user's world.
 pub fn expect(
     geometry: &SceneGeometry,
-    radius: f64,
+    around: Surroundings,
     viewers: &[Camera],
     cameras: &[Camera],
     law: &Law,
     seed: u64,
 ) -> (Vec<Look>, Expectation) {
-    let LookPush { seed, lift, .. } = push(viewers.len() as u32, geometry, radius, seed);
-    let caster = Caster::new(geometry, lift);
+    let LookPush { seed, .. } = push(viewers.len() as u32, around, seed);
+    let caster = Caster::new(geometry, around);
     let views: Vec<View> = cameras.iter().map(|camera| view(geometry, camera)).collect();
     let mut looks = Vec::new();
     let mut verdicts = Vec::new();
     for (viewer, index) in viewers.iter().map(|viewer| Viewer::new(viewer, geometry)).zip(0..) {
         let mut verdict = Verdict::default();
-        let mut sum = 0.0;
+        let (mut sum, mut looked) = (0.0, 0);
         for pixel in 0..LOOKS {
             let look = caster.look(index, &viewer, place(seed, index, pixel, SIDE));
             if look.distance > 0.0 {
-                let found = nearest(&geometry.bvh, &look, &views, 3);
-                verdict.shown += 1;
-                verdict.unseen += u32::from(found.is_empty());
-                sum += law.log_error(&found).exp();
+                let found = nearest_cameras(&geometry.bvh, &look, &views);
+                let surface = u32::from(look.normal != [0.0; 3]);
+                looked += 1;
+                verdict.shown += surface;
+                verdict.unseen += surface * u32::from(found.is_empty());
+                sum += f64::from(look.weight) * law.log_error(&found, f64::from(look.distance)).exp();
             }
             looks.push(look);
         }
-        verdict.error = if verdict.shown > 0 { (sum / f64::from(verdict.shown)) as f32 } else { 0.0 };
+        verdict.error = if looked > 0 { (sum / f64::from(looked)) as f32 } else { 0.0 };
         verdicts.push(verdict);
     }
     (looks, aggregate(&verdicts))

@@ -5,6 +5,7 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
+use super::law::Law;
 use crate::scene::camera::Camera;
 use crate::visibility::bvh::{Bvh, Node, Primitives};
 use crate::visibility::device_scene::SceneGeometry;
@@ -34,26 +35,31 @@ crate::gpu_struct! {
 }
 
 crate::gpu_struct! {
-    /// What a viewer's pixel shows, in the planner's frame.
+    /// What a viewer's pixel shows, in the planner's frame: a point of the surface, or, beside an object, the empty place where
+    /// its ray passes the object's middle, for there trained splats must leave nothing.
     pub struct Look {
         /// The surface point, lifted off the surface on the viewer's side.
         pub position: [f32; 3],
-        /// From there to the viewer; 0 where the pixel shows no surface.
+        /// From there to the viewer; 0 where the look counts for nothing.
         pub distance: f32,
         /// Unit direction from the point to the viewer.
         pub direction: [f32; 3],
         /// The viewer, by its place in the pool.
         pub viewer: u32,
-        /// Unit normal of the surface on the viewer's side.
+        /// Unit normal of the surface on the viewer's side; zero in empty space.
         pub normal: [f32; 3],
-        /// Unused.
-        pub spare0: u32,
+        /// Of the look in its viewer's mean: 1 on the surface.
+        pub weight: f32,
     }
 }
 
 crate::gpu_struct! {
     /// Push constants of `look`.
     pub struct LookPush {
+        /// Middle of the surface.
+        pub middle: [f32; 3],
+        /// Weight of looks beside the surface; 0: they count for nothing.
+        pub background: f32,
         /// Viewers in the pool.
         pub pool: u32,
         /// Viewers of this draw, which are those from `first` on.
@@ -100,22 +106,46 @@ impl Viewer {
     }
 }
 
-/// Length of the lift off a mesh in the planner's frame.
-pub fn lift(geometry: &SceneGeometry, radius: f64) -> f32 {
-    (LIFT * geometry.to_internal.length(radius)) as f32
+/// What looks take of a surface, in the planner's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surroundings {
+    /// Its middle.
+    pub middle: Vec3,
+    /// Height above it, on meshes, at which a point is out of its way.
+    pub lift: f32,
+    /// Weight of looks beside it, where there is nothing; 0: these count for nothing.
+    pub background: f32,
+}
+
+impl Surroundings {
+    /// Of a surface with the given bounding sphere in the user's world: of an object, beside which is nothing, or of a room.
+    pub fn new(geometry: &SceneGeometry, sphere: (DVec3, f64), object: bool, law: &Law) -> Self {
+        let to_internal = &geometry.to_internal;
+        Self {
+            middle: to_internal.point(sphere.0).as_vec3(),
+            lift: (LIFT * to_internal.length(sphere.1)) as f32,
+            background: if object { law.background } else { 0.0 },
+        }
+    }
+
+    /// For `count` viewers of a pool of as many as `pool`.
+    pub fn push(&self, pool: u32, count: u32, side: u32, seed: u32) -> LookPush {
+        let Self { middle, lift, background } = *self;
+        LookPush { middle: middle.to_array(), background, pool, count, first: 0, side, seed, lift }
+    }
 }
 
 /// Casts rays on the host as `look.comp` does on the device.
 pub struct Caster<'a> {
     bvh: &'a Bvh,
-    lift: f32,
+    around: Surroundings,
     /// Slot of each primitive in the hierarchy.
     slots: Vec<u32>,
 }
 
 impl<'a> Caster<'a> {
-    /// Over the surface of a scene, whose lift is that of [`lift`].
-    pub fn new(geometry: &'a SceneGeometry, lift: f32) -> Self {
+    /// Over the surface of a scene.
+    pub fn new(geometry: &'a SceneGeometry, around: Surroundings) -> Self {
         let indices: Vec<u32> = match &geometry.bvh.primitives {
             Primitives::Triangles(triangles) => triangles.iter().map(|triangle| triangle.index).collect(),
             Primitives::Discs(discs) => discs.iter().map(|disc| disc.index).collect(),
@@ -124,25 +154,35 @@ impl<'a> Caster<'a> {
         for (slot, index) in (0..).zip(indices) {
             slots[index as usize] = slot;
         }
-        Self { bvh: &geometry.bvh, lift, slots }
+        Self { bvh: &geometry.bvh, around, slots }
     }
 
-    /// What the viewer in place `index` of its pool shows at image position (u, v). A look at distance 0 where that is no
-    /// surface, or the back of a disc.
+    /// What the viewer in place `index` of its pool shows at image position (u, v). A look at distance 0 where it counts for
+    /// nothing: it is of the back of a disc, or beside the surface of a room.
     pub fn look(&self, index: u32, viewer: &Viewer, at: [f32; 2]) -> Look {
         let none = Look { viewer: index, ..Look::default() };
         let origin = Vec3::from(viewer.position);
         let ray = Vec3::from(viewer.corner) + at[0] * Vec3::from(viewer.across) + at[1] * Vec3::from(viewer.along);
         let direction = ray.normalize();
         let Some(hit) = self.bvh.closest_hit(&Ray { origin, direction, t_min: 0.0, t_max: f32::MAX }) else {
-            return none;
+            let along = (self.around.middle - origin).dot(direction);
+            if self.around.background == 0.0 || along <= 0.0 {
+                return none;
+            }
+            return Look {
+                position: (origin + along * direction).to_array(),
+                distance: along,
+                direction: (-direction).to_array(),
+                weight: self.around.background,
+                ..none
+            };
         };
         let slot = self.slots[hit.primitive as usize] as usize;
         let (normal, lift) = match &self.bvh.primitives {
             Primitives::Triangles(triangles) => {
                 let triangle = &triangles[slot];
                 let normal = Vec3::from(triangle.e1).cross(Vec3::from(triangle.e2)).normalize_or_zero();
-                (if normal.dot(direction) > 0.0 { -normal } else { normal }, self.lift)
+                (if normal.dot(direction) > 0.0 { -normal } else { normal }, self.around.lift)
             }
             Primitives::Discs(discs) if Vec3::from(discs[slot].normal).dot(direction) >= 0.0 => return none,
             Primitives::Discs(discs) => (Vec3::from(discs[slot].normal), discs[slot].radius),
@@ -152,6 +192,7 @@ impl<'a> Caster<'a> {
             distance: hit.distance,
             direction: (-direction).to_array(),
             normal: normal.to_array(),
+            weight: 1.0,
             ..none
         }
     }

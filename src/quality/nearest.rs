@@ -1,7 +1,7 @@
 //! The training views that see a surface point, nearest to a viewer's direction first: what the law of expected error is
 //! made of. Twin of `shared/nearest_views.glsl`.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::look::Look;
 use crate::metrics::score_point::View;
@@ -9,45 +9,69 @@ use crate::visibility::bvh::Bvh;
 use crate::visibility::raycast::Ray;
 
 /// Views at least this far from a viewer's direction, in radians, count as none.
-pub const FARTHEST: f32 = 2.0;
+pub const FARTHEST: f64 = 2.0;
+/// Of those that are nearest but for what hides them so many are looked at, as on the device.
+const LISTED: usize = 128;
 
-/// A view that sees the point of a look.
+/// A view of the point of a look.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Near {
-    /// Angle at the point between the viewer and the view, in radians.
-    pub angle: f32,
-    /// Distance of the view over that of the viewer.
-    pub ratio: f32,
-    /// Cosine of the angle at which the view sees the surface.
-    pub cosine: f32,
+    /// Angle at the point between the viewer and the view, in radians; for splats, and what they are off by otherwise.
+    pub cost: f64,
+    /// Unit direction from the point to the view.
+    pub direction: DVec3,
+    /// Distance of the view.
+    pub distance: f64,
     /// Which view.
     pub view: u32,
 }
 
+/// The point of a look, the unit direction to the viewer, and the normal.
+pub fn vectors(look: &Look) -> [DVec3; 3] {
+    [look.position, look.direction, look.normal].map(|v| Vec3::from(v).as_dvec3())
+}
+
 /// Angle between unit vectors, exact for small angles.
-pub fn angle(a: Vec3, b: Vec3) -> f32 {
+pub fn angle(a: DVec3, b: DVec3) -> f64 {
     2.0 * (0.5 * (a - b).length()).min(1.0).asin()
 }
 
-/// The at most `most` views of `views` that see the point of a look, in the order of their angles; of equals the first.
-pub fn nearest(bvh: &Bvh, look: &Look, views: &[View], most: usize) -> Vec<Near> {
-    let (point, direction, normal) = (Vec3::from(look.position), Vec3::from(look.direction), Vec3::from(look.normal));
-    let mut gated: Vec<(Near, Vec3, f32)> = Vec::new();
-    for (view, index) in views.iter().zip(0..) {
-        let ray = Vec3::from(view.position) - point;
-        let distance = ray.length().max(1e-6);
-        let n = ray / distance;
-        let along = |axis: [f32; 3]| -n.dot(Vec3::from(axis));
-        let forward = along(view.forward);
-        let inside = forward > 0.0 && along(view.right).abs() <= forward && along(view.down).abs() <= forward;
-        let (angle, cosine) = (angle(direction, n), n.dot(normal));
-        if inside && (cosine > 0.0 || normal == Vec3::ZERO) && angle < FARTHEST {
-            gated.push((Near { angle, ratio: distance / look.distance, cosine, view: index }, n, distance));
-        }
-    }
-    gated.sort_by(|a, b| a.0.angle.total_cmp(&b.0.angle));
-    let free = gated.into_iter().filter(|(_, n, distance)| {
-        !bvh.any_hit(&Ray { origin: point, direction: *n, t_min: 0.0, t_max: *distance })
+/// What a view at `centre` is to a look but for its image and what hides it; none where it is behind the surface or farther
+/// away than [`FARTHEST`].
+pub fn toward(look: &Look, view: u32, centre: DVec3) -> Option<Near> {
+    let [point, to_viewer, normal] = vectors(look);
+    let ray = centre - point;
+    let distance = ray.length().max(1e-6);
+    let direction = ray / distance;
+    let cost = angle(to_viewer, direction);
+    ((direction.dot(normal) > 0.0 || normal == DVec3::ZERO) && cost < FARTHEST).then_some(Near {
+        cost,
+        direction,
+        distance,
+        view,
+    })
+}
+
+/// The at most three of `views` that nothing hides, in the order of their costs; of equals the first.
+pub fn nearest(bvh: &Bvh, look: &Look, views: impl Iterator<Item = Near>) -> Vec<Near> {
+    let mut views: Vec<Near> = views.filter(|view| view.cost < FARTHEST).collect();
+    views.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let origin = Vec3::from(look.position);
+    let free = views.into_iter().take(LISTED).filter(|view| {
+        let (direction, t_max) = (view.direction.as_vec3(), view.distance as f32);
+        !bvh.any_hit(&Ray { origin, direction, t_min: 0.0, t_max })
     });
-    free.map(|(near, ..)| near).take(most).collect()
+    free.take(3).collect()
+}
+
+/// As [`nearest`], of cameras whose whole image counts.
+pub fn nearest_cameras(bvh: &Bvh, look: &Look, cameras: &[View]) -> Vec<Near> {
+    let views = cameras.iter().zip(0..).filter_map(|(camera, index)| {
+        let near = toward(look, index, Vec3::from(camera.position).as_dvec3())?;
+        let along = |axis: [f32; 3]| -near.direction.dot(Vec3::from(axis).as_dvec3());
+        let forward = along(camera.forward);
+        let inside = forward > 0.0 && along(camera.right).abs() <= forward && along(camera.down).abs() <= forward;
+        inside.then_some(near)
+    });
+    nearest(bvh, look, views)
 }

@@ -92,9 +92,7 @@ impl Viewers {
             let height = place.dot(up);
             floor.is_none_or(|floor| height >= floor)
                 && match *self {
-                    Self::Cone { axis, degrees } => {
-                        (place - centre).angle_between(axis) <= 0.5 * degrees.to_radians()
-                    }
+                    Self::Cone { axis, degrees } => (place - centre).angle_between(axis) <= 0.5 * degrees.to_radians(),
                     Self::Heights { low, high } => (low..=high).contains(&height),
                     _ => true,
                 }

@@ -3,6 +3,10 @@
 struct Law {
     vec3 angle;      // by the angle of the first, second and third nearest view, in radians
     float farther;   // by the logarithm of the nearest one's distance over the viewer's, where it is farther away
+    float background;  // weight of a look beside the surface of an object
+    float spare0;
+    float spare1;
+    float spare2;
 };
 
 // `angles` as the views come, `log_ratio` of the nearest.

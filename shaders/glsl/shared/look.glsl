@@ -1,9 +1,10 @@
-// What a viewer's pixel shows, in the planner's frame. Twin: src/quality/look.rs.
+// What a viewer's pixel shows, in the planner's frame: a point of the surface, or, beside an object, the empty place where its
+// ray passes the object's middle, for there trained splats must leave nothing. Twin: src/quality/look.rs.
 struct Look {
     vec3 position;   // of the surface point, lifted off the surface on the viewer's side
-    float distance;  // from there to the viewer; 0 where the pixel shows no surface
+    float distance;  // from there to the viewer; 0 where the look counts for nothing
     vec3 direction;  // unit, from the point to the viewer
     uint viewer;     // by its place in the pool
-    vec3 normal;     // unit, of the surface on the viewer's side
-    uint spare0;
+    vec3 normal;     // unit, of the surface on the viewer's side; zero in empty space
+    float weight;    // of the look in its viewer's mean: 1 on the surface
 };
