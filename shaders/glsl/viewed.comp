@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Expected quality and its gradient: a workgroup per viewer of the iteration, a thread per look. Each look finds the camera
+// Expected quality and its gradient: a workgroup per viewer of the iteration, one thread or several per look. Each look finds the camera
 // splats nearest to it that see its point; the law gives its expected error; the loss is the mean over viewers of the logarithm
 // of the mean error of their looks. Every look writes what it asks of the three splats it depends on to places of its own.
 // Twin: src/plan/viewed.rs.
@@ -8,7 +8,8 @@
 #include "shared/plan.glsl"
 #include "shared/look.glsl"
 #include "shared/law.glsl"
-layout(local_size_x = 64) in;  // looks of a viewer
+layout(local_size_x_id = 11) in;
+layout(constant_id = 11) const uint THREADS = 64;  // looks of a viewer, times LANES
 
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
 layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
@@ -44,7 +45,7 @@ shared vec4 sums[64];
 vec4 total_of(vec4 value) {
     uint thread = gl_LocalInvocationIndex;
     barrier();
-    sums[thread] = value;
+    if (thread < 64) sums[thread] = value;
     for (uint half_ = 32; half_ > 0; half_ >>= 1) {
         barrier();
         if (thread < half_) sums[thread] += sums[thread + half_];
@@ -56,7 +57,7 @@ vec4 total_of(vec4 value) {
 void main() {
     Settings s = settings[0];
     if (control[0].halt != 0) return;
-    uint viewer = gl_WorkGroupID.x, thread = gl_LocalInvocationIndex, place = viewer * 64 + thread;
+    uint viewer = gl_WorkGroupID.x, thread = gl_LocalInvocationIndex, place = viewer * 64 + thread % 64;
     Look look = looks[place];
     bool looks_at = look.distance > 0.0, shown = look.normal != vec3(0.0);
     Near found[3];
@@ -64,8 +65,8 @@ void main() {
     vec3 n[3];
     float d[3];
     float error = 0.0, log_ratio = 0.0;
+    have = nearest_views(look, looks_at, control[0].live, found);
     if (looks_at) {
-        have = nearest_views(look, control[0].live, found);
         vec3 costs = vec3(FARTHEST);
         for (uint k = 0; k < have; ++k) costs[k] = view_cost(found[k].view, look, n[k], d[k]);
         if (have > 0) log_ratio = log(d[0] / look.distance);
@@ -75,7 +76,7 @@ void main() {
     // The loss of a viewer is log(total.x / total.y): each look's part of its gradient.
     float turn = TURN * s.gate_softness;
     float viewers = float(s.probes), weight = looks_at ? error / (total.x * viewers) : 0.0;
-    for (uint k = 0; k < 3; ++k) {
+    for (uint k = 0; thread < 64 && k < 3; ++k) {
         uint record = place * 3 + k;
         Gradient grad = Gradient(vec3(0.0), 0.0, vec3(0.0), 0.0);
         bool counts = k < have && total.z >= 4.0;

@@ -19,7 +19,8 @@ use super::shared::{Control, Gradient, Record, Settings, Splat, Tally};
 use super::snapshot::{SNAPSHOT, SnapshotPush};
 use super::tally::mailbox;
 use super::update::UPDATE;
-use super::viewed::Viewed;
+use super::viewed::{self, Viewed};
+use crate::quality::expected::LOOKS;
 use crate::quality::look::Look;
 use crate::scene::camera::Pose;
 use crate::visibility::device_scene::DeviceScene;
@@ -99,6 +100,7 @@ impl<'a> Planner<'a> {
             Gate::Pinhole => 3,
         };
         let [threads, each] = dense_shape(context.physical());
+        let lanes = viewed::lanes(context.physical());
         let constants = [
             resolution,
             config.objective as u32,
@@ -110,6 +112,8 @@ impl<'a> Planner<'a> {
             each,
             !lobes.is_empty() as u32,
             (settings.distance_weight > 0.0) as u32,
+            lanes,
+            LOOKS * lanes,
         ];
         let splat = || {
             if quality {

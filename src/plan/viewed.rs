@@ -15,6 +15,7 @@ use crate::quality::look::{LOOK, Look, LookPush, Surroundings, Viewer};
 use crate::quality::nearest::{nearest, toward, vectors};
 use crate::visibility::bvh::{Bvh, Node};
 use crate::visibility::device_scene::DeviceScene;
+use crate::vulkan::physical::Physical;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::stage!(
@@ -24,6 +25,12 @@ crate::stage!(
         write partials, write tallies,
     } with [Settings, Control, Splat, Node, Look, Law, Gradient, Tally]
 );
+
+/// Threads of a look: on a GPU its rays wait for memory, and are cast at the same time; on a CPU device those that are not needed
+/// are not cast.
+pub(super) fn lanes(physical: &Physical) -> u32 {
+    if physical.kind == "CPU" { 1 } else { 8 }
+}
 
 /// Radians that a splat counts as off for each sine by which a point lies outside of its picture.
 const TURN: f64 = 8.0;
