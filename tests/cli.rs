@@ -60,14 +60,19 @@ fn a_plan_leaves_every_file_and_they_agree() {
 #[test]
 fn score_of_our_own_files_gives_the_metrics_of_the_plan() {
     let place = Place::new();
-    for (options, field) in [("", ""), ("--gate pinhole", "--frustum")] {
+    for (options, field) in [("", ""), ("--gate soft", "--cone")] {
         place.done(&format!("plan ball.ply --out o --force {SHORT} --seed 3 {options}"));
-        let expected = place.plan("o").metrics;
+        let plan = place.plan("o");
+        let expected = plan.metrics;
         for file in ["plan.json", "transforms.json", "sparse/0"] {
             place.done(&format!("score ball.ply o/{file} --held-out 60 --seed 3 --json m.json {field}"));
             let found: Metrics = serde_json::from_str(&place.read("m.json")).unwrap();
             if file == "plan.json" {
                 assert_eq!(found, expected, "{field}");
+                let scores: serde_json::Value = serde_json::from_str(&place.read("m.json")).unwrap();
+                let db = |expected: &serde_json::Value| expected["db"].as_f64().unwrap();
+                let planned = serde_json::to_value(&plan.expected).unwrap();
+                assert!((db(&scores["expected"]) - db(&planned)).abs() < 0.02, "{} was {planned}", scores["expected"]);
             }
             let numbers = |m: &Metrics| -> BTreeMap<String, f64> {
                 serde_json::from_value(serde_json::to_value(m).unwrap()).unwrap()
@@ -133,12 +138,18 @@ fn every_option_of_the_help_is_accepted() {
         "--iterative --equal-directions --scalar-vds --no-occlusion --no-reg --no-relocation",
         "--base-loss --relocate-every 5 --lambda-reg 2 --lambda-bound 3 --lambda-scale 0.1 --alpha 0.2 --scale 0.3",
         "--rate-scale 0 --rate-centre 0.01 --rate-direction 0.03 --probes 8 --resolution 24",
+        "--viewers shell:0,0,0,2,4",
+        "--viewers box:-4,-4,2,4,4,5",
+        "--viewers cone:120,0,-1,0",
+        "--viewers heights:-0.5,1.5",
+        "--viewers first",
     ];
     let known = options(&place, "plan");
     let mut tried: BTreeSet<String> = BTreeSet::new();
     // Capturing and the peers have their own tests, and help ends every run.
     tried.extend(
-        ["capture", "help", "method", "candidates", "nodes", "hidden-nodes", "model", "antialiased"].map(str::to_owned),
+        ["capture", "curve", "help", "method", "candidates", "nodes", "hidden-nodes", "model", "antialiased"]
+            .map(str::to_owned),
     );
     tried.extend(["renders", "steps", "look-size", "noise-steps"].map(str::to_owned));
     let mut try_with = |given: &str| {
@@ -154,7 +165,7 @@ fn every_option_of_the_help_is_accepted() {
     assert!(known["gate"].len() >= 4 && known["preset"].len() == 2, "the help was misread: {known:?}");
 
     let given = "--preset room --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --floor -0.5 --up z --clearance 0.1 \
-                 --device 0 --debug-sync --held-out 50 --seed 4 --frustum --json m.json";
+                 --device 0 --debug-sync --held-out 50 --seed 4 --cone --all --viewers heights:-0.9,0.5 --json m.json";
     place.done(&format!("score ball.ply first/plan.json {given}"));
     place.done("score ball.ply first/plan.json --shell 0,0,0,2,3");
     // A plan's own region is taken, from its folder as from its file; one that cannot be read is told.
@@ -288,21 +299,33 @@ fn the_same_command_gives_the_same_plan() {
 fn watching_a_run_does_not_change_it() {
     let place = Place::new();
     let plan = |out: &str, options: &str| {
-        place.done(&format!("plan ball.ply --out {out} {SHORT} --relocate-every 5 {options}"));
+        place.done(&format!("plan ball.ply --out {out} {SHORT} {options}"));
         let plan = place.plan(out);
         (plan.cameras, plan.history, plan.checkpoints, plan.metrics)
     };
-    let plain = plan("plain", "");
-    assert_eq!(plain, plan("synced", "--debug-sync"));
-    assert_eq!(plain, plan("profiled", "--profile"));
-    assert_eq!(plain, plan("both", "--debug-sync --profile"));
+    for way in ["--objective quality", "--objective splat --relocate-every 5"] {
+        let plan = |out: &str, options: &str| plan(out, &format!("--force {way} {options}"));
+        let plain = plan("plain", "");
+        assert_eq!(plain, plan("synced", "--debug-sync"));
+        assert_eq!(plain, plan("profiled", "--profile"));
+        assert_eq!(plain, plan("both", "--debug-sync --profile"));
+    }
 }
 
 /// If this failed, a user would look at times that leave a stage out, or at a trace that no viewer opens.
 #[test]
 fn profile_and_trace_name_every_stage() {
     let place = Place::new();
-    let ran = place.done(&format!("plan ball.ply --out o {SHORT} --relocate-every 5 --profile --trace t.json"));
+    let ran = place
+        .done(&format!("plan ball.ply --out o {SHORT} --objective splat --relocate-every 5 --profile --trace t.json"));
+    let own = place.done(&format!("plan ball.ply --out q {SHORT} --profile"));
+    for stage in ["look", "viewed", "update", "snapshot"] {
+        assert!(
+            own.out.lines().any(|line| line.split_whitespace().next() == Some(stage)),
+            "no row for {stage}: {}",
+            own.out
+        );
+    }
     let stages = ["dense", "update", "rank", "relocate", "snapshot"];
     let mut share = 0.0;
     for stage in stages {
@@ -357,7 +380,9 @@ fn the_validation_layers_are_silent() {
     ));
     validated(&format!("plan ball.ply --out c {SHORT} --keep a --gate pinhole --iterative --profile"));
     validated(&format!("plan ball.ply --out d {SHORT} --pass binned --relocate-every 5"));
-    validated("score ball.ply a/plan.json --held-out 1000");
+    validated(&format!("plan ball.ply --out e {SHORT}"));
+    validated(&format!("plan ball.ply --out f {SHORT} --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --debug-sync"));
+    validated("score ball.ply a/plan.json --held-out 1000 --all");
 }
 
 /// If this failed, the silence above could be that of layers which were never switched on.

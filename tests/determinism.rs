@@ -12,8 +12,12 @@ const SMALL: &str =
     "--views 30 --pool 64 --probes 9 --held-out 60 --iterations 20 --checkpoint-every 10 --relocate-every 5";
 
 /// The ways through the planner that have their own stages.
-const WAYS: [&str; 3] =
-    ["--objective nearest --pass dense", "--objective splat --pass dense", "--objective splat --pass binned"];
+const WAYS: [&str; 4] = [
+    "--objective quality",
+    "--objective nearest --pass dense",
+    "--objective splat --pass dense",
+    "--objective splat --pass binned",
+];
 
 /// What a plan says, apart from the time it took.
 struct Planned {

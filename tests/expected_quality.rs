@@ -6,6 +6,8 @@ use std::ops::ControlFlow;
 
 use camsplat::plan::config::{Config, Gate, Objective, Preset};
 use camsplat::plan::dense::Batch;
+use camsplat::plan::job::{self, RegionChoice, Target, Tools};
+use camsplat::plan::reference::Reference;
 use camsplat::plan::start::tangents;
 use camsplat::plan::viewed::viewed;
 use camsplat::quality::expected::{Judge, LOOKS, expect};
@@ -14,6 +16,11 @@ use camsplat::quality::look::Surroundings;
 use camsplat::quality::viewers::Viewers;
 use camsplat::scene::baselines;
 use camsplat::scene::camera::Camera;
+use camsplat::scene::random;
+use camsplat::scene::region::Shape;
+use camsplat::scene::samples;
+use camsplat::scene::surface::{Mesh, Surface};
+use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
 use glam::{DVec3, Vec3};
 use planner_support::{Scene, context, intrinsics, object, planner, room, silent};
 
@@ -106,6 +113,84 @@ fn an_iteration_is_that_of_the_twin() {
                 let off = (vector(gradient.direction) - twin.by_direction[j]).length();
                 assert!(off < 0.02 * direction, "{name}, {gate:?}, direction of {j}: {off} of {direction}");
             }
+        }
+    }
+    silent(&context);
+}
+
+/// A mesh of several, each moved and stretched.
+fn together(parts: &[(Surface, DVec3, DVec3)]) -> Surface {
+    let mut mesh = Mesh::default();
+    for (part, offset, size) in parts {
+        let Surface::Mesh(part) = part else { panic!("samples are meshes") };
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend(part.positions.iter().map(|p| *p * *size + *offset));
+        mesh.triangles.extend(part.triangles.iter().map(|t| t.map(|v| v + first)));
+    }
+    Surface::Mesh(mesh)
+}
+
+fn planned(surface: &Surface, choice: &RegionChoice, config: &Config) -> (Target, job::Plan) {
+    let target = Target::new(surface, "sample", config.preset, choice, DVec3::Z, &intrinsics()).expect("a target");
+    let go_on = |_: job::Event| ControlFlow::Continue(());
+    let plan = job::run(&context(), &target, intrinsics(), &[], config.clone(), Tools::default(), go_on);
+    (target, plan.expect("a plan"))
+}
+
+/// A ball on a thin, wide sheet, as a car on a cloth: points even over the surface sent nearly all cameras above it, where
+/// viewers look from below as well. If this failed, half of the viewers would look at what no camera has seen.
+#[test]
+fn a_thin_sheet_is_photographed_from_below_too() {
+    let corner = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+    let sheet = Mesh {
+        positions: vec![corner(-2.0, -2.0), corner(2.0, -2.0), corner(2.0, 2.0), corner(-2.0, 2.0)],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Mesh::default()
+    };
+    let ball = (samples::sphere(0.5, 12), DVec3::new(0.0, 0.0, 0.5), DVec3::ONE);
+    let surface = together(&[(Surface::Mesh(sheet), DVec3::ZERO, DVec3::ONE), ball]);
+    let (_, plan) = planned(&surface, &RegionChoice::default(), &Config::new(Preset::Object, 20));
+    let below = plan.record.cameras.iter().filter(|camera| camera.pose.position.z < 0.0).count();
+    assert!((7..=13).contains(&below), "{below} of 20 cameras are below the sheet");
+    let expected = plan.record.expected.expect("an expectation");
+    assert!(expected.unseen < 0.02 && expected.db >= 0.0, "{expected:?}");
+}
+
+/// What is promised of every plan: whatever the scene, as good as each simple layout in the eyes of viewers that neither the
+/// descent nor the choice has seen.
+#[test]
+fn a_plan_is_never_worse_than_a_simple_layout() {
+    let context = context();
+    for seed in 0..5u64 {
+        let boxes: Vec<_> = (0..4)
+            .map(|i| {
+                let [x, y, z, a] = random::uniforms(seed, 1, i);
+                let [b, c, ..] = random::uniforms(seed, 2, i);
+                (samples::cube(), 2.0 * DVec3::new(x, y, z), DVec3::new(0.2 + a, 0.2 + b, 0.2 + c))
+            })
+            .collect();
+        let (preset, shape, floor) = match seed {
+            0 | 1 => (Preset::Object, None, None),
+            2 => (Preset::Object, None, Some(0.5)),
+            _ => (Preset::Room, Some(Shape::Box { min: DVec3::splat(-2.0), max: DVec3::splat(4.0) }), None),
+        };
+        let surface = match preset {
+            Preset::Object => together(&boxes),
+            // A shell of walls around the boxes.
+            Preset::Room => together(&[&boxes[..], &[(samples::cube(), DVec3::ONE, DVec3::splat(6.5))]].concat()),
+        };
+        let choice = RegionChoice { shape, floor, clearance: None };
+        let config = Config { seed, ..Config::new(preset, [6, 20, 14, 24, 40][seed as usize]) };
+        let (target, plan) = planned(&surface, &choice, &config);
+        let fresh = Config { seed: seed + 100, ..config };
+        let scene = SceneGeometry::new(&target.proxy, &target.region).expect("a scene");
+        let scene = DeviceScene::new(&context, scene).expect("room for it");
+        let reference = Reference::new(&context, &scene, &target, (intrinsics(), &[]), &fresh).expect("a reference");
+        let planned = reference.expect_cameras(&plan.record.cameras).expect("an expectation").error_db;
+        for layout in &reference.layouts {
+            // 512 viewers tell a twentieth of a decibel.
+            let simple = layout.expectation.error_db;
+            assert!(planned <= simple + 0.05, "scene {seed}: {planned}, where {} has {simple}", layout.name);
         }
     }
     silent(&context);

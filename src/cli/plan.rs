@@ -192,6 +192,8 @@ impl Tuning {
             || self.no_vds
             || self.scalar_vds
             || self.iterative
+            || self.no_relocation
+            || self.relocate_every.is_some()
             || self.no_reg
             || [self.lambda_reg, self.lambda_scale, self.alpha, self.scale, self.rate_scale]
                 .iter()

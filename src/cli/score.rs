@@ -39,9 +39,9 @@ pub struct Arguments {
     /// Seed of viewers, layouts and held-out points
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Geometric metrics by the rectangular image, not the cone inscribed in it
+    /// Geometric metrics by the cone inscribed in the image, not by the whole image
     #[arg(long)]
-    frustum: bool,
+    cone: bool,
     /// Write the metrics here too
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -85,7 +85,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         seed: arguments.seed,
         held_out: arguments.held_out,
         viewers,
-        gate: if arguments.frustum { Gate::Pinhole } else { Gate::Soft },
+        gate: if arguments.cone { Gate::Soft } else { Gate::Pinhole },
         ..Config::new(arguments.region.preset.unwrap_or(preset), cameras.len() as u32)
     };
     let (expected, metrics) = job::score(&context, &target, &cameras, &config)?;

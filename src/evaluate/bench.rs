@@ -24,6 +24,7 @@ use crate::peers::job::Outside;
 use crate::photograph::products::{Products, Record, named};
 use crate::photograph::tracer::Tracer;
 use crate::photos::{Photo, PhotoSet};
+use crate::plan::config::Objective;
 use crate::plan::job::{RegionChoice, Target, Tools};
 use crate::plan::record::PlanRecord;
 use crate::scene::camera::{Camera, Intrinsics};
@@ -261,12 +262,17 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// What is shown, in a region, ready to be planned for.
+    /// What is shown, in a region, ready to be planned for. Scores stand on points; whoever takes none is shown the mesh itself,
+    /// whose sheets have two sides, where that is what is shown.
     ///
     /// # Errors
     /// Where its file cannot be read any more.
-    pub fn target(&self, shown: &Stage, region: &Region) -> Result<Target> {
-        let surface = io::read_surface(&shown.file(SURFACE)).map_err(|error| shown.damaged(&error.to_string()))?;
+    pub fn target(&self, shown: &Stage, region: &Region, scored: bool) -> Result<Target> {
+        let read = || io::read_surface(&shown.file(SURFACE)).map_err(|error| shown.damaged(&error.to_string()));
+        let surface = match (self.settings.shown, scored) {
+            (Shown::True, false) => self.scene.surface.clone(),
+            _ => read()?,
+        };
         let choice = RegionChoice { shape: Some(region.shape), floor: region.floor, clearance: Some(region.clearance) };
         let path = self.scene.path.to_string_lossy();
         Target::new(&surface, &path, self.kind.preset(), &choice, region.up, &self.intrinsics())
@@ -311,7 +317,8 @@ impl<'a> Bench<'a> {
         if !begins {
             return stage.read(PLAN).map(Some);
         }
-        let target = self.target(shown, &region)?;
+        let scored = peer.is_none() && config.vds && config.objective != Objective::Quality;
+        let target = self.target(shown, &region, scored)?;
         let plan = match (peer, method) {
             (Some(request), _) => {
                 let model = model.map(training::model).transpose()?;

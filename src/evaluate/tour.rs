@@ -107,7 +107,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     walk.done("photos", taken);
 
     let Some(shown) = bench.shown(&inputs, &mut |event| walk.hear(&event))? else { return Ok(None) };
-    let target = bench.target(&shown, &scene.region)?;
+    let target = bench.target(&shown, &scene.region, false)?;
     let points = read_points(&shown)?;
     walk.done("proxy", surface_and_scores(&points));
     let photographs = photos::read(inputs.folder(), &photos::Options::default())?.photos;

@@ -201,6 +201,7 @@ pub fn run(
     let config = planner.config().clone();
     drop(planner);
     let (mut expected, mut began_from) = (None, None);
+    check_finite(&outcome.poses)?;
     if let Some(reference) = reference {
         expected = Some(reference.compare(&reference.guard(&mut outcome)?));
         began_from = Some(reference.best().name.clone());
@@ -232,7 +233,17 @@ pub fn expected_plan(
     let preparation = preparation.starting_from(&reference.best().poses);
     let (planner, mut outcome) = optimise(context, &scene, preparation, None, |_, _| ControlFlow::Continue(()))?;
     drop(planner);
+    check_finite(&outcome.poses)?;
     reference.guard(&mut outcome)
+}
+
+fn check_finite(poses: &[Pose]) -> Result<()> {
+    if poses.iter().all(|pose| pose.position.is_finite() && pose.rotation.is_finite()) {
+        return Ok(());
+    }
+    Err(Error::request(
+        "cameras have left all bounds, which a rate or weight does that is far too large; give smaller ones",
+    ))
 }
 
 /// Scores cameras that were placed by other means, in the user's world, as a plan is scored; it took no time. `name` is what they are
@@ -268,10 +279,6 @@ pub fn conclude(
     (method, described): (&str, serde_json::Value),
     (outcome, expected): (Outcome, Option<Expected>),
 ) -> Result<Plan> {
-    if !outcome.poses.iter().all(|pose| pose.position.is_finite() && pose.rotation.is_finite()) {
-        let what = "cameras have left all bounds, which a rate or weight does that is far too large; give smaller ones";
-        return Err(Error::request(what));
-    }
     let points = target.proxy.sample(config.held_out as usize, config.seed, HELD_OUT_STREAM);
     let scorer = Scorer::new(context, &scene, &points)?;
     let few = Scorer::new(context, &scene, &points[..points.len().min(CHECKPOINT_POINTS)])?;

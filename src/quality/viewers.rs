@@ -1,5 +1,7 @@
 //! Viewers: from where people will look at what is trained.
 
+use std::f64::consts::TAU;
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -90,7 +92,8 @@ impl Viewers {
         let floor = geometry.region.floor.map(|floor| back.point(floor * geometry.region.up).dot(up));
         let fits = |place: DVec3| {
             let height = place.dot(up);
-            floor.is_none_or(|floor| height >= floor)
+            // Spheres are cut off at the floor as they are drawn from, but for rounding.
+            floor.is_none_or(|floor| height >= floor - 1e-9 * radius)
                 && match *self {
                     Self::Cone { axis, degrees } => (place - centre).angle_between(axis) <= 0.5 * degrees.to_radians(),
                     Self::Heights { low, high } => (low..=high).contains(&height),
@@ -103,17 +106,25 @@ impl Viewers {
             _ if !inward => None,
             _ => Some((0.5 * radius, radius)),
         };
+        let (side, front) = up.any_orthonormal_pair();
         let place = |stream: u32, i: u32| -> DVec3 {
             let [u, v, w, _] = random::uniforms(seed, stream, i);
             match (around, self) {
                 (Some((near, far)), _) => {
+                    // Of a sphere that lies below the floor nothing is left.
+                    let height = floor.map_or(f64::NEG_INFINITY, |floor| floor - centre.dot(up));
+                    let near = near.max(height.min(far));
                     let distance = match i % 3 {
                         0 => near,
                         1 => far,
                         // Even in volume.
                         _ => (near.powi(3) + (far.powi(3) - near.powi(3)) * w).cbrt(),
                     };
-                    centre + distance * random::direction(u, v)
+                    // Even on the part of the sphere above the floor: height is even on a sphere (Archimedes).
+                    let lowest = (height / distance).clamp(-1.0, 1.0);
+                    let z = lowest + (1.0 - lowest) * u;
+                    let (sin, cos) = (TAU * v).sin_cos();
+                    centre + distance * (z * up + (1.0 - z * z).max(0.0).sqrt() * (cos * side + sin * front))
                 }
                 (None, Self::Box { min, max }) => *min + (*max - *min) * DVec3::new(u, v, w),
                 (None, _) => back.point(geometry.free.sample(seed, stream, i)),
@@ -131,7 +142,7 @@ impl Viewers {
             Some(Camera { name: format!("viewer_{i:05}"), pose, intrinsics })
         };
         (0..count).map(viewer).collect::<Option<Vec<_>>>().ok_or_else(|| {
-            Error::request("viewers: hardly any place fits what --viewers says of it, above the floor if there is one; give a larger part")
+            Error::request("viewers: hardly any place fits what --viewers says, above the floor if there is one; give a larger part")
         })
     }
 }

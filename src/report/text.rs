@@ -139,6 +139,7 @@ fn summary(record: &PlanRecord, kind: Kind<'_>) -> String {
         ),
         ("Region", region(&record.region)),
     ];
+    rows.extend(record.began_from.iter().map(|layout| ("Began from", layout.clone())));
     if let Some(first) = record.cameras.first() {
         let same = record.cameras.iter().all(|c| c.intrinsics == first.intrinsics);
         let [x, y] = first.intrinsics.fov().map(f64::to_degrees);
@@ -275,27 +276,35 @@ impl Row {
     }
 }
 
-/// The four numbers that say most, each with the best control's.
+/// The expected quality, and the four numbers of geometry that say most, each with the best control's.
 fn figures(record: &PlanRecord) -> String {
-    ROWS.iter()
-        .take(4)
-        .map(|row| {
-            let best = record
-                .controls
-                .iter()
-                .filter_map(|c| row.value(&c.metrics).map(|v| (v, c.name.as_str())))
-                .reduce(|a, b| if (b.0 > a.0) == (row.better == Better::Higher) { b } else { a });
-            let beside = match best {
-                Some((value, name)) => format!("best control: {} ({})", row.text(Some(value)), escape(name)),
-                None => row.note.into(),
-            };
-            format!(
-                "<div class=\"figure\"><span class=\"name\">{}</span><strong>{}</strong><span>{beside}</span></div>\n",
-                row.name,
-                row.text(row.value(&record.metrics))
-            )
-        })
-        .collect()
+    let expected = record.expected.iter().map(|expected| {
+        format!(
+            "<div class=\"figure\"><span class=\"name\">Expected quality</span><strong>{:+.2} dB</strong><span>against {}, \
+             standard deviation {:.2} dB; no camera sees {:.1}% of what viewers look at</span></div>\n",
+            expected.db,
+            escape(&expected.against),
+            expected.sd,
+            100.0 * expected.unseen
+        )
+    });
+    let geometry = ROWS.iter().take(4).map(|row| {
+        let best = record
+            .controls
+            .iter()
+            .filter_map(|c| row.value(&c.metrics).map(|v| (v, c.name.as_str())))
+            .reduce(|a, b| if (b.0 > a.0) == (row.better == Better::Higher) { b } else { a });
+        let beside = match best {
+            Some((value, name)) => format!("best control: {} ({})", row.text(Some(value)), escape(name)),
+            None => row.note.into(),
+        };
+        format!(
+            "<div class=\"figure\"><span class=\"name\">{}</span><strong>{}</strong><span>{beside}</span></div>\n",
+            row.name,
+            row.text(row.value(&record.metrics))
+        )
+    });
+    expected.chain(geometry).collect()
 }
 
 fn metrics_table(record: &PlanRecord, kind: Kind<'_>) -> String {
