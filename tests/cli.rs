@@ -312,6 +312,24 @@ fn watching_a_run_does_not_change_it() {
     }
 }
 
+/// If this failed, nobody could tell from the curve how many photos to take: more views must be expected to give more, by ever less.
+#[test]
+fn the_curve_rises_with_the_views_and_flattens() {
+    let place = Place::new();
+    let ran = place.done("plan ball.ply --curve --iterations 4 --probes 4 --out c");
+    assert!(ran.out.contains("each further ten gain"), "{}", ran.out);
+    let points: serde_json::Value = serde_json::from_str(&place.read("c/curve.json")).unwrap();
+    let points: Vec<(f64, f64)> =
+        points.as_array().unwrap().iter().map(|p| (p["views"].as_f64().unwrap(), p["db"].as_f64().unwrap())).collect();
+    assert_eq!((points[0].0, points[points.len() - 1]), (5.0, (300.0, 0.0)));
+    assert!(points.windows(2).all(|pair| pair[0].1 < pair[1].1), "{points:?}");
+    let gain = |pair: &[(f64, f64)]| (pair[1].1 - pair[0].1) / (pair[1].0 - pair[0].0);
+    assert!(gain(&points[..2]) > 10.0 * gain(&points[points.len() - 2..]), "{points:?}");
+    assert!(place.read("c/curve.svg").starts_with("<svg"));
+    let refused = place.run("plan ball.ply --curve --views 5 --out d");
+    assert_eq!(refused.code, Some(2), "{}", refused.err);
+}
+
 /// If this failed, a user would look at times that leave a stage out, or at a trace that no viewer opens.
 #[test]
 fn profile_and_trace_name_every_stage() {

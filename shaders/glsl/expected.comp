@@ -42,15 +42,17 @@ layout(binding = 6, std430) writeonly buffer Verdicts { Verdict verdicts[]; };
 #include "shared/traverse.glsl"
 
 
-float view_cost(uint view, Look look, out vec3 n, out float d) {
+float view_cost(uint view, Look look, float bound, out vec3 n, out float d) {
     View camera = cameras[view];
     vec3 ray = camera.position - look.position;
     d = max(length(ray), 1e-6);
     n = ray / d;
+    float angle = angle_between(look.direction, n);
+    if (angle >= bound) return FARTHEST;
     float z = -dot(n, camera.forward);
     bool inside = z > 0.0 && abs(dot(n, camera.right)) <= z && abs(dot(n, camera.down)) <= z;
-    if (!inside || dot(n, look.normal) <= 0.0 && look.normal != vec3(0.0)) return 2.0;
-    return 2.0 * asin(min(0.5 * length(look.direction - n), 1.0));
+    if (!inside || dot(n, look.normal) <= 0.0 && look.normal != vec3(0.0)) return FARTHEST;
+    return angle;
 }
 #include "shared/nearest_views.glsl"
 
@@ -71,7 +73,7 @@ void main() {
         if (have > 0) {
             vec3 n;
             float d;
-            view_cost(found[0].view, look, n, d);
+            view_cost(found[0].view, look, FARTHEST, n, d);
             log_ratio = log(d / look.distance);
         }
         error = look.weight * exp(law_at(law[0], angles, log_ratio));

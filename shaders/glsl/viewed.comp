@@ -28,14 +28,14 @@ layout(binding = 9, std430) writeonly buffer Tallies { Tally tallies[]; };
 const float TURN = 8.0;
 
 // The angle at the point between viewer and splat, and how far the splat would have to turn to have the point in its picture.
-float view_cost(uint view, Look look, out vec3 n, out float d) {
+float view_cost(uint view, Look look, float bound, out vec3 n, out float d) {
     Splat splat = splats[view];
     vec3 ray = splat.centre - look.position;
     d = max(length(ray), 1e-6);
     n = ray / d;
-    if (dot(n, look.normal) <= 0.0 && look.normal != vec3(0.0)) return 2.0;
-    float angle = 2.0 * asin(min(0.5 * length(look.direction - n), 1.0));
-    if (angle >= 2.0) return 2.0;
+    if (dot(n, look.normal) <= 0.0 && look.normal != vec3(0.0)) return FARTHEST;
+    float angle = angle_between(look.direction, n);
+    if (angle >= bound) return FARTHEST;
     return angle - TURN * settings[0].gate_softness * log(max(gate(-n, splat, settings[0]).open, 1e-30));
 }
 #include "shared/nearest_views.glsl"
@@ -68,7 +68,7 @@ void main() {
     have = nearest_views(look, looks_at, control[0].live, found);
     if (looks_at) {
         vec3 costs = vec3(FARTHEST);
-        for (uint k = 0; k < have; ++k) costs[k] = view_cost(found[k].view, look, n[k], d[k]);
+        for (uint k = 0; k < have; ++k) costs[k] = view_cost(found[k].view, look, FARTHEST, n[k], d[k]);
         if (have > 0) log_ratio = log(d[0] / look.distance);
         error = look.weight * exp(law_at(law[0], costs, log_ratio));
     }

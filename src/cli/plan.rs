@@ -84,7 +84,7 @@ pub struct Tuning {
     /// Seed of every random number
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Iterations [default: 300; in rooms 600; of the other objectives 1000]
+    /// Iterations [default: 100; in rooms 600; of the other objectives 1000]
     #[arg(long)]
     iterations: Option<u32>,
     /// What is minimised [default: quality; splat, the paper's, where an option is given that only it has]

@@ -248,7 +248,7 @@ impl Config {
             preset,
             seed: 0,
             iterations: match (quality, preset) {
-                (true, Preset::Object) => 300,
+                (true, Preset::Object) => 100,
                 (true, Preset::Room) => 600,
                 (false, _) => 1000,
             },

@@ -27,7 +27,7 @@ const JUDGE_SEED: u64 = 0x6a75_6467;
 pub struct Expected {
     /// Decibels of PSNR of trained splats, the mean over viewers; positive is better than the layout it is measured against.
     pub db: f64,
-    /// Standard deviation of that figure, as the calibration has it.
+    /// Standard deviation of that figure, as [`Law::spread`] has it.
     pub sd: f64,
     /// Share of what viewers look at that no camera sees.
     pub unseen: f64,
@@ -141,11 +141,7 @@ impl<'a> Reference<'a> {
     pub fn compare(&self, expectation: &Expectation) -> Expected {
         let best = self.best();
         let law = Law::embedded();
-        Expected {
-            db: law.decibels(best.expectation.error_db - expectation.error_db),
-            sd: law.spread(),
-            unseen: expectation.unseen,
-            against: best.name.clone(),
-        }
+        let db = law.decibels(best.expectation.error_db - expectation.error_db);
+        Expected { db, sd: law.spread(db), unseen: expectation.unseen, against: best.name.clone() }
     }
 }

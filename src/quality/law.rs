@@ -1,4 +1,10 @@
-//! The law of expected error.
+//! The law of expected error: what splats will get wrong at a look, from the views nearest to it.
+//!
+//! For a pixel of a viewer that shows surface point p from direction d and distance D, let g1 <= g2 <= g3 be the angles at p
+//! between d and the directions of the training views that see p (2 rad where there are fewer), and r the distance of the nearest
+//! of them over D: `log e^2 = a + 0.97 g1 + 0.12 g2 + 0.36 g3 + 0.44 max(ln r, 0)`, where `a` is the material's, the texture's
+//! and the light's alone. A pixel beside an object looks at the empty place where its ray passes the object's middle, by the same law
+//! at a twentieth of the weight. docs/quality.md has the measurements.
 
 use super::nearest::{FARTHEST, Near};
 
@@ -22,7 +28,7 @@ crate::gpu_struct! {
 }
 
 impl Law {
-    /// The one that is built in.
+    /// The one that is built in, fitted to the pixels of trained splats (docs/quality.md).
     pub fn embedded() -> Self {
         Self { angle: [0.971, 0.121, 0.362], farther: 0.442, background: 0.05, ..Self::default() }
     }
@@ -37,10 +43,11 @@ impl Law {
     }
 }
 
-/// Decibels of trained PSNR for a decibel of the law, and what is left of the difference of two layouts, as a standard
-/// deviation in decibels: both of runs of layouts that the law was not fitted to.
+/// Decibels of trained PSNR for a decibel of the law (docs/quality.md).
 const SLOPE: f64 = 1.25;
-const SPREAD: f64 = 0.2;
+/// What is left of the difference of two layouts, as a standard deviation in decibels: of layouts that are expected to be alike,
+/// which differ by their rotation and the training's chance, and for each decibel that they are expected to differ by.
+const SPREAD: [f64; 2] = [0.2, 0.3];
 
 impl Law {
     /// What a difference of expected errors, in the law's decibels, comes to in trained PSNR.
@@ -48,8 +55,8 @@ impl Law {
         SLOPE * difference
     }
 
-    /// Standard deviation of [`Law::decibels`], in decibels.
-    pub fn spread(&self) -> f64 {
-        SPREAD
+    /// Standard deviation of a difference that is expected to be `decibels`, in decibels.
+    pub fn spread(&self, decibels: f64) -> f64 {
+        SPREAD[0].hypot(SPREAD[1] * decibels)
     }
 }

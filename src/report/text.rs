@@ -276,7 +276,7 @@ impl Row {
     }
 }
 
-/// The expected quality, and the four numbers of geometry that say most, each with the best control's.
+/// The four numbers that say most: the expected quality, where there is one, and geometry, each with the best control's.
 fn figures(record: &PlanRecord) -> String {
     let expected = record.expected.iter().map(|expected| {
         format!(
@@ -288,7 +288,7 @@ fn figures(record: &PlanRecord) -> String {
             100.0 * expected.unseen
         )
     });
-    let geometry = ROWS.iter().take(4).map(|row| {
+    let geometry = ROWS.iter().take(if record.expected.is_some() { 3 } else { 4 }).map(|row| {
         let best = record
             .controls
             .iter()

@@ -8,3 +8,11 @@ struct Look {
     vec3 normal;     // unit, of the surface on the viewer's side; zero in empty space
     float weight;    // of the look in its viewer's mean: 1 on the surface
 };
+
+// Views at least so far from a viewer's direction, in radians, count as none: src/quality/nearest.rs.
+const float FARTHEST = 2.0;
+
+// Angle between unit vectors, exact for small angles.
+float angle_between(vec3 a, vec3 b) {
+    return 2.0 * asin(min(0.5 * length(a - b), 1.0));
+}

@@ -1,18 +1,13 @@
 // The views that see the point of a look, nearest to the viewer's direction first. Needs `trace` and, of whoever includes it,
-//   float view_cost(uint view, Look look, out vec3 n, out float d)
-// the angle by which a view is ordered, FARTHEST or more where it is none, with the unit direction to it and its distance.
+//   float view_cost(uint view, Look look, float bound, out vec3 n, out float d)
+// the angle by which a view is ordered, FARTHEST or more where it is none or it is certain to reach `bound`, with the unit
+// direction to it and its distance.
 // Twin: src/quality/nearest.rs.
 
 layout(constant_id = 10) const uint LANES = 1;  // threads of a look, each of which casts some of its rays
 
-const float FARTHEST = 2.0;  // radians; views farther away count as none: src/quality/nearest.rs
 const uint LISTED = 8;       // views that are looked at between two walks over all
 const uint WALKS = 16;       // of a look; what 128 nearer views do not see counts as unseen
-
-// Angle between unit vectors, exact for small angles.
-float angle_between(vec3 a, vec3 b) {
-    return 2.0 * asin(min(0.5 * length(a - b), 1.0));
-}
 
 struct Near {
     float cost;  // FARTHEST: none
@@ -27,7 +22,7 @@ void list_views(Look look, uint count, Near last, out float costs[LISTED], out u
     }
     for (uint j = 0; j < count; ++j) {
         vec3 n;
-        float d, cost = view_cost(j, look, n, d);
+        float d, cost = view_cost(j, look, costs[LISTED - 1], n, d);
         bool next = cost > last.cost || (cost == last.cost && j > last.view);
         if (!next || !(cost < costs[LISTED - 1])) continue;
         // Into its place: the larger ones move on.
@@ -48,7 +43,7 @@ void list_views(Look look, uint count, Near last, out float costs[LISTED], out u
 bool is_hidden(uint view, Look look) {
     vec3 n;
     float d;
-    view_cost(view, look, n, d);
+    view_cost(view, look, FARTHEST, n, d);
     return trace(look.position, n, 0.0, d, true) < MISS;
 }
 
