@@ -36,7 +36,9 @@ float view_cost(uint view, Look look, float bound, out vec3 n, out float d) {
     if (dot(n, look.normal) <= 0.0 && look.normal != vec3(0.0)) return FARTHEST;
     float angle = angle_between(look.direction, n);
     if (angle >= bound) return FARTHEST;
-    return angle - TURN * settings[0].gate_softness * log(max(gate(-n, splat, settings[0]).open, 1e-30));
+    float open = gate(-n, splat, settings[0]).open;
+    // What is closed has no logarithm in single precision.
+    return open > 1e-30 ? angle - TURN * settings[0].gate_softness * log(open) : FARTHEST;
 }
 #include "shared/nearest_views.glsl"
 

@@ -181,24 +181,51 @@ pub struct Tuning {
 }
 
 impl Tuning {
-    /// The configuration that was asked for; `implied` is an objective that follows from what else was asked for.
-    pub fn config(&self, preset: Preset, views: u32, implied: Option<Objective>) -> Config {
-        fn set<T: Copy>(target: &mut T, given: Option<T>) {
-            *target = given.unwrap_or(*target);
-        }
+    /// The objective that options follow from which no other has.
+    fn implied(&self) -> Option<Objective> {
         let of_splat = self.kernel.is_some()
             || self.pass == Some(Pass::Binned)
             || self.base_loss
             || self.no_vds
             || self.scalar_vds
             || self.iterative
+            || self.no_occlusion
+            || self.equal_directions
+            || self.start.is_some()
             || self.no_relocation
             || self.relocate_every.is_some()
             || self.no_reg
             || [self.lambda_reg, self.lambda_scale, self.alpha, self.scale, self.rate_scale]
                 .iter()
                 .any(Option::is_some);
-        let default = if of_splat { Objective::Splat } else { Objective::Quality };
+        let of_nearest = self.nearest_tau.is_some() || self.distance_weight.is_some();
+        match (of_splat, of_nearest) {
+            (true, _) => Some(Objective::Splat),
+            (_, true) => Some(Objective::Nearest),
+            _ => None,
+        }
+    }
+
+    /// Refuses options that the objective asked for does not read, and a method that has another.
+    fn check(&self, method: Option<Objective>) -> Result<()> {
+        if let (Some(method), Some(objective)) = (method, self.objective)
+            && method != objective
+        {
+            return Err(Error::request("--method: this variant has the paper's objective; leave --objective out"));
+        }
+        if self.objective == Some(Objective::Quality) && self.implied().is_some() {
+            let what = "--objective quality: some of the options given are of --objective splat or nearest alone; leave them out";
+            return Err(Error::request(what));
+        }
+        Ok(())
+    }
+
+    /// The configuration that was asked for; `implied` is an objective that follows from what else was asked for.
+    pub fn config(&self, preset: Preset, views: u32, implied: Option<Objective>) -> Config {
+        fn set<T: Copy>(target: &mut T, given: Option<T>) {
+            *target = given.unwrap_or(*target);
+        }
+        let default = self.implied().unwrap_or(Objective::Quality);
         let mut config = Config::of(self.objective.or(implied).unwrap_or(default), preset, views);
         config.seed = self.seed;
         set(&mut config.iterations, self.iterations);
@@ -241,8 +268,12 @@ impl Tuning {
 /// Plans, writes the folder and prints what came out.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let views = arguments.views.unwrap_or(1);
+    arguments.tuning.check(arguments.peers.method.objective())?;
     let config = arguments.tuning.config(arguments.region.preset(), views, arguments.peers.method.objective());
     let config = Config { viewers: arguments.viewers.viewers()?, ..config };
+    if arguments.curve && config.objective != Objective::Quality {
+        return Err(Error::request("--curve is of expected quality; leave the options of other objectives out"));
+    }
     let config = arguments.peers.method.planner(&config).unwrap_or(config);
     config.validate()?;
     let peer = arguments.peers.request(&config)?;
@@ -374,7 +405,8 @@ fn captured(
         Tuning { no_vds: true, .. } => Some("--no-vds"),
         Tuning { base_loss: true, .. } => Some("--base-loss"),
         _ if arguments.dry_run => Some("--dry-run"),
-        _ if !reads_photos => Some("only --objective splat plans by scores"),
+        _ if arguments.peers.method.planner(&Config::new(Preset::Object, 1)).is_none() => Some("--method"),
+        _ if !reads_photos => Some("expected quality takes no scores; --objective splat does"),
         _ if images < 2 => Some("fewer than two have an image"),
         _ => None,
     };
@@ -401,6 +433,9 @@ pub fn print_plan(plan: &Plan) {
     say!("{}", table(&rows).trim_end());
     if let Some(expected) = &record.expected {
         say!("expected {}", expected.line());
+        if record.began_from.as_ref() == Some(&expected.against) && expected.db == 0.0 {
+            say!("         the plan is that layout itself: the descent found nothing better");
+        }
     }
 }
 

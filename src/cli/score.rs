@@ -70,9 +70,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     // A default region follows from the cameras that are there, as far as they agree.
     let first = cameras.first().ok_or_else(|| Error::input(&arguments.cameras, "it holds no cameras"))?;
-    let stored = stored_region(&arguments.cameras).unwrap_or_else(|note| {
+    let (stored, kept) = stored(&arguments.cameras).unwrap_or_else(|note| {
         say!("{note}");
-        None
+        (None, 0)
     });
     let target = arguments.region.target(&arguments.surface, &first.intrinsics, stored)?;
     let context = arguments.device.open()?;
@@ -88,7 +88,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         gate: if arguments.cone { Gate::Soft } else { Gate::Pinhole },
         ..Config::new(arguments.region.preset.unwrap_or(preset), cameras.len() as u32)
     };
-    let (expected, metrics) = job::score(&context, &target, &cameras, &config)?;
+    let (expected, metrics) = job::score(&context, &target, &cameras, kept, &config)?;
     print_messages(&context);
     say!("expected {}", expected.line());
     if expected.unseen >= 1.0 {
@@ -108,20 +108,22 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The region that a plan.json was made for, which is what its cameras are fairly measured by.
+/// The region that a plan.json was made for, which is what its cameras are fairly measured by, and how many of these were kept.
 ///
 /// # Errors
 /// A note where there is one that cannot be read.
-fn stored_region(cameras: &Path) -> Result<Option<Region>, String> {
+fn stored(cameras: &Path) -> Result<(Option<Region>, usize), String> {
     #[derive(serde::Deserialize)]
     struct Plan {
         region: serde_json::Value,
+        #[serde(default)]
+        kept: usize,
     }
     // Whether there is a file that can be read has been settled by whoever read its cameras; those of others have no region.
     let plan = io::json_file(cameras)
         .and_then(|file| io::json::<Plan>(&file, &std::fs::read(&file).map_err(|e| Error::io(&file, e))?));
-    let Ok(Plan { region }) = plan else { return Ok(None) };
-    serde_json::from_value(region).map(Some).map_err(|error| {
+    let Ok(Plan { region, kept }) = plan else { return Ok((None, 0)) };
+    serde_json::from_value(region).map(|region| (Some(region), kept)).map_err(|error| {
         let file = cameras.display();
         format!("the region in {file} cannot be read ({error}), and that of the options, or the usual one, is taken")
     })

@@ -262,8 +262,8 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// What is shown, in a region, ready to be planned for. Scores stand on points; whoever takes none is shown the mesh itself,
-    /// whose sheets have two sides, where that is what is shown.
+    /// What is shown, in a region, ready to be planned for. Scores stand on points, which objectives that take some are shown, with
+    /// or without them; all others are shown the mesh itself, whose sheets have two sides, where that is what is shown.
     ///
     /// # Errors
     /// Where its file cannot be read any more.
@@ -317,7 +317,7 @@ impl<'a> Bench<'a> {
         if !begins {
             return stage.read(PLAN).map(Some);
         }
-        let scored = peer.is_none() && config.vds && config.objective != Objective::Quality;
+        let scored = peer.is_none() && config.objective != Objective::Quality;
         let target = self.target(shown, &region, scored)?;
         let plan = match (peer, method) {
             (Some(request), _) => {

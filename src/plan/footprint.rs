@@ -9,7 +9,7 @@ use super::tally::mailbox;
 use crate::Result;
 use crate::metrics::score_point;
 use crate::quality::expected::LOOKS;
-use crate::quality::look::Look;
+use crate::quality::look::{Look, Viewer};
 use crate::visibility::probe_depth::Probe;
 use crate::visibility::probe_lobe::Lobe;
 use crate::vulkan::Context;
@@ -55,7 +55,7 @@ pub(super) fn footprint(
         ("slots", if quality { 4 * slots } else { 4 * probes * splats }),
         ("partials", gradient * slots),
         ("tallies", tally * probes * s.blocks as u64),
-        ("deficit", 4 * probes * texels),
+        ("deficit", if quality { 4 } else { 4 * probes * texels }),
         ("lobes", size_of::<Lobe>() as u64 * s.pool as u64),
         ("stands", if s.distance_weight > 0.0 { 4 * s.pool as u64 * texels } else { 4 }),
         ("moments", moments * splats),
@@ -66,6 +66,10 @@ pub(super) fn footprint(
         ("history", record * s.iterations as u64),
         ("snapshots", splat * splats * snapshots),
         ("mailbox", 4 * mailbox::WORDS as u64),
+        (
+            "viewers",
+            if quality { size_of::<Viewer>() as u64 * super::preparation::viewers_of(config) as u64 } else { 0 },
+        ),
         ("looks", if quality { size_of::<Look>() as u64 * looks } else { 0 }),
         (HELD_OUT, score_point::footprint(2 * config.held_out as u64, splats)),
     ];

@@ -366,8 +366,8 @@ pub fn optimise<'a>(
     }
 }
 
-/// Expected quality and held-out metrics of any camera set on a target. Of `config` count the preset, the seed, the viewers,
-/// the held-out points and the gate's shape.
+/// Expected quality and held-out metrics of any camera set on a target, the last `kept` of which the simple layouts keep, too. Of
+/// `config` count the preset, the seed, the viewers, the held-out points and the gate's shape.
 ///
 /// # Errors
 /// A region without free space, viewers without a place, or a device that fails.
@@ -375,11 +375,14 @@ pub fn score(
     context: &Arc<Context>,
     target: &Target,
     cameras: &[Camera],
+    kept: usize,
     config: &Config,
 ) -> Result<(Expected, Metrics)> {
     let first = cameras.first().ok_or_else(|| Error::request("there are no cameras to score"))?;
     let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
-    let reference = Reference::new(context, &scene, target, (first.intrinsics, &[]), config)?;
+    let kept = &cameras[cameras.len() - kept.min(cameras.len() - 1)..];
+    let config = &Config { views: (cameras.len() - kept.len()) as u32, ..config.clone() };
+    let reference = Reference::new(context, &scene, target, (first.intrinsics, kept), config)?;
     let expected = reference.compare(&reference.expect_cameras(cameras)?);
     let points = target.proxy.sample(config.held_out as usize, config.seed, HELD_OUT_STREAM);
     let field = if config.gate.pinhole() { Field::Frustum } else { Field::Cone };

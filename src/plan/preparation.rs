@@ -4,6 +4,7 @@ use super::config::{Config, MOST_DENSE, MOST_VIEWS, Objective, Pass, Preset};
 use super::footprint::{self, Room};
 use super::shared::{Settings, Splat};
 use super::start;
+use crate::quality::expected::MOST_ON_CPU;
 use crate::quality::law::Law;
 use crate::quality::look::{Surroundings, Viewer};
 use crate::scene::camera::{Camera, Intrinsics, Pose};
@@ -21,6 +22,8 @@ const DENSE_WORK: f64 = 3e7;
 
 /// Points that tell whether the region sees the surface at all, where no point cameras are drawn from it.
 const REACHABLE: u32 = 256;
+/// Sums over looks stay within lavapipe's bound on loops.
+const MOST_VIEWERS_A_STEP: u32 = 16_384;
 /// Most viewers that a run draws; then it begins again with the first, and with other pixels of it.
 const MOST_VIEWERS: u32 = 1 << 15;
 /// What sets the viewers of a run apart from those that judge it.
@@ -101,10 +104,20 @@ impl Preparation {
                 config.objective == Objective::Splat && (work > DENSE_WORK || splats > MOST_DENSE)
             }
         };
-        if binned && config.objective == Objective::Nearest {
+        if binned && config.objective != Objective::Splat {
             return Err(Error::request(
-                "the nearest-view objective has no binned pass; use --pass dense or auto, or --objective splat",
+                "only --objective splat has a binned pass; use --pass dense or auto with others",
             ));
+        }
+        if quality && context.physical().kind == "CPU" && splats > MOST_ON_CPU {
+            return Err(Error::request(format!(
+                "on a CPU device expected quality is of at most {MOST_ON_CPU} cameras; use a GPU, or --objective splat"
+            )));
+        }
+        if quality && probes > MOST_VIEWERS_A_STEP {
+            return Err(Error::request(format!(
+                "--probes is {probes}; give at most {MOST_VIEWERS_A_STEP} viewers a step"
+            )));
         }
         if !binned && !quality && splats > MOST_DENSE {
             return Err(Error::request(format!(
@@ -196,9 +209,14 @@ impl Preparation {
     }
 }
 
+/// How many viewers a run draws.
+pub(super) fn viewers_of(config: &Config) -> u32 {
+    config.iterations.saturating_mul(config.probes).min(MOST_VIEWERS)
+}
+
 /// Viewers of a whole run: those of each iteration are its own.
 fn viewers(config: &Config, geometry: &SceneGeometry, intrinsics: &Intrinsics) -> Result<Vec<Viewer>> {
-    let count = config.iterations.saturating_mul(config.probes).min(MOST_VIEWERS);
+    let count = viewers_of(config);
     let inward = config.preset == Preset::Object;
     let cameras = config.viewers.sample(geometry, *intrinsics, inward, config.seed ^ VIEWER_SEED, count)?;
     Ok(cameras.iter().map(|camera| Viewer::new(camera, geometry)).collect())

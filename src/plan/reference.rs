@@ -9,13 +9,13 @@ use super::job::Target;
 use super::planner::Outcome;
 use super::record::Status;
 use super::starts;
-use crate::Result;
 use crate::quality::expected::{Expectation, Judge};
 use crate::quality::law::Law;
 use crate::quality::look::Surroundings;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::visibility::device_scene::DeviceScene;
 use crate::vulkan::Context;
+use crate::{Error, Result};
 
 /// Viewers that layouts are judged by; none of them is one of the optimiser's.
 const VIEWERS: u32 = 512;
@@ -89,6 +89,10 @@ impl<'a> Reference<'a> {
         let mut reference = Self { judge, scene, intrinsics, kept: kept.to_vec(), layouts: Vec::new() };
         for (name, poses) in starts::layouts(config, &scene.geometry) {
             let expectation = reference.expect(&poses)?;
+            if expectation.viewers.iter().flatten().count() * 20 < expectation.viewers.len() {
+                let what = "viewers: hardly any of them sees the surface; give others (--viewers), in its frame";
+                return Err(Error::request(what));
+            }
             reference.layouts.push(Layout { name, poses, expectation });
         }
         Ok(reference)
@@ -121,8 +125,8 @@ impl<'a> Reference<'a> {
         best.expect("there is a simple layout in every region")
     }
 
-    /// What is expected of a finished run, which takes the poses of the best layout where these are better: no plan is worse
-    /// than a layout that is simpler.
+    /// What is expected of a run, which takes the poses of the best layout where these are better and it was not broken off: no
+    /// plan is worse than a layout that is simpler.
     ///
     /// # Errors
     /// Where the device fails.
@@ -134,6 +138,10 @@ impl<'a> Reference<'a> {
             return Ok(expectation);
         }
         outcome.poses = best.poses.iter().map(|pose| to_internal.inverse().pose(pose)).collect();
+        // The last of the snapshots is the plan.
+        if let Some((_, poses)) = outcome.snapshots.last_mut() {
+            poses.clone_from(&outcome.poses);
+        }
         Ok(best.expectation.clone())
     }
 

@@ -29,11 +29,13 @@ crate::stage!(
 /// Threads of a look: on a GPU its rays wait for memory, and are cast at the same time; on a CPU device those that are not needed
 /// are not cast.
 pub(super) fn lanes(physical: &Physical) -> u32 {
-    if physical.kind == "CPU" { 1 } else { 8 }
+    if physical.kind == "CPU" { 1 } else { (physical.threads / LOOKS).clamp(1, 8) }
 }
 
 /// Radians that a splat counts as off for each sine by which a point lies outside of its picture.
 const TURN: f64 = 8.0;
+/// A gate that lets less than this through is closed: its logarithm says nothing in single precision.
+const LEAST_OPEN: f64 = 1e-30;
 /// Viewers that show the surface in fewer looks than this say nothing.
 const LEAST_SHOWN: usize = crate::quality::expected::LEAST_SHOWN as usize;
 
@@ -65,8 +67,9 @@ pub fn viewed(batch: &Batch<'_>, looks: &[Look], bvh: &Bvh, law: &Law) -> Expect
             .map(|look| {
                 let views = batch.splats.iter().enumerate().filter_map(|(j, (centre, direction))| {
                     let mut near = toward(look, j as u32, *centre)?;
-                    near.cost -= turn * gate(batch, j, -near.direction, *direction).0.max(1e-30).ln();
-                    Some(near)
+                    let open = gate(batch, j, -near.direction, *direction).0;
+                    near.cost -= turn * open.ln();
+                    (open > LEAST_OPEN).then_some(near)
                 });
                 nearest(bvh, look, views)
             })

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use super::law::Law;
 use super::look::{Caster, LOOK, Look, LookPush, Surroundings, Viewer, place};
 use super::nearest::nearest_cameras;
-use crate::Result;
 use crate::metrics::score_point::{View, view};
 use crate::scene::camera::Camera;
 use crate::visibility::bvh::Node;
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::{Error, Result};
 
 crate::gpu_struct! {
     /// Push constants of `expected`.
@@ -47,6 +47,9 @@ crate::stage!(
 pub const SIDE: u32 = 8;
 /// Looks of a viewer.
 pub const LOOKS: u32 = SIDE * SIDE;
+/// Cameras that the walks over them can take before lavapipe would end them: 65,535 iterations an invocation, of which the rays of
+/// a look take up to a third.
+pub const MOST_ON_CPU: u32 = 2500;
 /// Viewers that show the surface in fewer looks than this say nothing.
 pub const LEAST_SHOWN: u32 = 4;
 
@@ -131,6 +134,12 @@ impl<'a> Judge<'a> {
     /// # Errors
     /// Where device memory runs out or the device fails.
     pub fn expect(&self, cameras: &[Camera]) -> Result<Expectation> {
+        if self.context.physical().kind == "CPU" && cameras.len() > MOST_ON_CPU as usize {
+            return Err(Error::request(format!(
+                "on a CPU device expected quality is of at most {MOST_ON_CPU} cameras; these are {}",
+                cameras.len()
+            )));
+        }
         let views: Vec<View> = cameras.iter().map(|camera| view(&self.scene.geometry, camera)).collect();
         let views = if views.is_empty() { vec![View::default()] } else { views };
         let camera_buffer = Buffer::from_slice(&self.context, "cameras", &views)?;

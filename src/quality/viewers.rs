@@ -1,21 +1,22 @@
 //! Viewers: from where people will look at what is trained.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::random;
 use crate::scene::region::Shape;
+use crate::visibility::bvh::Primitives;
 use crate::visibility::device_scene::SceneGeometry;
 use crate::{Error, Result};
 
 /// First stream of the viewers' poses; each try has one of its own, and so has where it looks.
 const POSITIONS: u32 = 0x7669_6500;
-const DIRECTIONS: u32 = 0x7669_6600;
+const DIRECTIONS: u32 = 0x7669_7500;
 /// Tries for each viewer.
-const TRIES: u32 = 200;
+const TRIES: u32 = 2000;
 
 /// A distribution of poses from which people look, in the user's world.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -78,7 +79,12 @@ impl Viewers {
             if cameras.is_empty() {
                 return Err(Error::request("viewers: there are no cameras; name a file with some"));
             }
-            return Ok((0..count as usize).map(|i| cameras[i % cameras.len()].clone()).collect());
+            // Each as often as the others; of more than are wanted every so manieth.
+            let (count, all) = (count as usize, cameras.len());
+            let drawn = if all > count { count } else { all * (count / all) };
+            return Ok((0..drawn)
+                .map(|i| cameras[if all > count { i * all / count } else { i % all }].clone())
+                .collect());
         }
         let back = geometry.to_internal.inverse();
         let (centre, radius) = match *self {
@@ -95,8 +101,10 @@ impl Viewers {
             // Spheres are cut off at the floor as they are drawn from, but for rounding.
             floor.is_none_or(|floor| height >= floor - 1e-9 * radius)
                 && match *self {
-                    Self::Cone { axis, degrees } => (place - centre).angle_between(axis) <= 0.5 * degrees.to_radians(),
-                    Self::Heights { low, high } => (low..=high).contains(&height),
+                    Self::Cone { axis, degrees } => {
+                        (place - centre).angle_between(axis) <= 0.5 * degrees.to_radians() + 1e-9
+                    }
+                    Self::Heights { low, high } => (low - 1e-9 * radius..=high + 1e-9 * radius).contains(&height),
                     _ => true,
                 }
         };
@@ -104,9 +112,9 @@ impl Viewers {
             (Self::Shell { r_min, r_max, .. }, _) => Some((*r_min, *r_max)),
             (Self::Box { .. }, _) | (_, Shape::Box { .. }) => None,
             _ if !inward => None,
-            _ => Some((0.5 * radius, radius)),
+            // Nobody looks from within the object: a wide lens lets the region be that near.
+            _ => Some(((0.5 * radius).max(1.02 * back.length(reach(geometry))).min(radius), radius)),
         };
-        let (side, front) = up.any_orthonormal_pair();
         let place = |stream: u32, i: u32| -> DVec3 {
             let [u, v, w, _] = random::uniforms(seed, stream, i);
             match (around, self) {
@@ -114,17 +122,28 @@ impl Viewers {
                     // Of a sphere that lies below the floor nothing is left.
                     let height = floor.map_or(f64::NEG_INFINITY, |floor| floor - centre.dot(up));
                     let near = near.max(height.min(far));
-                    let distance = match i % 3 {
-                        0 => near,
-                        1 => far,
-                        // Even in volume.
-                        _ => (near.powi(3) + (far.powi(3) - near.powi(3)) * w).cbrt(),
+                    // Even in volume.
+                    let between = (near.powi(3) + (far.powi(3) - near.powi(3)) * w).cbrt();
+                    let (low, high) = match *self {
+                        Self::Heights { low, high } => (height.max(low - centre.dot(up)), high - centre.dot(up)),
+                        _ => (height, f64::INFINITY),
                     };
-                    // Even on the part of the sphere above the floor: height is even on a sphere (Archimedes).
-                    let lowest = (height / distance).clamp(-1.0, 1.0);
-                    let z = lowest + (1.0 - lowest) * u;
+                    let distance = match (i % 3, near, far) {
+                        (0, near, _) if low < near && high > -near => near,
+                        (1, _, far) => far,
+                        _ => between,
+                    };
+                    // Even on the part of the sphere that fits: height is even on a sphere (Archimedes), along any axis.
+                    let (axis, lowest, highest) = match *self {
+                        Self::Cone { axis, degrees } => {
+                            (axis.normalize(), (0.5 * degrees.to_radians()).min(PI).cos(), 1.0)
+                        }
+                        _ => (up, (low / distance).clamp(-1.0, 1.0), (high / distance).clamp(-1.0, 1.0)),
+                    };
+                    let (side, front) = axis.any_orthonormal_pair();
+                    let z = lowest + (highest - lowest) * u;
                     let (sin, cos) = (TAU * v).sin_cos();
-                    centre + distance * (z * up + (1.0 - z * z).max(0.0).sqrt() * (cos * side + sin * front))
+                    centre + distance * (z * axis + (1.0 - z * z).max(0.0).sqrt() * (cos * side + sin * front))
                 }
                 (None, Self::Box { min, max }) => *min + (*max - *min) * DVec3::new(u, v, w),
                 (None, _) => back.point(geometry.free.sample(seed, stream, i)),
@@ -145,6 +164,22 @@ impl Viewers {
             Error::request("viewers: hardly any place fits what --viewers says, above the floor if there is one; give a larger part")
         })
     }
+}
+
+/// Distance of the surface's farthest corner from the region's centre, in the planner's frame.
+fn reach(geometry: &SceneGeometry) -> f64 {
+    let centre = geometry.region.bounding_sphere().0.as_vec3();
+    let farthest = match &geometry.bvh.primitives {
+        Primitives::Triangles(triangles) => triangles.iter().fold(0.0f32, |most, triangle| {
+            let corner = Vec3::from(triangle.v0) - centre;
+            let others = [triangle.e1, triangle.e2].map(|edge| (corner + Vec3::from(edge)).length());
+            most.max(corner.length()).max(others[0]).max(others[1])
+        }),
+        Primitives::Discs(discs) => {
+            discs.iter().fold(0.0f32, |most, disc| most.max((Vec3::from(disc.centre) - centre).length()))
+        }
+    };
+    f64::from(farthest)
 }
 
 /// The pose at `position` that has what lies in `direction` at image position (u, v), each in [0, 1).

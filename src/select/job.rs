@@ -18,7 +18,7 @@ use super::sight::Survey;
 use crate::metrics::score_point::aggregate;
 use crate::metrics::{Metrics, PointMetrics};
 use crate::photos::PhotoSet;
-use crate::plan::config::{Config, Gate, Preset};
+use crate::plan::config::{Config, Gate, Objective as Planned, Preset};
 use crate::plan::job::{self, Target};
 use crate::plan::preparation::{PROBE_STREAM, Preparation};
 use crate::plan::record::ControlRecord;
@@ -263,7 +263,7 @@ impl<'a> Prospect<'a> {
     /// Where the plan does not fit the device, or the device fails.
     pub fn plan(&self, views: usize, kept: &[Camera]) -> Result<Vec<Pose>> {
         let (Some(first), true) = (self.set.photos.first(), views > 0) else { return Ok(Vec::new()) };
-        let base = Config::new(self.request.preset, views as u32);
+        let base = Config::of(Planned::Nearest, self.request.preset, views as u32);
         let many = views > MANY_VIEWS;
         let config = Config {
             seed: self.request.seed,

@@ -33,6 +33,8 @@ pub struct Physical {
     pub heap: u64,
     /// Most workgroups of a dispatch along x.
     pub groups_x: u32,
+    /// Most threads of a workgroup, along x too.
+    pub threads: u32,
     /// Nanoseconds per timestamp tick; zero where the queue has no timestamps.
     pub timestamp_period: f32,
     /// Bits of a timestamp that count.
@@ -132,6 +134,7 @@ impl Physical {
                 .map(|heap| heap.size)
                 .max()
                 .unwrap_or(0),
+            threads: limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]),
             groups_x: limits.max_compute_work_group_count[0],
             timestamp_period: if bits > 0 { limits.timestamp_period } else { 0.0 },
             timestamp_bits: bits,
