@@ -7,16 +7,15 @@ use camsplat::plan::record::{IterationRecord, Status};
 use camsplat::scene::camera::Camera;
 use command::{Place, ended};
 
-/// A run that is short but relocates, and whose batches wrap around in the pool.
-const SMALL: &str =
-    "--views 30 --pool 64 --probes 9 --held-out 60 --iterations 20 --checkpoint-every 10 --relocate-every 5";
+/// A run that is short, and whose batches wrap around in the pool.
+const SMALL: &str = "--views 30 --pool 64 --probes 9 --held-out 60 --iterations 20 --checkpoint-every 10";
 
 /// The ways through the planner that have their own stages.
 const WAYS: [&str; 4] = [
     "--objective quality",
-    "--objective nearest --pass dense",
-    "--objective splat --pass dense",
-    "--objective splat --pass binned",
+    "--objective nearest --pass dense --relocate-every 5",
+    "--objective splat --pass dense --relocate-every 5",
+    "--objective splat --pass binned --relocate-every 5",
 ];
 
 /// What a plan says, apart from the time it took.

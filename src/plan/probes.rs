@@ -27,13 +27,7 @@ pub(super) fn reachable(
     let points: Vec<SurfacePoint> =
         points.into_iter().zip(&maps.probes).filter(|(_, probe)| seen(probe)).map(|(point, _)| point).collect();
     if points.is_empty() {
-        let outside = match preset {
-            Preset::Object => "",
-            Preset::Room => ", or give --preset object for a surface that is seen from outside",
-        };
-        return Err(Error::request(format!(
-            "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance){outside}"
-        )));
+        return Err(unseen(preset));
     }
     // Few views ask for no finer ones.
     let maps = match resolution {
@@ -44,6 +38,17 @@ pub(super) fn reachable(
         }
     };
     Ok((points, maps))
+}
+
+/// What is said where the region sees nothing of the surface.
+pub(super) fn unseen(preset: Preset) -> Error {
+    let outside = match preset {
+        Preset::Object => "",
+        Preset::Room => ", or give --preset object for a surface that is seen from outside",
+    };
+    Error::request(format!(
+        "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance){outside}"
+    ))
 }
 
 /// How the targets of `points` vary with direction; empty where they do not or shall not.

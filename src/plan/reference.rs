@@ -8,10 +8,11 @@ use super::config::{Config, Preset};
 use super::job::Target;
 use super::planner::Outcome;
 use super::record::Status;
-use super::starts;
+use super::{probes, starts};
 use crate::quality::expected::{Expectation, Judge};
 use crate::quality::law::Law;
 use crate::quality::look::Surroundings;
+use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::visibility::device_scene::DeviceScene;
 use crate::vulkan::Context;
@@ -89,9 +90,13 @@ impl<'a> Reference<'a> {
         let mut reference = Self { judge, scene, intrinsics, kept: kept.to_vec(), layouts: Vec::new() };
         for (name, poses) in starts::layouts(config, &scene.geometry) {
             let expectation = reference.expect(&poses)?;
-            if expectation.viewers.iter().flatten().count() * 20 < expectation.viewers.len() {
-                let what = "viewers: hardly any of them sees the surface; give others (--viewers), in its frame";
-                return Err(Error::request(what));
+            if expectation.viewers.iter().all(Option::is_none) {
+                return Err(match config.viewers {
+                    Viewers::Region => probes::unseen(config.preset),
+                    _ => {
+                        Error::request("viewers: none of them sees the surface; give others (--viewers), in its frame")
+                    }
+                });
             }
             reference.layouts.push(Layout { name, poses, expectation });
         }

@@ -149,6 +149,7 @@ impl Viewers {
                 (None, _) => back.point(geometry.free.sample(seed, stream, i)),
             }
         };
+        let middle = back.point(bounds(geometry).iter().map(|corner| 0.5 * corner.as_dvec3()).sum());
         let viewer = |i: u32| {
             let mut places = (0..TRIES).map(|k| place(POSITIONS + k, i));
             let position = places.find(|place| fits(*place))?;
@@ -156,6 +157,8 @@ impl Viewers {
             let pose = match around {
                 Some(_) if i % 3 < 2 => Pose::looking(position, centre - position, up),
                 Some(_) => aside(position, centre - position, up, &intrinsics, [u, v]),
+                // Around an object in a box everybody has it in the picture.
+                None if inward => aside(position, middle - position, up, &intrinsics, [u, v]),
                 None => Pose::looking(position, random::direction(u, v), up),
             };
             Some(Camera { name: format!("viewer_{i:05}"), pose, intrinsics })
@@ -163,6 +166,16 @@ impl Viewers {
         (0..count).map(viewer).collect::<Option<Vec<_>>>().ok_or_else(|| {
             Error::request("viewers: hardly any place fits what --viewers says, above the floor if there is one; give a larger part")
         })
+    }
+}
+
+/// Lowest and highest corner of the surface, in the planner's frame.
+fn bounds(geometry: &SceneGeometry) -> [Vec3; 2] {
+    let around = |[low, high]: [Vec3; 2], p: Vec3| [low.min(p), high.max(p)];
+    let none = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+    match &geometry.bvh.primitives {
+        Primitives::Triangles(triangles) => triangles.iter().map(|triangle| Vec3::from(triangle.v0)).fold(none, around),
+        Primitives::Discs(discs) => discs.iter().map(|disc| Vec3::from(disc.centre)).fold(none, around),
     }
 }
 
