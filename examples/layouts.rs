@@ -46,11 +46,9 @@ impl Draws {
         DVec3::new(pair(a, b), pair(c, d), pair(e, f))
     }
 
-    /// Uniform over rotations (Shoemake).
     fn rotation(&mut self) -> DQuat {
         let [a, b, c, _] = self.four();
-        let (x, y) = ((1.0 - a).sqrt(), a.sqrt());
-        DQuat::from_xyzw(x * (TAU * b).sin(), x * (TAU * b).cos(), y * (TAU * c).sin(), y * (TAU * c).cos())
+        random::rotation([a, b, c])
     }
 
     fn jittered(&mut self, direction: DVec3, degrees: f64) -> DVec3 {
