@@ -29,6 +29,7 @@ mod peers;
 mod plan;
 mod progress;
 mod proxy;
+mod quality;
 mod render;
 mod retraining;
 mod score;
@@ -79,6 +80,8 @@ enum Command {
     Demo(demo::Arguments),
     /// The function from variance over photos to view dependency
     Vdsf(vdsf::Arguments),
+    /// The law from where views stand to the error of what is trained on them
+    Quality(quality::Arguments),
 }
 
 /// Exit code of a run that the user stopped: 128 + SIGINT, as shells have it.
@@ -118,6 +121,7 @@ pub fn main() -> ExitCode {
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Vdsf(arguments) => vdsf::run(&arguments),
+        Command::Quality(arguments) => quality::run(&arguments),
     };
     match result {
         Ok(code) if UNSAID.load(Ordering::Relaxed) => {

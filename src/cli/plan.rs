@@ -19,6 +19,7 @@ use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Preset, Start};
 use crate::plan::job::{self, Plan, Target, Tools};
 use crate::plan::preparation::Preparation;
 use crate::plan::{curve, footprint};
+use crate::quality::law::Fitted;
 use crate::report;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::surface::Surface;
@@ -434,7 +435,10 @@ pub fn print_plan(plan: &Plan) {
     if let Some(expected) = &record.expected {
         say!("expected {}", expected.line());
         if record.began_from.as_ref() == Some(&expected.against) && expected.db == 0.0 {
-            say!("         the plan is that layout itself: the descent found nothing better");
+            let told = Fitted::embedded().spread(0.0);
+            say!(
+                "         the plan is that layout itself: the descent gains less than {told:.2} dB, the least that can be told"
+            );
         }
     }
 }

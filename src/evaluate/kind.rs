@@ -1,6 +1,6 @@
 //! Kinds of subjects: an evaluation is of one kind, so that all of its subjects have the same columns, budgets and methods.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::request::Method;
 use crate::gaussians::config::Background;
@@ -10,7 +10,7 @@ use crate::select::job::Method as Choice;
 use crate::{Error, Result};
 
 /// What an evaluation is on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
     /// Objects, photographed from around them.

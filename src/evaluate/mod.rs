@@ -10,6 +10,7 @@ pub mod bench;
 pub mod choices;
 pub mod job;
 pub mod kind;
+pub mod layouts;
 mod peer;
 pub mod perceptual;
 pub mod pool;

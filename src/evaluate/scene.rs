@@ -20,6 +20,8 @@ use crate::scene::surface::Surface;
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
+/// Up in glTF.
+pub const UP: DVec3 = DVec3::Y;
 /// Points of the surface that test views of an object are held against.
 const POINTS: usize = 256;
 
@@ -79,9 +81,7 @@ impl Scene {
             other => other,
         };
         let assembly = Assembly::new(model, environment).map_err(named)?;
-        // glTF is Y up.
-        let (up, path_name) = (DVec3::Y, path.to_string_lossy());
-        let target = Target::new(&surface, &path_name, preset, choice, up, intrinsics).map_err(named)?;
+        let target = Target::new(&surface, &path.to_string_lossy(), preset, choice, UP, intrinsics).map_err(named)?;
         let region = target.region;
         let views = match preset {
             Preset::Object => {

@@ -8,7 +8,6 @@ use serde::Serialize;
 
 use super::config::Config;
 use super::job::{self, Target};
-use crate::quality::law::Law;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::vulkan::Context;
 use crate::{Error, Result};
@@ -51,11 +50,7 @@ pub fn curve(
         errors.push((views, expectation.error_db, expectation.unseen));
     }
     let last = errors.last().map_or(0.0, |(_, error, _)| *error);
-    let law = Law::embedded();
-    Ok(errors
-        .into_iter()
-        .map(|(views, error, unseen)| Point { views, db: law.decibels(last - error), unseen })
-        .collect())
+    Ok(errors.into_iter().map(|(views, error, unseen)| Point { views, db: last - error, unseen }).collect())
 }
 
 /// The curve in a sentence.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::config::{Config, Objective, Preset};
 use super::planner::{Outcome, Planner};
@@ -36,7 +36,7 @@ pub const OURS: &str = "ours";
 const CHECKPOINT_POINTS: usize = 400;
 
 /// What the user says of the region; what is left out follows from the surface.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RegionChoice {
     /// The shape itself.
     pub shape: Option<Shape>,

@@ -10,7 +10,7 @@ use super::planner::Outcome;
 use super::record::Status;
 use super::{probes, starts};
 use crate::quality::expected::{Expectation, Judge};
-use crate::quality::law::Law;
+use crate::quality::law::{Fitted, Law};
 use crate::quality::look::Surroundings;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
@@ -20,6 +20,8 @@ use crate::{Error, Result};
 
 /// Viewers that layouts are judged by; none of them is one of the optimiser's.
 const VIEWERS: u32 = 512;
+/// Of these the first so many tell rotations of a layout apart.
+const FEWER: usize = 128;
 /// What sets them apart.
 const JUDGE_SEED: u64 = 0x6a75_6467;
 
@@ -28,7 +30,7 @@ const JUDGE_SEED: u64 = 0x6a75_6467;
 pub struct Expected {
     /// Decibels of PSNR of trained splats, the mean over viewers; positive is better than the layout it is measured against.
     pub db: f64,
-    /// Standard deviation of that figure, as [`Law::spread`] has it.
+    /// Standard deviation of that figure, as [`Fitted::spread`] has it.
     pub sd: f64,
     /// Share of what viewers look at that no camera sees.
     pub unseen: f64,
@@ -86,9 +88,11 @@ impl<'a> Reference<'a> {
         let viewers = config.viewers.sample(&scene.geometry, intrinsics, inward, seed, VIEWERS)?;
         let law = Law::embedded();
         let around = Surroundings::new(&scene.geometry, target.proxy.sphere, inward, &law);
+        let fewer = Judge::new(context, scene, around, viewers[..FEWER.min(viewers.len())].to_vec(), &law, seed)?;
         let judge = Judge::new(context, scene, around, viewers, &law, seed)?;
         let mut reference = Self { judge, scene, intrinsics, kept: kept.to_vec(), layouts: Vec::new() };
-        for (name, poses) in starts::layouts(config, &scene.geometry) {
+        for (name, ways) in starts::layouts(config, &scene.geometry) {
+            let poses = reference.best_way(&fewer, ways)?;
             let expectation = reference.expect(&poses)?;
             if expectation.viewers.iter().all(Option::is_none) {
                 return Err(match config.viewers {
@@ -103,15 +107,34 @@ impl<'a> Reference<'a> {
         Ok(reference)
     }
 
+    /// Of some ways to place a layout the one of which `judge` expects most.
+    fn best_way(&self, judge: &Judge, mut ways: Vec<Vec<Pose>>) -> Result<Vec<Pose>> {
+        let mut best = (f64::INFINITY, 0);
+        if ways.len() > 1 {
+            for (index, poses) in ways.iter().enumerate() {
+                let error = judge.expect(&self.cameras(poses))?.error_db;
+                if error < best.0 {
+                    best = (error, index);
+                }
+            }
+        }
+        Ok(ways.swap_remove(best.1))
+    }
+
+    /// Cameras at poses in the planner's frame, and those kept, in the user's world.
+    fn cameras(&self, poses: &[Pose]) -> Vec<Camera> {
+        let back = self.scene.geometry.to_internal.inverse();
+        let planned =
+            poses.iter().map(|pose| Camera { name: String::new(), pose: back.pose(pose), intrinsics: self.intrinsics });
+        planned.chain(self.kept.iter().cloned()).collect()
+    }
+
     /// What is expected of poses in the planner's frame, beside the kept cameras.
     ///
     /// # Errors
     /// Where the device fails.
     pub fn expect(&self, poses: &[Pose]) -> Result<Expectation> {
-        let back = self.scene.geometry.to_internal.inverse();
-        let planned =
-            poses.iter().map(|pose| Camera { name: String::new(), pose: back.pose(pose), intrinsics: self.intrinsics });
-        self.judge.expect(&planned.chain(self.kept.iter().cloned()).collect::<Vec<_>>())
+        self.judge.expect(&self.cameras(poses))
     }
 
     /// What is expected of cameras in the user's world, without those kept.
@@ -130,8 +153,9 @@ impl<'a> Reference<'a> {
         best.expect("there is a simple layout in every region")
     }
 
-    /// What is expected of a run, which takes the poses of the best layout where these are better and it was not broken off: no
-    /// plan is worse than a layout that is simpler.
+    /// What is expected of a run, which takes the poses of the best layout and was not broken off unless more is expected of its
+    /// own by a standard deviation of what the law tells of layouts that are alike: smaller gains are not seen in trained splats, and no
+    /// plan is to be worse than a layout that is simpler.
     ///
     /// # Errors
     /// Where the device fails.
@@ -139,7 +163,8 @@ impl<'a> Reference<'a> {
         let to_internal = &self.scene.geometry.to_internal;
         let planned: Vec<Pose> = outcome.poses.iter().map(|pose| to_internal.pose(pose)).collect();
         let (expectation, best) = (self.expect(&planned)?, self.best());
-        if expectation.error_db <= best.expectation.error_db || outcome.status != Status::Complete {
+        let margin = Fitted::embedded().spread(0.0);
+        if expectation.error_db + margin <= best.expectation.error_db || outcome.status != Status::Complete {
             return Ok(expectation);
         }
         outcome.poses = best.poses.iter().map(|pose| to_internal.inverse().pose(pose)).collect();
@@ -153,8 +178,7 @@ impl<'a> Reference<'a> {
     /// An expectation against the best layout.
     pub fn compare(&self, expectation: &Expectation) -> Expected {
         let best = self.best();
-        let law = Law::embedded();
-        let db = law.decibels(best.expectation.error_db - expectation.error_db);
-        Expected { db, sd: law.spread(db), unseen: expectation.unseen, against: best.name.clone() }
+        let db = best.expectation.error_db - expectation.error_db;
+        Expected { db, sd: Fitted::embedded().spread(db), unseen: expectation.unseen, against: best.name.clone() }
     }
 }

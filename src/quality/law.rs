@@ -2,11 +2,19 @@
 //!
 //! For a pixel of a viewer that shows surface point p from direction d and distance D, let g1 <= g2 <= g3 be the angles at p
 //! between d and the directions of the training views that see p (2 rad where there are fewer), and r the distance of the nearest
-//! of them over D: `log e^2 = a + 0.97 g1 + 0.12 g2 + 0.36 g3 + 0.44 max(ln r, 0)`, where `a` is the material's, the texture's
+//! of them over D: `log e^2 = a + b1 g1 + b3 g3 + c max(ln r, 0)`, where `a` is the material's, the texture's
 //! and the light's alone. A pixel beside an object looks at the empty place where its ray passes the object's middle, by the same law
-//! at a twentieth of the weight. docs/quality.md has the measurements.
+//! at a small weight. [`super::fit`] makes the coefficients, `law.json` has them, and docs/quality.md the measurements.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
 
 use super::nearest::{FARTHEST, Near};
+use crate::{Error, Result};
+
+/// The file that is built in, as `camsplat quality fit` writes it.
+const EMBEDDED: &str = include_str!("law.json");
 
 crate::gpu_struct! {
     /// The law as the device has it (`shared/law.glsl`): the logarithm of the squared error of trained splats at a look, beside
@@ -28,9 +36,9 @@ crate::gpu_struct! {
 }
 
 impl Law {
-    /// The one that is built in, fitted to the pixels of trained splats (docs/quality.md).
+    /// The one that is built in.
     pub fn embedded() -> Self {
-        Self { angle: [0.971, 0.121, 0.362], farther: 0.442, background: 0.05, ..Self::default() }
+        Fitted::embedded().law()
     }
 
     /// Logarithm of the squared error at a look at `distance` whose nearest views are these, beside what the material makes
@@ -43,20 +51,102 @@ impl Law {
     }
 }
 
-/// Decibels of trained PSNR for a decibel of the law (docs/quality.md).
-const SLOPE: f64 = 1.25;
-/// What is left of the difference of two layouts, as a standard deviation in decibels: of layouts that are expected to be alike,
-/// which differ by their rotation and the training's chance, and for each decibel that they are expected to differ by.
-const SPREAD: [f64; 2] = [0.2, 0.3];
+/// A fitted law, and what it was fitted to: the contents of `law.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fitted {
+    /// `b1`, for a radian of the nearest view's angle.
+    pub nearest: f64,
+    /// `b3`, for a radian of the third nearest one's. The second adds nothing to the two.
+    pub third: f64,
+    /// `c`, by the logarithm of the nearest one's distance over the viewer's.
+    pub farther: f64,
+    /// Weight of a look beside the surface of an object.
+    pub background: f64,
+    /// Standard deviation in decibels of the trained difference of two layouts about the expected one: of layouts that are expected
+    /// to be alike, which differ by their rotation and the training's chance, and for each decibel that they are expected to differ by.
+    pub spread: [f64; 2],
+    /// Standard deviations of `nearest`, `third`, `farther` and of the logarithm of `background`, by leaving out one scene at a time;
+    /// none of fewer than three scenes.
+    pub deviation: Option<[f64; 4]>,
+    /// Scenes it was fitted to.
+    pub scenes: Vec<String>,
+    /// Scenes it was only compared with.
+    pub held_out: Vec<String>,
+    /// Trained layouts it was fitted to.
+    pub layouts: usize,
+}
 
-impl Law {
-    /// What a difference of expected errors, in the law's decibels, comes to in trained PSNR.
-    pub fn decibels(&self, difference: f64) -> f64 {
-        SLOPE * difference
+impl Fitted {
+    /// The one that is built in.
+    pub fn embedded() -> Self {
+        // The text is a constant of this crate, and a test parses it: what cannot be parsed does not ship.
+        Self::parse(Path::new("law.json"), EMBEDDED).expect("the built-in law.json is tested to parse")
+    }
+
+    /// Reads what [`Fitted::text`] wrote.
+    ///
+    /// # Errors
+    /// Where it is no such JSON or no law.
+    pub fn parse(path: &Path, text: &str) -> Result<Self> {
+        let fitted: Self = serde_json::from_str(text)
+            .map_err(|e| Error::input(path, format!("no law: {e}; make one with `camsplat quality fit`")))?;
+        fitted.check()?;
+        Ok(fitted)
+    }
+
+    /// The file: JSON, numbers in the shortest digits that read back as the same bits.
+    ///
+    /// # Errors
+    /// None in practice: all fields are plain numbers and names.
+    pub fn text(&self) -> Result<String> {
+        let text = serde_json::to_string_pretty(self)
+            .map_err(|e| Error::request(format!("the law cannot be written as JSON: {e}")))?;
+        Ok(text + "\n")
+    }
+
+    /// Refuses a law by which more views could be worse than fewer: plans would move away from what viewers look at.
+    ///
+    /// # Errors
+    /// In a line that names the coefficient.
+    pub fn check(&self) -> Result<()> {
+        let all = [
+            ("nearest", self.nearest),
+            ("third", self.third),
+            ("farther", self.farther),
+            ("background", self.background),
+        ];
+        match all.into_iter().find(|(_, value)| !(*value >= 0.0 && value.is_finite())) {
+            Some((name, value)) => Err(Error::request(format!(
+                "the law's coefficient {name:?} is {value}, and error must not fall with angle or distance; train layouts that differ more"
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    /// As the device has it.
+    pub fn law(&self) -> Law {
+        let [nearest, third, farther, background] =
+            [self.nearest, self.third, self.farther, self.background].map(|value| value as f32);
+        Law { angle: [nearest, 0.0, third], farther, background, ..Law::default() }
     }
 
     /// Standard deviation of a difference that is expected to be `decibels`, in decibels.
     pub fn spread(&self, decibels: f64) -> f64 {
-        SPREAD[0].hypot(SPREAD[1] * decibels)
+        self.spread[0].hypot(self.spread[1] * decibels)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, every plan and score would end in a panic.
+    #[test]
+    fn the_embedded_law_parses_and_is_written_as_it_was() {
+        let fitted = Fitted::parse(Path::new("law.json"), EMBEDDED).unwrap();
+        assert_eq!(fitted.text().unwrap(), EMBEDDED);
+        let refused = Fitted { third: -0.1, ..fitted }.check().unwrap_err().to_string();
+        assert!(refused.contains("\"third\" is -0.1"), "{refused}");
     }
 }

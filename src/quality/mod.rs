@@ -2,6 +2,7 @@
 //! photographed.
 
 pub mod expected;
+pub mod fit;
 pub mod law;
 pub mod look;
 pub mod nearest;

@@ -1,0 +1,188 @@
+//! What evaluations have trained, read back for the law of expected error to be fitted to.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde::Deserialize;
+
+use super::kind::Kind;
+use super::scene::UP;
+use crate::gaussians::products::RECORD as TRAINED;
+use crate::gaussians::record::TestView;
+use crate::photograph::products::RECORD as CAPTURED;
+use crate::plan::config::Preset;
+use crate::plan::job::{RegionChoice, Target};
+use crate::quality::expected::Judge;
+use crate::quality::fit::Observations;
+use crate::quality::law::Law;
+use crate::quality::look::Surroundings;
+use crate::quality::viewers::Viewers;
+use crate::scene::camera::{Camera, Intrinsics};
+use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
+use crate::vulkan::Context;
+use crate::{Error, Result, io};
+
+/// Viewers that [`Trained::scored`] judges by, and their seed.
+const VIEWERS: u32 = 512;
+const SEED: u64 = 0;
+
+/// The part of `results.json` that is needed here.
+#[derive(Deserialize)]
+struct Results {
+    request: Asked,
+    runs: Vec<Run>,
+}
+
+#[derive(Deserialize)]
+struct Asked {
+    kind: Kind,
+    settings: Settings,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+struct Settings {
+    region: RegionChoice,
+}
+
+#[derive(Deserialize)]
+struct Run {
+    scene: String,
+    method: String,
+    seed: u64,
+    folder: String,
+}
+
+/// The part of a training's `done.json` that is needed here.
+#[derive(Deserialize)]
+struct Done {
+    inputs: Inputs,
+}
+
+#[derive(Deserialize)]
+struct Inputs {
+    photos: String,
+    tests: Option<String>,
+}
+
+/// The part of a training's record that is needed here.
+#[derive(Deserialize)]
+struct Tested {
+    test_views: Vec<TestView>,
+}
+
+/// The part of a capture's record that is needed here.
+#[derive(Deserialize)]
+struct Captured {
+    cameras: Vec<Camera>,
+}
+
+/// What evaluations have trained of one scene.
+pub struct Trained {
+    /// The scene's name.
+    pub name: String,
+    target: Target,
+    geometry: SceneGeometry,
+    preset: Preset,
+    tests: Vec<Camera>,
+    runs: Vec<(String, Vec<Camera>, f64)>,
+}
+
+impl Trained {
+    /// Reads every run of the scene in these folders of evaluations, whose tests must be the same.
+    ///
+    /// # Errors
+    /// Where a folder holds no evaluation or none of this scene, or a file of it cannot be read.
+    pub fn read(scene: &Path, evaluations: &[PathBuf]) -> Result<Self> {
+        let name = scene.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        let mut shared: Option<(Kind, RegionChoice, Vec<Camera>)> = None;
+        let mut runs = Vec::new();
+        for folder in evaluations {
+            let file = folder.join("results.json");
+            let results: Results = read(&file)?;
+            let Asked { kind, settings: Settings { region } } = results.request;
+            if kind == Kind::Pool {
+                return Err(Error::input(&file, "this evaluation is of photos; the law is fitted to scenes"));
+            }
+            for run in results.runs.iter().filter(|run| run.scene == name) {
+                let (tests, cameras, psnr) = trained(&folder.join(&name), &run.folder)?;
+                let (_, _, others) = shared.get_or_insert_with(|| (kind, region, tests.clone()));
+                if *others != tests {
+                    let what = format!(
+                        "its tests of {name} are others than those of {}; fit them apart",
+                        evaluations[0].display()
+                    );
+                    return Err(Error::input(folder, what));
+                }
+                runs.push((format!("{}, seed {}", label(&run.method), run.seed), cameras, psnr));
+            }
+        }
+        let Some((kind, region, tests)) = shared else {
+            return Err(Error::input(
+                scene,
+                "none of the evaluations has trained anything of it; leave it out or name its evaluation",
+            ));
+        };
+        let intrinsics = tests.first().map_or(Intrinsics::from_fov(1, 1, 1.0), |test| test.intrinsics);
+        let (preset, surface) = (kind.preset(), io::read_surface(scene)?);
+        let target = Target::new(&surface, &scene.to_string_lossy(), preset, &region, UP, &intrinsics)?;
+        let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+        Ok(Self { name, target, geometry, preset, tests, runs })
+    }
+
+    /// What the law is fitted to.
+    pub fn observations(&self) -> Observations {
+        // Whatever the law, looks beside an object are told; their weight is fitted.
+        let around = self.surroundings(&Law { background: 1.0, ..Law::default() });
+        Observations::new(&self.name, &self.geometry, around, &self.tests, &self.runs)
+    }
+
+    /// Expected quality of each run in decibels, as `camsplat score` judges it: by viewers of its own, not by the tests.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn scored(self, context: &Arc<Context>, law: &Law) -> Result<Vec<f64>> {
+        let (around, inward) = (self.surroundings(law), self.preset == Preset::Object);
+        let intrinsics = self.tests[0].intrinsics;
+        let viewers = Viewers::Region.sample(&self.geometry, intrinsics, inward, SEED, VIEWERS)?;
+        let scene = DeviceScene::new(context, self.geometry)?;
+        let judge = Judge::new(context, &scene, around, viewers, law, SEED)?;
+        self.runs.iter().map(|(_, cameras, _)| Ok(-judge.expect(cameras)?.error_db)).collect()
+    }
+
+    fn surroundings(&self, law: &Law) -> Surroundings {
+        Surroundings::new(&self.geometry, self.target.proxy.sphere, self.preset == Preset::Object, law)
+    }
+}
+
+/// What a layout is called: of a file of cameras its own name.
+fn label(method: &str) -> &str {
+    let name = method.strip_prefix("cameras:").unwrap_or(method);
+    Path::new(name).file_stem().and_then(|stem| stem.to_str()).unwrap_or(name)
+}
+
+/// Test cameras that were looked at, cameras and mean PSNR of a training.
+fn trained(root: &Path, key: &str) -> Result<(Vec<Camera>, Vec<Camera>, f64)> {
+    let folder = root.join(key);
+    let done: Done = read(&folder.join("done.json"))?;
+    let record: Tested = read(&folder.join(TRAINED))?;
+    let Some(tests) = done.inputs.tests else {
+        return Err(Error::input(&folder, "this training has no test views; fit runs of camsplat evaluate"));
+    };
+    let cameras = |key: &str| read::<Captured>(&root.join(key).join(CAPTURED)).map(|record| record.cameras);
+    let psnr: Vec<f64> = record.test_views.iter().map(|view| view.quality.psnr).collect();
+    if psnr.is_empty() || !psnr.iter().all(|value| value.is_finite()) {
+        return Err(Error::input(
+            &folder,
+            "a test view has no finite PSNR; remove the folder and run the evaluation again",
+        ));
+    }
+    let looked_at = |test: &Camera| record.test_views.iter().any(|view| view.name == test.name);
+    let tests = cameras(&tests)?.into_iter().filter(looked_at).collect();
+    Ok((tests, cameras(&done.inputs.photos)?, psnr.iter().sum::<f64>() / psnr.len() as f64))
+}
+
+fn read<T: for<'de> Deserialize<'de>>(file: &Path) -> Result<T> {
+    let text = fs::read(file).map_err(|source| Error::io(file, source))?;
+    serde_json::from_slice(&text).map_err(|e| Error::input(file, format!("no file of a complete evaluation: {e}")))
+}
