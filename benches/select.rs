@@ -48,7 +48,7 @@ fn main() -> Result<()> {
                 "{name} {}: {wall:.2} s (visibility {seeing:.2}, plan {planning:.2}, choice {choosing:.2}, {} swaps); gap \
                  {:.2}, seen >= 3 {:.1}%; {:.0} MiB of matrices, peak {:.0} MiB",
                 method.name(),
-                selection.costs_deg.len().saturating_sub(1),
+                selection.errors_db.len().saturating_sub(1),
                 selection.metrics.gap_mean_deg,
                 100.0 * selection.metrics.coverage_3,
                 mib(selection.bytes as f64),

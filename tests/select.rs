@@ -6,17 +6,20 @@ use std::sync::Arc;
 use camsplat::photos::{Photo, PhotoSet};
 use camsplat::plan::config::Preset;
 use camsplat::plan::job::{RegionChoice, Target};
+use camsplat::quality::expected::{Judge, expect};
+use camsplat::quality::law::Law;
+use camsplat::quality::look::Surroundings;
+use camsplat::quality::viewers::Viewers;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::lens::Distortion;
-use camsplat::scene::proxy::SurfacePoint;
 use camsplat::scene::random;
 use camsplat::scene::region::Shape;
 use camsplat::scene::samples;
 use camsplat::select::controls::Pool;
 use camsplat::select::farthest::Distance;
-use camsplat::select::interchange::{grow, refine};
+use camsplat::select::interchange::refine;
 use camsplat::select::job::{Method, Prospect, Request};
-use camsplat::select::objective::Objective;
+use camsplat::select::objective::{Objective, Scratch};
 use camsplat::select::sight::{Survey, framed, sight};
 use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
 use camsplat::vulkan::{Context, Options};
@@ -59,6 +62,23 @@ fn target() -> Target {
     let choice = RegionChoice { shape: Some(shape), floor: None, clearance: Some(0.05) };
     let intrinsics = Intrinsics::from_fov(640, 480, 45f64.to_radians());
     Target::new(&samples::object(), "object", Preset::Object, &choice, DVec3::Z, &intrinsics).expect("a good target")
+}
+
+fn device_scene(context: &Arc<Context>) -> DeviceScene {
+    let target = target();
+    let geometry = SceneGeometry::new(&target.proxy, &target.region).expect("a good region");
+    DeviceScene::new(context, geometry).expect("room for it")
+}
+
+/// What `viewers` viewers around the object look at, and what the pool shows of it.
+fn objective(context: &Arc<Context>, set: &PhotoSet, viewers: u32, seed: u64) -> Objective {
+    let (scene, law) = (device_scene(context), Law::embedded());
+    let intrinsics = set.photos[0].camera.intrinsics;
+    let viewers = Viewers::Region.sample(&scene.geometry, intrinsics, true, seed, viewers).expect("viewers");
+    let around = Surroundings::new(&scene.geometry, target().proxy.sphere, true, &law);
+    let judge = Judge::new(context, &scene, around, viewers, &law, seed).expect("a judge");
+    let looks = (judge.looks().expect("looks"), judge.viewers().len());
+    Objective::new(context, &scene, &set.photos, looks, law).expect("an objective")
 }
 
 fn survey(context: &Arc<Context>, set: &PhotoSet, points: usize) -> Survey {
@@ -104,16 +124,7 @@ fn the_image_ends_where_the_lens_puts_its_edge() {
         let distortion = Distortion { radial: [k, 0.0, 0.0, 0.0, 0.0, 0.0], ..Distortion::default() };
         let photo = Photo { camera, distortion, image: None, mask: None };
         let position = pose.position + pose.rotation * DVec3::new(x, 0.0, 1.0);
-        let point = SurfacePoint {
-            position,
-            normal: DVec3::Z,
-            radius: 0.1,
-            lift: 0.0,
-            colour: [0; 3],
-            score: 1.0,
-            lobe: [0.0; 8],
-        };
-        framed(&[photo], &[point]).sees(0, 0)
+        framed(&[photo], &[position]).sees(0, 0)
     };
     assert!(seen(0.0, 0.99) && !seen(0.0, 1.05));
     assert!(seen(-0.1, 1.05));
@@ -134,14 +145,13 @@ fn a_swap_changes_the_cost_as_foretold_and_no_swap_is_better() {
     let context = context();
     for seed in 0..3 {
         let set = pool(14, seed);
-        let survey = survey(&context, &set, 150);
-        let blur: Vec<f64> = (0..14).map(|i| 0.001 * f64::from(i % 5)).collect();
-        let objective = Objective::new(&survey, 16).with_prices(blur);
+        let blur: Vec<f64> = (0..14).map(|i| 0.01 * f64::from(i % 5)).collect();
+        let objective = objective(&context, &set, 12, seed).with_prices(blur);
         let start = [1, 4, 6, 9, 11];
         let choice = objective.choose(&start);
-        let mut spared = [0.0; 5];
+        let mut scratch = Scratch::new(5);
         for photo in [0, 2, 3, 13] {
-            let swap = choice.best_swap(photo, &[false; 5], &mut spared);
+            let swap = choice.best_swap(photo, &[false; 5], &mut scratch);
             let mut best = (f64::INFINITY, 0);
             for slot in 0..5 {
                 let mut other = objective.choose(&start);
@@ -158,7 +168,7 @@ fn a_swap_changes_the_cost_as_foretold_and_no_swap_is_better() {
             assert_eq!(swap.slot, best.1, "photo {photo}");
             assert!((swap.change - best.0).abs() < 1e-6, "photo {photo}: {} foretold, {} come", swap.change, best.0);
         }
-        for (slot, loss) in choice.losses().iter().enumerate() {
+        for (slot, loss) in choice.losses().into_iter().enumerate() {
             let mut rest = start.to_vec();
             rest.remove(slot);
             let rise = objective.choose(&rest).cost() - choice.cost();
@@ -167,29 +177,48 @@ fn a_swap_changes_the_cost_as_foretold_and_no_swap_is_better() {
     }
 }
 
-/// The best subset of a tiny pool is known by trying all: swaps from either start must come to it, or within a hundredth, and
+/// Swaps must lower what plans and scores are judged by, not something of their own: through plain lenses it is the same number.
+#[test]
+fn the_cost_is_the_expected_error() {
+    let context = context();
+    let mut set = pool(30, 2);
+    set.photos.iter_mut().for_each(|photo| photo.distortion = Distortion::default());
+    let (scene, law) = (device_scene(&context), Law::embedded());
+    let intrinsics = set.photos[0].camera.intrinsics;
+    let viewers = Viewers::Region.sample(&scene.geometry, intrinsics, true, 4, 24).expect("viewers");
+    let around = Surroundings::new(&scene.geometry, target().proxy.sphere, true, &law);
+    let objective = objective(&context, &set, 24, 4);
+    for subset in [vec![0], vec![3, 9, 11, 20], (0..30).collect()] {
+        let cameras: Vec<Camera> = subset.iter().map(|photo| set.photos[*photo].camera.clone()).collect();
+        let (_, expected) = expect(&scene.geometry, around, &viewers, &cameras, &law, 4);
+        let cost = objective.choose(&subset).cost();
+        // A ray along the rim of a triangle may fall on either side.
+        assert!((cost - expected.error_db).abs() < 0.02, "{subset:?}: {cost}, but {} is expected", expected.error_db);
+    }
+    silent(&context);
+}
+
+/// The best subset of a tiny pool is known by trying all: swaps from either start must come to it, or within a twentieth of a decibel, and
 /// never be worse than where they began.
 #[test]
 fn swaps_find_the_best_subset_of_a_tiny_pool() {
     let context = context();
     for seed in 0..4 {
         let set = pool(12, seed);
-        let survey = survey(&context, &set, 200);
-        let objective = Objective::new(&survey, 16);
+        let objective = objective(&context, &set, 12, seed);
         let cost = |subset: &[usize]| objective.choose(subset).cost();
         let best = subsets(12, 4).iter().map(|subset| cost(subset)).fold(f64::INFINITY, f64::min);
         let everything: Vec<usize> = (0..12).collect();
-        let mut greedy = objective.empty();
-        grow(&mut greedy, &everything, 4);
         let mut ends = Vec::new();
-        for mut choice in [objective.choose(&[0, 1, 2, 3]), greedy] {
+        for start in [[0, 1, 2, 3], [8, 9, 10, 11]] {
+            let mut choice = objective.choose(&start);
             let costs = refine(&mut choice, &everything, &[false; 4]);
             assert!(costs.is_sorted_by(|a, b| a > b), "a swap made it worse: {costs:?}");
             assert!((choice.cost() - cost(choice.chosen())).abs() < 1e-9);
             ends.push(choice.cost());
         }
         let end = ends.iter().copied().fold(f64::INFINITY, f64::min);
-        assert!(end < 1.01 * best, "seed {seed}: {end}, where {best} can be had");
+        assert!(end < best + 0.05, "seed {seed}: {end}, where {best} can be had");
     }
 }
 
@@ -213,14 +242,14 @@ fn must_and_never_hold_for_every_method() {
     silent(&context);
 }
 
-/// On the points that the choice is made on, no control may be better by what is minimised: else the search has failed.
+/// By the looks that the choice is made for, no control may be better by what is minimised: else the search has failed.
 #[test]
 fn no_control_is_better_by_the_objective() {
     let context = context();
     let set = pool(60, 8);
     let target = target();
     let survey = survey(&context, &set, 300);
-    let objective = Objective::new(&survey, 16);
+    let objective = objective(&context, &set, 40, 8);
     let everything: Vec<usize> = (0..60).collect();
     let pool = Pool {
         set: &set,
@@ -276,7 +305,7 @@ fn of_two_photos_alike_the_sharper_is_taken() {
     assert_eq!(odd(Some(&sharpness)), 10);
 }
 
-/// Suggested poses must go where the choice leaves most to see: with them the gap is smaller than without.
+/// Suggested poses must go where the choice leaves most to see, the most useful first, and say truly what they would gain.
 #[test]
 fn suggested_poses_are_worth_adding() {
     let context = context();
@@ -289,6 +318,24 @@ fn suggested_poses_are_worth_adding() {
     let selection = prospect.select(None, false).expect("a selection");
     let suggested = prospect.suggest(&selection.chosen, 6).expect("suggestions");
     assert_eq!(suggested.len(), 6);
-    let across = suggested.iter().filter(|camera| camera.pose.position.x < 0.0).count();
+    let across = suggested.iter().filter(|one| one.camera.pose.position.x < 0.0).count();
     assert!(across >= 4, "only {across} of 6 go to the side that no photo shows");
+    assert!(suggested.is_sorted_by(|a, b| a.gain_db >= b.gain_db), "{suggested:?}");
+    let [best, .., last] = &suggested[..] else { panic!("there are six") };
+    assert!(best.gain_db > 0.3 && last.gain_db > -0.05, "{} and {} dB", best.gain_db, last.gain_db);
+}
+
+/// What is chosen must not be worse than a simple choice in the eyes of viewers that the swaps were not made for.
+#[test]
+fn a_choice_is_never_worse_than_a_simple_one() {
+    let context = context();
+    let target = target();
+    for seed in 0..4 {
+        let set = pool(50, 20 + seed);
+        let request = Request { points: 200, seed, ..Request::new([4, 7, 12, 20][seed as usize]) };
+        let prospect = Prospect::new(&context, &set, &target, request).expect("a pool");
+        let selection = prospect.select(None, false).expect("a selection");
+        assert!(selection.expected.db >= 0.0, "seed {seed}: {:?}", selection.expected);
+        assert_eq!(selection.errors_db.first(), Some(&0.0));
+    }
 }

@@ -60,18 +60,29 @@ pub struct ViewerOptions {
     /// From where people will look at what is trained: shell:CX,CY,CZ,RMIN,RMAX, box:X0,Y0,Z0,X1,Y1,Z1, cone:DEGREES,X,Y,Z (as by
     /// default, but in a cone along this direction from the middle), heights:LOW,HIGH, or cameras (COLMAP or NSVF folder,
     /// transforms.json, ...), such as the tests of an evaluation [default: around an object from half of the region's outer
-    /// radius to the whole of it, in rooms anywhere]
+    /// radius to the whole of it, in rooms anywhere; of `select` where the pool's photos were taken]
     #[arg(long, value_name = "VIEWERS", allow_hyphen_values = true)]
     viewers: Option<String>,
 }
 
 impl ViewerOptions {
-    /// The viewers.
+    /// The viewers, those by default where none are given.
+    ///
+    /// # Errors
+    /// As [`ViewerOptions::given`].
+    pub fn viewers(&self) -> Result<Viewers> {
+        Ok(self.given()?.unwrap_or_default())
+    }
+
+    /// The viewers that are given.
     ///
     /// # Errors
     /// Where there are too many or too few numbers, or no cameras.
-    pub fn viewers(&self) -> Result<Viewers> {
-        let Some(text) = &self.viewers else { return Ok(Viewers::Region) };
+    pub fn given(&self) -> Result<Option<Viewers>> {
+        self.viewers.as_deref().map(Self::parse).transpose()
+    }
+
+    fn parse(text: &str) -> Result<Viewers> {
         let forms = [
             ("shell", "CX,CY,CZ,RMIN,RMAX"),
             ("box", "X0,Y0,Z0,X1,Y1,Z1"),

@@ -8,7 +8,7 @@ use std::time::Instant;
 use clap::Args;
 
 use super::options::{
-    CameraOptions, DeviceOptions, ModelOptions, RegionOptions, parse_size, print_messages, read_surface,
+    CameraOptions, DeviceOptions, ModelOptions, RegionOptions, ViewerOptions, parse_size, print_messages, read_surface,
 };
 use super::plan::table;
 use super::progress::{leave_on_interrupt, stop_on_interrupt};
@@ -45,6 +45,8 @@ pub struct Arguments {
     surface: Option<PathBuf>,
     #[command(flatten)]
     region: RegionOptions,
+    #[command(flatten)]
+    viewers: ViewerOptions,
     /// Horizontal field of view in degrees, for a file of poses without lenses
     #[arg(long)]
     fov: Option<f64>,
@@ -74,7 +76,7 @@ pub struct Arguments {
     /// Seed of every random number
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Points of the surface that the choice is made on, and as many others that it is scored on
+    /// Points of the surface that coverage, `acp` and the like choose by, and as many others that geometric metrics are of
     #[arg(long, default_value_t = 4000)]
     points: u32,
     #[command(flatten)]
@@ -127,6 +129,14 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         say!("{note}");
     }
     print_selection(&selection, &set, request.method);
+    if let [best, ..] = &suggested[..] {
+        let worth = suggested.iter().filter(|one| one.gain_db > 0.0).count();
+        say!(
+            "suggest  {worth} of {} photos would help by themselves, the best by {:.2} dB; suggested.csv has each one's gain",
+            suggested.len(),
+            best.gain_db
+        );
+    }
     say!("written  in {:.2} s", start.elapsed().as_secs_f64());
     say!("report   {}", path.join("report.html").display());
     Ok(ExitCode::SUCCESS)
@@ -174,6 +184,7 @@ fn request(arguments: &Arguments, set: &PhotoSet) -> Result<Request> {
         seed: arguments.seed,
         points: arguments.points,
         preset: arguments.region.preset(),
+        viewers: arguments.viewers.given()?,
         ..Request::new(arguments.count)
     })
 }
@@ -232,11 +243,12 @@ fn print_selection(selection: &Selection, set: &PhotoSet, method: Method) {
         "chosen   {} of {} photos; {} swaps; visibility {seeing:.2} s, plan {planning:.2} s, choice {choosing:.2} s",
         selection.chosen.len(),
         set.photos.len(),
-        selection.costs_deg.len().saturating_sub(1)
+        selection.errors_db.len().saturating_sub(1)
     );
     let mut rows: Vec<(&str, &Metrics)> = vec![("all photos", &selection.pool), (method.name(), &selection.metrics)];
     rows.extend(selection.controls.iter().map(|control| (control.name.as_str(), &control.metrics)));
     say!("{}", table(&rows).trim_end());
+    say!("expected {}", selection.expected.line());
     let reached =
         |count: u32| selection.scores.iter().filter(|score| score.reachable > 0.0 && score.views <= count).count();
     say!(

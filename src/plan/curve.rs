@@ -46,7 +46,7 @@ pub fn curve(
             return Err(Error::request("the curve was stopped; nothing is written"));
         }
         let config = Config { views, ..config.clone() };
-        let expectation = job::expected_plan(context, target, intrinsics, kept, config)?;
+        let (expectation, _) = job::expected_plan(context, target, intrinsics, kept, config)?;
         errors.push((views, expectation.error_db, expectation.unseen));
     }
     let last = errors.last().map_or(0.0, |(_, error, _)| *error);

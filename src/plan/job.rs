@@ -215,7 +215,7 @@ pub fn run(
     Ok(plan)
 }
 
-/// Plans by expected quality and says what is expected of the plan, which is not scored otherwise.
+/// Plans by expected quality: what is expected of the plan, which is not scored otherwise, and its poses in the user's world.
 ///
 /// # Errors
 /// As [`run`].
@@ -225,7 +225,7 @@ pub fn expected_plan(
     intrinsics: Intrinsics,
     kept: &[Camera],
     config: Config,
-) -> Result<Expectation> {
+) -> Result<(Expectation, Vec<Pose>)> {
     let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
     let preparation = Preparation::new(context, &geometry, &target.proxy, &intrinsics, kept, config.clone())?;
     let scene = DeviceScene::new(context, geometry)?;
@@ -234,7 +234,7 @@ pub fn expected_plan(
     let (planner, mut outcome) = optimise(context, &scene, preparation, None, |_, _| ControlFlow::Continue(()))?;
     drop(planner);
     check_finite(&outcome.poses)?;
-    reference.guard(&mut outcome)
+    Ok((reference.guard(&mut outcome)?, outcome.poses))
 }
 
 fn check_finite(poses: &[Pose]) -> Result<()> {

@@ -45,8 +45,13 @@ impl Law {
     /// of it.
     pub fn log_error(&self, found: &[Near], distance: f64) -> f64 {
         let angle = |k: usize| found.get(k).map_or(FARTHEST, |near| near.cost);
-        let by_angle: f64 = (0..3).map(|k| f64::from(self.angle[k]) * angle(k)).sum();
         let log_ratio = found.first().map_or(0.0, |near| (near.distance / distance).ln());
+        self.of([angle(0), angle(1), angle(2)], log_ratio)
+    }
+
+    /// The same by the angles of the three nearest views and the logarithm of the nearest one's distance over the viewer's.
+    pub fn of(&self, angles: [f64; 3], log_ratio: f64) -> f64 {
+        let by_angle: f64 = (0..3).map(|k| f64::from(self.angle[k]) * angles[k]).sum();
         by_angle + f64::from(self.farther) * log_ratio.max(0.0)
     }
 }

@@ -17,10 +17,11 @@ use crate::metrics::{Metrics, PointMetrics};
 use crate::photos::{Convention, Photo, PhotoSet};
 use crate::plan::job::Target;
 use crate::plan::record::{ControlRecord, IterationRecord, PlanRecord, Status, SurfaceRecord};
+use crate::plan::reference::Expected;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::proxy::Occluder;
 use crate::scene::region::Region;
-use crate::select::job::{Request, Selection};
+use crate::select::job::{Request, Selection, Suggested};
 
 /// Triangles that the page shows at most.
 const MOST_TRIANGLES: usize = 60_000;
@@ -38,7 +39,7 @@ pub struct Written<'a> {
     /// What came out.
     pub selection: &'a Selection,
     /// Poses worth adding.
-    pub suggested: &'a [Camera],
+    pub suggested: &'a [Suggested],
     /// Device name and driver.
     pub device: String,
     /// Whether images are copied; else linked.
@@ -59,14 +60,15 @@ struct Record<'a> {
     /// The whole pool.
     all_photos: &'a Metrics,
     controls: &'a [ControlRecord],
-    costs_deg: &'a [f64],
+    expected: &'a Expected,
+    errors_db: &'a [f64],
     seconds: [f64; 3],
 }
 
 #[derive(Serialize)]
 struct ChosenRecord<'a> {
     name: &'a str,
-    contribution_deg: f64,
+    contribution_db: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     sharpness: Option<f64>,
 }
@@ -96,11 +98,12 @@ pub fn write(written: &Written<'_>, folder: OutputFolder) -> Result<Vec<String>>
         .collect();
     folder.write("unseen.ply", export::coverage_ply(&unseen, &shown, (0.0, 1.0)))?;
     if !suggested.is_empty() {
+        let cameras: Vec<Camera> = suggested.iter().map(|one| one.camera.clone()).collect();
         folder.write(
             "suggested.json",
-            transforms::write(suggested, (!kept_points(written).is_empty()).then_some("points.ply")),
+            transforms::write(&cameras, (!kept_points(written).is_empty()).then_some("points.ply")),
         )?;
-        folder.write("suggested.csv", export::cameras_csv(suggested))?;
+        folder.write("suggested.csv", suggested_csv(suggested, &export::cameras_csv(&cameras)))?;
     }
     let record = Record {
         version: env!("CARGO_PKG_VERSION"),
@@ -114,14 +117,15 @@ pub fn write(written: &Written<'_>, folder: OutputFolder) -> Result<Vec<String>>
             .iter()
             .map(|chosen| ChosenRecord {
                 name: &set.photos[chosen.photo].camera.name,
-                contribution_deg: chosen.contribution_deg,
+                contribution_db: chosen.contribution_db,
                 sharpness: chosen.sharpness,
             })
             .collect(),
         metrics: &selection.metrics,
         all_photos: &selection.pool,
         controls: &selection.controls,
-        costs_deg: &selection.costs_deg,
+        expected: &selection.expected,
+        errors_db: &selection.errors_db,
         seconds: selection.seconds,
     };
     let json = serde_json::to_string_pretty(&record)
@@ -203,15 +207,22 @@ fn images(written: &Written<'_>, folder: &OutputFolder) -> Result<()> {
 /// Text of chosen.csv: the photos, those that the choice would miss most first.
 fn chosen_csv(written: &Written<'_>) -> String {
     let mut rows: Vec<_> = written.selection.chosen.iter().collect();
-    rows.sort_by(|a, b| b.contribution_deg.total_cmp(&a.contribution_deg).then(a.photo.cmp(&b.photo)));
-    let mut text = String::from("name,contribution_deg,sharpness\n");
+    rows.sort_by(|a, b| b.contribution_db.total_cmp(&a.contribution_db).then(a.photo.cmp(&b.photo)));
+    let mut text = String::from("name,contribution_db,sharpness\n");
     for row in rows {
         let name = &written.set.photos[row.photo].camera.name;
         let sharpness = row.sharpness.map(|s| format!("{s:.3}")).unwrap_or_default();
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "{},{:.6},{sharpness}", quoted(name), row.contribution_deg);
+        let _ = writeln!(text, "{},{:.6},{sharpness}", quoted(name), row.contribution_db);
     }
     text
+}
+
+/// The table of cameras with what each would add by itself.
+fn suggested_csv(suggested: &[Suggested], cameras: &str) -> String {
+    let gains = suggested.iter().map(|one| format!("{:.4}", one.gain_db));
+    let columns = std::iter::once("gain_db".to_owned()).chain(gains);
+    cameras.lines().zip(columns).map(|(line, gain)| format!("{line},{gain}\n")).collect()
 }
 
 /// A field of a CSV file (RFC 4180).
@@ -255,11 +266,11 @@ fn page(written: &Written<'_>) -> Result<String> {
         cameras: shown.map(|photo| set.photos[photo].camera.clone()).collect(),
         kept: left_out.len(),
         history: (0..)
-            .zip(&selection.costs_deg)
+            .zip(&selection.errors_db)
             .map(|(iteration, cost)| IterationRecord { iteration, loss: *cost as f32, ..IterationRecord::default() })
             .collect(),
         checkpoints: Vec::new(),
-        expected: None,
+        expected: Some(selection.expected.clone()),
         began_from: None,
         metrics: selection.metrics,
         controls: selection.controls.clone(),

@@ -33,7 +33,9 @@ pub fn slot(name: &str, record: &PlanRecord, kind: Kind<'_>) -> String {
         "kind" => either("plan", "selection"),
         "subject" => either("Plan", "Choice"),
         "deed" => either("planned", "chosen"),
-        "loss" => either("the total is weighted, its terms are not", "the choice's cost in degrees, swap by swap"),
+        "loss" => {
+            either("the total is weighted, its terms are not", "expected error in dB against the first, swap by swap")
+        }
         "heading" => heading(record, kind),
         "summary" => summary(record, kind),
         "figures" => figures(record),

@@ -1,13 +1,9 @@
-//! Making a subset better: swaps of a chosen photo for another until none helps (Whitaker 1983; Resende and Werneck 2007),
-//! and the greedy subset as a second place to start from.
-
-use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+//! Making a subset better: swaps of a chosen photo for another until none helps (Whitaker 1983; Resende and Werneck 2007).
 
 use super::objective::{Choice, Swap};
 
-/// Part of the cost that a swap must gain, so that rounding cannot make two swaps take turns for ever.
-const LEAST_GAIN: f64 = 1e-7;
+/// What a swap must gain, in decibels: less is not seen, and rounding cannot make two swaps take turns for ever.
+const LEAST_GAIN: f64 = 1e-4;
 /// Part of what a swap promised before others were made that it must still be worth to be made in the same round.
 const STILL_WORTH: f64 = 0.5;
 
@@ -17,17 +13,17 @@ const TOGETHER: usize = 32;
 /// Swaps photos of `candidates` into slots that are not `fixed` while that lowers the cost; returns the cost at first and
 /// after every swap. Every round evaluates all candidates, then makes the best swap, and after it those of the others that
 /// are still worth half of what they promised. The cost falls with every swap.
-pub fn refine(choice: &mut Choice<'_, '_>, candidates: &[usize], fixed: &[bool]) -> Vec<f64> {
+pub fn refine(choice: &mut Choice<'_>, candidates: &[usize], fixed: &[bool]) -> Vec<f64> {
     let mut costs = vec![choice.cost()];
     loop {
         let outside = without(candidates, choice.chosen());
         let swaps = choice.best_swaps(&outside, fixed);
-        let worth = |swap: &Swap, cost: f64| swap.change < -LEAST_GAIN * cost;
+        let worth = |swap: &Swap| swap.change < -LEAST_GAIN;
         let mut promised: Vec<(usize, Swap)> = outside.into_iter().zip(swaps).collect();
-        promised.retain(|(_, swap)| worth(swap, costs[costs.len() - 1]));
+        promised.retain(|(_, swap)| worth(swap));
         promised.sort_by(|(a, one), (b, other)| one.change.total_cmp(&other.change).then(a.cmp(b)));
         let [(photo, swap), others @ ..] = &promised[..] else { return costs };
-        let mut make = |choice: &mut Choice<'_, '_>, photo: usize, swap: Swap| {
+        let mut make = |choice: &mut Choice<'_>, photo: usize, swap: Swap| {
             choice.replace(swap.slot, photo);
             costs.push(choice.cost());
         };
@@ -38,8 +34,7 @@ pub fn refine(choice: &mut Choice<'_, '_>, candidates: &[usize], fixed: &[bool])
             let (next, rest) = others.split_at(few.min(others.len()));
             let photos: Vec<usize> = next.iter().map(|(photo, _)| *photo).collect();
             let swaps = choice.best_swaps(&photos, fixed);
-            let cost = choice.cost();
-            let still = |(i, swap): &(usize, Swap)| swap.change <= STILL_WORTH * next[*i].1.change && worth(swap, cost);
+            let still = |(i, swap): &(usize, Swap)| swap.change <= STILL_WORTH * next[*i].1.change && worth(swap);
             match swaps.into_iter().enumerate().find(still) {
                 Some((i, swap)) => {
                     make(choice, photos[i], swap);
@@ -56,51 +51,4 @@ fn without(candidates: &[usize], chosen: &[usize]) -> Vec<usize> {
     let mut chosen = chosen.to_vec();
     chosen.sort_unstable();
     candidates.iter().copied().filter(|photo| chosen.binary_search(photo).is_err()).collect()
-}
-
-/// The most that a candidate can gain, by its gain when there were so many photos.
-struct Bound {
-    gain: f64,
-    photo: usize,
-    photos: usize,
-}
-
-impl PartialEq for Bound {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-impl Eq for Bound {}
-impl PartialOrd for Bound {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Bound {
-    /// Greater gains first, then lower indices.
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.gain.total_cmp(&other.gain).then(other.photo.cmp(&self.photo))
-    }
-}
-
-/// Adds candidates, each time the one that lowers the cost most, until there are `count`. Gains only shrink as photos are
-/// added, so that most need not be evaluated again (Minoux, "Accelerated greedy algorithms", 1978).
-pub fn grow(choice: &mut Choice<'_, '_>, candidates: &[usize], count: usize) {
-    let mut stale = without(candidates, choice.chosen());
-    let mut bounds = BinaryHeap::new();
-    while choice.chosen().len() < count {
-        let photos = choice.chosen().len();
-        let gains = choice.gains(&stale);
-        bounds.extend(gains.into_iter().zip(stale.drain(..)).map(|(gain, photo)| Bound { gain, photo, photos }));
-        match bounds.pop() {
-            None => return,
-            Some(best) if best.photos == photos => choice.add(best.photo),
-            Some(first) => {
-                stale.push(first.photo);
-                while stale.len() < TOGETHER && bounds.peek().is_some_and(|next| next.photos < photos) {
-                    stale.extend(bounds.pop().map(|next| next.photo));
-                }
-            }
-        }
-    }
 }

@@ -1,6 +1,5 @@
 //! A whole selection: what the pool sees, the photos chosen, the controls beside them, from a capture to a record.
 
-use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -10,7 +9,7 @@ use super::acp;
 use super::controls::Pool;
 use super::farthest::Distance;
 use super::information::{self, Model};
-use super::interchange::{grow, refine};
+use super::interchange::refine;
 use super::objective::Objective;
 use super::retrained;
 use super::score::SubsetScorer;
@@ -18,10 +17,15 @@ use super::sight::Survey;
 use crate::metrics::score_point::aggregate;
 use crate::metrics::{Metrics, PointMetrics};
 use crate::photos::PhotoSet;
-use crate::plan::config::{Config, Gate, Objective as Planned, Preset};
+use crate::plan::config::{Config, Preset};
 use crate::plan::job::{self, Target};
-use crate::plan::preparation::{PROBE_STREAM, Preparation};
+use crate::plan::preparation::PROBE_STREAM;
 use crate::plan::record::ControlRecord;
+use crate::plan::reference::Expected;
+use crate::quality::expected::{Expectation, Judge};
+use crate::quality::law::{Fitted, Law};
+use crate::quality::look::Surroundings;
+use crate::quality::viewers::Viewers;
 use crate::scene::baselines;
 use crate::scene::camera::{Camera, Pose};
 use crate::scene::proxy::{Occluder, Proxy, SurfacePoint};
@@ -31,23 +35,22 @@ use crate::{Error, Result};
 
 /// Stream of the held-out points, as a plan has it.
 const HELD_OUT_STREAM: u32 = 1;
-/// Times that the cost of lacking views is raised at most.
-const RAISES: u32 = 8;
-/// Cameras above which the plan is made with fewer iterations and coarser texels: on a CPU a thousand would take minutes.
-const MANY_VIEWS: usize = 200;
-const LIGHT_ITERATIONS: u32 = 300;
-const LIGHT_RESOLUTION: u32 = 32;
-/// Directions around a point, along a side: more points tell more than more directions (docs/selection.md).
-const RESOLUTION: u32 = 12;
-/// What the sharpest photo is worth over the least sharp, as a part of the cost that falls to a photo on average: more cost
-/// than that no swap takes on for sharpness.
-const SHARPNESS_PART: f64 = 0.1;
+/// Simple choices that swaps begin from and are never worse than.
+const SIMPLE: [Method; 5] = [Method::Assigned, Method::Fvs, Method::FvsChord, Method::Coverage, Method::Random];
+/// Viewers that a choice is made for, and others that it is judged by.
+const VIEWERS: u32 = 256;
+const JUDGES: u32 = 512;
+/// What sets these apart.
+const JUDGE_SEED: u64 = 0x6a75_6467;
+/// What all of a choice's photos are worth if they are the sharpest and not the least sharp, in decibels: more error than that
+/// no swaps take on for sharpness.
+const SHARPNESS_DB: f64 = 0.5;
 
 /// How photos are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// Swaps that lower the angular gap on the real frusta, from the assigned photos and from a greedy start
+    /// Swaps that lower the expected error on the real frusta, from the best of simple choices
     Swap,
     /// For each planned camera a photo of its own, nearest in sum
     Assigned,
@@ -137,6 +140,9 @@ pub struct Request {
     pub points: u32,
     /// Kind of scene, for the planned cameras.
     pub preset: Preset,
+    /// From where people will look; else from where the pool's photos were taken.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub viewers: Option<Viewers>,
     /// How [`Method::FisherRetrain`] trains.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub retraining: Option<retrained::Settings>,
@@ -153,6 +159,7 @@ impl Request {
             seed: 0,
             points: 4000,
             preset: Preset::Object,
+            viewers: None,
             retraining: None,
         }
     }
@@ -187,18 +194,36 @@ impl Request {
 pub struct Chosen {
     /// Index into the set.
     pub photo: usize,
-    /// Rise of the cost if it were removed, in degrees of mean angular gap.
-    pub contribution_deg: f64,
+    /// Decibels of expected quality that would be lost without it.
+    pub contribution_db: f64,
     /// Its sharpness, where asked for.
     pub sharpness: Option<f64>,
+}
+
+/// A photo worth taking.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Suggested {
+    /// Where from.
+    pub camera: Camera,
+    /// Decibels of expected quality that it would add to the choice by itself.
+    pub gain_db: f64,
+}
+
+/// A simple choice and what is expected of it.
+struct Simple {
+    method: Method,
+    subset: Vec<usize>,
+    expectation: Expectation,
 }
 
 /// What was chosen and how good it is.
 pub struct Selection {
     /// The chosen photos, ascending.
     pub chosen: Vec<Chosen>,
-    /// The cost, in degrees, at the start of the last round of swaps and after each.
-    pub costs_deg: Vec<f64>,
+    /// Expected error in decibels, before the swaps and after each, against its first value.
+    pub errors_db: Vec<f64>,
+    /// What is expected of the choice, against the best of the simple ones.
+    pub expected: Expected,
     /// Held-out points.
     pub points: Vec<SurfacePoint>,
     /// What the choice gives each of them.
@@ -261,40 +286,59 @@ impl<'a> Prospect<'a> {
     ///
     /// # Errors
     /// Where the plan does not fit the device, or the device fails.
-    pub fn plan(&self, views: usize, kept: &[Camera]) -> Result<Vec<Pose>> {
+    fn plan(&self, views: usize, kept: &[Camera], viewers: Viewers) -> Result<Vec<Pose>> {
         let (Some(first), true) = (self.set.photos.first(), views > 0) else { return Ok(Vec::new()) };
-        let base = Config::of(Planned::Nearest, self.request.preset, views as u32);
-        let many = views > MANY_VIEWS;
-        let config = Config {
-            seed: self.request.seed,
-            // A place to start from: swaps do the rest.
-            iterations: if many { LIGHT_ITERATIONS } else { base.iterations },
-            resolution: many.then_some(LIGHT_RESOLUTION),
-            // Photos are rectangular, and how far away they were taken is settled.
-            gate: Gate::Pinhole,
-            distance_weight: 0.0,
-            checkpoint_every: base.iterations,
-            ..base
-        };
-        let (geometry, proxy) = (&self.scene.geometry, &self.target.proxy);
-        let intrinsics = first.camera.intrinsics;
-        let preparation = Preparation::new(&self.context, geometry, proxy, &intrinsics, kept, config)?;
-        let (_, outcome) =
-            job::optimise(&self.context, &self.scene, preparation, None, |_, _| ControlFlow::Continue(()))?;
-        Ok(outcome.poses)
+        let base = Config::new(self.request.preset, views as u32);
+        let config = Config { seed: self.request.seed, viewers, checkpoint_every: base.iterations, ..base };
+        let (_, poses) = job::expected_plan(&self.context, self.target, first.camera.intrinsics, kept, config)?;
+        Ok(poses)
     }
 
-    /// Poses worth adding to a choice: planned, with the chosen photos as cameras that are there already.
+    /// From where people look at what is trained on a choice.
+    fn viewers(&self) -> Viewers {
+        let pool = || Viewers::Cameras(self.cameras(&(0..self.set.photos.len()).collect::<Vec<_>>()));
+        self.request.viewers.clone().unwrap_or_else(pool)
+    }
+
+    fn cameras(&self, subset: &[usize]) -> Vec<Camera> {
+        subset.iter().map(|photo| self.set.photos[*photo].camera.clone()).collect()
+    }
+
+    /// So many viewers with what they look at.
+    fn judge(&self, viewers: &Viewers, seed: u64, count: u32) -> Result<Judge<'_>> {
+        let inward = self.request.preset == Preset::Object;
+        let (geometry, law) = (&self.scene.geometry, Law::embedded());
+        // A pool that is asked for a choice has photos.
+        let intrinsics = self.set.photos[0].camera.intrinsics;
+        let viewers = viewers.sample(geometry, intrinsics, inward, seed, count)?;
+        let around = Surroundings::new(geometry, self.target.proxy.sphere, inward, &law);
+        Judge::new(&self.context, &self.scene, around, viewers, &law, seed)
+    }
+
+    /// Poses worth adding to a choice, planned with the chosen photos as cameras that are there already: those that help most by
+    /// themselves first, each with the decibels of expected quality that it alone would add.
     ///
     /// # Errors
     /// As [`Prospect::plan`].
-    pub fn suggest(&self, chosen: &[Chosen], count: usize) -> Result<Vec<Camera>> {
-        let kept: Vec<Camera> = chosen.iter().map(|c| self.set.photos[c.photo].camera.clone()).collect();
+    pub fn suggest(&self, chosen: &[Chosen], count: usize) -> Result<Vec<Suggested>> {
+        let kept = self.cameras(&chosen.iter().map(|chosen| chosen.photo).collect::<Vec<_>>());
         let Some(first) = self.set.photos.first() else { return Ok(Vec::new()) };
-        let poses = self.plan(count, &kept)?;
-        let camera =
-            |(i, pose)| Camera { name: format!("suggested_{i:04}.png"), pose, intrinsics: first.camera.intrinsics };
-        Ok(poses.into_iter().enumerate().map(camera).collect())
+        // What no photo of the pool looks at is what is worth a photo.
+        let viewers = self.request.viewers.clone().unwrap_or_default();
+        let judge = self.judge(&viewers, self.request.seed ^ JUDGE_SEED, JUDGES)?;
+        let without = judge.expect(&kept)?.error_db;
+        let alone = |pose: Pose| {
+            let camera = Camera { name: String::new(), pose, intrinsics: first.camera.intrinsics };
+            let error = judge.expect(&[&kept[..], std::slice::from_ref(&camera)].concat())?.error_db;
+            Ok(Suggested { camera, gain_db: without - error })
+        };
+        let poses = self.plan(count, &kept, viewers)?;
+        let mut suggested = poses.into_iter().map(alone).collect::<Result<Vec<_>>>()?;
+        suggested.sort_by(|a, b| b.gain_db.total_cmp(&a.gain_db));
+        for (i, one) in suggested.iter_mut().enumerate() {
+            one.camera.name = format!("suggested_{i:04}.png");
+        }
+        Ok(suggested)
     }
 
     /// Chooses, and scores the choice beside the controls. `sharpness` is a value per photo, greater for sharper ones.
@@ -317,18 +361,41 @@ impl<'a> Prospect<'a> {
         let start = Instant::now();
         let kept: Vec<Camera> = request.must.iter().map(|photo| self.set.photos[*photo].camera.clone()).collect();
         let needs_plan = matches!(request.method, Method::Swap | Method::Assigned | Method::Nearest);
+        let viewers = self.viewers();
         let planned = if needs_plan || with_controls {
-            self.plan(request.count - request.must.len(), &kept)?
+            self.plan(request.count - request.must.len(), &kept, viewers.clone())?
         } else {
             Vec::new()
         };
         let planning = start.elapsed().as_secs_f64();
 
         let start = Instant::now();
-        let plain = Objective::new(&self.survey, RESOLUTION);
-        let (mut subset, costs) = match request.method {
-            Method::Swap => self.swap(&pool, &plain, &planned, sharpness),
+        let judge = self.judge(&viewers, request.seed ^ JUDGE_SEED, JUDGES)?;
+        let simple = self.simple(&pool, &planned, &judge)?;
+        let looked_at = self.judge(&viewers, request.seed, VIEWERS)?;
+        let looks = (looked_at.looks()?, looked_at.viewers().len());
+        let law = Law::embedded();
+        let plain = Objective::new(&self.context, &self.scene, &self.set.photos, looks, law)?;
+        if plain.looks() == 0 {
+            return Err(Error::request("viewers: none of them sees the surface; do surface and photos share a frame?"));
+        }
+        let (mut subset, mut errors_db) = match request.method {
+            Method::Swap => swap(&pool, &plain, &simple, sharpness),
             method => (self.by(method, &pool, &planned)?, Vec::new()),
+        };
+        let mut expectation = judge.expect(&self.cameras(&subset))?;
+        // Judged by viewers that no swap was made for; what is bought with sharpness is not seen by them.
+        let better = |best: &&Simple| sharpness.is_none() && best.expectation.error_db < expectation.error_db;
+        if let Some(best) = simple.first().filter(|_| request.method == Method::Swap).filter(better) {
+            (subset, expectation, errors_db) = (best.subset.clone(), best.expectation.clone(), vec![0.0]);
+        }
+        let others = simple.iter().find(|one| one.method != request.method);
+        let db = others.map_or(0.0, |best| best.expectation.error_db - expectation.error_db);
+        let expected = Expected {
+            db,
+            sd: Fitted::embedded().spread(db),
+            unseen: expectation.unseen,
+            against: others.map_or("", |best| best.method.name()).into(),
         };
         subset.sort_unstable();
         let choosing = start.elapsed().as_secs_f64();
@@ -339,7 +406,7 @@ impl<'a> Prospect<'a> {
             .zip(choice.losses())
             .map(|(&photo, loss)| Chosen {
                 photo,
-                contribution_deg: loss.to_degrees(),
+                contribution_db: loss,
                 sharpness: sharpness.map(|sharpness| sharpness[photo]),
             })
             .collect();
@@ -359,7 +426,8 @@ impl<'a> Prospect<'a> {
         let everything: Vec<usize> = (0..self.set.photos.len()).collect();
         Ok(Selection {
             chosen,
-            costs_deg: costs.iter().map(|cost| cost.to_degrees()).collect(),
+            errors_db,
+            expected,
             metrics: aggregate(&scores),
             scores,
             pool: aggregate(&scorer.score(&everything)),
@@ -370,44 +438,20 @@ impl<'a> Prospect<'a> {
         })
     }
 
-    /// Swaps from two starts, the assigned photos and the greedy ones; the better end is kept, the first where they are
-    /// equal. While that shows fewer points three times than greedy coverage does, of those that the choice is made on, lacking
-    /// views is made to cost more, and swapping goes on. Also the costs of the last round.
-    fn swap(
-        &self,
-        pool: &Pool<'_>,
-        plain: &Objective<'_>,
-        planned: &[Pose],
-        sharpness: Option<&[f64]>,
-    ) -> (Vec<usize>, Vec<f64>) {
-        let assigned = pool.assigned(planned);
-        let mut objective = plain.clone();
-        if let Some(sharpness) = sharpness {
-            let worth = SHARPNESS_PART * plain.choose(&assigned).cost() / pool.count as f64;
-            objective = objective.with_prices(blur(sharpness).into_iter().map(|blur| worth * blur).collect());
-        }
-        let fixed: Vec<bool> = (0..pool.count).map(|slot| slot < pool.must.len()).collect();
-        let mut choice = objective.choose(&assigned);
-        let mut costs = refine(&mut choice, pool.allowed, &fixed);
-        let mut greedy = objective.choose(pool.must);
-        grow(&mut greedy, pool.allowed, pool.count);
-        let greedy_costs = refine(&mut greedy, pool.allowed, &fixed);
-        if greedy.cost() < choice.cost() {
-            (choice, costs) = (greedy, greedy_costs);
-        }
-        let mut subset = choice.chosen().to_vec();
-        let coverage = pool.coverage();
-        let covered = |subset: &[usize]| self.survey.sight.covered(subset, 3);
-        for _ in 0..RAISES {
-            if covered(&subset) >= covered(&coverage) {
-                break;
+    /// Simple choices of as many photos as are asked for, the best of them by expected quality first.
+    fn simple(&self, pool: &Pool<'_>, planned: &[Pose], judge: &Judge<'_>) -> Result<Vec<Simple>> {
+        let plans = planned.len() + pool.must.len() == pool.count;
+        let mut simple = Vec::new();
+        for method in SIMPLE.into_iter().filter(|method| plans || *method != Method::Assigned) {
+            // A method that does not fit the pool is no reason to fail.
+            let Ok(subset) = self.by(method, pool, planned) else { continue };
+            if subset.len() == pool.count {
+                let expectation = judge.expect(&self.cameras(&subset))?;
+                simple.push(Simple { method, subset, expectation });
             }
-            objective.raise_shortage();
-            let mut choice = objective.choose(&subset);
-            costs = refine(&mut choice, pool.allowed, &fixed);
-            subset = choice.chosen().to_vec();
         }
-        (subset, costs)
+        simple.sort_by(|a, b| a.expectation.error_db.total_cmp(&b.expectation.error_db));
+        Ok(simple)
     }
 
     /// The subset of a method without swaps.
@@ -448,6 +492,24 @@ impl<'a> Prospect<'a> {
             }
         }
     }
+}
+
+/// Swaps from the best of the simple choices, and what they gained, in decibels.
+fn swap(pool: &Pool<'_>, plain: &Objective, simple: &[Simple], sharpness: Option<&[f64]>) -> (Vec<usize>, Vec<f64>) {
+    let Some(start) = simple.first() else { return (pool.random(), Vec::new()) };
+    let mut objective = plain.clone();
+    if let Some(sharpness) = sharpness {
+        let worth = SHARPNESS_DB / pool.count as f64;
+        objective = objective.with_prices(blur(sharpness).into_iter().map(|blur| worth * blur).collect());
+    }
+    // Photos that are chosen in any case keep their slots.
+    let is_must = |photo: &usize| pool.must.binary_search(photo).is_ok();
+    let mut subset = start.subset.clone();
+    subset.sort_by_key(|photo| !is_must(photo));
+    let fixed: Vec<bool> = subset.iter().map(is_must).collect();
+    let mut choice = objective.choose(&subset);
+    let errors = refine(&mut choice, pool.allowed, &fixed);
+    (choice.chosen().to_vec(), errors.iter().map(|error| error - errors[0]).collect())
 }
 
 /// Discs in the smaller of the halves that samples are drawn from; no bound for triangles.

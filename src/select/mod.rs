@@ -1,7 +1,7 @@
 //! Choosing from a pool: which K of the photos that have been taken train the best radiance field.
 //!
 //! The paper plans K cameras and takes the photo nearest to each. Here every planned camera gets a photo of its own
-//! ([`assignment`]), and photos are then swapped ([`interchange`]) while the actual objective, the angular gap on the real
+//! ([`assignment`]), and photos are then swapped ([`interchange`]) while the expected error of what viewers look at, on the real
 //! frusta ([`objective`]), falls.
 
 pub mod acp;
@@ -12,7 +12,6 @@ pub mod greedy;
 pub mod information;
 pub mod interchange;
 pub mod job;
-mod nearest;
 pub mod objective;
 pub mod retrained;
 pub mod score;

@@ -1,259 +1,306 @@
-//! What is minimised over subsets of a pool: the angular gap on the real frusta, exactly.
+//! What is minimised over subsets of a pool: the expected error of what viewers look at, on the real frusta.
 //!
-//! For a point `p` and a direction `w` in which the pool can show it, the cost is the angle from `w` to the nearest chosen
-//! photo that sees `p`, and pi where none does: a facility location (k-median) problem, whose facilities are photos and
-//! whose clients are pairs of point and direction. A point's cost is the mean over its directions, and the whole the mean
-//! over points, weighted by their scores; a shortage is added for each view that a point lacks of three.
+//! A viewer's cost is ten times the decimal logarithm of the mean expected error of its looks, each by its three nearest chosen photos
+//! ([`crate::quality::law`]); that of a subset is the mean over viewers, in decibels. For every candidate and slot the cost of the swap is
+//! exact. All that a candidate changes is at the looks that it sees, so that the worth of all its swaps comes from one pass over these.
 
-use std::sync::OnceLock;
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 
-use super::nearest::{Directions, Nearest};
-use super::sight::Survey;
+use super::sight::{Sight, sight_of};
+use crate::Result;
 use crate::parallel::{in_parallel, with_scratch};
-use crate::scene::octahedral;
+use crate::photos::Photo;
+use crate::quality::expected::LEAST_SHOWN;
+use crate::quality::law::Law;
+use crate::quality::look::Look;
+use crate::quality::nearest::{FARTHEST, angle, vectors};
+use crate::visibility::device_scene::DeviceScene;
+use crate::vulkan::Context;
 
-/// A direction counts at a point where some photo of the pool that sees the point lies within this angle of it.
-pub const REACH_DEG: f64 = 15.0;
-/// Views that a point should have: two to triangulate, one to spare, as in the coverage metric.
-pub const WANTED: u32 = 3;
-/// What a point's lack of one view costs at first, in radians.
-const SHORTAGE: f64 = 0.1;
+/// Looks that a thread takes together.
+const TOGETHER: usize = 64;
+/// Photos that are kept of a look: the law takes three, and one comes after them when one goes.
+const KEPT: usize = 4;
+/// Decibels of a natural logarithm.
+const DECIBELS: f64 = 10.0 / std::f64::consts::LN_10;
 
-/// Points that a thread takes together: a point alone is done in a microsecond.
-const POINTS: usize = 64;
-
-/// The clients: points and directions, with their weights.
+/// The looks, and which photos see them.
 #[derive(Clone)]
-pub struct Objective<'s> {
-    pub(super) survey: &'s Survey,
-    /// Points that each photo sees.
-    pub(super) seen: Vec<Vec<u32>>,
-    /// Per point: the directions that count.
-    directions: Vec<Directions>,
-    /// Per point: weight of the angle in one of them.
-    weight: Vec<f64>,
-    /// Per point: cost of each view it lacks.
-    lack: Vec<f64>,
-    /// Per photo: what choosing it costs by itself (its want of sharpness).
+pub struct Objective {
+    looks: Vec<Look>,
+    /// The looks of each viewer that sees enough.
+    viewers: Vec<Range<usize>>,
+    sight: Sight,
+    /// Looks that each photo sees, ascending.
+    seen: Vec<Vec<u32>>,
+    centres: Vec<Vec3>,
+    law: Law,
+    /// Per photo: what choosing it costs by itself (its want of sharpness), in decibels.
     price: Vec<f64>,
 }
 
-/// The two nearest chosen photos of every client, and what follows from them.
-pub struct Choice<'o, 's> {
-    objective: &'o Objective<'s>,
-    /// The photo in each slot.
-    chosen: Vec<usize>,
-    points: Vec<Point>,
-    /// Per slot: rise of the cost if its photo were removed. Taken when asked for: a greedy start never does.
-    losses: OnceLock<Vec<f64>>,
+/// A chosen photo that sees a look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Near {
+    slot: u32,
+    /// Angle at the point between photo and viewer.
+    angle: f64,
+    /// Logarithm of the photo's distance over the viewer's.
+    log_ratio: f64,
 }
 
-/// One point's clients, and what they cost.
-#[derive(Clone)]
-struct Point {
-    nearest: Nearest,
-    cost: f64,
+/// The nearest chosen photos of a look, nearest first, and the error that follows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct State {
+    near: [Near; KEPT],
+    error: f64,
+}
+
+/// A subset, and what is known of it.
+pub struct Choice<'o> {
+    objective: &'o Objective,
+    /// The photo in each slot.
+    chosen: Vec<usize>,
+    states: Vec<State>,
+    removals: OnceLock<Removals>,
+}
+
+/// What the removal of each slot does.
+struct Removals {
+    /// By viewer and slot: rise of the sum of errors.
+    rise: Vec<f64>,
+    /// By viewer and slot: rise of the logarithm of that sum.
+    log: Vec<f64>,
+    /// By slot: the sum of those over viewers.
+    total: Vec<f64>,
+    /// By viewer: the sum of errors as it is.
+    sums: Vec<f64>,
 }
 
 /// A swap: how the cost changes, and which slot gets the new photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Swap {
-    /// Change of the cost; negative is better.
+    /// Change of the cost in decibels; negative is better.
     pub change: f64,
     /// The slot whose photo goes.
     pub slot: usize,
 }
 
-impl<'s> Objective<'s> {
-    /// Sets up the clients: `resolution` squared directions (a multiple of four along a side) around every point.
-    pub fn new(survey: &'s Survey, resolution: u32) -> Self {
-        let texels: Vec<Vec3> = octahedral::directions(resolution).into_iter().map(|d| d.as_vec3()).collect();
-        let near = REACH_DEG.to_radians().cos() as f32;
-        let mut directions = vec![Directions::default(); survey.points.len()];
-        in_parallel(&mut directions, 1, |point, directions| {
-            let mut reach = vec![false; texels.len()];
-            for photo in survey.sight.seers(point) {
-                let n = survey.direction(point, photo);
-                for (reach, w) in reach.iter_mut().zip(&texels) {
-                    *reach |= w.x * n.x + w.y * n.y + w.z * n.z > near;
-                }
+/// No photo.
+const NONE: Near = Near { slot: u32::MAX, angle: FARTHEST, log_ratio: 0.0 };
+
+impl Objective {
+    /// Finds out which photos see what `viewers` viewers look at, whose looks stand one after the other, as many of each.
+    ///
+    /// # Errors
+    /// Where device memory runs out or the device fails.
+    pub fn new(
+        context: &Arc<Context>,
+        scene: &DeviceScene,
+        photos: &[Photo],
+        (looks, viewers): (Vec<Look>, usize),
+        law: Law,
+    ) -> Result<Self> {
+        let each = looks.len() / viewers.max(1);
+        // Looks at nothing count for nothing, as they do in the judge.
+        let (mut counted, mut ranges) = (Vec::new(), Vec::new());
+        for of_viewer in looks.chunks(each.max(1)) {
+            let first = counted.len();
+            let shown = of_viewer.iter().filter(|look| look.normal != [0.0; 3]).count();
+            if shown >= LEAST_SHOWN as usize {
+                counted.extend(of_viewer.iter().filter(|look| look.distance > 0.0));
+                ranges.push(first..counted.len());
             }
-            let counting: Vec<Vec3> = texels.iter().zip(reach).filter(|(_, reach)| *reach).map(|(w, _)| *w).collect();
-            directions[0] = Directions::new(&counting);
-        });
-        let counts: Vec<usize> = directions.iter().map(|directions| directions.count).collect();
-        let scores = survey.points.iter().zip(&counts).filter(|(_, count)| **count > 0).map(|(p, _)| p.score);
-        let all: f64 = scores.map(f64::from).sum();
-        let share = |point: usize| f64::from(survey.points[point].score) / all;
-        let of = |weight: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
-            let weigh = |(point, &count)| if count > 0 { weight(point, count) } else { 0.0 };
-            counts.iter().enumerate().map(weigh).collect()
-        };
-        Self {
-            seen: survey.sight.by_photo(),
-            weight: of(&|point, count| share(point) / count as f64),
-            lack: of(&|point, _| SHORTAGE * share(point)),
-            price: vec![0.0; survey.sight.photos],
-            survey,
-            directions,
         }
+        let (sight, centres) = sight_of(context, scene, photos, &counted)?;
+        let seen = sight.by_photo();
+        Ok(Self { looks: counted, viewers: ranges, sight, seen, centres, law, price: vec![0.0; photos.len()] })
     }
 
-    /// The same with a price on each photo.
+    /// The same with a price in decibels on each photo.
     pub fn with_prices(self, price: Vec<f64>) -> Self {
         Self { price, ..self }
     }
 
-    /// Lacking views costs half as much again from now on.
-    pub fn raise_shortage(&mut self) {
-        self.lack.iter_mut().for_each(|lack| *lack *= 1.5);
+    /// Looks that count.
+    pub fn looks(&self) -> usize {
+        self.looks.len()
     }
 
-    /// Slot and photo of those of `chosen` that see a point.
-    fn seers<'c>(&'c self, point: usize, chosen: &'c [usize]) -> impl Iterator<Item = (u32, usize)> + 'c {
-        (0..).zip(chosen.iter().copied()).filter(move |(_, photo)| self.survey.sight.sees(point, *photo))
-    }
-
-    /// Bytes that the clients and a choice take.
+    /// Bytes that the looks and who sees them take.
     pub fn bytes(&self) -> usize {
         let lists: usize = self.seen.iter().map(|list| 4 * list.len()).sum();
-        self.directions.iter().map(Directions::bytes).sum::<usize>() + lists
+        size_of_val(&self.looks[..]) + self.sight.bytes() + lists
     }
 
-    /// Nothing chosen yet.
-    pub fn empty(&self) -> Choice<'_, 's> {
-        self.choose(&[])
+    /// A photo that sees a look, and where it stands; none where it is too far off to count.
+    fn near(&self, look: usize, photo: usize, slot: u32) -> Option<Near> {
+        let of = &self.looks[look];
+        let [point, to_viewer, _] = vectors(of);
+        let ray = self.centres[photo].as_dvec3() - point;
+        let distance = ray.length().max(1e-6);
+        let angle = angle(to_viewer, ray / distance);
+        (angle < FARTHEST).then(|| Near { slot, angle, log_ratio: (distance / f64::from(of.distance)).ln() })
+    }
+
+    /// Weighted error of a look by its three nearest.
+    fn error(&self, look: usize, near: &[Near]) -> f64 {
+        let log_error = self.law.of(std::array::from_fn(|k| near[k].angle), near[0].log_ratio);
+        f64::from(self.looks[look].weight) * log_error.exp()
+    }
+
+    fn state(&self, look: usize, chosen: &[usize]) -> State {
+        let mut near = [NONE; KEPT];
+        for (slot, photo) in (0..).zip(chosen) {
+            if self.sight.sees(look, *photo) {
+                if let Some(new) = self.near(look, *photo, slot) {
+                    near = with(&near, new);
+                }
+            }
+        }
+        State { error: self.error(look, &near), near }
     }
 
     /// These photos chosen, in slots of this order.
-    pub fn choose(&self, photos: &[usize]) -> Choice<'_, 's> {
-        let point = |directions| Point { nearest: Nearest::new(directions), cost: 0.0 };
-        let points = self.directions.iter().map(point).collect();
-        let mut choice = Choice { objective: self, chosen: photos.to_vec(), points, losses: OnceLock::new() };
-        let chosen = &choice.chosen;
-        each_in_parallel(&mut choice.points, |index, point| {
-            for (slot, photo) in self.seers(index, chosen) {
-                point.nearest.insert(&self.directions[index], self.survey.direction(index, photo), slot);
-            }
-            point.settle(self, index, chosen);
+    pub fn choose(&self, photos: &[usize]) -> Choice<'_> {
+        let mut states = vec![State { near: [NONE; KEPT], error: 0.0 }; self.looks.len()];
+        in_parallel(&mut states, TOGETHER, |chunk, states| {
+            let looks = chunk * TOGETHER..;
+            looks.zip(states).for_each(|(look, state)| *state = self.state(look, photos));
         });
-        choice
+        Choice { objective: self, chosen: photos.to_vec(), states, removals: OnceLock::new() }
     }
 }
 
-/// Calls `work` with the index and the contents of every point.
-fn each_in_parallel(points: &mut [Point], work: impl Fn(usize, &mut Point) + Sync) {
-    in_parallel(points, POINTS, |chunk, points| {
-        (chunk * POINTS..).zip(points).for_each(|(index, point)| work(index, point));
-    });
+/// The nearest with one more; of equal angles the earlier stays first.
+fn with(near: &[Near; KEPT], new: Near) -> [Near; KEPT] {
+    let mut all = *near;
+    let place = near.iter().take_while(|other| other.angle <= new.angle).count();
+    if place < KEPT {
+        all[place..].rotate_right(1);
+        all[place] = new;
+    }
+    all
 }
 
-impl Point {
-    /// Takes note that `old`, where there was one, has given its slot to `new`; `chosen` is as it is after that.
-    fn change(&mut self, objective: &Objective<'_>, index: usize, chosen: &[usize], slot: u32, old: Option<usize>) {
-        let (survey, directions) = (objective.survey, &objective.directions[index]);
-        if let Some(old) = old.filter(|old| survey.sight.sees(index, *old)) {
-            let others = objective.seers(index, chosen).filter(|(other, _)| *other != slot);
-            let others: Vec<_> = others.map(|(other, photo)| (other, survey.direction(index, photo))).collect();
-            self.nearest.remove(directions, survey.direction(index, old), &others);
-        }
-        let new = chosen[slot as usize];
-        if survey.sight.sees(index, new) {
-            self.nearest.insert(directions, survey.direction(index, new), slot);
-        }
-        self.settle(objective, index, chosen);
-    }
-
-    /// Views, angles and cost.
-    fn settle(&mut self, objective: &Objective<'_>, index: usize, chosen: &[usize]) {
-        self.nearest.settle(objective.seers(index, chosen).map(|(slot, _)| slot));
-        let lacking = f64::from(WANTED.saturating_sub(self.nearest.views));
-        self.cost = objective.weight[index] * self.nearest.sum() + objective.lack[index] * lacking;
-    }
+/// The nearest without the one in place `k`.
+fn without(near: &[Near; KEPT], k: usize) -> [Near; KEPT] {
+    let mut others = *near;
+    others[k..].rotate_left(1);
+    others[KEPT - 1] = NONE;
+    others
 }
 
-impl Choice<'_, '_> {
+impl Choice<'_> {
     /// The chosen photos, by slot.
     pub fn chosen(&self) -> &[usize] {
         &self.chosen
     }
 
-    /// Rise of the cost if the photo of each slot were removed.
-    pub fn losses(&self) -> &[f64] {
-        self.losses.get_or_init(|| {
-            let objective = self.objective;
-            let mut losses: Vec<f64> = self.chosen.iter().map(|photo| -objective.price[*photo]).collect();
-            for (index, Point { nearest, .. }) in self.points.iter().enumerate() {
-                let weight = objective.weight[index];
-                nearest.losses().for_each(|(slot, farther)| losses[slot] += weight * f64::from(farther));
-                if nearest.views <= WANTED {
-                    for slot in &nearest.seers[..nearest.views as usize] {
-                        losses[*slot as usize] += objective.lack[index];
+    /// The cost in decibels: the mean over viewers, and the prices of the photos.
+    pub fn cost(&self) -> f64 {
+        let objective = self.objective;
+        let prices: f64 = self.chosen.iter().map(|photo| objective.price[*photo]).sum();
+        let of = |range: &Range<usize>| {
+            let sum: f64 = self.states[range.clone()].iter().map(|state| state.error).sum();
+            DECIBELS * (sum / range.len() as f64).ln()
+        };
+        objective.viewers.iter().map(of).sum::<f64>() / objective.viewers.len().max(1) as f64 + prices
+    }
+
+    fn removals(&self) -> &Removals {
+        self.removals.get_or_init(|| {
+            let (objective, slots) = (self.objective, self.chosen.len());
+            let viewers = &objective.viewers;
+            let mut rise = vec![0.0; viewers.len() * slots];
+            in_parallel(&mut rise, slots, |viewer, rise| {
+                for look in viewers[viewer].clone() {
+                    let State { near, error } = &self.states[look];
+                    for k in (0..3).filter(|k| near[*k] != NONE) {
+                        rise[near[k].slot as usize] += objective.error(look, &without(near, k)) - error;
                     }
                 }
-            }
-            losses
+            });
+            let sums: Vec<f64> =
+                viewers.iter().map(|range| self.states[range.clone()].iter().map(|state| state.error).sum()).collect();
+            let log: Vec<f64> = rise.iter().enumerate().map(|(i, rise)| (rise / sums[i / slots]).ln_1p()).collect();
+            let mut total = vec![0.0; slots];
+            log.chunks(slots.max(1))
+                .for_each(|of_viewer| total.iter_mut().zip(of_viewer).for_each(|(sum, log)| *sum += log));
+            Removals { rise, log, total, sums }
         })
     }
 
-    /// The cost: radians, and the prices of the photos.
-    pub fn cost(&self) -> f64 {
-        let prices: f64 = self.chosen.iter().map(|photo| self.objective.price[*photo]).sum();
-        self.points.iter().map(|point| point.cost).sum::<f64>() + prices
-    }
-
-    fn change(&mut self, slot: usize, old: Option<usize>) {
-        let (objective, chosen) = (self.objective, &self.chosen);
-        let sees = |index: usize, photo: usize| objective.survey.sight.sees(index, photo);
-        each_in_parallel(&mut self.points, |index, point| {
-            if sees(index, chosen[slot]) || old.is_some_and(|old| sees(index, old)) {
-                point.change(objective, index, chosen, slot as u32, old);
-            }
-        });
-        self.losses.take();
-    }
-
-    /// Adds a photo in a new slot.
-    pub fn add(&mut self, photo: usize) {
-        self.chosen.push(photo);
-        self.change(self.chosen.len() - 1, None);
+    /// Rise of the cost in decibels if the photo of each slot were removed.
+    pub fn losses(&self) -> Vec<f64> {
+        let objective = self.objective;
+        let share = DECIBELS / objective.viewers.len().max(1) as f64;
+        self.removals()
+            .total
+            .iter()
+            .zip(&self.chosen)
+            .map(|(log, photo)| share * log - objective.price[*photo])
+            .collect()
     }
 
     /// Puts a photo into a slot in place of the one that is there.
     pub fn replace(&mut self, slot: usize, photo: usize) {
         let old = std::mem::replace(&mut self.chosen[slot], photo);
-        self.change(slot, Some(old));
-    }
-
-    /// Fall of the cost if a photo were added. `spared[r]` becomes how much less than its loss the removal of slot `r` would
-    /// cost then (Resende and Werneck, "A fast swap-based local search procedure for location problems", 2007).
-    pub fn gain(&self, photo: usize, spared: &mut [f64]) -> f64 {
-        spared.fill(0.0);
-        let objective = self.objective;
-        let mut gain = 0.0 - objective.price[photo];
-        for &index in &objective.seen[photo] {
-            let index = index as usize;
-            let (nearest, directions) = (&self.points[index].nearest, &objective.directions[index]);
-            let (weight, lack) = (objective.weight[index], objective.lack[index]);
-            if nearest.views < WANTED {
-                gain += lack;
-            } else if nearest.views == WANTED {
-                nearest.seers.iter().for_each(|slot| spared[*slot as usize] += lack);
+        let (objective, chosen) = (self.objective, &self.chosen);
+        in_parallel(&mut self.states, TOGETHER, |chunk, states| {
+            for (look, state) in (chunk * TOGETHER..).zip(states) {
+                if objective.sight.sees(look, old) || objective.sight.sees(look, photo) {
+                    *state = objective.state(look, chosen);
+                }
             }
-            let n = objective.survey.direction(index, photo);
-            gain = nearest.gain(directions, n, weight, gain, spared);
-        }
-        gain
+        });
+        self.removals.take();
     }
 
-    /// The best swap that brings `photo` in, among slots that may change; ties go to the first slot.
-    pub fn best_swap(&self, photo: usize, fixed: &[bool], spared: &mut [f64]) -> Swap {
-        let gain = self.gain(photo, spared);
+    /// The best swap that brings `photo` in, among slots that may change; ties go to the first slot. `change` has room for a
+    /// number of each slot.
+    pub fn best_swap(&self, photo: usize, fixed: &[bool], scratch: &mut Scratch) -> Swap {
+        let (objective, slots) = (self.objective, self.chosen.len());
+        let Removals { rise, log, total, sums } = self.removals();
+        let Scratch { change, moved } = scratch;
+        change.copy_from_slice(total);
+        let mut seen = objective.seen[photo].iter().map(|look| *look as usize).peekable();
+        for (viewer, range) in objective.viewers.iter().enumerate() {
+            let mut added = 0.0;
+            moved.fill(0.0);
+            let mut touched = false;
+            while let Some(look) = seen.next_if(|look| *look < range.end) {
+                let State { near, error } = &self.states[look];
+                let Some(new) = objective.near(look, photo, u32::MAX - 1) else { continue };
+                // Farther than the third it counts where one of the three goes.
+                if new.angle >= near[3].angle && near[3] != NONE {
+                    continue;
+                }
+                touched = true;
+                let closer = with(near, new);
+                let all = objective.error(look, &closer);
+                added += all - error;
+                for k in (0..3).filter(|k| near[*k] != NONE) {
+                    let gone = objective.error(look, &without(near, k)) - error;
+                    let swapped = objective.error(look, &with(&without(near, k), new)) - all;
+                    moved[near[k].slot as usize] += swapped - gone;
+                }
+            }
+            if touched {
+                let row = viewer * slots..(viewer + 1) * slots;
+                let known = rise[row.clone()].iter().zip(&log[row]).zip(moved.iter());
+                for (change, ((rise, log), moved)) in change.iter_mut().zip(known) {
+                    *change += ((added + rise + moved) / sums[viewer]).ln_1p() - log;
+                }
+            }
+        }
+        let share = DECIBELS / objective.viewers.len().max(1) as f64;
         let mut best = Swap { change: f64::INFINITY, slot: 0 };
-        for (slot, (loss, spared)) in self.losses().iter().zip(spared.iter()).enumerate() {
-            let change = loss - spared - gain;
+        for (slot, log) in change.iter().enumerate() {
+            let change = share * log + objective.price[photo] - objective.price[self.chosen[slot]];
             if !fixed[slot] && change < best.change {
                 best = Swap { change, slot };
             }
@@ -263,17 +310,23 @@ impl Choice<'_, '_> {
 
     /// The best swap of each photo; in parallel, and the same however many threads there are.
     pub fn best_swaps(&self, photos: &[usize], fixed: &[bool]) -> Vec<Swap> {
+        self.removals();
         let mut swaps = vec![Swap { change: f64::INFINITY, slot: 0 }; photos.len()];
-        let scratch = || vec![0.0; self.chosen.len()];
-        with_scratch(&mut swaps, 1, scratch, |i, swap, spared| swap[0] = self.best_swap(photos[i], fixed, spared));
+        let scratch = || Scratch::new(self.chosen.len());
+        with_scratch(&mut swaps, 1, scratch, |i, swap, scratch| swap[0] = self.best_swap(photos[i], fixed, scratch));
         swaps
     }
+}
 
-    /// The gain of adding each photo; as [`Choice::best_swaps`].
-    pub fn gains(&self, photos: &[usize]) -> Vec<f64> {
-        let mut gains = vec![0.0; photos.len()];
-        let scratch = || vec![0.0; self.chosen.len()];
-        with_scratch(&mut gains, 1, scratch, |i, gain, spared| gain[0] = self.gain(photos[i], spared));
-        gains
+/// Room for [`Choice::best_swap`].
+pub struct Scratch {
+    change: Vec<f64>,
+    moved: Vec<f64>,
+}
+
+impl Scratch {
+    /// For so many slots.
+    pub fn new(slots: usize) -> Self {
+        Self { change: vec![0.0; slots], moved: vec![0.0; slots] }
     }
 }

@@ -2,13 +2,15 @@
 
 use glam::DVec3;
 
-use super::objective::REACH_DEG;
 use super::sight::Survey;
 use crate::metrics::PointMetrics;
 use crate::metrics::score_point::{RESOLUTION, of_rays};
 use crate::parallel::in_parallel;
 use crate::photos::PhotoSet;
 use crate::scene::octahedral;
+
+/// A direction counts at a point where some photo of the pool that sees the point lies within this angle of it.
+const REACH_DEG: f64 = 15.0;
 
 /// Scores subsets of a pool on the points of a survey: the metrics of a plan, but for the real frusta in place of the
 /// pinhole's, and for the directions in which the pool can show a point in place of those that the region reaches.

@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use crate::Result;
 use crate::parallel::in_parallel;
 use crate::photos::Photo;
+use crate::quality::look::Look;
 use crate::scene::lens::Lens;
 use crate::scene::proxy::SurfacePoint;
 use crate::visibility::bvh::Node;
@@ -122,7 +123,7 @@ impl Survey {
     ) -> Result<Self> {
         let probes: Vec<Probe> = points.iter().map(|point| Probe::new(point, &scene.geometry)).collect();
         let centres = centres(&scene.geometry, photos);
-        let framed = framed(photos, &points);
+        let framed = framed(photos, &positions(&points));
         let sight = cast(context, scene, &probes, &centres, &framed)?;
         Ok(Self { points, probes, centres, sight })
     }
@@ -133,9 +134,32 @@ impl Survey {
     }
 }
 
+/// What `photos` see of looks, which are given in the planner's frame, and where they were taken from there.
+///
+/// # Errors
+/// As [`Survey::new`].
+pub fn sight_of(
+    context: &Arc<Context>,
+    scene: &DeviceScene,
+    photos: &[Photo],
+    looks: &[Look],
+) -> Result<(Sight, Vec<Vec3>)> {
+    let back = scene.geometry.to_internal.inverse();
+    let probe = |look: &Look| Probe { position: look.position, normal: look.normal, score: 1.0, sky: 0.0 };
+    let probes: Vec<Probe> = looks.iter().map(probe).collect();
+    let positions: Vec<DVec3> = looks.iter().map(|look| back.point(Vec3::from(look.position).as_dvec3())).collect();
+    let centres = centres(&scene.geometry, photos);
+    let sight = cast(context, scene, &probes, &centres, &framed(photos, &positions))?;
+    Ok((sight, centres))
+}
+
 /// Where photos were taken from, in the planner's frame.
 fn centres(geometry: &SceneGeometry, photos: &[Photo]) -> Vec<Vec3> {
     photos.iter().map(|photo| geometry.to_internal.point(photo.camera.pose.position).as_vec3()).collect()
+}
+
+fn positions(points: &[SurfacePoint]) -> Vec<DVec3> {
+    points.iter().map(|point| point.position).collect()
 }
 
 fn direction(from: Vec3, to: Vec3) -> Vec3 {
@@ -144,13 +168,13 @@ fn direction(from: Vec3, to: Vec3) -> Vec3 {
 }
 
 /// Which points lie in which images, lens distortion and all.
-pub fn framed(photos: &[Photo], points: &[SurfacePoint]) -> Sight {
+pub fn framed(photos: &[Photo], points: &[DVec3]) -> Sight {
     let lenses: Vec<Lens> = photos.iter().map(Photo::lens).collect();
     let mut sight = Sight::empty(points.len(), photos.len());
     let words = sight.words;
     in_parallel(&mut sight.bits, words, |point, row| {
         for (i, (photo, lens)) in photos.iter().zip(&lenses).enumerate() {
-            if in_image(photo, lens, points[point].position) {
+            if in_image(photo, lens, points[point]) {
                 row[i / 32] |= 1 << (i % 32);
             }
         }
@@ -199,7 +223,7 @@ fn cast(
 /// What `sight` computes, on the host and in the same precision: the twin.
 pub fn sight(geometry: &SceneGeometry, photos: &[Photo], points: &[SurfacePoint]) -> Sight {
     let centres = centres(geometry, photos);
-    let framed = framed(photos, points);
+    let framed = framed(photos, &positions(points));
     let mut sight = Sight::empty(points.len(), photos.len());
     for (i, point) in points.iter().enumerate() {
         let probe = Probe::new(point, geometry);
