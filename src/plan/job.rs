@@ -12,10 +12,11 @@ use super::config::{Config, Objective, Preset};
 use super::planner::{Outcome, Planner};
 use super::preparation::Preparation;
 use super::record::{CheckpointRecord, ControlRecord, PlanRecord, Status, SurfaceRecord};
-use super::reference::{Expected, Reference};
+use super::reference::{Expected, Outlook, Reference};
 use crate::metrics::score_point::{Field, Scorer, aggregate};
 use crate::metrics::{Metrics, PointMetrics};
 use crate::quality::expected::Expectation;
+use crate::quality::map::ErrorMap;
 use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::proxy::{Occluder, Orientation, Proxy, SurfacePoint};
@@ -131,6 +132,8 @@ pub struct Plan {
     pub points: Vec<SurfacePoint>,
     /// What the plan gives each of them.
     pub scores: Vec<PointMetrics>,
+    /// Where it leaves error, by held-out point among others.
+    pub map: ErrorMap,
     /// The scene in the planner's frame.
     pub geometry: SceneGeometry,
 }
@@ -200,16 +203,18 @@ pub fn run(
     let start = Instant::now();
     let config = planner.config().clone();
     drop(planner);
-    let (mut expected, mut began_from) = (None, None);
+    let (mut outlook, mut began_from) = (None, None);
     check_finite(&outcome.poses)?;
     if let Some(reference) = reference {
-        expected = Some(reference.compare(&reference.guard(&mut outcome)?));
+        reference.guard(&mut outcome)?;
+        let points = held_out(target, &config);
+        outlook = Some(reference.outlook(&named(&outcome.poses, intrinsics, kept), &positions(&points))?);
         began_from = Some(reference.best().name.clone());
     }
     let described = serde_json::to_value(&config)
         .map_err(|e| Error::request(format!("the configuration cannot be written: {e}")))?;
     let mut plan =
-        conclude(context, scene, target, (intrinsics, kept), &config, (OURS, described), (outcome, expected))?;
+        conclude(context, scene, target, (intrinsics, kept), &config, (OURS, described), (outcome, outlook))?;
     plan.record.began_from = began_from;
     mark(&mut profile, "metrics", start);
     Ok(plan)
@@ -277,9 +282,9 @@ pub fn conclude(
     (intrinsics, kept): (Intrinsics, &[Camera]),
     config: &Config,
     (method, described): (&str, serde_json::Value),
-    (outcome, expected): (Outcome, Option<Expected>),
+    (outcome, outlook): (Outcome, Option<Outlook>),
 ) -> Result<Plan> {
-    let points = target.proxy.sample(config.held_out as usize, config.seed, HELD_OUT_STREAM);
+    let points = held_out(target, config);
     let scorer = Scorer::new(context, &scene, &points)?;
     let few = Scorer::new(context, &scene, &points[..points.len().min(CHECKPOINT_POINTS)])?;
     let field = if config.gate.pinhole() { Field::Frustum } else { Field::Cone };
@@ -300,11 +305,11 @@ pub fn conclude(
     for (name, poses) in control_poses(&scene, config).into_iter().filter(|(name, _)| *name != method) {
         controls.push(ControlRecord { name: name.into(), metrics: aggregate(&scorer.score(&cameras(&poses), field)?) });
     }
-    let expected = match expected {
-        Some(expected) => expected,
+    let Outlook { expected, map } = match outlook {
+        Some(outlook) => outlook,
         None => {
             let reference = Reference::new(context, &scene, target, (intrinsics, kept), config)?;
-            reference.compare(&reference.expect_cameras(&cameras(&outcome.poses))?)
+            reference.outlook(&cameras(&outcome.poses), &positions(&points))?
         }
     };
     let physical = context.physical();
@@ -328,7 +333,16 @@ pub fn conclude(
         seconds: outcome.seconds,
     };
     drop((scorer, few));
-    Ok(Plan { record, points, scores, geometry: scene.into_geometry() })
+    Ok(Plan { record, points, scores, map, geometry: scene.into_geometry() })
+}
+
+/// The points that plans are scored at.
+fn held_out(target: &Target, config: &Config) -> Vec<SurfacePoint> {
+    target.proxy.sample(config.held_out as usize, config.seed, HELD_OUT_STREAM)
+}
+
+fn positions(points: &[SurfacePoint]) -> Vec<DVec3> {
+    points.iter().map(|point| point.position).collect()
 }
 
 fn mark(profile: &mut Option<&mut Profile>, name: &str, start: Instant) {
@@ -384,7 +398,7 @@ pub fn score(
     let config = &Config { views: (cameras.len() - kept.len()) as u32, ..config.clone() };
     let reference = Reference::new(context, &scene, target, (first.intrinsics, kept), config)?;
     let expected = reference.compare(&reference.expect_cameras(cameras)?);
-    let points = target.proxy.sample(config.held_out as usize, config.seed, HELD_OUT_STREAM);
+    let points = held_out(target, config);
     let field = if config.gate.pinhole() { Field::Frustum } else { Field::Cone };
     Ok((expected, aggregate(&Scorer::new(context, &scene, &points)?.score(cameras, field)?)))
 }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::config::{Config, Preset};
@@ -12,6 +13,7 @@ use super::{probes, starts};
 use crate::quality::expected::{Expectation, Judge};
 use crate::quality::law::{Fitted, Law};
 use crate::quality::look::Surroundings;
+use crate::quality::map::{ErrorMap, error_map};
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::visibility::device_scene::DeviceScene;
@@ -51,6 +53,15 @@ impl Expected {
     }
 }
 
+/// What is expected of a set of cameras, and where they leave error.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outlook {
+    /// In numbers.
+    pub expected: Expected,
+    /// On the surface, and what the worst viewers see.
+    pub map: ErrorMap,
+}
+
 /// A simple layout and what is expected of it.
 pub struct Layout {
     /// What it is called.
@@ -65,6 +76,7 @@ pub struct Layout {
 pub struct Reference<'a> {
     judge: Judge<'a>,
     scene: &'a DeviceScene,
+    around: Surroundings,
     intrinsics: Intrinsics,
     kept: Vec<Camera>,
     /// At least one, as [`starts::layouts`] gives them.
@@ -90,7 +102,7 @@ impl<'a> Reference<'a> {
         let around = Surroundings::new(&scene.geometry, target.proxy.sphere, inward, &law);
         let fewer = Judge::new(context, scene, around, viewers[..FEWER.min(viewers.len())].to_vec(), &law, seed)?;
         let judge = Judge::new(context, scene, around, viewers, &law, seed)?;
-        let mut reference = Self { judge, scene, intrinsics, kept: kept.to_vec(), layouts: Vec::new() };
+        let mut reference = Self { judge, scene, around, intrinsics, kept: kept.to_vec(), layouts: Vec::new() };
         for (name, ways) in starts::layouts(config, &scene.geometry) {
             let poses = reference.best_way(&fewer, ways)?;
             let expectation = reference.expect(&poses)?;
@@ -173,6 +185,17 @@ impl<'a> Reference<'a> {
             poses.clone_from(&outcome.poses);
         }
         Ok(best.expectation.clone())
+    }
+
+    /// What is expected of cameras in the user's world, those kept among them, and where it lies at these points.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn outlook(&self, cameras: &[Camera], points: &[DVec3]) -> Result<Outlook> {
+        let expectation = self.judge.expect(cameras)?;
+        let scene = (&self.scene.geometry, self.around);
+        let map = error_map(&self.judge, scene, &Law::embedded(), cameras, points)?;
+        Ok(Outlook { expected: self.compare(&expectation), map })
     }
 
     /// An expectation against the best layout.

@@ -105,6 +105,8 @@ struct PointData {
     views: String,
     /// f32.
     score: String,
+    /// f32 decibels; NaN where it is not known, empty where it is nowhere.
+    error: String,
 }
 
 #[derive(Serialize)]
@@ -237,6 +239,10 @@ fn point_data(points: &[SurfacePoint], origin: DVec3) -> PointData {
         gap: pack(points.iter().map(|p| p.gap.to_degrees()), f32::to_le_bytes),
         views: pack(points.iter().map(|p| p.views.min(u32::from(u16::MAX)) as u16), u16::to_le_bytes),
         score: pack(points.iter().map(|p| p.score), f32::to_le_bytes),
+        error: match points.iter().any(|p| p.error.is_finite()) {
+            true => pack(points.iter().map(|p| p.error), f32::to_le_bytes),
+            false => String::new(),
+        },
     }
 }
 

@@ -67,12 +67,14 @@ fn page(plan: &Plan, target: &Target) -> Result<String> {
         .points
         .iter()
         .zip(&plan.scores)
-        .map(|(point, score)| SurfacePoint {
+        .zip(&plan.map.points)
+        .map(|((point, score), error)| SurfacePoint {
             position: point.position,
             colour: point.colour,
             gap: if score.reachable > 0.0 { score.gap } else { f32::NAN },
             views: score.views,
             score: point.score,
+            error: *error,
         })
         .collect();
     let few = match &target.proxy.occluder {
@@ -80,7 +82,7 @@ fn page(plan: &Plan, target: &Target) -> Result<String> {
         Occluder::Discs(_) => None,
     };
     let triangles = few.as_ref().map(|(corners, colours)| Triangles { corners, colours });
-    super::html(&plan.record, &ReportScene { points: &points, triangles })
+    super::html(&plan.record, &ReportScene { points: &points, triangles, worst: &plan.map.worst })
 }
 
 /// Indices of the cameras in whose image `point` lies, unblocked.

@@ -21,6 +21,7 @@ use glam::DVec3;
 
 use crate::metrics::Metrics;
 use crate::plan::record::PlanRecord;
+use crate::quality::map::Worst;
 use crate::{Error, Result};
 
 /// A held-out point of the surface and what the plan gives it.
@@ -37,6 +38,8 @@ pub struct SurfacePoint {
     pub views: u32,
     /// View dependency score in [1, 2].
     pub score: f32,
+    /// Expected error in decibels against its median; NaN where it is not known.
+    pub error: f32,
 }
 
 /// The surface as loose triangles, for display only: decimate it to 60,000 or fewer to keep the page under 4 MB.
@@ -55,6 +58,8 @@ pub struct ReportScene<'a> {
     pub points: &'a [SurfacePoint],
     /// The surface, if it is a mesh.
     pub triangles: Option<Triangles<'a>>,
+    /// Viewers who see most error, the worst first.
+    pub worst: &'a [Worst],
 }
 
 /// What the page is about, which settles its words.
@@ -94,6 +99,7 @@ fn html_of(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<S
         )));
     }
     let data = data::json(record, scene, kind)?;
+    let worst = pictures::worst(scene.worst)?;
     Ok(text::fill(include_str!("page.html"), |slot| match slot {
         "css" => include_str!("page.css").into(),
         "fault" => include_str!("fault.js").into(),
@@ -102,6 +108,7 @@ fn html_of(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<S
         "vectors" => include_str!("vectors.js").into(),
         "scene3d" => include_str!("scene3d.js").into(),
         "data" => data.as_str().into(),
+        "worst" => worst.as_str().into(),
         slot => text::slot(slot, record, kind).into(),
     }))
 }

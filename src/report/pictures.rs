@@ -1,4 +1,6 @@
-//! Pictures made small enough to embed: shrunk, as JPEG, in base64.
+//! Pictures made small enough to embed: photos shrunk, as JPEG, and those of the worst viewers, in base64.
+
+use std::fmt::Write as _;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -7,6 +9,8 @@ use image::imageops::{FilterType, resize};
 use image::{Rgb, RgbImage};
 
 use super::training::Comparison;
+use crate::io::picture::rgb;
+use crate::quality::map::Worst;
 use crate::{Error, Result};
 
 /// Longest side on the page, in pixels.
@@ -48,6 +52,33 @@ pub fn shown(comparisons: &[Comparison]) -> Result<Vec<Shown>> {
         urls: [0, 1, 2].map(|i| url(&bytes[i])),
     });
     Ok(shown.collect())
+}
+
+/// The section of the page that shows what the worst viewers look at; nothing where there are none.
+///
+/// # Errors
+/// As [`shown`].
+pub fn worst(viewers: &[Worst]) -> Result<String> {
+    if viewers.is_empty() {
+        return Ok(String::new());
+    }
+    let mut html = String::from(
+        "<section aria-labelledby=\"worst-title\">\n<h2 id=\"worst-title\">The worst viewers</h2>\n<p>Viewers who are \
+         expected to see most error on the surface, and where in their pictures it lies: red is 6 dB or more above the median of all that viewers see, blue as far below, grey \
+         beside the surface.</p>\n<div class=\"worst\">\n",
+    );
+    for Worst { camera, db, size: [width, height], picture } in viewers {
+        let url = format!("data:image/png;base64,{}", STANDARD.encode(rgb(*width, picture)?));
+        let [x, y, z] = camera.pose.position.to_array();
+        let _ = writeln!(
+            html,
+            "<figure><img src=\"{url}\" width=\"{}\" height=\"{}\" alt=\"what the viewer looks at, by expected error\"><figcaption>\
+             <strong>{db:+.1} dB</strong> at ({x:.3}, {y:.3}, {z:.3})</figcaption></figure>",
+            2 * width,
+            2 * height
+        );
+    }
+    Ok(html + "</div>\n</section>\n")
 }
 
 /// Rendering, photo and difference, shrunk. The difference is taken before: shrinking would hide what is wrong with details.

@@ -142,6 +142,7 @@ function drawScene(plan) {
     gap: unpack(plan.points.gap, Float32Array),
     views: unpack(plan.points.views, Uint16Array),
     score: unpack(plan.points.score, Float32Array),
+    error: unpack(plan.points.error, Float32Array),
   };
   const mesh = plan.triangles && {
     ...plan.triangles,
@@ -193,6 +194,10 @@ function drawScene(plan) {
   ]);
   let lineCount = 0;
 
+  if (points.error.length === 0) {
+    form.colour.value = "gap";
+    form.querySelector("[name=colour][value=error]").closest("label").hidden = true;
+  }
   function recolour() {
     const choice = form.colour.value;
     const { colours, keys, ramp } = pointColours(points, choice);

@@ -231,19 +231,21 @@ fn quoted(field: &str) -> String {
 }
 
 /// A held-out point as the page has it.
-fn surface_point((point, score): (&crate::scene::proxy::SurfacePoint, &PointMetrics)) -> SurfacePoint {
+fn surface_point(((point, score), error): ((&crate::scene::proxy::SurfacePoint, &PointMetrics), &f32)) -> SurfacePoint {
     SurfacePoint {
         position: point.position,
         colour: point.colour,
         gap: if score.reachable > 0.0 { score.gap } else { f32::NAN },
         views: score.views,
         score: point.score,
+        error: *error,
     }
 }
 
 fn page(written: &Written<'_>) -> Result<String> {
     let Written { set, target, request, selection, .. } = written;
-    let points: Vec<SurfacePoint> = selection.points.iter().zip(&selection.scores).map(surface_point).collect();
+    let points: Vec<SurfacePoint> =
+        selection.points.iter().zip(&selection.scores).zip(&selection.map.points).map(surface_point).collect();
     let few = match &target.proxy.occluder {
         Occluder::Triangles(corners) => Some(decimate::decimate(corners, target.proxy.colours(), MOST_TRIANGLES)),
         Occluder::Discs(_) => None,
@@ -276,5 +278,9 @@ fn page(written: &Written<'_>) -> Result<String> {
         controls: selection.controls.clone(),
         seconds: selection.seconds.iter().sum(),
     };
-    super::html_of(&record, &ReportScene { points: &points, triangles }, Kind::Selection(&selection.pool))
+    super::html_of(
+        &record,
+        &ReportScene { points: &points, triangles, worst: &selection.map.worst },
+        Kind::Selection(&selection.pool),
+    )
 }

@@ -71,21 +71,21 @@ function pointColours(points, choice) {
   const colours = new Uint8Array(3 * points.count);
   if (choice === "own") return { colours: points.colours, keys: [], ramp: null };
   const values = points[choice];
-  const score = choice === "score";
+  const signed = choice === "error", score = choice === "score" || signed;
   // The gap of an unseen point is pi by definition; it has a colour of its own and must not stretch the ramp.
   const ranked = score ? values : values.filter((_, i) => points.views[i] > 0);
-  const low = score ? quantile(ranked, 0) : 0, high = quantile(ranked, score ? 1 : 0.98);
+  const low = score ? quantile(ranked, signed ? 0.02 : 0) : 0, high = quantile(ranked, score && !signed ? 1 : 0.98);
   for (let i = 0; i < points.count; i++) {
     const value = values[i];
     const none = !Number.isFinite(value) || (!score && !Number.isFinite(points.gap[i]));
     const unseen = !none && !score && points.views[i] === 0;
     colours.set(none ? NO_VALUE : unseen ? UNSEEN : viridis((value - low) / (high - low || 1)), 3 * i);
   }
-  const unit = choice === "gap" ? "°" : "";
+  const unit = { gap: "°", error: " dB" }[choice] ?? "";
   const keys = [];
   if (!score && points.gap.some((g, i) => Number.isFinite(g) && points.views[i] === 0)) keys.push(["unseen", UNSEEN]);
   if (points.gap.some((g) => !Number.isFinite(g))) keys.push(["out of reach", NO_VALUE]);
-  const title = { gap: "Mean angle to the nearest view", views: "Views that see a point", score: "View dependency score" }[choice];
+  const title = { gap: "Mean angle to the nearest view", views: "Views that see a point", score: "View dependency score", error: "Expected error against the median" }[choice];
   const ramp = Number.isFinite(high) ? { title, low: `${round(low)}${unit}`, high: `${round(high)}${unit}${score ? "" : " or more"}` } : null;
   return { colours, keys, ramp };
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::acp;
@@ -25,6 +26,7 @@ use crate::plan::reference::Expected;
 use crate::quality::expected::{Expectation, Judge};
 use crate::quality::law::{Fitted, Law};
 use crate::quality::look::Surroundings;
+use crate::quality::map::{ErrorMap, error_map};
 use crate::quality::viewers::Viewers;
 use crate::scene::baselines;
 use crate::scene::camera::{Camera, Pose};
@@ -224,6 +226,8 @@ pub struct Selection {
     pub errors_db: Vec<f64>,
     /// What is expected of the choice, against the best of the simple ones.
     pub expected: Expected,
+    /// Where it leaves error, by held-out point among others.
+    pub map: ErrorMap,
     /// Held-out points.
     pub points: Vec<SurfacePoint>,
     /// What the choice gives each of them.
@@ -311,8 +315,12 @@ impl<'a> Prospect<'a> {
         // A pool that is asked for a choice has photos.
         let intrinsics = self.set.photos[0].camera.intrinsics;
         let viewers = viewers.sample(geometry, intrinsics, inward, seed, count)?;
-        let around = Surroundings::new(geometry, self.target.proxy.sphere, inward, &law);
-        Judge::new(&self.context, &self.scene, around, viewers, &law, seed)
+        Judge::new(&self.context, &self.scene, self.surroundings(&law), viewers, &law, seed)
+    }
+
+    fn surroundings(&self, law: &Law) -> Surroundings {
+        let inward = self.request.preset == Preset::Object;
+        Surroundings::new(&self.scene.geometry, self.target.proxy.sphere, inward, law)
     }
 
     /// Poses worth adding to a choice, planned with the chosen photos as cameras that are there already: those that help most by
@@ -398,6 +406,12 @@ impl<'a> Prospect<'a> {
             against: others.map_or("", |best| best.method.name()).into(),
         };
         subset.sort_unstable();
+        let cameras = self.cameras(&subset);
+        // Of the choice as it is, which may not be the last that was judged.
+        judge.expect(&cameras)?;
+        let places: Vec<DVec3> = self.held_out.points.iter().map(|point| point.position).collect();
+        let scene = (&self.scene.geometry, self.surroundings(&law));
+        let map = error_map(&judge, scene, &law, &cameras, &places)?;
         let choosing = start.elapsed().as_secs_f64();
 
         let choice = plain.choose(&subset);
@@ -428,6 +442,7 @@ impl<'a> Prospect<'a> {
             chosen,
             errors_db,
             expected,
+            map,
             metrics: aggregate(&scores),
             scores,
             pool: aggregate(&scorer.score(&everything)),
