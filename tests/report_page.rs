@@ -23,7 +23,7 @@ impl Stage {
     fn page(&self) -> String {
         let triangles =
             (!self.corners.is_empty()).then_some(Triangles { corners: &self.corners, colours: &self.colours });
-        html(&self.record, &ReportScene { points: &self.points, triangles }).unwrap()
+        html(&self.record, &ReportScene { points: &self.points, triangles, worst: &[] }).unwrap()
     }
 }
 
@@ -52,7 +52,14 @@ fn point(position: DVec3, normal: DVec3, colour: [u8; 3], cameras: &[Camera]) ->
     let near = &angles[..angles.len().min(5)];
     let gap = if near.is_empty() { std::f64::consts::PI } else { 0.6 * near.iter().sum::<f64>() / near.len() as f64 };
     let score = 1.5 + 0.5 * (3.0 * position.x).sin() * (2.0 * position.z).cos();
-    SurfacePoint { position, colour, gap: gap as f32, views: angles.len() as u32, score: score as f32 }
+    SurfacePoint {
+        position,
+        colour,
+        gap: gap as f32,
+        views: angles.len() as u32,
+        score: score as f32,
+        error: gap as f32,
+    }
 }
 
 fn metrics(quality: f64) -> Metrics {
@@ -393,6 +400,6 @@ fn colours_must_match_the_triangles() {
     let mut stage = ball();
     stage.colours.pop();
     let triangles = Some(Triangles { corners: &stage.corners, colours: &stage.colours });
-    let error = html(&stage.record, &ReportScene { points: &stage.points, triangles }).unwrap_err();
+    let error = html(&stage.record, &ReportScene { points: &stage.points, triangles, worst: &[] }).unwrap_err();
     assert!(error.to_string().contains("colours"));
 }

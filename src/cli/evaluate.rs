@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::options::{DeviceOptions, box_of, print_messages};
+use super::options::{DeviceOptions, ViewerOptions, box_of, print_messages};
 use super::progress::{go_on, stop_on_interrupt};
 use crate::evaluate::job;
 use crate::evaluate::kind::Kind;
@@ -34,7 +34,7 @@ pub struct Arguments {
     #[arg(long, value_enum)]
     preset: Option<Preset>,
     /// Choose among photos instead, every eighth held out: captures, as `camsplat select` takes them
-    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "box_", "clearance", "env", "surface", "size", "spp", "test_spp", "tests"])]
+    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "box_", "clearance", "env", "surface", "size", "spp", "test_spp", "tests", "viewers"])]
     pool: Vec<PathBuf>,
     /// In a room, cameras and test views stand in a box: corners X0,Y0,Z0,X1,Y1,Z1 [default: the room's bounds less the clearance]
     #[arg(long = "box", value_delimiter = ',', allow_hyphen_values = true, value_name = "NUMBERS")]
@@ -90,6 +90,8 @@ pub struct Arguments {
     /// Test views of each set: three of objects, one of rooms [default: 200; quick: 12]
     #[arg(long)]
     tests: Option<u32>,
+    #[command(flatten)]
+    viewers: ViewerOptions,
     /// Take a pool's photos smaller: each pixel is the mean of a square of so many [default: 1; quick: 8]
     #[arg(long, requires = "pool")]
     shrink: Option<u32>,
@@ -191,6 +193,7 @@ impl Arguments {
                 region: RegionChoice { shape, floor: None, clearance: self.clearance },
                 antialiased: self.antialiased,
             },
+            viewers: self.viewers.viewers()?,
         })
     }
 

@@ -27,6 +27,7 @@ use crate::photos::{Photo, PhotoSet};
 use crate::plan::config::Objective;
 use crate::plan::job::{RegionChoice, Target, Tools};
 use crate::plan::record::PlanRecord;
+use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::proxy::Orientation;
 use crate::scene::region::Region;
@@ -57,6 +58,7 @@ pub struct Bench<'a> {
     root: PathBuf,
     kind: Kind,
     settings: Settings,
+    viewers: Viewers,
     tracer: Tracer,
     scene: &'a Scene,
 }
@@ -70,7 +72,15 @@ impl<'a> Bench<'a> {
         let Request { kind, settings, .. } = *request;
         let pixels = u64::from(settings.size).pow(2);
         let tracer = Tracer::new(context, scene.assembly.clone(), pixels)?;
-        Ok(Self { context: context.clone(), root: root.to_owned(), kind, settings, tracer, scene })
+        Ok(Self {
+            context: context.clone(),
+            root: root.to_owned(),
+            kind,
+            settings,
+            viewers: request.viewers.clone(),
+            tracer,
+            scene,
+        })
     }
 
     /// The cameras as they are photographed: in a room, those that a method put into a thing which it did not see stand beside
@@ -289,8 +299,11 @@ impl<'a> Bench<'a> {
         model: Option<&Stage>,
         observe: Observe,
     ) -> Result<Option<PlanRecord>> {
-        let config =
-            crate::plan::config::Config { held_out: HELD_OUT, ..method.config(self.kind.preset(), views, seed)? };
+        let config = crate::plan::config::Config {
+            held_out: HELD_OUT,
+            viewers: self.viewers.clone(),
+            ..method.config(self.kind.preset(), views, seed)?
+        };
         let peer = match method {
             Method::Plan(placing) if placing.planner(&config).is_none() => {
                 Some(sized(peers::request::Request::new(placing, None, &config)?, self.kind, &self.settings))

@@ -194,7 +194,7 @@ impl Board<'_> {
         write_files(&[
             (&folder.join(ASKED), self.asked.as_bytes()),
             (&folder.join("table.md"), table::markdown(request, rows, *left).as_bytes()),
-            (&folder.join("table.csv"), table::csv(request.kind, rows).as_bytes()),
+            (&folder.join("table.csv"), table::csv(request, rows).as_bytes()),
             (&folder.join("results.json"), format!("{written:#}\n").as_bytes()),
         ])?;
         let _ = self.hear(Event::Written(&outcome));
@@ -223,7 +223,7 @@ impl Runs<'_, '_> {
         (places, seconds): (Vec<DVec3>, f64),
         (stage, record): &(Stage, TrainRecord),
     ) -> Result<()> {
-        let sets = self.board.request.kind.sets();
+        let sets = self.board.request.sets();
         let pictures = results::first_pictures(record, sets);
         let shown = pictures.iter().flat_map(|picture| PICTURES.map(|of| format!("{of}/{picture}")));
         if let Some(lost) = shown.into_iter().find(|name| !stage.file(name).is_file()) {
@@ -268,7 +268,7 @@ impl Runs<'_, '_> {
         let request = self.board.request;
         let intrinsics = request.settings.intrinsics();
         let inputs = scene.inputs(context, &request.settings)?;
-        let tests = scene.tests(intrinsics, request.settings.tests)?;
+        let tests = scene.tests(intrinsics, request.settings.tests, &request.viewers)?;
         let bench = Bench::new(context, &self.folder, request, scene)?;
         let mut shared = made_for(format!("all runs of {}", self.subject.name()), &mut *observe);
         let Some(inputs) = bench.photographs(&inputs, &mut shared)? else { return Ok(false) };
@@ -407,6 +407,7 @@ mod tests {
     use crate::evaluate::request::Settings;
     use crate::gaussians::record::Quality;
     use crate::peers::request::Method as Placing;
+    use crate::quality::viewers::Viewers;
 
     fn entry(method: Method) -> Entry {
         let quality = vec![Quality { psnr: 20.0, ssim: 0.5, ..Quality::default() }; 3];
@@ -430,6 +431,7 @@ mod tests {
             seeds: 1,
             first_seed: 0,
             settings: Settings::QUICK,
+            viewers: Viewers::Region,
         };
         let mut hear = |event: Event<'_>| match event {
             Event::Complete(..) => ControlFlow::Break(()),

@@ -11,6 +11,7 @@ use super::kind::Kind;
 use crate::peers::request::Method as Placing;
 use crate::plan::config::{Config, Objective, Preset};
 use crate::plan::job::RegionChoice;
+use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Intrinsics, Pose};
 use crate::{Error, Result, io};
 
@@ -52,6 +53,8 @@ impl Eq for Given {}
 const OWN: [&str; 5] = ["views", "seed", "preset", "held_out", "checkpoint_every"];
 /// What [`Method::Set`] begins with.
 const SET: &str = "ours:";
+/// The set of test views that stand where the user said.
+const GIVEN_VIEWERS: &str = "viewers";
 /// What [`Method::Given`] begins with.
 const GIVEN: &str = "cameras:";
 
@@ -281,15 +284,28 @@ pub struct Request {
     pub first_seed: u32,
     /// The size of everything.
     pub settings: Settings,
+    /// From where people will look: where the tests are, and what the planner plans for. By default the protocol's sets.
+    #[serde(skip_serializing_if = "Viewers::is_default")]
+    pub viewers: Viewers,
 }
 
 impl Request {
+    /// Sets of test views; of several, by what their names begin with.
+    pub fn sets(&self) -> &'static [&'static str] {
+        if self.viewers.is_default() { self.kind.sets() } else { &[GIVEN_VIEWERS] }
+    }
+
+    /// Columns of a table: the sets, and the mean over them where there are several.
+    pub fn columns(&self) -> Vec<&'static str> {
+        if self.viewers.is_default() { self.kind.columns() } else { self.sets().to_vec() }
+    }
+
     /// Refuses what makes no sense.
     ///
     /// # Errors
     /// In a line that names the option.
     pub fn validate(&self) -> Result<()> {
-        let Self { kind, methods, budgets, seeds, first_seed, settings } = self;
+        let Self { kind, methods, budgets, seeds, first_seed, settings, .. } = self;
         let twice = |what: &str| Err(Error::request(format!("{what} names something twice; give each once")));
         if (1..methods.len()).any(|i| methods[..i].contains(&methods[i])) {
             return twice("--methods");
@@ -397,7 +413,8 @@ mod tests {
     fn nothing_to_compare_is_said() {
         let of = |methods: Vec<Method>, budgets: Vec<u32>| {
             let (kind, settings) = (Kind::Object, Settings::QUICK);
-            Request { kind, methods, budgets, seeds: 1, first_seed: 0, settings }.validate()
+            let viewers = Viewers::Region;
+            Request { kind, methods, budgets, seeds: 1, first_seed: 0, settings, viewers }.validate()
         };
         let given = Given { name: "cameras:a".into(), poses: Vec::new(), notes: Vec::new() };
         let given = Method::Given(Box::leak(Box::new(given)));

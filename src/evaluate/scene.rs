@@ -13,15 +13,19 @@ use crate::io::gltf::read_model;
 use crate::photograph::assembly::Assembly;
 use crate::plan::config::Preset;
 use crate::plan::job::{RegionChoice, Target};
+use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::model::{Environment, Model};
 use crate::scene::region::Region;
 use crate::scene::surface::Surface;
+use crate::visibility::device_scene::SceneGeometry;
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
 /// Up in glTF.
 pub const UP: DVec3 = DVec3::Y;
+/// Seed of test views where the user says where people look from.
+const TESTS: u64 = 0x7465_7374;
 /// Points of the surface that test views of an object are held against.
 const POINTS: usize = 256;
 
@@ -94,6 +98,13 @@ impl Scene {
         Ok(Self { path: path.to_owned(), name, assembly, surface, region, views })
     }
 
+    fn preset(&self) -> Preset {
+        match self.views {
+            Around::Object(_) => Preset::Object,
+            Around::Room(_) => Preset::Room,
+        }
+    }
+
     /// The input cameras.
     ///
     /// # Errors
@@ -106,11 +117,21 @@ impl Scene {
         }
     }
 
-    /// The test cameras, `count` of each set.
+    /// The test cameras, `count` of each set: the protocol's, or of the viewers that were given.
     ///
     /// # Errors
-    /// Where too few places show the scene.
-    pub fn tests(&self, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
+    /// Where too few places show the scene, or no place fits the viewers.
+    pub fn tests(&self, intrinsics: Intrinsics, count: u32, viewers: &Viewers) -> Result<Vec<Camera>> {
+        if !viewers.is_default() {
+            let (preset, Region { shape, floor, clearance, .. }) = (self.preset(), self.region);
+            let choice = RegionChoice { shape: Some(shape), floor, clearance: Some(clearance) };
+            let target = Target::new(&self.surface, &self.path.to_string_lossy(), preset, &choice, UP, &intrinsics)?;
+            let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+            let tests = viewers.sample(&geometry, intrinsics, preset == Preset::Object, TESTS, count)?;
+            // A file's cameras count with their places and directions; everybody has the same lens.
+            let named = |(i, camera): (usize, Camera)| Camera { name: format!("viewers_{i:04}"), intrinsics, ..camera };
+            return Ok(tests.into_iter().take(count as usize).enumerate().map(named).collect());
+        }
         match &self.views {
             Around::Object(points) => Ok(views::tests(&self.region, points, intrinsics, count)),
             Around::Room(space) => space.tests(intrinsics, count),

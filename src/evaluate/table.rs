@@ -46,7 +46,7 @@ pub fn markdown(request: &Request, rows: &[Row], left: usize) -> String {
     if let Some(apart) = apart(rows) {
         text += &format!("\n{apart}\n");
     }
-    let columns = request.kind.columns();
+    let columns = request.columns();
     for (metric, name) in measured(rows) {
         let arrow = if name.starts_with("LPIPS") { "lower is better" } else { "higher is better" };
         let _ = write!(text, "\n## {name} ({arrow})\n\n| scene | method | views |");
@@ -127,15 +127,16 @@ fn conditions(request: &Request) -> String {
         true => ", cameras:FILE are where the file has them",
         false => "",
     };
+    let looking = if request.viewers.is_default() { "" } else { ", test views from where `--viewers` says" };
     format!(
-        "Methods chose on {shown}{region}{peers}{given}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set{finer}",
+        "Methods chose on {shown}{region}{peers}{given}{looking}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set{finer}",
         settings.size, settings.samples, settings.tests
     )
 }
 
 /// A line for each scene, method, budget, set and metric.
-pub fn csv(kind: Kind, rows: &[Row]) -> String {
-    let columns = kind.columns();
+pub fn csv(request: &Request, rows: &[Row]) -> String {
+    let columns = request.columns();
     let mut text = String::from("scene,method,views,seeds,set,metric,mean,half_interval_95\n");
     for row in rows {
         let quoted = |name: &str| format!("\"{}\"", name.replace('"', "\"\""));
@@ -172,6 +173,7 @@ mod tests {
     use super::*;
     use crate::evaluate::request::{Given, Settings};
     use crate::peers::request::Method as Placing;
+    use crate::quality::viewers::Viewers;
 
     fn row() -> Row {
         let of = |mean, half| Some(Interval { mean, half });
@@ -201,6 +203,7 @@ mod tests {
             seeds: 3,
             first_seed: 7,
             settings: Settings::QUICK,
+            viewers: Viewers::Region,
         };
         let text = markdown(&request, &[row()], 0);
         assert!(text.contains(", 3 seeds from 7. Mean"), "{text}");
@@ -209,10 +212,10 @@ mod tests {
         assert!(text.contains("| 20 | – | – | – | – | 1.50 |") && text.contains("10 input photos"), "{text}");
         assert!(!text.contains("VGG16") && !text.contains("came apart"), "{text}");
         let broken = [Row { came_apart: 2, ..row() }];
-        assert!(super::csv(Kind::Object, &broken).ends_with("\"cup, \"\"red\"\"\",ours-no-vds,20,3,,came_apart,2,\n"));
+        assert!(super::csv(&request, &broken).ends_with("\"cup, \"\"red\"\"\",ours-no-vds,20,3,,came_apart,2,\n"));
         let broken = markdown(&request, &broken, 0);
         assert!(broken.contains("in the end than before: cup, \"red\", ours-no-vds, 20 views (2 of 3).\n"), "{broken}");
-        let csv = super::csv(Kind::Object, &[row()]);
+        let csv = super::csv(&request, &[row()]);
         let lines: Vec<&str> = csv.lines().collect();
         assert_eq!(lines.len(), 1 + 3 * 4 + 1);
         assert_eq!(lines[1], "\"cup, \"\"red\"\"\",ours-no-vds,20,3,half,PSNR,20,0.5");
@@ -221,7 +224,7 @@ mod tests {
         let given = Given { name: "cameras:a|\"b\".json".into(), poses: Vec::new(), notes: Vec::new() };
         let given = Row { method: Method::Given(Box::leak(Box::new(given))), ..row() };
         assert!(markdown(&request, std::slice::from_ref(&given), 0).contains("| cameras:a\\|\"b\".json | 20 |"));
-        assert!(super::csv(Kind::Object, &[given]).contains(",\"cameras:a|\"\"b\"\".json\",20,3,half,PSNR,20,0.5"));
+        assert!(super::csv(&request, &[given]).contains(",\"cameras:a|\"\"b\"\".json\",20,3,half,PSNR,20,0.5"));
     }
 
     /// If this failed, a table of rooms or pools would have columns that nobody measured.
@@ -235,10 +238,15 @@ mod tests {
             seeds: 3,
             first_seed: 0,
             settings: Settings::QUICK,
+            viewers: Viewers::Region,
         };
         let text = markdown(&request, std::slice::from_ref(&one), 0);
         assert!(text.contains("| scene | method | views | held-out | choice, s |\n|---|---|---|---|---|\n"), "{text}");
         assert!(text.contains("| 20 | 20.00 ± 0.50 | 1.50 |") && text.contains("shrunk by 8"), "{text}");
-        assert!(super::csv(Kind::Room, &[one]).contains(",20,3,random,PSNR,20,0.5"));
+        let room = Request { kind: Kind::Room, ..request };
+        assert!(super::csv(&room, std::slice::from_ref(&one)).contains(",20,3,random,PSNR,20,0.5"));
+        // And where the user says from where people look, one of its own.
+        let up_to_eye_height = Request { viewers: Viewers::Heights { low: 0.0, high: 1.7 }, ..room };
+        assert!(super::csv(&up_to_eye_height, &[one]).contains(",20,3,viewers,PSNR,20,0.5"));
     }
 }

@@ -17,6 +17,7 @@ use crate::io::photos;
 use crate::peers::request::Method as Placing;
 use crate::photograph::products::named;
 use crate::plan::job::{Plan, Target, Tools};
+use crate::quality::viewers::Viewers;
 use crate::scene::camera::Camera;
 use crate::scene::surface::{Points, Surface};
 use crate::vulkan::Context;
@@ -95,9 +96,10 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     let intrinsics = settings.intrinsics();
     let random = Method::Plan(Placing::Random);
     let (kind, methods) = (Kind::Object, vec![Method::Plan(Placing::Ours), random]);
-    let request = Request { kind, methods, budgets: vec![views], seeds: 1, first_seed: 0, settings };
+    let request =
+        Request { kind, methods, budgets: vec![views], seeds: 1, first_seed: 0, settings, viewers: Viewers::Region };
     let input_cameras = scene.inputs(context, &settings)?;
-    let tests = scene.tests(intrinsics, settings.tests)?;
+    let tests = scene.tests(intrinsics, settings.tests, &request.viewers)?;
     let mut walk = Walk { observe, begun: Instant::now(), kept: false, steps: Vec::new() };
     let bench = Bench::new(context, &folder.join(&name), &request, scene)?;
 

@@ -62,6 +62,11 @@ pub enum Viewers {
 }
 
 impl Viewers {
+    /// Whether the user has said nothing.
+    pub fn is_default(&self) -> bool {
+        matches!(self, Self::Region)
+    }
+
     /// `count` viewers with the lens `intrinsics` (cameras have their own), in the user's world. `inward`: of an object, seen
     /// from around it. The same seed gives the same viewers, the first of a larger count among them.
     ///

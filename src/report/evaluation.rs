@@ -31,8 +31,8 @@ pub(super) const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;margin:2
 
 /// The page.
 pub fn html(request: &Request, outcome: &Outcome) -> String {
-    let Outcome { kind, rows, entries, left } = outcome;
-    let columns = kind.columns();
+    let Outcome { rows, entries, left, .. } = outcome;
+    let columns = request.columns();
     let mut page = format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>camsplat evaluation</title>\n\
          <style>{STYLE}</style>\n<h1>Evaluation</h1>\n<p>{}</p>\n",
@@ -47,7 +47,7 @@ pub fn html(request: &Request, outcome: &Outcome) -> String {
         for (metric, name) in measured(rows.iter().copied()) {
             page += &table(&rows, metric, name, &columns);
         }
-        let of = match kind.sets() {
+        let of = match request.sets() {
             [set] => format!("{set} views"),
             _ => "mean over the sets".into(),
         };
@@ -60,7 +60,7 @@ pub fn html(request: &Request, outcome: &Outcome) -> String {
         }
         let of_scene: Vec<&Entry> = entries.iter().filter(|entry| entry.scene == scene).collect();
         page += &layouts(&of_scene);
-        page += &pictures(scene, &of_scene, kind.sets());
+        page += &pictures(scene, &of_scene, request.sets());
     }
     page
 }
@@ -270,6 +270,7 @@ mod tests {
     use crate::evaluate::request::{Given, Settings, Shown};
     use crate::gaussians::record::Quality;
     use crate::peers::request::Method as Placing;
+    use crate::quality::viewers::Viewers;
 
     /// If this failed, the name of a file could break the page or run what it likes, or could not be read in a chart.
     #[test]
@@ -295,6 +296,7 @@ mod tests {
             seeds: 1,
             first_seed: 0,
             settings: Settings::QUICK,
+            viewers: Viewers::Region,
         };
         let page = html(&request, &Outcome::new(Kind::Object, vec![entry], 1));
         assert!(!page.contains("<img src=x>"), "{page}");
@@ -327,6 +329,7 @@ mod tests {
             seeds: 1,
             first_seed: 3,
             settings: Settings::QUICK,
+            viewers: Viewers::Region,
         };
         let entries: Vec<Entry> = [Method::Plan(Placing::Ours), Method::Plan(Placing::OursNoVds)]
             .into_iter()

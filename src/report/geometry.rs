@@ -127,6 +127,7 @@ mod tests {
                 gap: 0.0,
                 views: 0,
                 score: 1.0,
+                error: 0.0,
             })
             .collect();
         points[50].position = DVec3::splat(1e6);
