@@ -21,20 +21,29 @@ def main():
     groups = defaultdict(list)
     with open(sys.argv[1]) as file:
         for row in csv.DictReader(file):
-            groups[row["scene"], int(row["views"])].append((float(row["expected_db"]), float(row["trained_psnr"])))
-    print("| views | scenes | layouts | Pearson, mean | least | pairs expected within 0.05 dB: trained, median dB | within 0.2 dB |")
-    print("|---|---|---|---|---|---|---|")
+            numbers = tuple(float(row[name]) for name in ("expected_db", "score_db", "trained_psnr"))
+            groups[row["scene"], int(row["views"])].append((*numbers, row["held_out"] == "1"))
+    print(
+        "| views | scenes | layouts | Pearson, mean (held out) | least | by `score` | pairs expected within 0.05 dB: "
+        "trained, median dB | within 0.2 dB |"
+    )
+    print("|---|---|---|---|---|---|---|---|")
     for views in sorted({views for _, views in groups}):
         runs = [points for (_, budget), points in groups.items() if budget == views]
-        found = [pearson(*zip(*points)) for points in runs]
-        alike = [abs(a[1] - b[1]) for points in runs for i, a in enumerate(points) for b in points[:i] if abs(a[0] - b[0]) < 0.05]
+        found = [pearson([p[0] for p in points], [p[2] for p in points]) for points in runs]
+        held = [value for value, points in zip(found, runs) if points[0][3]]
+        scored = [pearson([p[1] for p in points], [p[2] for p in points]) for points in runs]
+        alike = [abs(a[2] - b[2]) for points in runs for i, a in enumerate(points) for b in points[:i] if abs(a[0] - b[0]) < 0.05]
         share = 100 * sum(d < 0.2 for d in alike) / len(alike)
         layouts = sum(map(len, runs))
-        print(f"| {views} | {len(runs)} | {layouts} | {mean(found):.3f} | {min(found):.2f} | {median(alike):.2f} | {share:.0f}% |")
+        print(
+            f"| {views} | {len(runs)} | {layouts} | {mean(found):.3f} ({mean(held):.3f}) | {min(found):.2f} | {mean(scored):.3f} "
+            f"| {median(alike):.2f} | {share:.0f}% |"
+        )
     marks = []
     for (_, views), points in groups.items():
-        x0, y0 = median(p for p, _ in points), median(q for _, q in points)
-        for x, y in points:
+        x0, y0 = median(p[0] for p in points), median(p[2] for p in points)
+        for x, _, y, _ in points:
             u, v = 400 + 60 * (x - x0), 300 - 60 * (y - y0)
             if 60 <= u <= 740 and 40 <= v <= 560:
                 marks.append(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="3" fill="{COLOURS.get(views, "#666")}" fill-opacity="0.6"/>')

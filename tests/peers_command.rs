@@ -217,7 +217,7 @@ fn options_that_do_not_fit_the_method_are_refused() {
         (plan("--candidates 20"), &["--candidates", "--method"]),
         (plan("--method fvs --candidates 8"), &["--candidates is 8 for 9 views", "give 9 to"]),
         (plan("--method random --candidates 20"), &["--method random", "leave --candidates out"]),
-        (plan("--method fvs --iterations 20"), &["--method fvs", "--seed, --gate and --held-out only"]),
+        (plan("--method fvs --iterations 20"), &["--method fvs", "--seed, --gate, --viewers and --held-out only"]),
         (plan("--method acp --dry-run"), &["--method acp", "--dry-run"]),
         (plan("--method fvs --nodes 9"), &["--nodes", "--method acp"]),
         (plan("--method fvs-shared --candidates 5000"), &["--method fvs-shared", "up to 4000", "use fvs"]),

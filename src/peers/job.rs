@@ -97,7 +97,8 @@ pub fn photographing(
     let seconds = start.elapsed().saturating_sub(behind_the_camera).as_secs_f64();
     let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds };
     let Request { method, views, preset, seed, gate, held_out, .. } = *request;
-    let config = Config { seed, gate, held_out, ..Config::new(preset, views) };
+    let viewers = request.viewers.clone();
+    let config = Config { seed, gate, held_out, viewers, ..Config::new(preset, views) };
     let described =
         serde_json::to_value(request).map_err(|e| Error::request(format!("the request cannot be written: {e}")))?;
     conclude(context, scene, target, (intrinsics, kept), &config, (method.name(), described), (outcome, None)).map(Some)

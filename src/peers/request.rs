@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::manifold;
 use crate::plan::config::{Config, Gate, Objective, Preset};
+use crate::quality::viewers::Viewers;
 use crate::select::job::Method as Choosing;
 use crate::select::{acp, information, retrained};
 use crate::{Error, Result};
@@ -142,6 +143,9 @@ pub struct Request {
     /// Of [`Method::FisherRetrain`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub retraining: Option<retrained::Settings>,
+    /// From where people will look, for what is expected of the choice.
+    #[serde(skip_serializing_if = "Viewers::is_default")]
+    pub viewers: Viewers,
     /// Of [`Method::Manifold`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub manifold: Option<manifold::Settings>,
@@ -162,10 +166,11 @@ impl Request {
             seed: config.seed,
             gate: config.gate,
             held_out: config.held_out,
+            viewers: config.viewers.clone(),
             ..Config::new(config.preset, config.views)
         };
         if plain != *config {
-            let what = "of the optimisation's options it takes --seed, --gate and --held-out only";
+            let what = "of the optimisation's options it takes --seed, --gate, --viewers and --held-out only";
             return Err(Error::request(format!("--method {name}: {what}; leave the others out")));
         }
         let most = 1 << 20;
@@ -189,6 +194,7 @@ impl Request {
             seed: config.seed,
             gate: config.gate,
             held_out: config.held_out,
+            viewers: config.viewers.clone(),
             acp: (method == Method::Acp).then(acp::Settings::default),
             model_based: matches!(method, Method::Fisher | Method::Cover).then(information::Settings::default),
             retraining: method.needs_photographs().then(retrained::Settings::default),
