@@ -73,10 +73,13 @@ fn normal(scenes: &[&Observations], theta: &[f64; N]) -> Normal {
 pub fn solve(scenes: &[&Observations], start: [f64; N]) -> Option<[f64; N]> {
     let (mut theta, mut damping) = (start, 1e-3);
     let mut at = normal(scenes, &theta);
+    // Layouts that say nothing of a parameter say nothing of it where the search begins.
+    eliminate(at.matrix, at.gradient)?;
     for _ in 0..STEPS {
         let mut damped = at.matrix;
         (0..N).for_each(|k| damped[k][k] *= 1.0 + damping);
-        let step = eliminate(damped, at.gradient)?;
+        // A weight that vanishes has no slope any more.
+        let Some(step) = eliminate(damped, at.gradient) else { break };
         let next: [f64; N] = std::array::from_fn(|k| theta[k] - step[k]);
         let there = normal(scenes, &next);
         if there.cost < at.cost {
