@@ -155,10 +155,10 @@ impl Objective {
     fn state(&self, look: usize, chosen: &[usize]) -> State {
         let mut near = [NONE; KEPT];
         for (slot, photo) in (0..).zip(chosen) {
-            if self.sight.sees(look, *photo) {
-                if let Some(new) = self.near(look, *photo, slot) {
-                    near = with(&near, new);
-                }
+            if self.sight.sees(look, *photo)
+                && let Some(new) = self.near(look, *photo, slot)
+            {
+                near = with(&near, new);
             }
         }
         State { error: self.error(look, &near), near }

@@ -103,7 +103,7 @@ pub fn solve(scenes: &[&Observations], start: [f64; N]) -> Option<[f64; N]> {
 fn eliminate(mut a: [[f64; N]; N], mut b: [f64; N]) -> Option<[f64; N]> {
     let scale = (0..N).map(|k| a[k][k]).fold(0.0, f64::max);
     for k in 0..N {
-        if !(a[k][k] > 1e-12 * scale) {
+        if a[k][k].is_nan() || a[k][k] <= 1e-12 * scale {
             return None;
         }
         for i in k + 1..N {
