@@ -1,7 +1,7 @@
 //! The tables of docs/ablations.md: what each choice is worth, by held-out metrics, over scenes and seeds.
 //!
 //! ```text
-//! cargo run --release --example ablations -- shipped|defaults|distances|parts|starts|voronoi|search [--seeds N] [--scene NAME] [--data DIR]
+//! cargo run --release --example ablations -- shipped|defaults|parts|starts|voronoi|search [--seeds N] [--scene NAME] [--data DIR]
 //! ```
 //!
 //! Scenes are the two of the demo and, where DIR (or the environment variable CAMSPLAT_DATA) has them, four more; `search`
@@ -118,11 +118,10 @@ struct Variant(String, Box<dyn Fn(&mut Config)>);
 /// The row that is the defaults themselves.
 const SHIPPED: &str = "as shipped";
 
-/// What the rows of all tables but `shipped` vary: the configuration as it was before they settled the gate's softness,
-/// and before distances counted.
-fn base(config: &mut Config) {
-    config.gate_softness = 0.005;
-    config.distance_weight = 0.0;
+/// What the rows of all tables but `shipped` and `search` vary: the paper's objective, as it was before they settled the
+/// gate's softness.
+fn base(preset: Preset, views: u32) -> Config {
+    Config { gate_softness: 0.005, ..Config::of(Objective::Splat, preset, views) }
 }
 
 fn variant(name: impl Into<String>, edit: impl Fn(&mut Config) + 'static) -> Variant {
@@ -139,28 +138,13 @@ fn defaults() -> Vec<Variant> {
         (30.0, &[0.1, 0.3, 1.0]),
     ] {
         rows.extend(pressures.iter().map(|&pressure| {
-            variant(format!("splat, regulariser {reg}, pressure {pressure}"), move |config| {
-                config.objective = Objective::Splat;
+            variant(format!("regulariser {reg}, pressure {pressure}"), move |config| {
                 config.lambda_reg = reg;
                 config.lambda_scale = pressure;
             })
         }));
     }
-    rows.extend([0.01, 0.015, 0.02, 0.03, 0.1].map(|tau| {
-        variant(format!("nearest, tau {tau}"), move |config| {
-            config.objective = Objective::Nearest;
-            config.nearest_tau = tau;
-        })
-    }));
     rows
-}
-
-/// With all else as shipped.
-fn distances() -> Vec<Variant> {
-    let softness = Config::new(Preset::Object, 1).gate_softness;
-    let set = move |config: &mut Config, weight| (config.gate_softness, config.distance_weight) = (softness, weight);
-    let row = |weight: f32| variant(format!("{weight}"), move |config| set(config, weight));
-    [0.0, 0.3, 1.0, 3.0].map(row).into()
 }
 
 fn parts() -> Vec<Variant> {
@@ -173,10 +157,6 @@ fn parts() -> Vec<Variant> {
         }),
         variant("directions weigh the same, not probes", |config| config.equal_probes = false),
         variant("hard gate", |config| config.gate = Gate::Hard),
-        variant("splat, hard gate", |config| {
-            config.objective = Objective::Splat;
-            config.gate = Gate::Hard;
-        }),
         variant("pinhole gate", |config| config.gate = Gate::Pinhole),
         variant("metric kernel", |config| config.kernel = Kernel::Metric),
         variant("no regulariser", |config| config.lambda_reg = 0.0),
@@ -201,19 +181,6 @@ fn parts() -> Vec<Variant> {
         variant("directions twice as fast", |config| config.rate_direction *= 2.0),
         variant("regulariser 0.3", |config| config.lambda_reg = 0.3),
         variant("pressure 0.2", |config| config.lambda_scale = 0.2),
-        variant("nearest, tau 0.02, 200 probes", |config| {
-            config.objective = Objective::Nearest;
-            config.nearest_tau = 0.02;
-            config.probes = 200;
-        }),
-        variant("nearest, tau 0.02, 100 probes, 3000 iterations", |config| {
-            config.objective = Objective::Nearest;
-            config.nearest_tau = 0.02;
-            config.iterations = 3000;
-            config.probes = 100;
-        }),
-        variant("splat", |config| config.objective = Objective::Splat),
-        variant("nearest", |config| config.objective = Objective::Nearest),
     ]
 }
 
@@ -265,10 +232,8 @@ fn table(context: &Arc<Context>, scenes: &[Scene], seeds: u64, title: &str, rows
         let mut line = format!("| {name} |");
         for scene in scenes {
             let all = (0..seeds).map(|seed| {
-                let mut config = Config { seed, ..Config::new(scene.preset, scene.views) };
-                if name != SHIPPED {
-                    base(&mut config);
-                }
+                let defaults = if name == SHIPPED { Config::new } else { base };
+                let mut config = Config { seed, ..defaults(scene.preset, scene.views) };
                 edit(&mut config);
                 Ok(aggregate(&run(context, scene, config)?.scores))
             });
@@ -357,13 +322,7 @@ fn starts(context: &Arc<Context>, scenes: &[Scene], seeds: u64) -> Result<()> {
                 (", neither", false, false),
             ] {
                 let config = |seed| {
-                    let mut config = Config {
-                        seed,
-                        start,
-                        objective: Objective::Splat,
-                        ..Config::of(Objective::Splat, scene.preset, scene.views)
-                    };
-                    base(&mut config);
+                    let mut config = Config { seed, start, ..base(scene.preset, scene.views) };
                     if !reg {
                         config.lambda_reg = 0.0;
                     }
@@ -399,11 +358,7 @@ fn voronoi(context: &Arc<Context>, scenes: &[Scene], seeds: u64) -> Result<()> {
         let mut lines = ByIteration::default();
         for (name, vds) in [("with scores", true), ("without", false)] {
             for (half, high) in [("low score", false), ("high score", true)] {
-                let config = |seed| {
-                    let mut config = Config { seed, vds, ..Config::new(scene.preset, scene.views) };
-                    base(&mut config);
-                    config
-                };
+                let config = |seed| Config { seed, vds, ..base(scene.preset, scene.views) };
                 let area = |points: &[SurfacePoint], scores: &[PointMetrics]| {
                     let of_half = points.iter().zip(scores).filter(|(p, s)| (p.score > 1.5) == high && s.views > 0);
                     mean_and_deviation(&of_half.map(|(_, s)| s.voronoi_mean as f64).collect::<Vec<_>>()).0
@@ -489,13 +444,12 @@ fn main() -> Result<()> {
             "shipped" => table(&context, &scenes, arguments.seeds, "Shipped", &[variant(SHIPPED, |_| {})])?,
             "defaults" => table(&context, &scenes, arguments.seeds, "Weights", &defaults())?,
             "parts" => table(&context, &scenes, arguments.seeds, "Parts", &parts())?,
-            "distances" => table(&context, &scenes, arguments.seeds, "Distances", &distances())?,
             "starts" => starts(&context, &scenes, arguments.seeds)?,
             "voronoi" => voronoi(&context, &scenes, arguments.seeds)?,
             "search" => search(&context, &scenes, arguments.seeds)?,
             other => {
                 return Err(Error::request(format!(
-                    "no table `{other}`: shipped, defaults, parts, distances, starts, voronoi or search"
+                    "no table `{other}`: shipped, defaults, parts, starts, voronoi or search"
                 )));
             }
         }

@@ -174,44 +174,31 @@ fn main() -> Result<()> {
         arguments.views, arguments.input
     );
     println!("|---|---|---|---|---|");
-    for objective in [Objective::Nearest, Objective::Splat] {
-        for (name, vds, directional) in
-            [("no scores", false, false), ("scores", true, false), ("scores with directions", true, true)]
-        {
-            let mut all = [const { Vec::new() }; 4];
-            for seed in 0..arguments.seeds {
-                let points = photographed(&mesh, arguments.input, seed)?;
-                let scene = Scene::new(&context, &Surface::Points(points), Some(region))?;
-                let config = Config {
-                    seed,
-                    objective,
-                    vds,
-                    directional,
-                    ..Config::of(objective, Preset::Object, arguments.views)
-                };
-                let geometry = &scene.device.geometry;
-                let preparation = Preparation::new(&context, geometry, &scene.proxy, &intrinsics(), &[], config)?;
-                let planner = Planner::new(&context, &scene.device, preparation)?;
-                let outcome = planner.run(None, |_| ControlFlow::Continue(()))?;
-                for (column, value) in all.iter_mut().zip(judge(&context, &mesh, &outcome.poses, seed)?) {
-                    column.push(value);
-                }
+    for (name, vds, directional) in
+        [("no scores", false, false), ("scores", true, false), ("scores with directions", true, true)]
+    {
+        let mut all = [const { Vec::new() }; 4];
+        for seed in 0..arguments.seeds {
+            let points = photographed(&mesh, arguments.input, seed)?;
+            let scene = Scene::new(&context, &Surface::Points(points), Some(region))?;
+            let config =
+                Config { seed, vds, directional, ..Config::of(Objective::Splat, Preset::Object, arguments.views) };
+            let geometry = &scene.device.geometry;
+            let preparation = Preparation::new(&context, geometry, &scene.proxy, &intrinsics(), &[], config)?;
+            let planner = Planner::new(&context, &scene.device, preparation)?;
+            let outcome = planner.run(None, |_| ControlFlow::Continue(()))?;
+            for (column, value) in all.iter_mut().zip(judge(&context, &mesh, &outcome.poses, seed)?) {
+                column.push(value);
             }
-            let entry = |values: &Vec<f64>, digits: usize| {
-                let n = values.len() as f64;
-                let mean = values.iter().sum::<f64>() / n;
-                let deviation = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
-                format!("{mean:.digits$} ± {deviation:.digits$}")
-            };
-            let [gap, wide, narrow, matt] = &all;
-            println!(
-                "| {objective:?}, {name} | {} | {} | {} | {} |",
-                entry(gap, 2),
-                entry(wide, 4),
-                entry(narrow, 4),
-                entry(matt, 4)
-            );
         }
+        let entry = |values: &Vec<f64>, digits: usize| {
+            let n = values.len() as f64;
+            let mean = values.iter().sum::<f64>() / n;
+            let deviation = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
+            format!("{mean:.digits$} ± {deviation:.digits$}")
+        };
+        let [gap, wide, narrow, matt] = &all;
+        println!("| {name} | {} | {} | {} | {} |", entry(gap, 2), entry(wide, 4), entry(narrow, 4), entry(matt, 4));
     }
     Ok(())
 }

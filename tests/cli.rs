@@ -133,7 +133,7 @@ fn every_option_of_the_help_is_accepted() {
     let runs = [
         "--preset object --shell 0,0,0,2,3 --floor -2.5 --up +z --clearance 0.1 --fov 60 --size 640x480 --device 0 \
          --debug-sync --profile --trace t.json",
-        "--box -3,-3,-3,3,3,3 --preset object --keep first --seed 7 --nearest-tau 0.1 --gate-softness 0.01 --distance-weight 0.5",
+        "--box -3,-3,-3,3,3,3 --preset object --keep first --seed 7 --gate-softness 0.01",
         "--iterative --base-loss --no-vds --no-occlusion --no-reg --no-relocation --dry-run",
         "--iterative --equal-directions --scalar-vds --no-occlusion --no-reg --no-relocation",
         "--base-loss --relocate-every 5 --lambda-reg 2 --lambda-bound 3 --lambda-scale 0.1 --alpha 0.2 --scale 0.3",
@@ -261,12 +261,12 @@ fn one_splat() -> Gaussians {
 fn what_is_asked_for_is_what_runs() {
     let place = Place::new();
     place.done(&format!(
-        "plan ball.ply --out o {SMALL} --seed 9 --iterations 12 --objective nearest --gate pinhole-hard --kernel metric \
+        "plan ball.ply --out o {SMALL} --seed 9 --iterations 12 --objective splat --gate pinhole-hard --kernel metric \
          --start identical --no-occlusion --no-relocation --equal-directions --probes 7 --alpha 0.25 --rate-scale 0 --size 320x200"
     ));
     let plan = place.plan("o");
     let expected = serde_json::json!({
-        "views": 5, "seed": 9, "iterations": 12, "objective": "nearest", "gate": "pinhole_hard", "kernel": "metric",
+        "views": 5, "seed": 9, "iterations": 12, "objective": "splat", "gate": "pinhole_hard", "kernel": "metric",
         "start": "identical", "occlusion": false, "vds": true, "relocate_every": 0, "probes": 7, "pool": 64,
         "held_out": 60, "equal_probes": false, "alpha": 0.25, "rate_scale": 0.0, "preset": "object",
     });
@@ -394,7 +394,7 @@ fn the_validation_layers_are_silent() {
     };
     validated(&format!("plan ball.ply --out a {SHORT} --relocate-every 5"));
     validated(&format!(
-        "plan ball.ply --out b {SHORT} --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --objective nearest --debug-sync"
+        "plan ball.ply --out b {SHORT} --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --objective splat --debug-sync"
     ));
     validated(&format!("plan ball.ply --out c {SHORT} --keep a --gate pinhole --iterative --profile"));
     validated(&format!("plan ball.ply --out d {SHORT} --pass binned --relocate-every 5"));

@@ -127,8 +127,6 @@ fn numbers_that_are_none() {
         ("--seed 0.5", &["'0.5' for '--seed"]),
         ("--gate-softness nan", &["--gate-softness is NaN", "positive"]),
         ("--gate-softness 0", &["--gate-softness is 0", "positive"]),
-        ("--nearest-tau inf", &["--nearest-tau is inf", "positive"]),
-        ("--distance-weight nan", &["--distance-weight is NaN", "positive"]),
         ("--alpha nan", &["--alpha is NaN", "positive"]),
         ("--alpha 0.5", &["--alpha is 0.5", "less than 0.5"]),
         ("--scale nan", &["--scale is NaN", "positive"]),
@@ -144,7 +142,7 @@ fn numbers_that_are_none() {
         ("--probes 0", &["--probes is 0", "at least 1"]),
         ("--probes 65536", &["--probes is 65536", "at most 65535"]),
         ("--colour red", &["unexpected argument '--colour'", "--help"]),
-        ("--objective best", &["'best' for '--objective", "possible values"]),
+        ("--objective nearest", &["'nearest' for '--objective", "possible values"]),
         ("more", &["unexpected argument 'more'"]),
     ]);
     let place = Place::new();

@@ -11,9 +11,8 @@ use command::{Place, ended};
 const SMALL: &str = "--views 30 --pool 64 --probes 9 --held-out 60 --iterations 20 --checkpoint-every 10";
 
 /// The ways through the planner that have their own stages.
-const WAYS: [&str; 4] = [
+const WAYS: [&str; 3] = [
     "--objective quality",
-    "--objective nearest --pass dense --relocate-every 5",
     "--objective splat --pass dense --relocate-every 5",
     "--objective splat --pass binned --relocate-every 5",
 ];

@@ -285,8 +285,8 @@ fn bad_input_is_refused_and_nothing_is_written() {
             &["ours:seed=3", "seed is the evaluation's"],
         ),
         (
-            "evaluate cube.gltf --env sky.hdr --out o --methods ours:distance_weight=-1",
-            &["method ours:distance_weight=-1: ", "is -1"],
+            "evaluate cube.gltf --env sky.hdr --out o --methods ours:lambda_bound=-1",
+            &["method ours:lambda_bound=-1: ", "is -1"],
         ),
         ("evaluate cube.gltf --env sky.hdr --out o --lpips-vgg none", &["none: ", "there is no such file"]),
         (

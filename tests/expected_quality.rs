@@ -87,7 +87,6 @@ fn an_iteration_is_that_of_the_twin() {
             let splats: Vec<_> = planner.start().iter().map(|s| (vector(s.centre), vector(s.direction))).collect();
             let batch = Batch {
                 settings: planner.settings(),
-                objective: config.objective,
                 gate,
                 kernel: config.kernel,
                 occlusion: config.occlusion,
@@ -97,7 +96,6 @@ fn an_iteration_is_that_of_the_twin() {
                 lobes: &[],
                 directions: &[],
                 depth: &[],
-                stands: &[],
                 log_scale: 0.0,
             };
             let looks = planner.looks().expect("looks");

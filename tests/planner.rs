@@ -38,26 +38,23 @@ fn run(context: &Arc<Context>, scene: &Scene, config: Config) -> Outcome {
 }
 
 /// The shaders are only as right as what they are held against: here every formula of the loss, its gradient, the
-/// coverage weights and the utilities, with each objective, gate and kernel, with and without occlusion.
+/// coverage weights and the utilities, with each gate and kernel, with and without occlusion.
 #[test]
 fn one_iteration_is_that_of_the_twin() {
     let context = context();
     let scenes = [(Preset::Object, object(&context)), (Preset::Room, room(&context))];
     let cases = [
-        (Objective::Splat, Gate::Soft, Kernel::Angular, true),
-        (Objective::Splat, Gate::Soft, Kernel::Metric, true),
-        (Objective::Splat, Gate::Hard, Kernel::Angular, false),
-        (Objective::Splat, Gate::Pinhole, Kernel::Angular, true),
-        (Objective::Splat, Gate::PinholeHard, Kernel::Metric, true),
-        (Objective::Nearest, Gate::Soft, Kernel::Angular, true),
-        (Objective::Nearest, Gate::Pinhole, Kernel::Angular, false),
+        (Gate::Soft, Kernel::Angular, true),
+        (Gate::Soft, Kernel::Metric, true),
+        (Gate::Hard, Kernel::Angular, false),
+        (Gate::Pinhole, Kernel::Angular, true),
+        (Gate::PinholeHard, Kernel::Metric, true),
     ];
     for (preset, scene) in &scenes {
-        for (objective, gate, kernel, occlusion) in cases {
+        for (gate, kernel, occlusion) in cases {
             // 48 texels a side take the blocks of texels past one; rates of zero leave the splats where they are.
             for (resolution, seed) in [(16, 1), (48, 2)] {
                 let config = Config {
-                    objective,
                     gate,
                     kernel,
                     occlusion,
@@ -68,13 +65,9 @@ fn one_iteration_is_that_of_the_twin() {
                     rate_direction: 0.0,
                     seed,
                     equal_probes: seed == 1,
-                    // Distances count in every other case of the nearest view.
-                    distance_weight: if occlusion { 0.4 } else { 0.0 },
                     ..small(*preset, 40)
                 };
-                if objective == Objective::Splat {
-                    compare(&context, scene, Config { pass: Pass::Binned, ..config.clone() });
-                }
+                compare(&context, scene, Config { pass: Pass::Binned, ..config.clone() });
                 compare(&context, scene, Config { pass: Pass::Dense, ..config });
             }
         }
@@ -83,10 +76,7 @@ fn one_iteration_is_that_of_the_twin() {
 }
 
 fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
-    let case = format!(
-        "{:?} {:?} {:?} {:?} {:?}",
-        config.pass, config.objective, config.gate, config.kernel, config.resolution
-    );
+    let case = format!("{:?} {:?} {:?} {:?}", config.pass, config.gate, config.kernel, config.resolution);
     let planner = planner(context, scene, config.clone());
     let outcome = planner.run(None, |_| ControlFlow::Continue(())).expect("a run");
     let maps = planner.maps();
@@ -99,10 +89,8 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
         .map(|p| (Vec3::from(p.position).as_dvec3(), p.score as f64))
         .collect();
     let lobes = planner.lobes().expect("lobes");
-    let stands: Vec<f64> = planner.stands().expect("distances").into_iter().map(f64::from).collect();
     let batch = Batch {
         settings: planner.settings(),
-        objective: config.objective,
         gate: config.gate,
         kernel: config.kernel,
         occlusion: config.occlusion,
@@ -112,15 +100,11 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
         lobes: if lobes.len() > 1 { &lobes[..probes.len()] } else { &[] },
         directions: &octahedral::directions(maps.resolution),
         depth: &depth[..probes.len() * texels],
-        stands: &stands[..stands.len().min(probes.len() * texels)],
         log_scale: (planner.start_scale() as f64).ln(),
     };
     let image = dense(&batch);
     let (reg, reg_centre, reg_direction) = regulariser(&batch, &image.weights);
-    let lambda = match config.objective {
-        Objective::Splat => config.lambda_reg as f64,
-        Objective::Nearest | Objective::Quality => 0.0,
-    };
+    let lambda = config.lambda_reg as f64;
 
     // Single texels may fall on either side of a cut-off in float32: the tolerances allow for a few of thousands.
     let close = |device: f64, twin: f64, scale: f64, what: &str| {
@@ -132,14 +116,10 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
     let blocks = planner.settings().blocks as usize;
     for (tallies, weight) in planner.tallies().expect("tallies").chunks(blocks).zip(&image.weights) {
         let (lack, sky) = tallies.iter().fold((0.0, 0.0), |sum, t| (sum.0 + t.short_fall, sum.1 + t.sky));
-        if config.objective == Objective::Splat {
-            close((lack / sky.max(1.0)) as f64, *weight, weight.abs().max(1e-5), "coverage weight");
-        }
+        close((lack / sky.max(1.0)) as f64, *weight, weight.abs().max(1e-5), "coverage weight");
     }
     let scale: f64 = planner.tallies().expect("tallies").iter().map(|tally| tally.log_scale as f64).sum();
-    if config.objective == Objective::Splat {
-        close(scale, image.by_log_scale, image.by_log_scale.abs().max(1e-4), "gradient by scale");
-    }
+    close(scale, image.by_log_scale, image.by_log_scale.abs().max(1e-4), "gradient by scale");
     let gradients = planner.gradients().expect("gradients");
     let largest = |of: &dyn Fn(usize) -> DVec3| (0..splats.len()).map(|j| of(j).length()).fold(1e-9, f64::max);
     let by_centre = |j: usize| image.by_centre[j] + lambda * reg_centre[j];
@@ -175,11 +155,9 @@ fn varying(context: &Arc<Context>) -> Scene {
 fn targets_that_vary_with_direction_are_those_of_the_twin() {
     let context = context();
     let scene = varying(&context);
-    for (objective, pass) in
-        [(Objective::Splat, Pass::Dense), (Objective::Splat, Pass::Binned), (Objective::Nearest, Pass::Dense)]
-    {
+    for pass in [Pass::Dense, Pass::Binned] {
         let still = Config { iterations: 1, rate_centre: 0.0, rate_direction: 0.0, ..small(Preset::Object, 40) };
-        let config = Config { objective, pass, gate_softness: 0.02, resolution: Some(24), ..still };
+        let config = Config { pass, gate_softness: 0.02, resolution: Some(24), ..still };
         compare(&context, &scene, config.clone());
         // Scales are those of the twin, and `directional` is what brings lobes in.
         let planner = planner(&context, &scene, config.clone());

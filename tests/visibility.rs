@@ -9,7 +9,6 @@ use camsplat::scene::samples;
 use camsplat::scene::surface::{Points, Surface};
 use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
 use camsplat::visibility::probe_depth::{ProbeMaps, probe_depth, probe_sky};
-use camsplat::visibility::probe_stand::{self, ANY};
 use camsplat::vulkan::{Context, Options};
 use glam::{DVec3, Vec3};
 
@@ -41,47 +40,6 @@ fn cloud(surface: &Surface) -> Surface {
         oriented: true,
         ..Points::default()
     })
-}
-
-/// If this failed, the planner would want cameras where none may stand, or the same distance along every ray.
-#[test]
-fn wanted_distances_are_feasible_and_those_of_the_twin() {
-    let context = context();
-    for (name, surface, region) in scenes() {
-        let proxy = Proxy::new(&surface, Orientation::Trusted).expect("a good surface");
-        let geometry = SceneGeometry::new(&proxy, &region).expect("a good region");
-        let scene = DeviceScene::new(&context, geometry).expect("room for it");
-        let maps = ProbeMaps::new(&context, &scene, &proxy.sample(24, 3, 0), RESOLUTION).expect("maps");
-        let depth = maps.download().expect("depths");
-        let buffer = probe_stand::draw(&context, &scene, &maps, 5).expect("distances");
-        let stands: Vec<f32> = buffer.download(depth.len()).expect("distances");
-        let directions = octahedral::directions(RESOLUTION);
-        let back = scene.geometry.to_internal.inverse();
-        let (mut off, mut asked, mut reachable) = (0, Vec::new(), 0);
-        for (index, device) in stands.iter().enumerate() {
-            let (probe, texel) = (index / directions.len(), index % directions.len());
-            let (number, reach) = (&maps.probes[probe], depth[index]);
-            let twin = probe_stand::stand(&scene.geometry, (probe as u32, number), texel as u32, RESOLUTION, reach, 5);
-            off += ((device - twin).abs() > 1e-3) as usize;
-            reachable += (reach > 0.0) as usize;
-            if *device < ANY {
-                let away = f64::from(device.exp());
-                let stand = Vec3::from(number.position).as_dvec3() + away * directions[texel];
-                assert!(device.exp() < reach, "{name}: {away} behind the surface at {reach}");
-                let settled = scene.geometry.settle(stand);
-                assert!(settled.distance(stand) < 0.02, "{name}: {} is outside the region", back.point(stand));
-                asked.push(away);
-            }
-        }
-        // Rays that pass a rim otherwise than the twin's, as with the maps themselves.
-        assert!(500 * off <= depth.len(), "{name}: {off} of {} differ", depth.len());
-        // Narrow parts of the region may be missed, but not many.
-        assert!(10 * asked.len() > 9 * reachable, "{name}: {} of {reachable} ask for a distance", asked.len());
-        asked.sort_by(f64::total_cmp);
-        let spread = asked[asked.len() * 9 / 10] / asked[asked.len() / 10];
-        assert!(spread > 1.2, "{name}: distances are all alike, {spread}");
-    }
-    assert_eq!(context.messages(), Vec::<String>::new(), "the validation layers found fault");
 }
 
 /// Were a map wrong, a camera would count as seeing through a wall, or light would be asked for from where no camera may

@@ -7,7 +7,6 @@
 //
 // An invocation's loops come to about 8 iterations a visible splat, far from the 65,535 at which
 // lavapipe ends them; `Planner` keeps larger problems away from this stage.
-#include "shared/octahedral.glsl"
 #include "shared/plan.glsl"
 layout(local_size_x_id = 6) in;
 layout(constant_id = 6) const uint THREADS = 256;  // a power of two from 64 to 1024
@@ -26,7 +25,6 @@ layout(binding = 8, std430) buffer Partials { Gradient partials[]; };
 layout(binding = 9, std430) writeonly buffer Tallies { Tally tallies[]; };
 layout(binding = 10, std430) writeonly buffer Deficit { float deficit[]; };
 layout(binding = 11, std430) readonly buffer Lobes { Lobe lobes[]; };
-layout(binding = 12, std430) readonly buffer Stands { float stands[]; };
 
 const uint BLOCK = THREADS * EACH;  // texels of a workgroup
 const uint BATCH = 64;              // splats at a time
@@ -34,14 +32,13 @@ const uint WORDS = THREADS / 32;
 
 shared uint words[WORDS];
 shared uint listed[THREADS];          // the first of the list; the rest lies in `visible`
-shared vec4 batch_ray[BATCH];           // n, d (splat) or log d (nearest)
+shared vec4 batch_ray[BATCH];           // n, d
 shared float batch_open[BATCH];         // alpha m
-shared float left[BLOCK];                      // transmittance, or the nearest-view sum; negative where rho = 0
-shared float wanted[STANDS != 0 ? BLOCK : 1];  // log distances
+shared float left[BLOCK];               // transmittance; negative where rho = 0
 shared vec4 sums[THREADS];
 shared vec2 more_sums[THREADS];
 
-uint list_visible(uint probe, vec3 position, uint pool_row, Settings s) {
+uint list_visible(uint probe, vec3 position, Settings s) {
     uint count = 0;
     uint thread = gl_LocalInvocationIndex;
     for (uint base = 0; base < s.splats; base += THREADS) {
@@ -54,8 +51,6 @@ uint list_visible(uint probe, vec3 position, uint pool_row, Settings s) {
             float d = length(ray);
             vec3 n = ray / max(d, 1e-6);
             seen = gate(-n, splats[j], s).open >= GATE_CUTOFF;
-            // The nearest-view sum is long-ranged: occlusion is decided once, at the splat's centre.
-            if (OBJECTIVE == 1 && OCCLUSION != 0 && seen) seen = d < abs(depth[pool_row + octahedral_texel(n, RESOLUTION)]);
         }
         if (seen) atomicOr(words[thread >> 5], 1u << (thread & 31u));
         barrier();
@@ -104,15 +99,14 @@ void main() {
     vec3 position = probes[index].position;
     float score = s.weighted != 0 ? probes[index].score : 1.0;
     uint pool_row = index * TEXELS;
-    uint found = list_visible(probe, position, pool_row, s);
+    uint found = list_visible(probe, position, s);
     uint count = min(found, s.capacity);
     uint block = gl_WorkGroupID.y * BLOCK, row = (probe * s.blocks + gl_WorkGroupID.y) * s.capacity;
 
     float scale = exp(control[0].log_scale);
-    float inverse = OBJECTIVE == 1 ? 1.0 / s.nearest_tau : 1.0 / (scale * scale);
+    float inverse = 1.0 / (scale * scale);
     Lobe lobe = lobes[LOBES != 0 ? index : 0];
     float share = texel_weight(probes[index], s);
-    float by_distance = s.distance_weight * s.distance_weight * inverse;
     float loss = 0.0, short_fall = 0.0, open_sky = 0.0, by_log_scale = 0.0;
 
     // Lanes that share a splat on the way back: as many as keep every thread busy.
@@ -121,13 +115,12 @@ void main() {
     uint at_once = THREADS / lanes;
 
     vec3 w[4];
-    float far[4], value[4], stand[4];
+    float far[4], value[4];
     for (uint k = 0; k < EACH; ++k) {
         uint texel = block + k * THREADS + thread;
         w[k] = directions[min(texel, TEXELS - 1)].xyz;
         far[k] = depth[pool_row + min(texel, TEXELS - 1)];
-        stand[k] = STANDS != 0 ? stands[pool_row + min(texel, TEXELS - 1)] : 0.0;
-        value[k] = OBJECTIVE == 1 ? 0.0 : 1.0;
+        value[k] = 1.0;
     }
     for (uint base = 0; base < count; base += BATCH) {
         barrier();
@@ -136,8 +129,8 @@ void main() {
             vec3 ray = splats[j].centre - position;
             float d = length(ray);
             vec3 n = ray / max(d, 1e-6);
-            batch_ray[thread] = vec4(n, OBJECTIVE == 1 ? log(max(d, 1e-6)) : d);
-            batch_open[thread] = (OBJECTIVE == 1 ? 1.0 : s.alpha) * gate(-n, splats[j], s).open;
+            batch_ray[thread] = vec4(n, d);
+            batch_open[thread] = s.alpha * gate(-n, splats[j], s).open;
         }
         barrier();
         uint here = min(BATCH, count - base);
@@ -145,10 +138,7 @@ void main() {
             vec4 ray = batch_ray[b];
             for (uint k = 0; k < EACH; ++k) {
                 float x = kernel_exponent(w[k], ray.xyz, ray.w, inverse);
-                if (OBJECTIVE == 1) {
-                    if (STANDS != 0) x += by_distance * off_distance(ray.w, stand[k]).x;
-                    value[k] += batch_open[b] * exp(-x);
-                } else if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || ray.w < abs(far[k]))) {
+                if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || ray.w < abs(far[k]))) {
                     value[k] *= 1.0 - batch_open[b] * exp(-x);
                 }
             }
@@ -159,41 +149,30 @@ void main() {
         uint texel = block + k * THREADS + thread;
         if (texel >= TEXELS) break;
         bool counts = far[k] > 0.0;
-        float target = target_at(score, lobe, w[k]), lack;
-        if (OBJECTIVE == 1) {
-            float term = -s.nearest_tau * log(max(value[k], NEAREST_FLOOR));
-            // `relocate` weighs probes by their scores: what is left is how the target varies within one.
-            lack = max(term, 0.0) * sqrt(target / score);
-            if (counts) loss += target * term;
-        } else {
-            float difference = (1.0 - value[k]) - s.alpha * target;
-            lack = max(-difference, 0.0);
-            if (counts) loss += difference * difference;
-        }
+        float difference = (1.0 - value[k]) - s.alpha * target_at(score, lobe, w[k]);
+        float lack = max(-difference, 0.0);
         if (counts) {
+            loss += difference * difference;
             open_sky += 1.0;
             short_fall += lack * lack;
         }
         if (keep_deficit) deficit[probe * TEXELS + texel] = counts ? lack * lack : 0.0;
         left[k * THREADS + thread] = counts ? value[k] : -1.0;
-        if (STANDS != 0) wanted[k * THREADS + thread] = stand[k];
     }
     barrier();
 
     for (uint base = 0; base < count; base += at_once) {
         uint rank = base + thread / lanes, lane = thread % lanes;
         vec3 n = vec3(0.0), moment = vec3(0.0);
-        // `apart`: by log s (splat), or by the logarithm of the distance (nearest).
-        float d = 1.0, log_d = 0.0, total = 0.0, apart = 0.0, utility = 0.0;
+        float d = 1.0, total = 0.0, by_scale = 0.0, utility = 0.0;
         Gate g = Gate(0.0, vec3(0.0), vec3(0.0));
         if (rank < count) {
             Splat splat = splats[at(rank, row)];
             vec3 ray = splat.centre - position;
             d = max(length(ray), 1e-6);
-            log_d = log(d);
             n = ray / d;
             g = gate(-n, splat, s);
-            float open = (OBJECTIVE == 1 ? 1.0 : s.alpha) * g.open;
+            float open = s.alpha * g.open;
             uint texels = min(BLOCK, TEXELS - block);
             for (uint first = lane; first < texels; first += 4 * lanes) {
                 for (uint i = 0; i < 4; ++i) {
@@ -203,24 +182,14 @@ void main() {
                     vec3 w = directions[block + t].xyz;
                     float target = target_at(score, lobe, w);
                     float x = kernel_exponent(w, n, d, inverse);
-                    if (OBJECTIVE == 1) {
-                        float sum = max(rest, NEAREST_FLOOR);
-                        vec2 off = STANDS != 0 ? off_distance(log_d, wanted[t]) : vec2(0.0);
-                        x += by_distance * off.x;
-                        float part = open * exp(-x) / sum;
-                        float by_part = rest > NEAREST_FLOOR ? -s.nearest_tau * share * target * part : 0.0;
-                        apart -= by_part * by_distance * off.y;
-                        total += by_part;
-                        moment += by_part * w;
-                        utility -= s.nearest_tau * share * target * log(max(1.0 - part, 1e-3));
-                    } else if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || d < abs(depth[pool_row + block + t]))) {
+                    if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || d < abs(depth[pool_row + block + t]))) {
                         float a = open * exp(-x);
                         float odds = a / (1.0 - a);
                         float difference = 1.0 - rest - s.alpha * target;
                         float by_a = 2.0 * share * difference * rest * odds;  // (dL/da) a
                         total += by_a;
                         moment += KERNEL == 0 ? by_a * w : (by_a * d * dot(w, n)) * w;
-                        apart += 2.0 * x * by_a;
+                        by_scale += 2.0 * x * by_a;
                         // (I_without - goal)^2 - (I - goal)^2
                         utility -= share * rest * odds * (2.0 * difference - rest * odds);
                     }
@@ -228,7 +197,7 @@ void main() {
             }
         }
         sums[thread] = vec4(moment, total);
-        more_sums[thread] = vec2(apart, utility);
+        more_sums[thread] = vec2(by_scale, utility);
         for (uint half_ = lanes >> 1; half_ > 0; half_ >>= 1) {
             barrier();
             if (lane < half_) {
@@ -239,8 +208,7 @@ void main() {
         barrier();
         if (lane == 0 && rank < count) {
             Gradient grad = splat_gradient(n, d, g, sums[thread].xyz, sums[thread].w, inverse);
-            if (OBJECTIVE == 1) grad.centre += more_sums[thread].x / d * n;
-            else grad.log_scale = more_sums[thread].x;
+            grad.log_scale = more_sums[thread].x;
             grad.utility = more_sums[thread].y;
             by_log_scale += grad.log_scale;
             partials[row + rank] = grad;

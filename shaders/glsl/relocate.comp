@@ -29,8 +29,25 @@ float missing(uint probe, Settings s) {
     uint index = ((control[0].iteration - 1) * s.probes + probe) % s.pool;
     float sum = 0.0;
     for (uint b = probe * s.blocks; b < (probe + 1) * s.blocks; ++b) sum += tallies[b].short_fall;
-    if (OBJECTIVE == 1 && s.weighted != 0) sum *= probes[index].score;
     return sum * texel_weight(probes[index], s);
+}
+
+// Distance from `from` along unit `w` at which a camera may stand, uniform over the feasible part of the ray before `reach` as
+// 32 steps find it; negative where they find none. `pick` and `jitter` are uniform in [0, 1).
+float stand_along(vec3 from, vec3 w, float reach, float pick, float jitter) {
+    // The region lies within the unit ball.
+    float middle = dot(from, w), outer = middle * middle - dot(from, from) + 1.0;
+    if (outer < 0.0) return -1.0;
+    float near = max(-middle - sqrt(outer), 0.0), far = min(-middle + sqrt(outer), reach);
+    if (near >= far) return -1.0;
+    uint feasible = 0;
+    for (uint k = 0; k < 32; ++k) {
+        if (region_contains(from + w * mix(near, far, (float(k) + jitter) / 32.0))) feasible |= 1u << k;
+    }
+    uint count = bitCount(feasible);
+    if (count == 0) return -1.0;
+    for (uint k = min(uint(pick * float(count)), count - 1); k > 0; --k) feasible &= feasible - 1u;
+    return mix(near, far, (float(findLSB(feasible)) + jitter) / 32.0);
 }
 
 // What is drawn from: probes by what they lack (`probe` is NONE), or the texels of a probe by their deficit.

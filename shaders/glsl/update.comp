@@ -57,7 +57,7 @@ void update(uint j, Settings s, Control c, uint thread) {
     Gradient sum = Gradient(vec3(0.0), 0.0, vec3(0.0), 0.0);
     float reg = 0.0;
     float share = 1.0 / (float(s.probes) * float(c.live));
-    if (OBJECTIVE == 2) {
+    if (OBJECTIVE == 1) {
         // Three partials a look, each of the splat that its slot names.
         for (uint r = thread; r < s.probes * 192; r += GROUP) {
             if (slots[r] != j) continue;
@@ -66,7 +66,7 @@ void update(uint j, Settings s, Control c, uint thread) {
             sum.utility += partials[r].utility;
         }
     }
-    for (uint p = thread; OBJECTIVE != 2 && p < s.probes * s.blocks; p += GROUP) {
+    for (uint p = thread; OBJECTIVE == 0 && p < s.probes * s.blocks; p += GROUP) {
         uint slot = slots[p / s.blocks * s.splats + j];
         if (slot == NONE) continue;
         Gradient part = partials[p * s.row + slot];

@@ -85,16 +85,16 @@ pub struct Tuning {
     /// Seed of every random number
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Iterations [default: 100; in rooms 600; of the other objectives 1000]
+    /// Iterations [default: 100; in rooms 600; of the paper's objective 1000]
     #[arg(long)]
     iterations: Option<u32>,
     /// What is minimised [default: quality; splat, the paper's, where an option is given that only it has]
     #[arg(long, value_enum)]
     objective: Option<Objective>,
-    /// Field-of-view test while optimising [default: pinhole; of the other objectives soft]
+    /// Field-of-view test while optimising [default: pinhole; of the paper's objective soft]
     #[arg(long, value_enum)]
     gate: Option<Gate>,
-    /// Softness of the gate, in cosines (cone) or sines (pinhole) [default: 0.01; of the other objectives 0.02]
+    /// Softness of the gate, in cosines (cone) or sines (pinhole) [default: 0.01; of the paper's objective 0.02]
     #[arg(long)]
     gate_softness: Option<f32>,
     /// Kernel of the splats [default: angular]
@@ -142,13 +142,6 @@ pub struct Tuning {
     /// Pressure on the scale [default: 0.2]
     #[arg(long)]
     lambda_scale: Option<f32>,
-    /// Softness of the nearest-view minimum [default: 0.02]
-    #[arg(long)]
-    nearest_tau: Option<f32>,
-    /// What distances count beside angles in the nearest-view minimum: radians that a view e times as far away as wanted is
-    /// off; one that is nearer is half as much off [default: 0.3; in rooms 0]
-    #[arg(long)]
-    distance_weight: Option<f32>,
     /// Opacity of a splat [default: 0.1]
     #[arg(long)]
     alpha: Option<f32>,
@@ -158,10 +151,10 @@ pub struct Tuning {
     /// Learning rate of the scale; 0 holds it [default: 0.005]
     #[arg(long)]
     rate_scale: Option<f32>,
-    /// Learning rate of positions, in radii of the region [default: 0.015; of the other objectives 0.0065]
+    /// Learning rate of positions, in radii of the region [default: 0.015; of the paper's objective 0.0065]
     #[arg(long)]
     rate_centre: Option<f32>,
-    /// Learning rate of directions [default: 0.05; of the other objectives 0.02]
+    /// Learning rate of directions [default: 0.05; of the paper's objective 0.02]
     #[arg(long)]
     rate_direction: Option<f32>,
     /// Point cameras a step, or viewers [default: 20]
@@ -182,9 +175,9 @@ pub struct Tuning {
 }
 
 impl Tuning {
-    /// The objective that options follow from which no other has.
-    fn implied(&self) -> Option<Objective> {
-        let of_splat = self.kernel.is_some()
+    /// Whether an option is given that only the paper's objective has.
+    fn of_splat(&self) -> bool {
+        self.kernel.is_some()
             || self.pass == Some(Pass::Binned)
             || self.base_loss
             || self.no_vds
@@ -196,15 +189,7 @@ impl Tuning {
             || self.no_relocation
             || self.relocate_every.is_some()
             || self.no_reg
-            || [self.lambda_reg, self.lambda_scale, self.alpha, self.scale, self.rate_scale]
-                .iter()
-                .any(Option::is_some);
-        let of_nearest = self.nearest_tau.is_some() || self.distance_weight.is_some();
-        match (of_splat, of_nearest) {
-            (true, _) => Some(Objective::Splat),
-            (_, true) => Some(Objective::Nearest),
-            _ => None,
-        }
+            || [self.lambda_reg, self.lambda_scale, self.alpha, self.scale, self.rate_scale].iter().any(Option::is_some)
     }
 
     /// Refuses options that the objective asked for does not read, and a method that has another.
@@ -214,8 +199,8 @@ impl Tuning {
         {
             return Err(Error::request("--method: this variant has the paper's objective; leave --objective out"));
         }
-        if self.objective == Some(Objective::Quality) && self.implied().is_some() {
-            let what = "--objective quality: some of the options given are of --objective splat or nearest alone; leave them out";
+        if self.objective == Some(Objective::Quality) && self.of_splat() {
+            let what = "--objective quality: some of the options given are of --objective splat alone; leave them out";
             return Err(Error::request(what));
         }
         Ok(())
@@ -226,7 +211,7 @@ impl Tuning {
         fn set<T: Copy>(target: &mut T, given: Option<T>) {
             *target = given.unwrap_or(*target);
         }
-        let default = self.implied().unwrap_or(Objective::Quality);
+        let default = if self.of_splat() { Objective::Splat } else { Objective::Quality };
         let mut config = Config::of(self.objective.or(implied).unwrap_or(default), preset, views);
         config.seed = self.seed;
         set(&mut config.iterations, self.iterations);
@@ -239,8 +224,6 @@ impl Tuning {
         set(&mut config.lambda_reg, self.lambda_reg);
         set(&mut config.lambda_bound, self.lambda_bound);
         set(&mut config.lambda_scale, self.lambda_scale);
-        set(&mut config.nearest_tau, self.nearest_tau);
-        set(&mut config.distance_weight, self.distance_weight);
         set(&mut config.alpha, self.alpha);
         set(&mut config.rate_scale, self.rate_scale);
         set(&mut config.rate_centre, self.rate_centre);
@@ -273,7 +256,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let config = arguments.tuning.config(arguments.region.preset(), views, arguments.peers.method.objective());
     let config = Config { viewers: arguments.viewers.viewers()?, ..config };
     if arguments.curve && config.objective != Objective::Quality {
-        return Err(Error::request("--curve is of expected quality; leave the options of other objectives out"));
+        return Err(Error::request("--curve is of expected quality; leave the options of --objective splat out"));
     }
     let config = arguments.peers.method.planner(&config).unwrap_or(config);
     config.validate()?;
@@ -496,7 +479,6 @@ mod tests {
             assert!(same, "{}: {default} in the help, {used} in the configuration", argument.get_id());
             told += 1;
         }
-        assert_eq!(told, 21, "defaults of numbers and choices");
-        assert_eq!(used(Preset::Room, 50).distance_weight, 0.0);
+        assert_eq!(told, 19, "defaults of numbers and choices");
     }
 }

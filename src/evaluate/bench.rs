@@ -272,7 +272,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// What is shown, in a region, ready to be planned for. Scores stand on points, which objectives that take some are shown, with
+    /// What is shown, in a region, ready to be planned for. Scores stand on points, which the objective that takes some is shown, with
     /// or without them; all others are shown the mesh itself, whose sheets have two sides, where that is what is shown.
     ///
     /// # Errors

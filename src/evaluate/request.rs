@@ -429,16 +429,16 @@ mod tests {
     #[test]
     fn every_method_is_found_by_its_name() {
         let plans = Placing::value_variants().iter().map(|placing| Method::Plan(*placing));
-        let set = Method::Set("ours:nearest_tau=0.1:gate=pinhole:scale=0.5");
+        let set = Method::Set("ours:alpha=0.2:gate=pinhole_hard:scale=0.5");
         for method in plans.chain([set]) {
             assert_eq!(method.name().parse(), Ok(method));
             assert!(method.takes(7));
         }
         let config = set.config(Preset::Object, 20, 3).unwrap();
-        let told = (config.nearest_tau, config.gate, config.scale, config.views, config.seed);
-        assert_eq!(told, (0.1, Gate::Pinhole, Some(0.5), 20, 3));
+        let told = (config.alpha, config.gate, config.scale, config.views, config.seed);
+        assert_eq!(told, (0.2, Gate::PinholeHard, Some(0.5), 20, 3));
         for (wrong, named) in [
-            ("ours:tau=1", "nearest_tau"),
+            ("ours:tau=1", "lambda_reg"),
             ("ours:gate=wide", "gate cannot be wide"),
             ("ours:", "key"),
             ("ours:views=9", "views is the evaluation's"),

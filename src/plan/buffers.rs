@@ -20,7 +20,6 @@ pub(super) struct Buffers {
     pub(super) tallies: Buffer,
     pub(super) deficit: Buffer,
     pub(super) lobes: Buffer,
-    pub(super) stands: Buffer,
     pub(super) moments: Buffer,
     pub(super) terms: Buffer,
     pub(super) arrivals: Buffer,
@@ -32,12 +31,7 @@ pub(super) struct Buffers {
 }
 
 impl Buffers {
-    pub(super) fn new(
-        context: &Arc<Context>,
-        plan: &Footprint,
-        resolution: u32,
-        [lobes, stands]: [Buffer; 2],
-    ) -> Result<Self> {
+    pub(super) fn new(context: &Arc<Context>, plan: &Footprint, resolution: u32, lobes: Buffer) -> Result<Self> {
         let directions: Vec<[f32; 4]> =
             octahedral::directions(resolution).iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect();
         let device = |name: &str| Buffer::device(context, name, plan.bytes_of(name)?);
@@ -52,7 +46,6 @@ impl Buffers {
             tallies: device("tallies")?,
             deficit: device("deficit")?,
             lobes,
-            stands,
             moments: device("moments")?,
             terms: device("terms")?,
             arrivals: device("arrivals")?,

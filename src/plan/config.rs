@@ -11,8 +11,6 @@ use crate::{Error, Result};
 pub enum Objective {
     /// The picture of a point camera must come out evenly bright (the paper).
     Splat,
-    /// The soft minimum of the angle from a direction to the nearest view that sees the point.
-    Nearest,
     /// The error that viewers are expected to see of what the photographs train ([`crate::quality`]).
     Quality,
 }
@@ -86,7 +84,7 @@ pub enum Pass {
 }
 
 /// Splats that the loops of the dense pass can take before lavapipe would end them: 65,535 iterations an invocation, and
-/// a probe that sees all splats takes about eight for each. The nearest-view objective has no other pass.
+/// a probe that sees all splats takes about eight for each.
 pub const MOST_DENSE: u32 = 6000;
 
 /// Most views of a plan: the loop of `rank` over all of them stays within lavapipe's bound.
@@ -136,11 +134,6 @@ pub struct Config {
     pub lambda_scale: f32,
     /// From where people will look at what is trained.
     pub viewers: Viewers,
-    /// Softness of the nearest-view minimum.
-    pub nearest_tau: f32,
-    /// What distances count beside angles in the nearest-view minimum: radians that a view e
-    /// times as far away as wanted is off; one that is nearer is half as much off.
-    pub distance_weight: f32,
     /// Learning rate of positions, in radii of the region.
     pub rate_centre: f32,
     /// Learning rate of directions.
@@ -184,7 +177,6 @@ impl Config {
             ("--lambda-reg", self.lambda_reg),
             ("--lambda-bound", self.lambda_bound),
             ("--lambda-scale", self.lambda_scale),
-            ("--distance-weight", self.distance_weight),
             ("--rate-centre", self.rate_centre),
             ("--rate-direction", self.rate_direction),
             ("--rate-scale", self.rate_scale),
@@ -213,9 +205,6 @@ impl Config {
         }
         if let Some((name, value)) = not_negative.iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0)) {
             return bad(name, value, "zero or a positive number");
-        }
-        if !(0.005..=1.0).contains(&self.nearest_tau) {
-            return bad("--nearest-tau", &self.nearest_tau, "a positive number between 0.005 and 1");
         }
         if self.alpha >= 0.5 {
             return bad("--alpha", &self.alpha, "less than 0.5, so that a score of 2 stays below full brightness");
@@ -268,8 +257,6 @@ impl Config {
             lambda_bound: 10.0,
             lambda_scale: 0.2,
             viewers: Viewers::Region,
-            nearest_tau: 0.02,
-            distance_weight: if preset == Preset::Object { 0.3 } else { 0.0 },
             rate_centre: if quality { 0.015 } else { 0.0065 },
             rate_direction: if quality { 0.05 } else { 0.02 },
             rate_scale: 0.005,

@@ -2,17 +2,16 @@
 
 use glam::DVec3;
 
-use super::config::{Gate, Kernel, Objective};
+use super::config::{Gate, Kernel};
 use super::shared::{Control, Gradient, Settings, Splat, Tally};
 use crate::visibility::probe_depth::Probe;
 use crate::visibility::probe_lobe::Lobe;
-use crate::visibility::probe_stand::ANY;
 
 crate::stage!(
     /// Loss and gradient partials, a workgroup per block of texels of a point camera.
     pub DENSE = dense(()) {
         read settings, read control, read splats, read probes, read directions, read depth,
-        write visible, write slots, write partials, write tallies, write deficit, read lobes, read stands,
+        write visible, write slots, write partials, write tallies, write deficit, read lobes,
     } with [Settings, Control, Splat, Probe, Gradient, Tally, Lobe]
 );
 
@@ -20,18 +19,12 @@ crate::stage!(
 pub const KERNEL_CUTOFF: f64 = 8.0;
 /// A soft gate that lets less than this through is closed.
 pub const GATE_CUTOFF: f64 = 1e-4;
-/// What a view that is nearer than wanted costs of one that is as much further.
-pub const NEARER: f64 = 0.25;
-/// Below this a nearest-view sum counts as empty.
-pub const NEAREST_FLOOR: f64 = 1e-36;
 
 /// One batch of the optimisation as the twin sees it, in float64 and the planner's frame.
 #[derive(Clone, Copy)]
 pub struct Batch<'a> {
     /// Numbers of the run; `splats`, `probes` and `pool` are not read.
     pub settings: &'a Settings,
-    /// What is minimised.
-    pub objective: Objective,
     /// The gate.
     pub gate: Gate,
     /// The kernel.
@@ -50,14 +43,11 @@ pub struct Batch<'a> {
     pub directions: &'a [DVec3],
     /// Signed depth, `probes x texels`; negative where the ray misses the region.
     pub depth: &'a [f64],
-    /// Logarithms of the distances from which the probes are to be seen, `probes x texels`, [`ANY`] where none is asked for;
-    /// empty where distances do not count.
-    pub stands: &'a [f64],
     /// Logarithm of the shared scale.
     pub log_scale: f64,
 }
 
-/// Loss and gradient of the image (or nearest-view) term.
+/// Loss and gradient of the image term.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Image {
     /// The term.
@@ -112,22 +102,19 @@ pub fn gate(batch: &Batch<'_>, j: usize, v: DVec3, r: DVec3) -> (f64, DVec3, DVe
 }
 
 fn exponent(batch: &Batch<'_>, w: DVec3, n: DVec3, d: f64, inverse: f64) -> f64 {
-    if batch.kernel == Kernel::Angular || batch.objective == Objective::Nearest {
+    if batch.kernel == Kernel::Angular {
         return 0.5 * (w - n).length_squared() * inverse;
     }
     let h = w.dot(n);
     if h > 0.0 { 0.5 * d * d * (n - h * w).length_squared() * inverse } else { f64::INFINITY }
 }
 
-/// Image loss, gradients, utilities and coverage weights of a batch (docs/method.md, Losses and Nearest-view objective).
+/// Image loss, gradients, utilities and coverage weights of a batch (docs/method.md, Losses).
 pub fn dense(batch: &Batch<'_>) -> Image {
     let s = batch.settings;
-    let nearest = batch.objective == Objective::Nearest;
     let texels = batch.directions.len();
     let all = 1.0 / (texels as f64 * batch.probes.len() as f64);
-    let tau = s.nearest_tau as f64;
-    let inverse = if nearest { 1.0 / tau } else { (-2.0 * batch.log_scale).exp() };
-    let resolution = (texels as f64).sqrt() as u32;
+    let inverse = (-2.0 * batch.log_scale).exp();
     let count = batch.splats.len();
     let mut image = Image {
         by_centre: vec![DVec3::ZERO; count],
@@ -147,27 +134,13 @@ pub fn dense(batch: &Batch<'_>) -> Image {
             let d = ray.length().max(1e-6);
             let n = ray / d;
             let (open, by_view, by_direction) = gate(batch, j, -n, direction);
-            let texel = crate::scene::octahedral::texel(n, resolution) as usize;
-            let hidden = nearest && batch.occlusion && d >= depth[texel].abs();
-            if open >= GATE_CUTOFF && !hidden {
+            if open >= GATE_CUTOFF {
                 seen.push((j, n, d, open, by_view, by_direction));
             }
         }
-        // Half the squared logarithm of how much further away than wanted a view is, and its slope.
-        let off_distance = |t: usize, d: f64| {
-            let stand = batch.stands.get(i * texels + t).copied().unwrap_or(f64::from(ANY));
-            let off = if stand < f64::from(ANY) { d.ln() - stand } else { 0.0 };
-            let slope = if off < 0.0 { NEARER * off } else { off };
-            (0.5 * off * slope, slope)
-        };
-        let by_distance = f64::from(s.distance_weight).powi(2) * inverse;
         // a_j of a texel; zero where the kernel is cut off or a surface is in the way.
         let opacity = |t: usize, n: DVec3, d: f64, open: f64| {
             let x = exponent(batch, batch.directions[t], n, d, inverse);
-            if nearest {
-                let x = x + by_distance * off_distance(t, d).0;
-                return (open * (-x).exp(), x);
-            }
             let blocked = batch.occlusion && d >= depth[t].abs();
             if x < KERNEL_CUTOFF && !blocked { (s.alpha as f64 * open * (-x).exp(), x) } else { (0.0, x) }
         };
@@ -175,43 +148,29 @@ pub fn dense(batch: &Batch<'_>) -> Image {
         for t in (0..texels).filter(|&t| depth[t] > 0.0) {
             let w = batch.directions[t];
             let parts: Vec<_> = seen.iter().map(|&(_, n, d, open, ..)| opacity(t, n, d, open)).collect();
-            let sum: f64 = parts.iter().map(|part| part.0).sum::<f64>().max(NEAREST_FLOOR);
             let rest: f64 = parts.iter().map(|part| 1.0 - part.0).product();
-            let score = target(w);
-            let goal = s.alpha as f64 * score;
+            let goal = s.alpha as f64 * target(w);
             let difference = 1.0 - rest - goal;
-            if nearest {
-                image.loss -= share * score * tau * sum.ln();
-            } else {
-                image.loss += share * difference * difference;
-                short_fall += (-difference).max(0.0).powi(2);
-            }
+            image.loss += share * difference * difference;
+            short_fall += (-difference).max(0.0).powi(2);
             for (&(j, n, d, _, by_view, by_direction), &(a, x)) in seen.iter().zip(&parts) {
                 if a == 0.0 {
                     continue;
                 }
-                let by_a = if nearest {
-                    let empty = sum <= NEAREST_FLOOR;
-                    image.utility[j] -= share * score * tau * (1.0 - a / sum).max(1e-3).ln();
-                    if empty { 0.0 } else { -share * score * tau * a / sum }
-                } else {
-                    let without = 1.0 - rest / (1.0 - a);
-                    image.utility[j] += share * ((without - goal).powi(2) - difference * difference);
-                    image.by_log_scale += 2.0 * x * 2.0 * share * difference * rest * a / (1.0 - a);
-                    2.0 * share * difference * rest * a / (1.0 - a)
-                };
+                let without = 1.0 - rest / (1.0 - a);
+                image.utility[j] += share * ((without - goal).powi(2) - difference * difference);
+                let by_a = 2.0 * share * difference * rest * a / (1.0 - a);
+                image.by_log_scale += 2.0 * x * by_a;
                 let across = |g: DVec3| (g - g.dot(n) * n) / d;
                 image.by_centre[j] -= across(by_a * by_view);
                 image.by_direction[j] += by_a * by_direction;
-                image.by_centre[j] += if batch.kernel == Kernel::Angular || nearest {
-                    across(by_a * inverse * w)
-                        - if nearest { by_a * by_distance * off_distance(t, d).1 / d * n } else { DVec3::ZERO }
-                } else {
-                    -by_a * inverse * d * (n - w.dot(n) * w)
+                image.by_centre[j] += match batch.kernel {
+                    Kernel::Angular => across(by_a * inverse * w),
+                    Kernel::Metric => -by_a * inverse * d * (n - w.dot(n) * w),
                 };
             }
         }
-        image.weights.push(if nearest { 0.0 } else { short_fall / open_sky.max(1.0) });
+        image.weights.push(short_fall / open_sky.max(1.0));
     }
     image
 }
@@ -228,7 +187,7 @@ mod tests {
     }
 
     fn settings() -> Settings {
-        Settings { alpha: 0.1, gate_softness: 0.05, nearest_tau: 0.05, distance_weight: 0.3, ..Settings::default() }
+        Settings { alpha: 0.1, gate_softness: 0.05, ..Settings::default() }
     }
 
     /// Loss of a batch and the regulariser with frozen weights, as the gradient has it.
@@ -241,13 +200,11 @@ mod tests {
     fn gradients_are_those_of_finite_differences() {
         let directions = octahedral::directions(16);
         let settings = settings();
-        for (case, (objective, gate, kernel)) in [
-            (Objective::Splat, Gate::Soft, Kernel::Angular),
-            (Objective::Splat, Gate::Soft, Kernel::Metric),
-            (Objective::Splat, Gate::Pinhole, Kernel::Angular),
-            (Objective::Splat, Gate::Hard, Kernel::Angular),
-            (Objective::Nearest, Gate::Soft, Kernel::Angular),
-            (Objective::Nearest, Gate::Pinhole, Kernel::Angular),
+        for (case, (gate, kernel)) in [
+            (Gate::Soft, Kernel::Angular),
+            (Gate::Soft, Kernel::Metric),
+            (Gate::Pinhole, Kernel::Angular),
+            (Gate::Hard, Kernel::Angular),
         ]
         .into_iter()
         .enumerate()
@@ -278,15 +235,9 @@ mod tests {
             };
             let lobes = [lobe(0.3, -0.1), lobe(-0.4, 0.2), lobe(0.1, 0.3)];
             let lobes = if case % 2 == 1 { &lobes[..] } else { &[] };
-            // A wanted distance for most texels of the last case.
-            let stands: Vec<f64> = (0..3 * 256u32)
-                .map(|t| if t % 5 == 0 { f64::from(ANY) } else { -0.6 + 0.001 * f64::from(t) })
-                .collect();
-            let stands = if case == 5 { &stands[..] } else { &[] };
             let tangents = [[0.6, 0.45], [0.7, 0.8], [0.5, 0.65], [0.6, 0.6], [0.55, 0.7], [0.8, 0.5]];
             let base = Batch {
                 settings: &settings,
-                objective,
                 gate,
                 kernel,
                 occlusion: true,
@@ -296,7 +247,6 @@ mod tests {
                 lobes,
                 directions: &directions,
                 depth: &depth,
-                stands,
                 log_scale: -1.1,
             };
             let here = dense(&base);
@@ -326,15 +276,10 @@ mod tests {
                 let without: Vec<_> = splats.iter().enumerate().filter(|(k, _)| *k != j).map(|(_, s)| *s).collect();
                 let others: Vec<_> = tangents.iter().enumerate().filter(|(k, _)| *k != j).map(|(_, t)| *t).collect();
                 let rise = dense(&Batch { splats: &without, tangents: &others, ..base }).loss - here.loss;
-                // The clamp of the nearest-view utility shows where a splat is alone.
-                if objective == Objective::Splat {
-                    close(here.utility[j], rise, "utility");
-                }
+                close(here.utility[j], rise, "utility");
             }
-            if objective == Objective::Splat {
-                let at = |log_scale| dense(&Batch { log_scale, ..base }).loss;
-                close(here.by_log_scale, (at(-1.1 + h) - at(-1.1 - h)) / (2.0 * h), "scale");
-            }
+            let at = |log_scale| dense(&Batch { log_scale, ..base }).loss;
+            close(here.by_log_scale, (at(-1.1 + h) - at(-1.1 - h)) / (2.0 * h), "scale");
         }
     }
 }

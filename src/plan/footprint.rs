@@ -57,7 +57,6 @@ pub(super) fn footprint(
         ("tallies", tally * probes * s.blocks as u64),
         ("deficit", if quality { 4 } else { 4 * probes * texels }),
         ("lobes", size_of::<Lobe>() as u64 * s.pool as u64),
-        ("stands", if s.distance_weight > 0.0 { 4 * s.pool as u64 * texels } else { 4 }),
         ("moments", moments * splats),
         ("terms", terms * splats),
         ("arrivals", 8),

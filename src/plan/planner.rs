@@ -26,7 +26,6 @@ use crate::scene::camera::Pose;
 use crate::visibility::device_scene::DeviceScene;
 use crate::visibility::probe_depth::ProbeMaps;
 use crate::visibility::probe_lobe::{self, Lobe};
-use crate::visibility::probe_stand;
 use crate::vulkan::profile::Profile;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
@@ -111,7 +110,6 @@ impl<'a> Planner<'a> {
             threads,
             each,
             !lobes.is_empty() as u32,
-            (settings.distance_weight > 0.0) as u32,
             lanes,
             LOOKS * lanes,
         ];
@@ -135,11 +133,7 @@ impl<'a> Planner<'a> {
             true => Buffer::from_slice(context, "lobes", &[Lobe::default()])?,
             false => probe_lobe::upload(context, &scene.geometry, &maps, &lobes)?,
         };
-        let stands = match settings.distance_weight > 0.0 {
-            true => probe_stand::draw(context, scene, &maps, settings.seed)?,
-            false => Buffer::from_slice(context, "stands", &[probe_stand::ANY])?,
-        };
-        let buffers = Buffers::new(context, &footprint, resolution, [lobes, stands])?;
+        let buffers = Buffers::new(context, &footprint, resolution, lobes)?;
         let context = context.clone();
         let planner = Self { context, scene, config, settings, start, start_scale, maps, pipelines, buffers };
         planner.reset()?;
@@ -192,17 +186,6 @@ impl<'a> Planner<'a> {
     /// Where the device fails.
     pub fn lobes(&self) -> Result<Vec<Lobe>> {
         self.buffers.lobes.download(self.buffers.lobes.size() as usize / size_of::<Lobe>())
-    }
-
-    /// Logarithms of the distances from which the texels of the probes are to be seen, in the planner's frame, `probes x texels`;
-    /// none where distances do not count.
-    ///
-    /// # Errors
-    /// Where the device fails.
-    pub fn stands(&self) -> Result<Vec<f32>> {
-        let texels = self.maps.resolution * self.maps.resolution;
-        let count = if self.settings.distance_weight > 0.0 { self.maps.probes.len() * texels as usize } else { 0 };
-        self.buffers.stands.download(count)
     }
 
     /// The looks of the last iteration; none where the objective has no viewers.
@@ -300,7 +283,6 @@ impl<'a> Planner<'a> {
                     &b.tallies,
                     &b.deficit,
                     &b.lobes,
-                    &b.stands,
                 ])
                 .groups([s.probes, s.blocks, 1]),
         }

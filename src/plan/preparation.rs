@@ -101,13 +101,11 @@ impl Preparation {
             Pass::Binned => true,
             Pass::Auto => {
                 let work = f64::from(probes * resolution * resolution) * visible.gated;
-                config.objective == Objective::Splat && (work > DENSE_WORK || splats > MOST_DENSE)
+                !quality && (work > DENSE_WORK || splats > MOST_DENSE)
             }
         };
-        if binned && config.objective != Objective::Splat {
-            return Err(Error::request(
-                "only --objective splat has a binned pass; use --pass dense or auto with others",
-            ));
+        if binned && quality {
+            return Err(Error::request("only --objective splat has a binned pass; leave --pass out"));
         }
         if quality && context.physical().kind == "CPU" && splats > MOST_ON_CPU {
             return Err(Error::request(format!(
@@ -121,7 +119,7 @@ impl Preparation {
         }
         if !binned && !quality && splats > MOST_DENSE {
             return Err(Error::request(format!(
-                "the dense pass takes at most {MOST_DENSE} cameras; use --objective splat with --pass binned or auto"
+                "the dense pass takes at most {MOST_DENSE} cameras; use --pass binned or auto"
             )));
         }
         if u64::from(probes) * u64::from(splats) > 1 << 28 {
@@ -157,8 +155,6 @@ impl Preparation {
             lambda_bound: config.lambda_bound,
             lambda_scale: config.lambda_scale,
             scale_floor: 0.5 * start_scale,
-            nearest_tau: config.nearest_tau,
-            distance_weight: if config.objective == Objective::Nearest { config.distance_weight } else { 0.0 },
         };
         let scene_bytes = geometry.bytes();
         let footprint = footprint::footprint(context, &settings, &config, resolution, scene_bytes, binned);

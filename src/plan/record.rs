@@ -40,7 +40,7 @@ pub struct IterationRecord {
     pub iteration: u32,
     /// Weighted sum of all terms.
     pub loss: f32,
-    /// Image (or nearest-view) term.
+    /// Image term, or expected quality.
     pub image: f32,
     /// Coverage regulariser, unweighted.
     pub reg: f32,

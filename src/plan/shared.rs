@@ -58,10 +58,6 @@ gpu_struct! {
         pub lambda_scale: f32,
         /// Smallest s.
         pub scale_floor: f32,
-        /// Softness of the nearest-view minimum.
-        pub nearest_tau: f32,
-        /// Radians that a view e times as far away as wanted is off, in the nearest-view minimum.
-        pub distance_weight: f32,
     }
 }
 
@@ -170,7 +166,7 @@ gpu_struct! {
 gpu_struct! {
     /// The loss at an iteration.
     pub struct Record {
-        /// Image (or nearest-view) term.
+        /// Image term, or expected quality.
         pub image: f32,
         /// Regulariser, unweighted.
         pub reg: f32,

@@ -169,7 +169,7 @@ impl Viewed {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::config::{Config, Gate, Kernel, Objective, Preset};
+    use crate::plan::config::{Config, Gate, Kernel, Preset};
     use crate::quality::expected::expect;
     use crate::quality::viewers::Viewers;
     use crate::scene::baselines;
@@ -199,7 +199,6 @@ mod tests {
             let loss = |splats: &[(DVec3, DVec3)]| {
                 let batch = Batch {
                     settings: &settings,
-                    objective: Objective::Quality,
                     gate: Gate::Pinhole,
                     kernel: Kernel::Angular,
                     occlusion: config.occlusion,
@@ -209,7 +208,6 @@ mod tests {
                     lobes: &[],
                     directions: &[],
                     depth: &[],
-                    stands: &[],
                     log_scale: 0.0,
                 };
                 viewed(&batch, &looks, &geometry.bvh, &law)

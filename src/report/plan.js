@@ -7,11 +7,11 @@ function drawCharts(plan) {
   for (const [name, y, colour] of [["image", history.image, 2], ["regulariser", history.reg, 3], ["region", history.bound, 4]]) {
     if (y.some((v) => v)) terms.push(line(name, y, colour, "fine"));
   }
-  // The nearest-view objective may go below zero, where a logarithm has nothing to show.
+  // Expected quality may go below zero, where a logarithm has nothing to show.
   const log = history.loss.every((v) => v === null || v > 0);
   lineChart("chart-loss", history.iteration, terms.reverse(), { y: "loss", log });
   lineChart("chart-scale", history.iteration, [line("scale s", history.scale, 1)], { y: "scale s" });
-  // The nearest-view objective knows no scale: a constant has nothing to show.
+  // Expected quality knows no scale: a constant has nothing to show.
   if (new Set(history.scale).size === 1) document.getElementById("chart-scale").style.display = "none";
 
   const percent = (values) => values.map((v) => (v === null ? null : 100 * v));

@@ -6,5 +6,4 @@ pub mod exposure;
 pub mod lens_view;
 pub mod probe_depth;
 pub mod probe_lobe;
-pub mod probe_stand;
 pub mod raycast;

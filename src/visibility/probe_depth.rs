@@ -223,7 +223,7 @@ fn meets_region(geometry: &SceneGeometry, origin: Vec3, direction: Vec3, reach: 
 }
 
 /// Whether a camera may stand at `p`: the twin of `region_contains` in `shaders/glsl/shared/region.glsl`.
-pub(super) fn feasible(geometry: &SceneGeometry, region: &DeviceRegion, p: Vec3) -> bool {
+fn feasible(geometry: &SceneGeometry, region: &DeviceRegion, p: Vec3) -> bool {
     contains(region, p) && geometry.free.clamped_violation(p).0 < 0.5 * region.cell
 }
 

@@ -2,12 +2,11 @@
 // formulae of gate, kernel and region. Lengths are in units of the region's bounding radius.
 
 layout(constant_id = 0) const uint RESOLUTION = 16;  // texels of a point camera along a side
-layout(constant_id = 1) const uint OBJECTIVE = 0;    // 0 splat, 1 nearest, 2 quality
+layout(constant_id = 1) const uint OBJECTIVE = 0;    // 0 splat, 1 quality
 layout(constant_id = 2) const uint GATE = 1;         // 0 hard cone, 1 soft cone, 2 hard frustum, 3 soft frustum
 layout(constant_id = 3) const uint KERNEL = 0;       // 0 angular, 1 metric
 layout(constant_id = 4) const uint OCCLUSION = 1;    // 0 everything is seen through
 layout(constant_id = 8) const uint LOBES = 0;        // 1 targets vary with direction
-layout(constant_id = 9) const uint STANDS = 0;       // 1 the nearest view is nearest by its distance too
 
 const uint TEXELS = RESOLUTION * RESOLUTION;
 const uint NONE = 0xffffffffu;
@@ -16,9 +15,6 @@ const uint NONE = 0xffffffffu;
 const float KERNEL_CUTOFF = 8.0;
 // A soft gate that lets less than this through is closed.
 const float GATE_CUTOFF = 1e-4;
-// Below this a nearest-view sum counts as empty: a little above the smallest normal float32. With tau = 0.02 that is a
-// texel from which the nearest view is more than 130 degrees away.
-const float NEAREST_FLOOR = 1e-36;
 
 struct Settings {
     uint splats;          // kept and planned
@@ -46,8 +42,6 @@ struct Settings {
     float lambda_bound;
     float lambda_scale;
     float scale_floor;
-    float nearest_tau;
-    float distance_weight;  // radians that a view e times as far away as wanted is off (nearest)
 };
 
 // What changes from one iteration to the next; written by `update` alone, at its end.
@@ -130,7 +124,7 @@ bool relocation_due(Control c, Settings s) {
     return c.halt == 0 && c.iteration > 0 && c.iteration % s.relocate_every == 0 && c.iteration <= s.relocate_until;
 }
 
-// V_i(w): what a probe's target is in units of alpha, or its weight, in direction `w`. A point that looks the same from
+// V_i(w): what a probe's target is in units of alpha in direction `w`. A point that looks the same from
 // everywhere wants the same everywhere; what it wants beyond that goes where its radiance varies.
 float target_at(float score, Lobe lobe, vec3 w) {
     return LOBES == 0 ? score : 1.0 + (score - 1.0) * lobe_at(lobe, w);
@@ -195,7 +189,7 @@ Gate gate(vec3 v, Splat camera, Settings s) {
 
 // Exponent of the kernel of a splat at distance `d` along unit direction `n`, seen along `w`; the kernel is exp(-x).
 float kernel_exponent(vec3 w, vec3 n, float d, float inverse_scale_square) {
-    if (KERNEL == 0 || OBJECTIVE == 1) {
+    if (KERNEL == 0) {
         // 1 - w.n cancels in float32; half the squared chord does not.
         vec3 chord = w - n;
         return 0.5 * dot(chord, chord) * inverse_scale_square;
@@ -205,23 +199,12 @@ float kernel_exponent(vec3 w, vec3 n, float d, float inverse_scale_square) {
     return h > 0.0 ? 0.5 * d * d * dot(off, off) * inverse_scale_square : 1e30;
 }
 
-// What a view that is nearer than wanted costs of one that is as much further: its detail is all there, and less of the surface
-// in its picture, which the gate sees to.
-const float NEARER = 0.25;
-
-// Half the squared logarithm of how much further away than wanted a view is, and its slope; `stand` is the logarithm of the
-// wanted distance, 1e30 for any.
-vec2 off_distance(float log_distance, float stand) {
-    float off = stand < 1e29 ? log_distance - stand : 0.0, slope = off < 0.0 ? NEARER * off : off;
-    return vec2(0.5 * off * slope, slope);
-}
-
 // Gradient of the loss by the splat's centre and direction, from the sums over texels: `moment` is the sum of
 // (dL/da) a w, `total` that of (dL/da) a; with the metric kernel `moment` carries a factor w.(u - p).
 Gradient splat_gradient(vec3 n, float d, Gate g, vec3 moment, float total, float inverse_scale_square) {
     Gradient grad = Gradient(vec3(0.0), 0.0, vec3(0.0), 0.0);
     vec3 by_n = -total * g.by_view;
-    if (KERNEL == 0 || OBJECTIVE == 1) {
+    if (KERNEL == 0) {
         by_n += moment * inverse_scale_square;
         grad.centre = (by_n - dot(by_n, n) * n) / d;
     } else {

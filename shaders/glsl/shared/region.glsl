@@ -1,6 +1,6 @@
 // Where cameras may stand (region_types.glsl) and the free space of the voxel field. Needs the bindings `region` and
 // `free_distance`. Twins: src/scene/region.rs (shape and floor) and src/scene/free_space.rs (the field), put together in
-// src/visibility/device_scene.rs; of `stand_along`: src/visibility/probe_stand.rs.
+// src/visibility/device_scene.rs.
 
 float free_space_at(ivec3 voxel) {
     uvec3 c = uvec3(clamp(voxel, ivec3(0), ivec3(region[0].grid_size) - 1));
@@ -54,22 +54,4 @@ bool region_contains(vec3 p) {
         inside = inside && r2 >= region[0].r_min * region[0].r_min && r2 <= region[0].r_max * region[0].r_max;
     }
     return inside && free_space(p).w < 0.5 * region[0].cell;
-}
-
-// Distance from `from` along unit `w` at which a camera may stand, uniform over the feasible part of the ray before `reach` as
-// 32 steps find it; negative where they find none. `pick` and `jitter` are uniform in [0, 1).
-float stand_along(vec3 from, vec3 w, float reach, float pick, float jitter) {
-    // The region lies within the unit ball.
-    float middle = dot(from, w), outer = middle * middle - dot(from, from) + 1.0;
-    if (outer < 0.0) return -1.0;
-    float near = max(-middle - sqrt(outer), 0.0), far = min(-middle + sqrt(outer), reach);
-    if (near >= far) return -1.0;
-    uint feasible = 0;
-    for (uint k = 0; k < 32; ++k) {
-        if (region_contains(from + w * mix(near, far, (float(k) + jitter) / 32.0))) feasible |= 1u << k;
-    }
-    uint count = bitCount(feasible);
-    if (count == 0) return -1.0;
-    for (uint k = min(uint(pick * float(count)), count - 1); k > 0; --k) feasible &= feasible - 1u;
-    return mix(near, far, (float(findLSB(feasible)) + jitter) / 32.0);
 }
