@@ -135,7 +135,7 @@ fn every_option_of_the_help_is_accepted() {
          --debug-sync --profile --trace t.json",
         "--box -3,-3,-3,3,3,3 --preset object --keep first --seed 7 --gate-softness 0.01",
         "--iterative --base-loss --no-vds --no-occlusion --no-reg --no-relocation --dry-run",
-        "--iterative --equal-directions --scalar-vds --no-occlusion --no-reg --no-relocation",
+        "--iterative --equal-directions --no-occlusion --no-reg --no-relocation",
         "--base-loss --relocate-every 5 --lambda-reg 2 --lambda-bound 3 --lambda-scale 0.1 --alpha 0.2 --scale 0.3",
         "--rate-scale 0 --rate-centre 0.01 --rate-direction 0.03 --probes 8 --resolution 24",
         "--viewers shell:0,0,0,2,4",

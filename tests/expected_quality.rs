@@ -93,7 +93,6 @@ fn an_iteration_is_that_of_the_twin() {
                 splats: &splats,
                 tangents: &[tangents(&intrinsics()).map(f64::from)],
                 probes: &[],
-                lobes: &[],
                 directions: &[],
                 depth: &[],
                 log_scale: 0.0,

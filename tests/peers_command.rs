@@ -55,12 +55,7 @@ fn every_peer_leaves_a_plan_in_its_region_and_the_same_twice() {
 fn variants_of_the_planner_are_methods_too() {
     let place = Place::new();
     let region = "--views 3 --iterations 20 --held-out 50 --shell 0,0,0,2,3";
-    for (method, options) in [
-        ("ours", ""),
-        ("ours-scalar", "--scalar-vds"),
-        ("ours-no-vds", "--no-vds"),
-        ("ours-iterative", "--no-vds --iterative"),
-    ] {
+    for (method, options) in [("ours", ""), ("ours-no-vds", "--no-vds"), ("ours-iterative", "--no-vds --iterative")] {
         place.done(&format!("plan ball.ply --out a --force --method {method} {region}"));
         place.done(&format!("plan ball.ply --out b --force {options} {region}"));
         assert_eq!(

@@ -14,7 +14,6 @@ use camsplat::plan::update::regulariser;
 use camsplat::scene::camera::{Camera, Intrinsics};
 use camsplat::scene::octahedral;
 use camsplat::scene::proxy::{Orientation, Proxy};
-use camsplat::scene::random;
 use camsplat::scene::region::{Region, Shape};
 use camsplat::scene::samples;
 use camsplat::scene::surface::{Points, Surface};
@@ -88,7 +87,6 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
         .iter()
         .map(|p| (Vec3::from(p.position).as_dvec3(), p.score as f64))
         .collect();
-    let lobes = planner.lobes().expect("lobes");
     let batch = Batch {
         settings: planner.settings(),
         gate: config.gate,
@@ -97,7 +95,6 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
         splats: &splats,
         tangents: &[camsplat::plan::start::tangents(&intrinsics()).map(f64::from)],
         probes: &probes,
-        lobes: if lobes.len() > 1 { &lobes[..probes.len()] } else { &[] },
         directions: &octahedral::directions(maps.resolution),
         depth: &depth[..probes.len() * texels],
         log_scale: (planner.start_scale() as f64).ln(),
@@ -135,40 +132,27 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
     }
 }
 
-/// The object as a cloud of points that vary with direction, each its own way, with up along y.
-fn varying(context: &Arc<Context>) -> Scene {
+/// The object as a cloud of points with scores, with up along y.
+fn scored(context: &Arc<Context>) -> Scene {
     let proxy = Proxy::new(&samples::object(), Orientation::Trusted).expect("a good surface");
     let mut points = Points { oriented: true, ..Points::default() };
     for (i, point) in proxy.sample(2000, 5, 0).iter().enumerate() {
         points.positions.push(point.position);
         points.normals.push(point.normal);
         points.scores.push(1.0 + 0.5 * (i % 3) as f32);
-        let [a, b, c, d] = random::uniforms(3, 0, i as u32).map(|u| 0.4 * (u as f32 - 0.5));
-        points.lobes.push([a, b, c, d, -a, b * c, 0.5 * d, -b]);
     }
     let shape = Shape::Shell { centre: DVec3::ZERO, r_min: 1.2, r_max: 1.8 };
     scene(context, &Surface::Points(points), &Region { shape, up: DVec3::Y, floor: None, clearance: 0.05 })
 }
 
-/// If this failed, what a point asks for would go to other directions than those along which it varies.
+/// If this failed, points would be asked for as if all were as matt, or with the scores of others.
 #[test]
-fn targets_that_vary_with_direction_are_those_of_the_twin() {
+fn targets_by_score_are_those_of_the_twin() {
     let context = context();
-    let scene = varying(&context);
+    let scene = scored(&context);
     for pass in [Pass::Dense, Pass::Binned] {
         let still = Config { iterations: 1, rate_centre: 0.0, rate_direction: 0.0, ..small(Preset::Object, 40) };
-        let config = Config { pass, gate_softness: 0.02, resolution: Some(24), ..still };
-        compare(&context, &scene, config.clone());
-        // Scales are those of the twin, and `directional` is what brings lobes in.
-        let planner = planner(&context, &scene, config.clone());
-        let depth = planner.maps().download().expect("depths");
-        let lobes = planner.lobes().expect("lobes");
-        for (lobe, depth) in lobes.iter().zip(depth.chunks(24 * 24)) {
-            assert!((lobe.scale - lobe.scaled(depth).scale).abs() < 1e-5, "{lobe:?}");
-        }
-        assert!(lobes.iter().any(|lobe| (lobe.scale - 1.0).abs() > 0.05), "no scale to speak of");
-        let scalar = planner_support::planner(&context, &scene, Config { directional: false, ..config });
-        assert_eq!(scalar.lobes().expect("lobes").len(), 1);
+        compare(&context, &scene, Config { pass, gate_softness: 0.02, resolution: Some(24), ..still });
     }
     silent(&context);
 }

@@ -87,7 +87,6 @@ impl<'a> Twin<'a> {
             splats: &self.splats[..live],
             tangents: &[tangents],
             probes: &probes,
-            lobes: &[],
             directions: &self.directions,
             depth: &depth,
             log_scale: self.clock.log_scale,

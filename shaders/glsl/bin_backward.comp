@@ -18,11 +18,9 @@ layout(binding = 8, std430) readonly buffer TileInstances { uint tile_instances[
 layout(binding = 9, std430) readonly buffer Ranges { uvec2 ranges[]; };
 layout(binding = 10, std430) readonly buffer Left { float left[]; };
 layout(binding = 11, std430) writeonly buffer InstanceSums { InstanceSum instance_sums[]; };
-layout(binding = 12, std430) readonly buffer Lobes { Lobe lobes[]; };
 
 shared vec4 texels[64];  // direction, transmittance
 shared float far[64];
-shared float goals[64];
 shared vec4 sums[64];
 shared vec2 more_sums[64];
 
@@ -35,12 +33,11 @@ void main() {
     if (count == 0) return;
     uint index = (control[0].iteration * s.probes + probe) % s.pool;
     vec3 position = probes[index].position;
-    float score = s.weighted != 0 ? probes[index].score : 1.0;
+    float goal = s.alpha * (s.weighted != 0 ? probes[index].score : 1.0);
     float share = texel_weight(probes[index], s);
     float scale = exp(control[0].log_scale), inverse = 1.0 / (scale * scale);
     uint mine = tile_texel(tile, thread);
     texels[thread] = vec4(directions[mine].xyz, left[probe * TEXELS + mine]);
-    goals[thread] = s.alpha * target_at(score, lobes[LOBES != 0 ? index : 0], directions[mine].xyz);
     far[thread] = abs(depth[index * TEXELS + mine]);
     barrier();
 
@@ -67,7 +64,7 @@ void main() {
                     float x = kernel_exponent(w, n, d, inverse);
                     if (x >= KERNEL_CUTOFF || (OCCLUSION != 0 && d >= far[u])) continue;
                     float a = open * exp(-x), odds = a / (1.0 - a);
-                    float difference = 1.0 - rest - goals[u];
+                    float difference = 1.0 - rest - goal;
                     float by_a = 2.0 * share * difference * rest * odds;  // (dL/da) a
                     total += by_a;
                     moment += KERNEL == 0 ? by_a * w : (by_a * d * dot(w, n)) * w;

@@ -21,7 +21,6 @@ layout(binding = 10, std430) writeonly buffer Left { float left[]; };
 // Loss, squared deficit, reachable texels of each tile; the gradient by log s comes later.
 layout(binding = 11, std430) writeonly buffer TileSums { vec4 tile_sums[]; };
 layout(binding = 12, std430) writeonly buffer Deficit { float deficit[]; };
-layout(binding = 13, std430) readonly buffer Lobes { Lobe lobes[]; };
 
 shared vec4 batch_ray[64];
 shared float batch_open[64];
@@ -62,7 +61,7 @@ void main() {
     }
     bool counts = far > 0.0;
     float score = s.weighted != 0 ? probes[index].score : 1.0;
-    float difference = 1.0 - rest - s.alpha * target_at(score, lobes[LOBES != 0 ? index : 0], w);
+    float difference = 1.0 - rest - s.alpha * score;
     float lack = max(-difference, 0.0);
     left[probe * TEXELS + texel] = counts ? rest : -1.0;
     if (s.relocate_every != 0 && (control[0].iteration + 1) % s.relocate_every == 0) {

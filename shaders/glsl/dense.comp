@@ -24,7 +24,6 @@ layout(binding = 7, std430) writeonly buffer Slots { uint slots[]; };
 layout(binding = 8, std430) buffer Partials { Gradient partials[]; };
 layout(binding = 9, std430) writeonly buffer Tallies { Tally tallies[]; };
 layout(binding = 10, std430) writeonly buffer Deficit { float deficit[]; };
-layout(binding = 11, std430) readonly buffer Lobes { Lobe lobes[]; };
 
 const uint BLOCK = THREADS * EACH;  // texels of a workgroup
 const uint BATCH = 64;              // splats at a time
@@ -105,7 +104,6 @@ void main() {
 
     float scale = exp(control[0].log_scale);
     float inverse = 1.0 / (scale * scale);
-    Lobe lobe = lobes[LOBES != 0 ? index : 0];
     float share = texel_weight(probes[index], s);
     float loss = 0.0, short_fall = 0.0, open_sky = 0.0, by_log_scale = 0.0;
 
@@ -149,7 +147,7 @@ void main() {
         uint texel = block + k * THREADS + thread;
         if (texel >= TEXELS) break;
         bool counts = far[k] > 0.0;
-        float difference = (1.0 - value[k]) - s.alpha * target_at(score, lobe, w[k]);
+        float difference = (1.0 - value[k]) - s.alpha * score;
         float lack = max(-difference, 0.0);
         if (counts) {
             loss += difference * difference;
@@ -180,12 +178,11 @@ void main() {
                     float rest = t < texels ? left[t] : -1.0;
                     if (rest < 0.0) continue;
                     vec3 w = directions[block + t].xyz;
-                    float target = target_at(score, lobe, w);
                     float x = kernel_exponent(w, n, d, inverse);
                     if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || d < abs(depth[pool_row + block + t]))) {
                         float a = open * exp(-x);
                         float odds = a / (1.0 - a);
-                        float difference = 1.0 - rest - s.alpha * target;
+                        float difference = 1.0 - rest - s.alpha * score;
                         float by_a = 2.0 * share * difference * rest * odds;  // (dL/da) a
                         total += by_a;
                         moment += KERNEL == 0 ? by_a * w : (by_a * d * dot(w, n)) * w;

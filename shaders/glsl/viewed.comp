@@ -8,8 +8,8 @@
 #include "shared/plan.glsl"
 #include "shared/look.glsl"
 #include "shared/law.glsl"
-layout(local_size_x_id = 10) in;
-layout(constant_id = 10) const uint THREADS = 64;  // looks of a viewer, times LANES
+layout(local_size_x_id = 9) in;
+layout(constant_id = 9) const uint THREADS = 64;  // looks of a viewer, times LANES
 
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
 layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };

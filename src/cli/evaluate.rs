@@ -48,10 +48,10 @@ pub struct Arguments {
     /// Light from far around, of all scenes: an equirectangular .hdr file, +Y up
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
-    /// Who chooses: ours, ours-scalar, ours-no-vds, ours-iterative, a --method of `camsplat plan`, ours:KEY=VALUE (the planner with
+    /// Who chooses: ours, ours-no-vds, ours-iterative, a --method of `camsplat plan`, ours:KEY=VALUE (the planner with
     /// a key of its configuration set otherwise), or cameras:FILE, a layout of your own in whatever `camsplat capture` takes, seen
     /// through everybody's lens [default: random, fibonacci, fvs, fvs-chord, fvs-shared, acp, fisherrf, fisherrf-retrain, cover,
-    /// manifold, ours-iterative, ours-no-vds, ours-scalar, ours; rooms: without fibonacci and manifold; pools: random, fvs,
+    /// manifold, ours-iterative, ours-no-vds, ours; rooms: without fibonacci and manifold; pools: random, fvs,
     /// coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     methods: Option<Vec<Method>>,
@@ -123,7 +123,7 @@ pub struct Arguments {
 }
 
 /// Methods where none are named.
-const USUAL: [&str; 14] = [
+const USUAL: [&str; 13] = [
     "random",
     "fibonacci",
     "fvs",
@@ -136,7 +136,6 @@ const USUAL: [&str; 14] = [
     "manifold",
     "ours-iterative",
     "ours-no-vds",
-    "ours-scalar",
     "ours",
 ];
 const OF_POOLS: [&str; 7] = ["random", "fvs", "coverage", "acp", "fisherrf", "cover", "ours"];

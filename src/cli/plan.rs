@@ -115,9 +115,6 @@ pub struct Tuning {
     /// Leave the surface's scores (VDS) aside, and a capture's photos unread
     #[arg(long)]
     no_vds: bool,
-    /// Spread a point's score over all directions, also where the surface says along which its radiance varies
-    #[arg(long)]
-    scalar_vds: bool,
     /// Leave occlusion aside
     #[arg(long)]
     no_occlusion: bool,
@@ -181,7 +178,6 @@ impl Tuning {
             || self.pass == Some(Pass::Binned)
             || self.base_loss
             || self.no_vds
-            || self.scalar_vds
             || self.iterative
             || self.no_occlusion
             || self.equal_directions
@@ -236,7 +232,6 @@ impl Tuning {
         config.resolution = self.resolution.or(config.resolution);
         config.iterative |= self.iterative;
         config.vds &= !(self.no_vds || self.base_loss);
-        config.directional &= !self.scalar_vds;
         config.occlusion &= !(self.no_occlusion || self.base_loss);
         config.equal_probes &= !self.equal_directions;
         if self.no_reg {

@@ -423,7 +423,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let table = folder.path().join("table.md");
         fs::write(&table, "of an earlier run").unwrap();
-        let methods = vec![Method::Plan(Placing::Ours), Method::Plan(Placing::OursScalar)];
+        let methods = vec![Method::Plan(Placing::Ours), Method::Plan(Placing::OursNoVds)];
         let request = Request {
             kind: Kind::Object,
             methods,
@@ -450,13 +450,13 @@ mod tests {
         };
         let product = |event| board.hear(Event::Product(event));
         assert!(product(stage::Event::Kept("k")).is_continue());
-        board.add([0, 1], entry(Method::Plan(Placing::OursScalar))).unwrap();
+        board.add([0, 1], entry(Method::Plan(Placing::OursNoVds))).unwrap();
         assert_eq!(fs::read_to_string(&table).unwrap(), "of an earlier run");
         assert!(product(stage::Event::Working).is_break(), "the stop was forgotten");
         let _ = product(stage::Event::Begins("k"));
         board.add([0, 0], entry(Method::Plan(Placing::Ours))).unwrap();
         let written = fs::read_to_string(&table).unwrap();
         let at = |method: &str| written.find(&format!("| s | {method} |")).unwrap();
-        assert!(at("ours") < at("ours-scalar") && !written.contains("still to come"), "{written}");
+        assert!(at("ours") < at("ours-no-vds") && !written.contains("still to come"), "{written}");
     }
 }

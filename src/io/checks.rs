@@ -55,11 +55,6 @@ pub(crate) fn surface(path: &Path, surface: Surface) -> Result<Surface> {
             scores[i]
         ));
     }
-    if let Surface::Points(points) = &surface
-        && let Some(i) = points.lobes.iter().position(|lobe| !lobe.iter().all(|c| c.is_finite()))
-    {
-        return refuse(format!("point {i} has a value of vds_1 to vds_8 that is not finite; export the file again"));
-    }
     if let Surface::Mesh(mesh) = &surface {
         if mesh.triangles.is_empty() {
             return refuse("it holds no triangles; export the mesh with its faces".into());

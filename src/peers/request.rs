@@ -15,8 +15,6 @@ use crate::{Error, Result};
 pub enum Method {
     /// The planner
     Ours,
-    /// The paper's objective with scores that are the same in all directions
-    OursScalar,
     /// The paper's objective without scores
     OursNoVds,
     /// The paper's objective without scores, one view after another
@@ -55,7 +53,6 @@ impl Method {
     pub fn name(self) -> &'static str {
         let choosing = match self {
             Self::Ours => return crate::plan::job::OURS,
-            Self::OursScalar => return "ours-scalar",
             Self::OursNoVds => return "ours-no-vds",
             Self::OursIterative => return "ours-iterative",
             Self::Manifold => return "manifold",
@@ -75,7 +72,7 @@ impl Method {
 
     /// What it minimises, where it has only one objective: scores, and one view after another, are the paper's.
     pub fn objective(self) -> Option<Objective> {
-        matches!(self, Self::OursScalar | Self::OursNoVds | Self::OursIterative).then_some(Objective::Splat)
+        matches!(self, Self::OursNoVds | Self::OursIterative).then_some(Objective::Splat)
     }
 
     /// The planner's configuration, where this is the planner or a variant of it.
@@ -83,7 +80,6 @@ impl Method {
         let paper = || config.clone().with_objective(Objective::Splat);
         match self {
             Self::Ours => Some(config.clone()),
-            Self::OursScalar => Some(Config { directional: false, ..paper() }),
             Self::OursNoVds => Some(Config { vds: false, ..paper() }),
             Self::OursIterative => Some(Config { vds: false, iterative: true, ..paper() }),
             _ => None,
@@ -103,7 +99,7 @@ impl Method {
     /// Candidates to choose `views` from where nothing is said; none where there is no choice.
     pub fn candidates(self, views: u32) -> Option<u32> {
         let usual = match self {
-            Self::Ours | Self::OursScalar | Self::OursNoVds | Self::OursIterative => None,
+            Self::Ours | Self::OursNoVds | Self::OursIterative => None,
             Self::Random | Self::Fibonacci | Self::Manifold => None,
             Self::Fvs | Self::FvsChord => Some(10_000),
             // Counting shared points takes every pair.

@@ -10,7 +10,6 @@ use crate::Result;
 use crate::primitives::{Count, RadixSort, Scan};
 use crate::scene::octahedral;
 use crate::visibility::probe_depth::{Probe, ProbeMaps};
-use crate::visibility::probe_lobe::Lobe;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::stage!(
@@ -48,15 +47,15 @@ crate::stage!(
     /// Compositing, a workgroup per tile.
     pub BIN_FORWARD = bin_forward(()) {
         read settings, read control, read splats, read probes, read directions, read depth, read pairs,
-        read instance_slots, read tile_instances, read ranges, write left, write tile_sums, write deficit, read lobes,
-    } with [Settings, Control, Splat, Probe, Lobe]
+        read instance_slots, read tile_instances, read ranges, write left, write tile_sums, write deficit,
+    } with [Settings, Control, Splat, Probe]
 );
 crate::stage!(
     /// Sums over texels, a workgroup per tile.
     pub BIN_BACKWARD = bin_backward(()) {
         read settings, read control, read splats, read probes, read directions, read depth, read pairs,
-        read instance_slots, read tile_instances, read ranges, read left, write instance_sums, read lobes,
-    } with [Settings, Control, Splat, Probe, InstanceSum, Lobe]
+        read instance_slots, read tile_instances, read ranges, read left, write instance_sums,
+    } with [Settings, Control, Splat, Probe, InstanceSum]
 );
 crate::stage!(
     /// Sums over instances, a thread per pair.
@@ -255,12 +254,9 @@ impl Binned {
         ];
         commands
             .stage(&self.forward)
-            .bind(&[&lit[..], &[&self.tile_sums, &b.deficit, &b.lobes]].concat())
+            .bind(&[&lit[..], &[&self.tile_sums, &b.deficit]].concat())
             .groups([tiles, s.probes, 1]);
-        commands
-            .stage(&self.backward)
-            .bind(&[&lit[..], &[&self.instance_sums, &b.lobes]].concat())
-            .groups([tiles, s.probes, 1]);
+        commands.stage(&self.backward).bind(&[&lit[..], &[&self.instance_sums]].concat()).groups([tiles, s.probes, 1]);
         commands
             .stage(&self.gather)
             .bind(&[

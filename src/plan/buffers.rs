@@ -19,7 +19,6 @@ pub(super) struct Buffers {
     pub(super) partials: Buffer,
     pub(super) tallies: Buffer,
     pub(super) deficit: Buffer,
-    pub(super) lobes: Buffer,
     pub(super) moments: Buffer,
     pub(super) terms: Buffer,
     pub(super) arrivals: Buffer,
@@ -31,7 +30,7 @@ pub(super) struct Buffers {
 }
 
 impl Buffers {
-    pub(super) fn new(context: &Arc<Context>, plan: &Footprint, resolution: u32, lobes: Buffer) -> Result<Self> {
+    pub(super) fn new(context: &Arc<Context>, plan: &Footprint, resolution: u32) -> Result<Self> {
         let directions: Vec<[f32; 4]> =
             octahedral::directions(resolution).iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect();
         let device = |name: &str| Buffer::device(context, name, plan.bytes_of(name)?);
@@ -45,7 +44,6 @@ impl Buffers {
             partials: device("partials")?,
             tallies: device("tallies")?,
             deficit: device("deficit")?,
-            lobes,
             moments: device("moments")?,
             terms: device("terms")?,
             arrivals: device("arrivals")?,

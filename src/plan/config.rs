@@ -121,8 +121,6 @@ pub struct Config {
     pub occlusion: bool,
     /// Whether scores of the surface weigh the target.
     pub vds: bool,
-    /// Whether the target varies with direction where the surface says how; else every direction counts the same.
-    pub directional: bool,
     /// Whether every probe weighs the same in the image term, however few directions it can be seen from; else every
     /// direction does (docs/method.md).
     pub equal_probes: bool,
@@ -251,7 +249,6 @@ impl Config {
             alpha: 0.1,
             occlusion: true,
             vds: true,
-            directional: true,
             equal_probes: true,
             lambda_reg: 3.0,
             lambda_bound: 10.0,

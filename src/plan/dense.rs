@@ -5,14 +5,13 @@ use glam::DVec3;
 use super::config::{Gate, Kernel};
 use super::shared::{Control, Gradient, Settings, Splat, Tally};
 use crate::visibility::probe_depth::Probe;
-use crate::visibility::probe_lobe::Lobe;
 
 crate::stage!(
     /// Loss and gradient partials, a workgroup per block of texels of a point camera.
     pub DENSE = dense(()) {
         read settings, read control, read splats, read probes, read directions, read depth,
-        write visible, write slots, write partials, write tallies, write deficit, read lobes,
-    } with [Settings, Control, Splat, Probe, Gradient, Tally, Lobe]
+        write visible, write slots, write partials, write tallies, write deficit,
+    } with [Settings, Control, Splat, Probe, Gradient, Tally]
 );
 
 /// Where a kernel is cut off: its exponent there.
@@ -37,8 +36,6 @@ pub struct Batch<'a> {
     pub tangents: &'a [[f64; 2]],
     /// Position and score of each probe.
     pub probes: &'a [(DVec3, f64)],
-    /// How the target of each probe varies with direction, scaled; empty where it does not.
-    pub lobes: &'a [Lobe],
     /// Texel directions, unit length.
     pub directions: &'a [DVec3],
     /// Signed depth, `probes x texels`; negative where the ray misses the region.
@@ -124,8 +121,7 @@ pub fn dense(batch: &Batch<'_>) -> Image {
     };
     for (i, &(position, score)) in batch.probes.iter().enumerate() {
         let depth = &batch.depth[i * texels..(i + 1) * texels];
-        // V_i(w): what a point wants beyond 1 goes where its radiance varies.
-        let target = |w: DVec3| batch.lobes.get(i).map_or(score, |lobe| 1.0 + (score - 1.0) * lobe.at(w));
+        let goal = s.alpha as f64 * score;
         let open_sky = depth.iter().filter(|depth| **depth > 0.0).count() as f64;
         let share = if s.equal != 0 { all * texels as f64 / open_sky.max(1.0) } else { all };
         let mut seen = Vec::new();
@@ -149,7 +145,6 @@ pub fn dense(batch: &Batch<'_>) -> Image {
             let w = batch.directions[t];
             let parts: Vec<_> = seen.iter().map(|&(_, n, d, open, ..)| opacity(t, n, d, open)).collect();
             let rest: f64 = parts.iter().map(|part| 1.0 - part.0).product();
-            let goal = s.alpha as f64 * target(w);
             let difference = 1.0 - rest - goal;
             image.loss += share * difference * difference;
             short_fall += (-difference).max(0.0).powi(2);
@@ -225,16 +220,6 @@ mod tests {
                     _ => 1e30,
                 })
                 .collect();
-            // Every other case has targets that vary with direction.
-            let lobe = |x: f32, y: f32| Lobe {
-                linear: [x, 0.1, y],
-                scale: 1.1,
-                diagonal: [0.2, y, -0.2 - y],
-                off_diagonal: [0.1, x, -0.1],
-                ..Lobe::default()
-            };
-            let lobes = [lobe(0.3, -0.1), lobe(-0.4, 0.2), lobe(0.1, 0.3)];
-            let lobes = if case % 2 == 1 { &lobes[..] } else { &[] };
             let tangents = [[0.6, 0.45], [0.7, 0.8], [0.5, 0.65], [0.6, 0.6], [0.55, 0.7], [0.8, 0.5]];
             let base = Batch {
                 settings: &settings,
@@ -244,7 +229,6 @@ mod tests {
                 splats: &splats,
                 tangents: &tangents,
                 probes: &probes,
-                lobes,
                 directions: &directions,
                 depth: &depth,
                 log_scale: -1.1,

@@ -11,7 +11,6 @@ use crate::metrics::score_point;
 use crate::quality::expected::LOOKS;
 use crate::quality::look::{Look, Viewer};
 use crate::visibility::probe_depth::Probe;
-use crate::visibility::probe_lobe::Lobe;
 use crate::vulkan::Context;
 use crate::vulkan::footprint::Footprint;
 use crate::vulkan::physical::Physical;
@@ -56,7 +55,6 @@ pub(super) fn footprint(
         ("partials", gradient * slots),
         ("tallies", tally * probes * s.blocks as u64),
         ("deficit", if quality { 4 } else { 4 * probes * texels }),
-        ("lobes", size_of::<Lobe>() as u64 * s.pool as u64),
         ("moments", moments * splats),
         ("terms", terms * splats),
         ("arrivals", 8),

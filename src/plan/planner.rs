@@ -25,7 +25,6 @@ use crate::quality::look::Look;
 use crate::scene::camera::Pose;
 use crate::visibility::device_scene::DeviceScene;
 use crate::visibility::probe_depth::ProbeMaps;
-use crate::visibility::probe_lobe::{self, Lobe};
 use crate::vulkan::profile::Profile;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
@@ -85,8 +84,7 @@ impl<'a> Planner<'a> {
         let Preparation { config, mut settings, points, viewers, around, start, start_scale, .. } = preparation;
         let Preparation { resolution, binned, footprint, .. } = preparation;
         super::footprint::check(&footprint, context)?;
-        let (points, maps) = probes::reachable(context, scene, points, resolution, config.preset)?;
-        let lobes = probes::lobes(&config, &points);
+        let maps = probes::reachable(context, scene, points, resolution, config.preset)?;
         settings.pool = maps.probes.len() as u32;
         let quality = config.objective == Objective::Quality;
         if !quality {
@@ -109,7 +107,6 @@ impl<'a> Planner<'a> {
             scene.discs(),
             threads,
             each,
-            !lobes.is_empty() as u32,
             lanes,
             LOOKS * lanes,
         ];
@@ -129,11 +126,7 @@ impl<'a> Planner<'a> {
         let (splat, others): (Result<Way>, _) = rayon::join(splat, others);
         let [update, rank, relocate, snapshot] = others?;
         let pipelines = Pipelines { splat: splat?, update, rank, relocate, snapshot };
-        let lobes = match lobes.is_empty() {
-            true => Buffer::from_slice(context, "lobes", &[Lobe::default()])?,
-            false => probe_lobe::upload(context, &scene.geometry, &maps, &lobes)?,
-        };
-        let buffers = Buffers::new(context, &footprint, resolution, lobes)?;
+        let buffers = Buffers::new(context, &footprint, resolution)?;
         let context = context.clone();
         let planner = Self { context, scene, config, settings, start, start_scale, maps, pipelines, buffers };
         planner.reset()?;
@@ -178,14 +171,6 @@ impl<'a> Planner<'a> {
     /// Probes and depth maps of the run.
     pub fn maps(&self) -> &ProbeMaps {
         &self.maps
-    }
-
-    /// How the targets of the probes vary with direction, scaled; one that does not where they do not.
-    ///
-    /// # Errors
-    /// Where the device fails.
-    pub fn lobes(&self) -> Result<Vec<Lobe>> {
-        self.buffers.lobes.download(self.buffers.lobes.size() as usize / size_of::<Lobe>())
     }
 
     /// The looks of the last iteration; none where the objective has no viewers.
@@ -282,7 +267,6 @@ impl<'a> Planner<'a> {
                     &b.partials,
                     &b.tallies,
                     &b.deficit,
-                    &b.lobes,
                 ])
                 .groups([s.probes, s.blocks, 1]),
         }

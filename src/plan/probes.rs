@@ -1,9 +1,8 @@
-//! Which points of the surface become point cameras, and what they ask for.
+//! Which points of the surface become point cameras.
 
 use std::sync::Arc;
 
-use super::config::{Config, Preset};
-use crate::scene::harmonics;
+use super::config::Preset;
 use crate::scene::proxy::SurfacePoint;
 use crate::visibility::device_scene::DeviceScene;
 use crate::visibility::probe_depth::{Probe, ProbeMaps};
@@ -13,15 +12,15 @@ use crate::{Error, Result};
 /// Texels along a side of the maps that tell which points can be seen.
 const COARSE: u32 = 16;
 
-/// The points that some feasible position sees, as far as a coarse map can tell, and their maps with `resolution` texels
-/// along a side; the others would only dilute a batch.
+/// Maps, with `resolution` texels along a side, of the points that some feasible position sees, as far as a coarse map can tell;
+/// the others would only dilute a batch.
 pub(super) fn reachable(
     context: &Arc<Context>,
     scene: &DeviceScene,
     points: Vec<SurfacePoint>,
     resolution: u32,
     preset: Preset,
-) -> Result<(Vec<SurfacePoint>, ProbeMaps)> {
+) -> Result<ProbeMaps> {
     let maps = ProbeMaps::new(context, scene, &points, COARSE)?;
     let seen = |probe: &Probe| probe.sky > 0.0;
     let points: Vec<SurfacePoint> =
@@ -30,14 +29,13 @@ pub(super) fn reachable(
         return Err(unseen(preset));
     }
     // Few views ask for no finer ones.
-    let maps = match resolution {
-        COARSE => maps.with(context, seen)?,
+    match resolution {
+        COARSE => maps.with(context, seen),
         _ => {
             drop(maps);
-            ProbeMaps::new(context, scene, &points, resolution)?
+            ProbeMaps::new(context, scene, &points, resolution)
         }
-    };
-    Ok((points, maps))
+    }
 }
 
 /// What is said where the region sees nothing of the surface.
@@ -49,11 +47,4 @@ pub(super) fn unseen(preset: Preset) -> Error {
     Error::request(format!(
         "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance){outside}"
     ))
-}
-
-/// How the targets of `points` vary with direction; empty where they do not or shall not.
-pub(super) fn lobes(config: &Config, points: &[SurfacePoint]) -> Vec<harmonics::Lobe> {
-    let varies = points.iter().any(|point| point.lobe != harmonics::Lobe::default());
-    let wanted = varies && config.vds && config.directional;
-    if wanted { points.iter().map(|point| point.lobe).collect() } else { Vec::new() }
 }

@@ -205,7 +205,6 @@ mod tests {
                     splats,
                     tangents: &[[0.6, 0.4]],
                     probes: &[],
-                    lobes: &[],
                     directions: &[],
                     depth: &[],
                     log_scale: 0.0,

@@ -42,7 +42,6 @@ pub(super) fn from_points(points: &Points, orientation: Orientation) -> Result<C
         ("radii", points.radii.len()),
         ("colours", points.colours.len()),
         ("scores", points.scores.len()),
-        ("lobes", points.lobes.len()),
         ("variances", points.variances.len()),
         ("camera directions", points.toward_cameras.len()),
     ] {

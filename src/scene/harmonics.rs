@@ -1,18 +1,6 @@
-//! Functions of direction: lobes of surfaces, and the basis that trained splats are stored in.
-//!
-//! A lobe has real spherical harmonics of degrees 1 and 2 on top of a constant of one: it is eight coefficients c and stands
-//! for `f(w) = 1 + sum c_k B_k(w)`. Its basis is the usual real orthonormal one times sqrt(4 pi), so that each function has
-//! a mean of zero and a mean square of one over the sphere and f has the mean one. Order: Y1-1, Y10, Y11, Y2-2, Y2-1, Y20,
-//! Y21, Y22.
-
-use std::sync::LazyLock;
+//! The spherical harmonics that the colours of trained splats are stored in.
 
 use glam::DVec3;
-
-use super::octahedral;
-
-/// Coefficients of a function of direction with mean one.
-pub type Lobe = [f32; 8];
 
 /// Value of the constant spherical harmonic, 1 / (2 sqrt(pi)).
 pub const CONSTANT: f64 = 0.282_094_791_773_878_14;
@@ -24,43 +12,6 @@ const TWO: [f64; 2] = [1.092_548_430_592_079_2, 0.315_391_565_252_520_05];
 /// sqrt(35 / (32 pi)), sqrt(105 / (4 pi)), sqrt(21 / (32 pi)) and sqrt(7 / (16 pi)), of degree 3.
 const THREE: [f64; 4] =
     [0.590_043_589_926_643_5, 2.890_611_442_640_554, 0.457_045_799_464_465_8, 0.373_176_332_590_115_4];
-
-/// Directions over which the least value of a lobe is looked for: texels along a side of an octahedral map.
-const RESOLUTION: u32 = 16;
-
-/// The eight functions of a lobe in unit direction `w`.
-pub fn basis(w: DVec3) -> [f64; 8] {
-    let DVec3 { x, y, z } = w;
-    let (three, five, fifteen) = (3f64.sqrt(), 5f64.sqrt(), 15f64.sqrt());
-    [
-        three * y,
-        three * z,
-        three * x,
-        fifteen * x * y,
-        fifteen * y * z,
-        0.5 * five * (3.0 * z * z - 1.0),
-        fifteen * x * z,
-        0.5 * fifteen * (x * x - y * y),
-    ]
-}
-
-/// f in unit direction `w`.
-pub fn value(lobe: &Lobe, w: DVec3) -> f64 {
-    1.0 + lobe.iter().zip(basis(w)).map(|(c, b)| f64::from(*c) * b).sum::<f64>()
-}
-
-/// The lobe with all coefficients scaled by the same factor, at most one, so that f is nowhere below `least` (less than
-/// one).
-pub fn at_least(lobe: &Lobe, least: f64) -> Lobe {
-    static DIRECTIONS: LazyLock<Vec<[f64; 8]>> =
-        LazyLock::new(|| octahedral::directions(RESOLUTION).into_iter().map(basis).collect());
-    let value = |basis: &[f64; 8]| 1.0 + lobe.iter().zip(basis).map(|(c, b)| f64::from(*c) * b).sum::<f64>();
-    let lowest = DIRECTIONS.iter().map(value).fold(f64::INFINITY, f64::min);
-    // Between the texels f dips a little lower.
-    let dip = 1.05 * (1.0 - lowest);
-    let factor = if dip > 1.0 - least { ((1.0 - least) / dip) as f32 } else { 1.0 };
-    lobe.map(|c| factor * c)
-}
 
 /// Real spherical harmonics of degrees 1 to 3 in unit direction `w`, with the signs and the order of 3D Gaussian splatting
 /// (Kerbl et al. 2023, after Sloan, "Efficient Spherical Harmonic Evaluation", JCGT 2013). With [`CONSTANT`] orthonormal.
@@ -112,6 +63,7 @@ pub fn above_constant_slopes(w: DVec3) -> [DVec3; 15] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::octahedral;
 
     /// If this failed, trained splats would show other colours than in every other program, or one coefficient would count
     /// for more than another.
@@ -173,44 +125,5 @@ mod tests {
                 assert!((slopes[k][axis] - difference).abs() < 1e-8, "function {k}, axis {axis}");
             }
         }
-    }
-
-    /// If this failed, a lobe would change the mean of what is asked for at a point, or one coefficient would speak for
-    /// another's direction.
-    #[test]
-    fn the_basis_is_orthonormal_and_of_mean_zero() {
-        // Midpoints of 128 x 128 texels: exact to some (2/128)^2.
-        let directions = octahedral::directions(128);
-        let mean = |f: &dyn Fn(&[f64; 8]) -> f64| {
-            directions.iter().map(|w| f(&basis(*w))).sum::<f64>() / directions.len() as f64
-        };
-        for i in 0..8 {
-            assert!(mean(&|b| b[i]).abs() < 1e-3, "the mean of function {i} is {}", mean(&|b| b[i]));
-            for j in 0..8 {
-                let product = mean(&|b| b[i] * b[j]);
-                assert!((product - f64::from(i == j)).abs() < 1e-3, "functions {i} and {j}: {product}");
-            }
-        }
-    }
-
-    /// If this failed, files of other programs would be read with axes exchanged.
-    #[test]
-    fn degree_one_is_ordered_y_z_x() {
-        for (axis, k) in [(DVec3::Y, 0), (DVec3::Z, 1), (DVec3::X, 2)] {
-            assert!((basis(axis)[k] - 3f64.sqrt()).abs() < 1e-12);
-        }
-        assert!((basis(DVec3::Z)[5] - 5f64.sqrt()).abs() < 1e-12);
-        assert!((basis(DVec3::X)[7] - 0.5 * 15f64.sqrt()).abs() < 1e-12);
-    }
-
-    /// A target below zero would ask for light to be taken away.
-    #[test]
-    fn a_bounded_lobe_falls_nowhere_below_its_floor() {
-        let strong = [0.9, -0.4, 0.3, 0.5, -0.8, 0.2, 0.1, -0.6];
-        let bounded = at_least(&strong, 0.25);
-        let lowest = octahedral::directions(128).iter().map(|w| value(&bounded, *w)).fold(f64::INFINITY, f64::min);
-        assert!((0.25..0.35).contains(&lowest), "the least value is {lowest}");
-        let weak = [0.05f32; 8];
-        assert_eq!(at_least(&weak, 0.25), weak);
     }
 }

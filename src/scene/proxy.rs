@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::similarity::Similarity;
 use super::surface::{Mesh, Surface};
-use super::{bounding_sphere, discs, harmonics, orientation};
+use super::{bounding_sphere, discs, orientation};
 use crate::{Error, Result};
 
 /// Which side of a surface is the visible one, where the surface itself does not say.
@@ -104,8 +104,6 @@ pub struct SurfacePoint {
     pub colour: [u8; 3],
     /// View dependency score in [1, 2].
     pub score: f32,
-    /// How the view dependency varies with direction, in the proxy's frame; zeros: not at all.
-    pub lobe: harmonics::Lobe,
 }
 
 /// Lift off triangles as a fraction of the proxy's bounding radius.
@@ -130,8 +128,6 @@ pub struct Proxy {
     pub(super) colours: Vec<[u8; 3]>,
     /// View dependency score at the corners of each primitive (a disc has one, three times).
     pub(super) scores: Vec<[f32; 3]>,
-    /// How the view dependency varies with direction, per disc; empty where it does not.
-    pub(super) lobes: Vec<harmonics::Lobe>,
 }
 
 impl Proxy {
@@ -161,7 +157,6 @@ impl Proxy {
                     thinned: points.positions.len() - cloud.outliers - cloud.discs.len(),
                     colours: cloud.source.iter().map(|i| points.colours.get(*i).copied().unwrap_or(GREY)).collect(),
                     scores: cloud.source.iter().map(|i| [attribute(i); 3]).collect(),
-                    lobes: cloud.source.iter().filter_map(|i| points.lobes.get(*i).copied()).collect(),
                     occluder: Occluder::Discs(cloud.discs),
                     buried: Vec::new(),
                 })
@@ -207,7 +202,6 @@ impl Proxy {
             thinned: 0,
             colours: kept.iter().map(|i| mesh.colours.get(*i).copied().unwrap_or(GREY)).collect(),
             scores,
-            lobes: Vec::new(),
             occluder: Occluder::Triangles(triangles),
             buried: Vec::new(),
         })

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::proxy::{Disc, Occluder, Proxy, SurfacePoint};
-use super::{harmonics, random};
+use super::random;
 
 /// Draw index of the offset of a systematic sample; primitives use the indices from zero.
 const OFFSET: u32 = u32::MAX;
@@ -51,7 +51,6 @@ impl Proxy {
                     lift: self.lift(i),
                     colour: self.colours[i],
                     score: (weights[0] * sa + weights[1] * sb + weights[2] * sc) as f32,
-                    lobe: harmonics::Lobe::default(),
                 });
                 next += step;
             }
@@ -82,7 +81,6 @@ impl Proxy {
             lift: self.lift(i),
             colour: self.colours[i],
             score: self.scores[i][0],
-            lobe: self.lobes.get(i).copied().unwrap_or_default(),
         };
         chosen.into_iter().map(point).collect()
     }

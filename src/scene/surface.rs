@@ -2,8 +2,6 @@
 
 use glam::DVec3;
 
-use super::harmonics::Lobe;
-
 /// A surface read from a file, in the file's own frame and units.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Surface {
@@ -41,8 +39,6 @@ pub struct Points {
     pub scores: Vec<f32>,
     /// Variance of each point's luma (linear, in [0, 1]) over directions: what scores are made of.
     pub variances: Vec<f32>,
-    /// How what is wanted of a point varies with direction in the world, relative to its score.
-    pub lobes: Vec<Lobe>,
     /// Whether the normals' sign can be trusted (from a scan with normals or a reconstruction's cameras, not from the
     /// shape of a splat).
     pub oriented: bool,
@@ -63,7 +59,6 @@ impl Points {
             colours: kept(self.colours, keep),
             scores: kept(self.scores, keep),
             variances: kept(self.variances, keep),
-            lobes: kept(self.lobes, keep),
             oriented: self.oriented,
             toward_cameras: kept(self.toward_cameras, keep),
         }

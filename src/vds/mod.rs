@@ -1,14 +1,12 @@
 //! View dependency: how much the look of a surface changes with the view, from photos.
 //!
 //! [`observe`] finds on the device which photos see a point and how bright it is there, [`gains`] the exposure of each
-//! photo, [`variance`] how much the intensity of a point varies beyond that, [`lobes`] along which directions. The
-//! variance becomes a score by a cubic, the [`vdsf`], which [`fit`] makes, and scores are spread over [1, 2]. [`job`]
+//! photo, [`variance`] how much the intensity of a point varies beyond that. The variance becomes a score by a cubic, the [`vdsf`], which [`fit`] makes, and scores are spread over [1, 2]. [`job`]
 //! does it all.
 
 pub mod fit;
 pub mod gains;
 pub mod job;
-pub mod lobes;
 pub mod observe;
 pub mod picture;
 pub mod pyramid;
@@ -24,7 +22,6 @@ use self::observe::Observations;
 use self::vdsf::Vdsf;
 use crate::parallel::in_parallel;
 use crate::photos::Photo;
-use crate::scene::harmonics::Lobe;
 use crate::scene::proxy::SurfacePoint;
 use crate::scene::surface::Points;
 
@@ -35,7 +32,7 @@ const ENDS: [f64; 2] = [0.01, 0.99];
 /// What the photos tell of points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
-    /// The points with scores in [1, 2] and lobes, in the photos' world frame.
+    /// The points with scores in [1, 2], in the photos' world frame.
     pub points: Points,
     /// Photos that see each point.
     pub views: Vec<u32>,
@@ -61,19 +58,15 @@ impl Estimate {
         let told: HashMap<[u64; 3], usize> =
             self.points.positions.iter().enumerate().map(|(i, position)| (key(position), i)).collect();
         let found: Vec<Option<usize>> = cloud.positions.iter().map(|p| told.get(&key(p)).copied()).collect();
-        Points {
-            scores: found.iter().map(|i| i.map_or(1.0, |i| self.points.scores[i])).collect(),
-            lobes: found.iter().map(|i| i.map_or_else(Lobe::default, |i| self.points.lobes[i])).collect(),
-            ..cloud.clone()
-        }
+        Points { scores: found.iter().map(|i| i.map_or(1.0, |i| self.points.scores[i])).collect(), ..cloud.clone() }
     }
 }
 
 /// Luma that the points are brought to: middle grey, what the photos are exposed for that the VDSF is made from.
 pub const GREY: f64 = 0.18;
 
-/// What a point's views tell of it: variance and mean of its intensity, and its lobe.
-type Told = (Option<(f64, f64)>, Lobe);
+/// What a point's views tell of it: variance and mean of its intensity; none where they are too few.
+type Told = Option<(f64, f64)>;
 
 /// Scores points from what photos show of them; `observations` are those of `points`, photo by photo of `photos`.
 /// `vdsf` makes a score of a variance.
@@ -88,17 +81,16 @@ pub fn estimate(
     vdsf: impl Fn(f64) -> f64,
 ) -> Estimate {
     let gains = if exposure { Gains::fit(observations, photos.len()) } else { Gains::none(photos.len()) };
-    let mut told: Vec<Told> = vec![(None, Lobe::default()); points.len()];
+    let mut told: Vec<Told> = vec![None; points.len()];
     in_parallel(&mut told, POINTS_AT_ONCE, |chunk, told| {
         for (i, told) in (chunk * POINTS_AT_ONCE..).zip(told) {
             *told = tell(points[i].position, photos, observations.of(i), &gains);
         }
     });
-    let means = || told.iter().filter_map(|(moments, _)| moments.map(|(_, mean)| mean)).collect::<Vec<_>>();
+    let means = || told.iter().flatten().map(|(_, mean)| *mean).collect::<Vec<_>>();
     let level = exposure.then(|| quantile(means(), 0.5)).filter(|level| *level > 0.0);
     let factor = level.map_or(1.0, |level| (GREY / level).powi(2));
-    let variances: Vec<Option<f64>> =
-        told.iter().map(|(moments, _)| moments.map(|(variance, _)| factor * variance)).collect();
+    let variances: Vec<Option<f64>> = told.iter().map(|told| told.map(|(variance, _)| factor * variance)).collect();
     let (scores, ends) = scores(&variances, vdsf);
     Estimate {
         points: Points {
@@ -107,7 +99,6 @@ pub fn estimate(
             radii: points.iter().map(|point| point.radius as f32).collect(),
             colours: points.iter().map(|point| point.colour).collect(),
             scores,
-            lobes: told.into_iter().map(|(_, lobe)| lobe).collect(),
             oriented: true,
             ..Points::default()
         },
@@ -148,14 +139,10 @@ fn tell(position: DVec3, photos: &[Photo], (seen_in, intensities): (&[u32], &[f3
         seen_in.iter().map(|k| (photos[*k as usize].camera.pose.position - position).normalize_or_zero()).collect();
     let corrected: Vec<f64> =
         seen_in.iter().zip(intensities).map(|(k, v)| gains.corrected(*k as usize, f64::from(*v))).collect();
-    // A view that is not believed is no reason to look there either.
     let believed = variance::believed(&corrected, &toward);
-    let (corrected, toward): (Vec<f64>, Vec<DVec3>) =
-        corrected.into_iter().zip(toward).zip(believed).filter(|(_, believed)| *believed).map(|(view, _)| view).unzip();
-    match variance::moments(&corrected) {
-        Some((variance, mean)) => (Some((variance, mean)), lobes::lobe(&corrected, &toward, mean)),
-        None => (None, Lobe::default()),
-    }
+    let corrected: Vec<f64> =
+        corrected.into_iter().zip(believed).filter(|(_, believed)| *believed).map(|(value, _)| value).collect();
+    variance::moments(&corrected)
 }
 
 /// The value that the given part of `values` lies below; zero of nothing.

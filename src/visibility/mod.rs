@@ -5,5 +5,4 @@ pub mod device_scene;
 pub mod exposure;
 pub mod lens_view;
 pub mod probe_depth;
-pub mod probe_lobe;
 pub mod raycast;

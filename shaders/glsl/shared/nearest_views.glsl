@@ -5,7 +5,7 @@
 // Twin: src/quality/nearest.rs.
 
 // Threads of a look, a power of two: each walks over some of the views and casts some of the rays.
-layout(constant_id = 9) const uint LANES = 1;
+layout(constant_id = 8) const uint LANES = 1;
 
 const uint LISTED = 8;       // views that are looked at between two walks over all
 const uint WALKS = 16;       // of a look; what 128 nearer views do not see counts as unseen

@@ -6,7 +6,6 @@ layout(constant_id = 1) const uint OBJECTIVE = 0;    // 0 splat, 1 quality
 layout(constant_id = 2) const uint GATE = 1;         // 0 hard cone, 1 soft cone, 2 hard frustum, 3 soft frustum
 layout(constant_id = 3) const uint KERNEL = 0;       // 0 angular, 1 metric
 layout(constant_id = 4) const uint OCCLUSION = 1;    // 0 everything is seen through
-layout(constant_id = 8) const uint LOBES = 0;        // 1 targets vary with direction
 
 const uint TEXELS = RESOLUTION * RESOLUTION;
 const uint NONE = 0xffffffffu;
@@ -66,7 +65,6 @@ struct Splat {
 };
 
 #include "shared/probe.glsl"
-#include "shared/lobe.glsl"
 
 // Gradient of the loss by a splat's pose, of one probe or of all.
 struct Gradient {
@@ -122,12 +120,6 @@ struct Gate {
 // Whether splats are relocated before the iteration that is next.
 bool relocation_due(Control c, Settings s) {
     return c.halt == 0 && c.iteration > 0 && c.iteration % s.relocate_every == 0 && c.iteration <= s.relocate_until;
-}
-
-// V_i(w): what a probe's target is in units of alpha in direction `w`. A point that looks the same from
-// everywhere wants the same everywhere; what it wants beyond that goes where its radiance varies.
-float target_at(float score, Lobe lobe, vec3 w) {
-    return LOBES == 0 ? score : 1.0 + (score - 1.0) * lobe_at(lobe, w);
 }
 
 // Weight of a texel of a probe in the mean over probes and directions.

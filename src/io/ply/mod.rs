@@ -18,7 +18,6 @@ pub use self::gaussians::gaussians;
 use self::header::{Header, Kind};
 use crate::error::{Error, Result};
 use crate::scene::colour;
-use crate::scene::harmonics::Lobe;
 use crate::scene::surface::{Mesh, Points, Surface};
 
 /// Reads a surface from the bytes of a PLY file; `path` is for messages only, `notes` takes what a user should know
@@ -27,7 +26,7 @@ use crate::scene::surface::{Mesh, Points, Surface};
 /// A file with a `face` element is a mesh; one with the properties of a trained or packed splat is read by [`splats`];
 /// the rest is points. Known properties of `vertex`: x y z, nx ny nz (normals of any length, zero where unknown),
 /// red green blue (8 bits, 16 bits, or floats in [0, 1], all sRGB), and vds or score (view dependency in [1, 2]); for points
-/// also radius and vds_1 to vds_8 (a [`Lobe`]). Frame and units are the file's.
+/// also radius. Frame and units are the file's.
 ///
 /// # Errors
 /// When the file is damaged or cut short, lacks positions, or fails the checks that all surfaces pass.
@@ -63,14 +62,12 @@ fn plain(path: &Path, bytes: &[u8], header: &Header, notes: &mut Vec<String>) ->
         let normals = normals(&mut columns);
         let oriented = !normals.is_empty();
         let radii = columns.scalars("vertex", "radius").unwrap_or_default().into_iter().map(|r| r as f32).collect();
-        let lobes = lobes(&mut columns, positions.len());
         return Ok(Surface::Points(Points {
             positions,
             normals,
             radii,
             colours,
             scores,
-            lobes,
             oriented,
             ..Points::default()
         }));
@@ -102,16 +99,6 @@ fn normals(columns: &mut Columns) -> Vec<DVec3> {
     let normals = vectors(columns, ["nx", "ny", "nz"]).unwrap_or_default();
     let unit: Vec<DVec3> = normals.into_iter().map(|n| n.normalize_or_zero()).collect();
     if unit.iter().all(|n| *n == DVec3::ZERO) { Vec::new() } else { unit }
-}
-
-/// The properties vds_1 to vds_8; empty where one is missing.
-fn lobes(columns: &mut Columns, points: usize) -> Vec<Lobe> {
-    let mut lobes = vec![Lobe::default(); points];
-    for k in 0..8 {
-        let Some(values) = columns.scalars("vertex", &format!("vds_{}", k + 1)) else { return Vec::new() };
-        lobes.iter_mut().zip(values).for_each(|(lobe, value)| lobe[k] = value as f32);
-    }
-    lobes
 }
 
 /// 8-bit sRGB colours of the vertices; empty where there are none.

@@ -4,7 +4,7 @@
 //! twice the geometric mean of the standard deviations along the two longer axes, so that the disc has the area of the
 //! splat's two-sigma ellipse: neighbours overlap there, and what lies behind is hidden as it is in a render. The colour is that of the constant harmonic. Splats with an opacity under
 //! [`LEAST_OPACITY`] are left out: most of them are haze around the surface. The higher harmonics, where there are any, say
-//! how much and along which directions the splat's radiance varies.
+//! how much the splat's radiance varies.
 
 use std::path::Path;
 
@@ -48,9 +48,7 @@ pub(super) fn points(path: &Path, splats: &Decoded, notes: &mut Vec<String>) -> 
         points.radii.push(radius);
         points.colours.push(colour::bytes(plain));
         if let Some(radiance) = &radiance {
-            let (variance, lobe) = radiance.variation(i, plain);
-            points.variances.push(variance);
-            points.lobes.push(lobe);
+            points.variances.push(radiance.variance(i, plain));
         }
     }
     if let Some(first) = misshapen.first() {

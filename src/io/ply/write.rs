@@ -20,22 +20,19 @@ pub fn points(positions: &[DVec3], colours: &[[u8; 3]], property: Option<(&str, 
     bytes
 }
 
-/// Bytes of a file of points with all that is known of them: x y z, red green blue, and where there are any nx ny nz, radius,
-/// vds and vds_1 to vds_8. Every attribute of `surface` must be empty or as long as its positions.
+/// Bytes of a file of points with all that is known of them: x y z, red green blue, and where there are any nx ny nz, radius and
+/// vds. Every attribute of `surface` must be empty or as long as its positions.
 pub fn surface_points(surface: &Points) -> Vec<u8> {
-    let Points { positions, normals, radii, colours, scores, lobes, .. } = surface;
-    let mut names: Vec<String> = Vec::new();
-    let mut declare = |there: bool, given: &[&str]| {
+    let Points { positions, normals, radii, colours, scores, .. } = surface;
+    let mut names: Vec<&str> = Vec::new();
+    let mut declare = |there: bool, given: &[&'static str]| {
         if there {
-            names.extend(given.iter().map(|name| (*name).to_owned()));
+            names.extend(given);
         }
     };
     declare(!normals.is_empty(), &["nx", "ny", "nz"]);
     declare(!radii.is_empty(), &["radius"]);
     declare(!scores.is_empty(), &["vds"]);
-    if !lobes.is_empty() {
-        names.extend((1..=8).map(|k| format!("vds_{k}")));
-    }
     let declarations: String = names.iter().map(|name| format!("property float {name}\n")).collect();
     let mut bytes = header(positions.len(), &declarations);
     bytes.extend(b"end_header\n");
@@ -43,7 +40,7 @@ pub fn surface_points(surface: &Points) -> Vec<u8> {
         vertex(&mut bytes, position, colours.get(i).copied().unwrap_or([128; 3]));
         let normal = normals.get(i).map(|n| n.as_vec3().to_array());
         let values = normal.iter().flatten().chain(radii.get(i)).chain(scores.get(i));
-        values.chain(lobes.get(i).into_iter().flatten()).for_each(|v| bytes.extend(v.to_le_bytes()));
+        values.for_each(|v| bytes.extend(v.to_le_bytes()));
     }
     bytes
 }
@@ -135,14 +132,12 @@ mod tests {
     /// If this failed, what photos tell of a surface would not reach the plan that is made from the file.
     #[test]
     fn all_that_is_known_of_points_survives_a_round_trip() {
-        let lobe = [0.1, -0.2, 0.3, -0.4, 0.5, -0.6, 0.7, -0.8];
         let surface = Points {
             positions: vec![DVec3::new(0.5, -1.0, 2.0), DVec3::ZERO],
             normals: vec![DVec3::Z, DVec3::NEG_X],
             radii: vec![0.25, 0.5],
             colours: vec![[1, 2, 3], [250, 128, 0]],
             scores: vec![1.0, 1.5],
-            lobes: vec![lobe, [0.0; 8]],
             oriented: true,
             ..Points::default()
         };
