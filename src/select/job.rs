@@ -327,7 +327,7 @@ impl<'a> Prospect<'a> {
     /// themselves first, each with the decibels of expected quality that it alone would add.
     ///
     /// # Errors
-    /// As [`Prospect::plan`].
+    /// Where the plan does not fit the device, or the device fails.
     pub fn suggest(&self, chosen: &[Chosen], count: usize) -> Result<Vec<Suggested>> {
         let kept = self.cameras(&chosen.iter().map(|chosen| chosen.photo).collect::<Vec<_>>());
         let Some(first) = self.set.photos.first() else { return Ok(Vec::new()) };
