@@ -154,6 +154,25 @@ fn a_thin_sheet_is_photographed_from_below_too() {
     assert!(expected.unseen < 0.02 && expected.db >= 0.0, "{expected:?}");
 }
 
+/// Cameras that are there already: what is added goes into the hole that they leave. If this failed, a gain that is small beside what all
+/// cameras have in common would be thrown away for places at random.
+#[test]
+fn views_are_added_where_those_that_are_kept_leave_a_hole() {
+    let config = Config::new(Preset::Object, 30);
+    let (target, whole) = planned(&samples::object(), &RegionChoice::default(), &config);
+    let (centre, _) = target.region.bounding_sphere();
+    let beside = |camera: &Camera| (camera.pose.position - centre).normalize().x;
+    let mut kept = whole.record.cameras;
+    kept.sort_by(|a, b| beside(a).total_cmp(&beside(b)));
+    kept.truncate(27);
+    let config = Config::new(Preset::Object, 3);
+    let go_on = |_: job::Event| ControlFlow::Continue(());
+    let plan = job::run(&context(), &target, intrinsics(), &kept, config, Tools::default(), go_on).expect("a plan");
+    let added: Vec<f64> = plan.record.cameras[..3].iter().map(beside).collect();
+    assert!(added.iter().all(|x| *x > 0.5), "along x they stand at {added:?}");
+    assert!(plan.record.expected.expect("an expectation").db >= 0.0);
+}
+
 /// What is promised of every plan: whatever the scene, as good as each simple layout, turned at random, in the eyes of viewers that neither the
 /// descent nor the choice has seen.
 #[test]
@@ -185,7 +204,7 @@ fn a_plan_is_never_worse_than_a_simple_layout() {
         let scene = DeviceScene::new(&context, scene).expect("room for it");
         let reference = Reference::new(&context, &scene, &target, (intrinsics(), &[]), &fresh).expect("a reference");
         let planned = reference.expect_cameras(&plan.record.cameras).expect("an expectation").error_db;
-        for (name, ways) in starts::layouts(&config, &scene.geometry) {
+        for (name, ways) in starts::layouts(&config, &scene.geometry, &[]) {
             let errors: Vec<f64> =
                 ways.iter().map(|poses| reference.expect(poses).expect("an expectation").error_db).collect();
             // Turned at random, as whoever does without a plan turns it.

@@ -134,7 +134,10 @@ fn what_cannot_be_fitted_is_refused_and_writes_nothing() {
     refused("other.gltf --evaluations o", &["other.gltf", "none of the evaluations"]);
     refused("a.gltf --evaluations o --held-out zebra", &["--held-out names zebra"]);
     refused("a.gltf --evaluations o --held-out a", &["train more layouts"]);
-    refused("a.gltf b.gltf --evaluations o", &["error must not fall"]);
+    refused("a.gltf ./a.gltf --evaluations o", &["./a.gltf", "another scene has this name"]);
+    refused("a.gltf --evaluations o,o", &["names this folder twice"]);
+    refused("a.gltf --evaluations o --device 7", &["--device is for what --layouts writes"]);
+    refused("a.gltf b.gltf --evaluations o", &["error must rise"]);
     place.write("o/a/training-3/train.json", "{");
     refused("a.gltf b.gltf --evaluations o", &["training-3/train.json", "no file of a complete evaluation"]);
 }

@@ -60,6 +60,19 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         check_file(file)?;
         check_output_file(file, scenes.iter().chain(evaluations))?;
     }
+    let stem = |scene: &PathBuf| scene.file_stem().map(std::ffi::OsStr::to_os_string);
+    if let Some(scene) = (1..scenes.len()).find(|i| scenes[..*i].iter().any(|other| stem(other) == stem(&scenes[*i]))) {
+        return Err(Error::input(
+            &scenes[scene],
+            "another scene has this name, and evaluations tell them by their names; leave one out",
+        ));
+    }
+    if let Some(folder) = (1..evaluations.len()).find(|i| evaluations[..*i].contains(&evaluations[*i])) {
+        return Err(Error::input(&evaluations[folder], "--evaluations names this folder twice; name it once"));
+    }
+    if layouts.is_none() && device.device.is_some() {
+        return Err(Error::request("--device is for what --layouts writes; give both or neither"));
+    }
     let named =
         |name: &&String| !scenes.iter().any(|scene| scene.file_stem().is_some_and(|stem| stem == name.as_str()));
     if let Some(name) = held_out.iter().find(named) {
@@ -80,12 +93,13 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         let mut csv = String::from("scene,held_out,views,layout,expected_db,score_db,trained_psnr\n");
         for (runs, scene) in trained.into_iter().zip(&observed) {
             let held = u8::from(held_out.contains(&scene.name));
+            let of_scene = scene.name.replace([',', '"', '\n'], ";");
             let expected = fit.expected(scene);
             let scored = runs.scored(context, &fit.law.law())?;
             for ((layout, expected), scored) in scene.layouts.iter().zip(expected).zip(scored) {
                 let (name, of, psnr) = (layout.name.replace([',', '"', '\n'], ";"), layout.views, layout.psnr);
                 // Writing to a string cannot fail.
-                let _ = writeln!(csv, "{},{held},{of},{name},{expected:.3},{scored:.3},{psnr:.3}", scene.name);
+                let _ = writeln!(csv, "{of_scene},{held},{of},{name},{expected:.3},{scored:.3},{psnr:.3}");
             }
         }
         print_messages(context);

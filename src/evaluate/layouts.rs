@@ -89,10 +89,10 @@ pub struct Trained {
 }
 
 impl Trained {
-    /// Reads every run of the scene in these folders of evaluations, whose tests must be the same.
+    /// Reads every run of the scene in these folders of evaluations, whose regions and tests of it must be the same.
     ///
     /// # Errors
-    /// Where a folder holds no evaluation or none of this scene, or a file of it cannot be read.
+    /// Where a folder holds no evaluation, none of them has this scene, or a file cannot be read.
     pub fn read(scene: &Path, evaluations: &[PathBuf]) -> Result<Self> {
         let name = scene.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         let mut shared: Option<(Kind, RegionChoice, Vec<Camera>)> = None;
@@ -106,10 +106,10 @@ impl Trained {
             }
             for run in results.runs.iter().filter(|run| run.scene == name) {
                 let (tests, cameras, psnr) = trained(&folder.join(&name), &run.folder)?;
-                let (_, _, others) = shared.get_or_insert_with(|| (kind, region, tests.clone()));
-                if *others != tests {
+                let others = shared.get_or_insert_with(|| (kind, region, tests.clone()));
+                if *others != (kind, region, tests) {
                     let what = format!(
-                        "its tests of {name} are others than those of {}; fit them apart",
+                        "its region or tests of {name} are others than those of {}; fit them apart",
                         evaluations[0].display()
                     );
                     return Err(Error::input(folder, what));
@@ -157,8 +157,10 @@ impl Trained {
 
 /// What a layout is called: of a file of cameras its own name.
 fn label(method: &str) -> &str {
-    let name = method.strip_prefix("cameras:").unwrap_or(method);
-    Path::new(name).file_stem().and_then(|stem| stem.to_str()).unwrap_or(name)
+    match method.strip_prefix("cameras:") {
+        Some(file) => Path::new(file).file_stem().and_then(|stem| stem.to_str()).unwrap_or(file),
+        None => method,
+    }
 }
 
 /// Test cameras that were looked at, cameras and mean PSNR of a training.
@@ -178,7 +180,13 @@ fn trained(root: &Path, key: &str) -> Result<(Vec<Camera>, Vec<Camera>, f64)> {
         ));
     }
     let looked_at = |test: &Camera| record.test_views.iter().any(|view| view.name == test.name);
-    let tests = cameras(&tests)?.into_iter().filter(looked_at).collect();
+    let tests: Vec<Camera> = cameras(&tests)?.into_iter().filter(looked_at).collect();
+    if tests.len() != psnr.len() {
+        return Err(Error::input(
+            &folder,
+            "its test views are not those of its capture; remove the folder and run the evaluation again",
+        ));
+    }
     Ok((tests, cameras(&done.inputs.photos)?, psnr.iter().sum::<f64>() / psnr.len() as f64))
 }
 

@@ -127,6 +127,8 @@ impl Scene {
             let choice = RegionChoice { shape: Some(shape), floor, clearance: Some(clearance) };
             let target = Target::new(&self.surface, &self.path.to_string_lossy(), preset, &choice, UP, &intrinsics)?;
             let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+            // Cameras of a file are tests once each.
+            let count = if let Viewers::Cameras(all) = viewers { count.min(all.len() as u32) } else { count };
             let tests = viewers.sample(&geometry, intrinsics, preset == Preset::Object, TESTS, count)?;
             // A file's cameras count with their places and directions; everybody has the same lens.
             let named = |(i, camera): (usize, Camera)| Camera { name: format!("viewers_{i:04}"), intrinsics, ..camera };

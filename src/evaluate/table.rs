@@ -7,6 +7,7 @@ use super::request::{InputsFrom, Method, PeersFrom, Request, Shown};
 use super::results::{Interval, METRICS, Row, measured};
 use crate::gaussians::record::APART;
 use crate::plan::job::RegionChoice;
+use crate::quality::viewers::Viewers;
 use crate::scene::region::Shape;
 
 /// Decimals of each metric.
@@ -128,9 +129,13 @@ fn conditions(request: &Request) -> String {
         false => "",
     };
     let looking = if request.viewers.is_default() { "" } else { ", test views from where `--viewers` says" };
+    let tests = match &request.viewers {
+        Viewers::Cameras(all) => settings.tests.min(all.len() as u32),
+        _ => settings.tests,
+    };
     format!(
         "Methods chose on {shown}{region}{peers}{given}{looking}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set{finer}",
-        settings.size, settings.samples, settings.tests
+        settings.size, settings.samples, tests
     )
 }
 
@@ -173,7 +178,6 @@ mod tests {
     use super::*;
     use crate::evaluate::request::{Given, Settings};
     use crate::peers::request::Method as Placing;
-    use crate::quality::viewers::Viewers;
 
     fn row() -> Row {
         let of = |mean, half| Some(Interval { mean, half });

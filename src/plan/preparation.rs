@@ -109,7 +109,7 @@ impl Preparation {
         }
         if quality && context.physical().kind == "CPU" && splats > MOST_ON_CPU {
             return Err(Error::request(format!(
-                "on a CPU device expected quality is of at most {MOST_ON_CPU} cameras; use a GPU, or --objective splat"
+                "on a CPU device expected quality is of at most {MOST_ON_CPU} cameras, and these are {splats}; use a GPU, or fewer"
             )));
         }
         if quality && probes > MOST_VIEWERS_A_STEP {

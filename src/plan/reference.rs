@@ -103,15 +103,15 @@ impl<'a> Reference<'a> {
         let fewer = Judge::new(context, scene, around, viewers[..FEWER.min(viewers.len())].to_vec(), &law, seed)?;
         let judge = Judge::new(context, scene, around, viewers, &law, seed)?;
         let mut reference = Self { judge, scene, around, intrinsics, kept: kept.to_vec(), layouts: Vec::new() };
-        for (name, ways) in starts::layouts(config, &scene.geometry) {
+        for (name, ways) in starts::layouts(config, &scene.geometry, kept) {
             let poses = reference.best_way(&fewer, ways)?;
             let expectation = reference.expect(&poses)?;
             if expectation.viewers.iter().all(Option::is_none) {
                 return Err(match config.viewers {
                     Viewers::Region => probes::unseen(config.preset),
-                    _ => {
-                        Error::request("viewers: none of them sees the surface; give others (--viewers), in its frame")
-                    }
+                    _ => Error::request(
+                        "viewers: none of them has the surface in a sixteenth of its picture; give nearer ones (--viewers), in its frame",
+                    ),
                 });
             }
             reference.layouts.push(Layout { name, poses, expectation });
@@ -166,8 +166,8 @@ impl<'a> Reference<'a> {
     }
 
     /// What is expected of a run, which takes the poses of the best layout and was not broken off unless more is expected of its
-    /// own by a standard deviation of what the law tells of layouts that are alike: smaller gains are not seen in trained splats, and no
-    /// plan is to be worse than a layout that is simpler.
+    /// own by a standard deviation of what the law tells of layouts that are alike, less where cameras are kept: smaller gains are not
+    /// seen in trained splats, and no plan is to be worse than a layout that is simpler.
     ///
     /// # Errors
     /// Where the device fails.
@@ -175,7 +175,9 @@ impl<'a> Reference<'a> {
         let to_internal = &self.scene.geometry.to_internal;
         let planned: Vec<Pose> = outcome.poses.iter().map(|pose| to_internal.pose(pose)).collect();
         let (expectation, best) = (self.expect(&planned)?, self.best());
-        let margin = Fitted::embedded().spread(0.0);
+        // Cameras that both keep make neither better.
+        let all = planned.len() + self.kept.len();
+        let margin = Fitted::embedded().spread(0.0) * planned.len() as f64 / all.max(1) as f64;
         if expectation.error_db + margin <= best.expectation.error_db || outcome.status != Status::Complete {
             return Ok(expectation);
         }

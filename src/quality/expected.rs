@@ -136,7 +136,7 @@ impl<'a> Judge<'a> {
     pub fn expect(&self, cameras: &[Camera]) -> Result<Expectation> {
         if self.context.physical().kind == "CPU" && cameras.len() > MOST_ON_CPU as usize {
             return Err(Error::request(format!(
-                "on a CPU device expected quality is of at most {MOST_ON_CPU} cameras; these are {}",
+                "on a CPU device expected quality is of at most {MOST_ON_CPU} cameras, and these are {}; use a GPU, or fewer",
                 cameras.len()
             )));
         }

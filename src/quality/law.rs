@@ -121,9 +121,11 @@ impl Fitted {
             ("farther", self.farther),
             ("background", self.background),
         ];
-        match all.into_iter().find(|(_, value)| !(*value >= 0.0 && value.is_finite())) {
+        // Without a weight beside it an object would be taken for a room.
+        let least = |name: &str| if name == "background" { 1e-6 } else { 0.0 };
+        match all.into_iter().find(|(name, value)| !(*value >= least(name) && value.is_finite())) {
             Some((name, value)) => Err(Error::request(format!(
-                "the law's coefficient {name:?} is {value}, and error must not fall with angle or distance; train layouts that differ more"
+                "the law's coefficient {name:?} is {value}, and error must rise with angle and distance, and beside objects; train layouts that differ more"
             ))),
             None => Ok(()),
         }

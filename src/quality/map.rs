@@ -76,7 +76,8 @@ pub fn error_map(
         // Negative where no view sees the point.
         .map(|(look, error)| (Vec3::from(look.position), error.abs()))
         .collect();
-    let every = (points.len() * shown.len()).div_ceil(MOST_PAIRS).max(1);
+    // Odd, so that it is not always the same pixel of every viewer.
+    let every = (points.len() * shown.len()).div_ceil(MOST_PAIRS) | 1;
     let shown: Vec<(Vec3, f32)> = shown.into_iter().step_by(every).collect();
     let mut all: Vec<f32> = shown.iter().map(|(_, error)| *error).collect();
     let middle = all.len() / 2;

@@ -298,10 +298,15 @@ impl<'a> Prospect<'a> {
         Ok(poses)
     }
 
-    /// From where people look at what is trained on a choice.
-    fn viewers(&self) -> Viewers {
-        let pool = || Viewers::Cameras(self.cameras(&(0..self.set.photos.len()).collect::<Vec<_>>()));
-        self.request.viewers.clone().unwrap_or_else(pool)
+    /// From where people look at what is trained on a choice, for making it and for judging it: of a pool every other photo each.
+    fn viewers(&self) -> [Viewers; 2] {
+        let photos = self.set.photos.len();
+        let pool = |half: usize| match photos {
+            // Too few to be parted.
+            0..8 => Viewers::Cameras(self.cameras(&(0..photos).collect::<Vec<_>>())),
+            _ => Viewers::Cameras(self.cameras(&(half..photos).step_by(2).collect::<Vec<_>>())),
+        };
+        [0, 1].map(|half| self.request.viewers.clone().unwrap_or_else(|| pool(half)))
     }
 
     fn cameras(&self, subset: &[usize]) -> Vec<Camera> {
@@ -369,7 +374,7 @@ impl<'a> Prospect<'a> {
         let start = Instant::now();
         let kept: Vec<Camera> = request.must.iter().map(|photo| self.set.photos[*photo].camera.clone()).collect();
         let needs_plan = matches!(request.method, Method::Swap | Method::Assigned | Method::Nearest);
-        let viewers = self.viewers();
+        let [viewers, judges] = self.viewers();
         let planned = if needs_plan || with_controls {
             self.plan(request.count - request.must.len(), &kept, viewers.clone())?
         } else {
@@ -378,14 +383,16 @@ impl<'a> Prospect<'a> {
         let planning = start.elapsed().as_secs_f64();
 
         let start = Instant::now();
-        let judge = self.judge(&viewers, request.seed ^ JUDGE_SEED, JUDGES)?;
+        let judge = self.judge(&judges, request.seed ^ JUDGE_SEED, JUDGES)?;
         let simple = self.simple(&pool, &planned, &judge)?;
         let looked_at = self.judge(&viewers, request.seed, VIEWERS)?;
         let looks = (looked_at.looks()?, looked_at.viewers().len());
         let law = Law::embedded();
         let plain = Objective::new(&self.context, &self.scene, &self.set.photos, looks, law)?;
         if plain.looks() == 0 {
-            return Err(Error::request("viewers: none of them sees the surface; do surface and photos share a frame?"));
+            return Err(Error::request(
+                "viewers: none of them has the surface in a sixteenth of its picture; give nearer ones (--viewers), in the surface's frame",
+            ));
         }
         let (mut subset, mut errors_db) = match request.method {
             Method::Swap => swap(&pool, &plain, &simple, sharpness),

@@ -2,7 +2,8 @@
 //!
 //! A viewer's cost is ten times the decimal logarithm of the mean expected error of its looks, each by its three nearest chosen photos
 //! ([`crate::quality::law`]); that of a subset is the mean over viewers, in decibels. For every candidate and slot the cost of the swap is
-//! exact. All that a candidate changes is at the looks that it sees, so that the worth of all its swaps comes from one pass over these.
+//! exact, but for photos at the very same angle. All that a candidate changes is at the looks that it sees: the worth of all its swaps comes from one pass over
+//! these, and one over slots for each viewer that has any of them.
 
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
@@ -24,6 +25,8 @@ use crate::vulkan::Context;
 const TOGETHER: usize = 64;
 /// Photos that are kept of a look: the law takes three, and one comes after them when one goes.
 const KEPT: usize = 4;
+/// Ratios of a viewer's errors that are multiplied before a logarithm is taken: so many stay within double precision.
+const FACTORS: usize = 32;
 /// Decibels of a natural logarithm.
 const DECIBELS: f64 = 10.0 / std::f64::consts::LN_10;
 
@@ -72,9 +75,7 @@ pub struct Choice<'o> {
 struct Removals {
     /// By viewer and slot: rise of the sum of errors.
     rise: Vec<f64>,
-    /// By viewer and slot: rise of the logarithm of that sum.
-    log: Vec<f64>,
-    /// By slot: the sum of those over viewers.
+    /// By slot: rise of the logarithm of that sum, over all viewers.
     total: Vec<f64>,
     /// By viewer: the sum of errors as it is.
     sums: Vec<f64>,
@@ -230,7 +231,7 @@ impl Choice<'_> {
             let mut total = vec![0.0; slots];
             log.chunks(slots.max(1))
                 .for_each(|of_viewer| total.iter_mut().zip(of_viewer).for_each(|(sum, log)| *sum += log));
-            Removals { rise, log, total, sums }
+            Removals { rise, total, sums }
         })
     }
 
@@ -260,14 +261,15 @@ impl Choice<'_> {
         self.removals.take();
     }
 
-    /// The best swap that brings `photo` in, among slots that may change; ties go to the first slot. `change` has room for a
-    /// number of each slot.
+    /// The best swap that brings `photo` in, among slots that may change; ties go to the first slot. `scratch` has room for
+    /// as many slots.
     pub fn best_swap(&self, photo: usize, fixed: &[bool], scratch: &mut Scratch) -> Swap {
         let (objective, slots) = (self.objective, self.chosen.len());
-        let Removals { rise, log, total, sums } = self.removals();
-        let Scratch { change, moved } = scratch;
+        let Removals { rise, total, sums } = self.removals();
+        let Scratch { change, moved, product } = scratch;
         change.copy_from_slice(total);
-        let mut seen = objective.seen[photo].iter().map(|look| *look as usize).peekable();
+        product.fill(1.0);
+        let (mut seen, mut multiplied) = (objective.seen[photo].iter().map(|look| *look as usize).peekable(), 0);
         for (viewer, range) in objective.viewers.iter().enumerate() {
             let mut added = 0.0;
             moved.fill(0.0);
@@ -275,7 +277,7 @@ impl Choice<'_> {
             while let Some(look) = seen.next_if(|look| *look < range.end) {
                 let State { near, error } = &self.states[look];
                 let Some(new) = objective.near(look, photo, u32::MAX - 1) else { continue };
-                // Farther than the third it counts where one of the three goes.
+                // Farther than the fourth it counts for nothing, whichever of the three goes.
                 if new.angle >= near[3].angle && near[3] != NONE {
                     continue;
                 }
@@ -290,13 +292,17 @@ impl Choice<'_> {
                 }
             }
             if touched {
-                let row = viewer * slots..(viewer + 1) * slots;
-                let known = rise[row.clone()].iter().zip(&log[row]).zip(moved.iter());
-                for (change, ((rise, log), moved)) in change.iter_mut().zip(known) {
-                    *change += ((added + rise + moved) / sums[viewer]).ln_1p() - log;
+                let row = &rise[viewer * slots..(viewer + 1) * slots];
+                for ((product, rise), moved) in product.iter_mut().zip(row).zip(moved.iter()) {
+                    *product *= 1.0 + (added + moved) / (sums[viewer] + rise);
+                }
+                multiplied += 1;
+                if multiplied % FACTORS == 0 {
+                    fold(change, product);
                 }
             }
         }
+        fold(change, product);
         let share = DECIBELS / objective.viewers.len().max(1) as f64;
         let mut best = Swap { change: f64::INFINITY, slot: 0 };
         for (slot, log) in change.iter().enumerate() {
@@ -318,15 +324,24 @@ impl Choice<'_> {
     }
 }
 
+/// Adds the logarithms of products to what they change, and begins them anew.
+fn fold(change: &mut [f64], product: &mut [f64]) {
+    for (change, product) in change.iter_mut().zip(product) {
+        *change += product.ln();
+        *product = 1.0;
+    }
+}
+
 /// Room for [`Choice::best_swap`].
 pub struct Scratch {
     change: Vec<f64>,
     moved: Vec<f64>,
+    product: Vec<f64>,
 }
 
 impl Scratch {
     /// For so many slots.
     pub fn new(slots: usize) -> Self {
-        Self { change: vec![0.0; slots], moved: vec![0.0; slots] }
+        Self { change: vec![0.0; slots], moved: vec![0.0; slots], product: vec![1.0; slots] }
     }
 }

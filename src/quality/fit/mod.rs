@@ -118,7 +118,7 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
 }
 
 /// Standard deviation of the trained difference of two layouts about the expected one: of layouts that are expected to be
-/// alike, and for each decibel that they are expected to differ by.
+/// alike, and for each decibel that they are expected to differ by. Of held-out scenes where there are any, all numbers of views together.
 fn spread(groups: &[Vec<Pair>]) -> [f64; 2] {
     let pairs = groups.iter().flat_map(|group| {
         group.iter().enumerate().flat_map(|(i, a)| group[..i].iter().map(move |b| (a.0 - b.0, a.1 - b.1)))
