@@ -18,8 +18,9 @@ use camsplat::scene::samples;
 use camsplat::select::controls::Pool;
 use camsplat::select::farthest::Distance;
 use camsplat::select::interchange::refine;
-use camsplat::select::job::{Method, Prospect, Request};
+use camsplat::select::job::Prospect;
 use camsplat::select::objective::{Objective, Scratch};
+use camsplat::select::request::{Method, Request};
 use camsplat::select::sight::{Survey, framed, sight};
 use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
 use camsplat::vulkan::{Context, Options};
@@ -228,7 +229,7 @@ fn must_and_never_hold_for_every_method() {
     let context = context();
     let set = pool(30, 5);
     let target = target();
-    for method in Method::CONTROLS.into_iter().chain([Method::Acp]) {
+    for method in Method::CONTROLS.into_iter().chain([Method::Swap, Method::Acp]) {
         let request = Request { method, must: vec![3, 17], never: vec![0, 5, 29], points: 150, ..Request::new(8) };
         let prospect = Prospect::new(&context, &set, &target, request).expect("a pool");
         let selection = prospect.select(None, false).expect("a selection");

@@ -22,7 +22,8 @@ use crate::plan::job::Target;
 use crate::report::selection::{self, Written};
 use crate::scene::camera::Pose;
 use crate::scene::surface::Surface;
-use crate::select::job::{Method, Prospect, Request, Selection};
+use crate::select::job::{Prospect, Selection};
+use crate::select::request::{Method, Request};
 use crate::select::sharpness;
 use crate::{Error, Result, io};
 

@@ -25,6 +25,7 @@ use crate::scene::surface::Surface;
 use crate::select::controls;
 use crate::select::farthest::Distance;
 use crate::select::job::{self as select, Prospect};
+use crate::select::request::Request as Choice;
 use crate::select::sight::Sight;
 use crate::vulkan::Context;
 use crate::{Error, Result, io, stereo};
@@ -132,7 +133,7 @@ impl<'a> Choices<'a> {
         observe: Observe,
     ) -> Result<Option<Chosen>> {
         let chooser = Kind::choice(method).ok_or_else(|| Error::request(format!("{method} chooses no photos")))?;
-        let request = select::Request { method: chooser, seed, ..select::Request::new(views as usize) };
+        let request = Choice { method: chooser, seed, ..Choice::new(views as usize) };
         let inputs = json!({
             "pool": self.pool.checksum, "surface": self.surface, "model": model.map(Stage::key), "request": request,
             "shrink": self.settings.shrink, "device": self.context.physical().name,

@@ -6,7 +6,7 @@ use super::request::Method;
 use crate::gaussians::config::Background;
 use crate::peers::request::Method as Placing;
 use crate::plan::config::Preset;
-use crate::select::job::Method as Choice;
+use crate::select::request::Method as Choice;
 use crate::{Error, Result};
 
 /// What an evaluation is on.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::manifold;
 use crate::plan::config::{Config, Gate, Objective, Preset};
 use crate::quality::viewers::Viewers;
-use crate::select::job::Method as Choosing;
+use crate::select::request::Method as Choosing;
 use crate::select::{acp, information, retrained};
 use crate::{Error, Result};
 

@@ -46,7 +46,7 @@ pub struct Worst {
     pub picture: Vec<u8>,
 }
 
-/// The map of `cameras`, which are what `judge` has judged last, at `points`; all in the user's world.
+/// The map of `cameras` at `points`, by the viewers of `judge`; all in the user's world.
 ///
 /// # Errors
 /// Where the device fails.
@@ -57,6 +57,7 @@ pub fn error_map(
     cameras: &[Camera],
     points: &[DVec3],
 ) -> Result<ErrorMap> {
+    judge.expect(cameras)?;
     let (looks, errors) = (judge.looks()?, judge.errors()?);
     let each = looks.len() / judge.viewers().len().max(1);
     let mut order: Vec<(usize, f32)> = looks

@@ -21,7 +21,8 @@ use crate::plan::reference::Expected;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::proxy::Occluder;
 use crate::scene::region::Region;
-use crate::select::job::{Request, Selection, Suggested};
+use crate::select::job::{Selection, Suggested};
+use crate::select::request::Request;
 
 /// Triangles that the page shows at most.
 const MOST_TRIANGLES: usize = 60_000;

@@ -13,6 +13,7 @@ pub mod information;
 pub mod interchange;
 pub mod job;
 pub mod objective;
+pub mod request;
 pub mod retrained;
 pub mod score;
 pub mod sharpness;
