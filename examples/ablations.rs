@@ -69,7 +69,7 @@ impl Scene {
     ) -> Result<Self> {
         let choice = RegionChoice { shape, ..RegionChoice::default() };
         let target = Target::new(&surface, name, preset, &choice, up, &intrinsics())?;
-        let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+        let geometry = target.geometry()?;
         let views = if preset == Preset::Object { 50 } else { 300 };
         Ok(Self { name, preset, views, surface, target, device: DeviceScene::new(context, geometry)? })
     }

@@ -117,7 +117,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let config = Config { iterations: 200, ..Config::new(Preset::Object, 20) };
 
     // The planner's device state. Making it uploads the scene, through the host's queue.
-    let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+    let geometry = target.geometry()?;
     let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &[], config)?;
     let scene = DeviceScene::new(&context, geometry)?;
     let planner = Planner::new(&context, &scene, preparation)?;

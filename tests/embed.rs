@@ -169,7 +169,7 @@ fn plan(driver: &Driver<'_>, pass: Pass, own: &Arc<Context>) -> Outcome {
         ..Config::of(Objective::Splat, Preset::Object, 12)
     };
     let config = Config { pass, relocate_every: 10, checkpoint_every: 20, ..short };
-    let geometry = SceneGeometry::new(&target.proxy, &target.region).unwrap();
+    let geometry = target.geometry().unwrap();
     let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &[], config).unwrap();
     let scene = DeviceScene::new(&context, geometry).unwrap();
     let planner = Planner::new(&context, &scene, preparation).unwrap();

@@ -200,7 +200,7 @@ fn a_plan_is_never_worse_than_a_simple_layout() {
         let config = Config { seed, ..Config::new(preset, [6, 20, 14, 24, 40][seed as usize]) };
         let (target, plan) = planned(&surface, &choice, &config);
         let fresh = Config { seed: seed + 100, ..config.clone() };
-        let scene = SceneGeometry::new(&target.proxy, &target.region).expect("a scene");
+        let scene = target.geometry().expect("a scene");
         let scene = DeviceScene::new(&context, scene).expect("room for it");
         let reference = Reference::new(&context, &scene, &target, (intrinsics(), &[]), &fresh).expect("a reference");
         let planned = reference.expect_cameras(&plan.record.cameras).expect("an expectation").error_db;

@@ -67,7 +67,7 @@ fn target() -> Target {
 
 fn device_scene(context: &Arc<Context>) -> DeviceScene {
     let target = target();
-    let geometry = SceneGeometry::new(&target.proxy, &target.region).expect("a good region");
+    let geometry = target.geometry().expect("a good region");
     DeviceScene::new(context, geometry).expect("room for it")
 }
 
@@ -84,7 +84,7 @@ fn objective(context: &Arc<Context>, set: &PhotoSet, viewers: u32, seed: u64) ->
 
 fn survey(context: &Arc<Context>, set: &PhotoSet, points: usize) -> Survey {
     let target = target();
-    let geometry = SceneGeometry::new(&target.proxy, &target.region).expect("a good region");
+    let geometry = target.geometry().expect("a good region");
     let scene = DeviceScene::new(context, geometry).expect("room for it");
     Survey::new(context, &scene, &set.photos, target.proxy.sample(points, 3, 0)).expect("a survey")
 }
@@ -97,7 +97,7 @@ fn the_device_sees_what_the_twin_sees() {
     for photos in [5, 64, 131] {
         let set = pool(photos, 1);
         let target = target();
-        let geometry = SceneGeometry::new(&target.proxy, &target.region).expect("a good region");
+        let geometry = target.geometry().expect("a good region");
         let scene = DeviceScene::new(&context, geometry).expect("room for it");
         let points = target.proxy.sample(400, 3, 0);
         let twin = sight(&scene.geometry, &set.photos, &points);

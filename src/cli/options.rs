@@ -7,11 +7,13 @@ use clap::Args;
 use glam::DVec3;
 
 use crate::io;
+use crate::io::volume::read_volume;
 use crate::plan::config::Preset;
 use crate::plan::job::{RegionChoice, Target};
 use crate::plan::record::SurfaceRecord;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Intrinsics, Pose, common_up};
+use crate::scene::limits::{Limits, Volume, Walk, Wall};
 use crate::scene::region::{Region, Shape};
 use crate::scene::surface::Surface;
 use crate::select::information::Model;
@@ -41,6 +43,71 @@ pub struct RegionOptions {
     /// smallest side]
     #[arg(long)]
     pub clearance: Option<f64>,
+    #[command(flatten)]
+    pub limits: LimitOptions,
+}
+
+/// What limits where cameras stand beside the region.
+#[derive(Args, Clone, Debug)]
+pub struct LimitOptions {
+    /// No camera in this closed mesh or these boxes, which hide nothing by themselves: .obj, .glb, .gltf, .ply, or .json with
+    /// {"boxes": [[X0,Y0,Z0,X1,Y1,Z1], ...]}; as often as needed
+    #[arg(long, value_name = "FILE")]
+    pub keep_out: Vec<PathBuf>,
+    /// No camera behind this wall: a point of it, and the direction to the side where cameras stand; as often as needed
+    #[arg(long, value_name = "X,Y,Z,NX,NY,NZ", allow_hyphen_values = true, value_parser = parse_wall)]
+    pub wall: Vec<Wall>,
+    /// Cameras stand between these heights along --up, as a tripod reaches
+    #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true, value_parser = parse_heights)]
+    pub heights: Option<[f64; 2]>,
+    /// Cameras stand above level ground that a person or robot of this radius and height can walk to from here, where the feet are
+    #[arg(long, value_name = "X,Y,Z,RADIUS,HEIGHT", allow_hyphen_values = true, value_parser = parse_walk)]
+    pub walk: Option<Walk>,
+}
+
+impl LimitOptions {
+    /// The limits; where none are given, those of an earlier plan.
+    ///
+    /// # Errors
+    /// Where a file holds no volume, or numbers make no sense.
+    pub fn read(&self, stored: Limits) -> Result<Limits> {
+        let given = Limits {
+            walls: self.wall.clone(),
+            keep_out: self
+                .keep_out
+                .iter()
+                .map(|file| Volume { file: file.to_string_lossy().into(), triangles: Vec::new() })
+                .collect(),
+            heights: self.heights,
+            walk: self.walk,
+        };
+        let mut limits = if given.is_empty() { stored } else { given };
+        for volume in &mut limits.keep_out {
+            *volume = read_volume(Path::new(&volume.file))?;
+        }
+        limits.validated()
+    }
+}
+
+/// So many numbers with commas between them.
+fn numbers<const N: usize>(text: &str, form: &str) -> Result<[f64; N], String> {
+    let read: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let numbers = read.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
+    numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite())).ok_or_else(|| format!("give {form}"))
+}
+
+fn parse_wall(text: &str) -> Result<Wall, String> {
+    let [x, y, z, nx, ny, nz] = numbers(text, "six numbers: X,Y,Z,NX,NY,NZ")?;
+    Ok(Wall { point: DVec3::new(x, y, z), normal: DVec3::new(nx, ny, nz) })
+}
+
+fn parse_heights(text: &str) -> Result<[f64; 2], String> {
+    numbers(text, "two numbers: LOW,HIGH")
+}
+
+fn parse_walk(text: &str) -> Result<Walk, String> {
+    let [x, y, z, radius, height] = numbers(text, "five numbers: X,Y,Z,RADIUS,HEIGHT")?;
+    Ok(Walk { start: DVec3::new(x, y, z), radius, height })
 }
 
 /// What cameras there are.
@@ -193,8 +260,8 @@ impl RegionOptions {
     }
 
     /// Reads a surface and settles its region; prints what was understood. What the options leave out is taken from
-    /// `stored`, the region of an earlier plan, where there is one.
-    pub fn target(&self, path: &Path, intrinsics: &Intrinsics, stored: Option<Region>) -> Result<Target> {
+    /// `stored`, the region and the limits of an earlier plan, where there is one.
+    pub fn target(&self, path: &Path, intrinsics: &Intrinsics, stored: Option<(Region, Limits)>) -> Result<Target> {
         self.choice()?;
         let surface = read_surface(path)?;
         // A reconstruction knows where cameras could stand: where they did.
@@ -212,10 +279,12 @@ impl RegionOptions {
         path: &Path,
         photographed: &[Pose],
         intrinsics: &Intrinsics,
-        stored: Option<Region>,
+        stored: Option<(Region, Limits)>,
     ) -> Result<Target> {
         let mut choice = self.choice()?;
         let mut preset = self.preset();
+        let (stored, limits) = stored.map_or((None, Limits::default()), |(region, limits)| (Some(region), limits));
+        let limits = self.limits.read(limits)?;
         if let (None, Some(region)) = (choice.shape, stored) {
             choice.shape = Some(region.shape);
             choice.floor = choice.floor.or(region.floor);
@@ -228,7 +297,7 @@ impl RegionOptions {
         if choice.shape.is_none() && preset == Preset::Object {
             choice.shape = Shape::around_cameras(photographed);
         }
-        let target = Target::new(surface, &path.to_string_lossy(), preset, &choice, up, intrinsics)?;
+        let target = Target::new(surface, &path.to_string_lossy(), preset, &choice, up, intrinsics)?.within(limits)?;
         print_target(&target);
         Ok(target)
     }
@@ -309,6 +378,9 @@ pub fn print_target(target: &Target) {
     };
     let floor = region.floor.map(|floor| format!(", floor at {floor:.3}")).unwrap_or_default();
     say!("region   {shape}{floor}, clearance {:.4}, up {:.3}", region.clearance, region.up);
+    for limit in target.limits.lines() {
+        say!("         {limit}");
+    }
 }
 
 /// Up where the user names none: glTF's by its standard, OBJ's by custom, a reconstruction's from its cameras.

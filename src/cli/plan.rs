@@ -24,7 +24,6 @@ use crate::report;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::surface::Surface;
 use crate::vds::job::Settings;
-use crate::visibility::device_scene::SceneGeometry;
 use crate::vulkan::Context;
 use crate::vulkan::capture::RenderDoc;
 use crate::vulkan::profile::Profile;
@@ -266,7 +265,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         check_file(file)?;
     }
     let model = arguments.peers.model.model.as_ref();
-    let inputs = || [Some(&arguments.surface), arguments.keep.as_ref(), model].into_iter().flatten();
+    let inputs = || {
+        [Some(&arguments.surface), arguments.keep.as_ref(), model]
+            .into_iter()
+            .flatten()
+            .chain(&arguments.region.limits.keep_out)
+    };
     arguments.trace.iter().try_for_each(|file| check_output_file(file, inputs()))?;
     // Before any thread or Vulkan instance is made: RenderDoc's layer is switched on through the environment.
     let renderdoc = arguments.capture.as_ref().map(|_| RenderDoc::load()).transpose()?;
@@ -294,7 +298,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let context = opened.map_or_else(|| arguments.device.open(), Ok)?;
     say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
     let Some(folder) = folder else {
-        let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+        let geometry = target.geometry()?;
         let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &kept, config)?;
         say!("{}", preparation.footprint().table().trim_end());
         footprint::check(preparation.footprint(), &context)?;

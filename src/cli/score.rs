@@ -14,6 +14,7 @@ use crate::metrics::Metrics;
 use crate::plan::config::{Config, Gate, Preset};
 use crate::plan::job;
 use crate::plan::reference::Expected;
+use crate::scene::limits::Limits;
 use crate::scene::region::{Region, Shape};
 use crate::{Error, Result, io};
 
@@ -62,7 +63,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     if let Some(file) = &arguments.json {
         check_file(file)?;
-        check_output_file(file, [&arguments.surface, &arguments.cameras])?;
+        let inputs = [&arguments.surface, &arguments.cameras];
+        check_output_file(file, inputs.into_iter().chain(&arguments.region.limits.keep_out))?;
     }
     let (cameras, notes) = io::read_cameras_with_notes(&arguments.cameras)?;
     for note in notes {
@@ -108,22 +110,24 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The region that a plan.json was made for, which is what its cameras are fairly measured by, and how many of these were kept.
+/// The region and the limits that a plan.json was made for, which is what its cameras are fairly measured by, and how many of these were kept.
 ///
 /// # Errors
 /// A note where there is one that cannot be read.
-fn stored(cameras: &Path) -> Result<(Option<Region>, usize), String> {
+fn stored(cameras: &Path) -> Result<(Option<(Region, Limits)>, usize), String> {
     #[derive(serde::Deserialize)]
     struct Plan {
         region: serde_json::Value,
+        #[serde(default)]
+        limits: Limits,
         #[serde(default)]
         kept: usize,
     }
     // Whether there is a file that can be read has been settled by whoever read its cameras; those of others have no region.
     let plan = io::json_file(cameras)
         .and_then(|file| io::json::<Plan>(&file, &std::fs::read(&file).map_err(|e| Error::io(&file, e))?));
-    let Ok(Plan { region, kept }) = plan else { return Ok((None, 0)) };
-    serde_json::from_value(region).map(|region| (Some(region), kept)).map_err(|error| {
+    let Ok(Plan { region, limits, kept }) = plan else { return Ok((None, 0)) };
+    serde_json::from_value(region).map(|region| (Some((region, limits)), kept)).map_err(|error| {
         let file = cameras.display();
         format!("the region in {file} cannot be read ({error}), and that of the options, or the usual one, is taken")
     })

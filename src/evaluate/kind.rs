@@ -90,6 +90,9 @@ impl Kind {
             Self::Room if method == Method::Plan(Placing::Fibonacci) => {
                 wrong("it places cameras on a sphere around an object, and a room has none")
             }
+            Self::Object if matches!(method, Method::Plan(Placing::Grid | Placing::Rings)) => {
+                wrong("it stands at the heights of a room; fibonacci is its like around an object")
+            }
             Self::Room if method == Method::Plan(Placing::Manifold) => {
                 wrong("it moves cameras over a sphere around an object, and a room has none")
             }

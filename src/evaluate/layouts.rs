@@ -126,7 +126,7 @@ impl Trained {
         let intrinsics = tests.first().map_or(Intrinsics::from_fov(1, 1, 1.0), |test| test.intrinsics);
         let (preset, surface) = (kind.preset(), io::read_surface(scene)?);
         let target = Target::new(&surface, &scene.to_string_lossy(), preset, &region, UP, &intrinsics)?;
-        let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+        let geometry = target.geometry()?;
         Ok(Self { name, target, geometry, preset, tests, runs })
     }
 

@@ -50,7 +50,7 @@ impl EmptySpace {
                  give another --box"
             )));
         }
-        let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+        let geometry = target.geometry()?;
         Ok(Self { target, geometry })
     }
 

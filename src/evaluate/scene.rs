@@ -18,7 +18,6 @@ use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::model::{Environment, Model};
 use crate::scene::region::Region;
 use crate::scene::surface::Surface;
-use crate::visibility::device_scene::SceneGeometry;
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
@@ -126,7 +125,7 @@ impl Scene {
             let (preset, Region { shape, floor, clearance, .. }) = (self.preset(), self.region);
             let choice = RegionChoice { shape: Some(shape), floor, clearance: Some(clearance) };
             let target = Target::new(&self.surface, &self.path.to_string_lossy(), preset, &choice, UP, &intrinsics)?;
-            let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+            let geometry = target.geometry()?;
             // Cameras of a file are tests once each.
             let count = if let Viewers::Cameras(all) = viewers { count.min(all.len() as u32) } else { count };
             let tests = viewers.sample(&geometry, intrinsics, preset == Preset::Object, TESTS, count)?;

@@ -13,6 +13,7 @@
 //! | transforms.json of nerfstudio, instant-ngp, Blender | | [`transforms`] |
 //! | NSVF folder, `.log` trajectory | | [`photos`] |
 //! | plan.json | | [`plan_json`] |
+//! | boxes (.json), as a volume to keep out of | [`volume`] | |
 //!
 //! Trained splats are also read as what they are, for rendering: [`read_gaussians_with_notes`].
 //! [`photos`] reads captures: cameras with their lenses, images and masks, and the points of a reconstruction. [`picture`] writes
@@ -34,6 +35,7 @@ pub mod picture;
 pub mod plan_json;
 pub mod ply;
 pub mod transforms;
+pub mod volume;
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};

@@ -4,6 +4,8 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use glam::DVec3;
+
 use super::manifold;
 use super::request::{Method, Request};
 use crate::photos::{Photo, PhotoSet};
@@ -12,6 +14,7 @@ use crate::plan::job::{Plan, Target, conclude};
 use crate::plan::planner::Outcome;
 use crate::plan::preparation::PROBE_STREAM;
 use crate::plan::record::Status;
+use crate::plan::starts::even_layout;
 use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::lens::Distortion;
@@ -82,7 +85,7 @@ pub fn photographing(
     model: Option<&Model>,
     outside: Outside<'_>,
 ) -> Result<Option<Plan>> {
-    let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
+    let scene = DeviceScene::new(context, target.geometry()?)?;
     let candidates = PhotoSet { photos: candidates(&scene.geometry, intrinsics, kept, request), ..PhotoSet::default() };
     let (start, mut behind_the_camera) = (Instant::now(), Duration::ZERO);
     let timed = &mut |photo: &Photo| {
@@ -172,9 +175,22 @@ fn place(
         Method::Fibonacci => {
             // Layouts differ by their rotation alone, so that each seed has its own.
             let turn = baselines::turn(&geometry.region, request.seed, 0);
-            let poses = baselines::even_shell(&geometry.region, views, 0.5, turn)?;
+            let all = even_layout(geometry, &request.viewers, views + kept.len(), turn)?;
+            let taken: Vec<DVec3> =
+                kept.iter().map(|camera| geometry.to_internal.point(camera.pose.position)).collect();
+            let poses = baselines::left_beside(all, &taken);
             let settled = |pose: &Pose| back.pose(&Pose { position: geometry.settle(pose.position), ..*pose });
             return Ok(Some(poses.iter().map(settled).collect()));
+        }
+        Method::Grid | Method::Rings => {
+            if inward {
+                let name = request.method.name();
+                return Err(Error::request(format!(
+                    "--method {name}: it is of rooms; give --preset room, or use fibonacci"
+                )));
+            }
+            let layout = if request.method == Method::Grid { baselines::grid } else { baselines::rings };
+            return Ok(Some(layout(&geometry.free, views).iter().map(|pose| back.pose(pose)).collect()));
         }
         Method::Fvs => farthest(Distance::GreatCircle)?,
         Method::FvsChord => farthest(Distance::Chord)?,

@@ -21,8 +21,12 @@ pub enum Method {
     OursIterative,
     /// At random: looking in around an object, anywhere in a room
     Random,
-    /// On spherical Fibonacci points, looking in
+    /// Evenly over the sphere around an object, as much of it as cameras can stand on, in a random rotation (spherical Fibonacci points)
     Fibonacci,
+    /// In a room on an even grid at eye height, in four level directions a place
+    Grid,
+    /// In a room on three level rings along the walls, looking across
+    Rings,
     /// Farthest view sampling by the angle between camera centres (NeRF Director)
     Fvs,
     /// Farthest view sampling by the distance between camera centres, or its square, which gives the same
@@ -56,6 +60,8 @@ impl Method {
             Self::OursNoVds => return "ours-no-vds",
             Self::OursIterative => return "ours-iterative",
             Self::Manifold => return "manifold",
+            Self::Grid => return "grid",
+            Self::Rings => return "rings",
             Self::Random => Choosing::Random,
             Self::Fibonacci => Choosing::Fibonacci,
             Self::Fvs => Choosing::Fvs,
@@ -100,7 +106,7 @@ impl Method {
     pub fn candidates(self, views: u32) -> Option<u32> {
         let usual = match self {
             Self::Ours | Self::OursNoVds | Self::OursIterative => None,
-            Self::Random | Self::Fibonacci | Self::Manifold => None,
+            Self::Random | Self::Fibonacci | Self::Grid | Self::Rings | Self::Manifold => None,
             Self::Fvs | Self::FvsChord => Some(10_000),
             // Counting shared points takes every pair.
             Self::FvsShared | Self::Coverage => Some(2000),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::config::{Config, Objective, Preset};
@@ -13,12 +13,14 @@ use super::planner::{Outcome, Planner};
 use super::preparation::Preparation;
 use super::record::{CheckpointRecord, ControlRecord, PlanRecord, Status, SurfaceRecord};
 use super::reference::{Expected, Outlook, Reference};
+use super::starts::even_layout;
 use crate::metrics::score_point::{Field, Scorer, aggregate};
 use crate::metrics::{Metrics, PointMetrics};
 use crate::quality::expected::Expectation;
 use crate::quality::map::ErrorMap;
 use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::limits::Limits;
 use crate::scene::proxy::{Occluder, Orientation, Proxy, SurfacePoint};
 use crate::scene::region::{Region, Shape};
 use crate::scene::surface::Surface;
@@ -53,6 +55,8 @@ pub struct Target {
     pub proxy: Proxy,
     /// Where cameras may stand.
     pub region: Region,
+    /// What limits that.
+    pub limits: Limits,
     /// The surface as the record tells of it.
     pub record: SurfaceRecord,
 }
@@ -120,7 +124,23 @@ impl Target {
         };
         let record =
             SurfaceRecord { path: path.to_owned(), kind: kind.into(), primitives: proxy.occluder.len(), min, max };
-        Ok(Self { proxy, region, record })
+        Ok(Self { proxy, region, limits: Limits::default(), record })
+    }
+
+    /// The same within limits.
+    ///
+    /// # Errors
+    /// Where the limits make no sense.
+    pub fn within(self, limits: Limits) -> Result<Self> {
+        Ok(Self { limits: limits.validated()?, ..self })
+    }
+
+    /// The scene in the planner's frame.
+    ///
+    /// # Errors
+    /// Where region and limits leave no free space, or the surface cannot be represented.
+    pub fn geometry(&self) -> Result<SceneGeometry> {
+        SceneGeometry::among(&self.proxy, &self.region, &self.limits)
     }
 }
 
@@ -172,7 +192,7 @@ pub fn run(
 ) -> Result<Plan> {
     let Tools { mut profile, capture } = tools;
     let start = Instant::now();
-    let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+    let geometry = target.geometry()?;
     let preparation = Preparation::new(context, &geometry, &target.proxy, &intrinsics, kept, config.clone())?;
     mark(&mut profile, "preparation", start);
     let scene = DeviceScene::new(context, geometry)?;
@@ -231,7 +251,7 @@ pub fn expected_plan(
     kept: &[Camera],
     config: Config,
 ) -> Result<(Expectation, Vec<Pose>)> {
-    let geometry = SceneGeometry::new(&target.proxy, &target.region)?;
+    let geometry = target.geometry()?;
     let preparation = Preparation::new(context, &geometry, &target.proxy, &intrinsics, kept, config.clone())?;
     let scene = DeviceScene::new(context, geometry)?;
     let reference = Reference::new(context, &scene, target, (intrinsics, kept), &config)?;
@@ -263,7 +283,7 @@ pub fn given(
     poses: Vec<Pose>,
     (name, config): (&str, &Config),
 ) -> Result<Plan> {
-    let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
+    let scene = DeviceScene::new(context, target.geometry()?)?;
     let described = serde_json::json!({ "cameras": poses.len() });
     let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds: 0.0 };
     conclude(context, scene, target, (intrinsics, &[]), config, (name, described), (outcome, None))
@@ -322,6 +342,7 @@ pub fn conclude(
         seed: config.seed,
         config: described,
         region: target.region,
+        limits: target.limits.clone(),
         cameras: cameras(&outcome.poses),
         kept: kept.len(),
         history: outcome.history,
@@ -393,7 +414,7 @@ pub fn score(
     config: &Config,
 ) -> Result<(Expected, Metrics)> {
     let first = cameras.first().ok_or_else(|| Error::request("there are no cameras to score"))?;
-    let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
+    let scene = DeviceScene::new(context, target.geometry()?)?;
     let kept = &cameras[cameras.len() - kept.min(cameras.len() - 1)..];
     let config = &Config { views: (cameras.len() - kept.len()) as u32, ..config.clone() };
     let reference = Reference::new(context, &scene, target, (first.intrinsics, kept), config)?;
@@ -422,7 +443,7 @@ fn control_poses(scene: &DeviceScene, config: &Config) -> Vec<(&'static str, Vec
     let world = |poses: Vec<Pose>| poses.iter().map(|pose| back.pose(pose)).collect::<Vec<_>>();
     let (count, inward) = (config.views as usize, config.preset == Preset::Object);
     let mut controls = vec![("random", world(baselines::random(&scene.geometry.free, count, config.seed, inward)))];
-    if let Ok(poses) = baselines::fibonacci_shell(&scene.geometry.region, count) {
+    if let Ok(poses) = even_layout(&scene.geometry, &config.viewers, count, DQuat::IDENTITY) {
         controls.push(("fibonacci", world(poses)));
     }
     controls

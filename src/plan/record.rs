@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::reference::Expected;
 use crate::metrics::Metrics;
 use crate::scene::camera::Camera;
+use crate::scene::limits::Limits;
 use crate::scene::region::Region;
 
 /// How a run ended.
@@ -93,6 +94,9 @@ pub struct PlanRecord {
     pub config: serde_json::Value,
     /// Where cameras may stand.
     pub region: Region,
+    /// What limits that.
+    #[serde(default, skip_serializing_if = "Limits::is_empty")]
+    pub limits: Limits,
     /// The planned cameras, then the kept ones.
     pub cameras: Vec<Camera>,
     /// How many of `cameras`, at the end of the list, were kept from before.

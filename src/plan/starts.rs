@@ -1,9 +1,10 @@
 //! Simple layouts that a plan begins from, and is never worse than.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 use super::config::{Config, Preset};
 use crate::Result;
+use crate::quality::viewers::Viewers;
 use crate::scene::baselines;
 use crate::scene::camera::{Camera, Pose};
 use crate::scene::region::Shape;
@@ -18,33 +19,40 @@ const ROTATIONS: [u32; 2] = [8, 32];
 /// A simple layout: its name, and the ways to place it, of which the best by expected quality is taken.
 pub type Family = (String, Vec<Vec<Pose>>);
 
-/// Simple layouts of `config.views` cameras in the planner's frame, at free places: the even sphere in the middle of the shell around
-/// an object, in several rotations; in a room a grid at eye height; cameras at random in both. Beside cameras that are kept, which are given in the user's world,
-/// also what is left of an even sphere for all when each of them has taken the place that is nearest to it.
+/// Simple layouts of `config.views` cameras in the planner's frame, at free places: around an object the even sphere in the middle of
+/// the shell, as much of it as cameras can stand on, in several rotations, and where people look from one side only, as much of that;
+/// in a room a grid at eye height and rings along the walls; cameras at random in both. Beside cameras that are kept, which are given
+/// in the user's world, also what is left of an even sphere for all when each of them has taken the place that is nearest to it.
 pub fn layouts(config: &Config, geometry: &SceneGeometry, kept: &[Camera]) -> Vec<Family> {
     let (views, seed) = (config.views as usize, config.seed);
     let inward = config.preset == Preset::Object;
     let mut layouts: Vec<Family> = Vec::new();
     if let (true, Shape::Shell { r_min, r_max, .. }) = (inward, geometry.region.shape) {
-        let rotations = 0..(TURNED / config.views.max(1)).clamp(ROTATIONS[0], ROTATIONS[1]);
-        let turned = |index| baselines::turn(&geometry.region, seed, index);
-        let turned = rotations.map(|index| baselines::even_shell(&geometry.region, views, 0.5, turned(index)));
-        // Where the floor leaves no sphere there is none in any rotation.
-        if let Ok(poses) = turned.collect::<Result<Vec<_>>>() {
-            layouts.push((format!("even sphere at {:.2} of the outer radius", 0.5 * (r_min + r_max) / r_max), poses));
+        let rotations = (TURNED / config.views.max(1)).clamp(ROTATIONS[0], ROTATIONS[1]);
+        let even = |count: usize, rotations: u32, viewers: &Viewers| {
+            let turned = |index| even_layout(geometry, viewers, count, baselines::turn(&geometry.region, seed, index));
+            (0..rotations).map(turned).collect::<Result<Vec<_>>>()
+        };
+        let radius = 0.5 * (r_min + r_max) / r_max;
+        // Where the region leaves no sphere there is none in any rotation.
+        if let Ok(ways) = even(views, rotations, &Viewers::Region) {
+            layouts.push((format!("even sphere at {radius:.2} of the outer radius"), ways));
         }
-        let turned = |index| baselines::turn(&geometry.region, seed, index);
-        let all = views + kept.len();
-        let left = (0..ROTATIONS[1]).map(|index| baselines::even_shell(&geometry.region, all, 0.5, turned(index)));
-        if let (false, Ok(ways)) = (kept.is_empty(), left.collect::<Result<Vec<_>>>()) {
+        if matches!(config.viewers, Viewers::Cone { .. } | Viewers::Heights { .. })
+            && let Ok(ways) = even(views, rotations, &config.viewers)
+        {
+            layouts.push((format!("even at {radius:.2} of the outer radius where viewers are"), ways));
+        }
+        if let (false, Ok(ways)) = (kept.is_empty(), even(views + kept.len(), ROTATIONS[1], &Viewers::Region)) {
             let taken: Vec<DVec3> =
                 kept.iter().map(|camera| geometry.to_internal.point(camera.pose.position)).collect();
-            let left = ways.into_iter().map(|poses| less(poses, &taken)).collect();
+            let left = ways.into_iter().map(|poses| baselines::left_beside(poses, &taken)).collect();
             layouts.push(("even sphere less the cameras that are kept".to_owned(), left));
         }
     }
     if !inward {
         layouts.push(("grid at eye height".to_owned(), vec![baselines::grid(&geometry.free, views)]));
+        layouts.push(("rings along the walls".to_owned(), vec![baselines::rings(&geometry.free, views)]));
     }
     layouts.push(("random".to_owned(), vec![baselines::random(&geometry.free, views, seed, inward)]));
     for pose in layouts.iter_mut().flat_map(|(_, ways)| ways).flatten() {
@@ -53,12 +61,11 @@ pub fn layouts(config: &Config, geometry: &SceneGeometry, kept: &[Camera]) -> Ve
     layouts
 }
 
-/// The poses that are left when each of these places, one after the other, has taken the one nearest to it.
-fn less(mut poses: Vec<Pose>, taken: &[DVec3]) -> Vec<Pose> {
-    for place in taken {
-        let away = |pose: &Pose| pose.position.distance_squared(*place);
-        let nearest = (0..poses.len()).min_by(|a, b| away(&poses[*a]).total_cmp(&away(&poses[*b])));
-        nearest.map(|nearest| poses.swap_remove(nearest));
-    }
-    poses
+/// Cameras even over the part of the sphere in the middle of the shell where they can stand and viewers look from.
+///
+/// # Errors
+/// Where the region is no shell, or leaves hardly any of that sphere.
+pub fn even_layout(geometry: &SceneGeometry, viewers: &Viewers, count: usize, turn: DQuat) -> Result<Vec<Pose>> {
+    let allowed = |place| geometry.free.is_free(place) && viewers.face(geometry, place);
+    baselines::even_where(&geometry.region, count, 0.5, turn, allowed)
 }

@@ -67,6 +67,23 @@ impl Viewers {
         matches!(self, Self::Region)
     }
 
+    /// Whether people look from the direction of a place in the planner's frame as far as they say one: of the whole sphere, a cone or
+    /// heights.
+    pub fn face(&self, geometry: &SceneGeometry, place: DVec3) -> bool {
+        let up = geometry.to_internal.inverse().direction(geometry.region.up);
+        match *self {
+            Self::Cone { axis, degrees } => {
+                let out = place - geometry.region.bounding_sphere().0;
+                out.angle_between(geometry.to_internal.direction(axis)) <= 0.5 * degrees.to_radians() + 1e-9
+            }
+            Self::Heights { low, high } => {
+                let height = geometry.to_internal.inverse().point(place).dot(up);
+                (low..=high).contains(&height)
+            }
+            _ => true,
+        }
+    }
+
     /// `count` viewers with the lens `intrinsics` (cameras have their own), in the user's world. `inward`: of an object, seen
     /// from around it. The same seed gives the same viewers, the first of a larger count among them.
     ///
@@ -103,6 +120,9 @@ impl Viewers {
         let floor = geometry.region.floor.map(|floor| back.point(floor * geometry.region.up).dot(up));
         let fits = |place: DVec3| {
             let height = place.dot(up);
+            if !geometry.is_allowed(geometry.to_internal.point(place)) {
+                return false;
+            }
             // Spheres are cut off at the floor as they are drawn from, but for rounding.
             floor.is_none_or(|floor| height >= floor - 1e-9 * radius)
                 && match *self {
@@ -151,7 +171,7 @@ impl Viewers {
                     centre + distance * (z * axis + (1.0 - z * z).max(0.0).sqrt() * (cos * side + sin * front))
                 }
                 (None, Self::Box { min, max }) => *min + (*max - *min) * DVec3::new(u, v, w),
-                (None, _) => back.point(geometry.free.sample(seed, stream, i)),
+                (None, _) => back.point(geometry.open().sample(seed, stream, i)),
             }
         };
         let middle = back.point(bounds(geometry).iter().map(|corner| 0.5 * corner.as_dvec3()).sum());
@@ -169,7 +189,7 @@ impl Viewers {
             Some(Camera { name: format!("viewer_{i:05}"), pose, intrinsics })
         };
         (0..count).map(viewer).collect::<Option<Vec<_>>>().ok_or_else(|| {
-            Error::request("viewers: hardly any place fits what --viewers says, above the floor if there is one; give a larger part")
+            Error::request("viewers: hardly any place fits what --viewers says, above the floor if there is one and within walls; give a larger part")
         })
     }
 }

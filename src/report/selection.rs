@@ -266,6 +266,7 @@ fn page(written: &Written<'_>) -> Result<String> {
         config: serde_json::to_value(request)
             .map_err(|e| Error::request(format!("the request cannot be written: {e}")))?,
         region: target.region,
+        limits: target.limits.clone(),
         cameras: shown.map(|photo| set.photos[photo].camera.clone()).collect(),
         kept: left_out.len(),
         history: (0..)

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::Kind;
 use crate::metrics::Metrics;
 use crate::plan::record::{PlanRecord, Status};
-use crate::scene::region::{Region, Shape};
+use crate::scene::region::Shape;
 
 /// Replaces each `{{slot}}` of `template` by what `value` gives for it. What is put in is not searched for slots again,
 /// so a path named `{{data}}` stays a path.
@@ -100,7 +100,7 @@ fn heading(record: &PlanRecord, kind: Kind<'_>) -> String {
     }
     let line = format!(
         "{}; {}; seed {}; {}; camsplat {}",
-        region(&record.region),
+        region(record),
         record.device,
         record.seed,
         duration(record.seconds),
@@ -139,7 +139,7 @@ fn summary(record: &PlanRecord, kind: Kind<'_>) -> String {
                 number(size.z)
             ),
         ),
-        ("Region", region(&record.region)),
+        ("Region", region(record)),
     ];
     rows.extend(record.began_from.iter().map(|layout| ("Began from", layout.clone())));
     if let Some(first) = record.cameras.first() {
@@ -175,7 +175,8 @@ fn run(record: &PlanRecord, kind: Kind<'_>) -> String {
     format!("{done} in {}, seed {}", duration(record.seconds), record.seed)
 }
 
-fn region(region: &Region) -> String {
+fn region(record: &PlanRecord) -> String {
+    let region = &record.region;
     let vector = |v: glam::DVec3| format!("({}, {}, {})", number(v.x), number(v.y), number(v.z));
     let mut text = match region.shape {
         Shape::Shell { centre, r_min, r_max } => {
@@ -188,6 +189,9 @@ fn region(region: &Region) -> String {
     }
     if region.clearance > 0.0 {
         let _ = write!(text, ", {} clear of the surface", number(region.clearance));
+    }
+    for limit in record.limits.lines() {
+        let _ = write!(text, "; {limit}");
     }
     text
 }

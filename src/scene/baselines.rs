@@ -13,6 +13,9 @@ use crate::{Error, Result};
 /// Apart from the streams of positions, so that where a camera stands says nothing about where it looks.
 const DIRECTIONS: u32 = 0x8000_0000;
 
+/// Least share of a sphere that an even layout is made of, one of so many.
+const SCARCEST: usize = 200;
+
 /// Stream of the rotations of even layouts.
 const TURN: u32 = 0x7475_726e;
 
@@ -78,6 +81,67 @@ pub fn even_shell(region: &Region, count: usize, part: f64, turn: DQuat) -> Resu
         Pose::looking(centre + radius * outward, -outward, region.up)
     };
     Ok((0..count).map(pose).collect())
+}
+
+/// As [`even_shell`], but only where cameras are `allowed`: of an even layout of more, whose points there are as many as are wanted,
+/// or, where none has exactly as many, without every so manieth.
+///
+/// # Errors
+/// As [`even_shell`]; also where hardly any of the sphere is allowed.
+pub fn even_where(
+    region: &Region,
+    count: usize,
+    part: f64,
+    turn: DQuat,
+    allowed: impl Fn(DVec3) -> bool,
+) -> Result<Vec<Pose>> {
+    let mut all = count;
+    while all <= SCARCEST * count.max(1) {
+        let mut poses = even_shell(region, all, part, turn)?;
+        poses.retain(|pose| allowed(pose.position));
+        if poses.len() >= count {
+            let found = poses.len();
+            return Ok((0..count).map(|i| poses[i * found / count]).collect());
+        }
+        // Towards as many as the share that is allowed asks for, from below.
+        all = (all * count / poses.len().max(1)).clamp(all + 1, 2 * all);
+    }
+    Err(Error::request(
+        "baseline fibonacci: hardly any of the sphere in the middle of the shell is allowed; use random",
+    ))
+}
+
+/// The poses that are left when each of these places, one after the other, has taken the one nearest to it.
+pub fn left_beside(mut poses: Vec<Pose>, taken: &[DVec3]) -> Vec<Pose> {
+    for place in taken {
+        let away = |pose: &Pose| pose.position.distance_squared(*place);
+        let nearest = (0..poses.len()).min_by(|a, b| away(&poses[*a]).total_cmp(&away(&poses[*b])));
+        nearest.map(|nearest| poses.swap_remove(nearest));
+    }
+    poses
+}
+
+/// Poses on three level rings along the walls of a room, a fifth of the way to the middle, at a third, six tenths and five sixths of its
+/// height, looking across: how a room is photographed by who walks around in it. In the frame of `space`, at its free places.
+pub fn rings(space: &FreeSpace, count: usize) -> Vec<Pose> {
+    let up = space.region.up;
+    let (low, high) = space.region.bounds();
+    let (across, along) = up.any_orthonormal_pair();
+    let extent = |axis: DVec3| ((high - low) * axis).element_sum().abs();
+    let middle = 0.5 * (low + high);
+    let pose = |i: usize| {
+        let (ring, height) = (i % 3, [1.0 / 3.0, 0.6, 5.0 / 6.0][i % 3]);
+        let in_ring = (count + 2 - ring) / 3;
+        // Rings are turned against one another.
+        let (sin, cos) = (TAU * ((i / 3) as f64 + ring as f64 / 3.0) / in_ring as f64).sin_cos();
+        // Around a rectangle, not an ellipse: corners are seen from.
+        let longest = sin.abs().max(cos.abs());
+        let out = 0.4 / longest * (extent(across) * cos * across + extent(along) * sin * along);
+        let centre = middle + (height - 0.5) * extent(up) * up;
+        let position = space.project(centre + out);
+        Pose::looking(position, -out, up)
+    };
+    (0..count).map(pose).collect()
 }
 
 /// Poses on an even grid at eye height, six tenths up the region, in four level directions a place, the first of them 45
@@ -151,6 +215,51 @@ mod tests {
             }
             let (low, high) = nearest.iter().fold((f64::INFINITY, 0f64), |(l, h), d| (l.min(*d), h.max(*d)));
             assert!(high < 1.8 * low, "nearest neighbours between {low} and {high}");
+        }
+    }
+
+    /// If this failed, the simple layout that a plan is measured against in a corner would be uneven, short of cameras, or partly
+    /// where none can stand.
+    #[test]
+    fn even_layouts_of_a_part_are_even_and_whole() {
+        let region = shell(None);
+        let Shape::Shell { centre, .. } = region.shape else { unreachable!() };
+        for (count, wide) in [(20, 2.0), (50, 1.0), (97, 0.6)] {
+            let allowed = |p: DVec3| (p - centre).angle_between(DVec3::X) < wide;
+            let poses = even_where(&region, count, 0.5, DQuat::from_rotation_y(0.3), allowed).unwrap();
+            assert_eq!(poses.len(), count);
+            assert!(poses.iter().all(|pose| allowed(pose.position)));
+            let nearest = |i: usize| {
+                let others = poses.iter().enumerate().filter(|(j, _)| *j != i);
+                others.map(|(_, o)| o.position.distance(poses[i].position)).fold(f64::INFINITY, f64::min)
+            };
+            let nearest: Vec<f64> = (0..count).map(nearest).collect();
+            let (low, high) = nearest.iter().fold((f64::INFINITY, 0f64), |(l, h), d| (l.min(*d), h.max(*d)));
+            assert!(high < 2.5 * low, "{count}: nearest neighbours between {low} and {high}");
+        }
+        assert!(even_where(&region, 20, 0.5, DQuat::IDENTITY, |_| false).is_err());
+        let all = even_shell(&region, 30, 0.5, DQuat::IDENTITY).unwrap();
+        let taken = [all[3].position * 1.01, all[17].position];
+        let left = left_beside(all.clone(), &taken);
+        assert!(left.len() == 28 && !left.contains(&all[3]) && !left.contains(&all[17]));
+    }
+
+    /// If this failed, who walks around in a room would look at the wall at hand, or stand in it.
+    #[test]
+    fn rings_look_across_the_room() {
+        let proxy = Proxy::new(&samples::cube(), Orientation::Trusted).unwrap();
+        let (low, high) = (DVec3::new(-4.0, -3.0, -1.5), DVec3::new(4.0, 3.0, 1.5));
+        let room = Region::inside_room((low, high), None, DVec3::Z).unwrap();
+        let space = FreeSpace::new(&proxy.occluder, &room, 60).unwrap();
+        for count in [1, 7, 30] {
+            let poses = rings(&space, count);
+            assert_eq!(poses.len(), count);
+            for pose in &poses {
+                let flat = pose.position.with_z(0.0);
+                assert!(space.is_free(pose.position) && pose.forward().z.abs() < 1e-9);
+                assert!(pose.forward().dot(-flat.normalize()) > 0.9, "{pose:?}");
+                assert!(flat.x.abs() > 2.8 || flat.y.abs() > 2.0, "{flat} is in the middle");
+            }
         }
     }
 

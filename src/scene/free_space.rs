@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::distance_transform::nearest_sites;
+use super::limits::Limits;
 use super::proxy::Occluder;
 use super::random;
 use super::region::Region;
@@ -23,7 +24,8 @@ const MOST_VOXELS: f64 = 6.4e7;
 /// A voxel is free where it may hold a point of the region above the floor, the surface does not touch it, its
 /// centre is at least the clearance away from the centre of every voxel that the surface touches, and it is connected
 /// (through faces) to the largest such set, which leaves out the insides of closed furniture and what lies behind a
-/// wall. Any point of a free voxel is at least clearance - sqrt(3) cells away from the surface.
+/// wall. Any point of a free voxel is at least clearance - sqrt(3) cells away from the surface. Limits bar voxels too; heights,
+/// which a voxel may be larger than, hold within it.
 #[derive(Clone, Debug)]
 pub struct FreeSpace {
     /// The voxel grid; it reaches beyond the region by the clearance.
@@ -38,6 +40,10 @@ pub struct FreeSpace {
     nearest: Vec<u32>,
     /// Indices of the free voxels that positions are drawn from.
     free: Vec<u32>,
+    /// Voxels that limits bar; empty where there are none.
+    barred: Vec<bool>,
+    /// Lowest and greatest z, where they are limited.
+    heights: Option<[f64; 2]>,
 }
 
 impl FreeSpace {
@@ -47,8 +53,17 @@ impl FreeSpace {
     /// # Errors
     /// [`Error::Request`] where no voxel is free, or the grid would be too large or too coarse.
     pub fn new(occluder: &Occluder, region: &Region, resolution: u32) -> Result<Self> {
+        Self::among(occluder, region, &Limits::default(), resolution)
+    }
+
+    /// As [`FreeSpace::new`], within limits in the same frame, whose up is +Z.
+    ///
+    /// # Errors
+    /// As [`FreeSpace::new`], also where the limits leave nothing.
+    pub fn among(occluder: &Occluder, region: &Region, limits: &Limits, resolution: u32) -> Result<Self> {
         let grid = grid_around(region, resolution)?;
         let occupied = touched(&grid, occluder);
+        let barred = limits.barred(&grid, occluder)?;
         let surface = nearest_sites(grid.dims, |i| occupied[i]);
         let clearance = region.clearance / grid.cell;
         let (mut within, mut open) = (0, vec![false; grid.voxels()]);
@@ -59,15 +74,19 @@ impl FreeSpace {
             if region.nearest(centre).distance(centre) <= HALF_DIAGONAL * grid.cell {
                 within += 1;
                 *open = !occupied[i]
+                    && !barred.get(i).is_some_and(|barred| *barred)
                     && (surface[i] == u32::MAX
                         || offset(voxel, grid.coordinates(surface[i] as usize)).length() >= clearance);
             }
         }
         let free = largest_component(&grid, &open);
         if free.is_empty() {
-            return Err(Error::request(
-                "region: no free space; every position is closer than the clearance to the surface: enlarge the region or lower --clearance",
-            ));
+            return Err(Error::request(if limits.is_empty() {
+                "region: no free space; every position is closer than the clearance to the surface: enlarge the region or lower --clearance"
+            } else {
+                "region: no free space; what --wall, --keep-out, --heights and --walk leave of it is closer than the clearance to the surface: \
+                 allow more, or lower --clearance"
+            }));
         }
         let mut is_free = vec![false; grid.voxels()];
         for i in &free {
@@ -84,7 +103,8 @@ impl FreeSpace {
         let inside = |i: &&u32| region.contains(grid.centre(grid.coordinates(**i as usize)));
         let well_inside: Vec<u32> = free.iter().filter(inside).copied().collect();
         let free = if well_inside.is_empty() { free } else { well_inside };
-        Ok(Self { grid, distance, free_fraction, region: *region, nearest, free })
+        let heights = limits.heights;
+        Ok(Self { grid, distance, free_fraction, region: *region, nearest, free, barred, heights })
     }
 
     /// Distance from `p` to free space and its gradient, interpolated trilinearly between voxel centres: zero where all
@@ -134,8 +154,18 @@ impl FreeSpace {
         (value, gradient / self.grid.cell as f32)
     }
 
-    /// Whether `p` lies in a free voxel.
+    /// Whether limits bar the voxel that `p` lies in; never outside of the grid.
+    pub fn is_barred(&self, p: DVec3) -> bool {
+        let far = self.grid.origin + self.grid.cell * DVec3::from_array(self.grid.dims.map(f64::from));
+        let within = p.cmpge(self.grid.origin).all() && p.cmplt(far).all();
+        within && self.barred.get(self.grid.index(self.grid.voxel(p))).is_some_and(|barred| *barred)
+    }
+
+    /// Whether `p` lies in a free voxel, between the heights.
     pub fn is_free(&self, p: DVec3) -> bool {
+        if self.heights.is_some_and(|[low, high]| !(low..=high).contains(&p.z)) {
+            return false;
+        }
         let cell = ((p - self.grid.origin) / self.grid.cell).floor();
         let dims = DVec3::from_array(self.grid.dims.map(f64::from));
         let voxel = self.grid.index(self.grid.voxel(p));
@@ -148,11 +178,17 @@ impl FreeSpace {
         if self.is_free(p) {
             return p;
         }
+        let p = self.between_heights(p);
         let site = self.nearest[self.grid.index(self.grid.voxel(p))];
         let centre = self.grid.centre(self.grid.coordinates(site as usize));
         // A little inside, so that rounding cannot put it into the neighbour.
         let half = 0.499 * self.grid.cell;
-        p.clamp(centre - half, centre + half)
+        self.between_heights(p.clamp(centre - half, centre + half))
+    }
+
+    /// `p` raised or lowered to where the heights allow it.
+    fn between_heights(&self, p: DVec3) -> DVec3 {
+        self.heights.map_or(p, |[low, high]| p.with_z(p.z.clamp(low, high)))
     }
 
     /// A position that is free and within the region, uniform over free space but for voxels cut by the region's
@@ -161,16 +197,22 @@ impl FreeSpace {
         let mut words = random::bits(seed, stream, index);
         // At most as many voxels as fit 32 bits.
         let site = self.free[random::below(words[0], self.free.len() as u32) as usize];
+        let half = 0.5 * self.grid.cell;
         let centre = self.grid.centre(self.grid.coordinates(site as usize));
         for _ in 0..64 {
             let [_, x, y, z] = words.map(|word| f64::from(random::uniform(word)) - 0.5);
-            let p = centre + self.grid.cell * DVec3::new(x, y, z);
+            let mut p = centre + self.grid.cell * DVec3::new(x, y, z);
+            if let Some([lowest, highest]) = self.heights {
+                // A free voxel reaches into the heights.
+                let (low, high) = ((centre.z - half).max(lowest), (centre.z + half).min(highest));
+                p.z = low + (high - low) * (z + 0.5);
+            }
             if self.is_free(p) && self.region.contains(p) {
                 return p;
             }
             words = random::pcg4d(words);
         }
-        self.region.nearest(centre)
+        self.between_heights(self.region.nearest(centre))
     }
 }
 

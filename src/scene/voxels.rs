@@ -76,6 +76,55 @@ pub(super) fn touched(grid: &Grid, occluder: &Occluder) -> Vec<bool> {
     occupied
 }
 
+/// For every voxel, whether its centre lies within a closed mesh, of which small holes are forgiven: two of three rays along the axes
+/// must wind around it. Parts that overlap count as one where they are turned alike.
+pub(super) fn enclosed(grid: &Grid, triangles: &[[DVec3; 3]]) -> Vec<bool> {
+    let mut votes = vec![0u8; grid.voxels()];
+    for main in 0..3 {
+        let [u, v] = [(main + 1) % 3, (main + 2) % 3];
+        let columns = grid.dims[u] as usize * grid.dims[v] as usize;
+        // Where the line through each column's centres crosses the mesh, and which way.
+        let mut crossings: Vec<Vec<(f64, i32)>> = vec![Vec::new(); columns];
+        for [a, b, c] in triangles {
+            let area = (b[u] - a[u]) * (c[v] - a[v]) - (b[v] - a[v]) * (c[u] - a[u]);
+            if area == 0.0 {
+                continue;
+            }
+            let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
+            let span = |axis: usize| {
+                let of = |x: f64| (x - grid.origin[axis]) / grid.cell - 0.5;
+                // The conversion clamps to zero from below.
+                (of(low[axis]).floor() as u32)..=(of(high[axis]).ceil().max(-1.0) + 1.0) as u32
+            };
+            for i in span(u).take_while(|i| *i < grid.dims[u]) {
+                for j in span(v).take_while(|j| *j < grid.dims[v]) {
+                    // A little beside the centre, so that no line meets an edge of a mesh that lies on the grid.
+                    let x = grid.origin[u] + grid.cell * (f64::from(i) + 0.500_137);
+                    let y = grid.origin[v] + grid.cell * (f64::from(j) + 0.500_291);
+                    let weight =
+                        |p: &DVec3, q: &DVec3| ((q[u] - p[u]) * (y - p[v]) - (q[v] - p[v]) * (x - p[u])) / area;
+                    let (wc, wa, wb) = (weight(a, b), weight(b, c), weight(c, a));
+                    if wa >= 0.0 && wb >= 0.0 && wc >= 0.0 {
+                        let at = wa * a[main] + wb * b[main] + wc * c[main];
+                        crossings[i as usize * grid.dims[v] as usize + j as usize].push((at, area.signum() as i32));
+                    }
+                }
+            }
+        }
+        for (column, crossings) in crossings.iter().enumerate().filter(|(_, crossings)| !crossings.is_empty()) {
+            let mut voxel = [0; 3];
+            (voxel[u], voxel[v]) = ((column / grid.dims[v] as usize) as u32, (column % grid.dims[v] as usize) as u32);
+            for k in 0..grid.dims[main] {
+                voxel[main] = k;
+                let height = grid.origin[main] + grid.cell * (f64::from(k) + 0.5);
+                let winding: i32 = crossings.iter().filter(|(at, _)| *at < height).map(|(_, way)| way).sum();
+                votes[grid.index(voxel)] += u8::from(winding != 0);
+            }
+        }
+    }
+    votes.into_iter().map(|votes| votes >= 2).collect()
+}
+
 /// Visits the voxels from `first` to `last` that lie along the plane through `point` with `normal`: a large tilted
 /// triangle costs its area, not its volume.
 fn slab(
@@ -137,7 +186,8 @@ fn disc_touches(disc: &Disc, centre: DVec3, half: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::random;
+    use crate::scene::proxy::{Orientation, Proxy};
+    use crate::scene::{random, samples};
 
     const GRID: Grid = Grid { origin: DVec3::splat(-1.0), cell: 0.1, dims: [20, 16, 23] };
 
@@ -149,6 +199,30 @@ mod tests {
     fn inside(p: DVec3) -> bool {
         let size = GRID.cell * DVec3::from_array(GRID.dims.map(f64::from));
         (p - GRID.origin).cmpge(DVec3::ZERO).all() && (p - GRID.origin).cmplt(size).all()
+    }
+
+    /// If this failed, cameras would be put inside of a volume that they must keep out of, or kept out of its surroundings.
+    #[test]
+    fn voxels_within_a_closed_mesh_are_found_and_no_others() {
+        let Occluder::Triangles(ball) = Proxy::new(&samples::sphere(0.6, 24), Orientation::Trusted).unwrap().occluder
+        else {
+            unreachable!()
+        };
+        // One face is missing, and another ball beside it reaches out of the grid.
+        let beside = ball.iter().map(|corners| corners.map(|p| p + DVec3::new(0.9, 0.3, 0.0)));
+        let solid: Vec<[DVec3; 3]> = ball[1..].iter().copied().chain(beside).collect();
+        let found = enclosed(&GRID, &solid);
+        let mut counts = [0; 2];
+        for (i, found) in found.into_iter().enumerate() {
+            let centre = GRID.centre(GRID.coordinates(i));
+            let depth = 0.6 - centre.length().min(centre.distance(DVec3::new(0.9, 0.3, 0.0)));
+            // Faces cut the ball's corners.
+            if !(-0.001..0.02).contains(&depth) {
+                assert_eq!(found, depth > 0.0, "{centre}");
+                counts[usize::from(found)] += 1;
+            }
+        }
+        assert!(counts[0] > 3000 && counts[1] > 800, "{counts:?}");
     }
 
     /// A touched voxel that is missed is a hole: free space would leak into a piece of furniture.

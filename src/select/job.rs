@@ -32,7 +32,7 @@ use crate::quality::viewers::Viewers;
 use crate::scene::baselines;
 use crate::scene::camera::{Camera, Pose};
 use crate::scene::proxy::{Occluder, Proxy, SurfacePoint};
-use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
+use crate::visibility::device_scene::DeviceScene;
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
@@ -123,7 +123,7 @@ impl<'a> Prospect<'a> {
     pub fn new(context: &Arc<Context>, set: &'a PhotoSet, target: &'a Target, request: Request) -> Result<Self> {
         request.validate(set.photos.len())?;
         let start = Instant::now();
-        let scene = DeviceScene::new(context, SceneGeometry::new(&target.proxy, &target.region)?)?;
+        let scene = DeviceScene::new(context, target.geometry()?)?;
         // Both samples follow the same law and share no point: of a cloud, each comes from a half of its own.
         let count = (request.points as usize).min(half(&target.proxy)).max(1);
         let sample = |stream| target.proxy.sample(count, request.seed, stream);

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use crate::scene::free_space::{self, FreeSpace};
+use crate::scene::limits::Limits;
 use crate::scene::proxy::Proxy;
 use crate::scene::region::{Region, Shape};
 use crate::scene::similarity::Similarity;
@@ -53,8 +54,12 @@ pub struct SceneGeometry {
     pub to_internal: Similarity,
     /// The region in the planner's frame.
     pub region: Region,
-    /// Its free space.
+    /// Where in it cameras can stand.
     pub free: FreeSpace,
+    /// What limits that, in the planner's frame.
+    pub limits: Limits,
+    /// Where people can stand who look at what is trained, if some limits are not theirs.
+    everywhere: Option<FreeSpace>,
     /// The hierarchy over the surface.
     pub bvh: Bvh,
 }
@@ -65,6 +70,14 @@ impl SceneGeometry {
     /// # Errors
     /// Where the region leaves no free space, or the surface cannot be represented: beside the region, or at all.
     pub fn new(proxy: &Proxy, region: &Region) -> Result<Self> {
+        Self::among(proxy, region, &Limits::default())
+    }
+
+    /// As [`SceneGeometry::new`], within limits in the user's world.
+    ///
+    /// # Errors
+    /// As [`SceneGeometry::new`], also where the limits leave nothing.
+    pub fn among(proxy: &Proxy, region: &Region, limits: &Limits) -> Result<Self> {
         let (lo, hi) = proxy.bounds();
         let (away, size) = ((0.5 * (lo + hi) - region.bounding_sphere().0).length(), (hi - lo).length());
         if away > FARTHEST * size && size > 0.0 {
@@ -77,15 +90,36 @@ impl SceneGeometry {
         let to_internal = region.to_planner_frame();
         let internal = region.transformed(&to_internal)?;
         let occluder = proxy.occluder.transformed(&to_internal);
-        let free = FreeSpace::new(&occluder, &internal, free_space::RESOLUTION)?;
-        Ok(Self { to_internal, region: internal, free, bvh: Bvh::new(&proxy.occluder, &to_internal)? })
+        let limits = limits.transformed(&to_internal, region.up);
+        let space = |limits: &Limits| FreeSpace::among(&occluder, &internal, limits, free_space::RESOLUTION);
+        let free = space(&limits)?;
+        let everywhere = limits.narrows().then(|| space(&limits.of_everybody())).transpose()?;
+        let bvh = Bvh::new(&proxy.occluder, &to_internal)?;
+        Ok(Self { to_internal, region: internal, free, limits, everywhere, bvh })
+    }
+
+    /// Where people can stand who look at what is trained.
+    pub fn open(&self) -> &FreeSpace {
+        self.everywhere.as_ref().unwrap_or(&self.free)
+    }
+
+    /// Whether somebody can look from `p` in the planner's frame, as far as limits tell.
+    pub fn is_allowed(&self, p: DVec3) -> bool {
+        !self.limits.behind_a_wall(p) && !self.open().is_barred(p)
     }
 
     /// The feasible place nearest to `position` in the planner's frame, as far as the voxels of the free space can tell:
     /// `position` itself where it is feasible.
     pub fn settle(&self, position: DVec3) -> DVec3 {
-        let inside = self.region.nearest(position);
-        if self.free.is_free(inside) { inside } else { self.region.nearest(self.free.project(inside)) }
+        let mut place = self.region.nearest(position);
+        // Each of the two may lead out of the other, by less than a voxel.
+        for _ in 0..8 {
+            if self.free.is_free(place) {
+                break;
+            }
+            place = self.region.nearest(self.free.project(place));
+        }
+        place
     }
 
     /// Squared distance outside the region and its gradient, as the planner's loss has them: that of the shape and the

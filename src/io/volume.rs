@@ -1,0 +1,56 @@
+//! Volumes that nobody stands in: closed meshes, or boxes.
+
+use std::path::Path;
+
+use glam::DVec3;
+use serde::Deserialize;
+
+use super::{json, read_file, read_surface};
+use crate::scene::limits::{Volume, box_triangles};
+use crate::scene::proxy::{Occluder, Orientation, Proxy};
+use crate::scene::surface::Surface;
+use crate::{Error, Result};
+
+/// A file of boxes: `{"boxes": [[X0, Y0, Z0, X1, Y1, Z1], ...]}`, two opposite corners each.
+#[derive(Deserialize)]
+struct Boxes {
+    boxes: Vec<[f64; 6]>,
+}
+
+/// Reads the mesh of a .ply, .obj, .glb or .gltf file, which should be closed, or the boxes of a .json file.
+///
+/// # Errors
+/// Where the file cannot be read, holds points instead of faces, or a box has no volume.
+pub fn read_volume(path: &Path) -> Result<Volume> {
+    let triangles = if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json")) {
+        let Boxes { boxes } = json(path, &read_file(path)?)?;
+        let mut triangles = Vec::new();
+        for (i, [x0, y0, z0, x1, y1, z1]) in boxes.into_iter().enumerate() {
+            let (a, b) = (DVec3::new(x0, y0, z0), DVec3::new(x1, y1, z1));
+            let (min, max) = (a.min(b), a.max(b));
+            if !(min.is_finite() && max.is_finite() && min.cmplt(max).all()) {
+                let what = format!("box {i} from {a} to {b} has no volume; give two opposite corners");
+                return Err(Error::input(path, what));
+            }
+            triangles.extend(box_triangles(min, max));
+        }
+        triangles
+    } else {
+        let surface = read_surface(path)?;
+        if matches!(surface, Surface::Points(_)) {
+            return Err(Error::input(
+                path,
+                "it holds points, which enclose no volume; give a closed mesh, or boxes in a .json file",
+            ));
+        }
+        match Proxy::new(&surface, Orientation::Trusted)
+            .map_err(|error| Error::input(path, error.to_string()))?
+            .occluder
+        {
+            Occluder::Triangles(triangles) => triangles,
+            // Only points become discs.
+            Occluder::Discs(_) => Vec::new(),
+        }
+    };
+    Ok(Volume { file: path.to_string_lossy().into_owned(), triangles })
+}

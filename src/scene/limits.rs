@@ -1,0 +1,327 @@
+//! What limits where cameras stand beside the region and the surface: walls, volumes to keep out of, heights that a tripod
+//! reaches, ground that can be walked on.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::proxy::Occluder;
+use super::similarity::Similarity;
+use super::voxels::{Grid, enclosed, touched};
+use super::walk;
+use crate::{Error, Result};
+
+/// Corners of a triangle.
+pub type Triangle = [DVec3; 3];
+
+/// A closed volume that nobody stands in.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Volume {
+    /// The file that it is from.
+    pub file: String,
+    /// Its faces, which a record leaves to the file.
+    #[serde(skip)]
+    pub triangles: Vec<Triangle>,
+}
+
+/// Limits in the frame of the surface. Walls and volumes hold for everybody, heights and ground for who takes the photos only.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Limits {
+    /// Nobody stands behind one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub walls: Vec<Wall>,
+    /// Nobody stands in one, whether it hides anything or not.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub keep_out: Vec<Volume>,
+    /// Lowest and greatest height of a camera along up.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heights: Option<[f64; 2]>,
+    /// Cameras stand above ground that somebody can walk to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub walk: Option<Walk>,
+}
+
+/// A plane that nobody stands behind.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Wall {
+    /// A point of it.
+    pub point: DVec3,
+    /// Unit normal, to the side where cameras stand.
+    pub normal: DVec3,
+}
+
+/// Who walks, and from where.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Walk {
+    /// Where the feet are at first. The ground is level: stairs are not climbed.
+    pub start: DVec3,
+    /// Distance kept from whatever stands between the knees and the head.
+    pub radius: f64,
+    /// From the feet to the top of the head, or of the robot.
+    pub height: f64,
+}
+
+impl Limits {
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Whether some hold for who takes photos, but not for who looks at what is trained.
+    pub fn narrows(&self) -> bool {
+        self.heights.is_some() || self.walk.is_some()
+    }
+
+    /// Those that hold for everybody.
+    pub fn of_everybody(&self) -> Self {
+        Self { heights: None, walk: None, ..self.clone() }
+    }
+
+    /// In words, each on a line of its own.
+    pub fn lines(&self) -> Vec<String> {
+        let wall = |wall: &Wall| format!("wall at {:.3}, cameras to the side of {:.3}", wall.point, wall.normal);
+        let volume = |volume: &Volume| format!("no camera in {}", volume.file);
+        let heights = |[low, high]: [f64; 2]| format!("cameras at heights {low:.3} to {high:.3}");
+        let walk = |Walk { start, radius, height }: Walk| {
+            format!(
+                "cameras above ground that is walked to from {start:.3}, with radius {radius:.3} and height {height:.3}"
+            )
+        };
+        let walls = self.walls.iter().map(wall).chain(self.keep_out.iter().map(volume));
+        walls.chain(self.heights.map(heights)).chain(self.walk.map(walk)).collect()
+    }
+
+    /// The limits themselves, checked, with normals of unit length.
+    ///
+    /// # Errors
+    /// [`Error::Request`] with what makes no sense and what to give.
+    pub fn validated(mut self) -> Result<Self> {
+        let wrong = |what: String| Err(Error::request(what));
+        for Wall { point, normal } in &mut self.walls {
+            *normal = match normal.try_normalize() {
+                Some(unit) if point.is_finite() => unit,
+                _ => return wrong(format!("--wall at {point} with normal {normal}: give a normal that is not zero")),
+            };
+        }
+        if let Some(Volume { file, .. }) = self.keep_out.iter().find(|volume| volume.triangles.is_empty()) {
+            return wrong(format!("--keep-out {file}: it has no faces; give a mesh or boxes"));
+        }
+        if let Some([low, high]) = self.heights
+            && !(low < high && (high - low).is_finite())
+        {
+            return wrong(format!("--heights {low},{high}: give the lower one, then the greater one"));
+        }
+        if let Some(Walk { start, radius, height }) = self.walk
+            && !(start.is_finite() && radius > 0.0 && radius.is_finite() && height > 0.0 && height.is_finite())
+        {
+            return wrong(format!(
+                "--walk from {start} with radius {radius} and height {height}: give lengths above zero"
+            ));
+        }
+        Ok(self)
+    }
+
+    /// The limits in another frame; `up` is that of this one.
+    pub fn transformed(&self, similarity: &Similarity, up: DVec3) -> Self {
+        let point = |p: DVec3| similarity.point(p);
+        let wall =
+            |wall: &Wall| Wall { point: point(wall.point), normal: similarity.direction(wall.normal).normalize() };
+        let height = |height: f64| point(height * up).dot(similarity.direction(up));
+        let walk = |walk: Walk| Walk {
+            start: point(walk.start),
+            radius: similarity.length(walk.radius),
+            height: similarity.length(walk.height),
+        };
+        let volume = |Volume { file, triangles }: &Volume| Volume {
+            file: file.clone(),
+            triangles: triangles.iter().map(|corners| corners.map(point)).collect(),
+        };
+        Self {
+            walls: self.walls.iter().map(wall).collect(),
+            keep_out: self.keep_out.iter().map(volume).collect(),
+            heights: self.heights.map(|heights| heights.map(height)),
+            walk: self.walk.map(walk),
+        }
+    }
+
+    /// Whether nobody stands at `p` for a wall.
+    pub fn behind_a_wall(&self, p: DVec3) -> bool {
+        self.walls.iter().any(|wall| (p - wall.point).dot(wall.normal) < 0.0)
+    }
+
+    /// Marks the voxels that a volume to keep out of touches or holds.
+    pub(super) fn fill_volumes(&self, grid: &Grid, marked: &mut [bool]) {
+        for Volume { triangles, .. } in &self.keep_out {
+            let on = touched(grid, &Occluder::Triangles(triangles.clone()));
+            let within = enclosed(grid, triangles);
+            for (marked, (on, within)) in marked.iter_mut().zip(on.into_iter().zip(within)) {
+                *marked |= on | within;
+            }
+        }
+    }
+
+    /// For every voxel, whether no camera may stand in it; empty where there are no limits. A voxel that a wall or a volume to keep
+    /// out of cuts is barred, one that only reaches into the heights is not. Up is +Z.
+    ///
+    /// # Errors
+    /// [`Error::Request`] where nobody can stand at the start of the walk.
+    pub(super) fn barred(&self, grid: &Grid, surface: &Occluder) -> Result<Vec<bool>> {
+        if self.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut barred = vec![false; grid.voxels()];
+        self.fill_volumes(grid, &mut barred);
+        let ground = self.walk.map(|walk| walk::Ground::new(grid, surface, self, walk)).transpose()?;
+        let half = 0.5 * grid.cell;
+        for (i, barred) in barred.iter_mut().enumerate() {
+            let centre = grid.centre(grid.coordinates(i));
+            let behind = |wall: &Wall| {
+                (centre - wall.point).dot(wall.normal) < half * wall.normal.abs().element_sum() * (1.0 - 1e-9)
+            };
+            *barred |= self.walls.iter().any(behind)
+                || self.heights.is_some_and(|[low, high]| centre.z + half <= low || centre.z - half >= high)
+                || ground.as_ref().is_some_and(|ground| !ground.holds(centre));
+        }
+        Ok(barred)
+    }
+}
+
+/// The triangles of an axis-aligned box.
+pub fn box_triangles(min: DVec3, max: DVec3) -> Vec<Triangle> {
+    let corner = |bits: usize| {
+        DVec3::new(
+            if bits & 1 == 0 { min.x } else { max.x },
+            if bits & 2 == 0 { min.y } else { max.y },
+            if bits & 4 == 0 { min.z } else { max.z },
+        )
+    };
+    // Each face by its corners, outward.
+    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let halves = |[a, b, c, d]: [usize; 4]| [[a, b, c], [a, c, d]];
+    faces.into_iter().flat_map(halves).map(|triangle| triangle.map(corner)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::free_space::FreeSpace;
+    use crate::scene::proxy::{Orientation, Proxy};
+    use crate::scene::region::{Region, Shape};
+    use crate::scene::samples;
+
+    /// The free space of a box of 6 x 4 x 3 around a cube of side 1 in its middle.
+    fn room(limits: Limits) -> Result<FreeSpace> {
+        let proxy = Proxy::new(&samples::cube(), Orientation::Trusted)?;
+        let shape = Shape::Box { min: DVec3::new(-3.0, -2.0, -1.5), max: DVec3::new(3.0, 2.0, 1.5) };
+        let region = Region { shape, up: DVec3::Z, floor: None, clearance: 0.1 };
+        FreeSpace::among(&proxy.occluder, &region, &limits.validated()?, 60)
+    }
+
+    fn volume(min: DVec3, max: DVec3) -> Volume {
+        Volume { file: "a box".into(), triangles: box_triangles(min, max) }
+    }
+
+    fn places(space: &FreeSpace) -> Vec<DVec3> {
+        (0..3000).map(|i| space.sample(5, 0, i)).collect()
+    }
+
+    /// If this failed, cameras would be planned behind a wall or inside of what they must keep out of.
+    #[test]
+    fn walls_and_volumes_keep_cameras_out() {
+        let normal = DVec3::new(1.0, 0.5, 0.0);
+        let limits = Limits {
+            walls: vec![Wall { point: DVec3::new(-1.5, 0.0, 0.0), normal }],
+            keep_out: vec![
+                volume(DVec3::new(1.0, -2.5, -2.0), DVec3::new(2.0, 0.0, 2.0)),
+                // Overlapping volumes are still volumes.
+                volume(DVec3::new(1.5, -2.5, -2.0), DVec3::new(2.5, 0.0, 2.0)),
+            ],
+            ..Limits::default()
+        };
+        let space = room(limits).unwrap();
+        for p in places(&space) {
+            assert!((p - DVec3::new(-1.5, 0.0, 0.0)).dot(normal) >= 0.0, "{p} is behind the wall");
+            assert!(!(1.0..=2.5).contains(&p.x) || p.y >= 0.0, "{p} is in a volume to keep out of");
+        }
+        // What is projected is free too, and there is room beyond the volumes.
+        for i in 0..500 {
+            let p = space.project(6.0 * DVec3::new(f64::from(i % 7), f64::from(i % 11), f64::from(i % 5)) / 7.0 - 3.0);
+            assert!(space.is_free(p));
+        }
+        assert!(space.is_free(DVec3::new(2.8, -1.0, 0.0)) && space.is_free(DVec3::new(1.5, 1.0, 0.0)));
+        assert!(!space.is_free(DVec3::new(1.75, -1.0, 0.0)));
+    }
+
+    /// If this failed, a tripod would be asked for heights that it does not reach, even within one voxel.
+    #[test]
+    fn heights_hold_exactly() {
+        let limits = Limits { heights: Some([0.62, 0.65]), ..Limits::default() };
+        let space = room(limits).unwrap();
+        for p in places(&space) {
+            assert!((0.62..=0.65).contains(&p.z), "{p}");
+        }
+        let p = space.project(DVec3::new(2.0, 1.0, -1.0));
+        assert!((0.62..=0.65).contains(&p.z) && space.is_free(p), "{p}");
+        for nonsense in [
+            Limits { heights: Some([1.0, 0.5]), ..Limits::default() },
+            Limits { walls: vec![Wall { point: DVec3::ZERO, normal: DVec3::ZERO }], ..Limits::default() },
+            Limits { keep_out: vec![Volume::default()], ..Limits::default() },
+        ] {
+            let error = room(nonsense).unwrap_err().to_string();
+            assert!(error.starts_with("--") && error.contains("give"), "{error}");
+        }
+    }
+
+    /// Two rooms with a door: who walks gets through a door that is wide and high enough, and a camera never stands where
+    /// nobody can get to.
+    #[test]
+    fn cameras_stand_above_ground_that_can_be_walked_to() {
+        // A partition across x = 0.8 with a door 0.8 wide and 2 high, and a table that is walked around.
+        let block = |min: [f64; 3], max: [f64; 3]| box_triangles(min.into(), max.into());
+        let partition = [
+            block([0.8, -2.0, -1.5], [0.9, 0.5, 1.5]),
+            block([0.8, 1.3, -1.5], [0.9, 2.0, 1.5]),
+            block([0.8, 0.5, 0.5], [0.9, 1.3, 1.5]),
+            block([-2.5, -1.5, -1.5], [-1.5, -0.5, -0.7]),
+        ];
+        let occluder = Occluder::Triangles(partition.concat());
+        let shape = Shape::Box { min: DVec3::new(-3.0, -2.0, -1.4), max: DVec3::new(3.0, 2.0, 1.4) };
+        let region = Region { shape, up: DVec3::Z, floor: None, clearance: 0.05 };
+        let space = |radius: f64, height: f64| {
+            let walk = Some(Walk { start: DVec3::new(-1.0, 1.0, -1.5), radius, height });
+            FreeSpace::among(&occluder, &region, &Limits { walk, ..Limits::default() }, 60)
+        };
+        let beyond = |space: &FreeSpace| places(space).iter().filter(|p| p.x > 1.0).count();
+        assert!(beyond(&space(0.25, 1.7).unwrap()) > 500, "the door is wide enough");
+        assert_eq!(beyond(&space(0.6, 1.7).unwrap()), 0, "nobody so wide gets through");
+        assert_eq!(beyond(&space(0.25, 2.4).unwrap()), 0, "nobody so tall gets through");
+        // Nobody stands on the table, so that no camera is above it.
+        let above = |p: &&DVec3| (-2.4..-1.6).contains(&p.x) && (-1.4..-0.6).contains(&p.y);
+        assert_eq!(places(&space(0.25, 1.7).unwrap()).iter().filter(above).count(), 0);
+        let blocked = Walk { start: DVec3::new(0.85, -1.0, -1.5), radius: 0.25, height: 1.7 };
+        let limits = Limits { walk: Some(blocked), ..Limits::default() };
+        let error = FreeSpace::among(&occluder, &region, &limits, 60).unwrap_err().to_string();
+        assert!(error.contains("--walk") && !error.contains('\n'), "{error}");
+    }
+
+    /// If this failed, limits would hold in one frame and not in another.
+    #[test]
+    fn limits_follow_the_frame() {
+        let limits = Limits {
+            walls: vec![Wall { point: DVec3::ONE, normal: DVec3::X }],
+            keep_out: vec![volume(DVec3::ZERO, DVec3::ONE)],
+            heights: Some([0.5, 1.5]),
+            walk: Some(Walk { start: DVec3::ZERO, radius: 0.3, height: 1.7 }),
+        };
+        let shape = Shape::Box { min: DVec3::splat(-2.0), max: DVec3::splat(4.0) };
+        let region = Region { shape, up: DVec3::Y, floor: None, clearance: 0.1 };
+        let frame = region.to_planner_frame();
+        let there = limits.transformed(&frame, region.up);
+        let lowest = frame.point(DVec3::new(0.3, 0.5, -0.7)).z;
+        assert!((there.heights.unwrap()[0] - lowest).abs() < 1e-12);
+        assert!(there.behind_a_wall(frame.point(DVec3::new(0.9, 0.0, 0.0))));
+        assert!(!there.behind_a_wall(frame.point(DVec3::new(1.1, 0.0, 0.0))));
+        let back = there.transformed(&frame.inverse(), DVec3::Z);
+        assert!((back.walk.unwrap().height - 1.7).abs() < 1e-12);
+        assert!(back.keep_out[0].triangles[0][1].distance(limits.keep_out[0].triangles[0][1]) < 1e-12);
+    }
+}

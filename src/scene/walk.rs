@@ -1,0 +1,85 @@
+//! Ground that somebody can walk to.
+
+use glam::DVec3;
+
+use super::distance_transform::nearest_sites;
+use super::limits::{Limits, Walk};
+use super::proxy::Occluder;
+use super::voxels::{Grid, touched};
+use crate::{Error, Result};
+
+/// Part of the walker's height that feet are lifted over: thresholds, carpets and cables do not stop anybody.
+const STEP: f64 = 0.15;
+
+/// The places on level ground that are connected with the start of a walk, from above.
+pub(super) struct Ground {
+    /// A single layer.
+    grid: Grid,
+    reached: Vec<bool>,
+}
+
+impl Ground {
+    /// Of the columns of a grid, up along +Z, those whose ground can be walked to. Whoever walks is an upright cylinder; what it may
+    /// not touch are the surface, walls and the volumes of `limits`, between a step's height and the head.
+    ///
+    /// # Errors
+    /// [`Error::Request`] where the start is outside of the region or there is no room at it.
+    pub(super) fn new(around: &Grid, surface: &Occluder, limits: &Limits, walk: Walk) -> Result<Self> {
+        let cell = around.cell;
+        let (foot, head) = (walk.start.z + STEP * walk.height, walk.start.z + walk.height);
+        let layers = ((head - foot) / cell).ceil().max(1.0) as u32;
+        let [nx, ny, _] = around.dims;
+        // The columns are those of the region; layers are counted from the head down, as whole ones rarely fit.
+        let origin = DVec3::new(around.origin.x, around.origin.y, head - f64::from(layers) * cell);
+        let body = Grid { origin, cell, dims: [nx, ny, layers] };
+        let mut taken = touched(&body, surface);
+        limits.fill_volumes(&body, &mut taken);
+        let grid = Grid { dims: [nx, ny, 1], ..body };
+        let columns = grid.voxels();
+        let blocked = |column: usize| {
+            let centre = grid.centre(grid.coordinates(column));
+            limits.behind_a_wall(centre) || (0..layers as usize).any(|layer| taken[layer * columns + column])
+        };
+        let blocked: Vec<bool> = (0..columns).map(blocked).collect();
+        let nearest = nearest_sites(grid.dims, |column| blocked[column]);
+        let free = |column: usize| {
+            let site = nearest[column];
+            if site == u32::MAX {
+                return true;
+            }
+            let here = grid.centre(grid.coordinates(column));
+            // From the centre to the near side of what blocks.
+            here.distance(grid.centre(grid.coordinates(site as usize))) - 0.5 * cell >= walk.radius
+        };
+        let free: Vec<bool> = (0..columns).map(free).collect();
+        let start = DVec3::new(walk.start.x, walk.start.y, grid.origin.z + 0.5 * cell);
+        let at = grid.index(grid.voxel(start));
+        let within = (start - grid.centre(grid.coordinates(at))).abs().max_element() <= cell;
+        if !within || !free[at] {
+            return Err(Error::request(
+                "--walk: there is no room at its start for somebody of this radius and height, or it is outside of the region; give a \
+                 place in the open, with the feet on the ground",
+            ));
+        }
+        let mut reached = vec![false; columns];
+        reached[at] = true;
+        let mut next = vec![at];
+        while let Some(column) = next.pop() {
+            let [x, y, _] = grid.coordinates(column);
+            let sides = [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
+            for (x, y) in sides.into_iter().filter(|(x, y)| *x < nx && *y < ny) {
+                let side = grid.index([x, y, 0]);
+                if free[side] && !reached[side] {
+                    reached[side] = true;
+                    next.push(side);
+                }
+            }
+        }
+        Ok(Self { grid, reached })
+    }
+
+    /// Whether `p` is above ground that is reached.
+    pub(super) fn holds(&self, p: DVec3) -> bool {
+        self.reached[self.grid.index(self.grid.voxel(DVec3::new(p.x, p.y, self.grid.origin.z)))]
+    }
+}
