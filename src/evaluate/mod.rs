@@ -18,6 +18,7 @@ pub mod request;
 pub mod results;
 pub mod room;
 pub mod scene;
+pub mod situation;
 pub mod stage;
 pub mod subject;
 pub mod table;

@@ -118,9 +118,18 @@ impl Viewers {
         };
         let up = back.direction(geometry.region.up);
         let floor = geometry.region.floor.map(|floor| back.point(floor * geometry.region.up).dot(up));
+        // Nobody looks from within the object: a wide lens lets the region be that near. Where floor, walls or other things reach into
+        // the region, the surface does not tell where the object ends, and whoever is in the open is not in it.
+        let reach = reach(geometry);
+        let alone = match geometry.region.shape {
+            Shape::Shell { r_min, .. } => reach <= r_min,
+            Shape::Box { .. } => true,
+        };
+        let air = if alone { None } else { Some(geometry.open().air()) };
         let fits = |place: DVec3| {
             let height = place.dot(up);
-            if !geometry.is_allowed(geometry.to_internal.point(place)) {
+            let inside = geometry.to_internal.point(place);
+            if !geometry.is_allowed(inside) || air.as_ref().is_some_and(|air| !air.holds(inside)) {
                 return false;
             }
             // Spheres are cut off at the floor as they are drawn from, but for rounding.
@@ -137,8 +146,8 @@ impl Viewers {
             (Self::Shell { r_min, r_max, .. }, _) => Some((*r_min, *r_max)),
             (Self::Box { .. }, _) | (_, Shape::Box { .. }) => None,
             _ if !inward => None,
-            // Nobody looks from within the object: a wide lens lets the region be that near.
-            _ => Some(((0.5 * radius).max(1.02 * back.length(reach(geometry))).min(radius), radius)),
+            _ if !alone => Some((0.5 * radius, radius)),
+            _ => Some(((0.5 * radius).max(1.02 * back.length(reach)).min(radius), radius)),
         };
         let place = |stream: u32, i: u32| -> DVec3 {
             let [u, v, w, _] = random::uniforms(seed, stream, i);

@@ -40,6 +40,8 @@ pub struct FreeSpace {
     nearest: Vec<u32>,
     /// Indices of the free voxels that positions are drawn from.
     free: Vec<u32>,
+    /// Voxels that the surface touches.
+    touched: Vec<bool>,
     /// Voxels that limits bar; empty where there are none.
     barred: Vec<bool>,
     /// Lowest and greatest z, where they are limited.
@@ -104,7 +106,7 @@ impl FreeSpace {
         let well_inside: Vec<u32> = free.iter().filter(inside).copied().collect();
         let free = if well_inside.is_empty() { free } else { well_inside };
         let heights = limits.heights;
-        Ok(Self { grid, distance, free_fraction, region: *region, nearest, free, barred, heights })
+        Ok(Self { grid, distance, free_fraction, region: *region, nearest, free, touched: occupied, barred, heights })
     }
 
     /// Distance from `p` to free space and its gradient, interpolated trilinearly between voxel centres: zero where all
@@ -152,6 +154,23 @@ impl FreeSpace {
             along_xy(1) - along_xy(0),
         );
         (value, gradient / self.grid.cell as f32)
+    }
+
+    /// The open air: what is connected with free space, however near to the surface, also beyond the region.
+    pub fn air(&self) -> Air {
+        let open = |i: usize| !self.touched[i] && !self.barred.get(i).is_some_and(|barred| *barred);
+        let mut reached = vec![false; self.grid.voxels()];
+        let mut next: Vec<usize> = self.free.iter().map(|i| *i as usize).collect();
+        next.iter().for_each(|i| reached[*i] = true);
+        while let Some(i) = next.pop() {
+            for side in sides(&self.grid, i).into_iter().flatten() {
+                if !reached[side] && open(side) {
+                    reached[side] = true;
+                    next.push(side);
+                }
+            }
+        }
+        Air { grid: self.grid, reached }
     }
 
     /// Whether limits bar the voxel that `p` lies in; never outside of the grid.
@@ -216,6 +235,33 @@ impl FreeSpace {
     }
 }
 
+/// Where one gets from free space without crossing the surface or a limit.
+pub struct Air {
+    grid: Grid,
+    reached: Vec<bool>,
+}
+
+impl Air {
+    /// Whether `p` is in the open; whatever is outside of the grid is as the nearest place within.
+    pub fn holds(&self, p: DVec3) -> bool {
+        self.reached[self.grid.index(self.grid.voxel(p))]
+    }
+}
+
+/// The voxels that share a face with one.
+fn sides(grid: &Grid, i: usize) -> [Option<usize>; 6] {
+    let [nx, ny, nz] = grid.dims.map(|n| n as usize);
+    let (x, y, z) = (i % nx, i / nx % ny, i / (nx * ny));
+    [
+        (x > 0).then(|| i - 1),
+        (x + 1 < nx).then_some(i + 1),
+        (y > 0).then(|| i - nx),
+        (y + 1 < ny).then_some(i + nx),
+        (z > 0).then(|| i - nx * ny),
+        (z + 1 < nz).then_some(i + nx * ny),
+    ]
+}
+
 /// The grid over the region's bounds, widened by the clearance and a voxel so that surfaces just outside count.
 fn grid_around(region: &Region, resolution: u32) -> Result<Grid> {
     let (min, max) = region.bounds();
@@ -240,7 +286,6 @@ fn offset(a: [u32; 3], b: [u32; 3]) -> DVec3 {
 
 /// Indices of the largest set of open voxels connected through faces, in rising order; of equals the first.
 fn largest_component(grid: &Grid, open: &[bool]) -> Vec<u32> {
-    let [nx, ny, nz] = grid.dims.map(|n| n as usize);
     let mut unseen = open.to_vec();
     let mut largest: Vec<u32> = Vec::new();
     for start in 0..open.len() {
@@ -253,16 +298,8 @@ fn largest_component(grid: &Grid, open: &[bool]) -> Vec<u32> {
         while next < component.len() {
             let i = component[next] as usize;
             next += 1;
-            let (x, y, z) = (i % nx, i / nx % ny, i / (nx * ny));
-            for (there, j) in [
-                (x > 0, i.wrapping_sub(1)),
-                (x + 1 < nx, i + 1),
-                (y > 0, i.wrapping_sub(nx)),
-                (y + 1 < ny, i + nx),
-                (z > 0, i.wrapping_sub(nx * ny)),
-                (z + 1 < nz, i + nx * ny),
-            ] {
-                if there && unseen[j] {
+            for j in sides(grid, i).into_iter().flatten() {
+                if unseen[j] {
                     unseen[j] = false;
                     component.push(j as u32);
                 }

@@ -2,6 +2,7 @@
 
 mod parts;
 mod photographed;
+pub mod textured;
 
 use std::f64::consts::TAU;
 
