@@ -6,10 +6,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use camsplat::evaluate::request::Settings;
-use camsplat::evaluate::scene::Scene;
+use camsplat::evaluate::scene::{Scene, Setting};
 use camsplat::evaluate::tour::{self, Event, Size};
-use camsplat::plan::config::Preset;
-use camsplat::plan::job::RegionChoice;
 use camsplat::report;
 use camsplat::scene::samples;
 use camsplat::vulkan::{Context, Options};
@@ -31,15 +29,10 @@ const SMALL: Size = Size {
 
 fn subject() -> Scene {
     let model = samples::object_model();
+    let surface = model.surface();
     let intrinsics = SMALL.settings.intrinsics();
-    Scene::new(
-        Path::new("photographed"),
-        (Preset::Object, &RegionChoice::default()),
-        (&model, Some(&samples::studio())),
-        model.surface(),
-        &intrinsics,
-    )
-    .unwrap()
+    Scene::new(Path::new("photographed"), &Setting::default(), (model, Some(&samples::studio())), surface, &intrinsics)
+        .unwrap()
 }
 
 /// If this failed, the demo would end without scores, with a page whose pictures and links lead nowhere, or begin anew after a

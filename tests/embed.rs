@@ -12,7 +12,7 @@ use camsplat::plan::preparation::Preparation;
 use camsplat::plan::record::Status;
 use camsplat::scene::camera::{Intrinsics, Pose};
 use camsplat::scene::samples;
-use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
+use camsplat::visibility::device_scene::DeviceScene;
 use camsplat::vulkan::host::HostDevice;
 use camsplat::vulkan::{Context, Options, Recorder};
 use glam::DVec3;

@@ -21,7 +21,7 @@ use camsplat::scene::random;
 use camsplat::scene::region::Shape;
 use camsplat::scene::samples;
 use camsplat::scene::surface::{Mesh, Surface};
-use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
+use camsplat::visibility::device_scene::DeviceScene;
 use glam::{DVec3, Vec3};
 use planner_support::{Scene, context, intrinsics, object, planner, room, silent};
 

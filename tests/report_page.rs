@@ -7,6 +7,7 @@ use camsplat::metrics::Metrics;
 use camsplat::plan::record::{CheckpointRecord, ControlRecord, IterationRecord, PlanRecord, Status, SurfaceRecord};
 use camsplat::report::{ReportScene, SurfacePoint, Triangles, html};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
+use camsplat::scene::limits::Limits;
 use camsplat::scene::region::{Region, Shape};
 use glam::DVec3;
 use report_support::{figure, number_after, rendered, write};
@@ -115,6 +116,7 @@ fn record(path: &str, region: Region, cameras: Vec<Camera>, kept: usize) -> Plan
         seed: 7,
         config: serde_json::json!({ "objective": "splat", "iterations": 1000, "gate": "pinhole" }),
         region,
+        limits: Limits::default(),
         cameras,
         kept,
         history: history.collect(),

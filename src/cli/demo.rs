@@ -12,7 +12,7 @@ use super::options::{DeviceOptions, print_messages, print_target};
 use super::plan::print_plan;
 use super::progress::{Progress, go_on, stop_on_interrupt};
 use crate::evaluate::results::{Interval, Row, measured};
-use crate::evaluate::scene::Scene;
+use crate::evaluate::scene::{Scene, Setting};
 use crate::evaluate::tour::{self, Event, Size, Step};
 use crate::io::folder::{OutputFolder, check_folder, write_files};
 use crate::plan::config::{Config, Preset};
@@ -97,8 +97,7 @@ fn photograph(context: &Arc<Context>, out: &Path) -> Result<bool> {
     let model = samples::object_model();
     let (sky, surface, intrinsics) = (samples::studio(), model.surface(), size.settings.intrinsics());
     let path = Path::new(PHOTOGRAPHED);
-    let scene =
-        Scene::new(path, (Preset::Object, &RegionChoice::default()), (&model, Some(&sky)), surface, &intrinsics)?;
+    let scene = Scene::new(path, &Setting::default(), (model, Some(&sky)), surface, &intrinsics)?;
     let tour = tour::run(context, out, size, &scene, &mut |event| {
         if let Event::Done(Step { name, what, seconds }) = event {
             say!("{name:<8} {what}: {seconds:.1} s");

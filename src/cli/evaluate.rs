@@ -6,14 +6,15 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::options::{DeviceOptions, ViewerOptions, box_of, print_messages};
+use super::options::{DeviceOptions, LimitOptions, ViewerOptions, box_of, print_messages};
 use super::progress::{go_on, stop_on_interrupt};
 use crate::evaluate::job;
 use crate::evaluate::kind::Kind;
 use crate::evaluate::pool::Pool;
 use crate::evaluate::request::{InputsFrom, Method, PeersFrom, Request, Settings, Shown};
 use crate::evaluate::results::Entry;
-use crate::evaluate::scene::Scene;
+use crate::evaluate::scene::{Scene, Setting};
+use crate::evaluate::situation::Situation;
 use crate::evaluate::stage::Event;
 use crate::evaluate::subject::Subject;
 use crate::evaluate::table;
@@ -22,6 +23,7 @@ use crate::io::folder::write_files;
 use crate::metrics::image::{Network, Weights};
 use crate::plan::config::Preset;
 use crate::plan::job::RegionChoice;
+use crate::scene::limits::Limits;
 use crate::{Error, Result, report};
 
 /// Arguments of `camsplat evaluate`.
@@ -34,7 +36,7 @@ pub struct Arguments {
     #[arg(long, value_enum)]
     preset: Option<Preset>,
     /// Choose among photos instead, every eighth held out: captures, as `camsplat select` takes them
-    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "box_", "clearance", "env", "surface", "size", "spp", "test_spp", "tests", "viewers"])]
+    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "box_", "clearance", "env", "surface", "size", "spp", "test_spp", "tests", "viewers", "situation", "keep_out", "wall", "heights", "walk"])]
     pool: Vec<PathBuf>,
     /// In a room, cameras and test views stand in a box: corners X0,Y0,Z0,X1,Y1,Z1 [default: the room's bounds less the clearance]
     #[arg(long = "box", value_delimiter = ',', allow_hyphen_values = true, value_name = "NUMBERS")]
@@ -92,6 +94,12 @@ pub struct Arguments {
     tests: Option<u32>,
     #[command(flatten)]
     viewers: ViewerOptions,
+    /// What objects are photographed in: on a floor, against a wall, in a corner, among other things, with photos from one side that
+    /// exist already, for people who look from the front. Floor, walls and things are made up, and part of the scene [default: free]
+    #[arg(long, value_enum, default_value_t = Situation::Free, hide_default_value = true)]
+    situation: Situation,
+    #[command(flatten)]
+    limits: LimitOptions,
     /// Take a pool's photos smaller: each pixel is the mean of a square of so many [default: 1; quick: 8]
     #[arg(long, requires = "pool")]
     shrink: Option<u32>,
@@ -167,7 +175,9 @@ impl Arguments {
         };
         let of = if self.quick { Settings::QUICK } else { Settings::WHOLE };
         // Indoors, photos of so few samples are too noisy to be matched.
-        let shown = if self.quick && kind == Kind::Room { Shown::True } else { of.shown };
+        // Ten photos of a floor or a wall give no surface to speak of, nor do noisy ones.
+        let is_plain = self.situation == Situation::Free || kind != Kind::Object;
+        let shown = if self.quick && kind == Kind::Room || !is_plain { Shown::True } else { of.shown };
         Ok(Request {
             kind,
             methods: self.methods.clone().unwrap_or_else(named),
@@ -192,7 +202,9 @@ impl Arguments {
                 region: RegionChoice { shape, floor: None, clearance: self.clearance },
                 antialiased: self.antialiased,
             },
-            viewers: self.viewers.viewers()?,
+            viewers: self.viewers.given()?.unwrap_or_else(|| self.situation.viewers()),
+            situation: self.situation,
+            limits: self.limits.read(Limits::default())?,
         })
     }
 
@@ -205,10 +217,15 @@ impl Arguments {
                 notes.extend(given.notes.iter().map(|note| format!("{method}: {note}")));
             }
         }
+        let setting = Setting {
+            preset: self.preset(),
+            choice: request.settings.region,
+            situation: request.situation,
+            limits: request.limits.clone(),
+        };
         let mut subjects = Vec::new();
         for path in &self.scenes {
-            let scene =
-                Scene::read(path, (self.preset(), &request.settings.region), environment.as_ref(), &intrinsics, notes)?;
+            let scene = Scene::read(path, &setting, environment.as_ref(), &intrinsics, notes)?;
             subjects.push(Subject::Scene(Box::new(scene)));
         }
         for path in &self.pool {

@@ -285,7 +285,8 @@ impl<'a> Bench<'a> {
         };
         let choice = RegionChoice { shape: Some(region.shape), floor: region.floor, clearance: Some(region.clearance) };
         let path = self.scene.path.to_string_lossy();
-        Target::new(&surface, &path, self.kind.preset(), &choice, region.up, &self.intrinsics())
+        let target = Target::new(&surface, &path, self.kind.preset(), &choice, region.up, &self.intrinsics())?;
+        target.within(self.scene.limits.clone())
     }
 
     /// Lets a method choose views.
@@ -315,14 +316,16 @@ impl<'a> Bench<'a> {
             _ => self.scene.region,
         };
         let (intrinsics, device) = (self.intrinsics(), &self.context.physical().name);
+        let kept = self.scene.kept(intrinsics, views, seed)?;
         let inputs = match method {
             // Whatever they are called, and for all seeds.
             Method::Given(given) => json!({
                 "surface": shown.key(), "given": given.poses, "region": region, "camera": intrinsics, "device": device,
+                "kept": kept,
             }),
             _ => json!({
                 "surface": shown.key(), "model": model.map(Stage::key), "method": method, "config": config, "peer": peer,
-                "region": region, "camera": intrinsics, "device": device,
+                "region": region, "camera": intrinsics, "device": device, "limits": self.scene.limits, "kept": kept,
             }),
         };
         let stage = self.stage("choice", inputs);
@@ -335,7 +338,7 @@ impl<'a> Bench<'a> {
         let plan = match (peer, method) {
             (Some(request), _) => {
                 let model = model.map(training::model).transpose()?;
-                let (cameras, model) = ((intrinsics, &[][..]), model.as_ref());
+                let (cameras, model) = ((intrinsics, &kept[..]), model.as_ref());
                 let observe = Mutex::new(observe);
                 let hear = |event: Event<'_>| lock(&observe)(event);
                 let outside = Outside {
@@ -349,9 +352,15 @@ impl<'a> Bench<'a> {
             }
             (None, Method::Given(given)) => {
                 let config = crate::plan::config::Config { seed: 0, ..config };
-                plan::job::given(&self.context, &target, intrinsics, given.poses.clone(), (method.name(), &config))?
+                plan::job::given(
+                    &self.context,
+                    &target,
+                    (intrinsics, &kept),
+                    given.poses.clone(),
+                    (method.name(), &config),
+                )?
             }
-            (None, _) => plan::job::run(&self.context, &target, intrinsics, &[], config, Tools::default(), |_| {
+            (None, _) => plan::job::run(&self.context, &target, intrinsics, &kept, config, Tools::default(), |_| {
                 observe(Event::Working)
             })?,
         };

@@ -268,7 +268,7 @@ impl Runs<'_, '_> {
         let request = self.board.request;
         let intrinsics = request.settings.intrinsics();
         let inputs = scene.inputs(context, &request.settings)?;
-        let tests = scene.tests(intrinsics, request.settings.tests, &request.viewers)?;
+        let tests = scene.tests(intrinsics, request.settings.tests, request.test_viewers())?;
         let bench = Bench::new(context, &self.folder, request, scene)?;
         let mut shared = made_for(format!("all runs of {}", self.subject.name()), &mut *observe);
         let Some(inputs) = bench.photographs(&inputs, &mut shared)? else { return Ok(false) };
@@ -405,9 +405,11 @@ fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) ->
 mod tests {
     use super::*;
     use crate::evaluate::request::Settings;
+    use crate::evaluate::situation::Situation;
     use crate::gaussians::record::Quality;
     use crate::peers::request::Method as Placing;
     use crate::quality::viewers::Viewers;
+    use crate::scene::limits::Limits;
 
     fn entry(method: Method) -> Entry {
         let quality = vec![Quality { psnr: 20.0, ssim: 0.5, ..Quality::default() }; 3];
@@ -432,6 +434,8 @@ mod tests {
             first_seed: 0,
             settings: Settings::QUICK,
             viewers: Viewers::Region,
+            situation: Situation::Free,
+            limits: Limits::default(),
         };
         let mut hear = |event: Event<'_>| match event {
             Event::Complete(..) => ControlFlow::Break(()),

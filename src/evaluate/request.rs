@@ -8,11 +8,13 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::kind::Kind;
+use super::situation::Situation;
 use crate::peers::request::Method as Placing;
 use crate::plan::config::{Config, Objective, Preset};
 use crate::plan::job::RegionChoice;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Intrinsics, Pose};
+use crate::scene::limits::Limits;
 use crate::{Error, Result, io};
 
 /// A way to choose views.
@@ -287,17 +289,33 @@ pub struct Request {
     /// From where people will look: where the tests are, and what the planner plans for. By default the protocol's sets.
     #[serde(skip_serializing_if = "Viewers::is_default")]
     pub viewers: Viewers,
+    /// What objects are photographed in.
+    pub situation: Situation,
+    /// What limits where cameras stand beside that.
+    #[serde(skip_serializing_if = "Limits::is_empty")]
+    pub limits: Limits,
 }
 
 impl Request {
     /// Sets of test views; of several, by what their names begin with.
     pub fn sets(&self) -> &'static [&'static str] {
-        if self.viewers.is_default() { self.kind.sets() } else { &[GIVEN_VIEWERS] }
+        if self.usual_tests() { self.kind.sets() } else { &[GIVEN_VIEWERS] }
     }
 
     /// Columns of a table: the sets, and the mean over them where there are several.
     pub fn columns(&self) -> Vec<&'static str> {
-        if self.viewers.is_default() { self.kind.columns() } else { self.sets().to_vec() }
+        if self.usual_tests() { self.kind.columns() } else { self.sets().to_vec() }
+    }
+
+    /// Whether the tests are those of the protocol, and not of viewers that were given or follow from the situation or the limits.
+    pub fn usual_tests(&self) -> bool {
+        let bounded = self.kind == Kind::Object && !self.limits.of_everybody().is_empty();
+        self.viewers.is_default() && !self.situation.has_viewers() && !bounded
+    }
+
+    /// The viewers that the tests are of, where they are not those of the protocol.
+    pub fn test_viewers(&self) -> Option<&Viewers> {
+        (!self.usual_tests()).then_some(&self.viewers)
     }
 
     /// Refuses what makes no sense.
@@ -339,6 +357,12 @@ impl Request {
         }
         if settings.peers_from == PeersFrom::Sphere && *kind != Kind::Object {
             return Err(Error::request("--peers-from sphere: only around objects is there a sphere; leave it out"));
+        }
+        if self.situation != Situation::Free && *kind != Kind::Object {
+            return Err(Error::request("--situation: it is one of objects; leave it out"));
+        }
+        if self.situation != Situation::Free && settings.peers_from == PeersFrom::Sphere {
+            return Err(Error::request("--peers-from sphere is of free objects; leave it or --situation out"));
         }
         if settings.region != BY_BOUNDS && *kind != Kind::Room {
             return Err(Error::request(
@@ -414,7 +438,8 @@ mod tests {
         let of = |methods: Vec<Method>, budgets: Vec<u32>| {
             let (kind, settings) = (Kind::Object, Settings::QUICK);
             let viewers = Viewers::Region;
-            Request { kind, methods, budgets, seeds: 1, first_seed: 0, settings, viewers }.validate()
+            let (situation, limits) = (Situation::Free, Limits::default());
+            Request { kind, methods, budgets, seeds: 1, first_seed: 0, settings, viewers, situation, limits }.validate()
         };
         let given = Given { name: "cameras:a".into(), poses: Vec::new(), notes: Vec::new() };
         let given = Method::Given(Box::leak(Box::new(given)));

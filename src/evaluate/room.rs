@@ -73,7 +73,7 @@ impl EmptySpace {
     /// Where too few of the places drawn show it.
     pub fn tests(&self, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
         let back = self.geometry.to_internal.inverse();
-        let drawn = baselines::random(&self.geometry.free, DRAWS * count as usize, TEST_SEED, false);
+        let drawn = baselines::random(self.geometry.open(), DRAWS * count as usize, TEST_SEED, false);
         let shown = drawn.iter().filter(|pose| self.seen(pose, &intrinsics) >= LEAST_SEEN).take(count as usize);
         let cameras: Vec<Camera> =
             shown.enumerate().map(|(i, pose)| camera(format!("random_{i:04}"), back.pose(pose), intrinsics)).collect();

@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::request::Settings;
 use super::room::EmptySpace;
+use super::situation::Situation;
 use super::views;
 use crate::io;
 use crate::io::gltf::read_model;
@@ -15,6 +16,7 @@ use crate::plan::config::Preset;
 use crate::plan::job::{RegionChoice, Target};
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::limits::Limits;
 use crate::scene::model::{Environment, Model};
 use crate::scene::region::Region;
 use crate::scene::surface::Surface;
@@ -40,8 +42,25 @@ pub struct Scene {
     pub surface: Surface,
     /// Where cameras may stand: the same for every method, seed and budget.
     pub region: Region,
+    /// What limits that.
+    pub limits: Limits,
+    /// What it is photographed in.
+    pub situation: Situation,
     /// Where cameras that nobody chooses come from.
     pub views: Around,
+}
+
+/// Where a scene is photographed from, as far as the user says it.
+#[derive(Clone, Debug, Default)]
+pub struct Setting {
+    /// Kind of scene.
+    pub preset: Preset,
+    /// What is said of the region.
+    pub choice: RegionChoice,
+    /// What an object is photographed in.
+    pub situation: Situation,
+    /// What limits where cameras stand beside that.
+    pub limits: Limits,
 }
 
 /// Where cameras that nobody chooses come from.
@@ -59,13 +78,13 @@ impl Scene {
     /// Where it cannot be read, has no light, or leaves cameras no room.
     pub fn read(
         path: &Path,
-        (preset, choice): (Preset, &RegionChoice),
+        setting: &Setting,
         environment: Option<&Environment>,
         intrinsics: &Intrinsics,
         notes: &mut Vec<String>,
     ) -> Result<Self> {
         let model = read_model(path, notes)?;
-        Self::new(path, (preset, choice), (&model, environment), io::read_surface(path)?, intrinsics)
+        Self::new(path, setting, (model, environment), io::read_surface(path)?, intrinsics)
     }
 
     /// Makes one of a model under an environment and its mesh, +Y up; errors and tables call it by its path.
@@ -74,17 +93,32 @@ impl Scene {
     /// Where it has no light, or leaves cameras no room.
     pub fn new(
         path: &Path,
-        (preset, choice): (Preset, &RegionChoice),
-        (model, environment): (&Model, Option<&Environment>),
-        surface: Surface,
+        setting: &Setting,
+        (mut model, environment): (Model, Option<&Environment>),
+        mut surface: Surface,
         intrinsics: &Intrinsics,
     ) -> Result<Self> {
         let named = |error| match error {
             Error::Request(what) => Error::input(path, what),
             other => other,
         };
-        let assembly = Assembly::new(model, environment).map_err(named)?;
-        let target = Target::new(&surface, &path.to_string_lossy(), preset, choice, UP, intrinsics).map_err(named)?;
+        let Setting { preset, situation, .. } = *setting;
+        let target = |surface: &Surface, choice: &RegionChoice| {
+            Target::new(surface, &path.to_string_lossy(), preset, choice, UP, intrinsics).map_err(named)
+        };
+        let mut target_of = target(&surface, &setting.choice)?;
+        let mut limits = setting.limits.clone();
+        if preset == Preset::Object && situation != Situation::Free {
+            let (bounds, radius) = (target_of.proxy.bounds(), target_of.proxy.sphere.1);
+            let (region, more) = situation.furnish(&mut model, bounds, radius, target_of.region);
+            limits.walls.extend(more.walls);
+            limits.keep_out.extend(more.keep_out);
+            surface = model.surface();
+            let Region { shape, floor, clearance, .. } = region;
+            target_of = target(&surface, &RegionChoice { shape: Some(shape), floor, clearance: Some(clearance) })?;
+        }
+        let target = target_of.within(limits.clone()).map_err(named)?;
+        let assembly = Assembly::new(&model, environment).map_err(named)?;
         let region = target.region;
         let views = match preset {
             Preset::Object => {
@@ -94,7 +128,26 @@ impl Scene {
             Preset::Room => Around::Room(Box::new(EmptySpace::new(target).map_err(named)?)),
         };
         let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-        Ok(Self { path: path.to_owned(), name, assembly, surface, region, views })
+        Ok(Self { path: path.to_owned(), name, assembly, surface, region, limits, situation, views })
+    }
+
+    /// Its mesh in its region, within its limits.
+    fn target(&self, intrinsics: &Intrinsics) -> Result<Target> {
+        let Region { shape, floor, clearance, .. } = self.region;
+        let choice = RegionChoice { shape: Some(shape), floor, clearance: Some(clearance) };
+        let path = self.path.to_string_lossy();
+        Target::new(&self.surface, &path, self.preset(), &choice, UP, intrinsics)?.within(self.limits.clone())
+    }
+
+    /// The photos that exist already where `views` more may be taken.
+    ///
+    /// # Errors
+    /// Where the region leaves no place for them.
+    pub fn kept(&self, intrinsics: Intrinsics, views: u32, seed: u64) -> Result<Vec<Camera>> {
+        if self.situation != Situation::OneSide {
+            return Ok(Vec::new());
+        }
+        self.situation.kept(&self.target(&intrinsics)?.geometry()?, intrinsics, views, seed)
     }
 
     fn preset(&self) -> Preset {
@@ -111,21 +164,22 @@ impl Scene {
     pub fn inputs(&self, context: &Arc<Context>, settings: &Settings) -> Result<Vec<Camera>> {
         let (intrinsics, count) = (settings.intrinsics(), settings.inputs);
         match &self.views {
-            Around::Object(_) => views::inputs(&self.region, intrinsics, settings.inputs_from, count),
+            Around::Object(_) => {
+                let geometry = self.target(&intrinsics)?.geometry()?;
+                views::inputs((&self.region, &geometry), intrinsics, settings.inputs_from, count)
+            }
             Around::Room(space) => space.inputs(context, intrinsics, count),
         }
     }
 
-    /// The test cameras, `count` of each set: the protocol's, or of the viewers that were given.
+    /// The test cameras, `count` of each set: the protocol's, or, where viewers are given, of those.
     ///
     /// # Errors
     /// Where too few places show the scene, or no place fits the viewers.
-    pub fn tests(&self, intrinsics: Intrinsics, count: u32, viewers: &Viewers) -> Result<Vec<Camera>> {
-        if !viewers.is_default() {
-            let (preset, Region { shape, floor, clearance, .. }) = (self.preset(), self.region);
-            let choice = RegionChoice { shape: Some(shape), floor, clearance: Some(clearance) };
-            let target = Target::new(&self.surface, &self.path.to_string_lossy(), preset, &choice, UP, &intrinsics)?;
-            let geometry = target.geometry()?;
+    pub fn tests(&self, intrinsics: Intrinsics, count: u32, viewers: Option<&Viewers>) -> Result<Vec<Camera>> {
+        if let Some(viewers) = viewers {
+            let preset = self.preset();
+            let geometry = self.target(&intrinsics)?.geometry()?;
             // Cameras of a file are tests once each.
             let count = if let Viewers::Cameras(all) = viewers { count.min(all.len() as u32) } else { count };
             let tests = viewers.sample(&geometry, intrinsics, preset == Preset::Object, TESTS, count)?;

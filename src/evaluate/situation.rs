@@ -135,7 +135,8 @@ impl Situation {
         let aside = |pose: &Pose| pose.forward().dot(side);
         poses.sort_by(|a, b| aside(a).total_cmp(&aside(b)));
         let back = geometry.to_internal.inverse();
-        let kept = |(i, pose): (usize, &Pose)| Camera { name: format!("kept_{i:04}"), pose: back.pose(pose), intrinsics };
+        let kept =
+            |(i, pose): (usize, &Pose)| Camera { name: format!("kept_{i:04}"), pose: back.pose(pose), intrinsics };
         Ok(poses[..views as usize].iter().enumerate().map(kept).collect())
     }
 }
@@ -155,8 +156,7 @@ mod tests {
             Target::new(&model.surface(), "object", Preset::Object, choice, DVec3::Y, &INTRINSICS()).unwrap()
         };
         let alone = target(&model, &RegionChoice::default());
-        let (region, limits) =
-            situation.furnish(&mut model, alone.proxy.bounds(), alone.proxy.sphere.1, alone.region);
+        let (region, limits) = situation.furnish(&mut model, alone.proxy.bounds(), alone.proxy.sphere.1, alone.region);
         let choice = RegionChoice { shape: Some(region.shape), floor: region.floor, clearance: Some(region.clearance) };
         let radius = alone.proxy.sphere.1;
         (model.clone(), target(&model, &choice).within(limits).unwrap(), radius)

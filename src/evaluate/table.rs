@@ -177,7 +177,9 @@ pub fn cell(Interval { mean, half }: Interval, decimals: usize) -> String {
 mod tests {
     use super::*;
     use crate::evaluate::request::{Given, Settings};
+    use crate::evaluate::situation::Situation;
     use crate::peers::request::Method as Placing;
+    use crate::scene::limits::Limits;
 
     fn row() -> Row {
         let of = |mean, half| Some(Interval { mean, half });
@@ -208,6 +210,8 @@ mod tests {
             first_seed: 7,
             settings: Settings::QUICK,
             viewers: Viewers::Region,
+            situation: Situation::Free,
+            limits: Limits::default(),
         };
         let text = markdown(&request, &[row()], 0);
         assert!(text.contains(", 3 seeds from 7. Mean"), "{text}");
@@ -243,6 +247,8 @@ mod tests {
             first_seed: 0,
             settings: Settings::QUICK,
             viewers: Viewers::Region,
+            situation: Situation::Free,
+            limits: Limits::default(),
         };
         let text = markdown(&request, std::slice::from_ref(&one), 0);
         assert!(text.contains("| scene | method | views | held-out | choice, s |\n|---|---|---|---|---|\n"), "{text}");

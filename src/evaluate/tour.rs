@@ -96,10 +96,19 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     let intrinsics = settings.intrinsics();
     let random = Method::Plan(Placing::Random);
     let (kind, methods) = (Kind::Object, vec![Method::Plan(Placing::Ours), random]);
-    let request =
-        Request { kind, methods, budgets: vec![views], seeds: 1, first_seed: 0, settings, viewers: Viewers::Region };
+    let request = Request {
+        kind,
+        methods,
+        budgets: vec![views],
+        seeds: 1,
+        first_seed: 0,
+        settings,
+        viewers: Viewers::Region,
+        situation: scene.situation,
+        limits: scene.limits.clone(),
+    };
     let input_cameras = scene.inputs(context, &settings)?;
-    let tests = scene.tests(intrinsics, settings.tests, &request.viewers)?;
+    let tests = scene.tests(intrinsics, settings.tests, request.test_viewers())?;
     let mut walk = Walk { observe, begun: Instant::now(), kept: false, steps: Vec::new() };
     let bench = Bench::new(context, &folder.join(&name), &request, scene)?;
 

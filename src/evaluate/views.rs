@@ -1,6 +1,6 @@
 //! Cameras around an object that no method chooses: of the input photos and of the tests.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 use super::kind::Kind;
 use super::request::InputsFrom;
@@ -9,6 +9,7 @@ use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::random;
 use crate::scene::region::Region;
+use crate::visibility::device_scene::SceneGeometry;
 
 /// Seed, and streams of the test views, which are the same in all runs.
 const SEED: u64 = 0x7465_7374;
@@ -25,12 +26,19 @@ const DRAWS: u32 = 10_000;
 ///
 /// # Errors
 /// Where the region is no shell.
-pub fn inputs(region: &Region, intrinsics: Intrinsics, from: InputsFrom, count: u32) -> Result<Vec<Camera>> {
-    let even = baselines::fibonacci_shell(region, count as usize)?;
+pub fn inputs(
+    (region, geometry): (&Region, &SceneGeometry),
+    intrinsics: Intrinsics,
+    from: InputsFrom,
+    count: u32,
+) -> Result<Vec<Camera>> {
+    let to_internal = &geometry.to_internal;
+    let free = |place| geometry.free.is_free(to_internal.point(place));
+    let even = baselines::even_where(region, count as usize, 0.5, DQuat::IDENTITY, free)?;
     let poses = match from {
         InputsFrom::Uniform => even,
         InputsFrom::Biased => {
-            let mut poses = baselines::fibonacci_shell(region, 3 * count as usize)?;
+            let mut poses = baselines::even_where(region, 3 * count as usize, 0.5, DQuat::IDENTITY, free)?;
             let side = region.up.any_orthonormal_vector();
             let aside = |pose: &Pose| pose.forward().dot(side);
             poses.sort_by(|a, b| aside(a).total_cmp(&aside(b)));
@@ -100,13 +108,18 @@ pub fn camera(name: String, pose: Pose, intrinsics: Intrinsics) -> Camera {
 mod tests {
     use super::*;
     use crate::evaluate::request::Settings;
+    use crate::scene::proxy::{Orientation, Proxy};
+    use crate::scene::samples;
 
     /// If this failed, photos from one side would be from all around, or those at random even.
     #[test]
     fn inputs_stand_where_they_should() {
         let region = Region::around_object((DVec3::ONE, 0.5), 25f64.to_radians(), DVec3::Y, None).unwrap();
+        let ball = samples::sphere(0.05, 12);
+        let proxy = Proxy::new(&ball, Orientation::Trusted).unwrap();
+        let geometry = SceneGeometry::new(&proxy, &region).unwrap();
         let places = |from| -> Vec<DVec3> {
-            let cameras = inputs(&region, Settings::QUICK.intrinsics(), from, 20).unwrap();
+            let cameras = inputs((&region, &geometry), Settings::QUICK.intrinsics(), from, 20).unwrap();
             cameras.iter().map(|camera| camera.pose.position - DVec3::ONE).collect()
         };
         let (even, random, side) =

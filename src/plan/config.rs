@@ -52,10 +52,11 @@ pub enum Kernel {
 }
 
 /// Which scene the defaults are for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Preset {
     /// Something seen from around it: cameras start on a sphere and look in.
+    #[default]
     Object,
     /// A space seen from inside: cameras start anywhere and look anywhere.
     Room,

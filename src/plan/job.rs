@@ -271,7 +271,7 @@ fn check_finite(poses: &[Pose]) -> Result<()> {
     ))
 }
 
-/// Scores cameras that were placed by other means, in the user's world, as a plan is scored; it took no time. `name` is what they are
+/// Scores cameras that were placed by other means, in the user's world, beside those that are kept, as a plan is scored; it took no time. `name` is what they are
 /// called; of `config` count the same as in [`conclude`].
 ///
 /// # Errors
@@ -279,14 +279,14 @@ fn check_finite(poses: &[Pose]) -> Result<()> {
 pub fn given(
     context: &Arc<Context>,
     target: &Target,
-    intrinsics: Intrinsics,
+    cameras: (Intrinsics, &[Camera]),
     poses: Vec<Pose>,
     (name, config): (&str, &Config),
 ) -> Result<Plan> {
     let scene = DeviceScene::new(context, target.geometry()?)?;
     let described = serde_json::json!({ "cameras": poses.len() });
     let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds: 0.0 };
-    conclude(context, scene, target, (intrinsics, &[]), config, (name, described), (outcome, None))
+    conclude(context, scene, target, cameras, config, (name, described), (outcome, None))
 }
 
 /// Scores what came out, its snapshots and the controls on held-out points, and writes the record. Of `config` count the views,

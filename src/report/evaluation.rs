@@ -268,9 +268,11 @@ mod tests {
     use super::*;
     use crate::evaluate::kind::Kind;
     use crate::evaluate::request::{Given, Settings, Shown};
+    use crate::evaluate::situation::Situation;
     use crate::gaussians::record::Quality;
     use crate::peers::request::Method as Placing;
     use crate::quality::viewers::Viewers;
+    use crate::scene::limits::Limits;
 
     /// If this failed, the name of a file could break the page or run what it likes, or could not be read in a chart.
     #[test]
@@ -297,6 +299,8 @@ mod tests {
             first_seed: 0,
             settings: Settings::QUICK,
             viewers: Viewers::Region,
+            situation: Situation::Free,
+            limits: Limits::default(),
         };
         let page = html(&request, &Outcome::new(Kind::Object, vec![entry], 1));
         assert!(!page.contains("<img src=x>"), "{page}");
@@ -330,6 +334,8 @@ mod tests {
             first_seed: 3,
             settings: Settings::QUICK,
             viewers: Viewers::Region,
+            situation: Situation::Free,
+            limits: Limits::default(),
         };
         let entries: Vec<Entry> = [Method::Plan(Placing::Ours), Method::Plan(Placing::OursNoVds)]
             .into_iter()
