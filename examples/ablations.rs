@@ -25,7 +25,7 @@ use camsplat::scene::random;
 use camsplat::scene::region::Shape;
 use camsplat::scene::samples;
 use camsplat::scene::surface::Surface;
-use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
+use camsplat::visibility::device_scene::DeviceScene;
 use camsplat::vulkan::{Context, Options};
 use camsplat::{Error, Result};
 use clap::Parser;

@@ -15,7 +15,7 @@ use camsplat::plan::planner::Planner;
 use camsplat::plan::preparation::Preparation;
 use camsplat::scene::camera::Intrinsics;
 use camsplat::scene::samples;
-use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
+use camsplat::visibility::device_scene::DeviceScene;
 use camsplat::vulkan::host::HostDevice;
 use camsplat::vulkan::{Context, Recorder};
 use glam::DVec3;

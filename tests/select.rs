@@ -22,7 +22,7 @@ use camsplat::select::job::Prospect;
 use camsplat::select::objective::{Objective, Scratch};
 use camsplat::select::request::{Method, Request};
 use camsplat::select::sight::{Survey, framed, sight};
-use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
+use camsplat::visibility::device_scene::DeviceScene;
 use camsplat::vulkan::{Context, Options};
 use glam::DVec3;
 

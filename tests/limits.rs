@@ -1,0 +1,93 @@
+//! Where cameras may not stand: what plans, other methods and scores make of walls, volumes to keep out of, heights and ground.
+
+mod command;
+
+use command::{Place, SHORT, assert_refused};
+use glam::DVec3;
+
+const SHELL: &str = "--shell 0,0,0,2,3 --up z";
+const BOXES: &str = r#"{"boxes": [[-4, -4, 1, 4, -0.5, 4], [3.5, 3.5, 3.5, 0.5, 0.5, -4]]}"#;
+
+fn in_boxes(p: DVec3) -> bool {
+    p.z > 1.0 && p.y < -0.5 || p.x > 0.5 && p.y > 0.5
+}
+
+/// If this failed, somebody would be sent behind a wall, into a cabinet, or up a ladder: by our plan or by a method that it is
+/// compared with, which would flatter one of them.
+#[test]
+fn whoever_places_cameras_keeps_the_limits() {
+    let place = Place::new();
+    place.write("boxes.json", BOXES);
+    let limits = format!("{SHELL} --keep-out boxes.json --wall 0,0,-1.5,0,0,2 --wall -1,0,0,1,0,0.5 --heights -1.2,2.4");
+    for method in ["ours", "random", "fibonacci", "fvs", "coverage"] {
+        let ran = place.done(&format!("plan ball.ply --out {method} --method {method} {limits} {}", short(method)));
+        assert!(ran.out.contains("no camera in boxes.json") && ran.out.contains("heights -1.200 to 2.400"), "{}", ran.out);
+        let plan = place.plan(method);
+        assert_eq!((plan.cameras.len(), plan.limits.walls.len(), plan.limits.heights), (5, 2, Some([-1.2, 2.4])));
+        for camera in &plan.cameras {
+            let p = camera.pose.position;
+            assert!(!in_boxes(p), "{method}: {p} is in a box");
+            assert!((-1.2 - 1e-9..=2.4 + 1e-9).contains(&p.z), "{method}: {p} is too high or too low");
+            assert!((p + DVec3::X).dot(DVec3::new(1.0, 0.0, 0.5)) >= -1e-9, "{method}: {p} is behind a wall");
+        }
+    }
+    // Layouts that a plan is measured against keep them too, so that the plan's own limits are those of its score.
+    let scored = place.done("score ball.ply ours");
+    assert!(scored.out.contains("no camera in boxes.json") && scored.out.contains("wall at"), "{}", scored.out);
+    std::fs::remove_file(place.path("boxes.json")).unwrap();
+    let lost = place.run("score ball.ply ours");
+    assert!(lost.code == Some(2) && lost.err.contains("boxes.json"), "{}", lost.err);
+}
+
+/// If this failed, a robot would be sent where it cannot get to.
+#[test]
+fn cameras_stand_where_somebody_can_walk() {
+    let place = Place::new();
+    // A fence across x = 0, from the ground to above the head.
+    place.write("fence.json", r#"{"boxes": [[-0.1, -9, -3, 0.1, 9, 3]]}"#);
+    let walk = format!("{SHELL} --keep-out fence.json --walk 2.4,0.5,-1,0.2,1.6 --heights -1,1.5");
+    for method in ["ours", "random"] {
+        place.done(&format!("plan ball.ply --out {method} --method {method} {walk} {}", short(method)));
+        let plan = place.plan(method);
+        assert!(plan.cameras.iter().all(|camera| camera.pose.position.x > 0.2), "{method}: somebody climbed the fence");
+        assert_eq!(plan.limits.walk.map(|walk| walk.height), Some(1.6));
+    }
+}
+
+fn short(method: &str) -> &'static str {
+    if method == "ours" { SHORT } else { "--views 5 --held-out 60" }
+}
+
+/// If this failed, a mistake in a limit would be planned with, or leave a folder.
+#[test]
+fn limits_that_make_no_sense_are_refused() {
+    let place = Place::new();
+    place.write("flat.json", r#"{"boxes": [[0, 0, 0, 1, 0, 1]]}"#);
+    place.write("none.json", r#"{"boxes": []}"#);
+    let points = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 1 1";
+    let properties = "property float x\nproperty float y\nproperty float z";
+    place.write("cloud.ply", format!("ply\nformat ascii 1.0\nelement vertex 5\n{properties}\nend_header\n{points}\n"));
+    let cases = [
+        ("--keep-out nowhere.obj", "nowhere.obj"),
+        ("--keep-out flat.json", "box 0"),
+        ("--keep-out none.json", "none.json"),
+        ("--keep-out cloud.ply", "closed mesh"),
+        ("--heights 2,1", "the lower one"),
+        ("--heights 40,50", "--heights"),
+        ("--wall 0,0,0,0,0,0", "not zero"),
+        ("--walk 2,0,0,-1,1", "above zero"),
+        ("--walk 0.95,0,0,0.2,0.5", "--walk"),
+        ("--walk 90,0,0,0.2,0.5", "--walk"),
+    ];
+    for (given, says) in cases {
+        assert_refused(&place, &[(&format!("plan ball.ply --out o {SHELL} {given} {SHORT}"), &[says])]);
+    }
+    for (given, says) in [
+        ("--wall 0,0,0,1,0", "X,Y,Z,NX,NY,NZ"),
+        ("--heights 1", "LOW,HIGH"),
+        ("--walk 2,0,0,0.2", "X,Y,Z,RADIUS,HEIGHT"),
+    ] {
+        let ran = place.run(&format!("plan ball.ply --out o {SHELL} {given} {SHORT}"));
+        assert!(ran.code == Some(2) && ran.err.contains(says) && !place.path("o").exists(), "{}", ran.err);
+    }
+}
