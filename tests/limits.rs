@@ -18,10 +18,15 @@ fn in_boxes(p: DVec3) -> bool {
 fn whoever_places_cameras_keeps_the_limits() {
     let place = Place::new();
     place.write("boxes.json", BOXES);
-    let limits = format!("{SHELL} --keep-out boxes.json --wall 0,0,-1.5,0,0,2 --wall -1,0,0,1,0,0.5 --heights -1.2,2.4");
+    let limits =
+        format!("{SHELL} --keep-out boxes.json --wall 0,0,-1.5,0,0,2 --wall -1,0,0,1,0,0.5 --heights -1.2,2.4");
     for method in ["ours", "random", "fibonacci", "fvs", "coverage"] {
         let ran = place.done(&format!("plan ball.ply --out {method} --method {method} {limits} {}", short(method)));
-        assert!(ran.out.contains("no camera in boxes.json") && ran.out.contains("heights -1.200 to 2.400"), "{}", ran.out);
+        assert!(
+            ran.out.contains("no camera in boxes.json") && ran.out.contains("heights -1.200 to 2.400"),
+            "{}",
+            ran.out
+        );
         let plan = place.plan(method);
         assert_eq!((plan.cameras.len(), plan.limits.walls.len(), plan.limits.heights), (5, 2, Some([-1.2, 2.4])));
         for camera in &plan.cameras {

@@ -1,6 +1,6 @@
 //! `camsplat evaluate`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -24,13 +24,14 @@ use crate::metrics::image::{Network, Weights};
 use crate::plan::config::Preset;
 use crate::plan::job::RegionChoice;
 use crate::scene::limits::Limits;
+use crate::scene::samples::textured::two_rooms_model;
 use crate::{Error, Result, report};
 
 /// Arguments of `camsplat evaluate`.
 #[derive(Args, Debug)]
 pub struct Arguments {
     /// Objects or rooms with materials and lamps: .glb or .gltf files
-    #[arg(required_unless_present = "pool")]
+    #[arg(required_unless_present_any = ["pool", "situation"])]
     scenes: Vec<PathBuf>,
     /// Kind of the scenes: objects seen from around them, or rooms seen from inside [default: room with --box, else object]
     #[arg(long, value_enum)]
@@ -94,10 +95,10 @@ pub struct Arguments {
     tests: Option<u32>,
     #[command(flatten)]
     viewers: ViewerOptions,
-    /// What objects are photographed in: on a floor, against a wall, in a corner, among other things, with photos from one side that
-    /// exist already, for people who look from the front. Floor, walls and things are made up, and part of the scene [default: free]
-    #[arg(long, value_enum, default_value_t = Situation::Free, hide_default_value = true)]
-    situation: Situation,
+    /// A situation of practice that objects are photographed in, or two rooms. Floors, walls and things are made up and part of the
+    /// scene; cameras and viewers respect them [default: free]
+    #[arg(long, value_enum)]
+    situation: Option<Situation>,
     #[command(flatten)]
     limits: LimitOptions,
     /// Take a pool's photos smaller: each pixel is the mean of a square of so many [default: 1; quick: 8]
@@ -151,7 +152,23 @@ const QUICK: [&str; 3] = ["random", "fvs", "ours"];
 
 impl Arguments {
     fn preset(&self) -> Preset {
-        self.preset.unwrap_or(if self.box_.is_some() { Preset::Room } else { Preset::Object })
+        let is_room = self.box_.is_some() || self.situation() == Situation::TwoRooms;
+        self.preset.unwrap_or(if is_room { Preset::Room } else { Preset::Object })
+    }
+
+    fn situation(&self) -> Situation {
+        self.situation.unwrap_or_default()
+    }
+
+    /// Refuses scenes where the situation has its own, and none where it has not.
+    fn check_scenes(&self) -> Result<()> {
+        match (self.situation, self.scenes.is_empty() && self.pool.is_empty()) {
+            (Some(Situation::TwoRooms), false) => {
+                Err(Error::request("--situation two-rooms: it is a scene by itself; leave the scenes out"))
+            }
+            (Some(Situation::TwoRooms), true) | (_, false) => Ok(()),
+            _ => Err(Error::request("there are no scenes; give some objects (.glb, .gltf)")),
+        }
     }
 
     fn request(&self) -> Result<Request> {
@@ -176,7 +193,7 @@ impl Arguments {
         let of = if self.quick { Settings::QUICK } else { Settings::WHOLE };
         // Indoors, photos of so few samples are too noisy to be matched.
         // Ten photos of a floor or a wall give no surface to speak of, nor do noisy ones.
-        let is_plain = self.situation == Situation::Free || kind != Kind::Object;
+        let is_plain = self.situation() == Situation::Free || kind != Kind::Object;
         let shown = if self.quick && kind == Kind::Room || !is_plain { Shown::True } else { of.shown };
         Ok(Request {
             kind,
@@ -202,8 +219,8 @@ impl Arguments {
                 region: RegionChoice { shape, floor: None, clearance: self.clearance },
                 antialiased: self.antialiased,
             },
-            viewers: self.viewers.given()?.unwrap_or_else(|| self.situation.viewers()),
-            situation: self.situation,
+            viewers: self.viewers.given()?.unwrap_or_else(|| self.situation().viewers()),
+            situation: self.situation(),
             limits: self.limits.read(Limits::default())?,
         })
     }
@@ -228,6 +245,13 @@ impl Arguments {
             let scene = Scene::read(path, &setting, environment.as_ref(), &intrinsics, notes)?;
             subjects.push(Subject::Scene(Box::new(scene)));
         }
+        if request.situation == Situation::TwoRooms {
+            let model = two_rooms_model();
+            let surface = model.surface();
+            let scene =
+                Scene::new(Path::new(&request.situation.name()), &setting, (model, environment.as_ref()), surface, &intrinsics)?;
+            subjects.push(Subject::Scene(Box::new(scene)));
+        }
         for path in &self.pool {
             subjects.push(Subject::Pool(Box::new(Pool::read(path, request, notes)?)));
         }
@@ -237,10 +261,11 @@ impl Arguments {
 
 /// Evaluates, writes and prints the tables.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    arguments.check_scenes()?;
     let request = arguments.request()?;
     request.validate()?;
     // Before any is read: a box that is of another room would be called wrong first.
-    request.check_subjects(arguments.scenes.len() + arguments.pool.len())?;
+    request.check_subjects((arguments.scenes.len() + arguments.pool.len()).max(1))?;
     if arguments.devices.iter().any(|name| name.trim().is_empty()) {
         return Err(Error::request(
             "--devices: an empty name names no device; give numbers or names, as `camsplat devices` has them",

@@ -358,8 +358,10 @@ impl Request {
         if settings.peers_from == PeersFrom::Sphere && *kind != Kind::Object {
             return Err(Error::request("--peers-from sphere: only around objects is there a sphere; leave it out"));
         }
-        if self.situation != Situation::Free && *kind != Kind::Object {
-            return Err(Error::request("--situation: it is one of objects; leave it out"));
+        let wanted = if self.situation == Situation::TwoRooms { Kind::Room } else { Kind::Object };
+        if self.situation != Situation::Free && *kind != wanted {
+            let name = self.situation.name();
+            return Err(Error::request(format!("--situation {name}: it is of objects; leave it out")));
         }
         if self.situation != Situation::Free && settings.peers_from == PeersFrom::Sphere {
             return Err(Error::request("--peers-from sphere is of free objects; leave it or --situation out"));

@@ -1,4 +1,4 @@
-//! Situations of practice: what stands around a thing, who looks at it, and what has been photographed already.
+//! Situations of practice: what stands around a thing, who looks at it, what has been photographed already; and two rooms.
 
 use clap::ValueEnum;
 use glam::{DQuat, DVec3};
@@ -27,7 +27,7 @@ const THINGS: u32 = 6;
 const SEED: u64 = 0x7369_7475;
 const SIDE: u32 = 0x7369_6465;
 
-/// A situation that an object is photographed in.
+/// A situation that something is photographed in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Situation {
@@ -46,6 +46,8 @@ pub enum Situation {
     OneSide,
     /// Free all around, and people look from the front only, within 120 degrees
     Front,
+    /// Two furnished rooms with a door between them, which take the place of a scene
+    TwoRooms,
 }
 
 impl Situation {
@@ -54,9 +56,23 @@ impl Situation {
         self.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
     }
 
-    /// Whether people look from other places than around a free object.
+    /// In words, as a table has them; nothing where it is the usual one.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Free => "",
+            Self::Floor => ", objects on a floor",
+            Self::Wall => ", objects on a floor against a wall",
+            Self::Corner => ", objects on a floor in a corner",
+            Self::Clutter => ", objects on a floor among six other things",
+            Self::OneSide => ", as many photos from one side there already",
+            Self::Front => ", viewers within 120 degrees in front",
+            Self::TwoRooms => ", two rooms with a door between them",
+        }
+    }
+
+    /// Whether people look at objects from other places than around a free one.
     pub fn has_viewers(self) -> bool {
-        !matches!(self, Self::Free | Self::OneSide)
+        !matches!(self, Self::Free | Self::OneSide | Self::TwoRooms)
     }
 
     /// From where people look, where nobody says so.
@@ -73,7 +89,7 @@ impl Situation {
     pub fn furnish(self, model: &mut Model, bounds: (DVec3, DVec3), radius: f64, region: Region) -> (Region, Limits) {
         let Shape::Shell { centre, r_min, r_max } = region.shape else { return (region, Limits::default()) };
         let walls = match self {
-            Self::Free | Self::OneSide | Self::Front => return (region, Limits::default()),
+            Self::Free | Self::OneSide | Self::Front | Self::TwoRooms => return (region, Limits::default()),
             Self::Floor | Self::Clutter => 0,
             Self::Wall => 1,
             Self::Corner => 2,

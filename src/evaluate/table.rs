@@ -108,6 +108,8 @@ fn conditions(request: &Request) -> String {
         }
         _ => "",
     };
+    let situation = request.situation.words();
+    let limits: String = request.limits.lines().into_iter().map(|line| format!("; {line}")).collect();
     let RegionChoice { shape, clearance, .. } = settings.region;
     let mut region = match shape {
         Some(Shape::Box { min, max }) => format!(", cameras and tests in the box from {min} to {max}"),
@@ -134,7 +136,7 @@ fn conditions(request: &Request) -> String {
         _ => settings.tests,
     };
     format!(
-        "Methods chose on {shown}{region}{peers}{given}{looking}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set{finer}",
+        "Methods chose on {shown}{region}{situation}{limits}{peers}{given}{looking}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set{finer}",
         settings.size, settings.samples, tests
     )
 }
