@@ -248,8 +248,13 @@ impl Arguments {
         if request.situation == Situation::TwoRooms {
             let model = two_rooms_model();
             let surface = model.surface();
-            let scene =
-                Scene::new(Path::new(&request.situation.name()), &setting, (model, environment.as_ref()), surface, &intrinsics)?;
+            let scene = Scene::new(
+                Path::new(&request.situation.name()),
+                &setting,
+                (model, environment.as_ref()),
+                surface,
+                &intrinsics,
+            )?;
             subjects.push(Subject::Scene(Box::new(scene)));
         }
         for path in &self.pool {

@@ -367,7 +367,11 @@ pub fn print_target(target: &Target) {
     if target.proxy.dropped + target.proxy.thinned > 0 {
         say!("         {} dropped, {} thinned out", target.proxy.dropped, target.proxy.thinned);
     }
-    let buried = target.proxy.buried.iter().filter(|buried| **buried).count();
+    let assumed = target.proxy.assumed;
+    if assumed > 0 {
+        say!("         {assumed} of them stand for walls that nothing shows, where the room ends");
+    }
+    let buried = target.proxy.buried.iter().filter(|buried| **buried).count() - assumed;
     if buried > 0 {
         say!("         {buried} buried under others: they block rays and are not planned for");
     }

@@ -25,7 +25,7 @@ use crate::scene::proxy::{Occluder, Orientation, Proxy, SurfacePoint};
 use crate::scene::region::{Region, Shape};
 use crate::scene::surface::Surface;
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
-use crate::visibility::exposure;
+use crate::visibility::{closing, exposure};
 use crate::vulkan::capture::RenderDoc;
 use crate::vulkan::profile::Profile;
 use crate::vulkan::{Context, Recorder};
@@ -118,6 +118,9 @@ impl Target {
         }
         .validated()?;
         let (min, max) = proxy.bounds();
+        if preset == Preset::Room {
+            closing::close(&mut proxy, &region)?;
+        }
         let kind = match proxy.occluder {
             Occluder::Triangles(_) => "triangles",
             Occluder::Discs(_) => "discs",

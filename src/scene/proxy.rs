@@ -122,8 +122,10 @@ pub struct Proxy {
     pub thinned: usize,
     /// Centre and radius of the bounding sphere of the vertices or disc centres.
     pub sphere: (DVec3, f64),
-    /// Discs from which no point is drawn, because nothing outside can see them; empty where none is.
+    /// Discs from which no point is drawn, because nothing outside can see them or they are only assumed; empty where none is.
     pub buried: Vec<bool>,
+    /// How many discs, the last ones, are only assumed.
+    pub assumed: usize,
     /// Colour per primitive.
     pub(super) colours: Vec<[u8; 3]>,
     /// View dependency score at the corners of each primitive (a disc has one, three times).
@@ -159,6 +161,7 @@ impl Proxy {
                     scores: cloud.source.iter().map(|i| [attribute(i); 3]).collect(),
                     occluder: Occluder::Discs(cloud.discs),
                     buried: Vec::new(),
+                    assumed: 0,
                 })
             }
         }
@@ -204,7 +207,20 @@ impl Proxy {
             scores,
             occluder: Occluder::Triangles(triangles),
             buried: Vec::new(),
+            assumed: 0,
         })
+    }
+
+    /// Adds discs to those there are, which block rays as these do, but from which no point is drawn.
+    pub fn assume(&mut self, assumed: Vec<Disc>) {
+        let Occluder::Discs(discs) = &mut self.occluder else { return };
+        let all = discs.len() + assumed.len();
+        self.buried.resize(discs.len(), false);
+        self.buried.resize(all, true);
+        self.colours.resize(all, GREY);
+        self.scores.resize(all, [1.0; 3]);
+        self.assumed += assumed.len();
+        discs.extend(assumed);
     }
 
     /// 8-bit sRGB colour of each primitive.
@@ -223,8 +239,9 @@ impl Proxy {
     /// triangles the bounds themselves.
     pub fn robust_bounds(&self) -> (DVec3, DVec3) {
         let Occluder::Discs(discs) = &self.occluder else { return self.bounds() };
+        let known = &discs[..discs.len() - self.assumed];
         let percentiles = |axis: usize| {
-            let mut values: Vec<f64> = discs.iter().map(|disc| disc.centre[axis]).collect();
+            let mut values: Vec<f64> = known.iter().map(|disc| disc.centre[axis]).collect();
             values.sort_unstable_by(f64::total_cmp);
             let cut = values.len() / 200;
             (values[cut], values[values.len() - 1 - cut])
