@@ -18,6 +18,7 @@ const SMALL: Size = Size {
     settings: Settings {
         size: 48,
         samples: 2,
+        input_samples: 2,
         inputs: 10,
         tests: 2,
         iterations: 20,

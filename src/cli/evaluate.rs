@@ -37,7 +37,7 @@ pub struct Arguments {
     #[arg(long, value_enum)]
     preset: Option<Preset>,
     /// Choose among photos instead, every eighth held out: captures, as `camsplat select` takes them
-    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "box_", "clearance", "env", "surface", "size", "spp", "test_spp", "tests", "viewers", "situation", "keep_out", "wall", "heights", "walk"])]
+    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "box_", "clearance", "env", "surface", "size", "spp", "input_spp", "test_spp", "tests", "viewers", "situation", "keep_out", "wall", "heights", "walk"])]
     pool: Vec<PathBuf>,
     /// In a room, cameras and test views stand in a box: corners X0,Y0,Z0,X1,Y1,Z1 [default: the room's bounds less the clearance]
     #[arg(long = "box", value_delimiter = ',', allow_hyphen_values = true, value_name = "NUMBERS")]
@@ -80,6 +80,10 @@ pub struct Arguments {
     /// Samples of a pixel [default: 256; quick: 8]
     #[arg(long)]
     spp: Option<u32>,
+    /// Samples of a pixel of the input photos: indoors, where few are grainy, a camera's photos are cleaner [default: as --spp; rooms at
+    /// least 1024 but for --quick]
+    #[arg(long)]
+    input_spp: Option<u32>,
     /// Samples of a pixel of the test views, whose noise bounds every score [default: as --spp]
     #[arg(long)]
     test_spp: Option<u32>,
@@ -131,6 +135,8 @@ pub struct Arguments {
     device: DeviceOptions,
 }
 
+/// Samples of a pixel with which pictures of a room are as clean as a camera's.
+const CLEAN: u32 = 1024;
 /// Methods where none are named.
 const USUAL: [&str; 13] = [
     "random",
@@ -191,6 +197,7 @@ impl Arguments {
             (_, true) => vec![20],
         };
         let of = if self.quick { Settings::QUICK } else { Settings::WHOLE };
+        let samples = self.spp.unwrap_or(of.samples);
         // Indoors, photos of so few samples are too noisy to be matched.
         // Ten photos of a floor or a wall give no surface to speak of, nor do noisy ones.
         let is_plain = self.situation() == Situation::Free || kind != Kind::Object;
@@ -203,7 +210,11 @@ impl Arguments {
             first_seed: self.first_seed,
             settings: Settings {
                 size: self.size.unwrap_or(of.size),
-                samples: self.spp.unwrap_or(of.samples),
+                samples,
+                input_samples: self.input_spp.unwrap_or(match kind {
+                    Kind::Room if !self.quick => samples.max(CLEAN),
+                    _ => samples,
+                }),
                 test_samples: self.test_spp.or(self.spp).unwrap_or(of.test_samples),
                 inputs: self.inputs.unwrap_or(if kind == Kind::Room { 30 } else { of.inputs }),
                 inputs_from: self.inputs_from.unwrap_or(of.inputs_from),

@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex};
 use serde_json::{Value, json};
 
 use super::kind::Kind;
+use super::passes;
 use super::peer::sized;
 use super::request::{Method, PeersFrom, Request, Settings, Shown};
 use super::scene::{Around, Scene};
@@ -21,6 +22,7 @@ use crate::gaussians::split::{Split, Test};
 use crate::io::photos::{self, Images, Options};
 use crate::parallel::lock;
 use crate::peers::job::Outside;
+use crate::peers::request::Method as Placing;
 use crate::photograph::products::{Products, Record, named};
 use crate::photograph::tracer::Tracer;
 use crate::photos::{Photo, PhotoSet};
@@ -99,7 +101,15 @@ impl<'a> Bench<'a> {
         settled
     }
 
-    fn intrinsics(&self) -> Intrinsics {
+    pub(super) fn context(&self) -> &Arc<Context> {
+        &self.context
+    }
+
+    pub(super) fn scene(&self) -> &Scene {
+        self.scene
+    }
+
+    pub(super) fn intrinsics(&self) -> Intrinsics {
         self.settings.intrinsics()
     }
 
@@ -109,6 +119,14 @@ impl<'a> Bench<'a> {
     /// Where the device fails or the system refuses a file.
     pub fn photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Option<Stage>> {
         self.photographs_in(&self.root, cameras, self.settings.samples, observe)
+    }
+
+    /// Takes the input photographs.
+    ///
+    /// # Errors
+    /// As [`Bench::photographs`].
+    pub fn input_photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Option<Stage>> {
+        self.photographs_in(&self.root, cameras, self.settings.input_samples, observe)
     }
 
     /// Takes the photographs that what is trained is compared with. In a room those of one colour are left out: before a lamp or in
@@ -243,9 +261,13 @@ impl<'a> Bench<'a> {
         Ok(Some(stage))
     }
 
-    /// The surface of the input photos.
-    fn reconstructed(&self, set: &PhotoSet) -> Result<Points> {
-        let options = stereo::Options { seed: SEED, ..stereo::Options::default() };
+    /// The surface of photos.
+    ///
+    /// # Errors
+    /// Where they give none, or the device fails.
+    pub(super) fn reconstructed(&self, set: &PhotoSet) -> Result<Points> {
+        let usual = stereo::Options::default();
+        let options = stereo::Options { seed: SEED, photos: usual.photos.max(set.photos.len()), ..usual };
         if let Around::Room(space) = &self.scene.views {
             // Cameras in a room look at no one place; what is nearer than a tenth of how far away walls can be is too near to be
             // found in two pictures.
@@ -283,9 +305,17 @@ impl<'a> Bench<'a> {
             (Shown::True, false) => self.scene.surface.clone(),
             _ => read()?,
         };
+        self.target_of(&surface, region)
+    }
+
+    /// A surface in a region, ready to be planned for.
+    ///
+    /// # Errors
+    /// Where the two make no sense together.
+    pub(super) fn target_of(&self, surface: &Surface, region: &Region) -> Result<Target> {
         let choice = RegionChoice { shape: Some(region.shape), floor: region.floor, clearance: Some(region.clearance) };
         let path = self.scene.path.to_string_lossy();
-        let target = Target::new(&surface, &path, self.kind.preset(), &choice, region.up, &self.intrinsics())?;
+        let target = Target::new(surface, &path, self.kind.preset(), &choice, region.up, &self.intrinsics())?;
         target.within(self.scene.limits.clone())
     }
 
@@ -296,7 +326,7 @@ impl<'a> Bench<'a> {
     pub fn choice(
         &self,
         (method, views, seed): (Method, u32, u64),
-        shown: &Stage,
+        (inputs, shown): (&Stage, &Stage),
         model: Option<&Stage>,
         observe: Observe,
     ) -> Result<Option<PlanRecord>> {
@@ -317,7 +347,7 @@ impl<'a> Bench<'a> {
         };
         let (intrinsics, device) = (self.intrinsics(), &self.context.physical().name);
         let kept = self.scene.kept(intrinsics, views, seed)?;
-        let inputs = match method {
+        let made_of = match method {
             // Whatever they are called, and for all seeds.
             Method::Given(given) => json!({
                 "surface": shown.key(), "given": given.poses, "region": region, "camera": intrinsics, "device": device,
@@ -328,7 +358,7 @@ impl<'a> Bench<'a> {
                 "region": region, "camera": intrinsics, "device": device, "limits": self.scene.limits, "kept": kept,
             }),
         };
-        let stage = self.stage("choice", inputs);
+        let stage = self.stage("choice", made_of);
         let Some(begins) = stage.begins(observe)? else { return Ok(None) };
         if !begins {
             return stage.read(PLAN).map(Some);
@@ -359,6 +389,12 @@ impl<'a> Bench<'a> {
                     given.poses.clone(),
                     (method.name(), &config),
                 )?
+            }
+            (None, Method::Plan(Placing::OursTwoPasses)) => {
+                match passes::run(self, (inputs, shown), &kept, &config, &mut *observe)? {
+                    Some(plan) => plan,
+                    None => return Ok(None),
+                }
             }
             (None, _) => plan::job::run(&self.context, &target, intrinsics, &kept, config, Tools::default(), |_| {
                 observe(Event::Working)
@@ -419,7 +455,7 @@ fn is_plain(photo: &Photo) -> Result<bool, image::ImageError> {
 }
 
 /// The photographs of a product.
-fn read_photos(stage: &Stage) -> Result<PhotoSet> {
+pub(super) fn read_photos(stage: &Stage) -> Result<PhotoSet> {
     let set = photos::read(stage.folder(), &Options { images: Images::Optional, ..Options::default() });
     let set = set.map_err(|error| stage.damaged(&error.to_string()))?;
     match set.missing.first() {

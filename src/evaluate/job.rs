@@ -271,7 +271,7 @@ impl Runs<'_, '_> {
         let tests = scene.tests(intrinsics, request.settings.tests, request.test_viewers())?;
         let bench = Bench::new(context, &self.folder, request, scene)?;
         let mut shared = made_for(format!("all runs of {}", self.subject.name()), &mut *observe);
-        let Some(inputs) = bench.photographs(&inputs, &mut shared)? else { return Ok(false) };
+        let Some(inputs) = bench.input_photographs(&inputs, &mut shared)? else { return Ok(false) };
         let Some(shown) = bench.shown(&inputs, &mut shared)? else { return Ok(false) };
         let Some(tests) = bench.test_photographs(&tests, &mut shared)? else { return Ok(false) };
         let mut model = None;
@@ -287,7 +287,7 @@ impl Runs<'_, '_> {
                 return Ok(false);
             }
             let model = model.as_ref().filter(|_| method.needs_model());
-            let Some(plan) = bench.choice(run, &shown, model, observe)? else { return Ok(false) };
+            let Some(plan) = bench.choice(run, (&inputs, &shown), model, observe)? else { return Ok(false) };
             let cameras = bench.standing(&plan.cameras, observe);
             let Some(photos) = bench.photographs(&cameras, observe)? else { return Ok(false) };
             let Some(mut trained) = bench.training(&photos, Some(&tests), seed, observe)? else { return Ok(false) };

@@ -11,6 +11,7 @@ pub mod choices;
 pub mod job;
 pub mod kind;
 pub mod layouts;
+mod passes;
 mod peer;
 pub mod perceptual;
 pub mod pool;

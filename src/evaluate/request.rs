@@ -204,6 +204,8 @@ pub struct Settings {
     pub size: u32,
     /// Samples of a pixel.
     pub samples: u32,
+    /// Samples of a pixel of the input photos.
+    pub input_samples: u32,
     /// Samples of a pixel of the test views: their noise counts against whatever is compared with them.
     pub test_samples: u32,
     /// Input photos: what methods are shown is made from them.
@@ -233,6 +235,7 @@ impl Settings {
     pub const WHOLE: Self = Self {
         size: 800,
         samples: 256,
+        input_samples: 256,
         test_samples: 256,
         inputs: 10,
         inputs_from: InputsFrom::Uniform,
@@ -249,6 +252,7 @@ impl Settings {
     pub const QUICK: Self = Self {
         size: 96,
         samples: 8,
+        input_samples: 8,
         test_samples: 8,
         inputs: 10,
         inputs_from: InputsFrom::Uniform,
@@ -350,6 +354,13 @@ impl Request {
                 return Err(Error::request(format!("method {method}: {what}")));
             }
         }
+        let in_passes = methods.contains(&Method::Plan(Placing::OursTwoPasses));
+        if in_passes && (settings.shown == Shown::True || budgets.iter().any(|views| *views < 4)) {
+            return Err(Error::request(
+                "--methods ours-two-passes: its second pass goes by what the photographs of the first show, 2 or more each; give \
+                 --surface proxy and --budgets of 4 or more",
+            ));
+        }
         if settings.inputs_from != InputsFrom::Uniform && *kind != Kind::Object {
             return Err(Error::request(
                 "--inputs-from: only around objects can inputs be placed otherwise; leave it out",
@@ -377,6 +388,7 @@ impl Request {
             ("--first-seed", *first_seed, 0, 1_000_000),
             ("--size", settings.size, 16, 4096),
             ("--spp", settings.samples, 1, 1 << 20),
+            ("--input-spp", settings.input_samples, 1, 1 << 20),
             ("--test-spp", settings.test_samples, 1, 1 << 20),
             ("--inputs", settings.inputs, 5, 1000),
             ("--tests", settings.tests, 1, 10_000),

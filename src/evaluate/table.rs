@@ -98,6 +98,10 @@ fn conditions(request: &Request) -> String {
         }
         InputsFrom::Biased => format!("{} input photos from one side (`--inputs-from biased`)", settings.inputs),
     };
+    let inputs = match settings.input_samples {
+        same if same == settings.samples => inputs,
+        samples => format!("{inputs} with {samples} samples"),
+    };
     let shown = match settings.shown {
         Shown::Proxy => format!("a surface made from {inputs}"),
         Shown::True => format!("the scene's own mesh (`--surface true`), scored from {inputs}"),

@@ -112,7 +112,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     let mut walk = Walk { observe, begun: Instant::now(), kept: false, steps: Vec::new() };
     let bench = Bench::new(context, &folder.join(&name), &request, scene)?;
 
-    let Some(inputs) = bench.photographs(&input_cameras, &mut |event| walk.hear(&event))? else { return Ok(None) };
+    let Some(inputs) = bench.input_photographs(&input_cameras, &mut |event| walk.hear(&event))? else { return Ok(None) };
     let Settings { size: side, samples, .. } = settings;
     let taken = format!("{} photographs of {side} x {side} pixels, {samples} samples a pixel", settings.inputs);
     walk.done("photos", taken);
@@ -155,7 +155,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
         plan.record.seconds,
     )?;
     let Some((photos, ours)) = ours else { return Ok(None) };
-    let drawn = bench.choice((random, views, SEED), &shown, None, &mut |event| walk.hear(&event))?;
+    let drawn = bench.choice((random, views, SEED), (&inputs, &shown), None, &mut |event| walk.hear(&event))?;
     let Some(drawn) = drawn else { return Ok(None) };
     let Some((_, random)) = trained(&mut walk, (random, "as many views at random"), &drawn.cameras, drawn.seconds)?
     else {

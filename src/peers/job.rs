@@ -164,7 +164,7 @@ fn place(
     };
     let farthest = |distance| pool.farthest(distance).ok_or_else(too_many);
     let chosen = match request.method {
-        Method::Ours | Method::OursNoVds | Method::OursIterative => {
+        Method::Ours | Method::OursNoVds | Method::OursIterative | Method::OursTwoPasses => {
             let name = request.method.name();
             return Err(Error::request(format!("--method {name} is the planner's; it is no peer")));
         }

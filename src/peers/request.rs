@@ -19,6 +19,9 @@ pub enum Method {
     OursNoVds,
     /// The paper's objective without scores, one view after another
     OursIterative,
+    /// The planner in two passes, the second on what the photographs of the first show too; of `evaluate` only: by hand, plan and
+    /// photograph, then `proxy` and `plan --keep`
+    OursTwoPasses,
     /// At random: looking in around an object, anywhere in a room
     Random,
     /// Evenly over the sphere around an object, as much of it as cameras can stand on, in a random rotation (spherical Fibonacci points)
@@ -59,6 +62,7 @@ impl Method {
             Self::Ours => return crate::plan::job::OURS,
             Self::OursNoVds => return "ours-no-vds",
             Self::OursIterative => return "ours-iterative",
+            Self::OursTwoPasses => return "ours-two-passes",
             Self::Manifold => return "manifold",
             Self::Grid => return "grid",
             Self::Rings => return "rings",
@@ -85,7 +89,7 @@ impl Method {
     pub fn planner(self, config: &Config) -> Option<Config> {
         let paper = || config.clone().with_objective(Objective::Splat);
         match self {
-            Self::Ours => Some(config.clone()),
+            Self::Ours | Self::OursTwoPasses => Some(config.clone()),
             Self::OursNoVds => Some(Config { vds: false, ..paper() }),
             Self::OursIterative => Some(Config { vds: false, iterative: true, ..paper() }),
             _ => None,
@@ -99,13 +103,13 @@ impl Method {
 
     /// Whether it takes photographs of the views that it chooses, while it chooses.
     pub fn needs_photographs(self) -> bool {
-        self == Self::FisherRetrain
+        matches!(self, Self::FisherRetrain | Self::OursTwoPasses)
     }
 
     /// Candidates to choose `views` from where nothing is said; none where there is no choice.
     pub fn candidates(self, views: u32) -> Option<u32> {
         let usual = match self {
-            Self::Ours | Self::OursNoVds | Self::OursIterative => None,
+            Self::Ours | Self::OursNoVds | Self::OursIterative | Self::OursTwoPasses => None,
             Self::Random | Self::Fibonacci | Self::Grid | Self::Rings | Self::Manifold => None,
             Self::Fvs | Self::FvsChord => Some(10_000),
             // Counting shared points takes every pair.
@@ -199,7 +203,7 @@ impl Request {
             viewers: config.viewers.clone(),
             acp: (method == Method::Acp).then(acp::Settings::default),
             model_based: matches!(method, Method::Fisher | Method::Cover).then(information::Settings::default),
-            retraining: method.needs_photographs().then(retrained::Settings::default),
+            retraining: (method == Method::FisherRetrain).then(retrained::Settings::default),
             manifold: (method == Method::Manifold).then(manifold::Settings::default),
             model: None,
         })

@@ -172,7 +172,7 @@ pub fn two_rooms_model() -> Model {
     }
     let panel = [v(1.0, 0.0, 0.0), v(0.0, 0.0, 1.0)];
     for corner in [v(1.2, 2.59, 2.0), v(4.0, 2.59, 2.0), v(7.5, 2.59, 2.0)] {
-        add.lamp(corner, panel, Vec3::new(11.0, 10.5, 9.5));
+        add.lamp(corner, panel, Vec3::new(22.0, 21.0, 19.0));
     }
     model
 }
