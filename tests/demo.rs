@@ -7,9 +7,11 @@ use std::path::Path;
 
 use camsplat::evaluate::request::Settings;
 use camsplat::evaluate::scene::{Scene, Setting};
+use camsplat::evaluate::situation::Situation;
 use camsplat::evaluate::tour::{self, Event, Size};
+use camsplat::plan::config::Preset;
 use camsplat::report;
-use camsplat::scene::samples;
+use camsplat::scene::samples::textured::two_rooms_model;
 use camsplat::vulkan::{Context, Options};
 use command::{Place, assert_refused, read_until, stop};
 
@@ -18,22 +20,21 @@ const SMALL: Size = Size {
     settings: Settings {
         size: 48,
         samples: 2,
-        input_samples: 2,
-        inputs: 10,
-        tests: 2,
+        test_samples: 2,
+        tests: 5,
         iterations: 20,
         max_splats: 500,
         ..Size::DEMO.settings
     },
     views: 5,
+    seed: 3,
 };
 
 fn subject() -> Scene {
-    let model = samples::object_model();
+    let model = two_rooms_model();
     let surface = model.surface();
-    let intrinsics = SMALL.settings.intrinsics();
-    Scene::new(Path::new("photographed"), &Setting::default(), (model, Some(&samples::studio())), surface, &intrinsics)
-        .unwrap()
+    let setting = Setting { preset: Preset::Room, situation: Situation::TwoRooms, ..Setting::default() };
+    Scene::new(Path::new("rooms"), &setting, (model, None), surface, &SMALL.settings.intrinsics()).unwrap()
 }
 
 /// If this failed, the demo would end without scores, with a page whose pictures and links lead nowhere, or begin anew after a
@@ -46,19 +47,24 @@ fn the_whole_way_is_gone_and_the_page_shows_what_is_there() {
     let (mut told, mut stopping) = (Vec::new(), false);
     let broken_off = tour::run(&context, &out, SMALL, &subject(), &mut |event| {
         if let Event::Done(step) = event {
-            stopping = step.name == "plan";
+            stopping = step.name == "tests";
             told.push(step.name);
         }
         if stopping { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     assert!(broken_off.unwrap().is_none());
-    assert_eq!(told, ["photos", "proxy", "plan"]);
+    assert_eq!(told, ["plan", "tests"]);
 
     let tour = tour::run(&context, &out, SMALL, &subject(), &mut |_| ControlFlow::Continue(())).unwrap().unwrap();
     let kept = |name: &str| tour.steps.iter().any(|step| step.name == name && step.what.contains("earlier run"));
-    assert!(kept("photos") && kept("proxy") && !kept("tests") && !kept("training"), "{:?}", tour.steps);
+    assert!(kept("tests") && !kept("photos") && !kept("training"), "{:?}", tour.steps);
     let methods: Vec<&str> = tour.outcome.rows.iter().map(|row| row.method.name()).collect();
-    assert_eq!(methods, ["ours", "random"]);
+    assert_eq!(methods, ["ours", "random", "grid"]);
+    let sentence = tour.sentence();
+    assert!(
+        sentence.contains("5 photographs from planned places") && sentence.matches(" dB").count() == 3,
+        "{sentence}"
+    );
     // Nobody asked for LPIPS of VGG16.
     for interval in tour.outcome.rows.iter().flat_map(|row| row.measured[..3].iter().flatten()) {
         assert!(interval.is_some_and(|interval| interval.mean.is_finite()), "{:?}", tour.outcome.rows);
@@ -69,7 +75,9 @@ fn the_whole_way_is_gone_and_the_page_shows_what_is_there() {
     let named =
         |attribute: &str| page.split(attribute).skip(1).filter_map(|rest| rest.split('"').next()).collect::<Vec<_>>();
     let (pictures, links) = (named("src=\""), named("href=\""));
-    assert_eq!((pictures.len(), &links[..]), (10 + 1 + 5 + 3 * 3, &["photographed/plan/report.html"][..]));
+    // Photographs of three methods, and four test views beside what each shows of them.
+    assert_eq!((pictures.len(), &links[..]), (3 * 5 + 4 * 4, &["rooms/plan/report.html"][..]));
+    assert!(page.contains(&sentence));
     for file in pictures.iter().chain(&links) {
         assert!(out.join(file).is_file(), "{file} is not there");
     }

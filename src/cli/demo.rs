@@ -13,18 +13,20 @@ use super::plan::print_plan;
 use super::progress::{Progress, go_on, stop_on_interrupt};
 use crate::evaluate::results::{Interval, Row, measured};
 use crate::evaluate::scene::{Scene, Setting};
+use crate::evaluate::situation::Situation;
 use crate::evaluate::tour::{self, Event, Size, Step};
 use crate::io::folder::{OutputFolder, check_folder, write_files};
 use crate::plan::config::{Config, Preset};
 use crate::plan::job::{self, RegionChoice, Target, Tools};
 use crate::scene::camera::Intrinsics;
 use crate::scene::samples;
+use crate::scene::samples::textured::two_rooms_model;
 use crate::scene::surface::Surface;
 use crate::vulkan::Context;
 use crate::{Error, Result, report};
 
 /// The scene that is photographed, and its folder.
-const PHOTOGRAPHED: &str = "photographed";
+const PHOTOGRAPHED: &str = "two-rooms";
 
 /// The file that says that a folder is of a demo.
 const MARK: &str = ".camsplat-demo";
@@ -39,7 +41,7 @@ pub struct Arguments {
     device: DeviceOptions,
 }
 
-/// Plans both scenes, then goes the whole way on photographs of the first. Reports of an earlier demo in the same folder are
+/// Plans for two scenes, then photographs two rooms as planned and in other ways, and trains on that. Reports of an earlier demo in the same folder are
 /// replaced; its photographs and splats are taken as they are.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     stop_on_interrupt()?;
@@ -63,7 +65,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             return Ok(ExitCode::from(super::INTERRUPTED));
         }
     }
-    say!("\nNow all the way: the object is photographed, and its surface is known from these photographs alone.");
+    say!(
+        "\nNow all the way: two rooms are photographed as planned, at random and on a grid, and splats trained on each."
+    );
     if !photograph(&context, out)? {
         say!("stopped; what is finished stays, and the same command goes on from there");
         return Ok(ExitCode::from(super::INTERRUPTED));
@@ -91,13 +95,13 @@ fn plan(context: &Arc<Context>, out: &Path, name: &str, surface: &Surface, prese
     Ok(!plan.interrupted())
 }
 
-/// Goes the whole way on photographs of the object, and writes the demo's page; false where it was broken off.
+/// Goes the whole way in two rooms, and writes the demo's page; false where it was broken off.
 fn photograph(context: &Arc<Context>, out: &Path) -> Result<bool> {
     let size = Size::DEMO;
-    let model = samples::object_model();
-    let (sky, surface, intrinsics) = (samples::studio(), model.surface(), size.settings.intrinsics());
-    let path = Path::new(PHOTOGRAPHED);
-    let scene = Scene::new(path, &Setting::default(), (model, Some(&sky)), surface, &intrinsics)?;
+    let model = two_rooms_model();
+    let (surface, intrinsics) = (model.surface(), size.settings.intrinsics());
+    let setting = Setting { preset: Preset::Room, situation: Situation::TwoRooms, ..Setting::default() };
+    let scene = Scene::new(Path::new(PHOTOGRAPHED), &setting, (model, None), surface, &intrinsics)?;
     let tour = tour::run(context, out, size, &scene, &mut |event| {
         if let Event::Done(Step { name, what, seconds }) = event {
             say!("{name:<8} {what}: {seconds:.1} s");
@@ -109,11 +113,12 @@ fn photograph(context: &Arc<Context>, out: &Path) -> Result<bool> {
     let plans = [("object", "An object that is known, 50 views"), ("room", "A furnished room, 300 views")];
     report::tour::write(&tour, out, &plans)?;
     print_scores(&tour.outcome.rows);
+    say!("\n{}", tour.sentence());
     Ok(true)
 }
 
 fn print_scores(rows: &[Row]) {
-    say!("\ntest views         {:>12} {:>12} {:>12} {:>12}", "half radius", "full radius", "random", "all");
+    say!("\nviews that nobody chose");
     for (metric, name) in measured(rows) {
         for row in rows {
             let cell = |interval: &Option<_>| {

@@ -89,6 +89,14 @@ pub fn first_pictures(record: &TrainRecord, sets: &[&str]) -> Vec<String> {
     of_sets(record, sets).into_iter().map(|views| first(views).unwrap_or_default()).collect()
 }
 
+/// The pictures of the first so many views by name.
+pub fn few_pictures(record: &TrainRecord, count: usize) -> Vec<String> {
+    let names: Vec<String> = record.test_views.iter().map(|view| view.name.clone()).collect();
+    let mut pictures: Vec<_> = names.iter().zip(picture_names(&names)).collect();
+    pictures.sort_by(|a, b| a.0.cmp(b.0));
+    pictures.into_iter().take(count).map(|(_, file)| file.to_string_lossy().into_owned()).collect()
+}
+
 /// Number and name of the metrics that tables have: of VGG16, which has to be asked for, only where some row has it.
 pub fn measured<'r>(rows: impl IntoIterator<Item = &'r Row> + Clone) -> impl Iterator<Item = (usize, &'static str)> {
     const ALWAYS: usize = METRICS.len() - 1;

@@ -1,46 +1,58 @@
-//! The whole way on one scene, step by step: photographs, a surface of them, scores, a plan for it, photographs from the plan,
-//! splats trained on these, tests; and beside it the same from as many views at random.
+//! The demo's way: cameras planned for a room, and as many at random and on a grid at eye height; photographs from all of them, splats
+//! trained on these, and what views that nobody chose show.
 
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::bench::{Bench, SURFACE};
+use super::bench::Bench;
 use super::job::Outcome;
 use super::kind::Kind;
-use super::request::{Method, Request, Settings};
+use super::request::{Method, Request, Settings, Shown};
 use super::results::{self, Entry};
 use super::scene::Scene;
 use super::stage::{self, Stage};
-use crate::io::photos;
-use crate::peers::request::Method as Placing;
+use crate::peers::request::{Method as Placing, Request as Peer};
 use crate::photograph::products::named;
 use crate::plan::job::{Plan, Target, Tools};
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::Camera;
-use crate::scene::surface::{Points, Surface};
 use crate::vulkan::Context;
-use crate::{Error, Result, io, plan, vds};
+use crate::{Result, peers, plan};
 
-/// Seed of choices and training.
-const SEED: u64 = 0;
-/// Score in [1, 2] above which a point is told of as one that changes with the view.
-const CHANGES: f32 = 1.2;
+/// Who places cameras, ours first.
+pub const METHODS: [Placing; 3] = [Placing::Ours, Placing::Random, Placing::Grid];
+
+/// Test views that are shown.
+const PICTURED: usize = 4;
 
 /// How large everything is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Size {
-    /// Pictures, inputs, tests and training.
+    /// Pictures, tests and training.
     pub settings: Settings,
-    /// Views that are planned, and drawn at random.
+    /// Views of each method.
     pub views: u32,
+    /// Seed of choices and training.
+    pub seed: u64,
 }
 
 impl Size {
     /// What two cores do within one to three minutes, slow ones too.
-    pub const DEMO: Self =
-        Self { settings: Settings { inputs: 20, tests: 4, iterations: 250, ..Settings::QUICK }, views: 20 };
+    pub const DEMO: Self = Self {
+        settings: Settings {
+            size: 80,
+            samples: 16,
+            test_samples: 24,
+            tests: 12,
+            iterations: 250,
+            shown: Shown::True,
+            ..Settings::QUICK
+        },
+        views: 16,
+        seed: 0,
+    };
 }
 
 /// What was done.
@@ -71,102 +83,112 @@ pub struct Tour {
     pub name: String,
     /// The steps in their order.
     pub steps: Vec<Step>,
-    /// Photographs that the surface was made of, as files in the scene's folder.
-    pub inputs: Vec<String>,
-    /// PNG of the surface's scores.
-    pub scores: Vec<u8>,
     /// What was planned for.
     pub target: Target,
     /// The plan.
     pub plan: Plan,
-    /// Photographs from the plan's cameras, in the same way.
-    pub photos: Vec<String>,
-    /// The plan and the views at random, trained on and tested.
+    /// Photographs from the cameras of each of [`METHODS`], as files in the scene's folder.
+    pub photos: Vec<Vec<String>>,
+    /// What was trained on them, tested.
     pub outcome: Outcome,
 }
 
-/// Goes the whole way; products lie in the scene's folder below `folder`, and those that are there are taken as they are. None
+impl Tour {
+    /// What came out, in a sentence.
+    pub fn sentence(&self) -> String {
+        let views = self.plan.record.cameras.len();
+        // PSNR of the one set of tests.
+        let psnr =
+            |index: usize| self.outcome.entries.get(index).and_then(|entry| entry.quality.first()).map(|q| q.psnr);
+        match (psnr(0), psnr(1), psnr(2)) {
+            (Some(ours), Some(random), Some(grid)) => format!(
+                "Trained on {views} photographs from planned places, splats show views that nobody photographed with {ours:.1} dB; \
+                 {} than from as many places at random and {} than from a grid at eye height.",
+                beside(ours - random),
+                beside(ours - grid)
+            ),
+            _ => String::from("Not everything was trained."),
+        }
+    }
+}
+
+/// A difference in decibels.
+fn beside(db: f64) -> String {
+    format!("{:.1} dB {}", db.abs(), if db < 0.0 { "worse" } else { "better" })
+}
+
+/// Goes the way in a room; products lie in the scene's folder below `folder`, and those that are there are taken as they are. None
 /// where `observe` broke it off; the same call goes on from there.
 ///
 /// # Errors
 /// Where a step fails; what is finished stays.
 pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, observe: Observe) -> Result<Option<Tour>> {
-    let Size { settings, views } = size;
-    let name = scene.name.clone();
+    let Size { settings, views, seed } = size;
+    let (name, kind) = (scene.name.clone(), Kind::Room);
     let intrinsics = settings.intrinsics();
-    let random = Method::Plan(Placing::Random);
-    let (kind, methods) = (Kind::Object, vec![Method::Plan(Placing::Ours), random]);
     let request = Request {
         kind,
-        methods,
+        methods: METHODS.map(Method::Plan).to_vec(),
         budgets: vec![views],
         seeds: 1,
-        first_seed: 0,
+        first_seed: seed as u32,
         settings,
         viewers: Viewers::Region,
         situation: scene.situation,
         limits: scene.limits.clone(),
     };
-    let input_cameras = scene.inputs(context, &settings)?;
     let tests = scene.tests(intrinsics, settings.tests, request.test_viewers())?;
     let mut walk = Walk { observe, begun: Instant::now(), kept: false, steps: Vec::new() };
     let bench = Bench::new(context, &folder.join(&name), &request, scene)?;
+    let target = bench.target_of(&scene.surface, &scene.region)?;
+    let config = Method::Plan(Placing::Ours).config(kind.preset(), views, seed)?;
 
-    let Some(inputs) = bench.input_photographs(&input_cameras, &mut |event| walk.hear(&event))? else { return Ok(None) };
-    let Settings { size: side, samples, .. } = settings;
-    let taken = format!("{} photographs of {side} x {side} pixels, {samples} samples a pixel", settings.inputs);
-    walk.done("photos", taken);
-
-    let Some(shown) = bench.shown(&inputs, &mut |event| walk.hear(&event))? else { return Ok(None) };
-    let target = bench.target(&shown, &scene.region, false)?;
-    let points = read_points(&shown)?;
-    walk.done("proxy", surface_and_scores(&points));
-    let photographs = photos::read(inputs.folder(), &photos::Options::default())?.photos;
-    let scores = vds::picture::scores(&points, &photographs)?;
-
-    let config = Method::Plan(Placing::Ours).config(kind.preset(), views, SEED)?;
-    let plan = plan::job::run(context, &target, intrinsics, &[], config, Tools::default(), |_| walk.work())?;
+    let tools = Tools::default();
+    let plan = plan::job::run(context, &target, intrinsics, &[], config.clone(), tools, |_| walk.work())?;
     if plan.interrupted() {
         return Ok(None);
     }
-    walk.done("plan", gap_beside_controls(&plan));
+    let expected = plan.record.expected.as_ref().map(|expected| format!("; expected {}", expected.line()));
+    walk.done("plan", format!("{views} views{}", expected.unwrap_or_default()));
 
     let Some(tests) = bench.test_photographs(&tests, &mut |event| walk.hear(&event))? else { return Ok(None) };
-    walk.done("tests", format!("{} photographs of views that nobody chose", 3 * settings.tests));
+    walk.done("tests", format!("{} photographs of views that nobody chose", settings.tests));
 
-    let trained = |walk: &mut Walk, (method, from): (Method, &str), cameras: &[Camera], seconds: f64| {
-        let Some(photos) = bench.photographs(cameras, &mut |event| walk.hear(&event))? else { return Ok(None) };
-        walk.done("photos", format!("{views} photographs from {from}"));
-        let training = bench.training(&photos, Some(&tests), SEED, &mut |event| walk.hear(&event))?;
-        let Some((stage, record)) = training else { return Ok(None) };
-        walk.done("training", format!("{} splats in {} iterations, tested", record.splats, record.iterations));
-        let quality = results::by_set(&record, kind.sets());
-        let pictures = results::first_pictures(&record, kind.sets());
-        let folder = stage.key().to_owned();
-        let places = cameras.iter().map(|camera| camera.pose.position).collect();
-        let (scene, came_apart) = (name.clone(), record.came_apart());
-        let entry = Entry { scene, method, views, seed: SEED, seconds, quality, came_apart, folder, pictures, places };
-        Ok::<_, Error>(Some((photos, entry)))
-    };
-    let ours = trained(
-        &mut walk,
-        (Method::Plan(Placing::Ours), "the planned views"),
-        &plan.record.cameras,
-        plan.record.seconds,
-    )?;
-    let Some((photos, ours)) = ours else { return Ok(None) };
-    let drawn = bench.choice((random, views, SEED), (&inputs, &shown), None, &mut |event| walk.hear(&event))?;
-    let Some(drawn) = drawn else { return Ok(None) };
-    let Some((_, random)) = trained(&mut walk, (random, "as many views at random"), &drawn.cameras, drawn.seconds)?
-    else {
-        return Ok(None);
-    };
-
-    let entries = vec![ours, random];
-    let outcome = Outcome::new(kind, entries, 2);
-    let inputs = files(&inputs, &input_cameras)?;
-    let photos = files(&photos, &plan.record.cameras)?;
-    Ok(Some(Tour { steps: walk.steps, name, inputs, scores, target, plan, photos, outcome }))
+    let (mut entries, mut photos) = (Vec::new(), Vec::new());
+    for placing in METHODS {
+        let other = match placing {
+            Placing::Ours => None,
+            _ => {
+                let peer = Peer::new(placing, None, &config)?;
+                Some(peers::job::run(context, &target, intrinsics, &[], &peer, None)?)
+            }
+        };
+        let record = &other.as_ref().unwrap_or(&plan).record;
+        let of = placing.name();
+        let Some(stage) = bench.photographs(&record.cameras, &mut |event| walk.hear(&event))? else { return Ok(None) };
+        walk.done("photos", format!("{views} photographs, {of}"));
+        let training = bench.training(&stage, Some(&tests), seed, &mut |event| walk.hear(&event))?;
+        let Some((trained, training)) = training else { return Ok(None) };
+        walk.done(
+            "training",
+            format!("{} splats in {} iterations, tested, {of}", training.splats, training.iterations),
+        );
+        entries.push(Entry {
+            scene: name.clone(),
+            method: Method::Plan(placing),
+            views,
+            seed,
+            seconds: record.seconds,
+            quality: results::by_set(&training, kind.sets()),
+            came_apart: training.came_apart(),
+            folder: trained.key().to_owned(),
+            pictures: results::few_pictures(&training, PICTURED),
+            places: record.cameras.iter().map(|camera| camera.pose.position).collect(),
+        });
+        photos.push(files(&stage, &record.cameras)?);
+    }
+    let outcome = Outcome::new(kind, entries, METHODS.len());
+    Ok(Some(Tour { steps: walk.steps, name, target, plan, photos, outcome }))
 }
 
 /// Steps, told of as they are done.
@@ -208,38 +230,4 @@ impl Walk<'_> {
 fn files(stage: &Stage, cameras: &[Camera]) -> Result<Vec<String>> {
     let file = |camera: &Camera| format!("{}/images/{}", stage.key(), camera.name);
     Ok(named(cameras)?.iter().map(file).collect())
-}
-
-fn read_points(shown: &Stage) -> Result<Points> {
-    let file = shown.file(SURFACE);
-    match io::read_surface(&file)? {
-        Surface::Points(points) => Ok(points),
-        Surface::Mesh(_) => {
-            Err(Error::input(file, "a cloud of points was written here; remove the folder and run again"))
-        }
-    }
-}
-
-fn surface_and_scores(points: &Points) -> String {
-    let all = points.scores.len();
-    let changing = points.scores.iter().filter(|score| **score > CHANGES).count();
-    format!(
-        "{all} points of a surface, from these photographs alone; {:.0}% of them change with the view (a score above {CHANGES})",
-        100.0 * changing as f64 / all.max(1) as f64
-    )
-}
-
-fn gap_beside_controls(plan: &Plan) -> String {
-    let record = &plan.record;
-    let beside: Vec<String> = record
-        .controls
-        .iter()
-        .map(|control| format!("{} {:.1}°", control.name, control.metrics.gap_mean_deg))
-        .collect();
-    format!(
-        "{} views for this surface; {:.1}° from a direction to the nearest view in the mean ({})",
-        record.cameras.len(),
-        record.metrics.gap_mean_deg,
-        beside.join(", ")
-    )
 }

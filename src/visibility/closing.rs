@@ -79,7 +79,8 @@ pub fn close(proxy: &mut Proxy, region: &Region) -> Result<usize> {
     let mut discs = Vec::new();
     for side in 0..6 {
         let [a, b] = along(side);
-        for (i, _) in counts[first[side]..first[side + 1]].iter().enumerate().filter(|(_, count)| **count >= LEAST_RAYS) {
+        for (i, _) in counts[first[side]..first[side + 1]].iter().enumerate().filter(|(_, count)| **count >= LEAST_RAYS)
+        {
             let (row, column) = (i / cells[b] as usize, i % cells[b] as usize);
             let (mut centre, mut normal) = (if side % 2 == 0 { low } else { high }, DVec3::ZERO);
             centre[a] = low[a] + cell * (row as f64 + 0.5);
@@ -115,8 +116,7 @@ mod tests {
     fn points(missing: impl Fn(DVec3) -> bool) -> (Proxy, Region) {
         let mesh = Proxy::new(&samples::room(), Orientation::Trusted).unwrap();
         let drawn = mesh.sample(30_000, 1, 0).into_iter().filter(|point| !missing(point.position));
-        let (positions, normals): (Vec<_>, Vec<_>) =
-            drawn.map(|point| (point.position, point.normal)).unzip();
+        let (positions, normals): (Vec<_>, Vec<_>) = drawn.map(|point| (point.position, point.normal)).unzip();
         let region = Region::inside_room(mesh.bounds(), None, DVec3::Z).unwrap();
         let surface = Surface::Points(Points { positions, normals, oriented: true, ..Points::default() });
         (Proxy::new(&surface, Orientation::Trusted).unwrap(), region)

@@ -19,6 +19,8 @@ pub enum Cover {
     Planks,
     /// Plaster with a pattern.
     Plaster,
+    /// White boards with dark joints.
+    Ceiling,
     /// Squares of two colours; each number has other ones.
     Squares(u32),
 }
@@ -91,7 +93,8 @@ fn texture(cover: Cover) -> Image {
     let stream = match cover {
         Cover::Planks => 1,
         Cover::Plaster => 2,
-        Cover::Squares(number) => 3 + number,
+        Cover::Ceiling => 3,
+        Cover::Squares(number) => 4 + number,
     };
     let random = |i: u32| random::uniforms(SEED, stream, i);
     // Smooth noise that goes on past the edges.
@@ -113,6 +116,11 @@ fn texture(cover: Cover) -> Image {
         Cover::Plaster => {
             let motif = f64::from(u8::from(((6.0 * x).fract() - 0.5).hypot((6.0 * y).fract() - 0.5) < 0.22));
             mix(DVec3::new(0.78, 0.76, 0.68), DVec3::new(0.42, 0.52, 0.6), 0.6 * motif) * (0.75 + 0.3 * noise(x, y))
+        }
+        Cover::Ceiling => {
+            let joint = (4.0 * x).fract() < 0.06 || (2.0 * y).fract() < 0.03;
+            let board = 0.75 + 0.2 * random(200 + (4.0 * x) as u32 + 4 * (2.0 * y) as u32)[0];
+            board * if joint { 0.45 } else { 0.9 + 0.1 * noise(x, y) } * DVec3::new(1.0, 0.98, 0.94)
         }
         Cover::Squares(_) => {
             let [r, g, b, _] = random(0);
@@ -140,7 +148,7 @@ pub fn two_rooms_model() -> Model {
         let wide = v(high - low, 0.0, 0.0);
         let (up, deep) = (v(0.0, height, 0.0), v(0.0, 0.0, depth));
         add.sheet(v(low, 0.0, 0.0), [deep, wide], Cover::Planks);
-        add.sheet(v(low, height, 0.0), [wide, deep], Cover::Squares(9));
+        add.sheet(v(low, height, 0.0), [wide, deep], Cover::Ceiling);
         add.sheet(v(low, 0.0, 0.0), [wide, up], Cover::Plaster);
         add.sheet(v(high, 0.0, depth), [-wide, up], Cover::Plaster);
     }
