@@ -488,6 +488,11 @@ mod tests {
         }
         assert!("cameras:".parse::<Method>().unwrap_err().contains("name a file"));
         assert!("nobodys".parse::<Method>().unwrap_err().ends_with(", cameras:FILE"));
-        assert!("nobodys".parse::<Method>().unwrap_err().contains("ours, ours-no-vds, ours-iterative, random"));
+        assert!(
+            "nobodys"
+                .parse::<Method>()
+                .unwrap_err()
+                .contains("ours, ours-no-vds, ours-iterative, ours-two-passes, random")
+        );
     }
 }

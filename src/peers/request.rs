@@ -19,8 +19,7 @@ pub enum Method {
     OursNoVds,
     /// The paper's objective without scores, one view after another
     OursIterative,
-    /// The planner in two passes, the second on what the photographs of the first show too; of `evaluate` only: by hand, plan and
-    /// photograph, then `proxy` and `plan --keep`
+    /// The planner in two passes, the second on what the photographs of the first show too; of `evaluate` only
     OursTwoPasses,
     /// At random: looking in around an object, anywhere in a room
     Random,

@@ -133,8 +133,15 @@ impl Target {
     /// The same within limits.
     ///
     /// # Errors
-    /// Where the limits make no sense.
+    /// Where the limits make no sense, or heights are asked for in a box that is aslant to them.
     pub fn within(self, limits: Limits) -> Result<Self> {
+        let oblique = self.region.up.abs().max_element() < 1.0 - 1e-9;
+        if limits.narrows() && oblique && matches!(self.region.shape, Shape::Box { .. }) {
+            let up = self.region.up;
+            return Err(Error::request(format!(
+                "--heights and --walk in a box need an up along an axis, not {up}; give --up"
+            )));
+        }
         Ok(Self { limits: limits.validated()?, ..self })
     }
 
