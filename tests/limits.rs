@@ -83,6 +83,8 @@ fn limits_that_make_no_sense_are_refused() {
         ("--walk 2,0,0,-1,1", "above zero"),
         ("--walk 0.95,0,0,0.2,0.5", "--walk"),
         ("--walk 90,0,0,0.2,0.5", "--walk"),
+        ("--walk 2.4,0,-1,0.2,1e9", "too high"),
+        ("--walk 2.4,0,-1,0.01,0.01", "too low"),
     ];
     for (given, says) in cases {
         assert_refused(&place, &[(&format!("plan ball.ply --out o {SHELL} {given} {SHORT}"), &[says])]);

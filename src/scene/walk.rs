@@ -8,6 +8,8 @@ use super::proxy::Occluder;
 use super::voxels::{Grid, touched};
 use crate::{Error, Result};
 
+/// Most voxels between the feet and the head.
+const MOST_LAYERS: f64 = 1000.0;
 /// Part of the walker's height that feet are lifted over: thresholds, carpets and cables do not stop anybody.
 const STEP: f64 = 0.15;
 
@@ -27,9 +29,14 @@ impl Ground {
     pub(super) fn new(around: &Grid, surface: &Occluder, limits: &Limits, walk: Walk) -> Result<Self> {
         let cell = around.cell;
         let (foot, head) = (walk.start.z + STEP * walk.height, walk.start.z + walk.height);
-        let layers = ((head - foot) / cell).ceil().max(1.0) as u32;
+        let layers = (head - foot) / cell;
+        if !(1.0..MOST_LAYERS).contains(&layers) {
+            let what = if layers < 1.0 { "low for voxels of a region so large" } else { "high for a region so small" };
+            return Err(Error::request(format!("--walk: whoever walks is too {what}; give another height or region")));
+        }
+        // Those that fit, from the head down: one more would reach to the ground.
+        let layers = layers as u32;
         let [nx, ny, _] = around.dims;
-        // The columns are those of the region; layers are counted from the head down, as whole ones rarely fit.
         let origin = DVec3::new(around.origin.x, around.origin.y, head - f64::from(layers) * cell);
         let body = Grid { origin, cell, dims: [nx, ny, layers] };
         let mut taken = touched(&body, surface);

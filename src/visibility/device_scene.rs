@@ -208,3 +208,25 @@ impl DeviceRegion {
         device
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::proxy::Orientation;
+    use crate::scene::random;
+    use crate::scene::samples::textured::two_rooms_model;
+
+    /// If this failed, a planned camera would stand nearer to things than the clearance, and move when it is photographed.
+    #[test]
+    fn every_place_settles_where_cameras_can_stand() {
+        let proxy = Proxy::new(&two_rooms_model().surface(), Orientation::Trusted).unwrap();
+        let region = Region::inside_room(proxy.bounds(), None, DVec3::Y).unwrap();
+        let geometry = SceneGeometry::new(&proxy, &region).unwrap();
+        for i in 0..20_000 {
+            let [x, y, z, _] = random::uniforms(4, 0, i);
+            let settled = geometry.settle(2.4 * DVec3::new(x, y, z) - 1.2);
+            assert!(geometry.free.is_free(settled), "{settled} is not free");
+            assert_eq!(geometry.settle(settled), settled);
+        }
+    }
+}
