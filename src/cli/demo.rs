@@ -118,7 +118,7 @@ fn photograph(context: &Arc<Context>, out: &Path) -> Result<bool> {
 }
 
 fn print_scores(rows: &[Row]) {
-    say!("\nviews that nobody chose");
+    say!("\nheld-out views");
     for (metric, name) in measured(rows) {
         for row in rows {
             let cell = |interval: &Option<_>| {

@@ -152,7 +152,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     walk.done("plan", format!("{views} views{}", expected.unwrap_or_default()));
 
     let Some(tests) = bench.test_photographs(&tests, &mut |event| walk.hear(&event))? else { return Ok(None) };
-    walk.done("tests", format!("{} photographs of views that nobody chose", settings.tests));
+    walk.done("tests", format!("{} photographs of held-out views", settings.tests));
 
     let (mut entries, mut photos) = (Vec::new(), Vec::new());
     for placing in METHODS {

@@ -51,13 +51,13 @@ fn html(tour: &Tour, plans: &[(&str, &str)]) -> String {
     let _ = write!(
         page,
         "</div>\n<p><a href=\"{name}/{PLAN}/report.html\">The plan: rooms and cameras in 3D, and where error is expected</a></p>\n\
-         <h2>What splats show that were trained on it</h2>\n<p>Views that nobody chose, anywhere in the rooms and in any direction. \
+         <h2>What splats show that were trained on it</h2>\n<p>Held-out views, anywhere in the rooms and in any direction. \
          PSNR in dB and SSIM are better when higher, LPIPS when lower.</p>\n"
     );
     let rows: Vec<_> = tour.outcome.rows.iter().collect();
     let columns = tour.outcome.kind.columns();
     let shown = tour.outcome.entries.first().map_or(0, |entry| entry.pictures.len());
-    page += &pictures(&tour.name, &tour.outcome.entries.iter().collect::<Vec<_>>(), &vec!["one"; shown]);
+    page += &pictures(&tour.name, &tour.outcome.entries.iter().collect::<Vec<_>>(), &vec!["held-out view"; shown]);
     measured(&tour.outcome.rows).for_each(|(metric, name)| page += &table(&rows, metric, name, &columns));
     page += "<h2>What was done</h2>\n";
     page += &steps(&tour.steps);
