@@ -141,3 +141,26 @@ fn what_cannot_be_fitted_is_refused_and_writes_nothing() {
     place.write("o/a/training-3/train.json", "{");
     refused("a.gltf b.gltf --evaluations o", &["training-3/train.json", "no file of a complete evaluation"]);
 }
+
+/// If this failed, what was trained on floors and against walls would be fitted as if it had been trained around free objects.
+#[test]
+fn what_an_evaluation_was_photographed_in_is_part_of_what_is_looked_at() {
+    let place = Place::new();
+    for scene in SCENES {
+        place.write(&format!("{scene}.gltf"), cube(", \"materials\": [{}]"));
+    }
+    evaluation(&place, "o", |_, _| 20.0);
+    let free: Value = serde_json::from_str(&place.read("o/results.json")).unwrap();
+    let looks = |said: Value| {
+        let mut results = free.clone();
+        results["request"].as_object_mut().unwrap().extend(said.as_object().unwrap().clone());
+        place.write("o/results.json", results.to_string());
+        Trained::read(&place.path("a.gltf"), &[place.path("o")]).map(|runs| runs.observations())
+    };
+    let surface = |said: Value| looks(said).unwrap().beside.iter().filter(|beside| !**beside).count();
+    let (alone, floor) = (surface(json!({})), surface(json!({ "situation": "floor" })));
+    assert!(2 * alone < floor, "looks at the surface: {alone} without a floor, {floor} with it");
+    let volume = json!({ "limits": { "keep_out": [{ "file": "shelf.obj" }] } });
+    let refused = looks(volume).unwrap_err().to_string();
+    assert!(refused.contains("shelf.obj") && refused.contains("leave it out"), "{refused}");
+}

@@ -7,9 +7,11 @@ use std::sync::Arc;
 use serde::Deserialize;
 
 use super::kind::Kind;
-use super::scene::UP;
+use super::scene::Setting;
+use super::situation::Situation;
 use crate::gaussians::products::RECORD as TRAINED;
 use crate::gaussians::record::TestView;
+use crate::io::gltf::read_model;
 use crate::photograph::products::RECORD as CAPTURED;
 use crate::plan::config::Preset;
 use crate::plan::job::{RegionChoice, Target};
@@ -19,6 +21,8 @@ use crate::quality::law::Law;
 use crate::quality::look::Surroundings;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::limits::Limits;
+use crate::scene::samples::textured::two_rooms_model;
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::vulkan::Context;
 use crate::{Error, Result, io};
@@ -34,13 +38,19 @@ struct Results {
     runs: Vec<Run>,
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, PartialEq, Deserialize)]
 struct Asked {
     kind: Kind,
     settings: Settings,
+    #[serde(default)]
+    viewers: Viewers,
+    #[serde(default)]
+    situation: Situation,
+    #[serde(default)]
+    limits: Limits,
 }
 
-#[derive(Clone, Copy, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Deserialize)]
 struct Settings {
     region: RegionChoice,
 }
@@ -84,32 +94,33 @@ pub struct Trained {
     target: Target,
     geometry: SceneGeometry,
     preset: Preset,
+    viewers: Viewers,
     tests: Vec<Camera>,
     runs: Vec<(String, Vec<Camera>, f64)>,
 }
 
 impl Trained {
-    /// Reads every run of the scene in these folders of evaluations, whose regions and tests of it must be the same.
+    /// Reads every run of the scene in these folders of evaluations, whose regions, viewers, situations and tests of it must be the
+    /// same. Two rooms, which have no file, are the scene `two-rooms`.
     ///
     /// # Errors
     /// Where a folder holds no evaluation, none of them has this scene, or a file cannot be read.
     pub fn read(scene: &Path, evaluations: &[PathBuf]) -> Result<Self> {
         let name = scene.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-        let mut shared: Option<(Kind, RegionChoice, Vec<Camera>)> = None;
+        let mut shared: Option<(Asked, Vec<Camera>)> = None;
         let mut runs = Vec::new();
         for folder in evaluations {
             let file = folder.join("results.json");
-            let results: Results = read(&file)?;
-            let Asked { kind, settings: Settings { region } } = results.request;
-            if kind == Kind::Pool {
+            let Results { request, runs: all } = read(&file)?;
+            if request.kind == Kind::Pool {
                 return Err(Error::input(&file, "this evaluation is of photos; the law is fitted to scenes"));
             }
-            for run in results.runs.iter().filter(|run| run.scene == name) {
+            for run in all.iter().filter(|run| run.scene == name) {
                 let (tests, cameras, psnr) = trained(&folder.join(&name), &run.folder)?;
-                let others = shared.get_or_insert_with(|| (kind, region, tests.clone()));
-                if *others != (kind, region, tests) {
+                let others = shared.get_or_insert_with(|| (request.clone(), tests.clone()));
+                if (&others.0, &others.1) != (&request, &tests) {
                     let what = format!(
-                        "its region or tests of {name} are others than those of {}; fit them apart",
+                        "its region, situation or tests of {name} are others than those of {}; fit them apart",
                         evaluations[0].display()
                     );
                     return Err(Error::input(folder, what));
@@ -117,17 +128,31 @@ impl Trained {
                 runs.push((format!("{}, seed {}", label(&run.method), run.seed), cameras, psnr));
             }
         }
-        let Some((kind, region, tests)) = shared else {
+        let Some((asked, tests)) = shared else {
             return Err(Error::input(
                 scene,
                 "none of the evaluations has trained anything of it; leave it out or name its evaluation",
             ));
         };
+        if let Some(volume) = asked.limits.keep_out.first() {
+            let what = format!("it kept cameras out of {}, which its results do not hold; leave it out", volume.file);
+            return Err(Error::input(&evaluations[0], what));
+        }
         let intrinsics = tests.first().map_or(Intrinsics::from_fov(1, 1, 1.0), |test| test.intrinsics);
-        let (preset, surface) = (kind.preset(), io::read_surface(scene)?);
-        let target = Target::new(&surface, &scene.to_string_lossy(), preset, &region, UP, &intrinsics)?;
+        let Asked { kind, settings: Settings { region }, viewers, situation, limits } = asked;
+        let preset = kind.preset();
+        let setting = Setting { preset, choice: region, situation, limits };
+        let (mut model, mut surface) = match situation {
+            Situation::TwoRooms => {
+                let model = two_rooms_model();
+                let surface = model.surface();
+                (model, surface)
+            }
+            _ => (read_model(scene, &mut Vec::new())?, io::read_surface(scene)?),
+        };
+        let target = setting.target(scene, &mut model, &mut surface, &intrinsics)?;
         let geometry = target.geometry()?;
-        Ok(Self { name, target, geometry, preset, tests, runs })
+        Ok(Self { name, target, geometry, preset, viewers, tests, runs })
     }
 
     /// What the law is fitted to.
@@ -144,7 +169,7 @@ impl Trained {
     pub fn scored(self, context: &Arc<Context>, law: &Law) -> Result<Vec<f64>> {
         let (around, inward) = (self.surroundings(law), self.preset == Preset::Object);
         let intrinsics = self.tests[0].intrinsics;
-        let viewers = Viewers::Region.sample(&self.geometry, intrinsics, inward, SEED, VIEWERS)?;
+        let viewers = self.viewers.sample(&self.geometry, intrinsics, inward, SEED, VIEWERS)?;
         let scene = DeviceScene::new(context, self.geometry)?;
         let judge = Judge::new(context, &scene, around, viewers, law, SEED)?;
         self.runs.iter().map(|(_, cameras, _)| Ok(-judge.expect(cameras)?.error_db)).collect()

@@ -71,6 +71,37 @@ pub enum Around {
     Room(Box<EmptySpace>),
 }
 
+impl Setting {
+    /// What methods choose on: puts what the situation has into the model, of which the surface then is the mesh, and takes the
+    /// region and the limits. Errors and records call it by its path.
+    ///
+    /// # Errors
+    /// Where cameras are left no room.
+    pub fn target(
+        &self,
+        path: &Path,
+        model: &mut Model,
+        surface: &mut Surface,
+        intrinsics: &Intrinsics,
+    ) -> Result<Target> {
+        let Self { preset, situation, .. } = *self;
+        let of = |surface: &Surface, choice: &RegionChoice| {
+            Target::new(surface, &path.to_string_lossy(), preset, choice, UP, intrinsics)
+        };
+        let alone = of(surface, &self.choice)?;
+        if preset != Preset::Object || situation == Situation::Free {
+            return alone.within(self.limits.clone());
+        }
+        let mut limits = self.limits.clone();
+        let (region, more) = situation.furnish(model, alone.proxy.bounds(), alone.proxy.sphere.1, alone.region);
+        limits.walls.extend(more.walls);
+        limits.keep_out.extend(more.keep_out);
+        *surface = model.surface();
+        let Region { shape, floor, clearance, .. } = region;
+        of(surface, &RegionChoice { shape: Some(shape), floor, clearance: Some(clearance) })?.within(limits)
+    }
+}
+
 impl Scene {
     /// Reads a glTF scene; the notes say what was left out. What the choice leaves out of the region follows from its bounds.
     ///
@@ -103,23 +134,9 @@ impl Scene {
             other => other,
         };
         let Setting { preset, situation, .. } = *setting;
-        let target = |surface: &Surface, choice: &RegionChoice| {
-            Target::new(surface, &path.to_string_lossy(), preset, choice, UP, intrinsics).map_err(named)
-        };
-        let mut target_of = target(&surface, &setting.choice)?;
-        let mut limits = setting.limits.clone();
-        if preset == Preset::Object && situation != Situation::Free {
-            let (bounds, radius) = (target_of.proxy.bounds(), target_of.proxy.sphere.1);
-            let (region, more) = situation.furnish(&mut model, bounds, radius, target_of.region);
-            limits.walls.extend(more.walls);
-            limits.keep_out.extend(more.keep_out);
-            surface = model.surface();
-            let Region { shape, floor, clearance, .. } = region;
-            target_of = target(&surface, &RegionChoice { shape: Some(shape), floor, clearance: Some(clearance) })?;
-        }
-        let target = target_of.within(limits.clone()).map_err(named)?;
+        let target = setting.target(path, &mut model, &mut surface, intrinsics).map_err(named)?;
         let assembly = Assembly::new(&model, environment).map_err(named)?;
-        let region = target.region;
+        let (region, limits) = (target.region, target.limits.clone());
         let views = match preset {
             Preset::Object => {
                 let points = target.proxy.sample(POINTS, 0, 0).into_iter().map(|point| point.position);

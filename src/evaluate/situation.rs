@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use glam::{DQuat, DVec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::Result;
 use crate::plan::starts::even_layout;
@@ -28,7 +28,7 @@ const SEED: u64 = 0x7369_7475;
 const SIDE: u32 = 0x7369_6465;
 
 /// A situation that something is photographed in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Situation {
     /// Free all around
