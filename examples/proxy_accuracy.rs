@@ -1,4 +1,4 @@
-//! How close a surface from photos alone comes to what is known of it: the table of docs/proxy.md.
+//! How close a surface from photos alone comes to what is known of it: the table of docs/reference/proxy.md.
 //!
 //! `cargo run --release --example proxy_accuracy -- DATA [--pictures DIR] [SET:PHOTOS]...` reads the sets under DATA, makes a
 //! proxy of each and prints a row for each. The reference is the set's own sparse points, those within the masks where there are

@@ -1,8 +1,24 @@
 //! camsplat answers one question: where should the cameras stand?
 //!
-//! Given a rough surface of an object or a room, it places N cameras at once by gradient descent, so that a radiance
-//! field trained on their photos is as good as it can be. Cameras are Gaussians ("camera splats"), points on the surface
-//! look back at them ("point cameras"), and the picture they see must come out evenly bright.
+//! Given a rough surface of an object or a room, it places N cameras at once by gradient descent, so that a radiance field trained on
+//! their photos is as good as it can be. It runs on any Vulkan 1.2 device.
+//!
+//! ```
+//! use camsplat::scene::samples;
+//!
+//! let surface = samples::object(); // or camsplat::io::read_surface("statue.glb".as_ref())?
+//! let plan = camsplat::plan(&surface, 20).up(glam::DVec3::Z).seed(1).run()?;
+//! for camera in &plan.record.cameras {
+//!     println!("{}: {}", camera.name, camera.pose.position);
+//! }
+//! let expected = plan.record.expected.as_ref().map_or(0.0, |expected| expected.db);
+//! println!("{expected:+.2} dB expected against the best simple layout");
+//! # assert_eq!(plan.record.cameras.len(), 20);
+//! # assert!(expected >= 0.0);
+//! # Ok::<(), camsplat::Error>(())
+//! ```
+//!
+//! [`plan()`] is the front door, and [`PlanRequest`] has what can be asked for; [`vulkan::host`] is for applications that own the Vulkan device.
 //!
 //! The layers look down only: [`cli`] and [`report`] sit on [`evaluate`], that on [`peers`] and [`photograph`], these on [`plan`],
 //! [`vds`], [`select`], [`stereo`] and [`gaussians`], these on [`metrics`] and [`visibility`], then [`io`], [`photos`], [`scene`],
@@ -31,3 +47,4 @@ pub mod vulkan;
 pub mod cli;
 
 pub use error::{Error, Result};
+pub use plan::request::{PlanRequest, plan};

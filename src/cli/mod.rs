@@ -20,9 +20,11 @@ macro_rules! complain {
 }
 
 mod capture;
+mod completions;
 mod demo;
 mod devices;
 mod evaluate;
+mod manual;
 mod metrics;
 mod options;
 mod peers;
@@ -46,7 +48,7 @@ use clap::{Arg, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 /// Where should the cameras stand?
 #[derive(Parser)]
-#[command(version, about, max_term_width = 110)]
+#[command(name = "camsplat", version, about, max_term_width = 110)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -82,6 +84,10 @@ enum Command {
     Vdsf(vdsf::Arguments),
     /// The law from where views stand to the error of what is trained on them
     Quality(quality::Arguments),
+    /// Print completions for a shell
+    Completions(completions::Arguments),
+    /// Write man pages
+    Manual(manual::Arguments),
 }
 
 /// Exit code of a run that the user stopped: 128 + SIGINT, as shells have it.
@@ -103,7 +109,7 @@ fn unsaid(error: &std::io::Error) {
 /// Runs the command line. Exit codes: 0 done, 2 bad input or request, 130 stopped by the user (what there was is
 /// written; `select` and `plan --method` leave nothing), 1 anything else, such as a standard output that takes no more.
 pub fn main() -> ExitCode {
-    let cli = match parser().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
+    let cli = match command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(error) => return refuse(&error),
     };
@@ -122,6 +128,8 @@ pub fn main() -> ExitCode {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Vdsf(arguments) => vdsf::run(&arguments),
         Command::Quality(arguments) => quality::run(&arguments),
+        Command::Completions(arguments) => completions::run(&arguments),
+        Command::Manual(arguments) => manual::run(&arguments),
     };
     match result {
         Ok(code) if UNSAID.load(Ordering::Relaxed) => {
@@ -136,8 +144,8 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// The parser: where an option takes a value, `-1` is one, so that what is said of it is that it is too small.
-fn parser() -> clap::Command {
+/// The command line as clap has it: where an option takes a value, `-1` is one, so that what is said of it is that it is too small.
+pub fn command() -> clap::Command {
     let with_negatives = |arg: Arg| match arg.get_action().takes_values() {
         true => arg.allow_negative_numbers(true),
         false => arg,

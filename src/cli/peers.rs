@@ -20,7 +20,7 @@ use crate::{Error, Result, report};
 
 /// How cameras are placed, where not by the planner.
 #[derive(Args, Debug)]
-#[command(next_help_heading = "Other methods (docs/peers.md)")]
+#[command(next_help_heading = "Other methods (docs/reference/baselines.md)")]
 pub struct PeerOptions {
     /// How to place the cameras
     #[arg(long, value_enum, default_value = "ours")]

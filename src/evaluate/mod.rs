@@ -4,7 +4,7 @@
 //! first: a [`scene`] with [`views`] around an object or in the empty space of a [`room`], or a [`mod@pool`] of photos. [`stage`] keeps
 //! every product under a key of its inputs; [`mod@bench`] makes those of a scene, [`choices`] those of a pool, [`training`] and
 //! [`perceptual`] what both share. [`job`] makes all that is asked for, [`results`] means and intervals, [`table`] the tables;
-//! [`tour`] goes the whole way once, as the demo does. `docs/evaluation.md` has the protocol.
+//! [`tour`] goes the whole way once, as the demo does. `docs/reference/evaluation.md` has the protocol.
 
 pub mod bench;
 pub mod choices;

@@ -62,7 +62,7 @@ const SCHEDULE: f64 = 30_000.0;
 /// Factor of the population at each refinement of the papers' schedule, until the budget is spent.
 const GROWTH: f64 = 1.05;
 /// Relocations in a round of all photos, at most: a copy starts without moments, and until photos show it the holds on opacity and
-/// size fade it. Relocated too often, the living thin out sooner than photos can strengthen them (docs/training.md).
+/// size fade it. Relocated too often, the living thin out sooner than photos can strengthen them (docs/reference/training.md).
 const RELOCATIONS_A_ROUND: usize = 5;
 /// Relocations that stay in a run for however many photos, if it had as many.
 const FEWEST_RELOCATIONS: u32 = 20;

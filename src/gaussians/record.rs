@@ -159,7 +159,7 @@ pub const APART: f64 = 1.0;
 
 impl TrainRecord {
     /// Mean PSNR of the training pictures in decibels, in the best fifth of the run and in the last, where the last is worse by more
-    /// than [`APART`]: under MCMC most likely by relocation (docs/training.md, What can go wrong). None of runs that are not complete
+    /// than [`APART`]: under MCMC most likely by relocation (docs/reference/training.md, What can go wrong). None of runs that are not complete
     /// or have fewer than 1000 iterations, nor of a model that falls within the first fifth or recovers.
     pub fn came_apart(&self) -> Option<[f64; 2]> {
         let told = self.status == Status::Complete && self.config.iterations >= TELLING;

@@ -267,7 +267,7 @@ pub fn of_rays(rays: &[DVec3], finest: f64, reachable: impl Iterator<Item = DVec
     }
 }
 
-/// Metrics over points (docs/method.md, Metrics). Points that no feasible position sees count in the coverage alone.
+/// Metrics over points (docs/reference/method.md, Metrics). Points that no feasible position sees count in the coverage alone.
 pub fn aggregate(points: &[PointMetrics]) -> Metrics {
     let all = points.len().max(1) as f64;
     // A view may see a point between the directions that reachability is sampled at.

@@ -123,7 +123,7 @@ pub struct Config {
     /// Whether scores of the surface weigh the target.
     pub vds: bool,
     /// Whether every probe weighs the same in the image term, however few directions it can be seen from; else every
-    /// direction does (docs/method.md).
+    /// direction does (docs/reference/method.md).
     pub equal_probes: bool,
     /// Weight of the coverage regulariser.
     pub lambda_reg: f32,
@@ -228,7 +228,7 @@ impl Config {
         Self { seed, held_out, checkpoint_every, viewers, ..Self::of(objective, preset, views) }
     }
 
-    /// The defaults of an objective, settled in docs/quality.md and docs/ablations.md.
+    /// The defaults of an objective, settled in docs/results/2026-11/quality.md and docs/results/2026-11/ablations.md.
     pub fn of(objective: Objective, preset: Preset, views: u32) -> Self {
         let quality = objective == Objective::Quality;
         Self {

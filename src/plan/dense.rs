@@ -106,7 +106,7 @@ fn exponent(batch: &Batch<'_>, w: DVec3, n: DVec3, d: f64, inverse: f64) -> f64 
     if h > 0.0 { 0.5 * d * d * (n - h * w).length_squared() * inverse } else { f64::INFINITY }
 }
 
-/// Image loss, gradients, utilities and coverage weights of a batch (docs/method.md, Losses).
+/// Image loss, gradients, utilities and coverage weights of a batch (docs/reference/method.md, Losses).
 pub fn dense(batch: &Batch<'_>) -> Image {
     let s = batch.settings;
     let texels = batch.directions.len();

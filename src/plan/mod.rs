@@ -13,6 +13,7 @@ mod probes;
 pub mod record;
 pub mod reference;
 pub mod relocate;
+pub mod request;
 pub mod shared;
 pub mod snapshot;
 pub mod start;

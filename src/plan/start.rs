@@ -119,7 +119,7 @@ pub fn visible(splats: &[Splat], probes: &[Probe], scene: &SceneGeometry) -> Vis
     Visible { gated: gated as f64 / all, seen: seen as f64 / all }
 }
 
-/// The start scale `0.8 / sqrt(splats that a probe sees)` (docs/method.md, Optimisation), at most half a radian.
+/// The start scale `0.8 / sqrt(splats that a probe sees)` (docs/reference/method.md, Optimisation), at most half a radian.
 pub fn scale(seen: f64) -> f32 {
     (0.8 / seen.max(1.0).sqrt()).min(0.5) as f32
 }

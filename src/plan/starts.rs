@@ -11,7 +11,7 @@ use crate::scene::region::Shape;
 use crate::visibility::device_scene::SceneGeometry;
 
 /// Cameras in all the turned even spheres together. Two rotations of 20 views train 0.2 dB apart, which expected quality tells in
-/// part, and the more views there are the less a rotation matters (docs/quality.md).
+/// part, and the more views there are the less a rotation matters (docs/results/2026-11/quality.md).
 const TURNED: u32 = 640;
 /// Fewest and most rotations.
 const ROTATIONS: [u32; 2] = [8, 32];

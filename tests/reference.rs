@@ -1,0 +1,113 @@
+//! The documentation that the program can check: the command reference, and the links between pages.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const REFERENCE: &str = "docs/reference/commands.md";
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Help of every subcommand as the reference has it.
+fn reference() -> String {
+    let mut text = String::from(
+        "# Commands\n\nGenerated from the program's own help: `CAMSPLAT_WRITE_REFERENCE=1 cargo test --release --test reference`.\n\n",
+    );
+    let mut program = camsplat::cli::command().term_width(100);
+    program.build();
+    let mut add = |path: &str, command: &clap::Command| {
+        let mut command = command.clone().bin_name(path).term_width(100);
+        let help = command.render_long_help().to_string();
+        let lines = help.lines().map(str::trim_end).collect::<Vec<_>>().join("\n");
+        writeln!(text, "## {path}\n\n```text\n{}\n```\n", lines.trim_end()).unwrap();
+    };
+    for command in program.get_subcommands().filter(|command| command.get_name() != "help") {
+        let path = format!("camsplat {}", command.get_name());
+        let inner: Vec<_> = command.get_subcommands().filter(|inner| inner.get_name() != "help").collect();
+        if inner.is_empty() {
+            add(&path, command);
+        }
+        inner.iter().for_each(|inner| add(&format!("{path} {}", inner.get_name()), inner));
+    }
+    text.trim_end().to_owned() + "\n"
+}
+
+/// If this failed, the reference would promise options that the program does not have, or hide some that it has.
+#[test]
+fn the_command_reference_is_what_the_program_says_of_itself() {
+    let file = root().join(REFERENCE);
+    let said = reference();
+    if std::env::var_os("CAMSPLAT_WRITE_REFERENCE").is_some() {
+        fs::write(&file, &said).unwrap();
+    }
+    let written = fs::read_to_string(&file).unwrap();
+    let differs = written.lines().zip(said.lines()).find(|(written, said)| written != said);
+    assert!(
+        written == said,
+        "{REFERENCE} is not what --help says, first here: {differs:?}; write it anew with CAMSPLAT_WRITE_REFERENCE=1"
+    );
+}
+
+/// Every Markdown page of the repository.
+fn pages() -> Vec<PathBuf> {
+    let mut found: Vec<PathBuf> =
+        ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].iter().map(|name| root().join(name)).collect();
+    let mut folders = vec![root().join("docs")];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "md") {
+                found.push(path);
+            }
+        }
+    }
+    found
+}
+
+/// The anchors of a page's headings, as Git hosts make them.
+fn anchors(text: &str) -> Vec<String> {
+    let anchor = |heading: &str| -> String {
+        let kept = heading.trim_start_matches('#').trim().to_lowercase();
+        let kept = kept.chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
+        kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+    };
+    text.lines().filter(|line| line.starts_with('#')).map(anchor).collect()
+}
+
+/// If this failed, a reader who follows a link of the documentation would come to nothing.
+#[test]
+fn every_link_between_pages_leads_somewhere() {
+    let mut followed = 0;
+    for page in pages() {
+        let text = fs::read_to_string(&page).unwrap();
+        for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+            if link.contains("://") || link.contains(char::is_whitespace) {
+                continue;
+            }
+            let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = if path.is_empty() { page.clone() } else { page.parent().unwrap().join(path) };
+            assert!(target.exists(), "{}: {link} is not there", page.display());
+            let known = || anchors(&fs::read_to_string(&target).unwrap());
+            assert!(anchor.is_empty() || known().iter().any(|known| known == anchor), "{}: {link}", page.display());
+            followed += 1;
+        }
+    }
+    assert!(followed > 20, "only {followed} links were found");
+}
+
+/// If this failed, the page that everybody reads first would have grown into one that nobody reads.
+#[test]
+fn the_readme_stays_short_and_lines_stay_narrow() {
+    let words = |name: &str| fs::read_to_string(root().join(name)).unwrap().split_whitespace().count();
+    assert!(words("README.md") <= 900, "README.md has {} words", words("README.md"));
+    assert!(words("ARCHITECTURE.md") <= 3000, "ARCHITECTURE.md has {} words", words("ARCHITECTURE.md"));
+    for page in pages().iter().filter(|page| !page.starts_with(root().join("docs/results"))) {
+        for (number, line) in (1..).zip(fs::read_to_string(page).unwrap().lines()) {
+            assert!(line.chars().count() <= 140, "{}:{number} has {} characters", page.display(), line.chars().count());
+        }
+    }
+}
