@@ -44,6 +44,22 @@ fn whoever_places_cameras_keeps_the_limits() {
     assert!(lost.code == Some(2) && lost.err.contains("boxes.json"), "{}", lost.err);
 }
 
+/// If this failed, the simple layouts of a room would stand below its floor or outside of its limits, where a plan may not.
+#[test]
+fn layouts_of_a_room_keep_the_limits() {
+    let place = Place::new();
+    place.write("boxes.json", r#"{"boxes": [[1.5, -3, -3, 3, 0, 3]]}"#);
+    let limits = "--preset room --box=-3,-3,-1.5,3,3,3 --up z --floor 1.2 --keep-out boxes.json --heights 1.1,1.6";
+    for method in ["grid", "rings", "random", "acp"] {
+        place.done(&format!("plan ball.ply --out {method} --method {method} {limits} --views 20 --held-out 60"));
+        for camera in &place.plan(method).cameras {
+            let p = camera.pose.position;
+            assert!((1.2 - 1e-9..=1.6 + 1e-9).contains(&p.z), "{method}: {p} is below the floor or too high");
+            assert!(p.x < 1.5 || p.y > 0.0, "{method}: {p} is in a box");
+        }
+    }
+}
+
 /// If this failed, a robot would be sent where it cannot get to.
 #[test]
 fn cameras_stand_where_somebody_can_walk() {

@@ -200,8 +200,8 @@ impl Arguments {
         let samples = self.spp.unwrap_or(of.samples);
         // Indoors, photos of so few samples are too noisy to be matched.
         // Ten photos of a floor or a wall give no surface to speak of, nor do noisy ones.
-        let is_plain = self.situation() == Situation::Free || kind != Kind::Object;
-        let shown = if self.quick && kind == Kind::Room || !is_plain { Shown::True } else { of.shown };
+        let is_furnished = kind == Kind::Object && self.situation().furnishes();
+        let shown = if self.quick && kind == Kind::Room || is_furnished { Shown::True } else { of.shown };
         Ok(Request {
             kind,
             methods: self.methods.clone().unwrap_or_else(named),

@@ -66,12 +66,12 @@ pub struct LimitOptions {
 }
 
 impl LimitOptions {
-    /// The limits; where none are given, those of an earlier plan.
+    /// The limits; of each kind that is not given, those of an earlier plan.
     ///
     /// # Errors
     /// Where a file holds no volume, or numbers make no sense.
     pub fn read(&self, stored: Limits) -> Result<Limits> {
-        let given = Limits {
+        let given_limits = Limits {
             walls: self.wall.clone(),
             keep_out: self
                 .keep_out
@@ -81,8 +81,14 @@ impl LimitOptions {
             heights: self.heights,
             walk: self.walk,
         };
-        let mut limits = if given.is_empty() { stored } else { given };
-        for volume in &mut limits.keep_out {
+        let either = |given: bool| if given { &given_limits } else { &stored };
+        let mut limits = Limits {
+            walls: either(!given_limits.walls.is_empty()).walls.clone(),
+            keep_out: either(!given_limits.keep_out.is_empty()).keep_out.clone(),
+            heights: given_limits.heights.or(stored.heights),
+            walk: given_limits.walk.or(stored.walk),
+        };
+        for volume in limits.keep_out.iter_mut().filter(|volume| !volume.file.is_empty()) {
             *volume = read_volume(Path::new(&volume.file))?;
         }
         limits.validated()

@@ -119,7 +119,7 @@ fn stored(cameras: &Path) -> Result<(Option<(Region, Limits)>, usize), String> {
     struct Plan {
         region: serde_json::Value,
         #[serde(default)]
-        limits: Limits,
+        limits: serde_json::Value,
         #[serde(default)]
         kept: usize,
     }
@@ -127,7 +127,9 @@ fn stored(cameras: &Path) -> Result<(Option<(Region, Limits)>, usize), String> {
     let plan = io::json_file(cameras)
         .and_then(|file| io::json::<Plan>(&file, &std::fs::read(&file).map_err(|e| Error::io(&file, e))?));
     let Ok(Plan { region, limits, kept }) = plan else { return Ok((None, 0)) };
-    serde_json::from_value(region).map(|region| (Some((region, limits)), kept)).map_err(|error| {
+    let limits = if limits.is_null() { Ok(Limits::default()) } else { serde_json::from_value(limits) };
+    let both = serde_json::from_value(region).and_then(|region| Ok((region, limits?)));
+    both.map(|stored| (Some(stored), kept)).map_err(|error| {
         let file = cameras.display();
         format!("the region in {file} cannot be read ({error}), and that of the options, or the usual one, is taken")
     })

@@ -91,7 +91,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let folder = OutputFolder::create(&arguments.out, arguments.force)?;
     let inputs = [&arguments.surface, &arguments.must, &arguments.never, &arguments.model.model];
-    check_output_folder(&arguments.out, inputs.into_iter().flatten())?;
+    check_output_folder(&arguments.out, inputs.into_iter().flatten().chain(&arguments.region.limits.keep_out))?;
     let set = capture(arguments)?;
     check_apart(&arguments.out, &set)?;
     for note in &set.notes {

@@ -31,6 +31,7 @@ use crate::plan::job::{RegionChoice, Target, Tools};
 use crate::plan::record::PlanRecord;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::limits::Triangle;
 use crate::scene::proxy::Orientation;
 use crate::scene::region::Region;
 use crate::scene::surface::{Points, Surface};
@@ -93,8 +94,8 @@ impl<'a> Bench<'a> {
         if moved > 0 {
             let all = cameras.len();
             let note = format!(
-                "{moved} of {all} cameras stood outside of the region, nearer to things than the clearance or in them, and have \
-                 moved to the nearest free place"
+                "{moved} of {all} cameras stood outside of the region or its limits, nearer to things than the clearance or in them, and \
+                 have moved to the nearest free place"
             );
             let _ = observe(Event::Note(note));
         }
@@ -313,7 +314,7 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// Where the two make no sense together.
     pub(super) fn target_of(&self, surface: &Surface, region: &Region) -> Result<Target> {
-        let choice = RegionChoice { shape: Some(region.shape), floor: region.floor, clearance: Some(region.clearance) };
+        let choice = RegionChoice::from(*region);
         let path = self.scene.path.to_string_lossy();
         let target = Target::new(surface, &path, self.kind.preset(), &choice, region.up, &self.intrinsics())?;
         target.within(self.scene.limits.clone())
@@ -347,15 +348,20 @@ impl<'a> Bench<'a> {
         };
         let (intrinsics, device) = (self.intrinsics(), &self.context.physical().name);
         let kept = self.scene.kept(intrinsics, views, seed)?;
+        // A record of limits names the files of volumes only.
+        let volumes: Vec<&Vec<Triangle>> = self.scene.limits.keep_out.iter().map(|volume| &volume.triangles).collect();
+        let limits = json!({ "limits": self.scene.limits, "volumes": volumes });
+        let photographs = matches!(method, Method::Plan(placing) if placing.needs_photographs());
         let made_of = match method {
             // Whatever they are called, and for all seeds.
             Method::Given(given) => json!({
                 "surface": shown.key(), "given": given.poses, "region": region, "camera": intrinsics, "device": device,
-                "kept": kept,
+                "limits": limits, "viewers": config.viewers, "kept": kept,
             }),
             _ => json!({
                 "surface": shown.key(), "model": model.map(Stage::key), "method": method, "config": config, "peer": peer,
-                "region": region, "camera": intrinsics, "device": device, "limits": self.scene.limits, "kept": kept,
+                "region": region, "camera": intrinsics, "device": device, "limits": limits, "kept": kept,
+                "samples": photographs.then_some(self.settings.samples),
             }),
         };
         let stage = self.stage("choice", made_of);

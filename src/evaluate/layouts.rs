@@ -120,7 +120,7 @@ impl Trained {
                 let others = shared.get_or_insert_with(|| (request.clone(), tests.clone()));
                 if (&others.0, &others.1) != (&request, &tests) {
                     let what = format!(
-                        "its region, situation or tests of {name} are others than those of {}; fit them apart",
+                        "its region, situation, limits, viewers or tests of {name} are others than those of {}; fit them apart",
                         evaluations[0].display()
                     );
                     return Err(Error::input(folder, what));

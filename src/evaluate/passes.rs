@@ -3,6 +3,7 @@
 use super::bench::{Bench, read_photos};
 use super::stage::{Event, Observe, Stage};
 use crate::Result;
+use crate::peers::request::Method as Placing;
 use crate::plan::config::Config;
 use crate::plan::job::{self, Plan, Tools};
 use crate::scene::camera::Camera;
@@ -10,7 +11,8 @@ use crate::scene::surface::Surface;
 
 /// Plans half of the views on the surface of the input photos, takes their photographs, and plans the rest beside them on the surface
 /// of all photos so far; none where `observe` broke it off. By hand it is `camsplat plan`, a walk with the camera, `camsplat proxy`
-/// and `camsplat plan --keep`.
+/// and `camsplat plan --keep`. The record is of the second pass, beside the cameras of the first, which it counts as kept; its time is that
+/// of both plans, without photographs and surface.
 ///
 /// # Errors
 /// Where a plan does not fit the device, photographs cannot be taken, or the photos give no surface.
@@ -38,6 +40,7 @@ pub fn run(
     let target = bench.target_of(&known, &bench.scene().region)?;
     let tools = Tools::default();
     let mut plan = job::run(context, &target, intrinsics, &taken, rest, tools, |_| observe(Event::Working))?;
+    plan.record.method = Placing::OursTwoPasses.name().to_owned();
     plan.record.seconds += begun.record.seconds;
     Ok(Some(plan))
 }

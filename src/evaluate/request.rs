@@ -372,7 +372,8 @@ impl Request {
         let wanted = if self.situation == Situation::TwoRooms { Kind::Room } else { Kind::Object };
         if self.situation != Situation::Free && *kind != wanted {
             let name = self.situation.name();
-            return Err(Error::request(format!("--situation {name}: it is of objects; leave it out")));
+            let of = if wanted == Kind::Room { "rooms" } else { "objects" };
+            return Err(Error::request(format!("--situation {name}: it is of {of}; leave it or --preset out")));
         }
         if self.situation != Situation::Free && settings.peers_from == PeersFrom::Sphere {
             return Err(Error::request("--peers-from sphere is of free objects; leave it or --situation out"));

@@ -97,8 +97,7 @@ impl Setting {
         limits.walls.extend(more.walls);
         limits.keep_out.extend(more.keep_out);
         *surface = model.surface();
-        let Region { shape, floor, clearance, .. } = region;
-        of(surface, &RegionChoice { shape: Some(shape), floor, clearance: Some(clearance) })?.within(limits)
+        of(surface, &region.into())?.within(limits)
     }
 }
 
@@ -150,8 +149,7 @@ impl Scene {
 
     /// Its mesh in its region, within its limits.
     fn target(&self, intrinsics: &Intrinsics) -> Result<Target> {
-        let Region { shape, floor, clearance, .. } = self.region;
-        let choice = RegionChoice { shape: Some(shape), floor, clearance: Some(clearance) };
+        let choice = self.region.into();
         let path = self.path.to_string_lossy();
         Target::new(&self.surface, &path, self.preset(), &choice, UP, intrinsics)?.within(self.limits.clone())
     }

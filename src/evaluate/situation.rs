@@ -70,6 +70,11 @@ impl Situation {
         }
     }
 
+    /// Whether it puts things around an object.
+    pub fn furnishes(self) -> bool {
+        matches!(self, Self::Floor | Self::Wall | Self::Corner | Self::Clutter)
+    }
+
     /// Whether people look at objects from other places than around a free one.
     pub fn has_viewers(self) -> bool {
         !matches!(self, Self::Free | Self::OneSide | Self::TwoRooms)
@@ -128,7 +133,7 @@ impl Situation {
                 let (min, top) = (foot - DVec3::new(half, 0.0, half), (0.7 + 1.8 * d) * radius);
                 let max = foot + DVec3::new(half, top, half);
                 add.block(min, max, Cover::Squares(i));
-                limits.keep_out.push(Volume { file: format!("thing {i}"), triangles: box_triangles(min, max) });
+                limits.keep_out.push(Volume { file: String::new(), triangles: box_triangles(min, max) });
             }
         }
         (Region { floor: Some(low.y), ..region }, limits)
@@ -173,7 +178,7 @@ mod tests {
         };
         let alone = target(&model, &RegionChoice::default());
         let (region, limits) = situation.furnish(&mut model, alone.proxy.bounds(), alone.proxy.sphere.1, alone.region);
-        let choice = RegionChoice { shape: Some(region.shape), floor: region.floor, clearance: Some(region.clearance) };
+        let choice = RegionChoice::from(region);
         let radius = alone.proxy.sphere.1;
         (model.clone(), target(&model, &choice).within(limits).unwrap(), radius)
     }

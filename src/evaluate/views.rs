@@ -4,12 +4,12 @@ use glam::{DQuat, DVec3};
 
 use super::kind::Kind;
 use super::request::InputsFrom;
-use crate::Result;
 use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::random;
 use crate::scene::region::Region;
 use crate::visibility::device_scene::SceneGeometry;
+use crate::{Error, Result};
 
 /// Seed, and streams of the test views, which are the same in all runs.
 const SEED: u64 = 0x7465_7374;
@@ -34,11 +34,18 @@ pub fn inputs(
 ) -> Result<Vec<Camera>> {
     let to_internal = &geometry.to_internal;
     let free = |place| geometry.free.is_free(to_internal.point(place));
-    let even = baselines::even_where(region, count as usize, 0.5, DQuat::IDENTITY, free)?;
+    let even_of = |count: u32| {
+        baselines::even_where(region, count as usize, 0.5, DQuat::IDENTITY, free).map_err(|_| {
+            Error::request(
+                "input photos: region and limits leave hardly any of the sphere in the middle of the shell; allow more of it",
+            )
+        })
+    };
+    let even = even_of(count)?;
     let poses = match from {
         InputsFrom::Uniform => even,
         InputsFrom::Biased => {
-            let mut poses = baselines::even_where(region, 3 * count as usize, 0.5, DQuat::IDENTITY, free)?;
+            let mut poses = even_of(3 * count)?;
             let side = region.up.any_orthonormal_vector();
             let aside = |pose: &Pose| pose.forward().dot(side);
             poses.sort_by(|a, b| aside(a).total_cmp(&aside(b)));
@@ -48,9 +55,13 @@ pub fn inputs(
         InputsFrom::Random => {
             let (centre, _) = region.bounding_sphere();
             let anywhere = |(i, pose): (u32, &Pose)| {
-                let [u, v, ..] = random::uniforms(SEED, INPUTS, i);
-                let out = random::direction(u, v);
-                Pose::looking(centre + pose.position.distance(centre) * out, -out, region.up)
+                let drawn = (0..DRAWS).map(|draw| {
+                    let [u, v, ..] = random::uniforms(SEED, INPUTS, i + draw * count);
+                    let out = random::direction(u, v);
+                    Pose::looking(centre + pose.position.distance(centre) * out, -out, region.up)
+                });
+                // Where hardly any place is free the even one stands in.
+                drawn.into_iter().find(|drawn| free(drawn.position)).unwrap_or(*pose)
             };
             (0..).zip(&even).map(anywhere).collect()
         }
@@ -108,8 +119,24 @@ pub fn camera(name: String, pose: Pose, intrinsics: Intrinsics) -> Camera {
 mod tests {
     use super::*;
     use crate::evaluate::request::Settings;
+    use crate::scene::limits::{Limits, Wall};
     use crate::scene::proxy::{Orientation, Proxy};
     use crate::scene::samples;
+
+    /// If this failed, input photos would be taken from behind a wall, and show methods its back.
+    #[test]
+    fn inputs_keep_the_limits() {
+        let region = Region::around_object((DVec3::ZERO, 0.5), 25f64.to_radians(), DVec3::Y, None).unwrap();
+        let proxy = Proxy::new(&samples::sphere(0.5, 12), Orientation::Trusted).unwrap();
+        let wall = Wall { point: DVec3::new(-0.6, 0.0, 0.0), normal: DVec3::X };
+        let limits = Limits { walls: vec![wall], ..Limits::default() };
+        let geometry = SceneGeometry::among(&proxy, &region, &limits).unwrap();
+        for from in [InputsFrom::Uniform, InputsFrom::Random, InputsFrom::Biased] {
+            let cameras = inputs((&region, &geometry), Settings::QUICK.intrinsics(), from, 20).unwrap();
+            assert_eq!(cameras.len(), 20);
+            assert!(cameras.iter().all(|camera| camera.pose.position.x > -0.6), "{from:?}");
+        }
+    }
 
     /// If this failed, photos from one side would be from all around, or those at random even.
     #[test]

@@ -44,7 +44,12 @@ pub fn read_volume(path: &Path) -> Result<Volume> {
             ));
         }
         match Proxy::new(&surface, Orientation::Trusted)
-            .map_err(|error| Error::input(path, error.to_string()))?
+            .map_err(|_| {
+                Error::input(
+                    path,
+                    "it has no faces that enclose a volume; give a closed mesh, or boxes in a .json file",
+                )
+            })?
             .occluder
         {
             Occluder::Triangles(triangles) => triangles,

@@ -58,11 +58,16 @@ pub fn run(
 
 /// What is said where a method takes photographs and nobody can.
 pub fn no_photographs(method: Method) -> Error {
-    let what = "trains on photographs of the views that it chooses, which do not exist yet";
-    Error::request(format!(
-        "--method {}: {what}; use `camsplat evaluate`, or `camsplat select` on photos",
-        method.name()
-    ))
+    let what = match method {
+        Method::OursTwoPasses => {
+            "looks at photographs of its first pass, which do not exist yet; use `camsplat evaluate`"
+        }
+        _ => {
+            "trains on photographs of the views that it chooses, which do not exist yet; use `camsplat evaluate`, or \
+             `camsplat select` on photos"
+        }
+    };
+    Error::request(format!("--method {}: {what}", method.name()))
 }
 
 /// What a method asks for while it chooses.
@@ -163,6 +168,7 @@ fn place(
         seed: request.seed,
     };
     let farthest = |distance| pool.farthest(distance).ok_or_else(too_many);
+    let settled = |pose: &Pose| back.pose(&Pose { position: geometry.settle(pose.position), ..*pose });
     let chosen = match request.method {
         Method::Ours | Method::OursNoVds | Method::OursIterative | Method::OursTwoPasses => {
             let name = request.method.name();
@@ -179,7 +185,6 @@ fn place(
             let taken: Vec<DVec3> =
                 kept.iter().map(|camera| geometry.to_internal.point(camera.pose.position)).collect();
             let poses = baselines::left_beside(all, &taken);
-            let settled = |pose: &Pose| back.pose(&Pose { position: geometry.settle(pose.position), ..*pose });
             return Ok(Some(poses.iter().map(settled).collect()));
         }
         Method::Grid | Method::Rings => {
@@ -190,7 +195,7 @@ fn place(
                 )));
             }
             let layout = if request.method == Method::Grid { baselines::grid } else { baselines::rings };
-            return Ok(Some(layout(&geometry.free, views).iter().map(|pose| back.pose(pose)).collect()));
+            return Ok(Some(layout(&geometry.free, views).iter().map(settled).collect()));
         }
         Method::Fvs => farthest(Distance::GreatCircle)?,
         Method::FvsChord => farthest(Distance::Chord)?,
@@ -206,11 +211,7 @@ fn place(
             let (model, cameras) = (model.ok_or_else(missing)?, (intrinsics, kept));
             let placed = manifold::place(context, &target.region, cameras, model, settings, views, outside.go_on)?;
             let Some(poses) = placed else { return Ok(None) };
-            let settled = |pose: Pose| {
-                let inside = geometry.to_internal.pose(&pose);
-                back.pose(&Pose { position: geometry.settle(inside.position), ..inside })
-            };
-            return Ok(Some(poses.into_iter().map(settled).collect()));
+            return Ok(Some(poses.iter().map(|pose| settled(&geometry.to_internal.pose(pose))).collect()));
         }
         Method::FisherRetrain => {
             let settings = request.retraining.unwrap_or_default();

@@ -49,6 +49,12 @@ pub struct RegionChoice {
     pub clearance: Option<f64>,
 }
 
+impl From<Region> for RegionChoice {
+    fn from(Region { shape, floor, clearance, .. }: Region) -> Self {
+        Self { shape: Some(shape), floor, clearance: Some(clearance) }
+    }
+}
+
 /// A surface, ready to plan for.
 pub struct Target {
     /// What blocks rays and where probes stand.

@@ -31,23 +31,26 @@ pub fn layouts(config: &Config, geometry: &SceneGeometry, kept: &[Camera]) -> Ve
         let rotations = (TURNED / config.views.max(1)).clamp(ROTATIONS[0], ROTATIONS[1]);
         let even = |count: usize, rotations: u32, viewers: &Viewers| {
             let turned = |index| even_layout(geometry, viewers, count, baselines::turn(&geometry.region, seed, index));
-            (0..rotations).map(turned).collect::<Result<Vec<_>>>()
+            (0..rotations).filter_map(|index| turned(index).ok()).collect::<Vec<_>>()
         };
         let radius = 0.5 * (r_min + r_max) / r_max;
-        // Where the region leaves no sphere there is none in any rotation.
-        if let Ok(ways) = even(views, rotations, &Viewers::Region) {
-            layouts.push((format!("even sphere at {radius:.2} of the outer radius"), ways));
+        let mut add = |name: String, ways: Vec<Vec<Pose>>| {
+            // Where the region leaves no sphere in any rotation there is none.
+            if !ways.is_empty() {
+                layouts.push((name, ways));
+            }
+        };
+        add(format!("even sphere at {radius:.2} of the outer radius"), even(views, rotations, &Viewers::Region));
+        if matches!(config.viewers, Viewers::Cone { .. } | Viewers::Heights { .. }) {
+            let name = format!("even at {radius:.2} of the outer radius where viewers are");
+            add(name, even(views, rotations, &config.viewers));
         }
-        if matches!(config.viewers, Viewers::Cone { .. } | Viewers::Heights { .. })
-            && let Ok(ways) = even(views, rotations, &config.viewers)
-        {
-            layouts.push((format!("even at {radius:.2} of the outer radius where viewers are"), ways));
-        }
-        if let (false, Ok(ways)) = (kept.is_empty(), even(views + kept.len(), ROTATIONS[1], &Viewers::Region)) {
+        if !kept.is_empty() {
             let taken: Vec<DVec3> =
                 kept.iter().map(|camera| geometry.to_internal.point(camera.pose.position)).collect();
-            let left = ways.into_iter().map(|poses| baselines::left_beside(poses, &taken)).collect();
-            layouts.push(("even sphere less the cameras that are kept".to_owned(), left));
+            let all = even(views + kept.len(), ROTATIONS[1], &Viewers::Region);
+            let left = all.into_iter().map(|poses| baselines::left_beside(poses, &taken)).collect();
+            add("even sphere less the cameras that are kept".to_owned(), left);
         }
     }
     if !inward {

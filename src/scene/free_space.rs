@@ -15,6 +15,8 @@ use crate::{Error, Result};
 pub const RESOLUTION: u32 = 96;
 /// From the centre of a voxel to its corners, in sides.
 const HALF_DIAGONAL: f64 = 0.87;
+/// Alternating projections onto a voxel and the region; where they meet at all a few are enough.
+const PROJECTIONS: u32 = 16;
 /// Most voxels of a grid: a gigabyte of scratch.
 const MOST_VOXELS: f64 = 6.4e7;
 
@@ -63,9 +65,25 @@ impl FreeSpace {
     /// # Errors
     /// As [`FreeSpace::new`], also where the limits leave nothing.
     pub fn among(occluder: &Occluder, region: &Region, limits: &Limits, resolution: u32) -> Result<Self> {
+        Self::with_everybody(occluder, region, limits, resolution).map(|(own, _)| own)
+    }
+
+    /// The free space within all limits, and the one within those that hold for everybody where there are others. The second is
+    /// connected, and the first a part of it: of several unconnected spaces the one of which most is left.
+    ///
+    /// # Errors
+    /// As [`FreeSpace::among`].
+    pub fn with_everybody(
+        occluder: &Occluder,
+        region: &Region,
+        limits: &Limits,
+        resolution: u32,
+    ) -> Result<(Self, Option<Self>)> {
         let grid = grid_around(region, resolution)?;
         let occupied = touched(&grid, occluder);
-        let barred = limits.barred(&grid, occluder)?;
+        let shared = limits.barred_for_everybody(&grid);
+        let own = limits.barred_for_cameras(&grid, occluder)?;
+        let is_barred = |barred: &[bool], i: usize| barred.get(i).is_some_and(|barred| *barred);
         let surface = nearest_sites(grid.dims, |i| occupied[i]);
         let clearance = region.clearance / grid.cell;
         let (mut within, mut open) = (0, vec![false; grid.voxels()]);
@@ -76,12 +94,20 @@ impl FreeSpace {
             if region.nearest(centre).distance(centre) <= HALF_DIAGONAL * grid.cell {
                 within += 1;
                 *open = !occupied[i]
-                    && !barred.get(i).is_some_and(|barred| *barred)
+                    && !is_barred(&shared, i)
                     && (surface[i] == u32::MAX
-                        || offset(voxel, grid.coordinates(surface[i] as usize)).length() >= clearance);
+                        || offset(voxel, grid.coordinates(surface[i] as usize)).length() >= clearance)
+                    // Next to a limit the nearest place of the region may be barred.
+                    && (limits.is_empty() || place_in(&grid, voxel, region, None).is_some());
             }
         }
-        let free = largest_component(&grid, &open);
+        let heights = limits.heights;
+        let is_own = |i: &u32| {
+            !is_barred(&own, *i as usize)
+                && (heights.is_none() || place_in(&grid, grid.coordinates(*i as usize), region, heights).is_some())
+        };
+        let component = best_component(&grid, &open, |component| component.iter().filter(|i| is_own(i)).count());
+        let free: Vec<u32> = component.iter().copied().filter(is_own).collect();
         if free.is_empty() {
             return Err(Error::request(if limits.is_empty() {
                 "region: no free space; every position is closer than the clearance to the surface: enlarge the region or lower --clearance"
@@ -90,23 +116,32 @@ impl FreeSpace {
                  allow more, or lower --clearance"
             }));
         }
-        let mut is_free = vec![false; grid.voxels()];
-        for i in &free {
-            is_free[*i as usize] = true;
-        }
-        let nearest = nearest_sites(grid.dims, |i| is_free[i]);
-        let to_box = |(i, site): (usize, &u32)| {
-            let centres = offset(grid.coordinates(i), grid.coordinates(*site as usize));
-            ((centres.abs() - 0.5).max(DVec3::ZERO).length() * grid.cell) as f32
+        let narrowed = limits.narrows();
+        let barred = if own.is_empty() {
+            shared.clone()
+        } else {
+            (0..grid.voxels()).map(|i| is_barred(&shared, i) || own[i]).collect()
         };
-        let distance = nearest.iter().enumerate().map(to_box).collect();
-        let free_fraction = free.len() as f64 / f64::from(within);
-        // Positions are drawn from voxels whose centre is in the region, unless it is too thin to have any.
-        let inside = |i: &&u32| region.contains(grid.centre(grid.coordinates(**i as usize)));
-        let well_inside: Vec<u32> = free.iter().filter(inside).copied().collect();
-        let free = if well_inside.is_empty() { free } else { well_inside };
-        let heights = limits.heights;
-        Ok(Self { grid, distance, free_fraction, region: *region, nearest, free, touched: occupied, barred, heights })
+        let space = |free: Vec<u32>, barred: Vec<bool>, heights: Option<[f64; 2]>, touched: Vec<bool>| {
+            let mut is_free = vec![false; grid.voxels()];
+            for i in &free {
+                is_free[*i as usize] = true;
+            }
+            let nearest = nearest_sites(grid.dims, |i| is_free[i]);
+            let to_box = |(i, site): (usize, &u32)| {
+                let centres = offset(grid.coordinates(i), grid.coordinates(*site as usize));
+                ((centres.abs() - 0.5).max(DVec3::ZERO).length() * grid.cell) as f32
+            };
+            let distance = nearest.iter().enumerate().map(to_box).collect();
+            let free_fraction = free.len() as f64 / f64::from(within);
+            // Positions are drawn from voxels whose centre is in the region, unless it is too thin to have any.
+            let inside = |i: &&u32| region.contains(grid.centre(grid.coordinates(**i as usize)));
+            let well_inside: Vec<u32> = free.iter().filter(inside).copied().collect();
+            let free = if well_inside.is_empty() { free } else { well_inside };
+            Self { grid, distance, free_fraction, region: *region, nearest, free, touched, barred, heights }
+        };
+        let everybody = narrowed.then(|| space(component, shared, None, occupied.clone()));
+        Ok((space(free, barred, heights, occupied), everybody))
     }
 
     /// Distance from `p` to free space and its gradient, interpolated trilinearly between voxel centres: zero where all
@@ -175,9 +210,7 @@ impl FreeSpace {
 
     /// Whether limits bar the voxel that `p` lies in; never outside of the grid.
     pub fn is_barred(&self, p: DVec3) -> bool {
-        let far = self.grid.origin + self.grid.cell * DVec3::from_array(self.grid.dims.map(f64::from));
-        let within = p.cmpge(self.grid.origin).all() && p.cmplt(far).all();
-        within && self.barred.get(self.grid.index(self.grid.voxel(p))).is_some_and(|barred| *barred)
+        self.grid.holds(p) && self.barred.get(self.grid.index(self.grid.voxel(p))).is_some_and(|barred| *barred)
     }
 
     /// Whether `p` lies in a free voxel, between the heights.
@@ -231,8 +264,43 @@ impl FreeSpace {
             }
             words = random::pcg4d(words);
         }
-        self.between_heights(self.region.nearest(centre))
+        self.place(site)
     }
+
+    /// The free place whose voxel is nearest to `p`, of the voxels that positions are drawn from.
+    pub fn nearest_drawn(&self, p: DVec3) -> DVec3 {
+        let away = |i: &u32| self.grid.centre(self.grid.coordinates(*i as usize)).distance_squared(p);
+        let nearest = self.free.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
+        nearest.map_or(p, |site| self.place(*site))
+    }
+
+    /// A place in a free voxel, in the region and between the heights.
+    fn place(&self, site: u32) -> DVec3 {
+        let voxel = self.grid.coordinates(site as usize);
+        let place = place_in(&self.grid, voxel, &self.region, self.heights);
+        place.unwrap_or_else(|| self.between_heights(self.region.nearest(self.grid.centre(voxel))))
+    }
+}
+
+/// A place in a voxel that the region and the heights allow, by alternating projections; none where none is found.
+fn place_in(grid: &Grid, voxel: [u32; 3], region: &Region, heights: Option<[f64; 2]>) -> Option<DVec3> {
+    let (centre, half) = (grid.centre(voxel), DVec3::splat(0.499 * grid.cell));
+    let (mut low, mut high) = (centre - half, centre + half);
+    if let Some([lowest, highest]) = heights {
+        (low.z, high.z) = (low.z.max(lowest), high.z.min(highest));
+    }
+    if low.z > high.z {
+        return None;
+    }
+    let mut place = centre.clamp(low, high);
+    for _ in 0..PROJECTIONS {
+        let in_region = region.nearest(place);
+        if in_region.cmpge(low).all() && in_region.cmple(high).all() {
+            return Some(in_region);
+        }
+        place = in_region.clamp(low, high);
+    }
+    None
 }
 
 /// Where one gets from free space without crossing the surface or a limit.
@@ -284,10 +352,10 @@ fn offset(a: [u32; 3], b: [u32; 3]) -> DVec3 {
     DVec3::from_array(a.map(f64::from)) - DVec3::from_array(b.map(f64::from))
 }
 
-/// Indices of the largest set of open voxels connected through faces, in rising order; of equals the first.
-fn largest_component(grid: &Grid, open: &[bool]) -> Vec<u32> {
+/// Indices of the set of open voxels connected through faces that counts most, in rising order; of equals the first.
+fn best_component(grid: &Grid, open: &[bool], count: impl Fn(&[u32]) -> usize) -> Vec<u32> {
     let mut unseen = open.to_vec();
-    let mut largest: Vec<u32> = Vec::new();
+    let (mut best, mut most) = (Vec::new(), 0);
     for start in 0..open.len() {
         if !unseen[start] {
             continue;
@@ -305,12 +373,13 @@ fn largest_component(grid: &Grid, open: &[bool]) -> Vec<u32> {
                 }
             }
         }
-        if component.len() > largest.len() {
-            largest = component;
+        let counted = count(&component);
+        if counted > most {
+            (best, most) = (component, counted);
         }
     }
-    largest.sort_unstable();
-    largest
+    best.sort_unstable();
+    best
 }
 
 #[cfg(test)]

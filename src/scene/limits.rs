@@ -1,6 +1,8 @@
 //! What limits where cameras stand beside the region and the surface: walls, volumes to keep out of, heights that a tripod
 //! reaches, ground that can be walked on.
 
+use std::f64::consts::TAU;
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -15,12 +17,33 @@ pub type Triangle = [DVec3; 3];
 
 /// A closed volume that nobody stands in.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(from = "VolumeRecord", into = "VolumeRecord")]
 pub struct Volume {
-    /// The file that it is from.
+    /// The file that it is from; empty where it is from none.
     pub file: String,
-    /// Its faces, which a record leaves to the file.
-    #[serde(skip)]
+    /// Its faces.
     pub triangles: Vec<Triangle>,
+}
+
+/// A volume as a record has it: by its file, or its faces where it is from none.
+#[derive(Serialize, Deserialize)]
+struct VolumeRecord {
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    file: String,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    triangles: Vec<Triangle>,
+}
+
+impl From<Volume> for VolumeRecord {
+    fn from(Volume { file, triangles }: Volume) -> Self {
+        Self { triangles: if file.is_empty() { triangles } else { Vec::new() }, file }
+    }
+}
+
+impl From<VolumeRecord> for Volume {
+    fn from(VolumeRecord { file, triangles }: VolumeRecord) -> Self {
+        Self { file, triangles }
+    }
 }
 
 /// Limits in the frame of the surface. Walls and volumes hold for everybody, heights and ground for who takes the photos only.
@@ -79,7 +102,10 @@ impl Limits {
     /// In words, each on a line of its own.
     pub fn lines(&self) -> Vec<String> {
         let wall = |wall: &Wall| format!("wall at {:.3}, cameras to the side of {:.3}", wall.point, wall.normal);
-        let volume = |volume: &Volume| format!("no camera in {}", volume.file);
+        let volume = |volume: &Volume| match &volume.file[..] {
+            "" => format!("no camera in a volume of {} triangles", volume.triangles.len()),
+            file => format!("no camera in {file}"),
+        };
         let heights = |[low, high]: [f64; 2]| format!("cameras at heights {low:.3} to {high:.3}");
         let walk = |Walk { start, radius, height }: Walk| {
             format!(
@@ -159,29 +185,56 @@ impl Limits {
         }
     }
 
-    /// For every voxel, whether no camera may stand in it; empty where there are no limits. A voxel that a wall or a volume to keep
-    /// out of cuts is barred, one that only reaches into the heights is not. Up is +Z.
-    ///
-    /// # Errors
-    /// [`Error::Request`] where nobody can stand at the start of the walk.
-    pub(super) fn barred(&self, grid: &Grid, surface: &Occluder) -> Result<Vec<bool>> {
-        if self.is_empty() {
-            return Ok(Vec::new());
+    /// Whether `p` is inside of a volume to keep out of: by the solid angles of its faces, which add up to a whole turn and more
+    /// around a point inside of a closed mesh.
+    pub fn in_a_volume(&self, p: DVec3) -> bool {
+        self.keep_out.iter().any(|volume| {
+            let angle = |corners: &Triangle| {
+                let [a, b, c] = corners.map(|corner| corner - p);
+                let [la, lb, lc] = [a, b, c].map(DVec3::length);
+                let around = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+                2.0 * a.dot(b.cross(c)).atan2(around)
+            };
+            volume.triangles.iter().map(angle).sum::<f64>().abs() > TAU
+        })
+    }
+
+    /// For every voxel, whether nobody may stand in it; empty where there is no such limit. A voxel that a wall or a volume to keep out
+    /// of cuts is barred.
+    pub(super) fn barred_for_everybody(&self, grid: &Grid) -> Vec<bool> {
+        if self.of_everybody().is_empty() {
+            return Vec::new();
         }
         let mut barred = vec![false; grid.voxels()];
         self.fill_volumes(grid, &mut barred);
-        let ground = self.walk.map(|walk| walk::Ground::new(grid, surface, self, walk)).transpose()?;
         let half = 0.5 * grid.cell;
         for (i, barred) in barred.iter_mut().enumerate() {
             let centre = grid.centre(grid.coordinates(i));
             let behind = |wall: &Wall| {
                 (centre - wall.point).dot(wall.normal) < half * wall.normal.abs().element_sum() * (1.0 - 1e-9)
             };
-            *barred |= self.walls.iter().any(behind)
-                || self.heights.is_some_and(|[low, high]| centre.z + half <= low || centre.z - half >= high)
-                || ground.as_ref().is_some_and(|ground| !ground.holds(centre));
+            *barred |= self.walls.iter().any(behind);
         }
-        Ok(barred)
+        barred
+    }
+
+    /// For every voxel, whether the limits of cameras alone bar it; empty where there are none. A voxel that only reaches into the
+    /// heights is not barred. Up is +Z.
+    ///
+    /// # Errors
+    /// [`Error::Request`] where nobody can stand at the start of the walk.
+    pub(super) fn barred_for_cameras(&self, grid: &Grid, surface: &Occluder) -> Result<Vec<bool>> {
+        if !self.narrows() {
+            return Ok(Vec::new());
+        }
+        let ground = self.walk.map(|walk| walk::Ground::new(grid, surface, self, walk)).transpose()?;
+        let half = 0.5 * grid.cell;
+        let barred = |i: usize| {
+            let centre = grid.centre(grid.coordinates(i));
+            self.heights.is_some_and(|[low, high]| centre.z + half <= low || centre.z - half >= high)
+                || ground.as_ref().is_some_and(|ground| !ground.holds(centre))
+        };
+        Ok((0..grid.voxels()).map(barred).collect())
     }
 }
 
@@ -269,6 +322,59 @@ mod tests {
             let error = room(nonsense).unwrap_err().to_string();
             assert!(error.starts_with("--") && error.contains("give"), "{error}");
         }
+    }
+
+    /// If this failed, cameras would be planned upstairs for viewers who are downstairs, or the half of a flat would be lost where a
+    /// tripod is higher than the door.
+    #[test]
+    fn cameras_and_viewers_are_in_the_same_space() {
+        // A partition across x = 1 with a door of 1 x 1.8, and a floor slab or none.
+        let block = |min: [f64; 3], max: [f64; 3]| box_triangles(min.into(), max.into());
+        let partition = [
+            block([1.0, -2.0, -1.5], [1.1, -0.5, 1.5]),
+            block([1.0, 0.5, -1.5], [1.1, 2.0, 1.5]),
+            block([1.0, -0.5, 0.3], [1.1, 0.5, 1.5]),
+        ];
+        let shape = Shape::Box { min: DVec3::new(-3.0, -2.0, -1.4), max: DVec3::new(3.0, 2.0, 1.4) };
+        let region = Region { shape, up: DVec3::Z, floor: None, clearance: 0.05 };
+        let spaces = |limits: Limits, closed: bool| {
+            let door = if closed { block([1.0, -0.6, -1.5], [1.1, 0.6, 1.5]) } else { Vec::new() };
+            let occluder = Occluder::Triangles([partition.concat(), door].concat());
+            FreeSpace::with_everybody(&occluder, &region, &limits, 60).unwrap()
+        };
+        let sides = |space: &FreeSpace| {
+            let right = places(space).iter().filter(|p| p.x > 1.0).count();
+            (right, places(space).len() - right)
+        };
+        let high = Limits { heights: Some([0.6, 1.0]), ..Limits::default() };
+        let (cameras, viewers) = spaces(high, false);
+        assert!(sides(&cameras).0 > 500 && sides(&cameras).1 > 500, "{:?}", sides(&cameras));
+        assert!(sides(&viewers.unwrap()).0 > 500);
+        // Whoever walks is in the smaller room, which is closed.
+        let walk = Walk { start: DVec3::new(2.0, 0.0, -1.5), radius: 0.2, height: 1.5 };
+        let (cameras, viewers) = spaces(Limits { walk: Some(walk), ..Limits::default() }, true);
+        assert_eq!((sides(&cameras).1, sides(&viewers.unwrap()).1), (0, 0));
+    }
+
+    /// If this failed, a place outside of the limits would be planned with where region and limits only nearly meet.
+    #[test]
+    fn limits_that_the_region_only_nearly_meets_are_refused() {
+        let proxy = Proxy::new(&samples::cube(), Orientation::Trusted).unwrap();
+        let shape = Shape::Shell { centre: DVec3::ZERO, r_min: 2.0, r_max: 3.0 };
+        let region = Region { shape, up: DVec3::Z, floor: Some(0.0), clearance: 0.05 };
+        let within = |heights| {
+            FreeSpace::among(&proxy.occluder, &region, &Limits { heights: Some(heights), ..Limits::default() }, 96)
+        };
+        assert!(within([-0.03, -0.01]).unwrap_err().to_string().contains("--heights"));
+        let space = within([0.0, 0.02]).unwrap();
+        assert!(places(&space).iter().all(|p| (0.0..=0.02).contains(&p.z) && region.contains(*p)));
+        // A ceiling below the head stops whoever walks.
+        let ceiling = Wall { point: DVec3::new(0.0, 0.0, 1.2), normal: -DVec3::Z };
+        let walk = |height| {
+            let walk = Some(Walk { start: DVec3::new(2.5, 0.0, 0.0), radius: 0.2, height });
+            FreeSpace::among(&proxy.occluder, &region, &Limits { walls: vec![ceiling], walk, ..Limits::default() }, 96)
+        };
+        assert!(walk(1.0).is_ok() && walk(1.7).unwrap_err().to_string().contains("--walk"));
     }
 
     /// Two rooms with a door: who walks gets through a door that is wide and high enough, and a camera never stands where

@@ -37,6 +37,12 @@ impl Grid {
         self.origin + self.cell * (DVec3::from_array(voxel.map(f64::from)) + 0.5)
     }
 
+    /// Whether `p` is in the grid.
+    pub fn holds(&self, p: DVec3) -> bool {
+        let far = self.origin + self.cell * DVec3::from_array(self.dims.map(f64::from));
+        p.cmpge(self.origin).all() && p.cmplt(far).all()
+    }
+
     /// The voxel that holds `p`, or the nearest one where `p` is outside the grid.
     pub fn voxel(&self, p: DVec3) -> [u32; 3] {
         let cell = (p - self.origin) / self.cell;

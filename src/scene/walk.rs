@@ -44,8 +44,11 @@ impl Ground {
         let grid = Grid { dims: [nx, ny, 1], ..body };
         let columns = grid.voxels();
         let blocked = |column: usize| {
-            let centre = grid.centre(grid.coordinates(column));
-            limits.behind_a_wall(centre) || (0..layers as usize).any(|layer| taken[layer * columns + column])
+            let foot = grid.centre(grid.coordinates(column));
+            // A wall is a plane: what is before it at both ends is so all the way.
+            limits.behind_a_wall(foot)
+                || limits.behind_a_wall(foot.with_z(head))
+                || (0..layers as usize).any(|layer| taken[layer * columns + column])
         };
         let blocked: Vec<bool> = (0..columns).map(blocked).collect();
         let nearest = nearest_sites(grid.dims, |column| blocked[column]);

@@ -61,8 +61,9 @@ pub fn close(proxy: &mut Proxy, region: &Region) -> Result<usize> {
             match bvh.closest_hit(&ray) {
                 None => Some((side, end, 1)),
                 Some(hit) => {
-                    let stopped = *place + to_internal.inverse().length(f64::from(hit.distance)) * direction;
-                    (stopped.distance(end) < NEAR * cell).then_some((side, end, -1))
+                    // What is seen at the end or beyond it is known: there is a wall, or a way out.
+                    let seen = to_internal.inverse().length(f64::from(hit.distance));
+                    (seen > place.distance(end) - NEAR * cell).then_some((side, end, -1))
                 }
             }
         };

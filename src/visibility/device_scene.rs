@@ -91,9 +91,7 @@ impl SceneGeometry {
         let internal = region.transformed(&to_internal)?;
         let occluder = proxy.occluder.transformed(&to_internal);
         let limits = limits.transformed(&to_internal, region.up);
-        let space = |limits: &Limits| FreeSpace::among(&occluder, &internal, limits, free_space::RESOLUTION);
-        let free = space(&limits)?;
-        let everywhere = limits.narrows().then(|| space(&limits.of_everybody())).transpose()?;
+        let (free, everywhere) = FreeSpace::with_everybody(&occluder, &internal, &limits, free_space::RESOLUTION)?;
         let bvh = Bvh::new(&proxy.occluder, &to_internal)?;
         Ok(Self { to_internal, region: internal, free, limits, everywhere, bvh })
     }
@@ -105,7 +103,8 @@ impl SceneGeometry {
 
     /// Whether somebody can look from `p` in the planner's frame, as far as limits tell.
     pub fn is_allowed(&self, p: DVec3) -> bool {
-        !self.limits.behind_a_wall(p) && !self.open().is_barred(p)
+        let held = if self.open().grid.holds(p) { self.open().is_barred(p) } else { self.limits.in_a_volume(p) };
+        !held && !self.limits.behind_a_wall(p)
     }
 
     /// The feasible place nearest to `position` in the planner's frame, as far as the voxels of the free space can tell:
@@ -119,7 +118,7 @@ impl SceneGeometry {
             }
             place = self.region.nearest(self.free.project(place));
         }
-        place
+        if self.free.is_free(place) { place } else { self.free.nearest_drawn(place) }
     }
 
     /// Squared distance outside the region and its gradient, as the planner's loss has them: that of the shape and the
@@ -212,9 +211,11 @@ impl DeviceRegion {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::limits::{Volume, box_triangles};
     use crate::scene::proxy::Orientation;
-    use crate::scene::random;
+    use crate::scene::region::Shape;
     use crate::scene::samples::textured::two_rooms_model;
+    use crate::scene::{random, samples};
 
     /// If this failed, a planned camera would stand nearer to things than the clearance, and move when it is photographed.
     #[test]
@@ -228,5 +229,30 @@ mod tests {
             assert!(geometry.free.is_free(settled), "{settled} is not free");
             assert_eq!(geometry.settle(settled), settled);
         }
+    }
+
+    /// If this failed, a camera beside a volume to keep out of would be pushed into it by the sphere that it must not leave; or viewers
+    /// would look from within one that stands outside of the region.
+    #[test]
+    fn nobody_is_pushed_into_a_volume() {
+        let proxy = Proxy::new(&samples::sphere(1.0, 24), Orientation::Trusted).unwrap();
+        let shape = Shape::Shell { centre: DVec3::ZERO, r_min: 2.0, r_max: 3.0 };
+        let region = Region { shape, up: DVec3::Z, floor: None, clearance: 0.05 };
+        let boxes =
+            [(DVec3::new(2.2, -1.0, -1.0), DVec3::new(2.999, 0.1, 1.0)), (DVec3::splat(3.2), DVec3::splat(4.0))];
+        let volume = |(min, max): (DVec3, DVec3)| Volume { file: String::new(), triangles: box_triangles(min, max) };
+        let limits = Limits { keep_out: boxes.map(volume).to_vec(), ..Limits::default() };
+        let geometry = SceneGeometry::among(&proxy, &region, &limits).unwrap();
+        let back = geometry.to_internal.inverse();
+        for i in 0..5_000 {
+            let [x, y, z, _] = random::uniforms(5, 0, i);
+            let start = boxes[0].0 - 0.3 + (boxes[0].1 - boxes[0].0 + 0.6) * DVec3::new(x, y, z);
+            let settled = geometry.settle(geometry.to_internal.point(start));
+            let p = back.point(settled);
+            assert!(geometry.free.is_free(settled), "from {start} to {p}, which is not free");
+            assert!((p.cmplt(boxes[0].0) | p.cmpgt(boxes[0].1)).any(), "from {start} to {p} in the volume");
+        }
+        let allowed = |p: DVec3| geometry.is_allowed(geometry.to_internal.point(p));
+        assert!(!allowed(DVec3::splat(3.6)) && allowed(DVec3::splat(3.1)) && allowed(DVec3::splat(4.1)));
     }
 }
