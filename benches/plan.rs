@@ -41,7 +41,7 @@ fn main() -> Result<()> {
     iteration(&context, &mut report, &object, 50, 20, Pass::Dense)?;
     for &views in sizes {
         for pass in [Pass::Dense, Pass::Binned] {
-            // The loops of the dense pass are bounded, see `config::MOST_DENSE`.
+            // The loops of the dense pass are bounded, see `config::MAX_DENSE`.
             if pass == Pass::Dense && views > 1000 {
                 continue;
             }

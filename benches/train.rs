@@ -21,7 +21,7 @@ use camsplat::gaussians::store::PhotoStore;
 use camsplat::gaussians::trainer::{State, Trainer};
 use camsplat::primitives::RadixSort;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
-use camsplat::scene::gaussians::{Gaussians, MOST_DEGREE, coefficients};
+use camsplat::scene::gaussians::{Gaussians, MAX_DEGREE, coefficients};
 use camsplat::scene::random;
 use camsplat::vulkan::Context;
 use camsplat::vulkan::footprint::Footprint;
@@ -78,7 +78,7 @@ struct Course {
 impl Course {
     /// With `start` in the training frame.
     fn new(trainer: Trainer, start: &Gaussians, warm: u32) -> Self {
-        let parameters = layout::to_planes(start, MOST_DEGREE, start.len());
+        let parameters = layout::to_planes(start, MAX_DEGREE, start.len());
         let zeros = vec![0.0; parameters.len()];
         let planes = [parameters, zeros.clone(), zeros];
         let state = State { done: DONE, population: start.len() as u32, planes, statistics: Vec::new() };
@@ -254,7 +254,7 @@ fn scene(count: u32) -> Gaussians {
     let areas = [2.0 * TAU * SPHERE * SPHERE, TAU * TAU * RING[0] * RING[1], 0.5 * TAU * FLOOR * FLOOR];
     let area: f64 = areas.iter().sum();
     let spacing = (area / f64::from(count)).sqrt();
-    let mut scene = Gaussians { degree: MOST_DEGREE, ..Gaussians::default() };
+    let mut scene = Gaussians { degree: MAX_DEGREE, ..Gaussians::default() };
     for i in 0..count {
         let draw = |stream: u32| random::uniforms(SEED, SCENE_STREAM + stream, i);
         let [which, u, v, _] = draw(0);
@@ -281,7 +281,7 @@ fn scene(count: u32) -> Gaussians {
             let size = if k < 3 { 1.5 } else { 0.1 };
             (size * (2.0 * draw(3 + k / 4)[(k % 4) as usize] - 1.0)) as f32
         };
-        scene.harmonics.extend((0..3 * coefficients(MOST_DEGREE) as u32).map(harmonic));
+        scene.harmonics.extend((0..3 * coefficients(MAX_DEGREE) as u32).map(harmonic));
     }
     scene
 }

@@ -151,8 +151,8 @@ fn parts() -> Vec<Variant> {
     vec![
         variant("the base", |_| {}),
         variant("the random start", |config| {
-            config.rate_centre = 0.0;
-            config.rate_direction = 0.0;
+            config.lr_position = 0.0;
+            config.lr_direction = 0.0;
             config.relocate_every = 0;
         }),
         variant("directions weigh the same, not probes", |config| config.equal_probes = false),
@@ -162,7 +162,7 @@ fn parts() -> Vec<Variant> {
         variant("no regulariser", |config| config.lambda_reg = 0.0),
         variant("no relocation", |config| config.relocate_every = 0),
         variant("relocation every 25", |config| config.relocate_every = 25),
-        variant("scale held", |config| config.rate_scale = 0.0),
+        variant("scale held", |config| config.lr_scale = 0.0),
         variant("no pressure on the scale", |config| config.lambda_scale = 0.0),
         variant("no occlusion", |config| config.occlusion = false),
         variant("no scores (VDS)", |config| config.vds = false),
@@ -175,10 +175,10 @@ fn parts() -> Vec<Variant> {
         variant("gate softness 0.05", |config| config.gate_softness = 0.05),
         variant("opacity 0.05", |config| config.alpha = 0.05),
         variant("opacity 0.2", |config| config.alpha = 0.2),
-        variant("positions half as fast", |config| config.rate_centre *= 0.5),
-        variant("positions twice as fast", |config| config.rate_centre *= 2.0),
-        variant("directions half as fast", |config| config.rate_direction *= 0.5),
-        variant("directions twice as fast", |config| config.rate_direction *= 2.0),
+        variant("positions half as fast", |config| config.lr_position *= 0.5),
+        variant("positions twice as fast", |config| config.lr_position *= 2.0),
+        variant("directions half as fast", |config| config.lr_direction *= 0.5),
+        variant("directions twice as fast", |config| config.lr_direction *= 2.0),
         variant("regulariser 0.3", |config| config.lambda_reg = 0.3),
         variant("pressure 0.2", |config| config.lambda_scale = 0.2),
     ]

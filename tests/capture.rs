@@ -1,4 +1,4 @@
-//! `--capture`: a capture that RenderDoc takes, opened again by RenderDoc.
+//! `--renderdoc`: a capture that RenderDoc takes, opened again by RenderDoc.
 
 mod command;
 
@@ -53,7 +53,7 @@ fn succeeded(output: Output) -> String {
 #[test]
 fn a_capture_of_one_iteration_opens_again_with_its_names() {
     let Some(place) = place() else { return };
-    let mut command = place.command(&format!("plan ball.ply --out o {SHORT} --capture taken"));
+    let mut command = place.command(&format!("plan ball.ply --out o {SHORT} --renderdoc taken"));
     let out = succeeded(command.env("HOME", place.path("")).output().unwrap());
     let named = out.lines().find_map(|line| line.strip_prefix("capture  ")).expect(&out);
     assert!(named.starts_with("taken") && named.ends_with(".rdc"), "{named}");
@@ -105,7 +105,7 @@ fn parsed(place: &Place, capture: &str) {
 #[test]
 fn a_capture_can_be_parsed_without_replaying_it() {
     let Some(place) = place() else { return };
-    let mut command = place.command(&format!("plan ball.ply --out o {SHORT} --capture taken"));
+    let mut command = place.command(&format!("plan ball.ply --out o {SHORT} --renderdoc taken"));
     let out = succeeded(command.env("HOME", place.path("")).output().unwrap());
     parsed(&place, out.lines().find_map(|line| line.strip_prefix("capture  ")).expect(&out));
 }
@@ -115,7 +115,7 @@ fn a_capture_can_be_parsed_without_replaying_it() {
 fn a_capture_does_not_change_the_plan() {
     let Some(place) = place() else { return };
     place.done(&format!("plan ball.ply --out plain {SHORT}"));
-    let mut command = place.command(&format!("plan ball.ply --out captured {SHORT} --capture taken"));
+    let mut command = place.command(&format!("plan ball.ply --out captured {SHORT} --renderdoc taken"));
     succeeded(command.env("HOME", place.path("")).output().unwrap());
     let (plain, captured) = (place.plan("plain"), place.plan("captured"));
     assert_eq!((plain.cameras, plain.history), (captured.cameras, captured.history));
@@ -125,7 +125,7 @@ fn a_capture_does_not_change_the_plan() {
 #[test]
 fn a_capture_that_cannot_be_taken_is_an_error() {
     let Some(place) = place() else { return };
-    let mut command = place.command(&format!("plan ball.ply --out o {SHORT} --capture taken"));
+    let mut command = place.command(&format!("plan ball.ply --out o {SHORT} --renderdoc taken"));
     // The switch with which RenderDoc 1.24's layer stays out of a process; later versions have one of their own.
     let version =
         String::from_utf8_lossy(&Command::new("renderdoccmd").arg("version").output().unwrap().stdout).into_owned();

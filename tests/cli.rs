@@ -137,7 +137,7 @@ fn every_option_of_the_help_is_accepted() {
         "--iterative --base-loss --no-vds --no-occlusion --no-reg --no-relocation --dry-run",
         "--iterative --equal-directions --no-occlusion --no-reg --no-relocation",
         "--base-loss --relocate-every 5 --lambda-reg 2 --lambda-bound 3 --lambda-scale 0.1 --alpha 0.2 --scale 0.3",
-        "--rate-scale 0 --rate-centre 0.01 --rate-direction 0.03 --probes 8 --resolution 24",
+        "--lr-scale 0 --lr-position 0.01 --lr-direction 0.03 --probes 8 --resolution 24",
         "--viewers shell:0,0,0,2,4",
         "--viewers box:-4,-4,2,4,4,5",
         "--viewers cone:120,0,-1,0",
@@ -150,7 +150,7 @@ fn every_option_of_the_help_is_accepted() {
     let mut tried: BTreeSet<String> = BTreeSet::new();
     // Capturing and the peers have their own tests, and help ends every run.
     tried.extend(
-        ["capture", "curve", "help", "method", "candidates", "nodes", "hidden-nodes", "model", "antialiased"]
+        ["renderdoc", "curve", "help", "method", "candidates", "nodes", "hidden-nodes", "model", "antialiased"]
             .map(str::to_owned),
     );
     tried.extend(["renders", "steps", "look-size", "noise-steps"].map(str::to_owned));
@@ -217,14 +217,14 @@ fn every_option_of_train_is_accepted_and_counts() {
     let place = Place::new();
     capture::write(&place.path("capture"), 6, 32);
     capture::write(&place.path("more"), 2, 32);
-    let given = "--max-splats 100 --strategy classic --sh 1 --background random --antialiased --first-opacity 0.2 \
-                 --first-scale 0.7 --shrink 2 --skip-missing --seed 3 --save-every 1 --evaluate-every 1 --profile \
+    let given = "--max-splats 100 --strategy adc --sh 1 --background random --antialiased --init-opacity 0.2 \
+                 --init-scale 0.7 --shrink 2 --skip-missing --seed 3 --save-every 1 --evaluate-every 1 --profile \
                  --trace t.json --device 0 --debug-sync --iterations 3 --out o";
     let ran = place.done(&format!("train capture --test-every 3 {given}"));
     let record: serde_json::Value = serde_json::from_str(&place.read("o/train.json")).unwrap();
     let expected = serde_json::json!({
-        "iterations": 3, "max_splats": 100, "strategy": "classic", "degree": 1, "background": "random",
-        "antialiased": true, "fast": false, "seed": 3, "first_opacity": 0.2, "first_scale": 0.7,
+        "iterations": 3, "max_splats": 100, "strategy": "adc", "degree": 1, "background": "random",
+        "antialiased": true, "fast": false, "seed": 3, "init_opacity": 0.2, "init_scale": 0.7,
     });
     assert_eq!(record["config"], expected);
     assert_eq!((&record["photos"]["largest"], &record["photos"]["test"]), (&serde_json::json!([16, 12]), &2.into()));
@@ -266,13 +266,13 @@ fn what_is_asked_for_is_what_runs() {
     let place = Place::new();
     place.done(&format!(
         "plan ball.ply --out o {SMALL} --seed 9 --iterations 12 --objective splat --gate pinhole-hard --kernel metric \
-         --start identical --no-occlusion --no-relocation --equal-directions --probes 7 --alpha 0.25 --rate-scale 0 --size 320x200"
+         --start identical --no-occlusion --no-relocation --equal-directions --probes 7 --alpha 0.25 --lr-scale 0 --size 320x200"
     ));
     let plan = place.plan("o");
     let expected = serde_json::json!({
         "views": 5, "seed": 9, "iterations": 12, "objective": "splat", "gate": "pinhole_hard", "kernel": "metric",
         "start": "identical", "occlusion": false, "vds": true, "relocate_every": 0, "probes": 7, "pool": 64,
-        "held_out": 60, "equal_probes": false, "alpha": 0.25, "rate_scale": 0.0, "preset": "object",
+        "held_out": 60, "equal_probes": false, "alpha": 0.25, "lr_scale": 0.0, "preset": "object",
     });
     for (name, value) in expected.as_object().unwrap() {
         assert_eq!(&plan.config[name], value, "{name}");

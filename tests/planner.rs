@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use camsplat::metrics::score_point::{Field, Scorer, aggregate};
-use camsplat::plan::config::{Config, Gate, Kernel, MOST_DENSE, Objective, Pass, Preset};
+use camsplat::plan::config::{Config, Gate, Kernel, MAX_DENSE, Objective, Pass, Preset};
 use camsplat::plan::dense::{Batch, dense};
 use camsplat::plan::planner::{Outcome, Planner};
 use camsplat::plan::preparation::Preparation;
@@ -60,8 +60,8 @@ fn one_iteration_is_that_of_the_twin() {
                     resolution: Some(resolution),
                     gate_softness: 0.02,
                     iterations: 1,
-                    rate_centre: 0.0,
-                    rate_direction: 0.0,
+                    lr_position: 0.0,
+                    lr_direction: 0.0,
                     seed,
                     equal_probes: seed == 1,
                     ..small(*preset, 40)
@@ -151,7 +151,7 @@ fn targets_by_score_are_those_of_the_twin() {
     let context = context();
     let scene = scored(&context);
     for pass in [Pass::Dense, Pass::Binned] {
-        let still = Config { iterations: 1, rate_centre: 0.0, rate_direction: 0.0, ..small(Preset::Object, 40) };
+        let still = Config { iterations: 1, lr_position: 0.0, lr_direction: 0.0, ..small(Preset::Object, 40) };
         compare(&context, &scene, Config { pass, gate_softness: 0.02, resolution: Some(24), ..still });
     }
     silent(&context);
@@ -258,7 +258,7 @@ fn a_scaled_moved_and_turned_scene_gives_the_plan_scaled_moved_and_turned() {
             mesh.positions.iter_mut().for_each(|p| *p = map.point(*p));
             let moved = scene(&context, &Surface::Mesh(mesh), &region.transformed(&map).expect("still a box"));
             let config = Config { iterations: 20, relocate_every: 0, ..small(preset, 30) };
-            let rates = (config.rate_centre as f64, config.rate_direction as f64);
+            let rates = (config.lr_position as f64, config.lr_direction as f64);
             let (here, there) = (run(&context, &base, config.clone()), run(&context, &moved, config));
             let size = map.length(region.bounding_sphere().1);
             // A scene thousands of its own sizes away has lost digits before it gets here: a corner may come out in the
@@ -334,7 +334,7 @@ fn the_dense_pass_takes_as_many_cameras_as_it_says() {
         pool: 16,
         checkpoint_every: 1,
         relocate_every: 0,
-        ..Config::of(Objective::Splat, Preset::Object, MOST_DENSE)
+        ..Config::of(Objective::Splat, Preset::Object, MAX_DENSE)
     };
     let dense = planner(&context, &scene, Config { pass: Pass::Dense, ..config.clone() });
     let binned = planner(&context, &scene, Config { pass: Pass::Binned, ..config });
@@ -343,7 +343,7 @@ fn the_dense_pass_takes_as_many_cameras_as_it_says() {
         binned.run(None, |_| ControlFlow::Continue(())).expect("a binned run"),
     );
     let visible = dense.tallies().expect("tallies").iter().map(|tally| tally.visible).max();
-    assert!(visible > Some(MOST_DENSE / 2), "only {visible:?} cameras are seen: this tests nothing");
+    assert!(visible > Some(MAX_DENSE / 2), "only {visible:?} cameras are seen: this tests nothing");
     let (a, b) = (a.history[0], b.history[0]);
     assert!((a.image - b.image).abs() < 1e-4 * a.image && (a.reg - b.reg).abs() <= 1e-4 * a.reg, "{a:?} against {b:?}");
     let (a, b) = (dense.gradients().expect("gradients"), binned.gradients().expect("gradients"));

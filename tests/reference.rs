@@ -111,3 +111,88 @@ fn the_readme_stays_short_and_lines_stay_narrow() {
         }
     }
 }
+
+/// Words of our own that readers had to translate; what they should read instead.
+const PRIVATE: [(&str, &str); 8] = [
+    ("came apart", "diverged"),
+    ("come apart", "diverge"),
+    ("nobody chose", "held-out test views"),
+    ("all the way", "the full pipeline"),
+    (" told ", "reported, measured"),
+    (" tells ", "reports, measures"),
+    (" hears ", "receives"),
+    ("trained over white", "trained on a white background"),
+];
+
+/// If this failed, users would meet words that only we know.
+#[test]
+fn guides_and_help_use_the_words_of_the_field() {
+    let is_read_first = |page: &&PathBuf| {
+        page.ends_with("README.md") || page.starts_with(root().join("docs/guide")) || page.ends_with("commands.md")
+    };
+    for page in pages().iter().filter(is_read_first) {
+        let text = fs::read_to_string(page).unwrap().split_whitespace().collect::<Vec<_>>().join(" ");
+        for (word, instead) in PRIVATE {
+            assert!(!text.contains(word), "{}: {word:?} should be {instead:?}", page.display());
+        }
+    }
+}
+
+/// Where stages are held against plain Rust that has not their own name.
+const TWINS: [(&str, &str); 22] = [
+    ("bin_", "src/plan/dense.rs"),
+    ("check_depth", "src/stereo/consistency.rs"),
+    ("copy_words", "tests/primitives_scan.rs"),
+    ("cover_weigh", "tests/gaussian_fisher.rs"),
+    ("density_", "tests/training.rs"),
+    ("first_hit", "tests/photograph.rs"),
+    ("fisher_", "src/gaussians/twin/fisher.rs"),
+    ("mcmc_split", "src/gaussians/twin/optimise.rs"),
+    ("mcmc_", "tests/training.rs"),
+    ("noise_spread", "tests/manifold.rs"),
+    ("noise_", "src/gaussians/manifold.rs"),
+    ("photo_", "src/gaussians/twin/loss.rs"),
+    ("plane_sweep", "src/stereo/cost.rs"),
+    ("radix_", "src/primitives/twin.rs"),
+    ("refine_depth", "src/stereo/cost.rs"),
+    ("relocate", "tests/relocation.rs"),
+    ("scan_", "src/primitives/twin.rs"),
+    ("snapshot", "tests/planner.rs"),
+    ("splat_update", "src/gaussians/twin/project.rs"),
+    ("splat_project", "src/gaussians/twin/project.rs"),
+    ("splat_", "src/gaussians/twin/composite.rs"),
+    ("train_tally", "tests/training.rs"),
+];
+
+/// If this failed, a stage would have been added that nothing compares with what it should compute.
+#[test]
+fn every_stage_is_held_against_plain_rust() {
+    let rust = |folder: &str| {
+        let mut text = String::new();
+        let mut folders = vec![root().join(folder)];
+        while let Some(folder) = folders.pop() {
+            for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+                match path.extension() {
+                    _ if path.is_dir() => folders.push(path),
+                    Some(extension) if extension == "rs" => text += &fs::read_to_string(&path).unwrap(),
+                    _ => {}
+                }
+            }
+        }
+        text
+    };
+    let text = rust("src") + &rust("tests");
+    let mut stages = Vec::new();
+    for layer in fs::read_dir(root().join("shaders/glsl")).unwrap().map(|entry| entry.unwrap().path()) {
+        let files = fs::read_dir(&layer).unwrap().map(|entry| entry.unwrap().path());
+        stages.extend(files.filter(|path| path.extension().is_some_and(|extension| extension == "comp")));
+    }
+    assert!(stages.len() > 50, "only {} stages were found", stages.len());
+    for stage in stages {
+        let name = stage.file_stem().unwrap().to_str().unwrap();
+        let own = ["(", "<"].iter().any(|end| text.contains(&format!("fn {name}{end}")));
+        let elsewhere = TWINS.iter().find(|(start, _)| name.starts_with(start)).map(|(_, file)| *file);
+        let held = elsewhere.is_some_and(|file| root().join(file).exists());
+        assert!(own || held, "{name}: write its twin, a function of its name, or say in TWINS what holds it");
+    }
+}

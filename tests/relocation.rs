@@ -28,9 +28,9 @@ fn the_least_useful_are_relocated_and_only_into_the_region() {
             checkpoint_every: 10,
             relocate_every: 10,
             relocate_until: 1.0,
-            rate_centre: 0.0,
-            rate_direction: 0.0,
-            rate_scale: 0.0,
+            lr_position: 0.0,
+            lr_direction: 0.0,
+            lr_scale: 0.0,
             ..Config::of(Objective::Splat, preset, 60)
         };
         let planner = planner(&context, &scene, config);

@@ -36,7 +36,7 @@ fn choose(
     let context = context()?;
     let allowed: Vec<usize> = (0..set.photos.len()).collect();
     let sight = Sight::empty(0, set.photos.len());
-    let pool = Pool { set, region: &target.region, sight: &sight, must, allowed: &allowed, count, seed: 5 };
+    let pool = Pool { set, region: &target.region, sight: &sight, include: must, allowed: &allowed, count, seed: 5 };
     let mut taken = Vec::new();
     let mut photograph = |photo: &Photo| {
         taken.extend(set.photos.iter().position(|other| other.camera.name == photo.camera.name));
@@ -98,7 +98,7 @@ fn a_photograph_that_is_not_taken_ends_the_choice() -> Result<()> {
     let allowed: Vec<usize> = (0..set.photos.len()).collect();
     let sight = Sight::empty(0, set.photos.len());
     let pool =
-        Pool { set: &set, region: &target.region, sight: &sight, must: &[], allowed: &allowed, count: 9, seed: 5 };
+        Pool { set: &set, region: &target.region, sight: &sight, include: &[], allowed: &allowed, count: 9, seed: 5 };
     let mut left = 5;
     let mut photograph = |photo: &Photo| {
         left -= 1;

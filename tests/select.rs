@@ -230,7 +230,7 @@ fn must_and_never_hold_for_every_method() {
     let set = pool(30, 5);
     let target = target();
     for method in Method::CONTROLS.into_iter().chain([Method::Swap, Method::Acp]) {
-        let request = Request { method, must: vec![3, 17], never: vec![0, 5, 29], points: 150, ..Request::new(8) };
+        let request = Request { method, include: vec![3, 17], exclude: vec![0, 5, 29], points: 150, ..Request::new(8) };
         let prospect = Prospect::new(&context, &set, &target, request).expect("a pool");
         let selection = prospect.select(None, false).expect("a selection");
         let photos: Vec<usize> = selection.chosen.iter().map(|chosen| chosen.photo).collect();
@@ -256,7 +256,7 @@ fn no_control_is_better_by_the_objective() {
         set: &set,
         region: &target.region,
         sight: &survey.sight,
-        must: &[],
+        include: &[],
         allowed: &everything,
         count: 10,
         seed: 4,

@@ -71,7 +71,7 @@ fn the_folder_is_a_capture_of_the_chosen_photos() {
     let place = place();
     place.write("must.txt", "photo_03.png\n\nphoto_07.png\n");
     place.write("never.txt", "photo_00.png\n");
-    let options = "--must must.txt --never never.txt --sharpness --suggest 3 --copy";
+    let options = "--include must.txt --exclude never.txt --sharpness --suggest 3 --copy";
     let ran = place.done(&format!("select capture --count 6 --out o {SMALL} {options}"));
     for word in ["all photos", "swap", "fibonacci", "coverage", "unseen", "report"] {
         assert!(ran.out.contains(word), "{word:?} is not in {}", ran.out);
@@ -170,11 +170,11 @@ fn what_cannot_be_chosen_is_refused() {
     let cases: [(&str, &[&str]); 15] = [
         ("capture --count 25", &["--count is 25", "24 photos", "give fewer"]),
         ("capture --count 0", &["--count is 0", "at least 1"]),
-        ("capture --count 24 --never one.txt", &["23 photos of 24", "--never"]),
-        ("capture --count 1 --must two.txt", &["--must names 2", "raise --count"]),
-        ("capture --count 5 --must two.txt --never one.txt", &["--must and --never both name photo_02.png"]),
-        ("capture --count 5 --must odd.txt", &["odd.txt", "nowhere.png, neither.png"]),
-        ("capture --count 5 --never gone.txt", &["gone.txt"]),
+        ("capture --count 24 --exclude one.txt", &["23 photos of 24", "--exclude"]),
+        ("capture --count 1 --include two.txt", &["--include names 2", "raise --count"]),
+        ("capture --count 5 --include two.txt --exclude one.txt", &["--include and --exclude both name photo_02.png"]),
+        ("capture --count 5 --include odd.txt", &["odd.txt", "nowhere.png, neither.png"]),
+        ("capture --count 5 --exclude gone.txt", &["gone.txt"]),
         ("capture --count 5 --points 0", &["--points is 0"]),
         ("poses.json --count 5", &["poses.json", "no points", "--surface"]),
         ("poses.json --count 5 --surface ball.ply --sharpness", &["poses.json", "missing"]),

@@ -136,7 +136,7 @@ fn five_iterations_are_those_of_the_twin() {
         resolution: Some(24),
         relocate_every: 0,
         checkpoint_every: 6,
-        rate_centre: 0.03,
+        lr_position: 0.03,
         // The pull of the region is then about as large as the other gradients. At its default it is a spring so stiff that,
         // where a splat is just out, rounding of the position decides about the step.
         lambda_bound: 0.1,
@@ -163,7 +163,7 @@ fn five_iterations_are_those_of_the_twin() {
             scales.push(twin.clock.log_scale);
             assert_eq!(planner.done(), count);
             let splats = planner.splats().expect("splats");
-            let rates = [config.rate_centre, config.rate_direction].map(f64::from);
+            let rates = [config.lr_position, config.lr_direction].map(f64::from);
             for (j, (splat, &(centre, direction))) in splats.iter().zip(&twin.splats).enumerate() {
                 let off = (Vec3::from(splat.centre).as_dvec3() - centre).length();
                 let turned = (Vec3::from(splat.direction).as_dvec3() - direction).length();
@@ -184,7 +184,7 @@ fn five_iterations_are_those_of_the_twin() {
         assert_eq!(history.len(), 5);
         for (record, scale) in history.iter().zip(&scales) {
             let off = (f64::from(record.scale).ln() - scale).abs();
-            assert!(off < 0.01 * f64::from(config.rate_scale), "{name}: the scale is off by {off} of its logarithm");
+            assert!(off < 0.01 * f64::from(config.lr_scale), "{name}: the scale is off by {off} of its logarithm");
         }
         for (record, twin) in history.iter().zip(&terms) {
             for (device, twin) in [record.image, record.reg, record.bound].into_iter().zip(twin) {
@@ -213,7 +213,7 @@ fn the_pull_of_the_region_is_that_of_the_twin() {
         pool: 32,
         resolution: Some(16),
         relocate_every: 0,
-        rate_centre: 0.2,
+        lr_position: 0.2,
         decay: 1.0,
         lambda_bound: weight,
         ..Config::new(Preset::Object, 40)

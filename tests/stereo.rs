@@ -15,7 +15,7 @@ use camsplat::scene::surface::Surface;
 use camsplat::scene::voxels::Grid;
 use camsplat::stereo::choose::neighbours;
 use camsplat::stereo::consistency::{check, support};
-use camsplat::stereo::cost::{MOST_PAIRS, NO_MATCH, Plane, Scene};
+use camsplat::stereo::cost::{MAX_PAIRS, NO_MATCH, Plane, Scene};
 use camsplat::stereo::depth::Sweeper;
 use camsplat::stereo::frame::{StereoPair, StereoView, device_pairs, device_views};
 use camsplat::stereo::hull::{Evidence, Hull, carve};
@@ -180,7 +180,7 @@ fn can_be_found(given: &Given, reference: usize, i: u32, truth: f64) -> bool {
             (f64::from(depth) / first - 1.0).abs() < 0.02
         })
     };
-    let pairs = &given.pairs[MOST_PAIRS * reference..][..view.pairs as usize];
+    let pairs = &given.pairs[MAX_PAIRS * reference..][..view.pairs as usize];
     (f64::from(view.near)..f64::from(view.far)).contains(&truth) && pairs.iter().filter(sees).count() >= 2
 }
 

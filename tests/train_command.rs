@@ -13,9 +13,9 @@ use command::{Place, ended};
 use gaussian_support::capture;
 
 /// Options that keep a run small.
-const SMALL: &str = "--max-splats 200 --sh 1 --first-scale 0.5 --first-opacity 0.3";
+const SMALL: &str = "--max-splats 200 --sh 1 --init-scale 0.5 --init-opacity 0.3";
 
-const STRATEGIES: [&str; 2] = ["mcmc", "classic"];
+const STRATEGIES: [&str; 2] = ["mcmc", "adc"];
 
 /// A folder with a capture of nine photos of 48 x 41 pixels in it.
 fn place() -> Place {
@@ -131,7 +131,7 @@ fn a_dry_run_announces_what_a_run_takes_and_writes_nothing() {
 #[test]
 fn the_validation_layers_are_silent_over_a_whole_run() {
     let place = place();
-    for options in ["--strategy mcmc --antialiased --profile", "--strategy classic --background random"] {
+    for options in ["--strategy mcmc --antialiased --profile", "--strategy adc --background random"] {
         let arguments = format!("train capture --out o --force {SMALL} --iterations 24 --save-every 9 {options}");
         let ran = ended(place.command(&arguments).env("CAMSPLAT_VALIDATION", "1").output().unwrap());
         assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""), "camsplat {arguments}");

@@ -129,7 +129,7 @@ fn a_run_that_is_killed_again_and_again_ends_as_if_it_had_not_been() {
 #[test]
 fn a_stopped_run_can_be_resumed_to_the_bit() {
     let place = place();
-    for (signal, strategy) in [("-INT", "mcmc"), ("-TERM", "classic")] {
+    for (signal, strategy) in [("-INT", "mcmc"), ("-TERM", "adc")] {
         let run = format!("train capture {SMALL} --iterations 60 --save-every 0 --test-every 0 --strategy {strategy}");
         let run = run.replace("--iterations 40 ", "");
         place.done(&format!("{run} --out whole --force"));
@@ -192,10 +192,10 @@ fn resuming_as_another_run_is_refused_and_changes_nothing() {
         ("capture", "--iterations 4 --max-splats 300", &["--max-splats 200, not 300"]),
         ("capture", &format!("{usual} --sh 1"), &["--sh 3, not 1"]),
         ("capture", &format!("{usual} --seed 7"), &["--seed 0, not 7"]),
-        ("capture", &format!("{usual} --strategy classic"), &["--strategy mcmc, not classic"]),
+        ("capture", &format!("{usual} --strategy adc"), &["--strategy mcmc, not adc"]),
         ("capture", &format!("{usual} --background white"), &["--background black, not white"]),
         ("capture", &format!("{usual} --antialiased"), &["--antialiased false, not true"]),
-        ("capture", &format!("{usual} --first-scale 0.2"), &["--first-scale 1.0, not 0.2"]),
+        ("capture", &format!("{usual} --init-scale 0.2"), &["--init-scale 1.0, not 0.2"]),
         ("capture", &format!("{usual} --shrink 2"), &["--shrink 1, not 2"]),
         ("fewer", usual, &["another capture", "photos: 9, not 8", "train anew (--force)"]),
         ("larger", usual, &["another capture", "cameras", "train anew (--force)"]),

@@ -39,8 +39,8 @@ fn trainer(context: &Arc<Context>, path: &Path, config: &Config, shrink: u32) ->
         budget: config.max_splats as usize,
         random: config.max_splats as usize,
         degree: config.degree,
-        scale: config.first_scale,
-        opacity: config.first_opacity,
+        scale: config.init_scale,
+        opacity: config.init_opacity,
         seed: config.seed,
     };
     let first: Gaussians = start::start(&split.train, &frame, &begun)?;
@@ -48,10 +48,10 @@ fn trainer(context: &Arc<Context>, path: &Path, config: &Config, shrink: u32) ->
     Trainer::new(context, config.clone(), &first, views, store)
 }
 
-/// A short run that refines on the way; of the classic strategy, with an early reset of the opacities.
+/// A short run that refines on the way; of adaptive density control, with an early reset of the opacities.
 fn short(strategy: Strategy) -> Config {
     let config = Config::new(120, 300).with_strategy(strategy, true);
-    Config { degree: 1, first_opacity: 0.3, first_scale: 0.5, ..config }
+    Config { degree: 1, init_opacity: 0.3, init_scale: 0.5, ..config }
 }
 
 fn folder() -> tempfile::TempDir {
@@ -70,7 +70,7 @@ fn psnr(trainer: &Trainer, from: usize, to: usize) -> f64 {
 #[test]
 fn a_small_scene_is_learnt() -> Result<()> {
     let (context, folder) = (context()?, folder());
-    for strategy in [Strategy::Mcmc, Strategy::Classic] {
+    for strategy in [Strategy::Mcmc, Strategy::Adc] {
         let mut trainer = trainer(&context, folder.path(), &short(strategy), 1)?;
         trainer.run(120, None, go_on)?;
         let (before, after) = (psnr(&trainer, 0, 9), psnr(&trainer, 111, 120));
@@ -86,7 +86,7 @@ fn a_small_scene_is_learnt() -> Result<()> {
 #[test]
 fn a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> Result<()> {
     let (context, folder) = (context()?, folder());
-    for strategy in [Strategy::Mcmc, Strategy::Classic] {
+    for strategy in [Strategy::Mcmc, Strategy::Adc] {
         let config = short(strategy);
         let mut whole = trainer(&context, folder.path(), &config, 1)?;
         whole.run(70, None, go_on)?;
@@ -213,8 +213,8 @@ fn lego_is_learnt() -> Result<()> {
     let config = Config {
         background: camsplat::gaussians::config::Background::White,
         degree: 1,
-        first_opacity: 0.1,
-        first_scale: 0.3,
+        init_opacity: 0.1,
+        init_scale: 0.3,
         ..Config::new(200, 5000)
     };
     let mut trainer = trainer(&context, &Path::new(&data).join("nerf-synthetic/lego"), &config, 1)?;

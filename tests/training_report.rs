@@ -268,7 +268,7 @@ fn values_that_are_not_finite_do_not_break_the_page() {
 /// photo that is drawn to the bit would make the record unreadable.
 #[test]
 fn a_training_that_came_apart_says_so() {
-    let told = |record: &TrainRecord| page_with(record, 1).contains("Warning: the training came apart");
+    let told = |record: &TrainRecord| page_with(record, 1).contains("Warning: training diverged");
     let mut record = run(30_000, Status::Complete);
     assert!(!told(&record));
     record.curve[200..].iter_mut().for_each(|point| point.psnr = 15.0);

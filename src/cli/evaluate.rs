@@ -30,13 +30,13 @@ use crate::{Error, Result, report};
 /// Arguments of `camsplat evaluate`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// Objects or rooms with materials and lamps: .glb or .gltf files
+    /// Objects or rooms with materials and lights: .glb or .gltf files
     #[arg(required_unless_present_any = ["pool", "situation"])]
     scenes: Vec<PathBuf>,
     /// Kind of the scenes: objects seen from around them, or rooms seen from inside [default: room with --box, else object]
     #[arg(long, value_enum)]
     preset: Option<Preset>,
-    /// Choose among photos instead, every eighth held out: captures, as `camsplat select` takes them
+    /// Select from captures of photos instead of planning; every eighth photo is held out
     #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "box_", "clearance", "env", "surface", "size", "spp", "input_spp", "test_spp", "tests", "viewers", "situation", "keep_out", "wall", "heights", "walk"])]
     pool: Vec<PathBuf>,
     /// In a room, cameras and test views stand in a box: corners X0,Y0,Z0,X1,Y1,Z1 [default: the room's bounds less the clearance]
@@ -45,53 +45,52 @@ pub struct Arguments {
     /// In a room, no camera closer than this to the surface [default: a twentieth of the room's smallest side]
     #[arg(long)]
     clearance: Option<f64>,
-    /// Folder for the tables and all products. An evaluation that is there goes on, and what it has made stays
+    /// Folder for the tables and all results. An evaluation that was stopped continues there, and finished results are kept
     #[arg(long)]
     out: PathBuf,
-    /// Light from far around, of all scenes: an equirectangular .hdr file, +Y up
+    /// Environment map that lights all scenes: an equirectangular .hdr file, +Y up
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
-    /// Who chooses: ours, ours-no-vds, ours-iterative, a --method of `camsplat plan`, ours:KEY=VALUE (the planner with
-    /// a key of its configuration set otherwise), or cameras:FILE, a layout of your own in whatever `camsplat capture` takes, seen
-    /// through everybody's lens [default: random, fibonacci, fvs, fvs-chord, fvs-shared, acp, fisherrf, fisherrf-retrain, cover,
+    /// Methods to compare: any --method of `camsplat plan`, ours:KEY=VALUE (the planner with a key of its configuration changed),
+    /// or cameras:FILE, a layout of your own in any format that `camsplat capture` reads, with the lens of the others [default: random, fibonacci, fvs, fvs-chord, fvs-shared, acp, fisherrf, fisherrf-retrain, cover,
     /// manifold, ours-iterative, ours-no-vds, ours; rooms: without fibonacci and manifold; pools: random, fvs,
     /// coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     methods: Option<Vec<Method>>,
-    /// How many views are chosen [default: 50,100; rooms 300; pools 20,40; quick: 20; rooms 30]
+    /// Numbers of views [default: 50,100; rooms 300; pools 20,40; quick: 20; rooms 30]
     #[arg(long, value_delimiter = ',', value_name = "NUMBERS")]
     budgets: Option<Vec<u32>>,
-    /// Runs of each, for the intervals
+    /// Runs of each method, for confidence intervals
     #[arg(long, default_value_t = 3)]
     seeds: u32,
-    /// Seed of the first of these: an evaluation can be made in parts, on several machines with the same device, whose folders of
-    /// subjects are then copied into one
+    /// Seed of the first run: an evaluation can be split over several machines with the same device, and their scene folders
+    /// copied into one
     #[arg(long, default_value_t = 0, value_name = "SEED")]
     first_seed: u32,
-    /// Small pictures and short training: minutes on two cores
+    /// Small images and short training: minutes on two cores
     #[arg(long)]
     quick: bool,
-    /// What methods are shown of a scene [default: proxy; quick rooms: true]
+    /// Surface that methods plan on [default: proxy; quick rooms: true]
     #[arg(long, value_enum)]
     surface: Option<Shown>,
-    /// Side of the pictures in pixels [default: 800; quick: 96]
+    /// Side of the images in pixels [default: 800; quick: 96]
     #[arg(long, value_name = "PIXELS")]
     size: Option<u32>,
-    /// Samples of a pixel [default: 256; quick: 8]
+    /// Samples per pixel [default: 256; quick: 8]
     #[arg(long)]
     spp: Option<u32>,
-    /// Samples of a pixel of the input photos: indoors, where few are grainy, a camera's photos are cleaner [default: as --spp; rooms at
-    /// least 1024 but for --quick]
+    /// Samples per pixel of the input photos [default: as --spp; in rooms at least 1024, since path-traced photos of few samples
+    /// are noisier than a camera's; quick: as --spp]
     #[arg(long)]
     input_spp: Option<u32>,
-    /// Samples of a pixel of the test views, whose noise bounds every score [default: as --spp]
+    /// Samples per pixel of the test views, whose noise limits every score [default: as --spp]
     #[arg(long)]
     test_spp: Option<u32>,
-    /// Photos that a scene's surface and its scores are made from, of no part in the training, and the model that fisherrf and
-    /// cover choose by [default: 10; rooms 30]
+    /// Input photos: the surface, its scores and the model of fisherrf and cover are made from them; they are not trained on
+    /// [default: 10; rooms 30]
     #[arg(long)]
     inputs: Option<u32>,
-    /// Where around an object these are taken from [default: uniform]
+    /// Where around an object the input photos are taken [default: uniform]
     #[arg(long, value_enum)]
     inputs_from: Option<InputsFrom>,
     /// Test views of each set: three of objects, one of rooms [default: 200; quick: 12]
@@ -99,36 +98,36 @@ pub struct Arguments {
     tests: Option<u32>,
     #[command(flatten)]
     viewers: ViewerOptions,
-    /// A situation of practice that objects are photographed in, or two rooms. Floors, walls and things are made up and part of the
-    /// scene; cameras and viewers respect them [default: free]
+    /// Surroundings in which objects are photographed, or two built-in rooms. Floors, walls and blocks become part of the scene, and
+    /// cameras and viewers respect them [default: free]
     #[arg(long, value_enum)]
     situation: Option<Situation>,
     #[command(flatten)]
     limits: LimitOptions,
-    /// Take a pool's photos smaller: each pixel is the mean of a square of so many [default: 1; quick: 8]
+    /// Downsampling factor of a pool's photos [default: 1; quick: 8]
     #[arg(long, requires = "pool")]
     shrink: Option<u32>,
-    /// Iterations of training [default: 30000; quick: 300]
+    /// Training iterations [default: 30000; quick: 300]
     #[arg(long)]
     iterations: Option<u32>,
-    /// Most splats [default: 1000000; quick: 5000]
+    /// Maximum number of splats [default: 1000000; quick: 5000]
     #[arg(long)]
     max_splats: Option<u32>,
-    /// Train with Mip-Splatting's filter: views from farther away than the photos lose less
+    /// Train with Mip-Splatting's filter, which helps views from farther away than the photos
     #[arg(long)]
     antialiased: bool,
-    /// Measure LPIPS with VGG16 too, whose weights these are (safetensors); scripts/make_lpips_weights.py makes them. What is
-    /// trained already is not trained again for it
+    /// Also measure LPIPS with VGG16, with these weights (safetensors, made by scripts/make_lpips_weights.py); finished trainings
+    /// are reused
     #[arg(long, value_name = "FILE")]
     lpips_vgg: Option<PathBuf>,
-    /// The protocol of the paper: the whole one, with every method of its tables, where peers choose from the outer sphere; LPIPS
-    /// is AlexNet's without --lpips-vgg
+    /// The paper's protocol, with every method of its tables and baselines on the outer sphere; LPIPS is AlexNet's without
+    /// --lpips-vgg
     #[arg(long, conflicts_with_all = ["quick", "pool"])]
     paper: bool,
-    /// Where around an object peers may put cameras; the planner always has the whole region [default: region; paper: sphere]
+    /// Where around an object baselines may place cameras; the planner always has the whole region [default: region; paper: sphere]
     #[arg(long, value_enum)]
     peers_from: Option<PeersFrom>,
-    /// Devices that runs are spread over, each by index or part of its name
+    /// Devices to spread the runs over, each by index or part of its name
     #[arg(long, value_delimiter = ',', value_name = "NAMES", conflicts_with = "device")]
     devices: Vec<String>,
     #[command(flatten)]

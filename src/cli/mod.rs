@@ -62,7 +62,7 @@ enum Command {
     Score(Box<score::Arguments>),
     /// Score how much each part of a surface changes with the view, from photos
     Vds(vds::Arguments),
-    /// Choose the best K photos of a capture
+    /// Select the best K photos of a capture
     Select(Box<select::Arguments>),
     /// Compare images with their references: PSNR, SSIM, LPIPS
     Metrics(metrics::Arguments),
@@ -70,15 +70,15 @@ enum Command {
     Train(Box<train::Arguments>),
     /// Make a coarse surface from posed photos, without any points
     Proxy(proxy::Arguments),
-    /// Render trained splats, of whatever program, from given cameras
+    /// Render trained splats of any program from given cameras
     Render(render::Arguments),
-    /// Photograph a scene with materials and lights from given cameras
+    /// Render photos of a glTF scene from given cameras by path tracing
     Capture(Box<capture::Arguments>),
-    /// Compare ways to choose views by what is trained on their photographs
+    /// Compare methods of view selection by the splats trained on their photos
     Evaluate(Box<evaluate::Arguments>),
-    /// List every Vulkan device, what it has and what it lacks
+    /// List every Vulkan device, its features and what it lacks
     Devices,
-    /// Plan for two scenes of our own, then go all the way: photographs, surface, plan, training, scores beside random views
+    /// Run the full pipeline on built-in scenes: plan, render photos, train splats, compare with random placement and a grid
     Demo(demo::Arguments),
     /// The function from variance over photos to view dependency
     Vdsf(vdsf::Arguments),

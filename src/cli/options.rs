@@ -27,10 +27,10 @@ pub struct RegionOptions {
     /// Kind of scene: an object seen from around it, or a room seen from inside [default: room with --box, else object]
     #[arg(long, value_enum)]
     pub preset: Option<Preset>,
-    /// Cameras stand between two spheres: centre and radii CX,CY,CZ,RMIN,RMAX
+    /// Place cameras between two spheres: centre and radii CX,CY,CZ,RMIN,RMAX
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_name = "NUMBERS", conflicts_with = "box_")]
     pub shell: Option<Vec<f64>>,
-    /// Cameras stand in a box: corners X0,Y0,Z0,X1,Y1,Z1
+    /// Place cameras in a box: corners X0,Y0,Z0,X1,Y1,Z1
     #[arg(long = "box", value_delimiter = ',', allow_hyphen_values = true, value_name = "NUMBERS")]
     pub box_: Option<Vec<f64>>,
     /// Cameras stay at or above this height along --up
@@ -39,7 +39,7 @@ pub struct RegionOptions {
     /// Up direction: x, -x, +y, ... [default: +y for glTF and OBJ, the cameras' own for COLMAP, else +z]
     #[arg(long, allow_hyphen_values = true, value_parser = parse_up)]
     pub up: Option<DVec3>,
-    /// No camera closer than this to the surface [default: a twentieth of the object's radius or of the room's
+    /// Minimum distance between cameras and the surface [default: a twentieth of the object's radius or of the room's
     /// smallest side]
     #[arg(long)]
     pub clearance: Option<f64>,
@@ -50,17 +50,17 @@ pub struct RegionOptions {
 /// What limits where cameras stand beside the region.
 #[derive(Args, Clone, Debug)]
 pub struct LimitOptions {
-    /// No camera in this closed mesh or these boxes, which hide nothing by themselves: .obj, .glb, .gltf, .ply, or .json with
-    /// {"boxes": [[X0,Y0,Z0,X1,Y1,Z1], ...]}; as often as needed
+    /// Keep cameras and viewers out of a closed mesh or boxes, which do not block views by themselves: .obj, .glb, .gltf, .ply, or .json with
+    /// {"boxes": [[X0,Y0,Z0,X1,Y1,Z1], ...]}; repeatable
     #[arg(long, value_name = "FILE")]
     pub keep_out: Vec<PathBuf>,
-    /// No camera behind this wall: a point of it, and the direction to the side where cameras stand; as often as needed
+    /// Keep cameras and viewers on one side of a plane, given by a point and the direction to the free side; repeatable
     #[arg(long, value_name = "X,Y,Z,NX,NY,NZ", allow_hyphen_values = true, value_parser = parse_wall)]
     pub wall: Vec<Wall>,
-    /// Cameras stand between these heights along --up, as a tripod reaches
+    /// Restrict cameras to heights along --up that a tripod or drone reaches
     #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true, value_parser = parse_heights)]
     pub heights: Option<[f64; 2]>,
-    /// Cameras stand above level ground that a person or robot of this radius and height can walk to from here, where the feet are
+    /// Restrict cameras to level ground that a person or robot of this radius and height can walk to from this start, at the feet
     #[arg(long, value_name = "X,Y,Z,RADIUS,HEIGHT", allow_hyphen_values = true, value_parser = parse_walk)]
     pub walk: Option<Walk>,
 }
@@ -88,7 +88,7 @@ impl LimitOptions {
             heights: given_limits.heights.or(stored.heights),
             walk: given_limits.walk.or(stored.walk),
         };
-        for volume in limits.keep_out.iter_mut().filter(|volume| !volume.file.is_empty()) {
+        for volume in limits.keep_out.iter_mut().filter(|volume| volume.triangles.is_empty()) {
             *volume = read_volume(Path::new(&volume.file))?;
         }
         limits.validated()
@@ -130,7 +130,7 @@ pub struct CameraOptions {
 /// From where people will look.
 #[derive(Args, Clone, Debug, Default)]
 pub struct ViewerOptions {
-    /// From where people will look at what is trained: shell:CX,CY,CZ,RMIN,RMAX, box:X0,Y0,Z0,X1,Y1,Z1, cone:DEGREES,X,Y,Z (as by
+    /// Where people will look at the trained model from: shell:CX,CY,CZ,RMIN,RMAX, box:X0,Y0,Z0,X1,Y1,Z1, cone:DEGREES,X,Y,Z (as by
     /// default, but in a cone along this direction from the middle), heights:LOW,HIGH, or cameras (COLMAP or NSVF folder,
     /// transforms.json, ...), such as the tests of an evaluation [default: around an object from half of the region's outer
     /// radius to the whole of it, in rooms anywhere; of `select` where the pool's photos were taken]
@@ -196,7 +196,7 @@ pub struct DeviceOptions {
     /// Device, by index or part of its name (see `camsplat devices`) [default: the best]
     #[arg(long)]
     pub device: Option<String>,
-    /// Wait after every stage, so that a lost device names the stage; not while stages are timed
+    /// Wait after every stage, so that the error of a lost device names the stage; not while stages are timed
     #[arg(long)]
     pub debug_sync: bool,
 }
@@ -204,7 +204,7 @@ pub struct DeviceOptions {
 /// A model of the scene, for the methods that choose by one.
 #[derive(Args, Clone, Debug)]
 pub struct ModelOptions {
-    /// Trained splats of the scene (.ply), in the frame of the cameras, for methods that look at them
+    /// Trained splats of the scene (.ply) in the frame of the cameras, for methods that need them
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// The model was trained with antialiasing

@@ -20,7 +20,7 @@ use crate::{Error, Result, report};
 
 /// How cameras are placed, where not by the planner.
 #[derive(Args, Debug)]
-#[command(next_help_heading = "Other methods (docs/reference/baselines.md)")]
+#[command(next_help_heading = "Baselines (docs/reference/baselines.md)")]
 pub struct PeerOptions {
     /// How to place the cameras
     #[arg(long, value_enum, default_value = "ours")]
@@ -32,19 +32,19 @@ pub struct PeerOptions {
     /// Nodes of the grid along a side [acp; default: 32]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64))]
     pub nodes: Option<u32>,
-    /// Nodes behind the surface are not seen; as published they are [acp]
+    /// Treat nodes behind the surface as hidden, unlike the published method [acp]
     #[arg(long)]
     pub hidden_nodes: bool,
-    /// Perturbed pictures of a view in a step uphill [manifold; default: 2]
+    /// Perturbed renderings of a view in an ascent step [manifold; default: 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=64))]
     pub renders: Option<u32>,
-    /// Steps uphill of each camera [manifold; default: 401]
+    /// Ascent steps of each camera [manifold; default: 401]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=100_000))]
     pub steps: Option<u32>,
     /// Longer side of the pictures that are compared, in pixels at most [manifold; default: 128]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(8..=4096))]
     pub look_size: Option<u32>,
-    /// Steps in which the noise of the model is learnt before the first camera is placed [manifold; default: 200]
+    /// Steps of learning the model's noise before the first camera is placed [manifold; default: 200]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     pub noise_steps: Option<u32>,
     #[command(flatten)]

@@ -32,14 +32,14 @@ use crate::{Error, Result};
 /// Arguments of `camsplat plan`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model folder; capture folder, whose photos tell the
+    /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model folder; capture folder, whose photos give the
     /// scores
     surface: PathBuf,
     /// Cameras to place
     #[arg(long, required_unless_present = "curve")]
     views: Option<u32>,
-    /// Say how many views are worth taking: plan with 5 to 300 and write what is expected of each (curve.svg, curve.json)
-    #[arg(long, conflicts_with_all = ["views", "method", "dry_run", "profile", "trace", "capture"])]
+    /// Report how many views are worth taking: plan with 5 to 300 views and write the expected quality of each (curve.svg, curve.json)
+    #[arg(long, conflicts_with_all = ["views", "method", "dry_run", "profile", "trace", "renderdoc"])]
     curve: bool,
     /// Folder to write
     #[arg(long)]
@@ -53,7 +53,7 @@ pub struct Arguments {
     camera: CameraOptions,
     #[command(flatten)]
     viewers: ViewerOptions,
-    /// Cameras that exist already (COLMAP or NSVF folder, transforms.json, plan.json or .log): seen, never moved
+    /// Existing cameras (COLMAP or NSVF folder, transforms.json, plan.json or .log): they count and are never moved
     #[arg(long)]
     keep: Option<PathBuf>,
     #[command(flatten)]
@@ -69,7 +69,7 @@ pub struct Arguments {
     trace: Option<PathBuf>,
     /// Capture one iteration with RenderDoc into FILE_*.rdc
     #[arg(long, value_name = "FILE")]
-    capture: Option<PathBuf>,
+    renderdoc: Option<PathBuf>,
     // The last, since their headings would stand above whatever follows.
     #[command(flatten)]
     peers: PeerOptions,
@@ -87,7 +87,7 @@ pub struct Tuning {
     /// Iterations [default: 100; in rooms 600; of the paper's objective 1000]
     #[arg(long)]
     iterations: Option<u32>,
-    /// What is minimised [default: quality; splat, the paper's, where an option is given that only it has]
+    /// Objective to minimise [default: quality; splat, the paper's, where an option is given that only it has]
     #[arg(long, value_enum)]
     objective: Option<Objective>,
     /// Field-of-view test while optimising [default: pinhole; of the paper's objective soft]
@@ -99,31 +99,31 @@ pub struct Tuning {
     /// Kernel of the splats [default: angular]
     #[arg(long, value_enum)]
     kernel: Option<Kernel>,
-    /// Where the cameras are at first [default: random]
+    /// Initial cameras [default: random]
     #[arg(long, value_enum)]
     start: Option<Start>,
-    /// The way through the splat pass [default: auto]
+    /// Implementation of the splat pass [default: auto]
     #[arg(long, value_enum)]
     pass: Option<Pass>,
-    /// Add the views one at a time, earlier ones fixed, with a fifth of --iterations for each
+    /// Add views one at a time with earlier ones fixed, a fifth of --iterations for each
     #[arg(long)]
     iterative: bool,
     /// Base loss of the paper: no scores, no occlusion
     #[arg(long)]
     base_loss: bool,
-    /// Leave the surface's scores (VDS) aside, and a capture's photos unread
+    /// Ignore the surface's scores (VDS), and do not read a capture's photos
     #[arg(long)]
     no_vds: bool,
-    /// Leave occlusion aside
+    /// Ignore occlusion
     #[arg(long)]
     no_occlusion: bool,
-    /// Weigh every direction the same in the image term, as the paper does, not every probe
+    /// Weight every direction equally in the image term, as the paper does, instead of every probe
     #[arg(long)]
     equal_directions: bool,
-    /// Leave the coverage regulariser out
+    /// Disable the coverage regulariser
     #[arg(long)]
     no_reg: bool,
-    /// Move no splat to where light is missing
+    /// Disable relocation of camera splats
     #[arg(long)]
     no_relocation: bool,
     /// Iterations between relocations [default: 50]
@@ -146,13 +146,13 @@ pub struct Tuning {
     scale: Option<f32>,
     /// Learning rate of the scale; 0 holds it [default: 0.005]
     #[arg(long)]
-    rate_scale: Option<f32>,
+    lr_scale: Option<f32>,
     /// Learning rate of positions, in radii of the region [default: 0.015; of the paper's objective 0.0065]
     #[arg(long)]
-    rate_centre: Option<f32>,
+    lr_position: Option<f32>,
     /// Learning rate of directions [default: 0.05; of the paper's objective 0.02]
     #[arg(long)]
-    rate_direction: Option<f32>,
+    lr_direction: Option<f32>,
     /// Point cameras a step, or viewers [default: 20]
     #[arg(long)]
     probes: Option<u32>,
@@ -184,7 +184,7 @@ impl Tuning {
             || self.no_relocation
             || self.relocate_every.is_some()
             || self.no_reg
-            || [self.lambda_reg, self.lambda_scale, self.alpha, self.scale, self.rate_scale].iter().any(Option::is_some)
+            || [self.lambda_reg, self.lambda_scale, self.alpha, self.scale, self.lr_scale].iter().any(Option::is_some)
     }
 
     /// Refuses options that the objective asked for does not read, and a method that has another.
@@ -220,9 +220,9 @@ impl Tuning {
         set(&mut config.lambda_bound, self.lambda_bound);
         set(&mut config.lambda_scale, self.lambda_scale);
         set(&mut config.alpha, self.alpha);
-        set(&mut config.rate_scale, self.rate_scale);
-        set(&mut config.rate_centre, self.rate_centre);
-        set(&mut config.rate_direction, self.rate_direction);
+        set(&mut config.lr_scale, self.lr_scale);
+        set(&mut config.lr_position, self.lr_position);
+        set(&mut config.lr_direction, self.lr_direction);
         set(&mut config.probes, self.probes);
         set(&mut config.pool, self.pool);
         set(&mut config.held_out, self.held_out);
@@ -243,6 +243,9 @@ impl Tuning {
     }
 }
 
+/// Unconnected part of the free space from which on it is mentioned: insides of furniture are less.
+const NOTEWORTHY: f64 = 0.2;
+
 /// Plans, writes the folder and prints what came out.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let views = arguments.views.unwrap_or(1);
@@ -256,12 +259,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     config.validate()?;
     let peer = arguments.peers.request(&config)?;
     if let (Some((peer, _)), true) =
-        (&peer, arguments.dry_run || arguments.profile || arguments.trace.is_some() || arguments.capture.is_some())
+        (&peer, arguments.dry_run || arguments.profile || arguments.trace.is_some() || arguments.renderdoc.is_some())
     {
         let name = peer.method.name();
-        return Err(Error::request(format!("--method {name} takes no --dry-run, --profile, --trace or --capture")));
+        return Err(Error::request(format!("--method {name} takes no --dry-run, --profile, --trace or --renderdoc")));
     }
-    for file in [&arguments.trace, &arguments.capture].into_iter().flatten() {
+    for file in [&arguments.trace, &arguments.renderdoc].into_iter().flatten() {
         check_file(file)?;
     }
     let model = arguments.peers.model.model.as_ref();
@@ -273,7 +276,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     };
     arguments.trace.iter().try_for_each(|file| check_output_file(file, inputs()))?;
     // Before any thread or Vulkan instance is made: RenderDoc's layer is switched on through the environment.
-    let renderdoc = arguments.capture.as_ref().map(|_| RenderDoc::load()).transpose()?;
+    let renderdoc = arguments.renderdoc.as_ref().map(|_| RenderDoc::load()).transpose()?;
     let intrinsics = arguments.camera.intrinsics()?;
     let folder = if arguments.dry_run { None } else { Some(OutputFolder::create(&arguments.out, arguments.force)?) };
     if folder.is_some() {
@@ -315,7 +318,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     stop_on_interrupt()?;
     let mut profile = (arguments.profile || arguments.trace.is_some()).then(Profile::default);
     let progress = Progress::new(config.iterations);
-    let tools = Tools { profile: profile.as_mut(), capture: renderdoc.as_ref().zip(arguments.capture.clone()) };
+    let tools = Tools { profile: profile.as_mut(), capture: renderdoc.as_ref().zip(arguments.renderdoc.clone()) };
     let plan = job::run(&context, &target, intrinsics, &kept, config, tools, |event| progress.observe(event));
     progress.finish();
     let plan = plan?;
@@ -410,6 +413,10 @@ pub fn print_plan(plan: &Plan) {
         0 => format!("chosen by {} in {:.4} s", record.method, record.seconds),
         iterations => format!("{iterations} iterations in {:.2} s", record.seconds),
     };
+    if plan.geometry.free.unconnected > NOTEWORTHY {
+        let part = 100.0 * plan.geometry.free.unconnected;
+        say!("note     {part:.0}% of the free space is not connected with the rest, and no camera is placed there");
+    }
     say!("plan     {} views, {} kept, {how}", record.cameras.len() - record.kept, record.kept);
     let mut rows = vec![("plan", &record.metrics)];
     rows.extend(record.controls.iter().map(|control| (control.name.as_str(), &control.metrics)));
@@ -417,9 +424,9 @@ pub fn print_plan(plan: &Plan) {
     if let Some(expected) = &record.expected {
         say!("expected {}", expected.line());
         if record.began_from.as_ref() == Some(&expected.against) && expected.db == 0.0 {
-            let told = Fitted::embedded().spread(0.0);
+            let least = Fitted::embedded().spread(0.0);
             say!(
-                "         the plan is that layout itself: the descent gains less than {told:.2} dB, the least that can be told"
+                "         the plan is that layout itself: the descent gains less than {least:.2} dB, too little to be distinguished"
             );
         }
     }

@@ -15,13 +15,13 @@ pub struct RetrainingOptions {
     /// photos [default: 100]
     #[arg(long, value_name = "N")]
     train_every: Option<u32>,
-    /// Most splats [default: 200000]
+    /// Maximum number of splats [default: 200000]
     #[arg(long, value_name = "N")]
     max_splats: Option<u32>,
     /// Train on pictures whose pixels are squares of so many of the photos' [default: 1]
     #[arg(long, value_name = "N")]
     shrink: Option<u32>,
-    /// What lies behind everything [default: black]
+    /// Background [default: black]
     #[arg(long, value_enum)]
     background: Option<Background>,
 }

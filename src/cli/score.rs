@@ -12,8 +12,9 @@ use crate::io::apart::check_output_file;
 use crate::io::folder::{check_file, write_files};
 use crate::metrics::Metrics;
 use crate::plan::config::{Config, Gate, Preset};
-use crate::plan::job;
+use crate::plan::job::{self, Target};
 use crate::plan::reference::Expected;
+use crate::scene::camera::Camera;
 use crate::scene::limits::Limits;
 use crate::scene::region::{Region, Shape};
 use crate::{Error, Result, io};
@@ -76,7 +77,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         say!("{note}");
         (None, 0)
     });
+    if let (Some(file), Some((_, limits))) = (&arguments.json, &stored) {
+        let files: Vec<PathBuf> = limits.keep_out.iter().map(|volume| PathBuf::from(&volume.file)).collect();
+        check_output_file(file, files.iter().filter(|file| file.exists()))?;
+    }
     let target = arguments.region.target(&arguments.surface, &first.intrinsics, stored)?;
+    note_outside(&target, &cameras)?;
     let context = arguments.device.open()?;
     let viewers = arguments.viewers.viewers()?;
     let preset = match target.region.shape {
@@ -110,6 +116,23 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Says how many cameras are outside of the limits, which baselines respect.
+fn note_outside(target: &Target, cameras: &[Camera]) -> Result<()> {
+    if target.limits.is_empty() {
+        return Ok(());
+    }
+    let geometry = target.geometry()?;
+    let outside = |camera: &&Camera| !geometry.keeps_limits(geometry.to_internal.point(camera.pose.position));
+    let count = cameras.iter().filter(outside).count();
+    if count > 0 {
+        say!(
+            "warning  {count} of {} cameras are outside of the limits, which the simple layouts respect",
+            cameras.len()
+        );
+    }
+    Ok(())
+}
+
 /// The region and the limits that a plan.json was made for, which is what its cameras are fairly measured by, and how many of these were kept.
 ///
 /// # Errors
@@ -127,10 +150,16 @@ fn stored(cameras: &Path) -> Result<(Option<(Region, Limits)>, usize), String> {
     let plan = io::json_file(cameras)
         .and_then(|file| io::json::<Plan>(&file, &std::fs::read(&file).map_err(|e| Error::io(&file, e))?));
     let Ok(Plan { region, limits, kept }) = plan else { return Ok((None, 0)) };
-    let limits = if limits.is_null() { Ok(Limits::default()) } else { serde_json::from_value(limits) };
-    let both = serde_json::from_value(region).and_then(|region| Ok((region, limits?)));
-    both.map(|stored| (Some(stored), kept)).map_err(|error| {
-        let file = cameras.display();
+    let file = cameras.display();
+    let region = serde_json::from_value(region).map_err(|error| {
         format!("the region in {file} cannot be read ({error}), and that of the options, or the usual one, is taken")
-    })
+    })?;
+    let limits = match limits {
+        serde_json::Value::Null => Limits::default(),
+        limits if limits.is_object() => serde_json::from_value(limits).map_err(|error| {
+            format!("the limits in {file} cannot be read ({error}), and its region is not taken either")
+        })?,
+        _ => return Err(format!("the limits in {file} are no object, and its region is not taken either")),
+    };
+    Ok((Some((region, limits)), kept))
 }

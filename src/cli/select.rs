@@ -32,7 +32,7 @@ use crate::{Error, Result, io};
 pub struct Arguments {
     /// Capture: a folder with a COLMAP model, a transforms.json, an NSVF folder, or a .log of poses
     capture: PathBuf,
-    /// Photos to choose
+    /// Photos to select
     #[arg(long)]
     count: usize,
     /// Folder to write
@@ -59,19 +59,19 @@ pub struct Arguments {
     method: Method,
     #[command(flatten)]
     model: ModelOptions,
-    /// File with names of photos that are chosen in any case, one a line
+    /// Always select the photos named in this file, one name per line
     #[arg(long, value_name = "FILE")]
-    must: Option<PathBuf>,
-    /// File with names of photos that are not chosen, one a line
+    include: Option<PathBuf>,
+    /// Never select the photos named in this file, one name per line
     #[arg(long, value_name = "FILE")]
-    never: Option<PathBuf>,
-    /// Among choices that are nearly as good, take sharper photos
+    exclude: Option<PathBuf>,
+    /// Prefer sharper photos among nearly equal choices
     #[arg(long)]
     sharpness: bool,
-    /// Plan so many poses worth adding to the choice
+    /// Number of additional poses to suggest
     #[arg(long, value_name = "N", default_value_t = 0)]
     suggest: usize,
-    /// Copy images and masks; else the folder gets symbolic links to them
+    /// Copy images and masks instead of making symbolic links
     #[arg(long)]
     copy: bool,
     /// Seed of every random number
@@ -90,7 +90,7 @@ pub struct Arguments {
 /// Chooses, writes the folder and prints what came out.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let folder = OutputFolder::create(&arguments.out, arguments.force)?;
-    let inputs = [&arguments.surface, &arguments.must, &arguments.never, &arguments.model.model];
+    let inputs = [&arguments.surface, &arguments.include, &arguments.exclude, &arguments.model.model];
     check_output_folder(&arguments.out, inputs.into_iter().flatten().chain(&arguments.region.limits.keep_out))?;
     let set = capture(arguments)?;
     check_apart(&arguments.out, &set)?;
@@ -166,22 +166,22 @@ fn request(arguments: &Arguments, set: &PhotoSet) -> Result<Request> {
     let number: HashMap<&str, usize> =
         set.photos.iter().enumerate().map(|(i, photo)| (photo.camera.name.as_str(), i)).collect();
     let read = |file: &Option<PathBuf>| file.as_deref().map_or(Ok(Vec::new()), |file| listed(file, &number));
-    let (must, never) = (read(&arguments.must)?, read(&arguments.never)?);
-    let both: Vec<&str> = must
+    let (include, exclude) = (read(&arguments.include)?, read(&arguments.exclude)?);
+    let both: Vec<&str> = include
         .iter()
-        .filter(|photo| never.binary_search(photo).is_ok())
+        .filter(|photo| exclude.binary_search(photo).is_ok())
         .map(|photo| set.photos[*photo].camera.name.as_str())
         .collect();
     if !both.is_empty() {
-        let what = format!("--must and --never both name {}; take them out of one", both.join(", "));
+        let what = format!("--include and --exclude both name {}; take them out of one", both.join(", "));
         return Err(Error::request(what));
     }
     let trains = arguments.method == Method::FisherRetrain;
     Ok(Request {
         method: arguments.method,
         retraining: arguments.retraining.settings(arguments.method.name(), trains, set)?,
-        must,
-        never,
+        include,
+        exclude,
         seed: arguments.seed,
         points: arguments.points,
         preset: arguments.region.preset(),

@@ -38,7 +38,7 @@ pub struct Arguments {
     /// Iterations; the schedule is that of 30000, compressed for fewer
     #[arg(long, default_value_t = 30_000)]
     iterations: u32,
-    /// Most splats [default: 1000000, or as many as the device can address]
+    /// Maximum number of splats [default: 1000000, or as many as the device can address]
     #[arg(long)]
     max_splats: Option<u32>,
     /// How the number of splats changes
@@ -47,24 +47,24 @@ pub struct Arguments {
     /// Degree of the spherical harmonics, 0 to 3
     #[arg(long, default_value_t = 3)]
     sh: u32,
-    /// What lies behind everything, and what is trained where masks or alpha leave the photo out [default: white where
+    /// Background, and what is trained where masks or alpha leave the photo out [default: white where
     /// photos have masks or alpha, else black]
     #[arg(long, value_enum)]
     background: Option<Background>,
     /// Mip-Splatting's filter: splats smaller than a pixel fade instead of growing; render with --antialiased as well
     #[arg(long)]
     antialiased: bool,
-    /// Sum gradients by atomic additions, in whatever order they come: no two runs are the same
+    /// Sum gradients by atomic additions in any order: faster, but no two runs are the same
     #[arg(long)]
     fast: bool,
-    /// Opacity of splats at the start [default: 0.5; classic, and below 10000 iterations
+    /// Opacity of splats at the start [default: 0.5; adc, and below 10000 iterations
     /// (without points 1000), 0.1]
     #[arg(long)]
-    first_opacity: Option<f64>,
-    /// Size of splats at the start, in distances to their neighbours [default: 0.1; classic, and below 10000 iterations
+    init_opacity: Option<f64>,
+    /// Size of splats at the start, in distances to their neighbours [default: 0.1; adc, and below 10000 iterations
     /// (without points 1000), 1]
     #[arg(long)]
-    first_scale: Option<f64>,
+    init_scale: Option<f64>,
     /// Test with every so many photos, by name; 0 for none [default: transforms_test.json where there is one, else 8]
     #[arg(long, conflicts_with = "test")]
     test_every: Option<u32>,
@@ -74,7 +74,7 @@ pub struct Arguments {
     /// Train on photos shrunk by this factor: each pixel is the mean of a square of so many stored ones
     #[arg(long, default_value_t = 1)]
     shrink: u32,
-    /// Go on without the images that are missing or cannot be read
+    /// Continue without images that are missing or cannot be read
     #[arg(long)]
     skip_missing: bool,
     /// Seed of every random draw
@@ -83,10 +83,10 @@ pub struct Arguments {
     /// Iterations between checkpoints; 0 for one at the end
     #[arg(long, default_value_t = 5000)]
     save_every: u32,
-    /// Iterations between looks at test views; 0 for one at the end [default: a tenth of the iterations]
+    /// Iterations between evaluations of the test views; 0 for one at the end [default: a tenth of the iterations]
     #[arg(long)]
     evaluate_every: Option<u32>,
-    /// Go on from the checkpoint in the folder
+    /// Continue from the checkpoint in the folder
     #[arg(long, conflicts_with = "force")]
     resume: bool,
     /// Replace files in a folder that is not empty
@@ -215,8 +215,8 @@ fn configuration(arguments: &Arguments, points: bool) -> Config {
         antialiased: arguments.antialiased,
         fast: arguments.fast,
         seed: arguments.seed,
-        first_opacity: arguments.first_opacity.unwrap_or(config.first_opacity),
-        first_scale: arguments.first_scale.unwrap_or(config.first_scale),
+        init_opacity: arguments.init_opacity.unwrap_or(config.init_opacity),
+        init_scale: arguments.init_scale.unwrap_or(config.init_scale),
         ..config
     }
 }
@@ -362,7 +362,7 @@ fn print(record: &TrainRecord, folder: &Path) {
     if let (Status::Complete, Some(last)) = (record.status, record.evaluations.last()) {
         say!("test     {} views: {}", last.views, text(&last.quality));
     }
-    if let Some(line) = record.apart_line() {
+    if let Some(line) = record.diverged_line() {
         say!("warning  {line}");
     }
     say!("model    {}", folder.join(MODEL).display());

@@ -37,7 +37,7 @@ pub struct Arguments {
     /// Take the photos' exposures as they are
     #[arg(long)]
     no_exposure: bool,
-    /// Go on without the images that are missing or cannot be read
+    /// Continue without images that are missing or cannot be read
     #[arg(long)]
     skip_missing: bool,
     /// Memory for photos that are being decoded, in MiB
@@ -51,12 +51,12 @@ pub struct Arguments {
 }
 
 /// Most points that are scored.
-const MOST_POINTS: usize = 4_000_000;
+const MAX_POINTS: usize = 4_000_000;
 
 /// Scores the points of a surface from photos and writes them.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
-    if let Some(points) = arguments.points.filter(|points| !(4..=MOST_POINTS).contains(points)) {
-        return Err(Error::request(format!("--points is {points}; give 4 to {MOST_POINTS}")));
+    if let Some(points) = arguments.points.filter(|points| !(4..=MAX_POINTS).contains(points)) {
+        return Err(Error::request(format!("--points is {points}; give 4 to {MAX_POINTS}")));
     }
     let picture_file = arguments.out.with_extension("png");
     if picture_file == arguments.out {

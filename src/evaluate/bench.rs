@@ -31,7 +31,6 @@ use crate::plan::job::{RegionChoice, Target, Tools};
 use crate::plan::record::PlanRecord;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics};
-use crate::scene::limits::Triangle;
 use crate::scene::proxy::Orientation;
 use crate::scene::region::Region;
 use crate::scene::surface::{Points, Surface};
@@ -348,9 +347,7 @@ impl<'a> Bench<'a> {
         };
         let (intrinsics, device) = (self.intrinsics(), &self.context.physical().name);
         let kept = self.scene.kept(intrinsics, views, seed)?;
-        // A record of limits names the files of volumes only.
-        let volumes: Vec<&Vec<Triangle>> = self.scene.limits.keep_out.iter().map(|volume| &volume.triangles).collect();
-        let limits = json!({ "limits": self.scene.limits, "volumes": volumes });
+        let limits = &self.scene.limits;
         let photographs = matches!(method, Method::Plan(placing) if placing.needs_photographs());
         let made_of = match method {
             // Whatever they are called, and for all seeds.

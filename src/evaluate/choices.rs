@@ -107,7 +107,7 @@ impl<'a> Choices<'a> {
         let count = self.settings.inputs as usize;
         let sight = Sight::empty(0, all.len());
         let (region, allowed) = (&self.target.region, &all[..]);
-        let spread = controls::Pool { set, region, sight: &sight, must: &[], allowed, count, seed: SEED };
+        let spread = controls::Pool { set, region, sight: &sight, include: &[], allowed, count, seed: SEED };
         // Only shared points can be too many to count.
         let chosen = spread.farthest(Distance::Chord).unwrap_or_default();
         let mut names: Vec<String> = chosen.iter().map(|photo| set.photos[*photo].camera.name.clone()).collect();

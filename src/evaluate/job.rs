@@ -236,7 +236,7 @@ impl Runs<'_, '_> {
             seed,
             seconds,
             quality: results::by_set(record, sets),
-            came_apart: record.came_apart(),
+            diverged: record.diverged(),
             folder: stage.key().to_owned(),
             pictures,
             places,
@@ -414,8 +414,8 @@ mod tests {
     fn entry(method: Method) -> Entry {
         let quality = vec![Quality { psnr: 20.0, ssim: 0.5, ..Quality::default() }; 3];
         let (folder, pictures, places) = (String::new(), Vec::new(), Vec::new());
-        let (scene, came_apart) = ("s".into(), None);
-        Entry { scene, method, views: 4, seed: 0, seconds: 0.1, quality, came_apart, folder, pictures, places }
+        let (scene, diverged) = ("s".into(), None);
+        Entry { scene, method, views: 4, seed: 0, seconds: 0.1, quality, diverged, folder, pictures, places }
     }
 
     /// If this failed, an evaluation that is complete would lose its tables to one that walks its runs again and is stopped, runs

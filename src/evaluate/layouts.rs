@@ -134,10 +134,6 @@ impl Trained {
                 "none of the evaluations has trained anything of it; leave it out or name its evaluation",
             ));
         };
-        if let Some(volume) = asked.limits.keep_out.first() {
-            let what = format!("it kept cameras out of {}, which its results do not hold; leave it out", volume.file);
-            return Err(Error::input(&evaluations[0], what));
-        }
         let intrinsics = tests.first().map_or(Intrinsics::from_fov(1, 1, 1.0), |test| test.intrinsics);
         let Asked { kind, settings: Settings { region }, viewers, situation, limits } = asked;
         let preset = kind.preset();

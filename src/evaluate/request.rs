@@ -373,10 +373,15 @@ impl Request {
         if self.situation != Situation::Free && *kind != wanted {
             let name = self.situation.name();
             let of = if wanted == Kind::Room { "rooms" } else { "objects" };
-            return Err(Error::request(format!("--situation {name}: it is of {of}; leave it or --preset out")));
+            return Err(Error::request(format!("--situation {name}: it is of {of}; leave it, --preset or --box out")));
+        }
+        if self.situation == Situation::Front && self.viewers != self.situation.viewers() {
+            return Err(Error::request("--situation front: it says where viewers are; leave it or --viewers out"));
         }
         if self.situation != Situation::Free && settings.peers_from == PeersFrom::Sphere {
-            return Err(Error::request("--peers-from sphere is of free objects; leave it or --situation out"));
+            return Err(Error::request(
+                "--peers-from sphere, which --paper asks for too, is of free objects; leave it or --situation out",
+            ));
         }
         if settings.region != BY_BOUNDS && *kind != Kind::Room {
             return Err(Error::request(

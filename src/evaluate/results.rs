@@ -23,9 +23,9 @@ pub struct Entry {
     pub seconds: f64,
     /// Means over each set of tests.
     pub quality: Vec<Quality>,
-    /// Where the training came apart, what [`TrainRecord::came_apart`] says.
+    /// Where the training diverged, what [`TrainRecord::diverged`] says.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub came_apart: Option<[f64; 2]>,
+    pub diverged: Option<[f64; 2]>,
     /// Folder of the trained splats and the test pictures, in the scene's.
     pub folder: String,
     /// Picture of the first test view of each set: its path in the folders `test` and `reference` of `folder`.
@@ -58,8 +58,8 @@ pub struct Row {
     pub views: u32,
     /// Runs.
     pub seeds: usize,
-    /// Of these the ones whose training came apart.
-    pub came_apart: usize,
+    /// Of these the ones whose training diverged.
+    pub diverged: usize,
     /// Seconds of the choice.
     pub seconds: Interval,
     /// [`METRICS`] by [`Kind::columns`](super::kind::Kind::columns); none where one was not measured.
@@ -139,7 +139,7 @@ fn row(group: &[&Entry]) -> Row {
         method: first.method,
         views: first.views,
         seeds: group.len(),
-        came_apart: group.iter().filter(|entry| entry.came_apart.is_some()).count(),
+        diverged: group.iter().filter(|entry| entry.diverged.is_some()).count(),
         seconds: interval(&group.iter().map(|entry| entry.seconds).collect::<Vec<_>>()),
         measured: [metric(|q| Some(q.psnr)), metric(|q| Some(q.ssim)), metric(|q| q.lpips), metric(|q| q.lpips_vgg)],
     }
@@ -201,7 +201,7 @@ mod tests {
             quality: [0.0, 3.0, 6.0]
                 .map(|more| Quality { psnr: psnr + more, ssim: 0.5, ..Quality::default() })
                 .to_vec(),
-            came_apart: (seed == 1).then_some([20.0, 15.0]),
+            diverged: (seed == 1).then_some([20.0, 15.0]),
             folder: String::new(),
             pictures: Vec::new(),
             places: Vec::new(),
@@ -214,7 +214,7 @@ mod tests {
         ];
         let rows = rows(&entries);
         let means = |row: &Row| row.measured[0].iter().map(|i| i.unwrap().mean).collect::<Vec<_>>();
-        let told = |row: &Row| (row.method, row.views, [row.seeds, row.came_apart], means(row));
+        let told = |row: &Row| (row.method, row.views, [row.seeds, row.diverged], means(row));
         assert_eq!(told(&rows[0]), (Method::Plan(Placing::Ours), 20, [2, 1], vec![21.0, 24.0, 27.0, 24.0]));
         assert_eq!(told(&rows[1]), (Method::Plan(Placing::OursNoVds), 20, [1, 0], vec![10.0, 13.0, 16.0, 13.0]));
         assert_eq!((rows.len(), rows[2].views), (3, 40));

@@ -22,7 +22,7 @@ const INPUT_SEED: u64 = 0x696e_7075;
 const TEST_SEED: u64 = 0x7465_7374;
 /// Rays along a side of a picture, and the share of all that must end on the surface: a view out of a window tests nothing.
 const RAYS: u32 = 8;
-const LEAST_SEEN: f64 = 0.5;
+const MIN_SEEN: f64 = 0.5;
 /// Draws for each camera.
 const DRAWS: usize = 50;
 /// Points that a surface made from photos is held against.
@@ -74,7 +74,7 @@ impl EmptySpace {
     pub fn tests(&self, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
         let back = self.geometry.to_internal.inverse();
         let drawn = baselines::random(self.geometry.open(), DRAWS * count as usize, TEST_SEED, false);
-        let shown = drawn.iter().filter(|pose| self.seen(pose, &intrinsics) >= LEAST_SEEN).take(count as usize);
+        let shown = drawn.iter().filter(|pose| self.seen(pose, &intrinsics) >= MIN_SEEN).take(count as usize);
         let cameras: Vec<Camera> =
             shown.enumerate().map(|(i, pose)| camera(format!("random_{i:04}"), back.pose(pose), intrinsics)).collect();
         if cameras.len() < count as usize {

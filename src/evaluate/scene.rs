@@ -138,6 +138,8 @@ impl Scene {
         let (region, limits) = (target.region, target.limits.clone());
         let views = match preset {
             Preset::Object => {
+                // What leaves cameras no place is refused before anything is written.
+                target.geometry().map_err(named)?;
                 let points = target.proxy.sample(POINTS, 0, 0).into_iter().map(|point| point.position);
                 Around::Object(points.collect())
             }

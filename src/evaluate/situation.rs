@@ -40,13 +40,13 @@ pub enum Situation {
     Wall,
     /// On a floor in a corner
     Corner,
-    /// On a floor among six things that hide it and that no camera can stand in
+    /// On a floor among six blocks that hide it and keep cameras out
     Clutter,
-    /// Free all around, and as many photos as may be taken have been taken already, from one side
+    /// Free all around; as many photos as the budget exist already, from one side
     OneSide,
-    /// Free all around, and people look from the front only, within 120 degrees
+    /// Free all around; viewers in front only, within 120 degrees
     Front,
-    /// Two furnished rooms with a door between them, which take the place of a scene
+    /// Two furnished rooms with a door between them, in place of a scene file
     TwoRooms,
 }
 

@@ -66,18 +66,16 @@ pub fn markdown(request: &Request, rows: &[Row], left: usize) -> String {
     text
 }
 
-/// Of which rows some trainings came apart, if of any.
+/// Of which rows some trainings diverged, if of any.
 pub fn apart(rows: &[Row]) -> Option<String> {
     let of = |row: &Row| {
-        let Row { scene, views, seeds, came_apart, .. } = row;
-        format!("{scene}, {}, {views} views ({came_apart} of {seeds})", row.method.name())
+        let Row { scene, views, seeds, diverged, .. } = row;
+        format!("{scene}, {}, {views} views ({diverged} of {seeds})", row.method.name())
     };
-    let rows: Vec<String> = rows.iter().filter(|row| row.came_apart > 0).map(of).collect();
+    let rows: Vec<String> = rows.iter().filter(|row| row.diverged > 0).map(of).collect();
     (!rows.is_empty()).then(|| {
         let told = rows.join("; ");
-        format!(
-            "Trainings that came apart, their photos told more than {APART} dB worse in the end than before: {told}."
-        )
+        format!("Trainings that diverged (PSNR on the training photos fell by more than {APART} dB): {told}.")
     })
 }
 
@@ -164,8 +162,8 @@ pub fn csv(request: &Request, rows: &[Row]) -> String {
             }
         }
         line("", "choice_seconds", Some(row.seconds));
-        if row.came_apart > 0 {
-            line("", "came_apart", Some(Interval { mean: row.came_apart as f64, half: None }));
+        if row.diverged > 0 {
+            line("", "diverged", Some(Interval { mean: row.diverged as f64, half: None }));
         }
     }
     text
@@ -194,7 +192,7 @@ mod tests {
             method: Method::Plan(Placing::OursNoVds),
             views: 20,
             seeds: 3,
-            came_apart: 0,
+            diverged: 0,
             seconds: Interval { mean: 1.5, half: None },
             measured: [
                 vec![of(20.0, Some(0.5)), of(21.0, Some(0.25)), of(19.0, None), of(20.0, Some(0.3))],
@@ -224,11 +222,14 @@ mod tests {
         let line = "| cup, \"red\" | ours-no-vds | 20 | 20.00 ± 0.50 | 21.00 ± 0.25 | 19.00 | 20.00 ± 0.30 | 1.50 |";
         assert!(text.contains(line), "{text}");
         assert!(text.contains("| 20 | – | – | – | – | 1.50 |") && text.contains("10 input photos"), "{text}");
-        assert!(!text.contains("VGG16") && !text.contains("came apart"), "{text}");
-        let broken = [Row { came_apart: 2, ..row() }];
-        assert!(super::csv(&request, &broken).ends_with("\"cup, \"\"red\"\"\",ours-no-vds,20,3,,came_apart,2,\n"));
+        assert!(!text.contains("VGG16") && !text.contains("diverged"), "{text}");
+        let broken = [Row { diverged: 2, ..row() }];
+        assert!(super::csv(&request, &broken).ends_with("\"cup, \"\"red\"\"\",ours-no-vds,20,3,,diverged,2,\n"));
         let broken = markdown(&request, &broken, 0);
-        assert!(broken.contains("in the end than before: cup, \"red\", ours-no-vds, 20 views (2 of 3).\n"), "{broken}");
+        assert!(
+            broken.contains("fell by more than 1 dB): cup, \"red\", ours-no-vds, 20 views (2 of 3).\n"),
+            "{broken}"
+        );
         let csv = super::csv(&request, &[row()]);
         let lines: Vec<&str> = csv.lines().collect();
         assert_eq!(lines.len(), 1 + 3 * 4 + 1);

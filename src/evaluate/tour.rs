@@ -180,7 +180,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
             seed,
             seconds: record.seconds,
             quality: results::by_set(&training, kind.sets()),
-            came_apart: training.came_apart(),
+            diverged: training.diverged(),
             folder: trained.key().to_owned(),
             pictures: results::few_pictures(&training, PICTURED),
             places: record.cameras.iter().map(|camera| camera.pose.position).collect(),

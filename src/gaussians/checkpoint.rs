@@ -22,7 +22,7 @@ const MAGIC: &[u8] = b"camsplat checkpoint 2\n";
 /// Keys that are named before others where several differ.
 const FIRST: [&str; 4] = ["strategy", "shrink", "photos", "tests"];
 /// Most bytes of a header: it holds an entry per evaluation and nothing longer.
-const MOST_HEADER: usize = 64 << 20;
+const MAX_HEADER: usize = 64 << 20;
 
 /// What a run was given beside its configuration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -124,14 +124,14 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
     }
     let (length, rest) = body[MAGIC.len()..].split_at(8);
     let length = length.iter().rev().fold(0u64, |value, byte| value << 8 | u64::from(*byte)) as usize;
-    if length > MOST_HEADER || length > rest.len() {
+    if length > MAX_HEADER || length > rest.len() {
         return Err(damaged("its header is too long"));
     }
     let (header, rest) = rest.split_at(length);
     let header: Header = serde_json::from_slice(header).map_err(|e| damaged(&format!("its header: {e}")))?;
     header.config.validate()?;
     let values = planes(header.config.degree) as u64 * u64::from(header.population);
-    let counted = if header.config.strategy == Strategy::Classic { header.population as usize } else { 0 };
+    let counted = if header.config.strategy == Strategy::Adc { header.population as usize } else { 0 };
     if rest.len() as u64 != 20 * u64::from(header.done) + 12 * values + 8 * counted as u64
         || header.population > header.config.max_splats
     {
@@ -195,8 +195,8 @@ fn option_of(key: &str) -> Option<&'static str> {
         "degree" => "--sh",
         "background" => "--background",
         "antialiased" => "--antialiased",
-        "first_opacity" => "--first-opacity",
-        "first_scale" => "--first-scale",
+        "init_opacity" => "--init-opacity",
+        "init_scale" => "--init-scale",
         "fast" => "--fast",
         "seed" => "--seed",
         "shrink" => "--shrink",
@@ -281,8 +281,8 @@ mod tests {
         check(Path::new("c"), &checkpoint().header, &config, &input).unwrap();
         let other = Config { degree: 2, ..config.clone() };
         assert!(refusal(&other, &input).contains("--sh 0, not 2"), "{}", refusal(&other, &input));
-        let other = config.clone().with_strategy(Strategy::Classic, true);
-        assert!(refusal(&other, &input).contains("--strategy mcmc, not classic"), "{}", refusal(&other, &input));
+        let other = config.clone().with_strategy(Strategy::Adc, true);
+        assert!(refusal(&other, &input).contains("--strategy mcmc, not adc"), "{}", refusal(&other, &input));
         let other = Input { cameras: 8, ..input };
         assert!(refusal(&config, &other).contains("another capture (cameras: 7, not 8)"));
         let other = Input { tests: 3, test_photos: [1, 1], ..input };

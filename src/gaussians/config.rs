@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::scene::gaussians::MOST_DEGREE;
+use crate::scene::gaussians::MAX_DEGREE;
 use crate::{Error, Result};
 
 /// How the number of Gaussians changes.
@@ -11,11 +11,11 @@ use crate::{Error, Result};
 pub enum Strategy {
     /// A hard budget: dead Gaussians move to where living ones are (3DGS-MCMC).
     Mcmc,
-    /// Clone, split and prune by gradients (3DGS).
-    Classic,
+    /// Adaptive density control: clone, split and prune by gradients (3DGS).
+    Adc,
 }
 
-/// What lies behind everything.
+/// Background.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Background {
@@ -23,7 +23,7 @@ pub enum Background {
     Black,
     /// White.
     White,
-    /// Another colour in every iteration; test views are shown over black.
+    /// A new colour in every iteration; test views are rendered on black.
     Random,
 }
 
@@ -38,7 +38,7 @@ pub struct Config {
     pub strategy: Strategy,
     /// Degree of the harmonics, 0 to 3.
     pub degree: u32,
-    /// What lies behind everything.
+    /// Background.
     pub background: Background,
     /// Opacities reduced by what the low-pass widens.
     pub antialiased: bool,
@@ -47,16 +47,16 @@ pub struct Config {
     /// Seed of every random draw.
     pub seed: u64,
     /// Opacity at the start.
-    pub first_opacity: f64,
+    pub init_opacity: f64,
     /// Standard deviation at the start, in mean distances to the nearest neighbours.
-    pub first_scale: f64,
+    pub init_scale: f64,
 }
 
 /// Iterations from which small Gaussians have the time to spread: from the few points of a reconstruction, and from many random
 /// places.
 const LONG: [u32; 2] = [10_000, 1_000];
 /// Opacity up to which a Gaussian is dead.
-pub const LEAST_OPACITY: f32 = 0.005;
+pub const MIN_OPACITY: f32 = 0.005;
 /// Iterations that the schedule of the papers is written for; shorter runs go through it faster.
 const SCHEDULE: f64 = 30_000.0;
 /// Factor of the population at each refinement of the papers' schedule, until the budget is spent.
@@ -80,32 +80,32 @@ pub struct Schedule {
     pub refine_every: u32,
     /// Factor of the population at a refinement, until the budget is spent (MCMC).
     pub growth: f64,
-    /// Iterations between resets of the opacities (classic).
+    /// Iterations between resets of the opacities (adaptive density control).
     pub reset_every: u32,
 }
 
 impl Config {
     /// Defaults for a run of so many iterations that starts at a capture's points.
     pub fn new(iterations: u32, max_splats: u32) -> Self {
-        let (first_opacity, first_scale) = beginning(Strategy::Mcmc, iterations, true);
+        let (init_opacity, init_scale) = beginning(Strategy::Mcmc, iterations, true);
         Self {
             iterations,
             max_splats,
             strategy: Strategy::Mcmc,
-            degree: MOST_DEGREE,
+            degree: MAX_DEGREE,
             background: Background::Black,
             antialiased: false,
             fast: false,
             seed: 0,
-            first_opacity,
-            first_scale,
+            init_opacity,
+            init_scale,
         }
     }
 
     /// The same with another strategy and what that starts with, at `points` or at random places.
     pub fn with_strategy(self, strategy: Strategy, points: bool) -> Self {
-        let (first_opacity, first_scale) = beginning(strategy, self.iterations, points);
-        Self { strategy, first_opacity, first_scale, ..self }
+        let (init_opacity, init_scale) = beginning(strategy, self.iterations, points);
+        Self { strategy, init_opacity, init_scale, ..self }
     }
 
     /// Refuses what makes no sense.
@@ -120,14 +120,14 @@ impl Config {
         if !(1..=1 << 26).contains(&self.max_splats) {
             return refuse(format!("--max-splats is {}; give 1 to {}", self.max_splats, 1 << 26));
         }
-        if self.degree > MOST_DEGREE {
-            return refuse(format!("--sh is {}; give 0 to {MOST_DEGREE}", self.degree));
+        if self.degree > MAX_DEGREE {
+            return refuse(format!("--sh is {}; give 0 to {MAX_DEGREE}", self.degree));
         }
-        if !(self.first_opacity > 0.0 && self.first_opacity < 1.0) {
-            return refuse(format!("--first-opacity is {}; give a number between 0 and 1", self.first_opacity));
+        if !(self.init_opacity > 0.0 && self.init_opacity < 1.0) {
+            return refuse(format!("--init-opacity is {}; give a number between 0 and 1", self.init_opacity));
         }
-        if !(self.first_scale > 0.0 && self.first_scale <= 100.0) {
-            return refuse(format!("--first-scale is {}; give a number between 0 and 100", self.first_scale));
+        if !(self.init_scale > 0.0 && self.init_scale <= 100.0) {
+            return refuse(format!("--init-scale is {}; give a number between 0 and 100", self.init_scale));
         }
         Ok(())
     }
@@ -206,7 +206,7 @@ mod tests {
     }
 
     /// By hand. If this failed, rooms of hundreds of photos would be relocated more often than photos show their splats, which
-    /// made trainings come apart; or all that few photos are trained with would change.
+    /// made trainings diverge; or all that few photos are trained with would change.
     #[test]
     fn relocations_are_as_in_the_papers_or_five_in_a_round_of_photos() {
         for (iterations, photos, every) in [
@@ -224,8 +224,8 @@ mod tests {
             assert_eq!(schedule(iterations, photos).refine_every, every, "{iterations} iterations, {photos} photos");
         }
         assert_eq!(schedule(7000, 50).growth, GROWTH);
-        let classic = Config::new(7000, 100_000).with_strategy(Strategy::Classic, true).schedule(300);
-        assert_eq!(classic.refine_every, 23);
+        let adaptive = Config::new(7000, 100_000).with_strategy(Strategy::Adc, true).schedule(300);
+        assert_eq!(adaptive.refine_every, 23);
     }
 
     /// If this failed, a short run on many photos would end with a fraction of its splats, or without a relocation.

@@ -21,7 +21,7 @@ use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
 
 crate::gpu_struct! {
-    /// How a pixel answers to a parameter (`shared/fisher.glsl`).
+    /// How a pixel answers to a parameter (`gaussians/fisher.glsl`).
     pub struct Form {
         /// Of the part that the Gaussian has in the pixel.
         pub weight: f32,

@@ -12,7 +12,7 @@ use super::frame::{Frame, View};
 use super::memory;
 use super::pictures;
 use super::products::{self, CHECKPOINT};
-use super::rasterizer::MOST_SIDE;
+use super::rasterizer::MAX_SIDE;
 use super::record::{Evaluation, Status, TrainRecord};
 use super::split::Split;
 use super::start;
@@ -77,7 +77,7 @@ impl Run {
     pub fn new(context: &Arc<Context>, request: Request) -> Result<Self> {
         request.config.validate()?;
         let sides = request.split.train.photos.iter().chain(&request.split.test).map(|photo| photo.camera.intrinsics);
-        if let Some(k) = sides.into_iter().find(|k| k.width.max(k.height) / request.shrink > MOST_SIDE) {
+        if let Some(k) = sides.into_iter().find(|k| k.width.max(k.height) / request.shrink > MAX_SIDE) {
             let what = format!("photos of {} x {} pixels are too large; train with --shrink", k.width, k.height);
             return Err(Error::input(&request.capture, what));
         }
@@ -138,8 +138,8 @@ impl Run {
         let begun = start::Settings {
             budget: config.max_splats as usize,
             degree: config.degree,
-            scale: config.first_scale,
-            opacity: config.first_opacity,
+            scale: config.init_scale,
+            opacity: config.init_opacity,
             seed: config.seed,
             ..start::Settings::default()
         };

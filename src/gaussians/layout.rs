@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::scene::gaussians::{Gaussians, MOST_DEGREE, coefficients};
+use crate::scene::gaussians::{Gaussians, MAX_DEGREE, coefficients};
 
 crate::gpu_struct! {
     /// A Gaussian as a view sees it; an opacity of zero where it is not seen.
@@ -84,7 +84,7 @@ pub fn to_planes(gaussians: &Gaussians, degree: u32, stride: usize) -> Vec<f32> 
 
 /// The first `count` Gaussians of planes that [`to_planes`] made.
 pub fn from_planes(values: &[f32], degree: u32, stride: usize, count: usize) -> Gaussians {
-    let degree = degree.min(MOST_DEGREE);
+    let degree = degree.min(MAX_DEGREE);
     let at = |plane: usize, i: usize| values[plane * stride + i];
     let vector = |plane: usize, i: usize| [0, 1, 2].map(|k| at(plane + k, i));
     Gaussians {

@@ -37,7 +37,7 @@ crate::gpu_struct! {
         pub squared: f32,
         /// Instances.
         pub instances: u32,
-        /// Gaussians, with what the classic densification keeps of free slots.
+        /// Gaussians, with what adaptive density control keeps of free slots.
         pub splats: u32,
     }
 }

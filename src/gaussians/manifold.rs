@@ -108,11 +108,11 @@ crate::stage!(
 );
 
 /// Views that are looked from at once, and pictures of each at most.
-pub const MOST_VIEWS: usize = 4;
-/// See [`MOST_VIEWS`].
-pub const MOST_PICTURES: u32 = 64;
+pub const MAX_VIEWS: usize = 4;
+/// See [`MAX_VIEWS`].
+pub const MAX_PICTURES: u32 = 64;
 /// Most noise of a parameter, in rates.
-const MOST_NOISE: f32 = 100.0;
+const MAX_NOISE: f32 = 100.0;
 /// Rates of the noise: those of training, centres at their first.
 const RATES: [f32; 6] = [1.6e-4, 5e-3, 1e-3, 5e-2, 2.5e-3, 1.25e-4];
 const STREAM: u32 = 0x4d53_0000;
@@ -199,12 +199,12 @@ impl Manifold {
                 statistics: Buffer::device(context, "statistics", 16)?,
             },
             control: Buffer::from_slice(context, "control", &[0u32])?,
-            views: Buffer::host(context, "views", (MOST_VIEWS * size_of::<View>()) as u64)?,
+            views: Buffer::host(context, "views", (MAX_VIEWS * size_of::<View>()) as u64)?,
             target: pixel_buffer("target", 16)?,
             by_pixel: pixel_buffer("by_pixel", 16)?,
-            looks: (0..MOST_VIEWS).map(look).collect::<Result<_>>()?,
-            needed: Buffer::host(context, "needed", 4 * MOST_VIEWS as u64 * u64::from(MOST_PICTURES))?,
-            results: Buffer::host(context, "results", 4 * MOST_VIEWS as u64)?,
+            looks: (0..MAX_VIEWS).map(look).collect::<Result<_>>()?,
+            needed: Buffer::host(context, "needed", 4 * MAX_VIEWS as u64 * u64::from(MAX_PICTURES))?,
+            results: Buffer::host(context, "results", 4 * MAX_VIEWS as u64)?,
             context: context.clone(),
             renderer,
             size,
@@ -268,7 +268,7 @@ impl Manifold {
             opacity_rate,
             colour_rate,
             harmonics_rate,
-            most: MOST_NOISE,
+            most: MAX_NOISE,
             ..LearnPush::default()
         };
         let mut commands = Recorder::new(&self.context)?;
@@ -283,16 +283,16 @@ impl Manifold {
         Ok(())
     }
 
-    /// How much pictures of each view (at most [`MOST_VIEWS`]) differ under the noise: the mean over pixels of the variance over
-    /// perturbed models, summed over the colours, over black. `draws` says which perturbations, at most [`MOST_PICTURES`], the same
+    /// How much pictures of each view (at most [`MAX_VIEWS`]) differ under the noise: the mean over pixels of the variance over
+    /// perturbed models, summed over the colours, over black. `draws` says which perturbations, at most [`MAX_PICTURES`], the same
     /// for all views.
     ///
     /// # Errors
     /// Where the device fails or has not enough memory, there are more views or draws than that, or a view is of another size.
     pub fn spread(&mut self, views: &[View], draws: Range<u32>) -> Result<Vec<f64>> {
         let pictures = draws.len() as u32;
-        if pictures > MOST_PICTURES {
-            return Err(Error::request(format!("{pictures} pictures of a view; take at most {MOST_PICTURES}")));
+        if pictures > MAX_PICTURES {
+            return Err(Error::request(format!("{pictures} pictures of a view; take at most {MAX_PICTURES}")));
         }
         self.look_from(views)?;
         let pixels = self.size.pixels();
@@ -342,11 +342,11 @@ impl Manifold {
 
     fn look_from(&mut self, views: &[View]) -> Result<()> {
         let other = |view: &View| (view.width, view.height) != (self.size.width, self.size.height);
-        if views.is_empty() || views.len() > MOST_VIEWS || views.iter().any(other) {
+        if views.is_empty() || views.len() > MAX_VIEWS || views.iter().any(other) {
             let Size { width, height } = self.size;
-            return Err(Error::request(format!("give 1 to {MOST_VIEWS} views of {width} x {height} pixels")));
+            return Err(Error::request(format!("give 1 to {MAX_VIEWS} views of {width} x {height} pixels")));
         }
-        let mut all = [View::default(); MOST_VIEWS];
+        let mut all = [View::default(); MAX_VIEWS];
         all[..views.len()].copy_from_slice(views);
         self.views.write(&all)
     }
@@ -418,7 +418,7 @@ fn words(seed: u64) -> [u32; 2] {
     [seed as u32, (seed >> 32) as u32]
 }
 
-/// The twin of `perturbation` in `shared/noise.glsl`: what `draw` moves parameter number `parameter` by, in its noise.
+/// The twin of `perturbation` in `gaussians/noise.glsl`: what `draw` moves parameter number `parameter` by, in its noise.
 pub fn perturbation(seed: u64, parameter: u32, draw: u32) -> f32 {
     let permuted = |x: u32, key: u32| {
         let turned = [0x6c50_b47cu32, 0xb82f_1e52, 0xc7af_e638, 0x8d22_f6e6];
@@ -440,7 +440,7 @@ pub fn learnt(
     step: i32,
 ) -> f64 {
     let moved = super::twin::optimise::adam(noise, draw * by_parameter - reward, moments, rate, step);
-    moved.clamp(0.0, f64::from(MOST_NOISE) * rate)
+    moved.clamp(0.0, f64::from(MAX_NOISE) * rate)
 }
 
 /// The rate of the noise of a plane of parameters.

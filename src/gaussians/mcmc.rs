@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::config::LEAST_OPACITY;
+use super::config::MIN_OPACITY;
 use super::rasterizer::Rasterizer;
 use super::update::Trained;
 use crate::Result;
@@ -103,7 +103,7 @@ impl Mcmc {
             seed: [seed as u32, (seed >> 32) as u32],
             iteration: iteration as u32,
             steps: (u32::MAX / self.budget.max(1)).min(1 << 20),
-            least: LEAST_OPACITY,
+            least: MIN_OPACITY,
         };
         let ([weights, cumulative, picks, sources, _], scan) = rasterizer.scratch();
         let (all, moved) = (before.div_ceil(256), after.div_ceil(64));

@@ -43,9 +43,9 @@ pub fn footprint(context: &Context, config: &Config, sizes: &Sizes, views: usize
     buffers
 }
 
-/// Bytes of the statistics that the classic densification decides by.
+/// Bytes of the statistics that adaptive density control decides by.
 pub(super) fn statistics(config: &Config) -> u64 {
-    if config.strategy == Strategy::Classic { 8 * u64::from(config.max_splats) } else { 0 }
+    if config.strategy == Strategy::Adc { 8 * u64::from(config.max_splats) } else { 0 }
 }
 
 /// What a run wants of its pictures.

@@ -1,10 +1,10 @@
 //! Gaussian splatting: rendering trained splats, and training them from photos.
 
 pub mod checkpoint;
-pub mod classic;
 pub mod config;
 mod course;
 pub mod cover;
+pub mod density;
 pub mod evaluate;
 pub mod fisher;
 pub mod frame;

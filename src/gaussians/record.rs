@@ -151,27 +151,26 @@ pub struct TrainRecord {
     pub memory: MemoryRecord,
 }
 
-/// Iterations below which a course does not tell whether a training came apart.
+/// Iterations below which a course does not tell whether a training diverged.
 const TELLING: u32 = 1000;
 
-/// Decibels by which a training that came apart is worse in the end than it was.
+/// Decibels by which a training that diverged is worse in the end than it was.
 pub const APART: f64 = 1.0;
 
 impl TrainRecord {
     /// Mean PSNR of the training pictures in decibels, in the best fifth of the run and in the last, where the last is worse by more
     /// than [`APART`]: under MCMC most likely by relocation (docs/reference/training.md, What can go wrong). None of runs that are not complete
     /// or have fewer than 1000 iterations, nor of a model that falls within the first fifth or recovers.
-    pub fn came_apart(&self) -> Option<[f64; 2]> {
+    pub fn diverged(&self) -> Option<[f64; 2]> {
         let told = self.status == Status::Complete && self.config.iterations >= TELLING;
         told.then(|| fallen(&self.curve)).flatten()
     }
 
-    /// [`Self::came_apart`] in a sentence.
-    pub fn apart_line(&self) -> Option<String> {
-        self.came_apart().map(|[best, last]| {
+    /// [`Self::diverged`] in a sentence.
+    pub fn diverged_line(&self) -> Option<String> {
+        self.diverged().map(|[best, last]| {
             format!(
-                "the training came apart: in its last fifth its photos are told to {last:.1} dB, in its best they were to \
-                 {best:.1}; with another --seed it may hold"
+                "training diverged: PSNR on the training photos fell from {best:.1} to {last:.1} dB; retry with another --seed"
             )
         })
     }
@@ -197,7 +196,7 @@ mod tests {
     use super::*;
 
     /// If this failed, a training that fell apart would pass for one, or one that did not would be called so. The second course is
-    /// that of a room which came apart, a point of sixteen; the third has a reset of the opacities.
+    /// that of a room which diverged, a point of sixteen; the third has a reset of the opacities.
     #[test]
     fn a_fall_is_one_that_lasts() {
         let course = |psnr: &[f64]| -> Vec<CurvePoint> {
@@ -208,7 +207,7 @@ mod tests {
             12.6, 17.7, 19.3, 19.3, 19.5, 20.1, 20.2, 20.2, 20.2, 19.9, 18.0, 15.2, 15.6, 15.1, 15.1, 15.3, 15.5, 14.7,
             16.1, 14.8, 14.6, 15.1, 16.5, 16.8, 16.2,
         ];
-        let [best, last] = fallen(&course(&room)).expect("it came apart");
+        let [best, last] = fallen(&course(&room)).expect("it diverged");
         assert!((best - 20.12).abs() < 0.01 && (last - 15.84).abs() < 0.01, "{best} and {last}");
         assert_eq!(fallen(&course(&[15.0, 20.0, 9.0, 21.0, 22.0])), None);
         assert_eq!(fallen(&[]), None);

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 
 use super::frame::Frame;
-use super::rasterizer::{MOST_SIDE, Size, Wanted};
+use super::rasterizer::{MAX_SIDE, Size, Wanted};
 use super::renderer::{Renderer, Rendering};
 use crate::io::folder::OutputFolder;
 use crate::io::picture::{self, Format, stem};
@@ -37,7 +37,7 @@ pub struct Settings {
 }
 
 /// Most bytes that pictures on their way to the disk take, and what one takes for each pixel.
-const MOST_BYTES: u64 = 1 << 30;
+const MAX_BYTES: u64 = 1 << 30;
 const BYTES_PER_PIXEL: u64 = 64;
 
 /// The same cameras for pictures of another size.
@@ -89,9 +89,9 @@ impl<'a> Job<'a> {
         let mut largest = Size { width: 0, height: 0 };
         for camera in cameras {
             let Intrinsics { width, height, .. } = camera.intrinsics;
-            if width.max(height) > MOST_SIDE {
+            if width.max(height) > MAX_SIDE {
                 return Err(Error::request(format!(
-                    "the picture of camera {:?} has {width} x {height} pixels, and a side has {MOST_SIDE} at most; give \
+                    "the picture of camera {:?} has {width} x {height} pixels, and a side has {MAX_SIDE} at most; give \
                      smaller ones with --size",
                     camera.name
                 )));
@@ -194,7 +194,7 @@ impl<'a> Job<'a> {
     /// Threads that encode and write: each has a picture, and one more is being rendered.
     fn writers(&self) -> usize {
         let pixels = u64::from(self.largest.width) * u64::from(self.largest.height);
-        let most = MOST_BYTES / (BYTES_PER_PIXEL * pixels.max(1));
+        let most = MAX_BYTES / (BYTES_PER_PIXEL * pixels.max(1));
         threads().min(most as usize).max(1)
     }
 }

@@ -14,7 +14,7 @@ use crate::{Error, Result};
 pub const TEST_EVERY: u32 = 8;
 
 /// Least photos that can be trained on.
-const LEAST: usize = 2;
+const MIN_PHOTOS: usize = 2;
 
 /// Extents of the training cameras within which those of a test in the same frame are expected.
 const NEARBY: f64 = 3.0;
@@ -57,9 +57,9 @@ impl Split {
             Test::Capture(path) => Self::against(set, &path, images)?,
         };
         let left = split.train.photos.len();
-        if left < LEAST {
+        if left < MIN_PHOTOS {
             let what = format!(
-                "{left} of {} photos are left to train on, which takes at least {LEAST}; take more photos, or fewer for testing (--test-every)",
+                "{left} of {} photos are left to train on, which takes at least {MIN_PHOTOS}; take more photos, or fewer for testing (--test-every)",
                 left + split.test.len()
             );
             return Err(Error::input(path, what));

@@ -9,8 +9,8 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::classic::{self, Classic};
 use super::config::{Background, Config, Schedule, Strategy};
+use super::density::{self, AdaptiveDensity};
 use super::frame::View;
 use super::layout::{self, PassPush};
 use super::loss::{Ledger, Loss, Record, mailbox};
@@ -30,7 +30,7 @@ use crate::{Error, Result};
 const ITERATIONS: u32 = 10;
 const AHEAD: usize = 3;
 /// Stages of an iteration, with its sorts and a refinement, at most.
-const MOST_STAGES: u32 = 96;
+const MAX_STAGES: u32 = 96;
 const BACKGROUND_STREAM: u32 = 0x4580_0000;
 
 /// All that a run carries from one iteration to the next, on the host.
@@ -49,7 +49,7 @@ pub struct State {
 /// What changes the number of Gaussians.
 enum Density {
     Mcmc(Mcmc),
-    Classic(Classic),
+    Adaptive(AdaptiveDensity),
 }
 
 /// A run.
@@ -136,10 +136,10 @@ impl Trainer {
             moments,
             rasterizer: Rasterizer::new(context, sizes, memory::wanted(&config))?,
             loss: Loss::new(context, &sizes, memory::wanted(&config).divided(context)?)?,
-            update: Update::new(context, memory::wanted(&config), config.strategy == Strategy::Classic)?,
+            update: Update::new(context, memory::wanted(&config), config.strategy == Strategy::Adc)?,
             density: match config.strategy {
                 Strategy::Mcmc => Density::Mcmc(Mcmc::new(context, config.max_splats)?),
-                Strategy::Classic => Density::Classic(Classic::new(context, config.max_splats)?),
+                Strategy::Adc => Density::Adaptive(AdaptiveDensity::new(context, config.max_splats)?),
             },
             ledger,
             config,
@@ -287,7 +287,7 @@ impl Trainer {
         loop {
             while flow.is_continue() && !halted() && next < until && running.len() < AHEAD {
                 let mut commands = match &profile {
-                    Some(_) => Recorder::timed(&self.context, ITERATIONS * MOST_STAGES)?,
+                    Some(_) => Recorder::timed(&self.context, ITERATIONS * MAX_STAGES)?,
                     // Timed as a whole, no stage could be waited for.
                     None if self.context.physical().timestamp_bits > 0 && !self.context.debug_sync() => {
                         Recorder::timed_whole(&self.context)?
@@ -378,10 +378,10 @@ impl Trainer {
         if self.schedule.refines_after(iteration) {
             self.record_refinement(commands, iteration)?;
         }
-        if let Density::Classic(classic) = &self.density
+        if let Density::Adaptive(adaptive) = &self.density
             && self.schedule.resets_after(iteration)
         {
-            classic.record_reset(commands, self.trained());
+            adaptive.record_reset(commands, self.trained());
         }
         Ok(())
     }
@@ -399,9 +399,9 @@ impl Trainer {
                 let before = self.budgeted(iteration);
                 mcmc.record(commands, trained, rasterizer, [before, self.grown(before)], keys)
             }
-            Density::Classic(classic) => {
+            Density::Adaptive(adaptive) => {
                 let removes_wide = iteration >= self.schedule.reset_every;
-                classic.record(commands, trained, rasterizer, keys, removes_wide)
+                adaptive.record(commands, trained, rasterizer, keys, removes_wide)
             }
         }
     }
@@ -470,7 +470,7 @@ impl Trainer {
         let population = self.model.population.download::<u32>(1)?[0];
         let packed = |buffer: &Buffer| self.packed(buffer, population);
         let planes = [packed(&self.model.parameters)?, packed(&self.moments.first)?, packed(&self.moments.second)?];
-        let counted = if self.config.strategy == Strategy::Classic { population as usize } else { 0 };
+        let counted = if self.config.strategy == Strategy::Adc { population as usize } else { 0 };
         let statistics = self.moments.statistics.download(counted)?;
         Ok(State { done: self.done, population, planes, statistics })
     }
@@ -494,6 +494,6 @@ impl Trainer {
         let parameters = self.packed(&self.model.parameters, population)?;
         let all = layout::from_planes(&parameters, self.config.degree, population as usize, population as usize);
         // Free slots, and whatever is no number, are never drawn.
-        Ok(all.filtered(|i| all.opacities[i] >= 0.5 * classic::FREE && all.is_finite(i)))
+        Ok(all.filtered(|i| all.opacities[i] >= 0.5 * density::FREE && all.is_finite(i)))
     }
 }

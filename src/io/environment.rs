@@ -11,9 +11,9 @@ use crate::error::{Error, Result};
 use crate::scene::model::Environment;
 
 /// Texels that are kept: sixteen bytes each must fit in what devices show a shader of one buffer.
-const MOST_TEXELS: u64 = 1 << 22;
+const MAX_TEXELS: u64 = 1 << 22;
 /// Pixels of the largest file that is decoded.
-const MOST_PIXELS: u64 = 1 << 28;
+const MAX_PIXELS: u64 = 1 << 28;
 /// Radiance above this is no light that a file could mean.
 const BRIGHTEST: f32 = 1e9;
 
@@ -44,12 +44,12 @@ pub fn parse_environment(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> 
         ));
     }
     // Run lengths make a row of pixels from four bytes for each 128.
-    if pixels > MOST_PIXELS || pixels / 64 > bytes.len() as u64 {
+    if pixels > MAX_PIXELS || pixels / 64 > bytes.len() as u64 {
         return refuse(format!("it announces {width} x {height} pixels and has {} bytes; {wanted}", bytes.len()));
     }
     let mut decoder = decoder;
     let mut limits = Limits::default();
-    limits.max_alloc = Some(16 * MOST_PIXELS);
+    limits.max_alloc = Some(16 * MAX_PIXELS);
     let mut values = vec![0f32; 3 * pixels as usize];
     let read = decoder.set_limits(limits).and_then(|()| decoder.read_image(bytemuck::cast_slice_mut(&mut values)));
     if let Err(e) = read {
@@ -63,7 +63,7 @@ pub fn parse_environment(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> 
         return refuse("the environment map is black; give one with light in it".into());
     }
     let mut map = Environment { width, height, radiance: values.chunks_exact(3).map(light).collect() };
-    while map.radiance.len() as u64 > MOST_TEXELS {
+    while map.radiance.len() as u64 > MAX_TEXELS {
         map = map.halved();
     }
     if map.width < width {

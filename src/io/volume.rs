@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde::Deserialize;
 
 use super::{json, read_file, read_surface};
-use crate::scene::limits::{Volume, box_triangles};
+use crate::scene::limits::{FARTHEST, Triangle, Volume, box_triangles};
 use crate::scene::proxy::{Occluder, Orientation, Proxy};
 use crate::scene::surface::Surface;
 use crate::{Error, Result};
@@ -17,18 +17,37 @@ struct Boxes {
     boxes: Vec<[f64; 6]>,
 }
 
+/// Part of a mesh's area that may be open: scans have small holes.
+const MAX_OPENING: f64 = 0.1;
+
+/// What a mesh lacks to be closed, as a part of its area: vectors of the areas of a closed mesh add up to nothing.
+fn opening(triangles: &[Triangle]) -> f64 {
+    let areas = triangles.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a));
+    let (sum, all) = areas.fold((DVec3::ZERO, 0.0), |(sum, all), area| (sum + area, all + area.length()));
+    if all > 0.0 { sum.length() / all } else { 1.0 }
+}
+
 /// Reads the mesh of a .ply, .obj, .glb or .gltf file, which should be closed, or the boxes of a .json file.
 ///
 /// # Errors
 /// Where the file cannot be read, holds points instead of faces, or a box has no volume.
 pub fn read_volume(path: &Path) -> Result<Volume> {
     let triangles = if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json")) {
-        let Boxes { boxes } = json(path, &read_file(path)?)?;
+        let text = read_file(path)?;
+        let Boxes { boxes } = json(path, &text).map_err(|error| match error {
+            Error::Input { path, what } => {
+                Error::input(path, format!("it holds no boxes, {{\"boxes\": [[six numbers], ...]}}: {what}"))
+            }
+            other => other,
+        })?;
         let mut triangles = Vec::new();
         for (i, [x0, y0, z0, x1, y1, z1]) in boxes.into_iter().enumerate() {
             let (a, b) = (DVec3::new(x0, y0, z0), DVec3::new(x1, y1, z1));
             let (min, max) = (a.min(b), a.max(b));
-            if !(min.is_finite() && max.is_finite() && min.cmplt(max).all()) {
+            if !(min.abs().max_element() < FARTHEST && max.abs().max_element() < FARTHEST) {
+                return Err(Error::input(path, format!("box {i} has coordinates of {FARTHEST:.0e} or more")));
+            }
+            if !min.cmplt(max).all() {
                 let what = format!("box {i} from {a} to {b} has no volume; give two opposite corners");
                 return Err(Error::input(path, what));
             }
@@ -57,5 +76,15 @@ pub fn read_volume(path: &Path) -> Result<Volume> {
             Occluder::Discs(_) => Vec::new(),
         }
     };
+    let open = opening(&triangles);
+    if open > MAX_OPENING {
+        return Err(Error::input(
+            path,
+            format!(
+                "it is not closed: {:.0}% of it is open; close the mesh, or give boxes in a .json file",
+                100.0 * open
+            ),
+        ));
+    }
     Ok(Volume { file: path.to_string_lossy().into_owned(), triangles })
 }

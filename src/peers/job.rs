@@ -20,7 +20,7 @@ use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::lens::Distortion;
 use crate::scene::random;
 use crate::select::acp;
-use crate::select::controls::{MOST_SHARED, Pool};
+use crate::select::controls::{MAX_SHARED, Pool};
 use crate::select::farthest::Distance;
 use crate::select::information::{self, Model};
 use crate::select::retrained::{self, Photograph};
@@ -140,15 +140,15 @@ fn place(
     let (geometry, views) = (&scene.geometry, request.views as usize);
     let back = geometry.to_internal.inverse();
     let inward = request.preset == Preset::Object;
-    let must: Vec<usize> = (0..kept.len()).collect();
+    let include: Vec<usize> = (0..kept.len()).collect();
     let allowed: Vec<usize> = (0..candidates.photos.len()).collect();
     let too_many = || {
         let what = "shared points are counted among up to";
         Error::request(format!(
-            "--method fvs-shared: {what} {MOST_SHARED} candidates; give fewer --candidates, or use fvs"
+            "--method fvs-shared: {what} {MAX_SHARED} candidates; give fewer --candidates, or use fvs"
         ))
     };
-    if request.method == Method::FvsShared && candidates.photos.len() > MOST_SHARED {
+    if request.method == Method::FvsShared && candidates.photos.len() > MAX_SHARED {
         return Err(too_many());
     }
     let sight = match request.method {
@@ -162,7 +162,7 @@ fn place(
         set: candidates,
         region: &target.region,
         sight: &sight,
-        must: &must,
+        include: &include,
         allowed: &allowed,
         count: kept.len() + views,
         seed: request.seed,

@@ -9,7 +9,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::gaussians::frame::{Frame, View};
-use crate::gaussians::manifold::{MOST_PICTURES, MOST_VIEWS, Manifold};
+use crate::gaussians::manifold::{MAX_PICTURES, MAX_VIEWS, Manifold};
 use crate::gaussians::rasterizer::Size;
 use crate::gaussians::twin::optimise::adam;
 use crate::scene::baselines;
@@ -80,7 +80,7 @@ impl Settings {
     pub fn validate(&self) -> Result<()> {
         let limits = [
             ("first", self.first, 1, 1000),
-            ("renders", self.renders, 2, MOST_PICTURES),
+            ("renders", self.renders, 2, MAX_PICTURES),
             ("starts", self.starts, 1, 1000),
             ("side", self.side, 8, 4096),
         ];
@@ -160,7 +160,7 @@ impl Scene {
         let views: Vec<View> = angles.iter().map(|angles| self.view(self.sphere.pose(*angles))).collect();
         let draws = self.draws..self.draws.wrapping_add(pictures);
         let mut spreads = Vec::new();
-        for views in views.chunks(MOST_VIEWS) {
+        for views in views.chunks(MAX_VIEWS) {
             spreads.extend(self.manifold.spread(views, draws.clone())?);
         }
         self.draws = draws.end;

@@ -1,5 +1,5 @@
 //! Tables of what the lobes reflect in all (directional albedo), by which they are raised and layers dimmed: twins of the
-//! lobes of `shaders/glsl/shared/microfacet.glsl`, summed over the hemisphere.
+//! lobes of `shaders/glsl/photograph/microfacet.glsl`, summed over the hemisphere.
 //!
 //! A table has [`SIDE`] columns over the root of the cosine and as many rows over roughness (the root of alpha), at even
 //! steps from 0 to 1.
@@ -13,8 +13,8 @@ use crate::parallel::in_parallel;
 /// Columns and rows of a table.
 pub const SIDE: usize = 32;
 /// Least width of microfacets' slopes, and of sheen's, as in the shader.
-const LEAST_ALPHA: f32 = 1e-3;
-const LEAST_SHEEN_ALPHA: f32 = 5e-3;
+const MIN_ALPHA: f32 = 1e-3;
+const MIN_SHEEN_ALPHA: f32 = 5e-3;
 /// Samples along each of two axes.
 const STEPS: u32 = 32;
 
@@ -75,7 +75,7 @@ pub fn fresnel(cosine: f32, eta: f32) -> f32 {
 pub fn common() -> Vec<f32> {
     let split = |grazing: bool| {
         table(move |z, alpha| {
-            let alpha = alpha.max(LEAST_ALPHA);
+            let alpha = alpha.max(MIN_ALPHA);
             let o = Vec3::new((1.0 - z * z).sqrt(), 0.0, z);
             mean(|u| {
                 let h = sample_facet(o, alpha, u);
@@ -89,7 +89,7 @@ pub fn common() -> Vec<f32> {
     let mut tables = split(false);
     tables.extend(split(true));
     tables.extend(table(|z, alpha| {
-        let alpha = alpha.max(LEAST_SHEEN_ALPHA);
+        let alpha = alpha.max(MIN_SHEEN_ALPHA);
         let o = Vec3::new((1.0 - z * z).sqrt(), 0.0, z);
         // Cosines of the light are squares, to look closer at grazing light; half of the circle mirrors the other.
         mean(|u| {
@@ -108,7 +108,7 @@ pub fn common() -> Vec<f32> {
 pub fn glass(ior: f32) -> Vec<f32> {
     let of = |eta: f32| {
         table(move |z, alpha| {
-            let alpha = alpha.max(LEAST_ALPHA);
+            let alpha = alpha.max(MIN_ALPHA);
             let o = Vec3::new((1.0 - z * z).sqrt(), 0.0, z);
             mean(|u| {
                 let h = sample_facet(o, alpha, u);

@@ -16,7 +16,7 @@ use crate::visibility::bvh::{Bvh, Node, Primitives, Triangle};
 use crate::{Error, Result};
 
 /// Indices of refraction nearer to 1 than this bend nothing, and leave no normal to be found from two directions.
-const LEAST_IOR: f32 = 1.01;
+const MIN_IOR: f32 = 1.01;
 
 /// Everything that the device needs, about the origin.
 #[derive(Clone)]
@@ -249,7 +249,7 @@ fn laid_out(material: &model::Material, maps: &mut Maps<'_>, tables: &mut Tables
         Alpha::Blend => (ALPHA_BLEND, 0.0),
     };
     let refracts = material.volume && material.transmission > 0.0;
-    let ior = if refracts { material.ior.max(LEAST_IOR) } else { material.ior };
+    let ior = if refracts { material.ior.max(MIN_IOR) } else { material.ior };
     Material {
         base: material.base.truncate().to_array(),
         alpha: material.base.w,

@@ -11,8 +11,8 @@ use crate::visibility::raycast::Ray;
 /// Rays from a camera, in all directions.
 const RAYS: u32 = 64;
 /// Share of the rays that must hit something, and share of the hits that must be backs of single-sided triangles.
-const LEAST_HITS: f64 = 0.5;
-const LEAST_BACKS: f64 = 0.9;
+const MIN_HITS: f64 = 0.5;
+const MIN_BACKS: f64 = 0.9;
 
 /// Names of the cameras around which nearly everything that is near shows a back that is not meant to be seen.
 pub fn cameras_inside<'a>(model: &Model, assembly: &Assembly, cameras: &'a [Camera]) -> Vec<&'a str> {
@@ -33,7 +33,7 @@ pub fn cameras_inside<'a>(model: &Model, assembly: &Assembly, cameras: &'a [Came
                 backs += u32::from(is_back(hit.primitive, direction));
             }
         }
-        f64::from(hits) >= LEAST_HITS * f64::from(RAYS) && f64::from(backs) >= LEAST_BACKS * f64::from(hits)
+        f64::from(hits) >= MIN_HITS * f64::from(RAYS) && f64::from(backs) >= MIN_BACKS * f64::from(hits)
     };
     cameras.iter().filter(is_inside).map(|camera| camera.name.as_str()).collect()
 }

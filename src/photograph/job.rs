@@ -16,7 +16,7 @@ use crate::{Error, Result};
 
 /// Points of the surface that trainers start from, by all cameras together, and by one at least.
 const POINTS: u32 = 60_000;
-const LEAST_POINTS: u32 = 200;
+const MIN_POINTS: u32 = 200;
 /// Stream of the pixels whose surface they are.
 const POINT_STREAM: u32 = 0x706f_696e;
 
@@ -102,7 +102,7 @@ fn joined(writing: Option<thread::ScopedJoinHandle<'_, Result<()>>>) -> Result<(
 /// Points where the middles of random pixels lie on the surface, in the colours of the photographs, and the camera that each
 /// was seen by.
 fn surface(tracer: &Tracer, record: &Record, products: &Products) -> Result<(Points, Vec<Vec<u32>>)> {
-    let each = (POINTS / record.cameras.len().max(1) as u32).max(LEAST_POINTS);
+    let each = (POINTS / record.cameras.len().max(1) as u32).max(MIN_POINTS);
     let mut points = Points::default();
     let mut tracks = Vec::new();
     for (number, camera) in (0u32..).zip(&record.cameras) {

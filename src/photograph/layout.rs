@@ -1,4 +1,4 @@
-//! Structs and stages that host and device share: `shaders/glsl/shared/appearance.glsl`, `photograph.comp`, `first_hit.comp`.
+//! Structs and stages that host and device share: `shaders/glsl/photograph/appearance.glsl`, `photograph.comp`, `first_hit.comp`.
 
 /// In place of an index: there is none.
 pub const NONE: u32 = u32::MAX;

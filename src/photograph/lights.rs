@@ -7,7 +7,7 @@ use crate::scene::colour::linear;
 use crate::scene::model::{Environment, LampKind, Map, Model, Wrap};
 
 /// The least share of a light among as many, so that none is forgotten.
-const LEAST_SHARE: f64 = 0.01;
+const MIN_SHARE: f64 = 0.01;
 
 fn luma(c: Vec3) -> f64 {
     c.as_dvec3().dot(crate::scene::colour::LUMA)
@@ -67,7 +67,7 @@ pub fn lights(model: &Model, centre: glam::DVec3, radius: f64) -> Vec<(Light, Op
     }
     let all: f64 = powers.iter().sum();
     let count = powers.len() as f64;
-    let shares: Vec<f64> = powers.iter().map(|power| (1.0 - LEAST_SHARE) * power / all + LEAST_SHARE / count).collect();
+    let shares: Vec<f64> = powers.iter().map(|power| (1.0 - MIN_SHARE) * power / all + MIN_SHARE / count).collect();
     for (((light, _), share), [threshold, other]) in lights.iter_mut().zip(&shares).zip(aliases(&shares)) {
         (light.share, light.threshold, light.other) = (*share as f32, threshold, other);
     }

@@ -11,7 +11,7 @@ use crate::{Error, Result};
 pub enum Objective {
     /// The picture of a point camera must come out evenly bright (the paper).
     Splat,
-    /// The error that viewers are expected to see of what the photographs train ([`crate::quality`]).
+    /// The error that viewers are expected to see of what the photographs train.
     Quality,
 }
 
@@ -86,10 +86,10 @@ pub enum Pass {
 
 /// Splats that the loops of the dense pass can take before lavapipe would end them: 65,535 iterations an invocation, and
 /// a probe that sees all splats takes about eight for each.
-pub const MOST_DENSE: u32 = 6000;
+pub const MAX_DENSE: u32 = 6000;
 
 /// Most views of a plan: the loop of `rank` over all of them stays within lavapipe's bound.
-pub const MOST_VIEWS: u32 = 200_000;
+pub const MAX_VIEWS: u32 = 200_000;
 
 /// The planner's configuration. [`Config::new`] gives the defaults of a preset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -134,11 +134,11 @@ pub struct Config {
     /// From where people will look at what is trained.
     pub viewers: Viewers,
     /// Learning rate of positions, in radii of the region.
-    pub rate_centre: f32,
+    pub lr_position: f32,
     /// Learning rate of directions.
-    pub rate_direction: f32,
+    pub lr_direction: f32,
     /// Learning rate of log s; 0 holds s where it starts.
-    pub rate_scale: f32,
+    pub lr_scale: f32,
     /// What the rates have fallen to at the end.
     pub decay: f32,
     /// Start scale; by the number of splats that a probe sees where absent.
@@ -176,9 +176,9 @@ impl Config {
             ("--lambda-reg", self.lambda_reg),
             ("--lambda-bound", self.lambda_bound),
             ("--lambda-scale", self.lambda_scale),
-            ("--rate-centre", self.rate_centre),
-            ("--rate-direction", self.rate_direction),
-            ("--rate-scale", self.rate_scale),
+            ("--lr-position", self.lr_position),
+            ("--lr-direction", self.lr_direction),
+            ("--lr-scale", self.lr_scale),
             ("the part of the run that relocates", self.relocate_until),
         ];
         let counts = [
@@ -255,9 +255,9 @@ impl Config {
             lambda_bound: 10.0,
             lambda_scale: 0.2,
             viewers: Viewers::Region,
-            rate_centre: if quality { 0.015 } else { 0.0065 },
-            rate_direction: if quality { 0.05 } else { 0.02 },
-            rate_scale: 0.005,
+            lr_position: if quality { 0.015 } else { 0.0065 },
+            lr_direction: if quality { 0.05 } else { 0.02 },
+            lr_scale: 0.005,
             decay: 0.05,
             scale: None,
             relocate_every: 50,

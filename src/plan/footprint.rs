@@ -134,7 +134,7 @@ pub fn largest(physical: &Physical, probes: u32) -> u64 {
     let limit = physical.storage_range.min(physical.allocation);
     let a_view = 4 * probes as u64;
     let a_visible_view = 36 * probes as u64 / 10;
-    let most = ((1 << 28) / probes as u64).min(super::config::MOST_VIEWS as u64);
+    let most = ((1 << 28) / probes as u64).min(super::config::MAX_VIEWS as u64);
     most.min(limit / a_view).min(physical.heap * 2 / 3 / (a_view + a_visible_view + 2000))
 }
 

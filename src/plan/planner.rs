@@ -367,7 +367,7 @@ impl<'a> Planner<'a> {
     /// zero for the dense pass.
     pub fn most_binned(&self) -> (u32, u32) {
         let word = |word| self.buffers.mailbox.peek(word).unwrap_or(0);
-        (word(mailbox::MOST_PAIRS), word(mailbox::MOST_INSTANCES))
+        (word(mailbox::MAX_PAIRS), word(mailbox::MAX_INSTANCES))
     }
 
     /// Timestamps that a block needs at most.
@@ -390,9 +390,9 @@ impl<'a> Planner<'a> {
         let done = self.done();
         let needed = |word| self.buffers.mailbox.peek(word).unwrap_or(0);
         let (pairs, instances) = match self.pipelines.splat {
-            Way::Dense(_) => (needed(mailbox::MOST_VISIBLE), 0),
+            Way::Dense(_) => (needed(mailbox::MAX_VISIBLE), 0),
             Way::Viewed(_) => (0, 0),
-            Way::Binned(_) => (needed(mailbox::MOST_PAIRS), needed(mailbox::MOST_INSTANCES)),
+            Way::Binned(_) => (needed(mailbox::MAX_PAIRS), needed(mailbox::MAX_INSTANCES)),
         };
         if pairs > self.settings.capacity || instances > self.settings.instances {
             return Err(Error::Room { pairs, instances });

@@ -1,10 +1,10 @@
 //! What is settled of a run before the device has allocated anything.
 
-use super::config::{Config, MOST_DENSE, MOST_VIEWS, Objective, Pass, Preset};
+use super::config::{Config, MAX_DENSE, MAX_VIEWS, Objective, Pass, Preset};
 use super::footprint::{self, Room};
 use super::shared::{Settings, Splat};
 use super::start;
-use crate::quality::expected::MOST_ON_CPU;
+use crate::quality::expected::MAX_ON_CPU;
 use crate::quality::law::Law;
 use crate::quality::look::{Surroundings, Viewer};
 use crate::scene::camera::{Camera, Intrinsics, Pose};
@@ -23,9 +23,9 @@ const DENSE_WORK: f64 = 3e7;
 /// Points that tell whether the region sees the surface at all, where no point cameras are drawn from it.
 const REACHABLE: u32 = 256;
 /// Sums over looks stay within lavapipe's bound on loops.
-const MOST_VIEWERS_A_STEP: u32 = 16_384;
+const MAX_VIEWERS_A_STEP: u32 = 16_384;
 /// Most viewers that a run draws; then it begins again with the first, and with other pixels of it.
-const MOST_VIEWERS: u32 = 1 << 15;
+const MAX_VIEWERS: u32 = 1 << 15;
 /// What sets the viewers of a run apart from those that judge it.
 const VIEWER_SEED: u64 = 0x6c6f_6f6b;
 
@@ -64,8 +64,8 @@ impl Preparation {
     ) -> Result<Self> {
         config.validate()?;
         footprint::check_counts(&config, kept.len(), context)?;
-        if config.views > MOST_VIEWS {
-            return Err(Error::request(format!("--views is {}; give at most {MOST_VIEWS}", config.views)));
+        if config.views > MAX_VIEWS {
+            return Err(Error::request(format!("--views is {}; give at most {MAX_VIEWS}", config.views)));
         }
         let quality = config.objective == Objective::Quality;
         let viewers = match quality {
@@ -101,25 +101,25 @@ impl Preparation {
             Pass::Binned => true,
             Pass::Auto => {
                 let work = f64::from(probes * resolution * resolution) * visible.gated;
-                !quality && (work > DENSE_WORK || splats > MOST_DENSE)
+                !quality && (work > DENSE_WORK || splats > MAX_DENSE)
             }
         };
         if binned && quality {
             return Err(Error::request("only --objective splat has a binned pass; leave --pass out"));
         }
-        if quality && context.physical().kind == "CPU" && splats > MOST_ON_CPU {
+        if quality && context.physical().kind == "CPU" && splats > MAX_ON_CPU {
             return Err(Error::request(format!(
-                "on a CPU device expected quality is of at most {MOST_ON_CPU} cameras, and these are {splats}; use a GPU, or fewer"
+                "on a CPU device expected quality is of at most {MAX_ON_CPU} cameras, and these are {splats}; use a GPU, or fewer"
             )));
         }
-        if quality && probes > MOST_VIEWERS_A_STEP {
+        if quality && probes > MAX_VIEWERS_A_STEP {
             return Err(Error::request(format!(
-                "--probes is {probes}; give at most {MOST_VIEWERS_A_STEP} viewers a step"
+                "--probes is {probes}; give at most {MAX_VIEWERS_A_STEP} viewers a step"
             )));
         }
-        if !binned && !quality && splats > MOST_DENSE {
+        if !binned && !quality && splats > MAX_DENSE {
             return Err(Error::request(format!(
-                "the dense pass takes at most {MOST_DENSE} cameras; use --pass binned or auto"
+                "the dense pass takes at most {MAX_DENSE} cameras; use --pass binned or auto"
             )));
         }
         if u64::from(probes) * u64::from(splats) > 1 << 28 {
@@ -147,9 +147,9 @@ impl Preparation {
             equal: config.equal_probes as u32,
             alpha: config.alpha,
             gate_softness: config.gate_softness,
-            rate_centre: config.rate_centre,
-            rate_direction: config.rate_direction,
-            rate_scale: if config.iterative { 0.0 } else { config.rate_scale },
+            lr_position: config.lr_position,
+            lr_direction: config.lr_direction,
+            lr_scale: if config.iterative { 0.0 } else { config.lr_scale },
             decay: config.decay,
             lambda_reg: config.lambda_reg,
             lambda_bound: config.lambda_bound,
@@ -207,7 +207,7 @@ impl Preparation {
 
 /// How many viewers a run draws.
 pub(super) fn viewers_of(config: &Config) -> u32 {
-    config.iterations.saturating_mul(config.probes).min(MOST_VIEWERS)
+    config.iterations.saturating_mul(config.probes).min(MAX_VIEWERS)
 }
 
 /// Viewers of a whole run: those of each iteration are its own.

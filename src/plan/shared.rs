@@ -1,4 +1,4 @@
-//! The structs that the planner's stages share, as `shaders/glsl/shared/plan.glsl` (and `tally.glsl`) declares them.
+//! The structs that the planner's stages share, as `shaders/glsl/plan/plan.glsl` (and `tally.glsl`) declares them.
 //!
 //! Lengths are in units of the region's bounding radius, in the planner's own frame (see
 //! [`crate::scene::similarity`]): up is +Z and a shell is centred on the origin.
@@ -43,11 +43,11 @@ gpu_struct! {
         /// Softness of the gate, in cosines (cone) or sines (frustum).
         pub gate_softness: f32,
         /// Learning rate of positions.
-        pub rate_centre: f32,
+        pub lr_position: f32,
         /// Learning rate of directions.
-        pub rate_direction: f32,
+        pub lr_direction: f32,
         /// Learning rate of log s.
-        pub rate_scale: f32,
+        pub lr_scale: f32,
         /// What the rates have fallen to at the end.
         pub decay: f32,
         /// Weight of the coverage regulariser.

@@ -1,4 +1,4 @@
-//! End of an iteration (`shared/tally.glsl`): losses summed, the shared scale stepped, the next iteration set up; and the twin
+//! End of an iteration (`plan/tally.glsl`): losses summed, the shared scale stepped, the next iteration set up; and the twin
 //! of the latter two.
 
 use super::config::Objective;
@@ -11,11 +11,11 @@ pub mod mailbox {
     /// Iterations done.
     pub const DONE: usize = 1;
     /// Most splats that any probe saw.
-    pub const MOST_VISIBLE: usize = 2;
+    pub const MAX_VISIBLE: usize = 2;
     /// Most (probe, splat) pairs that any iteration of the binned pass needed.
-    pub const MOST_PAIRS: usize = 3;
+    pub const MAX_PAIRS: usize = 3;
     /// Most (tile, splat) instances that any iteration of the binned pass needed.
-    pub const MOST_INSTANCES: usize = 4;
+    pub const MAX_INSTANCES: usize = 4;
     /// Number of words.
     pub const WORDS: usize = 5;
 }
@@ -59,14 +59,14 @@ impl Clock {
 /// The clock after an iteration whose image loss has the given gradient by log s.
 pub fn tally(settings: &Settings, objective: Objective, by_log_scale: f64, clock: &Clock) -> Clock {
     let mut next = *clock;
-    if objective == Objective::Splat && settings.rate_scale > 0.0 {
+    if objective == Objective::Splat && settings.lr_scale > 0.0 {
         // Of the image loss and of lambda_scale s squared.
         let gradient = by_log_scale + 2.0 * f64::from(settings.lambda_scale) * (2.0 * clock.log_scale).exp();
         next.scale_mean = 0.9 * clock.scale_mean + 0.1 * gradient;
         next.scale_square = 0.999 * clock.scale_square + 0.001 * gradient * gradient;
         let mean = next.scale_mean / (1.0 - 0.9f64.powf(f64::from(clock.step)));
         let square = next.scale_square / (1.0 - 0.999f64.powf(f64::from(clock.step)));
-        let change = f64::from(settings.rate_scale) * clock.rate * mean / (square.sqrt() + 1e-10);
+        let change = f64::from(settings.lr_scale) * clock.rate * mean / (square.sqrt() + 1e-10);
         next.log_scale = (clock.log_scale - change).max(f64::from(settings.scale_floor).ln());
     }
     next.iteration += 1;

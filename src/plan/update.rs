@@ -79,7 +79,7 @@ pub fn update(
     let (centre, direction) = splat;
     // Only the part across the direction turns it.
     let across = gradient.1 - gradient.1.dot(direction) * direction;
-    let by_centre = f64::from(settings.rate_centre) * clock.rate * of_centre.change(gradient.0, clock.step);
-    let by_direction = f64::from(settings.rate_direction) * clock.rate * of_direction.change(across, clock.step);
+    let by_centre = f64::from(settings.lr_position) * clock.rate * of_centre.change(gradient.0, clock.step);
+    let by_direction = f64::from(settings.lr_direction) * clock.rate * of_direction.change(across, clock.step);
     (centre - by_centre, (direction - by_direction).normalize())
 }

@@ -41,9 +41,9 @@ pub(super) fn lanes(physical: &Physical) -> u32 {
 /// Radians that a splat counts as off for each sine by which a point lies outside of its picture.
 const TURN: f64 = 8.0;
 /// A gate that lets less than this through is closed: its logarithm says nothing in single precision.
-const LEAST_OPEN: f64 = 1e-30;
+const MIN_OPEN: f64 = 1e-30;
 /// Viewers that show the surface in fewer looks than this say nothing.
-const LEAST_SHOWN: usize = crate::quality::expected::LEAST_SHOWN as usize;
+const MIN_SHOWN: usize = crate::quality::expected::MIN_SHOWN as usize;
 
 /// Expected loss and its gradient.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -65,7 +65,7 @@ pub fn viewed(batch: &Batch<'_>, looks: &[Look], bvh: &Bvh, law: &Law) -> Expect
         Expected { by_centre: vec![DVec3::ZERO; count], by_direction: vec![DVec3::ZERO; count], loss: 0.0 };
     for looks in &viewers {
         let shown: Vec<&Look> = looks.iter().filter(|look| look.distance > 0.0).collect();
-        if shown.iter().filter(|look| look.normal != [0.0; 3]).count() < LEAST_SHOWN {
+        if shown.iter().filter(|look| look.normal != [0.0; 3]).count() < MIN_SHOWN {
             continue;
         }
         let found: Vec<_> = shown
@@ -75,7 +75,7 @@ pub fn viewed(batch: &Batch<'_>, looks: &[Look], bvh: &Bvh, law: &Law) -> Expect
                     let mut near = toward(look, j as u32, *centre)?;
                     let open = gate(batch, j, -near.direction, *direction).0;
                     near.cost -= turn * open.ln();
-                    (open > LEAST_OPEN).then_some(near)
+                    (open > MIN_OPEN).then_some(near)
                 });
                 nearest(bvh, look, views)
             })

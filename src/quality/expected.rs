@@ -49,9 +49,9 @@ pub const SIDE: u32 = 8;
 pub const LOOKS: u32 = SIDE * SIDE;
 /// Cameras that the walks over them can take before lavapipe would end them: 65,535 iterations an invocation, of which the rays of
 /// a look take up to a third.
-pub const MOST_ON_CPU: u32 = 2500;
+pub const MAX_ON_CPU: u32 = 2500;
 /// Viewers that show the surface in fewer looks than this say nothing.
-pub const LEAST_SHOWN: u32 = 4;
+pub const MIN_SHOWN: u32 = 4;
 
 /// What viewers are expected to see of what a set of cameras trains.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -134,9 +134,9 @@ impl<'a> Judge<'a> {
     /// # Errors
     /// Where device memory runs out or the device fails.
     pub fn expect(&self, cameras: &[Camera]) -> Result<Expectation> {
-        if self.context.physical().kind == "CPU" && cameras.len() > MOST_ON_CPU as usize {
+        if self.context.physical().kind == "CPU" && cameras.len() > MAX_ON_CPU as usize {
             return Err(Error::request(format!(
-                "on a CPU device expected quality is of at most {MOST_ON_CPU} cameras, and these are {}; use a GPU, or fewer",
+                "on a CPU device expected quality is of at most {MAX_ON_CPU} cameras, and these are {}; use a GPU, or fewer",
                 cameras.len()
             )));
         }
@@ -181,7 +181,7 @@ fn push(count: u32, around: Surroundings, seed: u64) -> LookPush {
 
 /// The mean over viewers.
 fn aggregate(verdicts: &[Verdict]) -> Expectation {
-    let counts = |verdict: &&Verdict| verdict.shown >= LEAST_SHOWN;
+    let counts = |verdict: &&Verdict| verdict.shown >= MIN_SHOWN;
     let decibels = |verdict: &Verdict| 10.0 * verdict.error.max(f32::MIN_POSITIVE).log10();
     let all = verdicts.iter().filter(counts).count().max(1) as f64;
     Expectation {

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::expected::{Judge, LEAST_SHOWN};
+use super::expected::{Judge, MIN_SHOWN};
 use super::law::Law;
 use super::look::{Caster, Surroundings, Viewer};
 use super::nearest::nearest_cameras;
@@ -19,7 +19,7 @@ const LONGEST: u32 = 120;
 /// Looks that a point's error is the mean of.
 const LOOKS: usize = 12;
 /// Pairs of point and look that are worth their time.
-const MOST_PAIRS: usize = 300_000_000;
+const MAX_PAIRS: usize = 300_000_000;
 /// Decibels about the median that a picture's colours go to either way.
 const RANGE_DB: f64 = 6.0;
 
@@ -67,7 +67,7 @@ pub fn error_map(
         .filter_map(|(viewer, (looks, errors))| {
             let of = looks.iter().zip(errors).filter(|(look, _)| look.normal != [0.0; 3]);
             let (count, sum) = of.fold((0, 0.0), |(count, sum), (_, error)| (count + 1, sum + error.abs()));
-            (count >= LEAST_SHOWN).then(|| (viewer, sum / count as f32))
+            (count >= MIN_SHOWN).then(|| (viewer, sum / count as f32))
         })
         .collect();
     let shown: Vec<(Vec3, f32)> = looks
@@ -78,7 +78,7 @@ pub fn error_map(
         .map(|(look, error)| (Vec3::from(look.position), error.abs()))
         .collect();
     // Odd, so that it is not always the same pixel of every viewer.
-    let every = (points.len() * shown.len()).div_ceil(MOST_PAIRS) | 1;
+    let every = (points.len() * shown.len()).div_ceil(MAX_PAIRS) | 1;
     let shown: Vec<(Vec3, f32)> = shown.into_iter().step_by(every).collect();
     let mut all: Vec<f32> = shown.iter().map(|(_, error)| *error).collect();
     let middle = all.len() / 2;

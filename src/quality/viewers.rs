@@ -149,7 +149,8 @@ impl Viewers {
             _ if !alone => Some((0.5 * radius, radius)),
             _ => Some(((0.5 * radius).max(1.02 * back.length(reach)).min(radius), radius)),
         };
-        let place = |stream: u32, i: u32| -> DVec3 {
+        // Of three kinds: at the smaller radius, at the larger one, between.
+        let place = |stream: u32, i: u32, kind: u32| -> DVec3 {
             let [u, v, w, _] = random::uniforms(seed, stream, i);
             match (around, self) {
                 (Some((near, far)), _) => {
@@ -162,7 +163,7 @@ impl Viewers {
                         Self::Heights { low, high } => (height.max(low - centre.dot(up)), high - centre.dot(up)),
                         _ => (height, f64::INFINITY),
                     };
-                    let distance = match (i % 3, near, far) {
+                    let distance = match (kind, near, far) {
                         (0, near, _) if low < near && high > -near => near,
                         (1, _, far) => far,
                         _ => between,
@@ -185,7 +186,11 @@ impl Viewers {
         };
         let middle = back.point(bounds(geometry).iter().map(|corner| 0.5 * corner.as_dvec3()).sum());
         let viewer = |i: u32| {
-            let mut places = (0..TRIES).map(|k| place(POSITIONS + k, i));
+            // Where limits cover a whole sphere its viewers are anywhere between.
+            let kinds = [i % 3, 2].into_iter().take(if i % 3 == 2 { 1 } else { 2 });
+            let mut places = kinds
+                .flat_map(|kind| (0..TRIES).map(move |k| (k, kind)))
+                .map(|(k, kind)| place(POSITIONS + k, i, kind));
             let position = places.find(|place| fits(*place))?;
             let [u, v, ..] = random::uniforms(seed, DIRECTIONS, i);
             let pose = match around {
@@ -198,7 +203,10 @@ impl Viewers {
             Some(Camera { name: format!("viewer_{i:05}"), pose, intrinsics })
         };
         (0..count).map(viewer).collect::<Option<Vec<_>>>().ok_or_else(|| {
-            Error::request("viewers: hardly any place fits what --viewers says, above the floor if there is one and within walls; give a larger part")
+            Error::request(
+                "viewers: hardly any place fits what --viewers says (or the region), above the floor and within --wall and --keep-out; give a \
+                 larger part",
+            )
         })
     }
 }

@@ -286,7 +286,7 @@ mod tests {
             seed: 0,
             seconds: 0.0,
             quality: vec![Quality { psnr: 20.0, ssim: 0.5, ..Quality::default() }; 3],
-            came_apart: Some([20.0, 15.0]),
+            diverged: Some([20.0, 15.0]),
             folder: "training-1".into(),
             pictures: ["half", "full", "random"].map(|set| format!("{set}_0000.png")).to_vec(),
             places: vec![DVec3::ZERO, DVec3::new(2.0, 1.0, 0.0)],
@@ -304,7 +304,7 @@ mod tests {
         };
         let page = html(&request, &Outcome::new(Kind::Object, vec![entry], 1));
         assert!(!page.contains("<img src=x>"), "{page}");
-        // That its training came apart, three tables, the layout, three pictures; in two charts its end, with all of it to be
+        // That its training diverged, three tables, the layout, three pictures; in two charts its end, with all of it to be
         // pointed at.
         assert_eq!(page.matches("cameras:a folder with a long name/&lt;img src=x&gt;.json").count(), 1 + 3 + 1 + 3 + 2);
         assert_eq!(page.matches("</title>…ong name/&lt;img src=x&gt;.json</text>").count(), 2, "{page}");
@@ -321,7 +321,7 @@ mod tests {
             seed: 3,
             seconds: 0.1,
             quality: vec![Quality { psnr: 20.0 + f64::from(views), ssim: 0.5, ..Quality::default() }; 3],
-            came_apart: None,
+            diverged: None,
             folder: format!("training-{views}"),
             pictures: ["half", "full", "random"].map(|set| format!("{set}_0000.png")).to_vec(),
             places: vec![DVec3::ZERO, DVec3::new(2.0, 1.0, 0.0)],

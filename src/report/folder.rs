@@ -18,9 +18,9 @@ const SEED_STREAM: u32 = 2;
 /// How many there are.
 const SEED_POINTS: usize = 5000;
 /// Triangles that the page shows at most.
-const MOST_TRIANGLES: usize = 60_000;
+const MAX_TRIANGLES: usize = 60_000;
 /// Pairs of point and camera up to which tracks are worth their rays.
-const MOST_PAIRS: usize = 20_000_000;
+const MAX_PAIRS: usize = 20_000_000;
 /// Colour of planned and of kept cameras in frusta.ply.
 const PLANNED: [u8; 3] = [230, 126, 34];
 const KEPT: [u8; 3] = [52, 120, 200];
@@ -33,7 +33,7 @@ const KEPT: [u8; 3] = [52, 120, 200];
 pub fn write(plan: &Plan, target: &Target, folder: OutputFolder) -> Result<()> {
     let record = &plan.record;
     let seeds = target.proxy.sample(SEED_POINTS, record.seed, SEED_STREAM);
-    let tracks = if seeds.len() * record.cameras.len() <= MOST_PAIRS {
+    let tracks = if seeds.len() * record.cameras.len() <= MAX_PAIRS {
         let at = |point: &crate::scene::proxy::SurfacePoint| point.position + point.lift * point.normal;
         seeds.iter().map(|point| seen_by(&plan.geometry, at(point), &record.cameras)).collect()
     } else {
@@ -78,7 +78,7 @@ fn page(plan: &Plan, target: &Target) -> Result<String> {
         })
         .collect();
     let few = match &target.proxy.occluder {
-        Occluder::Triangles(corners) => Some(decimate::decimate(corners, target.proxy.colours(), MOST_TRIANGLES)),
+        Occluder::Triangles(corners) => Some(decimate::decimate(corners, target.proxy.colours(), MAX_TRIANGLES)),
         Occluder::Discs(_) => None,
     };
     let triangles = few.as_ref().map(|(corners, colours)| Triangles { corners, colours });

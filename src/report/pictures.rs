@@ -16,7 +16,7 @@ use crate::{Error, Result};
 /// Longest side on the page, in pixels.
 const LONGEST: u32 = 640;
 /// Bytes of all pictures that leave the page under 4 MB, since base64 makes four of three.
-const MOST_BYTES: usize = 2_700_000;
+const MAX_BYTES: usize = 2_700_000;
 /// Qualities that are tried until the pictures are small enough; the last one is taken as it is.
 const QUALITIES: [u8; 5] = [90, 80, 70, 60, 50];
 /// Differences are multiplied by this, so that an eye sees them.
@@ -42,7 +42,7 @@ pub fn shown(comparisons: &[Comparison]) -> Result<Vec<Shown>> {
             .iter()
             .map(|pictures| pictures.each_ref().map(|picture| jpeg(picture, quality)).into_iter().collect())
             .collect::<Result<Vec<Vec<Vec<u8>>>>>()?;
-        if encoded.iter().flatten().map(Vec::len).sum::<usize>() <= MOST_BYTES {
+        if encoded.iter().flatten().map(Vec::len).sum::<usize>() <= MAX_BYTES {
             break;
         }
     }

@@ -25,9 +25,9 @@ use crate::select::job::{Selection, Suggested};
 use crate::select::request::Request;
 
 /// Triangles that the page shows at most.
-const MOST_TRIANGLES: usize = 60_000;
+const MAX_TRIANGLES: usize = 60_000;
 /// Photos left out that the page shows at most; the others are left out of the picture too.
-const MOST_SHOWN: usize = 3000;
+const MAX_SHOWN: usize = 3000;
 
 /// Everything that is written.
 pub struct Written<'a> {
@@ -248,13 +248,13 @@ fn page(written: &Written<'_>) -> Result<String> {
     let points: Vec<SurfacePoint> =
         selection.points.iter().zip(&selection.scores).zip(&selection.map.points).map(surface_point).collect();
     let few = match &target.proxy.occluder {
-        Occluder::Triangles(corners) => Some(decimate::decimate(corners, target.proxy.colours(), MOST_TRIANGLES)),
+        Occluder::Triangles(corners) => Some(decimate::decimate(corners, target.proxy.colours(), MAX_TRIANGLES)),
         Occluder::Discs(_) => None,
     };
     let triangles = few.as_ref().map(|(corners, colours)| Triangles { corners, colours });
     let is_chosen = |photo: &usize| selection.chosen.iter().any(|chosen| chosen.photo == *photo);
     let others = (0..set.photos.len()).filter(|photo| !is_chosen(photo));
-    let left_out: Vec<usize> = others.step_by(set.photos.len().div_ceil(MOST_SHOWN).max(1)).collect();
+    let left_out: Vec<usize> = others.step_by(set.photos.len().div_ceil(MAX_SHOWN).max(1)).collect();
     let shown = selection.chosen.iter().map(|chosen| chosen.photo).chain(left_out.iter().copied());
     let record = PlanRecord {
         version: env!("CARGO_PKG_VERSION").into(),

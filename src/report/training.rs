@@ -14,7 +14,7 @@ use crate::{Error, Result};
 /// Seconds after which the page of a running run reloads itself.
 const REFRESH: u32 = 30;
 /// Stages and buffers that have a bar of their own.
-const MOST_BARS: usize = 12;
+const MAX_BARS: usize = 12;
 
 /// A test view as it was rendered, beside its photo.
 #[derive(Clone, Copy, Debug)]
@@ -178,7 +178,7 @@ fn heading(record: &TrainRecord) -> String {
     );
     let (class, notice) = match record.status {
         Status::Complete => {
-            if let Some(line) = record.apart_line() {
+            if let Some(line) = record.diverged_line() {
                 let _ = writeln!(html, "<p class=\"notice\" role=\"status\">Warning: {}.</p>", escape(&line));
             }
             return html;
@@ -336,7 +336,7 @@ struct Bar {
 fn largest(parts: impl Iterator<Item = (String, f64)>, show: impl Fn(f64) -> String) -> Vec<Bar> {
     let mut parts: Vec<_> = parts.filter(|(_, value)| value.is_finite()).collect();
     parts.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let rest = parts.split_off(parts.len().min(MOST_BARS));
+    let rest = parts.split_off(parts.len().min(MAX_BARS));
     let bar = |(name, value): (String, f64)| Bar { class: "", name, text: show(value), value };
     let mut bars: Vec<_> = parts.into_iter().map(bar).collect();
     if !rest.is_empty() {
@@ -444,7 +444,7 @@ fn summary(record: &TrainRecord) -> String {
 fn strategy(config: &Config) -> &'static str {
     match config.strategy {
         Strategy::Mcmc => "MCMC: dead splats move to living ones",
-        Strategy::Classic => "classic: clone, split and prune by gradients",
+        Strategy::Adc => "adaptive density control: clone, split and prune by gradients",
     }
 }
 

@@ -11,7 +11,7 @@ use super::surface::Points;
 use crate::{Error, Result};
 
 /// Most discs that a cloud is turned into.
-const MOST_DISCS: usize = 200_000;
+const MAX_DISCS: usize = 200_000;
 /// Neighbours that a normal is fitted to, and outliers are judged by.
 const NEIGHBOURS: usize = 12;
 /// Nearest neighbours whose mean distance is the radius of a disc. On a square grid that covers the surface; on a random
@@ -87,7 +87,7 @@ pub(super) fn from_points(points: &Points, orientation: Orientation) -> Result<C
 }
 
 /// Indices of the points that stay, along a Morton curve: one for each occupied cell of the finest power-of-two grid
-/// with at most [`MOST_DISCS`] occupied cells. Points less than two millionths of the cloud's size apart are one.
+/// with at most [`MAX_DISCS`] occupied cells. Points less than two millionths of the cloud's size apart are one.
 fn thinned(positions: &[DVec3]) -> Vec<usize> {
     let (min, max) =
         positions.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(*p), max.max(*p)));
@@ -97,7 +97,7 @@ fn thinned(positions: &[DVec3]) -> Vec<usize> {
     coded.sort_unstable();
     for level in 0..=morton::BITS {
         coded.dedup_by_key(|(code, _)| *code >> (3 * level));
-        if coded.len() <= MOST_DISCS {
+        if coded.len() <= MAX_DISCS {
             break;
         }
     }
@@ -316,6 +316,6 @@ mod tests {
     #[test]
     fn dense_clouds_are_thinned() {
         let kept = thinned(&sphere(400_000));
-        assert!((MOST_DISCS / 8..=MOST_DISCS).contains(&kept.len()), "{} kept", kept.len());
+        assert!((MAX_DISCS / 8..=MAX_DISCS).contains(&kept.len()), "{} kept", kept.len());
     }
 }

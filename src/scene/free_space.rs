@@ -18,7 +18,7 @@ const HALF_DIAGONAL: f64 = 0.87;
 /// Alternating projections onto a voxel and the region; where they meet at all a few are enough.
 const PROJECTIONS: u32 = 16;
 /// Most voxels of a grid: a gigabyte of scratch.
-const MOST_VOXELS: f64 = 6.4e7;
+const MAX_VOXELS: f64 = 6.4e7;
 
 /// The voxels where a camera may stand, and the distance of every voxel to them, in the frame of the occluder it was made
 /// from.
@@ -36,6 +36,8 @@ pub struct FreeSpace {
     pub distance: Vec<f32>,
     /// Fraction of the voxels within the region that are free.
     pub free_fraction: f64,
+    /// Fraction of the places that would be free, were they connected with the rest.
+    pub unconnected: f64,
     /// The region.
     pub region: Region,
     /// Index of the free voxel nearest to each voxel.
@@ -82,7 +84,7 @@ impl FreeSpace {
         let grid = grid_around(region, resolution)?;
         let occupied = touched(&grid, occluder);
         let shared = limits.barred_for_everybody(&grid);
-        let own = limits.barred_for_cameras(&grid, occluder)?;
+        let own = limits.barred_for_cameras(&grid, occluder, (&occupied, region.floor))?;
         let is_barred = |barred: &[bool], i: usize| barred.get(i).is_some_and(|barred| *barred);
         let surface = nearest_sites(grid.dims, |i| occupied[i]);
         let clearance = region.clearance / grid.cell;
@@ -112,10 +114,12 @@ impl FreeSpace {
             return Err(Error::request(if limits.is_empty() {
                 "region: no free space; every position is closer than the clearance to the surface: enlarge the region or lower --clearance"
             } else {
-                "region: no free space; what --wall, --keep-out, --heights and --walk leave of it is closer than the clearance to the surface: \
-                 allow more, or lower --clearance"
+                "region: no free space; --wall, --keep-out, --heights and --walk leave nothing of it that is as far from the surface as the \
+                 clearance: allow more, or lower --clearance"
             }));
         }
+        let all_open = open.iter().filter(|open| **open).count().max(1);
+        let unconnected = 1.0 - component.len() as f64 / all_open as f64;
         let narrowed = limits.narrows();
         let barred = if own.is_empty() {
             shared.clone()
@@ -138,7 +142,18 @@ impl FreeSpace {
             let inside = |i: &&u32| region.contains(grid.centre(grid.coordinates(**i as usize)));
             let well_inside: Vec<u32> = free.iter().filter(inside).copied().collect();
             let free = if well_inside.is_empty() { free } else { well_inside };
-            Self { grid, distance, free_fraction, region: *region, nearest, free, touched, barred, heights }
+            Self {
+                grid,
+                distance,
+                free_fraction,
+                unconnected,
+                region: *region,
+                nearest,
+                free,
+                touched,
+                barred,
+                heights,
+            }
         };
         let everybody = narrowed.then(|| space(component, shared, None, occupied.clone()));
         Ok((space(free, barred, heights, occupied), everybody))
@@ -336,13 +351,13 @@ fn grid_around(region: &Region, resolution: u32) -> Result<Grid> {
     let cell = (max - min).max_element() / f64::from(resolution.max(1));
     let margin = (region.clearance / cell).ceil() + 1.0;
     let dims = ((max - min) / cell).map(|n| (n - 1e-9).ceil().max(1.0)) + 2.0 * margin;
-    if resolution == 0 || dims.element_product() > MOST_VOXELS {
+    if resolution == 0 || dims.element_product() > MAX_VOXELS {
         return Err(Error::request(format!(
             "region: {resolution} voxels along its longest side make a grid of {dims}; give a smaller clearance (--clearance) or fewer voxels"
         )));
     }
     let size = cell * dims;
-    // Below MOST_VOXELS voxels, so each side fits.
+    // Below MAX_VOXELS voxels, so each side fits.
     let dims = dims.to_array().map(|n| n as u32);
     Ok(Grid { origin: 0.5 * (min + max) - 0.5 * size, cell, dims })
 }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 /// Highest degree of the harmonics.
-pub const MOST_DEGREE: u32 = 3;
+pub const MAX_DEGREE: u32 = 3;
 
 /// Gaussians, one entry of every list each; values are those that a trainer optimises and a .ply file stores.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -16,7 +16,7 @@ pub struct Gaussians {
     pub rotations: Vec<[f32; 4]>,
     /// Logits of the opacities.
     pub opacities: Vec<f32>,
-    /// Degree of the spherical harmonics, 0 to [`MOST_DEGREE`].
+    /// Degree of the spherical harmonics, 0 to [`MAX_DEGREE`].
     pub degree: u32,
     /// Coefficients of the real spherical harmonics: `(degree + 1)^2` of red, green and blue side by side for each Gaussian.
     /// With basis B in the direction w from the camera to the centre, the sRGB colour is `max(0, 0.5 + sum_k c_k B_k(w))`.

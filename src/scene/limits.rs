@@ -12,42 +12,26 @@ use super::voxels::{Grid, enclosed, touched};
 use super::walk;
 use crate::{Error, Result};
 
+/// Coordinates are below this, so that squares of their differences are finite.
+pub const FARTHEST: f64 = 1e18;
+
 /// Corners of a triangle.
 pub type Triangle = [DVec3; 3];
 
 /// A closed volume that nobody stands in.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(from = "VolumeRecord", into = "VolumeRecord")]
 pub struct Volume {
     /// The file that it is from; empty where it is from none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub file: String,
     /// Its faces.
+    #[serde(default)]
     pub triangles: Vec<Triangle>,
-}
-
-/// A volume as a record has it: by its file, or its faces where it is from none.
-#[derive(Serialize, Deserialize)]
-struct VolumeRecord {
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    file: String,
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    triangles: Vec<Triangle>,
-}
-
-impl From<Volume> for VolumeRecord {
-    fn from(Volume { file, triangles }: Volume) -> Self {
-        Self { triangles: if file.is_empty() { triangles } else { Vec::new() }, file }
-    }
-}
-
-impl From<VolumeRecord> for Volume {
-    fn from(VolumeRecord { file, triangles }: VolumeRecord) -> Self {
-        Self { file, triangles }
-    }
 }
 
 /// Limits in the frame of the surface. Walls and volumes hold for everybody, heights and ground for who takes the photos only.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Limits {
     /// Nobody stands behind one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -123,16 +107,24 @@ impl Limits {
     pub fn validated(mut self) -> Result<Self> {
         let wrong = |what: String| Err(Error::request(what));
         for Wall { point, normal } in &mut self.walls {
+            if !(point.abs().max_element() < FARTHEST && normal.abs().max_element() < FARTHEST) {
+                return wrong(format!("--wall: give numbers below {FARTHEST:.0e}"));
+            }
             *normal = match normal.try_normalize() {
-                Some(unit) if point.is_finite() => unit,
-                _ => return wrong(format!("--wall at {point} with normal {normal}: give a normal that is not zero")),
+                Some(unit) => unit,
+                None => {
+                    return wrong(format!("--wall at {point} with normal {normal}: give a normal that is not zero"));
+                }
             };
         }
         if let Some(Volume { file, .. }) = self.keep_out.iter().find(|volume| volume.triangles.is_empty()) {
             return wrong(format!("--keep-out {file}: it has no faces; give a mesh or boxes"));
         }
+        if self.heights.is_some_and(|heights| !heights.iter().all(|height| height.abs() < FARTHEST)) {
+            return wrong(format!("--heights: give numbers below {FARTHEST:.0e}"));
+        }
         if let Some([low, high]) = self.heights
-            && !(low < high && (high - low).is_finite())
+            && low >= high
         {
             return wrong(format!("--heights {low},{high}: give the lower one, then the greater one"));
         }
@@ -218,16 +210,23 @@ impl Limits {
         barred
     }
 
-    /// For every voxel, whether the limits of cameras alone bar it; empty where there are none. A voxel that only reaches into the
+    /// For every voxel, whether the limits of cameras alone bar it, where the surface touches the `occupied` ones and nobody is below the
+    /// floor; empty where there are none. A voxel that only reaches into the
     /// heights is not barred. Up is +Z.
     ///
     /// # Errors
     /// [`Error::Request`] where nobody can stand at the start of the walk.
-    pub(super) fn barred_for_cameras(&self, grid: &Grid, surface: &Occluder) -> Result<Vec<bool>> {
+    pub(super) fn barred_for_cameras(
+        &self,
+        grid: &Grid,
+        surface: &Occluder,
+        (occupied, floor): (&[bool], Option<f64>),
+    ) -> Result<Vec<bool>> {
         if !self.narrows() {
             return Ok(Vec::new());
         }
-        let ground = self.walk.map(|walk| walk::Ground::new(grid, surface, self, walk)).transpose()?;
+        let ground =
+            self.walk.map(|walk| walk::Ground::new(grid, (surface, occupied, floor), self, walk)).transpose()?;
         let half = 0.5 * grid.cell;
         let barred = |i: usize| {
             let centre = grid.centre(grid.coordinates(i));

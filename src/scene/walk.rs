@@ -9,7 +9,7 @@ use super::voxels::{Grid, touched};
 use crate::{Error, Result};
 
 /// Most voxels between the feet and the head.
-const MOST_LAYERS: f64 = 1000.0;
+const MAX_LAYERS: f64 = 1000.0;
 /// Part of the walker's height that feet are lifted over: thresholds, carpets and cables do not stop anybody.
 const STEP: f64 = 0.15;
 
@@ -18,6 +18,10 @@ pub(super) struct Ground {
     /// A single layer.
     grid: Grid,
     reached: Vec<bool>,
+    /// Height of the feet.
+    feet: f64,
+    /// By column, the lowest thing above the head.
+    ceiling: Vec<f64>,
 }
 
 impl Ground {
@@ -26,11 +30,16 @@ impl Ground {
     ///
     /// # Errors
     /// [`Error::Request`] where the start is outside of the region or there is no room at it.
-    pub(super) fn new(around: &Grid, surface: &Occluder, limits: &Limits, walk: Walk) -> Result<Self> {
+    pub(super) fn new(
+        around: &Grid,
+        (surface, occupied, floor): (&Occluder, &[bool], Option<f64>),
+        limits: &Limits,
+        walk: Walk,
+    ) -> Result<Self> {
         let cell = around.cell;
         let (foot, head) = (walk.start.z + STEP * walk.height, walk.start.z + walk.height);
         let layers = (head - foot) / cell;
-        if !(1.0..MOST_LAYERS).contains(&layers) {
+        if !(1.0..MAX_LAYERS).contains(&layers) {
             let what = if layers < 1.0 { "low for voxels of a region so large" } else { "high for a region so small" };
             return Err(Error::request(format!("--walk: whoever walks is too {what}; give another height or region")));
         }
@@ -71,6 +80,23 @@ impl Ground {
                  place in the open, with the feet on the ground",
             ));
         }
+        let height_of = |layer: u32| around.origin.z + f64::from(layer) * cell;
+        let touched_at = |column: usize, layer: u32| occupied[layer as usize * columns + column];
+        let below = (0..around.dims[2]).rev().filter(|layer| height_of(layer + 1) <= walk.start.z + STEP * walk.height);
+        let ground = below.clone().find(|layer| touched_at(at, *layer)).map(|layer| height_of(layer + 1));
+        let ground = ground.into_iter().chain(floor).reduce(f64::max);
+        let outside = !(height_of(0) - walk.height..=height_of(around.dims[2])).contains(&walk.start.z);
+        // Of a surface without a floor nothing is known.
+        if outside || ground.is_some_and(|ground| ground < walk.start.z - STEP * walk.height - cell) {
+            return Err(Error::request(
+                "--walk: there is no ground under its start; give the place where the feet are, with the height along --up",
+            ));
+        }
+        let lowest_above = |column: usize| {
+            let above = (0..around.dims[2]).find(|layer| height_of(*layer) >= head && touched_at(column, *layer));
+            above.map_or(f64::INFINITY, height_of)
+        };
+        let ceiling = (0..columns).map(lowest_above).collect();
         let mut reached = vec![false; columns];
         reached[at] = true;
         let mut next = vec![at];
@@ -85,11 +111,12 @@ impl Ground {
                 }
             }
         }
-        Ok(Self { grid, reached })
+        Ok(Self { grid, reached, feet: walk.start.z, ceiling })
     }
 
-    /// Whether `p` is above ground that is reached.
+    /// Whether `p` is above ground that is reached, with nothing between.
     pub(super) fn holds(&self, p: DVec3) -> bool {
-        self.reached[self.grid.index(self.grid.voxel(DVec3::new(p.x, p.y, self.grid.origin.z)))]
+        let column = self.grid.index(self.grid.voxel(DVec3::new(p.x, p.y, self.grid.origin.z)));
+        self.reached[column] && (self.feet..self.ceiling[column]).contains(&p.z)
     }
 }

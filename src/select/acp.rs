@@ -27,7 +27,7 @@ const BINS: usize = POLAR * AZIMUTH;
 /// Power that the part of the views that see a node is raised to.
 const POWER: f64 = 0.05;
 /// Pairs of node and view that are worth looking at: as many words in all where every view sees every node.
-const MOST_PAIRS: u64 = 1 << 29;
+const MAX_PAIRS: u64 = 1 << 29;
 /// How much wider than the views' bounds the grid is, over all.
 const WIDER: f64 = 1.2;
 
@@ -52,7 +52,7 @@ impl Default for Settings {
 /// A pool that is too large for the grid.
 pub fn choose(pool: &Pool<'_>, settings: Settings, occluder: Option<&SceneGeometry>) -> Result<Vec<usize>> {
     let views = pool.allowed.len() as u64;
-    if u64::from(settings.grid).pow(3).saturating_mul(views) > MOST_PAIRS {
+    if u64::from(settings.grid).pow(3).saturating_mul(views) > MAX_PAIRS {
         let what = format!("{views} views are too many for a grid of {0} x {0} x {0} nodes; give fewer", settings.grid);
         return Err(Error::request(format!("--method acp: {what}")));
     }
@@ -61,7 +61,8 @@ pub fn choose(pool: &Pool<'_>, settings: Settings, occluder: Option<&SceneGeomet
     let mut seen = vec![Vec::new(); pool.allowed.len()];
     in_parallel(&mut seen, 1, |i, seen| seen[0] = counts(cameras[pool.allowed[i]], &nodes, pool.region.up, occluder));
     let mut state = State::new(nodes.len());
-    let mut chosen: Vec<usize> = pool.must.iter().filter_map(|photo| pool.allowed.binary_search(photo).ok()).collect();
+    let mut chosen: Vec<usize> =
+        pool.include.iter().filter_map(|photo| pool.allowed.binary_search(photo).ok()).collect();
     chosen.iter().for_each(|place| state.add(&seen[*place]));
     let mut free: Vec<usize> = (0..pool.allowed.len()).filter(|place| !chosen.contains(place)).collect();
     while chosen.len() < pool.count && !free.is_empty() {
@@ -225,7 +226,7 @@ mod tests {
             Region { shape: Shape::Box { min: DVec3::ZERO, max: DVec3::ONE }, up: UP, floor: None, clearance: 0.0 };
         let allowed: Vec<usize> = (0..set.photos.len()).collect();
         let sight = Sight::empty(0, set.photos.len());
-        let pool = Pool { set, region: &region, sight: &sight, must, allowed: &allowed, count, seed: 0 };
+        let pool = Pool { set, region: &region, sight: &sight, include: must, allowed: &allowed, count, seed: 0 };
         choose(&pool, Settings { grid, occlusion: false }, None).unwrap()
     }
 

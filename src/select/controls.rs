@@ -17,7 +17,7 @@ use crate::scene::region::Region;
 /// Stream of the random control, and of the first photo of farthest view sampling.
 const CONTROL_STREAM: u32 = 0x5e1e_0000;
 /// Photos up to which all pairs are worth counting shared points of.
-pub const MOST_SHARED: usize = 4000;
+pub const MAX_SHARED: usize = 4000;
 
 /// What may be chosen.
 pub struct Pool<'a> {
@@ -28,8 +28,8 @@ pub struct Pool<'a> {
     /// What each photo sees of the optimisation's points.
     pub sight: &'a Sight,
     /// Photos that are chosen in any case, ascending.
-    pub must: &'a [usize],
-    /// Photos that may be chosen, `must` included, ascending.
+    pub include: &'a [usize],
+    /// Photos that may be chosen, `include` included, ascending.
     pub allowed: &'a [usize],
     /// How many to choose.
     pub count: usize,
@@ -57,9 +57,9 @@ impl Pool<'_> {
         away + planned.forward().angle_between(pose.forward())
     }
 
-    /// `must`, and for each planned camera a photo of its own, nearest in sum.
+    /// `include`, and for each planned camera a photo of its own, nearest in sum.
     pub fn assigned(&self, planned: &[Pose]) -> Vec<usize> {
-        let free = self.free(self.must);
+        let free = self.free(self.include);
         // The search comes back to a row again and again.
         let mut distances = vec![0f32; planned.len() * free.len()];
         in_parallel(&mut distances, free.len(), |row, distances| {
@@ -67,13 +67,13 @@ impl Pool<'_> {
             photos.for_each(|(distance, photo)| *distance = self.distance(&planned[row], *photo) as f32);
         });
         let columns = assign(planned.len(), free.len(), |row, column| f64::from(distances[row * free.len() + column]));
-        self.must.iter().copied().chain(columns.into_iter().map(|column| free[column])).collect()
+        self.include.iter().copied().chain(columns.into_iter().map(|column| free[column])).collect()
     }
 
-    /// `must`, and for each planned camera the nearest photo, as in the paper: a photo that is nearest to two stands for
+    /// `include`, and for each planned camera the nearest photo, as in the paper: a photo that is nearest to two stands for
     /// both, so that there may be fewer than were asked for.
     pub fn nearest(&self, planned: &[Pose]) -> Vec<usize> {
-        let mut chosen = self.must.to_vec();
+        let mut chosen = self.include.to_vec();
         for pose in planned {
             let nearest =
                 self.allowed.iter().min_by(|a, b| self.distance(pose, **a).total_cmp(&self.distance(pose, **b)));
@@ -84,15 +84,15 @@ impl Pool<'_> {
 
     /// Photos at random.
     pub fn random(&self) -> Vec<usize> {
-        let mut free = self.free(self.must);
+        let mut free = self.free(self.include);
         random::shuffle(&mut free, self.seed, CONTROL_STREAM);
-        self.must.iter().copied().chain(free).take(self.count).collect()
+        self.include.iter().copied().chain(free).take(self.count).collect()
     }
 
-    /// Farthest view sampling after `must`; the first at random where there is none. None where counting shared points would
+    /// Farthest view sampling after `include`; the first at random where there is none. None where counting shared points would
     /// take too long.
     pub fn farthest(&self, distance: Distance) -> Option<Vec<usize>> {
-        if distance == Distance::Shared && self.set.photos.len() > MOST_SHARED {
+        if distance == Distance::Shared && self.set.photos.len() > MAX_SHARED {
             return None;
         }
         let centre = self.region.bounding_sphere().0;
@@ -107,9 +107,9 @@ impl Pool<'_> {
                 Metric::new(self.allowed.iter().map(outward).collect()).with_shared(saw)
             }
         };
-        // `must` is a part of `allowed`, and both ascend.
+        // `include` is a part of `allowed`, and both ascend.
         let mut chosen: Vec<usize> =
-            self.must.iter().filter_map(|photo| self.allowed.binary_search(photo).ok()).collect();
+            self.include.iter().filter_map(|photo| self.allowed.binary_search(photo).ok()).collect();
         if chosen.is_empty() && self.count > 0 && !self.allowed.is_empty() {
             let word = random::bits(self.seed, CONTROL_STREAM + 1, 0)[0];
             chosen.push(random::below(word, self.allowed.len() as u32) as usize);
@@ -134,8 +134,8 @@ impl Pool<'_> {
     pub fn coverage(&self) -> Vec<usize> {
         let seen = self.sight.by_photo();
         let mut views = vec![0u32; self.sight.bits.len() / self.sight.words];
-        let mut chosen = self.must.to_vec();
-        for photo in self.must {
+        let mut chosen = self.include.to_vec();
+        for photo in self.include {
             seen[*photo].iter().for_each(|point| views[*point as usize] += 1);
         }
         // Both counts only shrink as photos are chosen: most need not be taken again (Minoux 1978).

@@ -78,11 +78,11 @@ fn choose(knowledge: &mut impl Knowledge, pool: &Pool<'_>, path: &str, first: u3
 
 /// The photos that are chosen in any case, or else a few by farthest view sampling.
 pub(super) fn beginning(pool: &Pool<'_>, first: u32) -> Vec<usize> {
-    match pool.must {
+    match pool.include {
         [] => {
             let few = Pool { count: pool.count.min(first as usize), ..*pool };
             few.farthest(Distance::GreatCircle).unwrap_or_default()
         }
-        must => must.to_vec(),
+        include => include.to_vec(),
     }
 }

@@ -3,7 +3,7 @@
 use super::objective::{Choice, Swap};
 
 /// What a swap must gain, in decibels: less is not seen, and rounding cannot make two swaps take turns for ever.
-const LEAST_GAIN: f64 = 1e-4;
+const MIN_GAIN: f64 = 1e-4;
 /// Part of what a swap promised before others were made that it must still be worth to be made in the same round.
 const STILL_WORTH: f64 = 0.5;
 
@@ -18,7 +18,7 @@ pub fn refine(choice: &mut Choice<'_>, candidates: &[usize], fixed: &[bool]) -> 
     loop {
         let outside = without(candidates, choice.chosen());
         let swaps = choice.best_swaps(&outside, fixed);
-        let worth = |swap: &Swap| swap.change < -LEAST_GAIN;
+        let worth = |swap: &Swap| swap.change < -MIN_GAIN;
         let mut promised: Vec<(usize, Swap)> = outside.into_iter().zip(swaps).collect();
         promised.retain(|(_, swap)| worth(swap));
         promised.sort_by(|(a, one), (b, other)| one.change.total_cmp(&other.change).then(a.cmp(b)));

@@ -219,22 +219,22 @@ impl<'a> Prospect<'a> {
     pub fn select(&self, sharpness: Option<&[f64]>, with_controls: bool) -> Result<Selection> {
         let request = &self.request;
         let allowed: Vec<usize> =
-            (0..self.set.photos.len()).filter(|photo| request.never.binary_search(photo).is_err()).collect();
+            (0..self.set.photos.len()).filter(|photo| request.exclude.binary_search(photo).is_err()).collect();
         let pool = Pool {
             set: self.set,
             region: &self.target.region,
             sight: &self.survey.sight,
-            must: &request.must,
+            include: &request.include,
             allowed: &allowed,
             count: request.count,
             seed: request.seed,
         };
         let start = Instant::now();
-        let kept: Vec<Camera> = request.must.iter().map(|photo| self.set.photos[*photo].camera.clone()).collect();
+        let kept: Vec<Camera> = request.include.iter().map(|photo| self.set.photos[*photo].camera.clone()).collect();
         let needs_plan = matches!(request.method, Method::Swap | Method::Assigned | Method::Nearest);
         let [viewers, judges] = self.viewers();
         let planned = if needs_plan || with_controls {
-            self.plan(request.count - request.must.len(), &kept, viewers.clone())?
+            self.plan(request.count - request.include.len(), &kept, viewers.clone())?
         } else {
             Vec::new()
         };
@@ -315,7 +315,7 @@ impl<'a> Prospect<'a> {
 
     /// Simple choices of as many photos as are asked for, the best of them by expected quality first.
     fn simple(&self, pool: &Pool<'_>, planned: &[Pose], judge: &Judge<'_>) -> Result<Vec<Simple>> {
-        let plans = planned.len() + pool.must.len() == pool.count;
+        let plans = planned.len() + pool.include.len() == pool.count;
         let mut simple = Vec::new();
         for method in SIMPLE.into_iter().filter(|method| plans || *method != Method::Assigned) {
             // A method that does not fit the pool is no reason to fail.
@@ -342,7 +342,7 @@ impl<'a> Prospect<'a> {
             Method::Nearest => Ok(pool.nearest(planned)),
             Method::Random => Ok(pool.random()),
             Method::Fibonacci => {
-                let count = pool.count - pool.must.len();
+                let count = pool.count - pool.include.len();
                 Ok(pool.assigned(&baselines::fibonacci_shell(&self.target.region, count)?))
             }
             Method::Fvs => farthest(Distance::GreatCircle),
@@ -378,7 +378,7 @@ fn swap(pool: &Pool<'_>, plain: &Objective, simple: &[Simple], sharpness: Option
         objective = objective.with_prices(blur(sharpness).into_iter().map(|blur| worth * blur).collect());
     }
     // Photos that are chosen in any case keep their slots.
-    let is_must = |photo: &usize| pool.must.binary_search(photo).is_ok();
+    let is_must = |photo: &usize| pool.include.binary_search(photo).is_ok();
     let mut subset = start.subset.clone();
     subset.sort_by_key(|photo| !is_must(photo));
     let fixed: Vec<bool> = subset.iter().map(is_must).collect();

@@ -14,7 +14,7 @@ use super::sight::{Sight, sight_of};
 use crate::Result;
 use crate::parallel::{in_parallel, with_scratch};
 use crate::photos::Photo;
-use crate::quality::expected::LEAST_SHOWN;
+use crate::quality::expected::MIN_SHOWN;
 use crate::quality::law::Law;
 use crate::quality::look::Look;
 use crate::quality::nearest::{FARTHEST, angle, vectors};
@@ -111,7 +111,7 @@ impl Objective {
         for of_viewer in looks.chunks(each.max(1)) {
             let first = counted.len();
             let shown = of_viewer.iter().filter(|look| look.normal != [0.0; 3]).count();
-            if shown >= LEAST_SHOWN as usize {
+            if shown >= MIN_SHOWN as usize {
                 counted.extend(of_viewer.iter().filter(|look| look.distance > 0.0));
                 ranges.push(first..counted.len());
             }

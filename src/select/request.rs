@@ -85,14 +85,14 @@ impl Method {
 /// What is asked for. Photos by index into the set, ascending.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Request {
-    /// Photos to choose.
+    /// Photos to select.
     pub count: usize,
     /// How.
     pub method: Method,
     /// Photos that are chosen in any case.
-    pub must: Vec<usize>,
+    pub include: Vec<usize>,
     /// Photos that are not chosen.
-    pub never: Vec<usize>,
+    pub exclude: Vec<usize>,
     /// Seed of every random number.
     pub seed: u64,
     /// Points that the choice is made on, and as many that it is scored on; fewer where the surface is a cloud that holds
@@ -114,8 +114,8 @@ impl Request {
         Self {
             count,
             method: Method::Swap,
-            must: Vec::new(),
-            never: Vec::new(),
+            include: Vec::new(),
+            exclude: Vec::new(),
             seed: 0,
             points: 4000,
             preset: Preset::Object,
@@ -130,17 +130,21 @@ impl Request {
     /// One line that says which number does not fit.
     pub fn validate(&self, photos: usize) -> Result<()> {
         let wrong = |what: String| Err(Error::request(what));
-        let allowed = photos - self.never.len();
+        let allowed = photos - self.exclude.len();
         if self.count == 0 {
             return wrong("--count is 0; give at least 1".into());
         }
         if self.count > allowed {
-            let barred = if self.never.is_empty() { String::new() } else { format!(" of {photos}, without --never") };
+            let barred =
+                if self.exclude.is_empty() { String::new() } else { format!(" of {photos}, without --exclude") };
             return wrong(format!("--count is {}, but the pool has {allowed} photos{barred}; give fewer", self.count));
         }
-        if self.must.len() > self.count {
-            let must = self.must.len();
-            return wrong(format!("--must names {must} photos, more than --count {}; raise --count", self.count));
+        if self.include.len() > self.count {
+            let included = self.include.len();
+            return wrong(format!(
+                "--include names {included} photos, more than --count {}; raise --count",
+                self.count
+            ));
         }
         if !(1..=1 << 20).contains(&self.points) {
             return wrong(format!("--points is {}; give 1 to {}", self.points, 1 << 20));

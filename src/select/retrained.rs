@@ -26,7 +26,7 @@ const POINTS: u32 = 20_000;
 const POINT_STREAM: u32 = 0x5045_0002;
 
 /// Most iterations, as in any training.
-const MOST_ITERATIONS: u32 = 10_000_000;
+const MAX_ITERATIONS: u32 = 10_000_000;
 
 /// Takes a photograph: the photo that is given, with an image; none where the user wants to stop.
 pub type Photograph<'p> = &'p mut dyn FnMut(&Photo) -> Result<Option<Photo>>;
@@ -114,10 +114,10 @@ pub fn fisher(
     if iterations == 0 {
         return Ok(Some(chosen));
     }
-    if iterations > MOST_ITERATIONS {
+    if iterations > MAX_ITERATIONS {
         let (every, count) = (settings.every, pool.count);
         let what = format!("--train-every {every} makes {iterations} iterations for {count} views");
-        return Err(Error::request(format!("{what}; give less, for at most {MOST_ITERATIONS}")));
+        return Err(Error::request(format!("{what}; give less, for at most {MAX_ITERATIONS}")));
     }
     let Settings { background, antialiased, .. } = settings;
     let config = Config { seed: pool.seed, background, antialiased, ..Config::new(iterations, settings.max_splats) }
@@ -165,8 +165,8 @@ fn trainer(context: &Arc<Context>, pool: &Pool<'_>, proxy: &Proxy, config: Confi
     let begun = start::Settings {
         budget: config.max_splats as usize,
         degree: config.degree,
-        scale: config.first_scale,
-        opacity: config.first_opacity,
+        scale: config.init_scale,
+        opacity: config.init_opacity,
         seed: config.seed,
         ..start::Settings::default()
     };

@@ -5,16 +5,16 @@ use glam::{DVec2, DVec3};
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::random;
 
-use super::cost::MOST_PAIRS;
+use super::cost::MAX_PAIRS;
 
 /// Stream of the random numbers that the first photo is drawn with.
 const FIRST: u32 = 0x7072_6f78;
 /// Angles between viewing directions, in degrees: best for a comparison, and the least and most that one is made at.
 const BEST_ANGLE: f64 = 18.0;
-const LEAST_ANGLE: f64 = 3.0;
-const MOST_ANGLE: f64 = 60.0;
+const MIN_ANGLE: f64 = 3.0;
+const MAX_ANGLE: f64 = 60.0;
 /// Part of a view's rays that a neighbour must see.
-const LEAST_OVERLAP: f64 = 0.3;
+const MIN_OVERLAP: f64 = 0.3;
 
 /// `count` of the directions, spread by farthest-point sampling over the sphere; the first is drawn with `seed`. Indices in
 /// rising order.
@@ -38,7 +38,7 @@ pub fn spread(directions: &[DVec3], count: usize, seed: u64) -> Vec<usize> {
     chosen
 }
 
-/// Up to [`MOST_PAIRS`] neighbours of each view, best first: those that see much of what it sees, at an angle between
+/// Up to [`MAX_PAIRS`] neighbours of each view, best first: those that see much of what it sees, at an angle between
 /// viewing directions that is wide enough to tell depths and narrow enough for pictures to be alike. `ranges` are the
 /// depths that each view is searched in.
 pub fn neighbours(cameras: &[Camera], ranges: &[[f64; 2]]) -> Vec<Vec<usize>> {
@@ -48,7 +48,7 @@ pub fn neighbours(cameras: &[Camera], ranges: &[[f64; 2]]) -> Vec<Vec<usize>> {
             .filter_map(|other| {
                 let angle = between(&cameras[reference], &cameras[other], ranges[reference]).to_degrees();
                 let overlap = overlap(&cameras[reference], &cameras[other], ranges[reference]);
-                if !(LEAST_ANGLE..=MOST_ANGLE).contains(&angle) || overlap < LEAST_OVERLAP {
+                if !(MIN_ANGLE..=MAX_ANGLE).contains(&angle) || overlap < MIN_OVERLAP {
                     return None;
                 }
                 let width = if angle < BEST_ANGLE { 8.0 } else { 20.0 };
@@ -56,7 +56,7 @@ pub fn neighbours(cameras: &[Camera], ranges: &[[f64; 2]]) -> Vec<Vec<usize>> {
             })
             .collect();
         scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        scored.into_iter().take(MOST_PAIRS).map(|(_, other)| other).collect()
+        scored.into_iter().take(MAX_PAIRS).map(|(_, other)| other).collect()
     };
     (0..cameras.len()).map(of).collect()
 }

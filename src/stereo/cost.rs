@@ -1,4 +1,4 @@
-//! How alike a window of a view and its image in the neighbours are: the twin of `shared/match.glsl`.
+//! How alike a window of a view and its image in the neighbours are: the twin of `stereo/match.glsl`.
 //!
 //! The measure is one minus the zero-mean normalised cross-correlation; over the neighbours, the mean of the better half,
 //! since an occlusion spoils the others only (Kang, Szeliski and Chai 2001, "Handling Occlusions in Dense Multi-view Stereo").
@@ -8,7 +8,7 @@ use glam::{Vec2, Vec3};
 use super::frame::{StereoPair, StereoView};
 
 /// Neighbours of a view at most.
-pub const MOST_PAIRS: usize = 4;
+pub const MAX_PAIRS: usize = 4;
 /// Cost of what cannot be compared; matches cost 0 to 2.
 pub const NO_MATCH: f32 = 4.0;
 /// Half a window; of its pixels every other one is compared, as on a chequerboard.
@@ -34,7 +34,7 @@ pub struct Scene<'a> {
     pub views: &'a [StereoView],
     /// Brightness of all views' pixels.
     pub pictures: &'a [f32],
-    /// [`MOST_PAIRS`] for each view, of which the first [`StereoView::pairs`] count.
+    /// [`MAX_PAIRS`] for each view, of which the first [`StereoView::pairs`] count.
     pub pairs: &'a [StereoPair],
 }
 
@@ -44,7 +44,7 @@ impl Scene<'_> {
         let view = &self.views[reference];
         let centre = Vec2::new(pixel[0] as f32 + 0.5, pixel[1] as f32 + 0.5);
         let around = self.brightness(view, pixel);
-        let pairs = &self.pairs[MOST_PAIRS * reference..][..view.pairs as usize];
+        let pairs = &self.pairs[MAX_PAIRS * reference..][..view.pairs as usize];
         let mut costs: Vec<f32> = pairs
             .iter()
             .filter_map(|pair| {

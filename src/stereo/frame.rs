@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec2, DVec3, DVec4, Vec3};
 
-use super::cost::MOST_PAIRS;
+use super::cost::MAX_PAIRS;
 use crate::photos::Photo;
 use crate::photos::decode::{Decoded, Decoder, Settings};
 use crate::scene::camera::{Camera, Intrinsics};
@@ -187,10 +187,10 @@ pub fn device_views(cameras: &[Camera], ranges: &[[f64; 2]]) -> Vec<StereoView> 
     cameras.iter().zip(ranges).map(view).collect()
 }
 
-/// [`MOST_PAIRS`] pairs for each view, of which as many count as it has neighbours.
+/// [`MAX_PAIRS`] pairs for each view, of which as many count as it has neighbours.
 pub fn device_pairs(cameras: &[Camera], neighbours: &[Vec<usize>]) -> Vec<StereoPair> {
     let row = |(camera, near): (&Camera, &Vec<usize>)| {
-        let mut row = [StereoPair::default(); MOST_PAIRS];
+        let mut row = [StereoPair::default(); MAX_PAIRS];
         row.iter_mut().zip(near).for_each(|(pair, i)| *pair = StereoPair::new(camera, &cameras[*i], *i as u32));
         row
     };

@@ -19,11 +19,11 @@ pub struct Sample {
 type Cell = [i32; 3];
 
 /// Pixels that a cell must hold.
-const LEAST_SAMPLES: u32 = 2;
+const MIN_SAMPLES: u32 = 2;
 /// Cells that must be filled among the 124 around a cell.
-const LEAST_NEIGHBOURS: usize = 5;
+const MIN_NEIGHBOURS: usize = 5;
 /// A cluster of cells stays where it is at least this part of the largest.
-const LEAST_CLUSTER: f64 = 0.03;
+const MIN_CLUSTER: f64 = 0.03;
 
 /// The cell that holds a point.
 fn cell(p: DVec3, size: f64) -> Cell {
@@ -59,10 +59,10 @@ pub fn means(samples: &[Sample], size: f64) -> Vec<Sample> {
 /// clusters.
 pub fn fuse(samples: &[Sample], size: f64) -> Vec<Sample> {
     let mut cells = sums(samples, size);
-    cells.retain(|_, (_, count)| *count >= LEAST_SAMPLES);
+    cells.retain(|_, (_, count)| *count >= MIN_SAMPLES);
     let alone: Vec<Cell> = cells
         .keys()
-        .filter(|at| around(**at).filter(|beside| cells.contains_key(beside)).count() < LEAST_NEIGHBOURS)
+        .filter(|at| around(**at).filter(|beside| cells.contains_key(beside)).count() < MIN_NEIGHBOURS)
         .copied()
         .collect();
     for at in alone {
@@ -106,7 +106,7 @@ fn clusters<T>(cells: &BTreeMap<Cell, T>) -> Vec<bool> {
         sizes.push(size);
     }
     let largest = sizes.iter().copied().max().unwrap_or(0);
-    cluster.into_iter().map(|c| f64::from(sizes[c]) >= LEAST_CLUSTER * f64::from(largest)).collect()
+    cluster.into_iter().map(|c| f64::from(sizes[c]) >= MIN_CLUSTER * f64::from(largest)).collect()
 }
 
 /// The cells at most two away.

@@ -15,7 +15,7 @@ const COVERED: f32 = 0.3;
 const VOTES: u32 = 2;
 
 /// A part of the hull stays where it is at least this much of the largest.
-const LEAST_PART: f64 = 0.01;
+const MIN_PART: f64 = 0.01;
 
 crate::gpu_struct! {
     /// Push constants of `carve`.
@@ -179,7 +179,7 @@ impl Hull {
     }
 }
 
-/// Empties the voxels of parts smaller than [`LEAST_PART`] of the largest: what no picture that holds them rules out, because
+/// Empties the voxels of parts smaller than [`MIN_PART`] of the largest: what no picture that holds them rules out, because
 /// few do.
 fn drop_fragments(cells: &mut [u32], dims: [u32; 3]) {
     let [nx, ny, _] = dims.map(|n| n as usize);
@@ -213,7 +213,7 @@ fn drop_fragments(cells: &mut [u32], dims: [u32; 3]) {
         parts.push(part);
     }
     let largest = parts.iter().map(Vec::len).max().unwrap_or(0);
-    let small = parts.into_iter().filter(|part| (part.len() as f64) < LEAST_PART * largest as f64);
+    let small = parts.into_iter().filter(|part| (part.len() as f64) < MIN_PART * largest as f64);
     small.flatten().for_each(|at| cells[at] = 0);
 }
 

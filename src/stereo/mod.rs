@@ -35,13 +35,13 @@ use crate::vulkan::Context;
 use crate::{Error, Result};
 
 /// Fewest photos that a surface is made from.
-pub const LEAST_PHOTOS: usize = 5;
+pub const MIN_PHOTOS: usize = 5;
 /// Voxels along the longest side of the hull.
 const HULL_CELLS: u32 = 128;
 /// Worst match that counts as one.
-const MOST_COST: f32 = 0.5;
+const MAX_COST: f32 = 0.5;
 /// Pixels of the smallest patch of depth that stays, in a picture of 100,000.
-const LEAST_PATCH: usize = 50;
+const MIN_PATCH: usize = 50;
 /// Difference of depth at which two views still agree, as a fraction of depth.
 const TOLERANCE: f32 = 0.01;
 
@@ -108,7 +108,7 @@ pub struct Reconstruction {
 /// Makes a surface from photos.
 ///
 /// # Errors
-/// Where there are fewer than [`LEAST_PHOTOS`] with images, where images cannot be read, where the cameras do not tell where to
+/// Where there are fewer than [`MIN_PHOTOS`] with images, where images cannot be read, where the cameras do not tell where to
 /// look, where no two photos overlap, where nothing was found, and where the device fails.
 pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) -> Result<Reconstruction> {
     let mut clock = Clock { last: Instant::now(), seconds: Vec::new() };
@@ -121,8 +121,8 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
         skipped.push(error.to_string());
         if options.skip_unreadable { Ok(()) } else { Err(error) }
     })?;
-    if frames.len() < LEAST_PHOTOS {
-        let what = format!("{} photos can be decoded; a surface needs at least {LEAST_PHOTOS}", frames.len());
+    if frames.len() < MIN_PHOTOS {
+        let what = format!("{} photos can be decoded; a surface needs at least {MIN_PHOTOS}", frames.len());
         return Err(Error::input(&set.path, what));
     }
     clock.stage("photos");
@@ -163,11 +163,11 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
         let mut map = sweeper.depth(reference, options.hypotheses, usize::MAX, &hull, options.seed)?;
         let hidden = |pixel: usize| frame.mask.as_ref().is_some_and(|mask| mask[pixel] < 0.5);
         for pixel in 0..frame.len() {
-            if map.costs[pixel] > MOST_COST || hidden(pixel) {
+            if map.costs[pixel] > MAX_COST || hidden(pixel) {
                 map.costs[pixel] = cost::NO_MATCH;
             }
         }
-        map.drop_specks(frame.camera.intrinsics.width as usize, LEAST_PATCH * frame.len() / 100_000);
+        map.drop_specks(frame.camera.intrinsics.width as usize, MIN_PATCH * frame.len() / 100_000);
         maps.push(map);
     }
     clock.stage("depth");
@@ -222,7 +222,7 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
     let holes = fusion::holes(&stereo, &fusion::means(&filling, cell), cell);
     let from_stereo = stereo.len();
     let all: Vec<Sample> = stereo.into_iter().chain(holes).collect();
-    if all.len() < LEAST_POINTS {
+    if all.len() < MIN_POINTS {
         return Err(Error::request(format!(
             "only {} points were found; give photos with more overlap (--photos), --near and --far, or masks",
             all.len()
@@ -302,7 +302,7 @@ const FUSED_PIXELS: f64 = 2.5;
 /// Radius of a point's disc in cells: points lie anywhere in theirs, and a surface of discs should have no gaps.
 const COVER: f64 = 1.25;
 /// Fewest points that are a surface.
-const LEAST_POINTS: usize = 100;
+const MIN_POINTS: usize = 100;
 
 /// Takes the time of stages.
 struct Clock {
@@ -320,9 +320,9 @@ impl Clock {
 fn choose_photos(set: &PhotoSet, options: &Options) -> Result<Vec<Photo>> {
     let usable: Vec<&Photo> = set.photos.iter().filter(|photo| photo.image.is_some()).collect();
     let count = options.photos.min(usable.len());
-    if count < LEAST_PHOTOS {
+    if count < MIN_PHOTOS {
         let what = format!(
-            "{} of {} photos have images and {} are asked for; a surface needs at least {LEAST_PHOTOS}",
+            "{} of {} photos have images and {} are asked for; a surface needs at least {MIN_PHOTOS}",
             usable.len(),
             set.photos.len(),
             options.photos

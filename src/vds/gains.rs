@@ -9,9 +9,9 @@ use super::observe::Observations;
 use super::variance::median;
 
 /// Views that a point's reference takes at least.
-const LEAST_VIEWS: usize = 5;
+const MIN_VIEWS: usize = 5;
 /// Observations that a photo's fit takes at least; photos with fewer keep gain one and offset zero.
-const LEAST_OBSERVATIONS: usize = 20;
+const MIN_OBSERVATIONS: usize = 20;
 /// Observations a photo that are enough, on average.
 const ENOUGH: usize = 1500;
 /// Brighter intensities may be clipped.
@@ -31,8 +31,8 @@ const NOISE: f64 = 0.02;
 /// little: the preference holds it down, and takes about a hundredth off what the observations tell otherwise.
 const PRIOR: [f64; 2] = [0.001, 0.004];
 /// Bounds of what is taken for an exposure.
-const LEAST_GAIN: f64 = 0.1;
-const MOST_GAIN: f64 = 10.0;
+const MIN_GAIN: f64 = 0.1;
+const MAX_GAIN: f64 = 10.0;
 
 /// Gain and offset of each photo.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,7 +57,7 @@ impl Gains {
         let points = shared(observations, photos);
         let mut seen = vec![0usize; photos];
         points.iter().flatten().for_each(|(photo, _)| seen[*photo] += 1);
-        let fitted: Vec<usize> = (0..photos).filter(|k| seen[*k] >= LEAST_OBSERVATIONS).collect();
+        let fitted: Vec<usize> = (0..photos).filter(|k| seen[*k] >= MIN_OBSERVATIONS).collect();
         fit.unfitted = photos - fitted.len();
         if fitted.is_empty() {
             return fit;
@@ -78,7 +78,7 @@ impl Gains {
             for &photo in &fitted {
                 let line = [fit.gains[photo], fit.offsets[photo]];
                 let [gain, offset] = regression(&pairs[photo], line, if round < FIRST { huber } else { biweight });
-                (fit.gains[photo], fit.offsets[photo]) = (gain.clamp(LEAST_GAIN, MOST_GAIN), offset);
+                (fit.gains[photo], fit.offsets[photo]) = (gain.clamp(MIN_GAIN, MAX_GAIN), offset);
             }
             let mean = |of: &[f64]| fitted.iter().map(|k| of[*k]).sum::<f64>() / fitted.len() as f64;
             let (gain, offset) = (mean(&fit.gains), mean(&fit.offsets));
@@ -106,7 +106,7 @@ impl Gains {
 /// enough.
 fn shared(observations: &Observations, photos: usize) -> Vec<Vec<(usize, f64)>> {
     let eligible: Vec<usize> =
-        (0..observations.points()).filter(|point| observations.of(*point).0.len() >= LEAST_VIEWS).collect();
+        (0..observations.points()).filter(|point| observations.of(*point).0.len() >= MIN_VIEWS).collect();
     let all: usize = eligible.iter().map(|point| observations.of(*point).0.len()).sum();
     let stride = (all / (ENOUGH * photos).max(1)).max(1);
     let of = |point: &usize| {
@@ -114,7 +114,7 @@ fn shared(observations: &Observations, photos: usize) -> Vec<Vec<(usize, f64)>> 
         let pairs = photos.iter().zip(intensities).filter(|(_, intensity)| **intensity < CLIPPED);
         pairs.map(|(photo, intensity)| (*photo as usize, f64::from(*intensity))).collect::<Vec<_>>()
     };
-    eligible.iter().step_by(stride).map(of).filter(|point| point.len() >= LEAST_VIEWS).collect()
+    eligible.iter().step_by(stride).map(of).filter(|point| point.len() >= MIN_VIEWS).collect()
 }
 
 /// Huber's weight of a residual in standard deviations.

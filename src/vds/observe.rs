@@ -57,7 +57,7 @@ crate::stage!(
 );
 
 /// Least cosine between a point's normal and the way to the camera: past 80 degrees a footprint is all neighbours.
-const LEAST_COSINE: f32 = 0.17;
+const MIN_COSINE: f32 = 0.17;
 /// Photos under way on the device: one is copied there while another is sampled.
 const SLOTS: usize = 2;
 
@@ -272,7 +272,7 @@ pub fn observe(scene: &Scene, point: usize, view: usize, photo: &Photo, pyramid:
     let camera = Vec3::from(view.position);
     let distance = camera.distance(position);
     let cosine = normal.dot(camera - position) / distance;
-    if !known && cosine <= LEAST_COSINE {
+    if !known && cosine <= MIN_COSINE {
         return None;
     }
     let texels = pyramid.width as f32 / view.size[0];
@@ -286,7 +286,7 @@ pub fn observe(scene: &Scene, point: usize, view: usize, photo: &Photo, pyramid:
     if !known && scene.bvh.any_hit(&ray) {
         return None;
     }
-    let wide = texels * view.focal[0] * point.footprint / distance * cosine.max(LEAST_COSINE).sqrt();
+    let wide = texels * view.focal[0] * point.footprint / distance * cosine.max(MIN_COSINE).sqrt();
     let level = wide.log2().clamp(0.0, (pyramid.levels - 1) as f32);
     let finer = level as u32;
     let [a, b] = [finer, (finer + 1).min(pyramid.levels - 1)].map(|level| pyramid.bilinear(level, pixel));

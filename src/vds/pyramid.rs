@@ -1,7 +1,7 @@
 //! A photo as the device samples it: luma of linear RGB and mask, in levels that halve in size.
 
 /// Most texels of the finest level; larger photos begin at a coarser one. It keeps a pyramid within 90 MB.
-pub const MOST_TEXELS: u64 = 1 << 24;
+pub const MAX_TEXELS: u64 = 1 << 24;
 
 /// Luma times mask (low half) and mask (high half) of each texel, 16 bits each.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -38,7 +38,7 @@ impl Pyramid {
         while width > 1 || height > 1 {
             let next = pyramid.texels.len();
             pyramid.halve(start, width, height);
-            if u64::from(width) * u64::from(height) > MOST_TEXELS {
+            if u64::from(width) * u64::from(height) > MAX_TEXELS {
                 pyramid.texels.drain(..next);
                 (pyramid.width, pyramid.height) = (halved(width), halved(height));
             } else {
@@ -55,7 +55,7 @@ impl Pyramid {
         let (mut width, mut height, mut sum) = (width.max(1), height.max(1), 0);
         loop {
             let texels = u64::from(width) * u64::from(height);
-            sum += if texels > MOST_TEXELS { 0 } else { texels };
+            sum += if texels > MAX_TEXELS { 0 } else { texels };
             if texels == 1 {
                 return sum;
             }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 /// Views below which no view can be told to be an outlier.
-const LEAST_VIEWS: usize = 5;
+const MIN_VIEWS: usize = 5;
 /// Standard deviations, as the median absolute deviation has them, past which a view is an outlier.
 const FENCE: f64 = 3.0;
 /// What that deviation is at least: the noise of a photo.
@@ -43,7 +43,7 @@ pub fn moments(intensities: &[f64]) -> Option<(f64, f64)> {
 
 /// Which views [`variance`] believes.
 pub fn believed(intensities: &[f64], toward: &[DVec3]) -> Vec<bool> {
-    if intensities.len() < LEAST_VIEWS {
+    if intensities.len() < MIN_VIEWS {
         return vec![true; intensities.len()];
     }
     let middle = median(&mut intensities.to_vec());

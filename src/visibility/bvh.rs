@@ -29,7 +29,7 @@ pub const MAX_DEPTH: u32 = 48;
 /// Most primitives of a leaf.
 const LEAF_SIZE: u32 = 4;
 /// Most primitives that the encoding can address.
-const MOST_PRIMITIVES: usize = 1 << COUNT_SHIFT;
+const MAX_PRIMITIVES: usize = 1 << COUNT_SHIFT;
 
 crate::gpu_struct! {
     /// Two children with their boxes: four vec4 of std430.
@@ -116,8 +116,8 @@ impl Bvh {
     /// [`Error::Request`] for more than 2^27 primitives, or coordinates that are beyond f32.
     pub fn new(occluder: &Occluder, to_internal: &Similarity) -> Result<Self> {
         let n = occluder.len();
-        if n > MOST_PRIMITIVES {
-            return Err(Error::request(format!("surface: {n} primitives; thin it to at most {MOST_PRIMITIVES}")));
+        if n > MAX_PRIMITIVES {
+            return Err(Error::request(format!("surface: {n} primitives; thin it to at most {MAX_PRIMITIVES}")));
         }
         let internal = occluder.transformed(to_internal);
         let boxes: Vec<Bounds> = (0..n).map(|i| Bounds::around(internal.primitive_bounds(i))).collect();
@@ -191,7 +191,7 @@ impl Boundable for Bounds {
 }
 
 /// Most boxes that may coincide for clustering to be used.
-const MOST_EQUAL: usize = 64;
+const MAX_EQUAL: usize = 64;
 
 /// The tree by locally ordered clustering and reinsertion, unless there is nothing to cluster or the tree is too deep.
 /// Where many boxes coincide, clustering takes quadratic time for a tree as deep as there are boxes: not attempted.
@@ -199,7 +199,7 @@ fn clustered(boxes: &[Bounds]) -> Option<Bvh2> {
     let mut keys: Vec<[u32; 6]> = boxes.iter().map(Bounds::bits).collect();
     keys.sort_unstable();
     let most_equal = keys.chunk_by(|a, b| a == b).map(<[_]>::len).max()?;
-    if most_equal > MOST_EQUAL {
+    if most_equal > MAX_EQUAL {
         return None;
     }
     // The parameters of the library's medium build, which would walk the whole tree recursively in debug builds.

@@ -20,7 +20,7 @@ const SEED: u64 = 0x7761_6c6c;
 const ALONG: f64 = 48.0;
 /// Rays that must reach a place on the bounds before there is taken to be a wall, and more than are stopped so near to it, in discs,
 /// that they show one: some slip between the discs of a wall that is known.
-const LEAST_RAYS: i32 = 2;
+const MIN_RAYS: i32 = 2;
 const NEAR: f64 = 3.0;
 
 /// Puts discs on the bounds of a room made from photos wherever one sees out of it from the region: whatever is there, a room ends
@@ -80,8 +80,7 @@ pub fn close(proxy: &mut Proxy, region: &Region) -> Result<usize> {
     let mut discs = Vec::new();
     for side in 0..6 {
         let [a, b] = along(side);
-        for (i, _) in counts[first[side]..first[side + 1]].iter().enumerate().filter(|(_, count)| **count >= LEAST_RAYS)
-        {
+        for (i, _) in counts[first[side]..first[side + 1]].iter().enumerate().filter(|(_, count)| **count >= MIN_RAYS) {
             let (row, column) = (i / cells[b] as usize, i % cells[b] as usize);
             let (mut centre, mut normal) = (if side % 2 == 0 { low } else { high }, DVec3::ZERO);
             centre[a] = low[a] + cell * (row as f64 + 0.5);

@@ -107,6 +107,16 @@ impl SceneGeometry {
         !held && !self.limits.behind_a_wall(p)
     }
 
+    /// Whether a camera at `p` in the planner's frame keeps all limits: walls, volumes and heights exactly, ground by the voxel.
+    pub fn keeps_limits(&self, p: DVec3) -> bool {
+        let Limits { heights, walk, .. } = &self.limits;
+        let slack = 1e-9;
+        !self.limits.behind_a_wall(p)
+            && !self.limits.in_a_volume(p)
+            && heights.is_none_or(|[low, high]| (low - slack..=high + slack).contains(&p.z))
+            && (walk.is_none() || !self.free.is_barred(p))
+    }
+
     /// The feasible place nearest to `position` in the planner's frame, as far as the voxels of the free space can tell:
     /// `position` itself where it is feasible.
     pub fn settle(&self, position: DVec3) -> DVec3 {

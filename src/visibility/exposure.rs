@@ -14,7 +14,7 @@ use crate::scene::similarity::Similarity;
 /// Directions from each disc: the texels of an octahedral map of so many a side.
 const RESOLUTION: u32 = 5;
 /// A disc of whose rays fewer than this part escapes on either side is buried.
-const LEAST_OPEN: f32 = 0.125;
+const MIN_OPEN: f32 = 0.125;
 
 /// Turns each disc of an object to the side from which more rays escape, and marks the buried ones: they go on blocking
 /// rays, but no point is drawn from them. Triangles stay as they are. Returns how many are buried.
@@ -48,7 +48,7 @@ pub fn expose(proxy: &mut Proxy) -> Result<usize> {
         if back > front {
             disc.normal = -disc.normal;
         }
-        buried.push(front.max(back) < LEAST_OPEN);
+        buried.push(front.max(back) < MIN_OPEN);
     }
     let count = buried.iter().filter(|buried| **buried).count();
     // A cloud of which nothing is open is no object seen from outside: nothing better is known of it then.

@@ -1,4 +1,4 @@
-//! Posed lenses as the device has them (`shared/lens.glsl`).
+//! Posed lenses as the device has them (`vds/lens.glsl`).
 
 use glam::DVec3;
 

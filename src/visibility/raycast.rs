@@ -29,7 +29,7 @@ pub struct Hit {
 /// Distance at which a ray enters a box that it misses, and to what a ray does not hit.
 pub(super) const MISS: f32 = 1e30;
 /// Direction components smaller than this count as this: a slab test without division by zero.
-const LEAST_SLOPE: f32 = 1e-12;
+const MIN_SLOPE: f32 = 1e-12;
 /// Far ends of slabs are widened by this factor, so that rounding cannot lose a box: 1 + 2 gamma(3), Ize, "Robust BVH Ray
 /// Traversal" (2013).
 const WIDER: f32 = 1.000_000_4;
@@ -126,8 +126,8 @@ impl Bvh {
 
 /// One over a direction's component, finite.
 pub(super) fn inverse_slope(slope: f32) -> f32 {
-    let least = if slope < 0.0 { -LEAST_SLOPE } else { LEAST_SLOPE };
-    1.0 / if slope.abs() < LEAST_SLOPE { least } else { slope }
+    let least = if slope < 0.0 { -MIN_SLOPE } else { MIN_SLOPE };
+    1.0 / if slope.abs() < MIN_SLOPE { least } else { slope }
 }
 
 /// Distance at which the ray enters a box, [`MISS`] where it does not.

@@ -57,7 +57,7 @@ impl RenderDoc {
             ];
             let library = names.iter().find_map(|name| libloading::Library::new(*name).ok()).ok_or_else(|| {
                 Error::NoDevice(
-                    "RenderDoc is not installed (librenderdoc.so): install renderdoc, or leave out --capture".into(),
+                    "RenderDoc is not installed (librenderdoc.so): install renderdoc, or leave out --renderdoc".into(),
                 )
             })?;
             let library = Box::leak(Box::new(library));

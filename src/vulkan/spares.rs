@@ -10,7 +10,7 @@ use crate::Result;
 use crate::parallel::lock;
 
 /// Of each kind so many are kept.
-const MOST: usize = 16;
+const MAX_SPARES: usize = 16;
 
 /// What nobody uses.
 #[derive(Default)]
@@ -38,7 +38,7 @@ pub(super) struct Queries {
 fn keep<T>(spares: &Mutex<Vec<T>>, spare: T) -> Option<T> {
     let mut spares = lock(spares);
     spares.push(spare);
-    (spares.len() > MOST).then(|| spares.remove(0))
+    (spares.len() > MAX_SPARES).then(|| spares.remove(0))
 }
 
 impl Context {

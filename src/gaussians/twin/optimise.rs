@@ -4,7 +4,7 @@ use super::Splat;
 
 /// Decay of Adam's first and second moment, and what keeps it from dividing by zero.
 const DECAYS: [f64; 2] = [0.9, 0.999];
-const LEAST: f64 = 1e-15;
+const EPSILON: f64 = 1e-15;
 
 /// A value after Adam's step number `step`, from 1 (Kingma and Ba 2015), with correction of the moments' bias; `moments` are
 /// the means of the gradient and of its square, zero at the start.
@@ -13,7 +13,7 @@ pub fn adam(value: f64, gradient: f64, moments: &mut [f64; 2], rate: f64, step: 
         moments[k] = DECAYS[k] * moments[k] + (1.0 - DECAYS[k]) * sample;
     }
     let [first, second] = std::array::from_fn(|k| moments[k] / (1.0 - DECAYS[k].powi(step)));
-    value - rate * first / (second.sqrt() + LEAST)
+    value - rate * first / (second.sqrt() + EPSILON)
 }
 
 /// One of `n` (1 or more) equal splats in one place that look like `splat` together: they let as much light through at the

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::scene::model::{Alpha, Image, Map, Material, Wrap};
 
 /// Texels of all images together: what devices show a shader of one buffer, in words.
-const MOST_TEXELS: usize = 1 << 25;
+const MAX_TEXELS: usize = 1 << 25;
 /// Longest side that an image is kept at.
 const LONGEST_SIDE: u32 = 4096;
 
@@ -164,7 +164,7 @@ impl<'a> Look<'a> {
 
     /// Halves the largest images until all fit.
     fn shrink(&mut self) {
-        while self.images.iter().map(|image| image.pixels.len()).sum::<usize>() > MOST_TEXELS {
+        while self.images.iter().map(|image| image.pixels.len()).sum::<usize>() > MAX_TEXELS {
             let Some(largest) = self.images.iter_mut().max_by_key(|image| image.pixels.len()) else { return };
             *largest = half(largest);
             self.halved += 1;
@@ -174,7 +174,7 @@ impl<'a> Look<'a> {
     /// Says where images were halved.
     pub fn note(&self, notes: &mut Vec<String>) {
         if self.halved > 0 {
-            notes.push(format!("textures were halved {} times, to have {MOST_TEXELS} texels at most", self.halved));
+            notes.push(format!("textures were halved {} times, to have {MAX_TEXELS} texels at most", self.halved));
         }
     }
 }

@@ -15,7 +15,7 @@ use crate::scene::colour;
 /// Longest side that a texture is kept at: a triangle takes one texel, and a mean is a better one.
 const LONGEST_SIDE: u32 = 1024;
 /// Texels that are kept in all; textures beyond that are taken as white.
-const MOST_TEXELS: u64 = 1 << 30;
+const MAX_TEXELS: u64 = 1 << 30;
 /// Largest image that is decoded, in pixels a side and in bytes.
 const LARGEST_SIDE: u32 = 16384;
 const LARGEST_IMAGE: u64 = 1 << 29;
@@ -101,7 +101,7 @@ impl<'a> Paint<'a> {
             _ => image.thumbnail(LONGEST_SIDE, LONGEST_SIDE),
         };
         self.texels += u64::from(image.width()) * u64::from(image.height());
-        if self.texels > MOST_TEXELS {
+        if self.texels > MAX_TEXELS {
             return Err("there are too many images".into());
         }
         Ok(image.into_rgb8())

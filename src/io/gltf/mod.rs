@@ -28,7 +28,7 @@ use crate::scene::colour;
 use crate::scene::surface::{Mesh, Surface};
 
 /// Triangles that instancing may unfold a scene into. A small file can ask for more than any memory holds.
-const MOST_TRIANGLES: usize = 1 << 26;
+const MAX_TRIANGLES: usize = 1 << 26;
 
 /// Required extensions that change how a surface looks at most, not where it is.
 const HARMLESS: [&str; 10] = [
@@ -160,8 +160,8 @@ impl Scene<'_> {
             self.left_out += 1;
             return Ok(());
         };
-        if self.mesh.triangles.len() + self.dropped + triangles.len() > MOST_TRIANGLES {
-            return self.refuse(format!("the scene unfolds to over {MOST_TRIANGLES} triangles; simplify it first"));
+        if self.mesh.triangles.len() + self.dropped + triangles.len() > MAX_TRIANGLES {
+            return self.refuse(format!("the scene unfolds to over {MAX_TRIANGLES} triangles; simplify it first"));
         }
         let material = primitive.material.map(|material| material.value());
         let uv_set = self.paint.uv_set(material);

@@ -11,7 +11,7 @@ use super::buffers::{self, Buffers};
 use super::look::Look;
 use super::nodes::{self, placed};
 use super::schema::Document;
-use super::{MOST_TRIANGLES, refuse_unreadable};
+use super::{MAX_TRIANGLES, refuse_unreadable};
 use crate::error::{Error, Result};
 use crate::io::checks;
 use crate::scene::model::{Face, Lamp, LampKind, Map, Material, Model, Vertex};
@@ -193,8 +193,8 @@ impl Reader<'_> {
         };
         let count = positions.len();
         let together = self.model.faces.len() + self.model.dropped + triangles.len();
-        if together > MOST_TRIANGLES || self.model.vertices.len() + count > 3 * MOST_TRIANGLES {
-            return self.refuse(format!("the scene unfolds to over {MOST_TRIANGLES} triangles; simplify it first"));
+        if together > MAX_TRIANGLES || self.model.vertices.len() + count > 3 * MAX_TRIANGLES {
+            return self.refuse(format!("the scene unfolds to over {MAX_TRIANGLES} triangles; simplify it first"));
         }
         let material = match primitive.material.map(|material| material.value() as u32) {
             Some(material) if material < self.plain => material,

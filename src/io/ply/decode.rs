@@ -13,7 +13,7 @@ use crate::scene::harmonics;
 const CHUNK: usize = 256;
 
 /// Packed opacities of 0 and 1 have no logit: they count as this far from them, a quarter of a step.
-const LEAST_OPACITY: f64 = 0.25 / 255.0;
+const MIN_OPACITY: f64 = 0.25 / 255.0;
 
 /// Harmonics of packed files span -4 to 4.
 const PACKED_SPAN: f64 = 8.0;
@@ -140,7 +140,7 @@ fn packed(path: &Path, columns: &mut Columns) -> Result<Decoded> {
         (between(&colours, i, DVec3::new(red, green, blue)) - 0.5) / harmonics::CONSTANT
     };
     let logit = |i: usize| {
-        let opacity = bytes(i)[3].clamp(LEAST_OPACITY, 1.0 - LEAST_OPACITY);
+        let opacity = bytes(i)[3].clamp(MIN_OPACITY, 1.0 - MIN_OPACITY);
         (opacity / (1.0 - opacity)).ln()
     };
     let each = 0..centre.len();

@@ -6,7 +6,7 @@ use super::decode::{self, Decoded};
 use super::header::Header;
 use crate::error::{Error, Result};
 use crate::io::checks;
-use crate::scene::gaussians::{Gaussians, MOST_DEGREE, coefficients};
+use crate::scene::gaussians::{Gaussians, MAX_DEGREE, coefficients};
 
 /// Reads Gaussians from the bytes of a PLY file, of the usual 3DGS layout or packed; `path` is for messages only, `notes`
 /// takes what a user should know about what was read. Properties may stand in any order, others are left out, and values
@@ -26,7 +26,7 @@ pub fn gaussians(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<G
     if vertices.count == 0 {
         return refuse("the file holds no splats; give one that was trained to the end".into());
     }
-    let Some(degree) = (0..=MOST_DEGREE).find(|degree| 3 * (coefficients(*degree) - 1) == rest) else {
+    let Some(degree) = (0..=MAX_DEGREE).find(|degree| 3 * (coefficients(*degree) - 1) == rest) else {
         return refuse(format!(
             "it has {rest} properties f_rest_*, and whole degrees of harmonics have 0, 9, 24 or 45; export it again"
         ));
@@ -128,7 +128,7 @@ mod tests {
     /// If this failed, what was trained would come back as something else.
     #[test]
     fn splats_survive_a_round_trip() {
-        for degree in 0..=MOST_DEGREE {
+        for degree in 0..=MAX_DEGREE {
             let splats = three(degree);
             assert_eq!(read(&write::gaussians(&splats)).unwrap(), splats, "degree {degree}");
         }

@@ -3,7 +3,7 @@
 //! Each splat becomes a point with a disc: its centre; the shortest axis as the normal, of unknown sign; as the radius
 //! twice the geometric mean of the standard deviations along the two longer axes, so that the disc has the area of the
 //! splat's two-sigma ellipse: neighbours overlap there, and what lies behind is hidden as it is in a render. The colour is that of the constant harmonic. Splats with an opacity under
-//! [`LEAST_OPACITY`] are left out: most of them are haze around the surface. The higher harmonics, where there are any, say
+//! [`MIN_OPACITY`] are left out: most of them are haze around the surface. The higher harmonics, where there are any, say
 //! how much the splat's radiance varies.
 
 use std::path::Path;
@@ -18,7 +18,7 @@ use crate::scene::surface::{Points, Surface};
 use crate::scene::{colour, harmonics};
 
 /// Splats that are fainter than this are no surface.
-pub const LEAST_OPACITY: f64 = 0.1;
+pub const MIN_OPACITY: f64 = 0.1;
 
 /// The splats that are opaque enough as points. Flat splats (2DGS) have the third axis as their normal.
 pub(super) fn points(path: &Path, splats: &Decoded, notes: &mut Vec<String>) -> Result<Surface> {
@@ -29,7 +29,7 @@ pub(super) fn points(path: &Path, splats: &Decoded, notes: &mut Vec<String>) -> 
     let radiance = Radiance::new(&splats.rest);
     for i in 0..count {
         let opacity = 1.0 / (1.0 + (-splats.opacities[i]).exp());
-        if opacity < LEAST_OPACITY {
+        if opacity < MIN_OPACITY {
             faint += 1;
             continue;
         }
@@ -62,10 +62,10 @@ pub(super) fn points(path: &Path, splats: &Decoded, notes: &mut Vec<String>) -> 
         ));
     }
     if faint > 0 {
-        notes.push(format!("{faint} of {count} splats with an opacity under {LEAST_OPACITY} were left out"));
+        notes.push(format!("{faint} of {count} splats with an opacity under {MIN_OPACITY} were left out"));
     }
     if points.positions.is_empty() && faint > 0 {
-        let what = format!("all {count} splats have an opacity under {LEAST_OPACITY}; nothing is left to plan for");
+        let what = format!("all {count} splats have an opacity under {MIN_OPACITY}; nothing is left to plan for");
         return Err(Error::input(path, what));
     }
     checks::finite(path, &points.positions, "point")?;

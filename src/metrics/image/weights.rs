@@ -12,8 +12,8 @@ use crate::{Error, Result};
 const ALEX: &[u8] = include_bytes!("../../../assets/lpips/alex_f16.safetensors");
 
 /// Taps and side of the largest kernel that the stage takes; see [`Convolution::taps`].
-const MOST_TAPS: u32 = 32_768;
-const MOST_SIDE: u32 = 255;
+const MAX_TAPS: u32 = 32_768;
+const MAX_SIDE: u32 = 255;
 
 /// A convolution with its weights.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,10 +31,10 @@ impl Layer {
     pub fn new(convolution: Convolution, weights: Vec<f32>, biases: Vec<f32>) -> Result<Self> {
         let Convolution { from, to, kernel, stride, .. } = convolution;
         let is_one = stride > 0
-            && (1..=MOST_SIDE).contains(&kernel)
-            && (1..=MOST_TAPS).contains(&from)
-            && (1..=MOST_TAPS).contains(&to)
-            && convolution.taps() <= MOST_TAPS;
+            && (1..=MAX_SIDE).contains(&kernel)
+            && (1..=MAX_TAPS).contains(&from)
+            && (1..=MAX_TAPS).contains(&to)
+            && convolution.taps() <= MAX_TAPS;
         let counts = [weights.len(), biases.len()];
         if !is_one || counts != [to as usize * convolution.taps() as usize, to as usize] {
             let what =

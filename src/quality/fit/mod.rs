@@ -15,7 +15,7 @@ use super::law::Fitted;
 use crate::{Error, Result};
 
 /// Fewest layouts of a scene and budget that tell anything of each other.
-const LEAST_LAYOUTS: usize = 3;
+const MIN_LAYOUTS: usize = 3;
 /// Where the search begins.
 const START: [f64; solver::N] = [1.0, 0.5, 0.5, -3.0];
 
@@ -64,7 +64,7 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
     let (held, fitted): (Vec<_>, Vec<_>) = scenes.iter().partition(|scene| held_out.contains(&scene.name));
     let too_few = || {
         Error::request(format!(
-            "the fit needs {LEAST_LAYOUTS} layouts or more of one scene with as many views each, and scenes with an empty place beside \
+            "the fit needs {MIN_LAYOUTS} layouts or more of one scene with as many views each, and scenes with an empty place beside \
              the surface; train more layouts"
         ))
     };
@@ -96,7 +96,7 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
                 })
                 .collect::<Vec<_>>()
         };
-        scenes.iter().flat_map(of).filter(|group| group.len() >= LEAST_LAYOUTS).collect()
+        scenes.iter().flat_map(of).filter(|group| group.len() >= MIN_LAYOUTS).collect()
     };
     let (own, others) = (pairs(&fitted), pairs(&held));
     let spread = spread(if others.is_empty() { &own } else { &others });

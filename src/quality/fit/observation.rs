@@ -12,7 +12,7 @@ use crate::visibility::device_scene::SceneGeometry;
 /// Pixels of a test view along each side of its picture, evenly.
 const SIDE: u32 = 16;
 /// Test views that show the surface in fewer pixels than this say nothing.
-const LEAST_SHOWN: usize = 16;
+const MIN_SHOWN: usize = 16;
 
 /// A layout of cameras that was trained.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,8 +58,7 @@ impl Observations {
             let looks = (0..SIDE * SIDE).map(|pixel| caster.look(i as u32, &viewer, place(pixel)));
             looks.filter(|look| look.distance > 0.0).collect::<Vec<Look>>()
         });
-        let on_surface =
-            |looks: &&Vec<Look>| looks.iter().filter(|look| look.normal != [0.0; 3]).count() >= LEAST_SHOWN;
+        let on_surface = |looks: &&Vec<Look>| looks.iter().filter(|look| look.normal != [0.0; 3]).count() >= MIN_SHOWN;
         let (mut looks, mut ends) = (Vec::new(), Vec::new());
         for of_view in shown.iter().filter(on_surface) {
             looks.extend_from_slice(of_view);

@@ -1,6 +1,6 @@
 //! Least squares by Levenberg's and Marquardt's method.
 
-use super::LEAST_LAYOUTS;
+use super::MIN_LAYOUTS;
 use super::observation::{Layout, Observations};
 use crate::parallel::mapped;
 
@@ -49,7 +49,7 @@ fn normal(scenes: &[&Observations], theta: &[f64; N]) -> Normal {
     let mut all = Normal { cost: 0.0, gradient: [0.0; N], matrix: [[0.0; N]; N] };
     for scene in scenes {
         let predicted = mapped(&scene.layouts, |_, layout| predict(scene, layout, theta));
-        for group in scene.groups().into_iter().filter(|group| group.len() >= LEAST_LAYOUTS) {
+        for group in scene.groups().into_iter().filter(|group| group.len() >= MIN_LAYOUTS) {
             let share = 1.0 / group.len() as f64;
             let rows = group.iter().map(|i| (predicted[*i].0 - scene.layouts[*i].psnr, predicted[*i].1));
             let mean = rows.clone().fold((0.0, [0.0; N]), |(r, s), (residual, slopes)| {

@@ -2,13 +2,13 @@
 
 /// Least rise over the whole range that the slope must promise everywhere, as a share of the range of scores. Without it
 /// the curve could be level, and points of different variance would score the same.
-const LEAST_SLOPE: f64 = 0.01;
+const MIN_SLOPE: f64 = 0.01;
 
 /// Roots of the slope that are tried, evenly over the range, before the best is refined.
 const ROOTS: u32 = 200;
 
 /// Coefficients a0 to a3 of the cubic in x, for x in [0, 1], that fits `points` (x, y) best in least squares among those
-/// whose slope is `LEAST_SLOPE` or more all over [0, 1].
+/// whose slope is `MIN_SLOPE` or more all over [0, 1].
 ///
 /// A quadratic is nonnegative on [0, 1] exactly where it is `a (1-x)^2 + 2 b x (1-x) + c x^2` with a, c >= 0 and
 /// b >= -sqrt(a c). On the boundary of that cone, where the best one is unless it is free, either a or c is zero and b is
@@ -23,7 +23,7 @@ pub fn rising_cubic(points: &[(f64, f64)]) -> [f64; 4] {
             return cubic;
         }
     }
-    let mut best = (f64::INFINITY, [problem.mean, LEAST_SLOPE, 0.0, 0.0]);
+    let mut best = (f64::INFINITY, [problem.mean, MIN_SLOPE, 0.0, 0.0]);
     let mut attempt = |basis: &[[f64; 4]]| match problem.solve(basis) {
         Some((weights, cubic, error)) if weights.iter().all(|weight| *weight >= 0.0) => {
             if error < best.0 {
@@ -75,7 +75,7 @@ impl Problem {
         let n = points.len() as f64;
         let (mut gram, mut moments, mut square) = ([[0.0; 4]; 4], [0.0; 4], 0.0);
         for &(x, y) in points {
-            let y = y - LEAST_SLOPE * x;
+            let y = y - MIN_SLOPE * x;
             let powers = [1.0, x, x * x, x * x * x];
             for (row, a) in powers.iter().enumerate() {
                 for (column, b) in powers.iter().enumerate() {
@@ -104,7 +104,7 @@ impl Problem {
             (0..4).for_each(|i| cubic[i] += weight * a[i]);
         }
         let error = self.square - 2.0 * moment(&cubic) + inner(&cubic, &cubic);
-        cubic[1] += LEAST_SLOPE;
+        cubic[1] += MIN_SLOPE;
         Some((weights[1..].to_vec(), cubic, error))
     }
 }
@@ -188,7 +188,7 @@ mod tests {
         for (which, shape) in shapes.iter().enumerate() {
             let points: Vec<(f64, f64)> = (0..60).map(|i| f64::from(i) / 59.0).map(|x| (x, shape(x))).collect();
             let fitted = rising_cubic(&points);
-            assert!(least_slope(fitted) > 0.99 * LEAST_SLOPE, "shape {which} falls: {fitted:?}");
+            assert!(least_slope(fitted) > 0.99 * MIN_SLOPE, "shape {which} falls: {fitted:?}");
             let least = error(&points, fitted);
             let mut rising = 0;
             for i in 0..20_000 {
@@ -196,7 +196,7 @@ mod tests {
                 let u = crate::scene::random::uniforms(1, which as u32, i);
                 let mut near = fitted;
                 (0..4).for_each(|k| near[k] += step * (u[k] - 0.5));
-                if least_slope_exact(near) >= LEAST_SLOPE {
+                if least_slope_exact(near) >= MIN_SLOPE {
                     rising += 1;
                     assert!(error(&points, near) > least - 1e-9, "shape {which}: {near:?} is better than {fitted:?}");
                 }

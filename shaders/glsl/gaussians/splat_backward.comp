@@ -1,0 +1,22 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
+// Gaussian splatting, 6: the gradient of the loss by what each instance brings to its tile. Each instance has a place of its
+// own to write to, so that no order of execution can show.
+#include "shared/group.glsl"
+#include "gaussians/gaussian.glsl"
+#include "gaussians/frame.glsl"
+#include "gaussians/bounds.glsl"
+layout(local_size_x = 256, local_size_x_id = 1) in;
+
+layout(binding = 3, std430) readonly buffer InstanceSplats { uint instance_splats[]; };
+// SUMS values of each instance, in the order in which they were emitted.
+layout(binding = 12, std430) writeonly buffer Partials { float partials[]; };
+
+#include "gaussians/sums.glsl"
+
+void leave(uint instance, uint value, float sum) {
+    partials[SUMS * instance + value] = sum;
+}
+
+#include "gaussians/backward.glsl"

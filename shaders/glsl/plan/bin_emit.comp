@@ -1,0 +1,43 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// Binned pass, 4 of 9: an instance for each tile that a pair's kernel reaches into, in the order of depth.
+#include "shared/group.glsl"
+#include "plan/plan.glsl"
+#include "plan/bin.glsl"
+layout(local_size_x = 64) in;
+
+layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
+layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
+layout(binding = 2, std430) readonly buffer Splats { Splat splats[]; };
+layout(binding = 3, std430) readonly buffer Probes { Probe probes[]; };
+layout(binding = 4, std430) readonly buffer Cones { vec4 cones[]; };
+layout(binding = 5, std430) readonly buffer Pairs { uint pairs[]; };
+layout(binding = 6, std430) readonly buffer DepthSlots { uint depth_slots[]; };
+layout(binding = 7, std430) readonly buffer Counts { uint counts[]; };
+layout(binding = 8, std430) readonly buffer TileOffsets { uint tile_offsets[]; };
+layout(binding = 9, std430) writeonly buffer TileKeys { uint tile_keys[]; };
+layout(binding = 10, std430) writeonly buffer TileInstances { uint tile_instances[]; };
+layout(binding = 11, std430) writeonly buffer InstanceSlots { uint instance_slots[]; };
+// First instance and number of instances of each slot.
+layout(binding = 12, std430) writeonly buffer Runs { uvec2 runs[]; };
+
+void main() {
+    Settings s = settings[0];
+    uint rank = group_index() * 64 + gl_LocalInvocationIndex;
+    if (control[0].halt != 0 || rank >= min(counts[0], s.capacity)) return;
+    uint slot = depth_slots[rank], pair = pairs[slot], probe = pair / s.splats;
+    uint index = (control[0].iteration * s.probes + probe) % s.pool;
+    vec3 ray = splats[pair % s.splats].centre - probes[index].position;
+    float d = max(length(ray), 1e-6);
+    vec2 cut = cut_off(exp(control[0].log_scale), d);
+    uint first = tile_offsets[rank], instance = first;
+    for (uint tile = 0; tile < TILES; ++tile) {
+        if (instance < s.instances && reaches(ray / d, cut, cones[tile])) {
+            tile_keys[instance] = probe * TILES + tile;
+            tile_instances[instance] = instance;
+            instance_slots[instance] = slot;
+            ++instance;
+        }
+    }
+    runs[slot] = uvec2(first, instance - min(first, instance));
+}

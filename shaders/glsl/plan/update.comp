@@ -1,0 +1,130 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// A workgroup per camera splat: sums what the probes say of it in fixed order, adds the coverage regulariser and the
+// region's pull, and takes one Adam step (Kingma and Ba 2015). The last workgroup ends the iteration (plan/tally.glsl).
+// Twins: src/plan/update.rs (regulariser and step), src/plan/dense.rs (the sums) and src/visibility/device_scene.rs (the
+// region).
+#include "shared/octahedral.glsl"
+#include "plan/plan.glsl"
+layout(local_size_x = 64) in;
+const uint GROUP = 64;
+
+layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
+layout(binding = 1, std430) buffer ControlBlock { Control control[]; };
+layout(binding = 2, std430) buffer Splats { Splat splats[]; };
+layout(binding = 3, std430) readonly buffer Probes { Probe probes[]; };
+layout(binding = 4, std430) readonly buffer Depth { float depth[]; };
+layout(binding = 5, std430) readonly buffer Slots { uint slots[]; };
+layout(binding = 6, std430) readonly buffer Partials { Gradient partials[]; };
+layout(binding = 7, std430) readonly buffer Tallies { Tally tallies[]; };
+layout(binding = 8, std430) buffer MomentsBlock { Moments moments[]; };
+layout(binding = 9, std430) coherent buffer TermsBlock { Terms terms[]; };
+layout(binding = 10, std430) writeonly buffer Gradients { Gradient gradients[]; };
+#include "shared/region_types.glsl"
+layout(binding = 11, std430) readonly buffer RegionBlock { DeviceRegion region[]; };
+layout(binding = 12, std430) readonly buffer FreeDistance { float free_distance[]; };
+#include "shared/region.glsl"
+
+shared vec4 sums[GROUP];
+shared vec4 more_sums[GROUP];
+
+#include "plan/tally.glsl"
+
+void adam(inout vec3 mean, inout vec3 square, vec3 gradient, uint step, out vec3 change) {
+    mean = mix(gradient, mean, 0.9);
+    square = mix(gradient * gradient, square, 0.999);
+    vec3 m = mean / (1.0 - pow(0.9, float(step)));
+    vec3 v = square / (1.0 - pow(0.999, float(step)));
+    change = m / (sqrt(v) + 1e-10);
+}
+
+// w_i: mean squared deficit over the probe's reachable directions.
+float coverage_weight(uint probe, Settings s) {
+    vec2 sum = vec2(0.0);
+    for (uint b = probe * s.blocks; b < (probe + 1) * s.blocks; ++b) sum += vec2(tallies[b].short_fall, tallies[b].sky);
+    return sum.x / max(sum.y, 1.0);
+}
+
+// Sums what the probes say of splat j, by all threads; the first one moves it.
+void update(uint j, Settings s, Control c, uint thread) {
+    Splat splat = splats[j];
+    // Asked for before the sums, needed after them.
+    Moments m = moments[j];
+    vec3 outward = vec3(0.0);
+    float bound = 0.0;
+    bool moves = j >= c.first && j < c.live;
+    if (moves && thread == 0) bound = region_violation(splat.centre, outward);
+    Gradient sum = Gradient(vec3(0.0), 0.0, vec3(0.0), 0.0);
+    float reg = 0.0;
+    float share = 1.0 / (float(s.probes) * float(c.live));
+    if (OBJECTIVE == 1) {
+        // Three partials a look, each of the splat that its slot names.
+        for (uint r = thread; r < s.probes * 192; r += GROUP) {
+            if (slots[r] != j) continue;
+            sum.centre += partials[r].centre;
+            sum.direction += partials[r].direction;
+            sum.utility += partials[r].utility;
+        }
+    }
+    for (uint p = thread; OBJECTIVE == 0 && p < s.probes * s.blocks; p += GROUP) {
+        uint slot = slots[p / s.blocks * s.splats + j];
+        if (slot == NONE) continue;
+        Gradient part = partials[p * s.row + slot];
+        sum.centre += part.centre;
+        sum.direction += part.direction;
+        sum.utility += part.utility;
+    }
+    for (uint i = thread; i < s.probes; i += GROUP) {
+        if (OBJECTIVE == 0 && j < c.live) {
+            uint index = (c.iteration * s.probes + i) % s.pool;
+            vec3 ray = splat.centre - probes[index].position;
+            float d = max(length(ray), 1e-6);
+            vec3 n = ray / d;
+            if (OCCLUSION == 0 || d < abs(depth[index * TEXELS + octahedral_texel(n, RESOLUTION)])) {
+                float weight = coverage_weight(i, s) * share;
+                float turned = 1.0 + dot(splat.direction, n);  // 1 - c
+                reg += weight * turned;
+                sum.direction += s.lambda_reg * weight * n;
+                sum.centre += s.lambda_reg * weight / d * (splat.direction - dot(splat.direction, n) * n);
+            }
+        }
+    }
+    sums[thread] = vec4(sum.centre, reg);
+    more_sums[thread] = vec4(sum.direction, sum.utility);
+    for (uint half_ = GROUP / 2; half_ > 0; half_ >>= 1) {
+        barrier();
+        if (thread < half_) {
+            sums[thread] += sums[thread + half_];
+            more_sums[thread] += more_sums[thread + half_];
+        }
+    }
+    if (thread != 0) return;
+
+    vec3 by_centre = sums[0].xyz + s.lambda_bound * outward, by_direction = more_sums[0].xyz;
+    terms[j] = Terms(sums[0].w, bound);
+    gradients[j] = Gradient(by_centre, 0.0, by_direction, more_sums[0].w);
+    if (!moves) return;
+
+    vec3 change;
+    adam(m.centre_mean, m.centre_square, by_centre, c.step, change);
+    splat.centre -= s.lr_position * c.rate * change;
+    // Only the part across the direction turns it; the part along it would only feed the moments.
+    by_direction -= dot(by_direction, splat.direction) * splat.direction;
+    adam(m.direction_mean, m.direction_square, by_direction, c.step, change);
+    splat.direction = normalize(splat.direction - s.lr_direction * c.rate * change);
+    m.utility = mix(more_sums[0].w, m.utility, 0.9);
+    splats[j] = splat;
+    moments[j] = m;
+}
+
+void main() {
+    Settings s = settings[0];
+    Control c = control[0];
+    uint j = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x, thread = gl_LocalInvocationIndex;
+    if (c.halt != 0 || j >= s.splats) return;
+    // Host memory is far away: one workgroup asks for all, in the shadow of its sums.
+    uint stop = j == 0 && thread == 0 ? mailbox[0] : 0;
+    update(j, s, c, thread);
+    if (stop != 0) arrivals[1] = stop;
+    if (is_last(s, thread)) tally(s, c, thread);
+}
