@@ -139,7 +139,7 @@ fn bad_input_is_refused_and_nothing_is_written() {
     );
     place.write("required.gltf", cube(&format!("{ORANGE}, \"extensionsRequired\": [\"EXT_texture_webp\"]")));
     let cases: [(&str, &[&str]); 7] = [
-        ("capture cube.gltf cameras.json --out . --env sky.hdr --force", &["cube.gltf stands in it"]),
+        ("capture cube.gltf cameras.json --out . --env sky.hdr --force", &["cube.gltf is in it"]),
         ("capture cube.gltf cameras.json --out o", &["no light", "--env"]),
         ("capture cube.gltf cameras.json --out o --env sky.png", &["sky.png", "no environment map"]),
         ("capture texture.gltf cameras.json --out o --env sky.hdr", &["image 0 is missing", "lost.png"]),
@@ -256,7 +256,7 @@ fn nothing_is_written_through_links() {
         std::os::unix::fs::symlink(place.path("elsewhere"), place.path(&format!("o/{link}"))).unwrap();
         let refused = place.run(asked);
         assert!(refused.code == Some(2) && refused.err.contains(&format!("o/{link}")), "{}", refused.err);
-        assert!(refused.err.contains("a symbolic link stands here"), "{}", refused.err);
+        assert!(refused.err.contains("a symbolic link is already here"), "{}", refused.err);
         std::fs::remove_file(place.path(&format!("o/{link}"))).unwrap();
     }
     assert_eq!(

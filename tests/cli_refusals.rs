@@ -171,8 +171,8 @@ fn what_is_read_is_not_written_over_and_poses_are_numbers() {
     assert_refused(
         &place,
         &[
-            (&format!("plan ball.ply --keep p --out p --force {SHORT}"), &["p stands in it", read]),
-            (&format!("plan p/s.ply --out p --force {SHORT}"), &["s.ply stands in it", read]),
+            (&format!("plan ball.ply --keep p --out p --force {SHORT}"), &["p is in it", read]),
+            (&format!("plan p/s.ply --out p --force {SHORT}"), &["s.ply is in it", read]),
             (&format!("plan ball.ply --out o --trace ball.ply {SHORT}"), &["ball.ply: this is what is read", read]),
             ("score ball.ply p --json ball.ply", &["this is what is read", read]),
             ("score ball.ply p --json p/plan.json", &["plan.json: this is what is read", read]),
@@ -255,7 +255,7 @@ fn places_that_cannot_be_written() {
         &place,
         &[
             (&format!("plan ball.ply --out full {SHORT}"), &["full: ", "not empty", "--force"]),
-            (&format!("plan ball.ply --out file {SHORT}"), &["file: ", "a file stands here", "name a folder"]),
+            (&format!("plan ball.ply --out file {SHORT}"), &["file: ", "a file is already here", "name a folder"]),
             (&format!("plan ball.ply --out none/o {SHORT}"), &["none/o: ", "none does not exist", "create it first"]),
             (&format!("plan ball.ply --out / {SHORT}"), &["/: ", "name of its own"]),
             (&format!("plan ball.ply --out .. {SHORT}"), &["..: ", "name of its own"]),

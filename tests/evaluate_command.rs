@@ -80,10 +80,10 @@ fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
     };
     let before = changed("cube");
     let again = place.done(&format!("{TINY} --out o"));
-    assert!(again.out.contains("products 0 made, 9 kept"), "{}", again.out);
+    assert!(again.out.contains("results  0 made, 9 reused"), "{}", again.out);
     assert_eq!(changed("cube"), before);
     let more = place.done(&format!("{} --out o", TINY.replace("random,ours", "random,fvs,ours")));
-    assert!(more.out.contains("products 3 made, 9 kept"), "{}", more.out);
+    assert!(more.out.contains("results  3 made, 9 reused"), "{}", more.out);
 
     // A picture that the page shows is missed.
     let training = results(&place, "o")["runs"][0]["folder"].as_str().unwrap().to_owned();
@@ -128,7 +128,7 @@ fn a_method_that_trains_while_it_chooses_photographs_its_choices() {
     assert_eq!((&retraining["every"], &retraining["max_splats"]), (&1.into(), &40.into()), "{retraining}");
     assert_eq!(retraining["antialiased"], true);
     let again = place.done(&format!("{run} --out o"));
-    assert!(again.out.contains("products 0 made, 6 kept"), "{}", again.out);
+    assert!(again.out.contains("results  0 made, 6 reused"), "{}", again.out);
 }
 
 /// If this failed, some of the splats that are compared, or that methods choose by, would be trained without the filter, the
@@ -177,7 +177,7 @@ fn seeds_that_were_made_apart_are_put_together() {
     }
     let put = place.done(&format!("{both} --out here"));
     // Inputs, surface, tests; choice, photographs and training of each.
-    assert!(put.out.contains("products 0 made, 9 kept"), "{}", put.out);
+    assert!(put.out.contains("results  0 made, 9 reused"), "{}", put.out);
     let seeds: Vec<_> =
         results(&place, "here")["runs"].as_array().unwrap().iter().map(|run| run["seed"].as_u64()).collect();
     assert_eq!(seeds, [Some(0), Some(1)]);
@@ -194,7 +194,7 @@ fn lpips_of_vgg_is_measured_of_what_is_trained() {
     place.done(&format!("{tiny} --out o"));
     place.write("vgg.safetensors", lpips_weights::vgg());
     let added = place.done(&format!("{tiny} --out o --lpips-vgg vgg.safetensors"));
-    assert!(added.out.contains("products 1 made, 6 kept"), "{}", added.out);
+    assert!(added.out.contains("results  1 made, 6 reused"), "{}", added.out);
     assert!(place.read("o/table.md").contains("## LPIPS of VGG16 (lower is better)"));
     let results = results(&place, "o");
     let (run, weights) = (&results["runs"][0], &results["lpips_vgg"]);
@@ -211,7 +211,7 @@ fn lpips_of_vgg_is_measured_of_what_is_trained() {
     }
 
     let again = place.done(&format!("{tiny} --out o --lpips-vgg vgg.safetensors"));
-    assert!(again.out.contains("products 0 made, 7 kept"), "{}", again.out);
+    assert!(again.out.contains("results  0 made, 7 reused"), "{}", again.out);
     let folder = place.folders("o/cube").into_iter().find(|name| name.starts_with("lpips-")).unwrap();
     place.write(&format!("o/cube/{folder}/lpips.json"), "{}");
     let damaged = place.run(&format!("{tiny} --out o --lpips-vgg vgg.safetensors"));

@@ -92,7 +92,7 @@ fn a_room_is_evaluated_from_inside() {
     let page = place.read("o/report.html");
     assert!(page.contains("/reference/random_0000.png") && !page.contains("<th>half"), "{page}");
     let again = place.done(&format!("{TINY_ROOM} --out o"));
-    assert!(again.out.contains("products 0 made"), "{}", again.out);
+    assert!(again.out.contains("results  0 made"), "{}", again.out);
 }
 
 /// If this failed, cameras or tests would stand in what lies around a room, whose mesh says nothing of where it ends.
@@ -199,7 +199,7 @@ fn every_eighth_photo_of_a_pool_is_held_out() {
     }
     assert!(place.read("o/report.html").contains("/reference/photo_00.png"));
     let again = place.done(&format!("{TINY_POOL} --out o"));
-    assert!(again.out.contains("products 0 made"), "{}", again.out);
+    assert!(again.out.contains("results  0 made"), "{}", again.out);
 
     // Other photos under the same names are another pool.
     let [one, other] = ["photo_01", "photo_02"].map(|name| place.path(&format!("photos/images/{name}.png")));

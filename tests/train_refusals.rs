@@ -70,7 +70,7 @@ fn places_that_cannot_be_written() {
         "capture",
         &[
             ("--out full", &["full: ", "not empty", "--force"]),
-            ("--out capture/points.ply", &["points.ply: ", "a file stands here", "name a folder"]),
+            ("--out capture/points.ply", &["points.ply: ", "a file is already here", "name a folder"]),
             ("--out none/o", &["none/o: ", "none does not exist", "create it first"]),
             ("--out ..", &["..: ", "name of its own"]),
             ("--out o --trace none/t.json", &["none/t.json: ", "create it first"]),

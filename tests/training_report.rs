@@ -267,16 +267,20 @@ fn values_that_are_not_finite_do_not_break_the_page() {
 /// If this failed, a model that fell apart would look like a good one on its page, one that was stopped would be called so, or a
 /// photo that is drawn to the bit would make the record unreadable.
 #[test]
-fn a_training_that_came_apart_says_so() {
-    let told = |record: &TrainRecord| page_with(record, 1).contains("Warning: training diverged");
+fn a_training_that_diverged_says_so() {
+    let warns = |record: &TrainRecord| page_with(record, 1).contains("Warning: training diverged");
     let mut record = run(30_000, Status::Complete);
-    assert!(!told(&record));
+    assert!(!warns(&record));
     record.curve[200..].iter_mut().for_each(|point| point.psnr = 15.0);
     record.curve[4].psnr = f64::INFINITY;
-    assert!(told(&record) && page_with(&record, 1).contains("in its last fifth its photos are told to 15.0 dB"));
+    assert!(
+        warns(&record)
+            && page_with(&record, 1).contains("dB; retry with another --seed")
+            && page_with(&record, 1).contains("to 15.0 dB")
+    );
     let stopped = TrainRecord { status: Status::Interrupted, ..record.clone() };
     let short = |iterations| TrainRecord { config: Config { iterations, ..record.config.clone() }, ..record.clone() };
-    assert_eq!([stopped, short(999), short(1000)].map(|record| told(&record)), [false, false, true]);
+    assert_eq!([stopped, short(999), short(1000)].map(|record| warns(&record)), [false, false, true]);
     let text = serde_json::to_string(&record).unwrap();
     assert_eq!(serde_json::from_str::<TrainRecord>(&text).unwrap(), record);
 }

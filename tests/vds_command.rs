@@ -116,11 +116,11 @@ fn what_cannot_be_scored_is_refused_in_one_line() {
     for (arguments, word) in [
         ("vds shots --surface ball.ply --out ball.ply", "ball.ply: this is what is read"),
         ("vds shots --surface ball.ply --out shots/points3D.ply", "points3D.ply: this is what is read"),
-        ("vds shots --surface ball.ply --out shots/images/3.ply", "3.png: this picture stands here without points"),
+        ("vds shots --surface ball.ply --out shots/images/3.ply", "3.png: this picture is already here without points"),
         ("proxy shots --out shots/images/3.png", "3.png: a file of another kind"),
         ("render ball.ply shots --out shots/images --force", "a part of shots"),
         ("train shots --trace shots/transforms.json --out t", "this is what is read"),
-        ("select shots --count 3 --surface o/s.ply --out o --force", "s.ply stands in it"),
+        ("select shots --count 3 --surface o/s.ply --out o --force", "s.ply is in it"),
     ] {
         refused(arguments, word);
     }

@@ -335,7 +335,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         return Ok(ExitCode::from(super::INTERRUPTED));
     };
     written.unwrap_or(Ok(()))?;
-    say!("products {made} made, {kept} kept, in {:.0} s", start.elapsed().as_secs_f64());
+    say!("results  {made} made, {kept} reused, in {:.0} s", start.elapsed().as_secs_f64());
     say!("{}", table::markdown(&request, &outcome.rows, outcome.left).trim_end());
     say!("written  {}, {}", arguments.out.join("table.md").display(), page.display());
     Ok(ExitCode::SUCCESS)

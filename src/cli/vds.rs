@@ -66,8 +66,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     check_file(&picture_file)?;
     check_output_file(&arguments.out, [Some(&arguments.capture), arguments.surface.as_ref()].into_iter().flatten())?;
     if picture_file.exists() && !arguments.out.exists() {
-        let what =
-            "this picture stands here without points of an earlier run, and would be replaced; give --out another name";
+        let what = "this picture is already here without points of an earlier run, and would be replaced; give --out another name";
         return Err(Error::input(&picture_file, what));
     }
     let images = if arguments.skip_missing { Images::SkipMissing } else { Images::Needed };

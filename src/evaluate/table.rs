@@ -106,7 +106,7 @@ fn conditions(request: &Request) -> String {
     };
     let peers = match settings.peers_from {
         PeersFrom::Sphere if request.kind == Kind::Object => {
-            ", peers from the region's outer sphere (`--peers-from sphere`)"
+            ", baselines from the region's outer sphere (`--peers-from sphere`)"
         }
         _ => "",
     };

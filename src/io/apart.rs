@@ -37,7 +37,7 @@ pub fn check_output_file<'a>(file: &Path, inputs: impl IntoIterator<Item = &'a P
             return refuse("this is what is read,");
         }
     }
-    if READ.contains(&kind) { refuse("a file of another kind stands here,") } else { Ok(()) }
+    if READ.contains(&kind) { refuse("a file of another kind is already here,") } else { Ok(()) }
 }
 
 /// Refuses a folder to write in which an input stands, or which is a part of an input that is a capture.
@@ -48,7 +48,7 @@ pub fn check_output_folder<'a>(folder: &Path, inputs: impl IntoIterator<Item = &
     let Some(out) = real(folder) else { return Ok(()) };
     for (input, read) in inputs.into_iter().filter_map(|input| Some((input, real(input)?))) {
         if read.starts_with(&out) {
-            let what = format!("{} stands in it and might be replaced; name another folder", input.display());
+            let what = format!("{} is in it and might be replaced; name another folder", input.display());
             return Err(Error::input(folder, what));
         }
         let part = out.strip_prefix(&read).ok().and_then(|within| within.iter().next());

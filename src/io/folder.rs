@@ -136,7 +136,7 @@ pub fn check_no_links(folder: &Path, file: &Path) -> Result<()> {
     match between.find(|above| above.is_symlink()) {
         Some(link) => {
             let what =
-                "a symbolic link stands here, and nothing is written through it; remove it, or name another folder";
+                "a symbolic link is already here, and nothing is written through it; remove it, or name another folder";
             Err(Error::input(link, what))
         }
         None => Ok(()),
@@ -149,11 +149,11 @@ pub fn check_no_links(folder: &Path, file: &Path) -> Result<()> {
 /// When the path is a folder or a device, lies in no folder, or in one that cannot be written to.
 pub fn check_file(path: &Path) -> Result<()> {
     if path.is_dir() {
-        return Err(Error::input(path, "a folder stands here; name a file"));
+        return Err(Error::input(path, "a folder is already here; name a file"));
     }
     // Moving a file onto a device would replace the device.
     if path.exists() && !path.is_file() {
-        return Err(Error::input(path, "what stands here is no regular file; name another"));
+        return Err(Error::input(path, "what is here is no regular file; name another"));
     }
     check_parent(path)
 }
@@ -252,7 +252,7 @@ fn check_free(path: &Path, force: bool) -> Result<()> {
         Ok(entries) => entries,
         Err(e) if e.kind() == ErrorKind::NotFound => return Ok(()),
         Err(e) if e.kind() == ErrorKind::NotADirectory => {
-            return Err(Error::input(path, "a file stands here; name a folder"));
+            return Err(Error::input(path, "a file is already here; name a folder"));
         }
         Err(e) => return Err(Error::io(path, e)),
     };
@@ -292,7 +292,7 @@ impl Moves {
     /// Moves `from` to `to`, and what stood there aside.
     fn replace(&mut self, from: &Path, to: &Path) -> std::io::Result<()> {
         if to.is_dir() {
-            return Err(std::io::Error::new(ErrorKind::IsADirectory, "a folder stands where a file is to be written"));
+            return Err(std::io::Error::new(ErrorKind::IsADirectory, "a folder is where a file is to be written"));
         }
         if let Some(parent) = to.parent() {
             fs::create_dir_all(parent)?;

@@ -172,7 +172,7 @@ fn place(
     let chosen = match request.method {
         Method::Ours | Method::OursNoVds | Method::OursIterative | Method::OursTwoPasses => {
             let name = request.method.name();
-            return Err(Error::request(format!("--method {name} is the planner's; it is no peer")));
+            return Err(Error::request(format!("--method {name} is the planner's; it is no baseline")));
         }
         Method::Random => {
             let poses = baselines::random(&geometry.free, views, request.seed, inward);

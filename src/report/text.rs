@@ -301,7 +301,7 @@ fn figures(record: &PlanRecord) -> String {
             .filter_map(|c| row.value(&c.metrics).map(|v| (v, c.name.as_str())))
             .reduce(|a, b| if (b.0 > a.0) == (row.better == Better::Higher) { b } else { a });
         let beside = match best {
-            Some((value, name)) => format!("best control: {} ({})", row.text(Some(value)), escape(name)),
+            Some((value, name)) => format!("best baseline: {} ({})", row.text(Some(value)), escape(name)),
             None => row.note.into(),
         };
         format!(
@@ -360,9 +360,9 @@ fn metrics_table(record: &PlanRecord, kind: Kind<'_>) -> String {
         grouped(record.metrics.points),
         ROWS[0].text(Some(100.0 * record.metrics.reachable).filter(|v| v.is_finite())),
         if record.controls.is_empty() {
-            "No controls were scored.".into()
+            "No baselines were scored.".into()
         } else {
-            format!("Small print compares the {subject} with the control: ✓ better, ✗ worse.")
+            format!("Small print compares the {subject} with the baseline: ✓ better, ✗ worse.")
         }
     );
     html

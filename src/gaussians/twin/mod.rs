@@ -1,6 +1,6 @@
 //! Rendering and training in plain Rust and double precision: what the shaders are held against.
 //!
-//! Every formula stands here once more, written for exactness, not for speed. Frames: the world of the splats; cameras with
+//! Every formula is here once more, written for exactness, not for speed. Frames: the world of the splats; cameras with
 //! OpenCV axes; pixels with the centre of the first at (0.5, 0.5).
 
 mod composite;
