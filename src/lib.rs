@@ -20,7 +20,7 @@
 //!
 //! [`plan()`] is the front door, and [`PlanRequest`] has what can be asked for; [`vulkan::host`] is for applications that own the Vulkan device.
 //!
-//! The layers look down only: [`cli`] and [`report`] sit on [`evaluate`], that on [`peers`] and [`photograph`], these on [`plan`],
+//! The layers look down only: [`cli`] and [`report`] sit on [`evaluate`], that on [`peers`] and [`photograph`], these on [`mod@plan`],
 //! [`vds`], [`select`], [`stereo`] and [`gaussians`], these on [`metrics`] and [`visibility`], then [`io`], [`photos`], [`scene`],
 //! [`primitives`] and [`vulkan`].
 

@@ -117,7 +117,7 @@ fn a_box_holds_the_cameras_of_a_room_and_its_tests() {
     }
     // Of another box nothing is taken over.
     let other = place.done(&format!("{tiny} --box -0.4,-0.5,-0.7,0.4,0.6,-0.1 --out o"));
-    assert!(other.out.contains(", 0 kept"), "{}", other.out);
+    assert!(other.out.contains(", 0 reused"), "{}", other.out);
     assert_eq!(places("o").iter().filter(|place| place.z < 0.0).count(), 16 + 3 + 2 * 4);
 }
 
