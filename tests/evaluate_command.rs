@@ -5,19 +5,11 @@ mod lpips_weights;
 
 use std::fs;
 
-use command::gltf::{cube, sky};
+use command::gltf::lit_cube;
 use command::{Place, assert_refused, ended, read_until, stop};
 use serde_json::{Value, json};
 
 /// A cube whose material is not the same all over, and the light on it.
-fn place() -> Place {
-    let place = Place::new();
-    let material = r#"{"pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.4, 0.1, 1], "metallicFactor": 0}}"#;
-    place.write("cube.gltf", cube(&format!(", \"materials\": [{material}]")));
-    place.write("sky.hdr", sky());
-    place
-}
-
 /// An evaluation of seconds.
 const TINY: &str = "evaluate cube.gltf --env sky.hdr --quick --methods random,ours --budgets 4 --seeds 1 --size 48 --spp 2 \
                     --inputs 8 --tests 2 --iterations 20 --max-splats 200";
@@ -35,7 +27,7 @@ fn qualities(results: &Value) -> Vec<(&Value, &Value)> {
 /// a method more would make all the others run again.
 #[test]
 fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
-    let place = place();
+    let place = lit_cube();
     let mut child = place.command(&format!("{TINY} --out o")).spawn().unwrap();
     let output = read_until(&mut child, "making   training");
     let stopped = stop(child, output, "-INT");
@@ -115,7 +107,7 @@ fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
 /// say how long it trained, or train otherwise than all others.
 #[test]
 fn a_method_that_trains_while_it_chooses_photographs_its_choices() {
-    let place = place();
+    let place = lit_cube();
     let run = TINY.replace("random,ours --budgets 4", "fisherrf-retrain --antialiased --budgets 6");
     place.done(&format!("{run} --out o"));
     let folders = place.folders("o/cube");
@@ -135,7 +127,7 @@ fn a_method_that_trains_while_it_chooses_photographs_its_choices() {
 /// table would not say so, or what has nothing to do with training would be made again.
 #[test]
 fn the_filter_against_aliasing_is_of_all_training_and_of_nothing_else() {
-    let place = place();
+    let place = lit_cube();
     let run = TINY.replace("random,ours --budgets 4", "cover,ours --budgets 6");
     place.done(&format!("{} --out o", run.replace("cover,", "")));
     let plain = place.folders("o/cube");
@@ -161,7 +153,7 @@ fn the_filter_against_aliasing_is_of_all_training_and_of_nothing_else() {
 /// come out otherwise there.
 #[test]
 fn seeds_that_were_made_apart_are_put_together() {
-    let place = place();
+    let place = lit_cube();
     let run = TINY.replace("random,ours", "random");
     place.done(&format!("{run} --out here"));
     let there = place.done(&format!("{run} --first-seed 1 --out there"));
@@ -188,7 +180,7 @@ fn seeds_that_were_made_apart_are_put_together() {
 /// would be in tables that it was not asked for.
 #[test]
 fn lpips_of_vgg_is_measured_of_what_is_trained() {
-    let place = place();
+    let place = lit_cube();
     // The network is slow on two cores.
     let tiny = TINY.replace("random,ours", "ours").replace("--size 48", "--size 32").replace("--tests 2", "--tests 1");
     place.done(&format!("{tiny} --out o"));
@@ -226,7 +218,7 @@ fn lpips_of_vgg_is_measured_of_what_is_trained() {
 /// If this failed, input photos would be taken from all around whatever was asked for, or the table would not say where from.
 #[test]
 fn inputs_can_be_taken_from_one_side() {
-    let place = place();
+    let place = lit_cube();
     place.done(&format!("{} --inputs-from biased --out o", TINY.replace("random,ours", "random")));
     assert!(place.read("o/table.md").contains("8 input photos from one side"), "{}", place.read("o/table.md"));
     let inputs = place.files("o/cube").into_iter().find(|name| name.ends_with("images/input_0000.png")).unwrap();
@@ -247,7 +239,7 @@ fn inputs_can_be_taken_from_one_side() {
 /// If this failed, manifold sampling would have no model in an evaluation, or not say how far its cameras went.
 #[test]
 fn manifold_sampling_takes_steps_in_proportion() {
-    let place = place();
+    let place = lit_cube();
     let run = TINY.replace("random,ours --budgets 4", "manifold --budgets 5");
     place.done(&format!("{run} --out o"));
     let choice = place.folders("o/cube").into_iter().find(|name| name.starts_with("choice-")).unwrap();
@@ -259,7 +251,7 @@ fn manifold_sampling_takes_steps_in_proportion() {
 /// If this failed, bad input would be found out after hours, or leave something behind.
 #[test]
 fn bad_input_is_refused_and_nothing_is_written() {
-    let place = place();
+    let place = lit_cube();
     place.write("broken.glb", "no scene");
     fs::create_dir_all(place.path("other")).unwrap();
     place.write("other/cube.gltf", place.read("cube.gltf"));
@@ -315,7 +307,7 @@ fn bad_input_is_refused_and_nothing_is_written() {
 /// If this failed, a layout of one's own could not be compared, or would be compared with other cameras than those of the file.
 #[test]
 fn cameras_of_a_file_are_a_method() {
-    let place = place();
+    let place = lit_cube();
     let tiny = |methods: &str, out: &str| format!("{} --out {out}", TINY.replace("random,ours", methods));
     place.done(&tiny("random", "o"));
     let plan = place.files("o").into_iter().find(|file| file.ends_with("plan.json")).unwrap();

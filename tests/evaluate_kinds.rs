@@ -171,7 +171,7 @@ fn a_room_without_a_surface_from_photos_offers_its_own() {
     assert_eq!(ran.err.lines().count(), 1, "{}", ran.err);
 }
 
-/// If this failed, photos would be scored that were chosen from, or trained on that nobody chose.
+/// If this failed, a method could choose photos that it is scored by, or train on photos that it did not choose.
 #[test]
 fn every_eighth_photo_of_a_pool_is_held_out() {
     let place = pool();

@@ -3,21 +3,13 @@
 mod command;
 
 use camsplat::plan::record::PlanRecord;
-use command::gltf::{cube, sky};
+use command::gltf::lit_cube;
 use command::{Place, assert_refused};
 use glam::DVec3;
 
 /// An evaluation of seconds.
 const TINY: &str =
     "--env sky.hdr --quick --seeds 1 --size 32 --spp 2 --inputs 8 --tests 2 --iterations 10 --max-splats 200";
-
-fn place() -> Place {
-    let place = Place::new();
-    let material = r#"{"pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.4, 0.1, 1], "metallicFactor": 0}}"#;
-    place.write("cube.gltf", cube(&format!(", \"materials\": [{material}]")));
-    place.write("sky.hdr", sky());
-    place
-}
 
 /// The choices of an evaluation, by method.
 fn choices(place: &Place, folder: &str) -> Vec<PlanRecord> {
@@ -34,7 +26,7 @@ fn photographs(place: &Place, folder: &str, name: &str) -> usize {
 /// around an object that is seen from the front.
 #[test]
 fn a_corner_has_walls_for_everybody() {
-    let place = place();
+    let place = lit_cube();
     let methods = "ours,fibonacci,fvs";
     place.done(&format!("evaluate cube.gltf --situation corner --methods {methods} --budgets 4 {TINY} --out o"));
     let plans = choices(&place, "o/cube");
@@ -55,7 +47,7 @@ fn a_corner_has_walls_for_everybody() {
 /// If this failed, photos that exist would not be trained on, would be counted as planned, or be others for each method.
 #[test]
 fn photos_from_one_side_are_kept_by_all() {
-    let place = place();
+    let place = lit_cube();
     place.done(&format!("evaluate cube.gltf --situation one-side --methods ours,random --budgets 4 {TINY} --out o"));
     let plans = choices(&place, "o/cube");
     let kept = |plan: &PlanRecord| -> Vec<DVec3> {
@@ -71,7 +63,7 @@ fn photos_from_one_side_are_kept_by_all() {
 /// If this failed, two rooms would be one, or need a file.
 #[test]
 fn two_rooms_are_a_scene_by_themselves() {
-    let place = place();
+    let place = lit_cube();
     let tiny = TINY.replace("--env sky.hdr ", "");
     place.done(&format!("evaluate --situation two-rooms --methods ours,grid,rings --budgets 8 {tiny} --out o"));
     let plans = choices(&place, "o/two-rooms");
@@ -85,7 +77,7 @@ fn two_rooms_are_a_scene_by_themselves() {
 /// If this failed, the second pass would not go by the photographs of the first, or not have as many views as asked for.
 #[test]
 fn the_second_pass_stands_beside_the_first() {
-    let place = place();
+    let place = lit_cube();
     let run = format!("evaluate cube.gltf --methods ours-two-passes --budgets 7 {TINY} --out o");
     place.done(&run);
     let plans = choices(&place, "o/cube");
@@ -100,7 +92,7 @@ fn the_second_pass_stands_beside_the_first() {
 /// If this failed, a request that makes no sense would be found out after hours.
 #[test]
 fn what_does_not_fit_is_refused() {
-    let place = place();
+    let place = lit_cube();
     let cases: [(&str, &[&str]); 8] = [
         ("--situation two-rooms cube.gltf", &["two-rooms", "leave the scenes out"]),
         ("--situation corner", &["there are no scenes"]),

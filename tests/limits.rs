@@ -45,6 +45,19 @@ fn whoever_places_cameras_keeps_the_limits() {
     assert_eq!(again, scored.out);
 }
 
+/// If this failed, nobody would learn that a wall of boxes had cut off half of where cameras could have stood.
+#[test]
+fn space_that_is_cut_off_is_reported() {
+    let place = Place::new();
+    place.write("slab.json", r#"{"boxes": [[-9, -9, -0.5, 9, 9, 0.5]]}"#);
+    let cut = place.done(&format!("plan ball.ply --out cut {SHELL} --keep-out slab.json {SHORT}")).out;
+    assert!(cut.contains("% of the free space is not connected with the rest"), "{cut}");
+    let sides: Vec<bool> = place.plan("cut").cameras.iter().map(|camera| camera.pose.position.z > 0.0).collect();
+    assert!(sides.iter().all(|side| *side == sides[0]), "cameras on both sides of the slab");
+    let whole = place.done(&format!("plan ball.ply --out whole {SHELL} {SHORT}")).out;
+    assert!(!whole.contains("not connected"), "{whole}");
+}
+
 /// If this failed, the simple layouts of a room would stand below its floor or outside of its limits, where a plan may not.
 #[test]
 fn layouts_of_a_room_keep_the_limits() {

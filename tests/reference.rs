@@ -1,5 +1,7 @@
 //! The documentation that the program can check: the command reference, and the links between pages.
 
+mod command;
+
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -112,6 +114,28 @@ fn the_readme_stays_short_and_lines_stay_narrow() {
     }
 }
 
+/// If this failed, the man pages or the completions of a shell would be empty or miss a subcommand.
+#[test]
+fn completions_and_man_pages_name_every_subcommand() {
+    let place = command::Place::new();
+    let names: Vec<String> = camsplat::cli::command().get_subcommands().map(|c| c.get_name().to_owned()).collect();
+    assert!(names.len() > 10, "{names:?}");
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let script = place.done(&format!("completions {shell}")).out;
+        let missing: Vec<_> = names.iter().filter(|name| !script.contains(name.as_str())).collect();
+        assert!(missing.is_empty(), "{shell}: {missing:?}");
+    }
+    place.done("manual --out man");
+    let mut pages: Vec<String> = names.iter().map(|name| format!("camsplat-{name}.1")).collect();
+    pages.push("camsplat.1".into());
+    pages.sort();
+    assert_eq!(place.files("man"), pages);
+    let page = place.read("man/camsplat-plan.1");
+    assert!(page.contains(".TH camsplat-plan") && page.contains("keep\\-out"), "{page}");
+    let refused = place.run("manual --out man");
+    assert!(refused.code == Some(2) && refused.err.contains("not empty"), "{}", refused.err);
+}
+
 /// Words of our own that readers had to translate; what they should read instead.
 const PRIVATE: [(&str, &str); 8] = [
     ("came apart", "diverged"),
@@ -138,30 +162,30 @@ fn guides_and_help_use_the_words_of_the_field() {
     }
 }
 
-/// Where stages are held against plain Rust that has not their own name.
-const TWINS: [(&str, &str); 22] = [
-    ("bin_", "src/plan/dense.rs"),
-    ("check_depth", "src/stereo/consistency.rs"),
-    ("copy_words", "tests/primitives_scan.rs"),
-    ("cover_weigh", "tests/gaussian_fisher.rs"),
-    ("density_", "tests/training.rs"),
-    ("first_hit", "tests/photograph.rs"),
-    ("fisher_", "src/gaussians/twin/fisher.rs"),
-    ("mcmc_split", "src/gaussians/twin/optimise.rs"),
-    ("mcmc_", "tests/training.rs"),
-    ("noise_spread", "tests/manifold.rs"),
-    ("noise_", "src/gaussians/manifold.rs"),
-    ("photo_", "src/gaussians/twin/loss.rs"),
-    ("plane_sweep", "src/stereo/cost.rs"),
-    ("radix_", "src/primitives/twin.rs"),
-    ("refine_depth", "src/stereo/cost.rs"),
-    ("relocate", "tests/relocation.rs"),
-    ("scan_", "src/primitives/twin.rs"),
-    ("snapshot", "tests/planner.rs"),
-    ("splat_update", "src/gaussians/twin/project.rs"),
-    ("splat_project", "src/gaussians/twin/project.rs"),
-    ("splat_", "src/gaussians/twin/composite.rs"),
-    ("train_tally", "tests/training.rs"),
+/// Where stages are held against plain Rust that has not their own name: how their names begin, the file, and what does it there.
+const TWINS: [(&str, &str, &str); 22] = [
+    ("bin_", "src/plan/dense.rs", "fn dense("),
+    ("check_depth", "src/stereo/consistency.rs", "fn check("),
+    ("copy_words", "tests/primitives_copy.rs", "fn whole_vectors_are_copied_and_nothing_behind_them"),
+    ("cover_weigh", "tests/gaussian_fisher.rs", "fn what_is_not_covered_agrees_with_the_definition"),
+    ("density_", "tests/training.rs", "fn a_small_scene_is_learnt"),
+    ("first_hit", "tests/photograph.rs", "fn the_middle_of_a_pixel_is_where_the_surface_is"),
+    ("fisher_", "src/gaussians/twin/fisher.rs", "fn information("),
+    ("mcmc_split", "src/gaussians/twin/optimise.rs", "fn split("),
+    ("mcmc_", "tests/training.rs", "fn relocated_splats_look_as_their_source_did"),
+    ("noise_spread", "tests/manifold.rs", "fn the_spread_is_the_variance_of_perturbed_pictures"),
+    ("noise_", "src/gaussians/manifold.rs", "fn perturbation("),
+    ("photo_", "src/gaussians/twin/loss.rs", "fn ssim("),
+    ("plane_sweep", "src/stereo/cost.rs", "fn cost("),
+    ("radix_", "src/primitives/twin.rs", "fn radix_sort("),
+    ("refine_depth", "src/stereo/cost.rs", "fn cost("),
+    ("relocate", "tests/relocation.rs", "fn the_least_useful_are_relocated_and_only_into_the_region"),
+    ("scan_", "src/primitives/twin.rs", "fn scan("),
+    ("snapshot", "tests/planner.rs", "fn a_plan_is_better_than_its_start"),
+    ("splat_update", "src/gaussians/twin/optimise.rs", "fn adam("),
+    ("splat_project", "src/gaussians/twin/project.rs", "fn project("),
+    ("splat_", "src/gaussians/twin/composite.rs", "fn forward("),
+    ("train_tally", "tests/training.rs", "fn a_loss_that_is_no_number_ends_the_run"),
 ];
 
 /// If this failed, a stage would have been added that nothing compares with what it should compute.
@@ -191,8 +215,10 @@ fn every_stage_is_held_against_plain_rust() {
     for stage in stages {
         let name = stage.file_stem().unwrap().to_str().unwrap();
         let own = ["(", "<"].iter().any(|end| text.contains(&format!("fn {name}{end}")));
-        let elsewhere = TWINS.iter().find(|(start, _)| name.starts_with(start)).map(|(_, file)| *file);
-        let held = elsewhere.is_some_and(|file| root().join(file).exists());
+        let elsewhere = TWINS.iter().find(|(start, ..)| name.starts_with(start));
+        let holds =
+            |file: &str, what: &str| fs::read_to_string(root().join(file)).is_ok_and(|text| text.contains(what));
+        let held = elsewhere.is_some_and(|(_, file, what)| holds(file, what));
         assert!(own || held, "{name}: write its twin, a function of its name, or say in TWINS what holds it");
     }
 }

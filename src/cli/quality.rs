@@ -33,7 +33,7 @@ struct FitArguments {
     /// The scenes that were evaluated: glTF or GLB
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
-    /// Folders that `camsplat evaluate` has written, with the same tests
+    /// Folders that `camsplat evaluate` has written; layouts are compared where region, situation, viewers and tests are the same
     #[arg(long, required = true, value_delimiter = ',', value_name = "FOLDER,...")]
     evaluations: Vec<PathBuf>,
     /// Scenes that the law is only compared with, by name
@@ -80,26 +80,25 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     let context = layouts.as_ref().map(|_| device.open()).transpose()?;
     let mut trained = Vec::new();
-    let mut observed = Vec::new();
     for scene in scenes {
-        let runs = Trained::read(scene, evaluations)?;
-        observed.push(runs.observations());
-        trained.push(runs);
+        trained.extend(Trained::read(scene, evaluations)?);
     }
+    let observed: Vec<_> = trained.iter().map(Trained::observations).collect();
     let fit = fit::fit(&observed, held_out)?;
     let text = fit.law.text()?;
     let mut written: Vec<(&Path, String)> = vec![(out, text)];
     if let (Some(file), Some(context)) = (layouts, &context) {
-        let mut csv = String::from("scene,held_out,views,layout,expected_db,score_db,trained_psnr\n");
+        let mut csv = String::from("scene,situation,held_out,views,layout,expected_db,score_db,trained_psnr\n");
         for (runs, scene) in trained.into_iter().zip(&observed) {
             let held = u8::from(held_out.contains(&scene.name));
             let of_scene = scene.name.replace([',', '"', '\n'], ";");
             let expected = fit.expected(scene);
+            let situation = runs.situation.name();
             let scored = runs.scored(context, &fit.law.law())?;
             for ((layout, expected), scored) in scene.layouts.iter().zip(expected).zip(scored) {
                 let (name, of, psnr) = (layout.name.replace([',', '"', '\n'], ";"), layout.views, layout.psnr);
                 // Writing to a string cannot fail.
-                let _ = writeln!(csv, "{of_scene},{held},{of},{name},{expected:.3},{scored:.3},{psnr:.3}");
+                let _ = writeln!(csv, "{of_scene},{situation},{held},{of},{name},{expected:.3},{scored:.3},{psnr:.3}");
             }
         }
         print_messages(context);

@@ -87,10 +87,12 @@ struct Captured {
     cameras: Vec<Camera>,
 }
 
-/// What evaluations have trained of one scene.
+/// What evaluations have trained of one scene in one situation.
 pub struct Trained {
     /// The scene's name.
     pub name: String,
+    /// What it was photographed in.
+    pub situation: Situation,
     target: Target,
     geometry: SceneGeometry,
     preset: Preset,
@@ -100,15 +102,14 @@ pub struct Trained {
 }
 
 impl Trained {
-    /// Reads every run of the scene in these folders of evaluations, whose regions, viewers, situations and tests of it must be the
-    /// same. Two rooms, which have no file, are the scene `two-rooms`.
+    /// Reads every run of the scene in these folders of evaluations: one for each region, situation, limits, viewers and tests that they
+    /// have. Two rooms, which have no file, are the scene `two-rooms`.
     ///
     /// # Errors
     /// Where a folder holds no evaluation, none of them has this scene, or a file cannot be read.
-    pub fn read(scene: &Path, evaluations: &[PathBuf]) -> Result<Self> {
+    pub fn read(scene: &Path, evaluations: &[PathBuf]) -> Result<Vec<Self>> {
         let name = scene.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-        let mut shared: Option<(Asked, Vec<Camera>)> = None;
-        let mut runs = Vec::new();
+        let mut settings: Vec<(Asked, Vec<Camera>, Vec<_>)> = Vec::new();
         for folder in evaluations {
             let file = folder.join("results.json");
             let Results { request, runs: all } = read(&file)?;
@@ -117,23 +118,27 @@ impl Trained {
             }
             for run in all.iter().filter(|run| run.scene == name) {
                 let (tests, cameras, psnr) = trained(&folder.join(&name), &run.folder)?;
-                let others = shared.get_or_insert_with(|| (request.clone(), tests.clone()));
-                if (&others.0, &others.1) != (&request, &tests) {
-                    let what = format!(
-                        "its region, situation, limits, viewers or tests of {name} are others than those of {}; fit them apart",
-                        evaluations[0].display()
-                    );
-                    return Err(Error::input(folder, what));
+                let run = (format!("{}, seed {}", label(&run.method), run.seed), cameras, psnr);
+                match settings.iter_mut().find(|(asked, of, _)| (&*asked, &*of) == (&request, &tests)) {
+                    Some((.., runs)) => runs.push(run),
+                    None => settings.push((request.clone(), tests, vec![run])),
                 }
-                runs.push((format!("{}, seed {}", label(&run.method), run.seed), cameras, psnr));
             }
         }
-        let Some((asked, tests)) = shared else {
+        if settings.is_empty() {
             return Err(Error::input(
                 scene,
                 "none of the evaluations has trained anything of it; leave it out or name its evaluation",
             ));
-        };
+        }
+        settings.into_iter().map(|setting| Self::of(scene, &name, setting)).collect()
+    }
+
+    fn of(
+        scene: &Path,
+        name: &str,
+        (asked, tests, runs): (Asked, Vec<Camera>, Vec<(String, Vec<Camera>, f64)>),
+    ) -> Result<Self> {
         let intrinsics = tests.first().map_or(Intrinsics::from_fov(1, 1, 1.0), |test| test.intrinsics);
         let Asked { kind, settings: Settings { region }, viewers, situation, limits } = asked;
         let preset = kind.preset();
@@ -148,7 +153,7 @@ impl Trained {
         };
         let target = setting.target(scene, &mut model, &mut surface, &intrinsics)?;
         let geometry = target.geometry()?;
-        Ok(Self { name, target, geometry, preset, viewers, tests, runs })
+        Ok(Self { name: name.to_owned(), situation, target, geometry, preset, viewers, tests, runs })
     }
 
     /// What the law is fitted to.

@@ -1,4 +1,4 @@
-//! What a choice of views is worth: photographs of the views, splats trained on them, and scores on views that nobody chose.
+//! What a choice of views is worth: photographs of the views, splats trained on them, and scores on held-out test views.
 //!
 //! [`request`] says what is compared and how, [`kind`] what each kind of subject has of its own. A [`subject`] is read and checked
 //! first: a [`scene`] with [`views`] around an object or in the empty space of a [`room`], or a [`mod@pool`] of photos. [`stage`] keeps

@@ -369,20 +369,7 @@ impl Request {
         if settings.peers_from == PeersFrom::Sphere && *kind != Kind::Object {
             return Err(Error::request("--peers-from sphere: only around objects is there a sphere; leave it out"));
         }
-        let wanted = if self.situation == Situation::TwoRooms { Kind::Room } else { Kind::Object };
-        if self.situation != Situation::Free && *kind != wanted {
-            let name = self.situation.name();
-            let of = if wanted == Kind::Room { "rooms" } else { "objects" };
-            return Err(Error::request(format!("--situation {name}: it is of {of}; leave it, --preset or --box out")));
-        }
-        if self.situation == Situation::Front && self.viewers != self.situation.viewers() {
-            return Err(Error::request("--situation front: it says where viewers are; leave it or --viewers out"));
-        }
-        if self.situation != Situation::Free && settings.peers_from == PeersFrom::Sphere {
-            return Err(Error::request(
-                "--peers-from sphere, which --paper asks for too, is of free objects; leave it or --situation out",
-            ));
-        }
+        self.situation.check(*kind, &self.viewers, settings.peers_from)?;
         if settings.region != BY_BOUNDS && *kind != Kind::Room {
             return Err(Error::request(
                 "--box and --clearance: they are of rooms, and around an object its bounds tell where cameras stand; give \

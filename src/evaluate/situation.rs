@@ -4,7 +4,8 @@ use clap::ValueEnum;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::Result;
+use super::kind::Kind;
+use super::request::PeersFrom;
 use crate::plan::starts::even_layout;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
@@ -14,6 +15,7 @@ use crate::scene::random;
 use crate::scene::region::{Region, Shape};
 use crate::scene::samples::textured::{Cover, Furnisher};
 use crate::visibility::device_scene::SceneGeometry;
+use crate::{Error, Result};
 
 /// Full angle in degrees within which people look from the front.
 const FRONT_DEG: f64 = 120.0;
@@ -87,6 +89,33 @@ impl Situation {
             Self::Front => Viewers::Cone { axis: DVec3::Z, degrees: FRONT_DEG },
             _ => Viewers::Region,
         }
+    }
+
+    /// Refuses what does not go together with it.
+    ///
+    /// # Errors
+    /// In a line that names the option.
+    pub fn check(self, kind: Kind, viewers: &Viewers, peers_from: PeersFrom) -> Result<()> {
+        if self == Self::Free {
+            return Ok(());
+        }
+        let name = self.name();
+        let (wanted, of) = match self {
+            Self::TwoRooms => (Kind::Room, "rooms"),
+            _ => (Kind::Object, "objects"),
+        };
+        if kind != wanted {
+            return Err(Error::request(format!("--situation {name}: it is of {of}; leave it, --preset or --box out")));
+        }
+        if self == Self::Front && *viewers != self.viewers() {
+            return Err(Error::request("--situation front: it says where viewers are; leave it or --viewers out"));
+        }
+        if peers_from == PeersFrom::Sphere {
+            return Err(Error::request(
+                "--peers-from sphere, which --paper asks for too, is of free objects; leave it or --situation out",
+            ));
+        }
+        Ok(())
     }
 
     /// Puts what stands around an object into its model, +Y up. `bounds` and `radius` are the object's, `region` is the shell around it

@@ -1,5 +1,5 @@
 //! The demo's way: cameras planned for a room, and as many at random and on a grid at eye height; photographs from all of them, splats
-//! trained on these, and what views that nobody chose show.
+//! trained on these, and what held-out test views show.
 
 use std::ops::ControlFlow;
 use std::path::Path;

@@ -187,8 +187,8 @@ impl Viewers {
         let middle = back.point(bounds(geometry).iter().map(|corner| 0.5 * corner.as_dvec3()).sum());
         let viewer = |i: u32| {
             // Where limits cover a whole sphere its viewers are anywhere between.
-            let kinds = [i % 3, 2].into_iter().take(if i % 3 == 2 { 1 } else { 2 });
-            let mut places = kinds
+            let mut places = [i % 3, 2]
+                .into_iter()
                 .flat_map(|kind| (0..TRIES).map(move |k| (k, kind)))
                 .map(|(k, kind)| place(POSITIONS + k, i, kind));
             let position = places.find(|place| fits(*place))?;

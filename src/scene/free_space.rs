@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
+use super::connected::{Air, best_component};
 use super::distance_transform::nearest_sites;
 use super::limits::Limits;
 use super::proxy::Occluder;
@@ -209,18 +210,7 @@ impl FreeSpace {
     /// The open air: what is connected with free space, however near to the surface, also beyond the region.
     pub fn air(&self) -> Air {
         let open = |i: usize| !self.touched[i] && !self.barred.get(i).is_some_and(|barred| *barred);
-        let mut reached = vec![false; self.grid.voxels()];
-        let mut next: Vec<usize> = self.free.iter().map(|i| *i as usize).collect();
-        next.iter().for_each(|i| reached[*i] = true);
-        while let Some(i) = next.pop() {
-            for side in sides(&self.grid, i).into_iter().flatten() {
-                if !reached[side] && open(side) {
-                    reached[side] = true;
-                    next.push(side);
-                }
-            }
-        }
-        Air { grid: self.grid, reached }
+        Air::new(self.grid, self.free.iter().map(|i| *i as usize), open)
     }
 
     /// Whether limits bar the voxel that `p` lies in; never outside of the grid.
@@ -318,33 +308,6 @@ fn place_in(grid: &Grid, voxel: [u32; 3], region: &Region, heights: Option<[f64;
     None
 }
 
-/// Where one gets from free space without crossing the surface or a limit.
-pub struct Air {
-    grid: Grid,
-    reached: Vec<bool>,
-}
-
-impl Air {
-    /// Whether `p` is in the open; whatever is outside of the grid is as the nearest place within.
-    pub fn holds(&self, p: DVec3) -> bool {
-        self.reached[self.grid.index(self.grid.voxel(p))]
-    }
-}
-
-/// The voxels that share a face with one.
-fn sides(grid: &Grid, i: usize) -> [Option<usize>; 6] {
-    let [nx, ny, nz] = grid.dims.map(|n| n as usize);
-    let (x, y, z) = (i % nx, i / nx % ny, i / (nx * ny));
-    [
-        (x > 0).then(|| i - 1),
-        (x + 1 < nx).then_some(i + 1),
-        (y > 0).then(|| i - nx),
-        (y + 1 < ny).then_some(i + nx),
-        (z > 0).then(|| i - nx * ny),
-        (z + 1 < nz).then_some(i + nx * ny),
-    ]
-}
-
 /// The grid over the region's bounds, widened by the clearance and a voxel so that surfaces just outside count.
 fn grid_around(region: &Region, resolution: u32) -> Result<Grid> {
     let (min, max) = region.bounds();
@@ -365,36 +328,6 @@ fn grid_around(region: &Region, resolution: u32) -> Result<Grid> {
 /// From voxel `b` to voxel `a`, in voxels.
 fn offset(a: [u32; 3], b: [u32; 3]) -> DVec3 {
     DVec3::from_array(a.map(f64::from)) - DVec3::from_array(b.map(f64::from))
-}
-
-/// Indices of the set of open voxels connected through faces that counts most, in rising order; of equals the first.
-fn best_component(grid: &Grid, open: &[bool], count: impl Fn(&[u32]) -> usize) -> Vec<u32> {
-    let mut unseen = open.to_vec();
-    let (mut best, mut most) = (Vec::new(), 0);
-    for start in 0..open.len() {
-        if !unseen[start] {
-            continue;
-        }
-        unseen[start] = false;
-        let mut component = vec![start as u32];
-        let mut next = 0;
-        while next < component.len() {
-            let i = component[next] as usize;
-            next += 1;
-            for j in sides(grid, i).into_iter().flatten() {
-                if unseen[j] {
-                    unseen[j] = false;
-                    component.push(j as u32);
-                }
-            }
-        }
-        let counted = count(&component);
-        if counted > most {
-            (best, most) = (component, counted);
-        }
-    }
-    best.sort_unstable();
-    best
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ pub mod baselines;
 pub mod bounding_sphere;
 pub mod camera;
 pub mod colour;
+mod connected;
 mod discs;
 mod distance_transform;
 pub mod free_space;

@@ -29,7 +29,7 @@ impl Ground {
     /// not touch are the surface, walls and the volumes of `limits`, between a step's height and the head.
     ///
     /// # Errors
-    /// [`Error::Request`] where the start is outside of the region or there is no room at it.
+    /// [`Error::Request`] where the start is outside of the region, or there is no room at it or no ground under it.
     pub(super) fn new(
         around: &Grid,
         (surface, occupied, floor): (&Occluder, &[bool], Option<f64>),
@@ -82,8 +82,9 @@ impl Ground {
         }
         let height_of = |layer: u32| around.origin.z + f64::from(layer) * cell;
         let touched_at = |column: usize, layer: u32| occupied[layer as usize * columns + column];
-        let below = (0..around.dims[2]).rev().filter(|layer| height_of(layer + 1) <= walk.start.z + STEP * walk.height);
-        let ground = below.clone().find(|layer| touched_at(at, *layer)).map(|layer| height_of(layer + 1));
+        let mut below =
+            (0..around.dims[2]).rev().filter(|layer| height_of(layer + 1) <= walk.start.z + STEP * walk.height);
+        let ground = below.find(|layer| touched_at(at, *layer)).map(|layer| height_of(layer + 1));
         let ground = ground.into_iter().chain(floor).reduce(f64::max);
         let outside = !(height_of(0) - walk.height..=height_of(around.dims[2])).contains(&walk.start.z);
         // Of a surface without a floor nothing is known.

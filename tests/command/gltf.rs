@@ -1,5 +1,7 @@
 //! A scene with materials, and light around it.
 
+use super::Place;
+
 /// A cube of side 2 as glTF, each side of its own four vertices, with `more` in its root.
 pub fn cube(more: &str) -> String {
     let mut bytes = Vec::new();
@@ -41,4 +43,13 @@ pub fn sky() -> Vec<u8> {
     let mut sky = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n".to_vec();
     sky.extend([128, 128, 128, 129].repeat(8));
     sky
+}
+
+/// A place with `cube.gltf`, a cube of one colour, and `sky.hdr`, light from all around.
+pub fn lit_cube() -> Place {
+    let place = Place::new();
+    let material = r#"{"pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.4, 0.1, 1], "metallicFactor": 0}}"#;
+    place.write("cube.gltf", cube(&format!(", \"materials\": [{material}]")));
+    place.write("sky.hdr", sky());
+    place
 }

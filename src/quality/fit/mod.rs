@@ -1,4 +1,5 @@
-//! The fit of the law: least squares of the trained PSNR of layouts on the expected one, within each scene and number of views.
+//! The fit of the law: least squares of the trained PSNR of layouts on the expected one, within each scene, situation and number of
+//! views.
 //!
 //! A layout's expected quality is the mean over test views of `-10 log10` of the mean of `w exp(b1 g1 + b3 g3 + c max(ln r, 0))` over
 //! the pixels of a grid, as [`super::law`] has it. What is fitted is `b1`, `b3`, `c` and the weight `w` of pixels beside an object; the
@@ -69,16 +70,22 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
         ))
     };
     let best = solver::solve(&fitted, START).ok_or_else(too_few)?;
-    // Jackknife over scenes: what is seen of one scene's layouts is not independent.
-    let without: Vec<[f64; solver::N]> = (0..fitted.len())
-        .filter(|_| fitted.len() > 2)
+    let names = |scenes: &[&Observations]| -> Vec<String> {
+        let mut names: Vec<String> = scenes.iter().map(|scene| scene.name.clone()).collect();
+        names.dedup();
+        names
+    };
+    // Jackknife over scenes: what is seen of one scene's layouts, in whatever situation, is not independent.
+    let own_names = names(&fitted);
+    let without: Vec<[f64; solver::N]> = own_names
+        .iter()
+        .filter(|_| own_names.len() > 2)
         .filter_map(|left| {
-            let others: Vec<_> =
-                fitted.iter().enumerate().filter(|(i, _)| *i != left).map(|(_, scene)| *scene).collect();
+            let others: Vec<_> = fitted.iter().filter(|scene| scene.name != *left).copied().collect();
             solver::solve(&others, best)
         })
         .collect();
-    let deviation = (without.len() == fitted.len() && fitted.len() > 2).then(|| {
+    let deviation = (without.len() == own_names.len() && own_names.len() > 2).then(|| {
         let n = without.len() as f64;
         std::array::from_fn(|k| {
             let mean = without.iter().map(|theta| theta[k]).sum::<f64>() / n;
@@ -100,7 +107,6 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
     };
     let (own, others) = (pairs(&fitted), pairs(&held));
     let spread = spread(if others.is_empty() { &own } else { &others });
-    let names = |scenes: &[&Observations]| scenes.iter().map(|scene| scene.name.clone()).collect();
     let [nearest, third, farther, log_weight] = best;
     let law = Fitted {
         nearest,
@@ -109,7 +115,7 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
         background: log_weight.exp(),
         spread,
         deviation,
-        scenes: names(&fitted),
+        scenes: own_names,
         held_out: names(&held),
         layouts: fitted.iter().map(|scene| scene.layouts.len()).sum(),
     };
