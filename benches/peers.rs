@@ -7,7 +7,7 @@
 use camsplat::peers::job;
 use camsplat::peers::request::{Method, Request};
 use camsplat::plan::config::{Config, Preset};
-use camsplat::plan::job::{RegionChoice, Target};
+use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::Intrinsics;
 use camsplat::scene::gaussians::Gaussians;
 use camsplat::scene::random;

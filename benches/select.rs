@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use camsplat::photos::{Photo, PhotoSet};
 use camsplat::plan::config::Preset;
-use camsplat::plan::job::{RegionChoice, Target};
+use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::baselines;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::lens::Distortion;

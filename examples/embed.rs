@@ -10,9 +10,9 @@ use std::sync::{Arc, Mutex};
 
 use ash::vk;
 use camsplat::plan::config::{Config, Preset};
-use camsplat::plan::job::{RegionChoice, Target};
 use camsplat::plan::planner::Planner;
 use camsplat::plan::preparation::Preparation;
+use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::Intrinsics;
 use camsplat::scene::samples;
 use camsplat::visibility::device_scene::DeviceScene;

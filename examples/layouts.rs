@@ -14,7 +14,7 @@ use std::path::Path;
 
 use camsplat::io::{read_surface, transforms};
 use camsplat::plan::config::Preset;
-use camsplat::plan::job::{RegionChoice, Target};
+use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::free_space::FreeSpace;
 use camsplat::scene::random;

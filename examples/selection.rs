@@ -9,7 +9,7 @@ use std::path::Path;
 use camsplat::io;
 use camsplat::metrics::Metrics;
 use camsplat::plan::config::Preset;
-use camsplat::plan::job::{RegionChoice, Target};
+use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::Pose;
 use camsplat::scene::region::Shape;
 use camsplat::scene::surface::Surface;

@@ -6,10 +6,10 @@ use std::sync::{Arc, Mutex};
 
 use ash::vk;
 use camsplat::plan::config::{Config, Objective, Pass, Preset};
-use camsplat::plan::job::{RegionChoice, Target};
 use camsplat::plan::planner::{Outcome, Planner};
 use camsplat::plan::preparation::Preparation;
 use camsplat::plan::record::Status;
+use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::{Intrinsics, Pose};
 use camsplat::scene::samples;
 use camsplat::visibility::device_scene::DeviceScene;

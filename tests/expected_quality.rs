@@ -6,10 +6,11 @@ use std::ops::ControlFlow;
 
 use camsplat::plan::config::{Config, Gate, Objective, Preset};
 use camsplat::plan::dense::Batch;
-use camsplat::plan::job::{self, RegionChoice, Target, Tools};
+use camsplat::plan::job::{self, Tools};
 use camsplat::plan::reference::Reference;
 use camsplat::plan::start::tangents;
 use camsplat::plan::starts;
+use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::plan::viewed::viewed;
 use camsplat::quality::expected::{Judge, LOOKS, expect};
 use camsplat::quality::law::Law;

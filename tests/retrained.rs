@@ -6,7 +6,7 @@ use camsplat::Result;
 use camsplat::io::photos::{self, Options};
 use camsplat::photos::{Photo, PhotoSet};
 use camsplat::plan::config::Preset;
-use camsplat::plan::job::{RegionChoice, Target};
+use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::surface::Surface;
 use camsplat::select::controls::Pool;
 use camsplat::select::retrained::{self, Settings};

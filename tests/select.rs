@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use camsplat::photos::{Photo, PhotoSet};
 use camsplat::plan::config::Preset;
-use camsplat::plan::job::{RegionChoice, Target};
+use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::quality::expected::{Judge, expect};
 use camsplat::quality::law::Law;
 use camsplat::quality::look::Surroundings;

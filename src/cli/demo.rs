@@ -9,7 +9,7 @@ use clap::Args;
 use glam::DVec3;
 
 use super::options::{DeviceOptions, print_messages, print_target};
-use super::plan::print_plan;
+use super::outcome::print_plan;
 use super::progress::{Progress, go_on, stop_on_interrupt};
 use crate::evaluate::results::{Interval, Row, measured};
 use crate::evaluate::scene::{Scene, Setting};
@@ -17,7 +17,8 @@ use crate::evaluate::situation::Situation;
 use crate::evaluate::tour::{self, Event, Size, Step};
 use crate::io::folder::{OutputFolder, check_folder, write_files};
 use crate::plan::config::{Config, Preset};
-use crate::plan::job::{self, RegionChoice, Target, Tools};
+use crate::plan::job::{self, Tools};
+use crate::plan::target::{RegionChoice, Target};
 use crate::scene::camera::Intrinsics;
 use crate::scene::samples;
 use crate::scene::samples::textured::two_rooms_model;

@@ -22,7 +22,7 @@ use crate::io::environment::read_environment;
 use crate::io::folder::write_files;
 use crate::metrics::image::{Network, Weights};
 use crate::plan::config::Preset;
-use crate::plan::job::RegionChoice;
+use crate::plan::target::RegionChoice;
 use crate::scene::limits::Limits;
 use crate::scene::samples::textured::two_rooms_model;
 use crate::{Error, Result, report};

@@ -27,6 +27,7 @@ mod evaluate;
 mod manual;
 mod metrics;
 mod options;
+mod outcome;
 mod peers;
 mod plan;
 mod progress;

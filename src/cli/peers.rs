@@ -6,13 +6,13 @@ use std::sync::Arc;
 use clap::Args;
 
 use super::options::{ModelOptions, print_messages};
-use super::plan::print_plan;
+use super::outcome::print_plan;
 use super::progress::stop_on_interrupt;
 use crate::io::folder::OutputFolder;
 use crate::peers::job;
 use crate::peers::request::{Method, Request};
 use crate::plan::config::Config;
-use crate::plan::job::Target;
+use crate::plan::target::Target;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::select::information::Model;
 use crate::vulkan::Context;

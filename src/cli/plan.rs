@@ -8,18 +8,18 @@ use std::sync::Arc;
 use clap::Args;
 
 use super::options::{CameraOptions, DeviceOptions, RegionOptions, ViewerOptions, print_messages};
+use super::outcome::print_plan;
 use super::peers::{self, PeerOptions};
 use super::progress::{Progress, leave_on_interrupt, stop_on_interrupt};
 use super::vds;
 use crate::io;
 use crate::io::apart::{check_output_file, check_output_folder};
 use crate::io::folder::{OutputFolder, check_file, write_files};
-use crate::metrics::Metrics;
 use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Preset, Start};
-use crate::plan::job::{self, Plan, Target, Tools};
+use crate::plan::job::{self, Tools};
 use crate::plan::preparation::Preparation;
+use crate::plan::target::Target;
 use crate::plan::{curve, footprint};
-use crate::quality::law::Fitted;
 use crate::report;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::surface::Surface;
@@ -243,9 +243,6 @@ impl Tuning {
     }
 }
 
-/// Unconnected part of the free space from which on it is mentioned: insides of furniture are less.
-const NOTEWORTHY: f64 = 0.2;
-
 /// Plans, writes the folder and prints what came out.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let views = arguments.views.unwrap_or(1);
@@ -404,54 +401,6 @@ fn captured(
     let settings = Settings { seed: arguments.tuning.seed, skip_unreadable: true, ..Settings::default() };
     let scored = vds::score(context, &capture, &surface, &settings)?.onto(&capture.points);
     Ok(Some((Surface::Points(scored), poses)))
-}
-
-/// Prints the metrics of a plan beside those of its controls.
-pub fn print_plan(plan: &Plan) {
-    let record = &plan.record;
-    let how = match record.history.len() {
-        0 => format!("chosen by {} in {:.4} s", record.method, record.seconds),
-        iterations => format!("{iterations} iterations in {:.2} s", record.seconds),
-    };
-    if plan.geometry.free.unconnected > NOTEWORTHY {
-        let part = 100.0 * plan.geometry.free.unconnected;
-        say!("note     {part:.0}% of the free space is not connected with the rest, and no camera is placed there");
-    }
-    say!("plan     {} views, {} kept, {how}", record.cameras.len() - record.kept, record.kept);
-    let mut rows = vec![("plan", &record.metrics)];
-    rows.extend(record.controls.iter().map(|control| (control.name.as_str(), &control.metrics)));
-    say!("{}", table(&rows).trim_end());
-    if let Some(expected) = &record.expected {
-        say!("expected {}", expected.line());
-        if record.began_from.as_ref() == Some(&expected.against) && expected.db == 0.0 {
-            let least = Fitted::embedded().spread(0.0);
-            say!(
-                "         the plan is that layout itself: the descent gains less than {least:.2} dB, too little to be distinguished"
-            );
-        }
-    }
-}
-
-/// Metrics, a row per camera set.
-pub fn table(rows: &[(&str, &Metrics)]) -> String {
-    let mut text = format!(
-        "{:<10} {:>8} {:>8} {:>8} {:>9} {:>9} {:>11} {:>10}\n",
-        "", "seen >=1", "seen >=3", "(limit)", "gap mean", "gap p95", "views/point", "variation"
-    );
-    for (name, m) in rows {
-        text += &format!(
-            "{:<10} {:>7.1}% {:>7.1}% {:>7.1}% {:>8.2}° {:>8.2}° {:>11.1} {:>10.2}\n",
-            name,
-            100.0 * m.coverage_1,
-            100.0 * m.coverage_3,
-            100.0 * m.reachable,
-            m.gap_mean_deg,
-            m.gap_p95_deg,
-            m.views_mean,
-            m.views_variation
-        );
-    }
-    text
 }
 
 #[cfg(test)]

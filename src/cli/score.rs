@@ -7,13 +7,14 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options::{DeviceOptions, RegionOptions, ViewerOptions, print_messages};
-use super::plan::table;
+use super::outcome::table;
 use crate::io::apart::check_output_file;
 use crate::io::folder::{check_file, write_files};
 use crate::metrics::Metrics;
 use crate::plan::config::{Config, Gate, Preset};
-use crate::plan::job::{self, Target};
-use crate::plan::reference::Expected;
+use crate::plan::job::{self};
+use crate::plan::record::Expected;
+use crate::plan::target::Target;
 use crate::scene::camera::Camera;
 use crate::scene::limits::Limits;
 use crate::scene::region::{Region, Shape};

@@ -10,7 +10,7 @@ use clap::Args;
 use super::options::{
     CameraOptions, DeviceOptions, ModelOptions, RegionOptions, ViewerOptions, parse_size, print_messages, read_surface,
 };
-use super::plan::table;
+use super::outcome::table;
 use super::progress::{leave_on_interrupt, stop_on_interrupt};
 use super::retraining::RetrainingOptions;
 use crate::io::apart::check_output_folder;
@@ -18,7 +18,7 @@ use crate::io::folder::OutputFolder;
 use crate::io::photos::Images;
 use crate::metrics::Metrics;
 use crate::photos::PhotoSet;
-use crate::plan::job::Target;
+use crate::plan::target::Target;
 use crate::report::selection::{self, Written};
 use crate::scene::camera::Pose;
 use crate::scene::surface::Surface;

@@ -18,7 +18,7 @@ use crate::gaussians::record::TrainRecord;
 use crate::gaussians::split::Split;
 use crate::photos::{Photo, PhotoSet};
 use crate::plan::config::Preset;
-use crate::plan::job::{RegionChoice, Target};
+use crate::plan::target::{RegionChoice, Target};
 use crate::scene::camera::{Pose, common_up};
 use crate::scene::region::Shape;
 use crate::scene::surface::Surface;

@@ -14,7 +14,7 @@ use crate::gaussians::record::TestView;
 use crate::io::gltf::read_model;
 use crate::photograph::products::RECORD as CAPTURED;
 use crate::plan::config::Preset;
-use crate::plan::job::{RegionChoice, Target};
+use crate::plan::target::{RegionChoice, Target};
 use crate::quality::expected::Judge;
 use crate::quality::fit::Observations;
 use crate::quality::law::Law;

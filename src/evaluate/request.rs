@@ -11,7 +11,7 @@ use super::kind::Kind;
 use super::situation::Situation;
 use crate::peers::request::Method as Placing;
 use crate::plan::config::{Config, Objective, Preset};
-use crate::plan::job::RegionChoice;
+use crate::plan::target::RegionChoice;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Intrinsics, Pose};
 use crate::scene::limits::Limits;

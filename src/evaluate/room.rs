@@ -9,7 +9,7 @@ use super::views::camera;
 use crate::peers;
 use crate::peers::request::{Method, Request};
 use crate::plan::config::{Config, Preset};
-use crate::plan::job::Target;
+use crate::plan::target::Target;
 use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::visibility::device_scene::SceneGeometry;

@@ -13,7 +13,7 @@ use crate::io;
 use crate::io::gltf::read_model;
 use crate::photograph::assembly::Assembly;
 use crate::plan::config::Preset;
-use crate::plan::job::{RegionChoice, Target};
+use crate::plan::target::{RegionChoice, Target};
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::limits::Limits;

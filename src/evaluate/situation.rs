@@ -195,7 +195,7 @@ impl Situation {
 mod tests {
     use super::*;
     use crate::plan::config::Preset;
-    use crate::plan::job::{RegionChoice, Target};
+    use crate::plan::target::{RegionChoice, Target};
     use crate::scene::samples;
 
     const INTRINSICS: fn() -> Intrinsics = || Intrinsics::from_fov(64, 64, 50f64.to_radians());

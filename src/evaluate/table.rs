@@ -6,7 +6,7 @@ use super::kind::Kind;
 use super::request::{InputsFrom, Method, PeersFrom, Request, Shown};
 use super::results::{Interval, METRICS, Row, measured};
 use crate::gaussians::record::APART;
-use crate::plan::job::RegionChoice;
+use crate::plan::target::RegionChoice;
 use crate::quality::viewers::Viewers;
 use crate::scene::region::Shape;
 

@@ -12,16 +12,6 @@ use crate::scene::camera::Camera;
 use crate::scene::colour::viridis;
 use crate::scene::surface::Points;
 
-/// File name of a camera's image, relative to `images/`: its name, with `.png` where that has no extension.
-pub fn image_name(camera: &Camera) -> String {
-    let known = ["png", "jpg", "jpeg", "tif", "tiff", "exr", "webp"];
-    let extension = camera.name.rsplit_once('.').map(|(_, extension)| extension.to_lowercase());
-    match extension.is_some_and(|e| known.contains(&e.as_str())) {
-        true => camera.name.clone(),
-        false => format!("{}.png", camera.name),
-    }
-}
-
 /// Text of cameras.csv, one line per camera after a line of column names: name, position, world-from-camera quaternion
 /// (w, x, y, z, OpenCV camera axes), unit viewing direction, focal lengths and principal point in pixels, image size in
 /// pixels. World units are those of the surface.

@@ -90,6 +90,8 @@ pub const MAX_DENSE: u32 = 6000;
 
 /// Most views of a plan: the loop of `rank` over all of them stays within lavapipe's bound.
 pub const MAX_VIEWS: u32 = 200_000;
+/// Most viewers that a run draws; then it begins again with the first, and with other pixels of it.
+const MAX_VIEWERS: u32 = 1 << 15;
 
 /// The planner's configuration. [`Config::new`] gives the defaults of a preset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -160,6 +162,11 @@ pub struct Config {
 }
 
 impl Config {
+    /// How many viewers a run draws.
+    pub fn viewers_drawn(&self) -> u32 {
+        self.iterations.saturating_mul(self.probes).min(MAX_VIEWERS)
+    }
+
     /// Checks that the numbers make sense together.
     ///
     /// # Errors

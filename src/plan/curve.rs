@@ -7,7 +7,8 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::config::Config;
-use super::job::{self, Target};
+use super::job::{self};
+use super::target::Target;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::vulkan::Context;
 use crate::{Error, Result};

@@ -63,10 +63,7 @@ pub(super) fn footprint(
         ("history", record * s.iterations as u64),
         ("snapshots", splat * splats * snapshots),
         ("mailbox", 4 * mailbox::WORDS as u64),
-        (
-            "viewers",
-            if quality { size_of::<Viewer>() as u64 * super::preparation::viewers_of(config) as u64 } else { 0 },
-        ),
+        ("viewers", if quality { size_of::<Viewer>() as u64 * config.viewers_drawn() as u64 } else { 0 }),
         ("looks", if quality { size_of::<Look>() as u64 * looks } else { 0 }),
         (HELD_OUT, score_point::footprint(2 * config.held_out as u64, splats)),
     ];

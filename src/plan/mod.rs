@@ -19,5 +19,6 @@ pub mod snapshot;
 pub mod start;
 pub mod starts;
 pub mod tally;
+pub mod target;
 pub mod update;
 pub mod viewed;

@@ -24,8 +24,6 @@ const DENSE_WORK: f64 = 3e7;
 const REACHABLE: u32 = 256;
 /// Sums over looks stay within lavapipe's bound on loops.
 const MAX_VIEWERS_A_STEP: u32 = 16_384;
-/// Most viewers that a run draws; then it begins again with the first, and with other pixels of it.
-const MAX_VIEWERS: u32 = 1 << 15;
 /// What sets the viewers of a run apart from those that judge it.
 const VIEWER_SEED: u64 = 0x6c6f_6f6b;
 
@@ -205,14 +203,9 @@ impl Preparation {
     }
 }
 
-/// How many viewers a run draws.
-pub(super) fn viewers_of(config: &Config) -> u32 {
-    config.iterations.saturating_mul(config.probes).min(MAX_VIEWERS)
-}
-
 /// Viewers of a whole run: those of each iteration are its own.
 fn viewers(config: &Config, geometry: &SceneGeometry, intrinsics: &Intrinsics) -> Result<Vec<Viewer>> {
-    let count = viewers_of(config);
+    let count = config.viewers_drawn();
     let inward = config.preset == Preset::Object;
     let cameras = config.viewers.sample(geometry, *intrinsics, inward, config.seed ^ VIEWER_SEED, count)?;
     Ok(cameras.iter().map(|camera| Viewer::new(camera, geometry)).collect())

@@ -3,7 +3,6 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::reference::Expected;
 use crate::metrics::Metrics;
 use crate::scene::camera::Camera;
 use crate::scene::limits::Limits;
@@ -63,6 +62,32 @@ pub struct CheckpointRecord {
     pub voronoi_low_vds: Option<f64>,
     /// The same over the third with the highest score.
     pub voronoi_high_vds: Option<f64>,
+}
+
+/// Expected quality of a set of cameras, against the best simple layout of as many.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Expected {
+    /// Decibels of PSNR of trained splats, the mean over viewers; positive is better than the layout it is measured against.
+    pub db: f64,
+    /// Standard deviation of that figure, as [`Fitted::spread`] has it.
+    pub sd: f64,
+    /// Share of what viewers look at that no camera sees.
+    pub unseen: f64,
+    /// The layout it is measured against.
+    pub against: String,
+}
+
+impl Expected {
+    /// In words, on one line.
+    pub fn line(&self) -> String {
+        format!(
+            "{:+.2} dB (sd {:.2}) against {}; no camera sees {:.1}% of what viewers look at",
+            self.db,
+            self.sd,
+            self.against,
+            100.0 * self.unseen
+        )
+    }
 }
 
 /// A control: another way to place the same number of cameras, scored on the same points.

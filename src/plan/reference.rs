@@ -3,12 +3,11 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 
 use super::config::{Config, Preset};
-use super::job::Target;
 use super::planner::Outcome;
-use super::record::Status;
+use super::record::{Expected, Status};
+use super::target::Target;
 use super::{probes, starts};
 use crate::quality::expected::{Expectation, Judge};
 use crate::quality::law::{Fitted, Law};
@@ -26,32 +25,6 @@ const VIEWERS: u32 = 512;
 const FEWER: usize = 128;
 /// What sets them apart.
 const JUDGE_SEED: u64 = 0x6a75_6467;
-
-/// Expected quality of a set of cameras, against the best simple layout of as many.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Expected {
-    /// Decibels of PSNR of trained splats, the mean over viewers; positive is better than the layout it is measured against.
-    pub db: f64,
-    /// Standard deviation of that figure, as [`Fitted::spread`] has it.
-    pub sd: f64,
-    /// Share of what viewers look at that no camera sees.
-    pub unseen: f64,
-    /// The layout it is measured against.
-    pub against: String,
-}
-
-impl Expected {
-    /// In words, on one line.
-    pub fn line(&self) -> String {
-        format!(
-            "{:+.2} dB (sd {:.2}) against {}; no camera sees {:.1}% of what viewers look at",
-            self.db,
-            self.sd,
-            self.against,
-            100.0 * self.unseen
-        )
-    }
-}
 
 /// What is expected of a set of cameras, and where they leave error.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::config::{Config, Preset};
-use super::job::{self, Plan, RegionChoice, Target, Tools};
+use super::job::{self, Plan, Tools};
+use super::target::{RegionChoice, Target};
 use crate::Result;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics};

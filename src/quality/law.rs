@@ -8,13 +8,28 @@
 
 use std::path::Path;
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::nearest::{FARTHEST, Near};
 use crate::{Error, Result};
 
+/// Views at least this far from a viewer's direction, in radians, count as none.
+pub const FARTHEST: f64 = 2.0;
 /// The file that is built in, as `camsplat quality fit` writes it.
 const EMBEDDED: &str = include_str!("law.json");
+
+/// A view of the point of a look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Near {
+    /// Angle at the point between the viewer and the view, in radians; for splats, and what they are off by otherwise.
+    pub cost: f64,
+    /// Unit direction from the point to the view.
+    pub direction: DVec3,
+    /// Distance of the view.
+    pub distance: f64,
+    /// Which view.
+    pub view: u32,
+}
 
 crate::gpu_struct! {
     /// The law as the device has it (`shared/law.glsl`): the logarithm of the squared error of trained splats at a look, beside

@@ -3,28 +3,14 @@
 
 use glam::{DVec3, Vec3};
 
+use super::law::{FARTHEST, Near};
 use super::look::Look;
 use crate::metrics::score_point::View;
 use crate::visibility::bvh::Bvh;
 use crate::visibility::raycast::Ray;
 
-/// Views at least this far from a viewer's direction, in radians, count as none.
-pub const FARTHEST: f64 = 2.0;
 /// Of those that are nearest but for what hides them so many are looked at, as on the device.
 const LISTED: usize = 128;
-
-/// A view of the point of a look.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Near {
-    /// Angle at the point between the viewer and the view, in radians; for splats, and what they are off by otherwise.
-    pub cost: f64,
-    /// Unit direction from the point to the view.
-    pub direction: DVec3,
-    /// Distance of the view.
-    pub distance: f64,
-    /// Which view.
-    pub view: u32,
-}
 
 /// The point of a look, the unit direction to the viewer, and the normal.
 pub fn vectors(look: &Look) -> [DVec3; 3] {

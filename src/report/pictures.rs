@@ -8,7 +8,6 @@ use image::codecs::jpeg::JpegEncoder;
 use image::imageops::{FilterType, resize};
 use image::{Rgb, RgbImage};
 
-use super::training::Comparison;
 use crate::io::picture::rgb;
 use crate::quality::map::Worst;
 use crate::{Error, Result};
@@ -21,6 +20,21 @@ const MAX_BYTES: usize = 2_700_000;
 const QUALITIES: [u8; 5] = [90, 80, 70, 60, 50];
 /// Differences are multiplied by this, so that an eye sees them.
 pub const GAIN: u8 = 4;
+
+/// A test view as it was rendered, beside its photo.
+#[derive(Clone, Copy, Debug)]
+pub struct Comparison<'a> {
+    /// Name of the photo, as in [`TrainRecord::test_views`].
+    pub name: &'a str,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// The rendering: 8-bit RGB, row by row.
+    pub rendered: &'a [u8],
+    /// The photo, likewise.
+    pub reference: &'a [u8],
+}
 
 /// A comparison as the page shows it.
 pub struct Shown {

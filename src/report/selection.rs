@@ -15,9 +15,9 @@ use crate::io::folder::OutputFolder;
 use crate::io::{colmap, export, ply, transforms};
 use crate::metrics::{Metrics, PointMetrics};
 use crate::photos::{Convention, Photo, PhotoSet};
-use crate::plan::job::Target;
+use crate::plan::record::Expected;
 use crate::plan::record::{ControlRecord, IterationRecord, PlanRecord, Status, SurfaceRecord};
-use crate::plan::reference::Expected;
+use crate::plan::target::Target;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::proxy::Occluder;
 use crate::scene::region::Region;
@@ -194,7 +194,7 @@ fn images(written: &Written<'_>, folder: &OutputFolder) -> Result<()> {
     };
     for chosen in &written.selection.chosen {
         let photo = &written.set.photos[chosen.photo];
-        let name = export::image_name(&photo.camera);
+        let name = photo.camera.image_name();
         if let Some(image) = &photo.image {
             place(image, format!("images/{name}"))?;
         }

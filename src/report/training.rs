@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
+pub use super::pictures::Comparison;
 use super::pictures::{GAIN, shown};
 use super::text::{duration, escape, fill, grouped, number, telling_name};
 use crate::gaussians::config::{Background, Config, Strategy};
@@ -15,21 +16,6 @@ use crate::{Error, Result};
 const REFRESH: u32 = 30;
 /// Stages and buffers that have a bar of their own.
 const MAX_BARS: usize = 12;
-
-/// A test view as it was rendered, beside its photo.
-#[derive(Clone, Copy, Debug)]
-pub struct Comparison<'a> {
-    /// Name of the photo, as in [`TrainRecord::test_views`].
-    pub name: &'a str,
-    /// Width in pixels.
-    pub width: u32,
-    /// Height in pixels.
-    pub height: u32,
-    /// The rendering: 8-bit RGB, row by row.
-    pub rendered: &'a [u8],
-    /// The photo, likewise.
-    pub reference: &'a [u8],
-}
 
 /// What the plots are drawn from; what is not finite becomes `null`.
 #[derive(Serialize)]

@@ -113,6 +113,16 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// File name of a camera's image, relative to `images/`: its name, with `.png` where that has no extension.
+    pub fn image_name(&self) -> String {
+        let known = ["png", "jpg", "jpeg", "tif", "tiff", "exr", "webp"];
+        let extension = self.name.rsplit_once('.').map(|(_, extension)| extension.to_lowercase());
+        match extension.is_some_and(|e| known.contains(&e.as_str())) {
+            true => self.name.clone(),
+            false => format!("{}.png", self.name),
+        }
+    }
+
     /// Whether a world point lies in front of the camera and inside its image.
     pub fn sees(&self, point: DVec3) -> bool {
         let p = self.pose.rotation.inverse() * (point - self.pose.position);

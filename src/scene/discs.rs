@@ -6,9 +6,20 @@ use glam::{DMat3, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
 use super::morton;
-use super::proxy::{Disc, Orientation};
+use super::orientation::Orientation;
 use super::surface::Points;
 use crate::{Error, Result};
+
+/// A flat disc that stands for the surface around a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Disc {
+    /// Centre.
+    pub centre: DVec3,
+    /// Unit normal, toward the visible side.
+    pub normal: DVec3,
+    /// Radius, > 0.
+    pub radius: f64,
+}
 
 /// Most discs that a cloud is turned into.
 const MAX_DISCS: usize = 200_000;

@@ -9,7 +9,6 @@ use serde::{Deserialize, Serialize};
 use super::proxy::Occluder;
 use super::similarity::Similarity;
 use super::voxels::{Grid, enclosed, touched};
-use super::walk;
 use crate::{Error, Result};
 
 /// Coordinates are below this, so that squares of their differences are finite.
@@ -208,32 +207,6 @@ impl Limits {
             *barred |= self.walls.iter().any(behind);
         }
         barred
-    }
-
-    /// For every voxel, whether the limits of cameras alone bar it, where the surface touches the `occupied` ones and nobody is below the
-    /// floor; empty where there are none. A voxel that only reaches into the
-    /// heights is not barred. Up is +Z.
-    ///
-    /// # Errors
-    /// [`Error::Request`] where nobody can stand at the start of the walk.
-    pub(super) fn barred_for_cameras(
-        &self,
-        grid: &Grid,
-        surface: &Occluder,
-        (occupied, floor): (&[bool], Option<f64>),
-    ) -> Result<Vec<bool>> {
-        if !self.narrows() {
-            return Ok(Vec::new());
-        }
-        let ground =
-            self.walk.map(|walk| walk::Ground::new(grid, (surface, occupied, floor), self, walk)).transpose()?;
-        let half = 0.5 * grid.cell;
-        let barred = |i: usize| {
-            let centre = grid.centre(grid.coordinates(i));
-            self.heights.is_some_and(|[low, high]| centre.z + half <= low || centre.z - half >= high)
-                || ground.as_ref().is_some_and(|ground| !ground.holds(centre))
-        };
-        Ok((0..grid.voxels()).map(barred).collect())
     }
 }
 

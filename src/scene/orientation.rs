@@ -4,7 +4,16 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::proxy::Orientation;
+/// Which side of a surface is the visible one, where the surface itself does not say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Orientation {
+    /// Winding and normals are right as they are.
+    Trusted,
+    /// The surface is seen from outside: an object around this world point.
+    Outward(DVec3),
+    /// The surface is seen from inside: a room around this world point.
+    Inward(DVec3),
+}
 
 /// Indices of the triangles whose winding contradicts the orientation.
 ///

@@ -2,32 +2,12 @@
 
 use glam::DVec3;
 
+pub use super::discs::Disc;
+pub use super::orientation::Orientation;
 use super::similarity::Similarity;
 use super::surface::{Mesh, Surface};
 use super::{bounding_sphere, discs, orientation};
 use crate::{Error, Result};
-
-/// Which side of a surface is the visible one, where the surface itself does not say.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Orientation {
-    /// Winding and normals are right as they are.
-    Trusted,
-    /// The surface is seen from outside: an object around this world point.
-    Outward(DVec3),
-    /// The surface is seen from inside: a room around this world point.
-    Inward(DVec3),
-}
-
-/// A flat disc that stands for the surface around a point.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Disc {
-    /// Centre.
-    pub centre: DVec3,
-    /// Unit normal, toward the visible side.
-    pub normal: DVec3,
-    /// Radius, > 0.
-    pub radius: f64,
-}
 
 /// The primitives that block rays, in one frame. Both sides block.
 #[derive(Clone, Debug, PartialEq)]

@@ -15,9 +15,9 @@ use crate::Result;
 use crate::parallel::{in_parallel, with_scratch};
 use crate::photos::Photo;
 use crate::quality::expected::MIN_SHOWN;
-use crate::quality::law::Law;
+use crate::quality::law::{FARTHEST, Law};
 use crate::quality::look::Look;
-use crate::quality::nearest::{FARTHEST, angle, vectors};
+use crate::quality::nearest::{angle, vectors};
 use crate::visibility::device_scene::DeviceScene;
 use crate::vulkan::Context;
 

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::random;
 
-use super::cost::MAX_PAIRS;
+use super::frame::MAX_PAIRS;
 
 /// Stream of the random numbers that the first photo is drawn with.
 const FIRST: u32 = 0x7072_6f78;

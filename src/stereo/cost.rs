@@ -5,10 +5,8 @@
 
 use glam::{Vec2, Vec3};
 
-use super::frame::{StereoPair, StereoView};
+use super::frame::{MAX_PAIRS, StereoPair, StereoView};
 
-/// Neighbours of a view at most.
-pub const MAX_PAIRS: usize = 4;
 /// Cost of what cannot be compared; matches cost 0 to 2.
 pub const NO_MATCH: f32 = 4.0;
 /// Half a window; of its pixels every other one is compared, as on a chequerboard.

@@ -2,7 +2,6 @@
 
 use glam::{DMat3, DVec2, DVec3, DVec4, Vec3};
 
-use super::cost::MAX_PAIRS;
 use crate::photos::Photo;
 use crate::photos::decode::{Decoded, Decoder, Settings};
 use crate::scene::camera::{Camera, Intrinsics};
@@ -10,6 +9,9 @@ use crate::scene::colour;
 use crate::scene::lens::{Distortion, Lens};
 use crate::scene::similarity::Similarity;
 use crate::{Error, Result};
+
+/// Neighbours of a view at most.
+pub const MAX_PAIRS: usize = 4;
 
 /// A photo at working size without distortion. Pixels run row by row.
 #[derive(Clone, Debug)]

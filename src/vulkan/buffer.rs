@@ -1,29 +1,25 @@
-//! Buffers: named, sized, allocated once; uploads and downloads through a staging buffer.
+//! Buffers: named, sized, allocated once.
 
 use std::ffi::CString;
 use std::sync::Arc;
 
 use ash::vk;
-use bytemuck::{AnyBitPattern, NoUninit};
+use bytemuck::NoUninit;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
 use super::context::Context;
-use super::recorder::Recorder;
 use crate::parallel::lock;
 use crate::{Error, Result};
-
-/// Bytes of a staging buffer at most: larger transfers go through it part by part.
-const STAGING: usize = 32 << 20;
 
 /// A storage buffer on the device.
 pub struct Buffer {
     pub(super) raw: vk::Buffer,
-    allocation: Option<Allocation>,
-    size: u64,
-    name: String,
+    pub(super) allocation: Option<Allocation>,
+    pub(super) size: u64,
+    pub(super) name: String,
     on_device: bool,
-    context: Arc<Context>,
+    pub(super) context: Arc<Context>,
 }
 
 impl Buffer {
@@ -43,17 +39,7 @@ impl Buffer {
         Self::new(context, name, size, MemoryLocation::GpuToCpu)
     }
 
-    /// A device buffer that holds `data`.
-    ///
-    /// # Errors
-    /// As for [`Buffer::device`].
-    pub fn from_slice<T: NoUninit>(context: &Arc<Context>, name: &str, data: &[T]) -> Result<Self> {
-        let buffer = Self::device(context, name, size_of_val(data) as u64)?;
-        buffer.upload(data)?;
-        Ok(buffer)
-    }
-
-    fn new(context: &Arc<Context>, name: &str, size: u64, location: MemoryLocation) -> Result<Self> {
+    pub(super) fn new(context: &Arc<Context>, name: &str, size: u64, location: MemoryLocation) -> Result<Self> {
         // Vulkan has no empty buffers; a stage that sees none of its elements may still be bound to one.
         let size = size.max(16);
         let physical = context.physical();
@@ -175,64 +161,6 @@ impl Buffer {
         // SAFETY: the word lies inside the mapping, whose size is at least `self.size`.
         ((index as u64).checked_add(1).and_then(|n| n.checked_mul(4)).is_some_and(|end| end <= self.size))
             .then(|| unsafe { pointer.add(index) })
-    }
-
-    /// Copies `data` to the start of the buffer and waits for it.
-    ///
-    /// # Errors
-    /// Where `data` is larger than the buffer, or the device fails.
-    pub fn upload<T: NoUninit>(&self, data: &[T]) -> Result<()> {
-        let bytes: &[u8] = bytemuck::cast_slice(data);
-        if bytes.len() as u64 > self.size {
-            return Err(Error::Request(format!("{} bytes do not fit the buffer `{}`", bytes.len(), self.name)));
-        }
-        if bytes.is_empty() {
-            return Ok(());
-        }
-        let longest = bytes.len().min(STAGING);
-        let mut staging = Self::new(&self.context, "staging", longest as u64, MemoryLocation::CpuToGpu)?;
-        for (i, part) in bytes.chunks(longest).enumerate() {
-            if let Some(target) = staging.allocation.as_mut().and_then(Allocation::mapped_slice_mut) {
-                target[..part.len()].copy_from_slice(part);
-            }
-            let mut commands = Recorder::new(&self.context)?;
-            commands.copy_region(&staging, 0, self, (i * longest) as u64, part.len() as u64);
-            commands.submit_and_wait()?;
-        }
-        Ok(())
-    }
-
-    /// Copies the first `count` elements back and waits for them.
-    ///
-    /// # Errors
-    /// Where the buffer holds fewer elements, or the device fails.
-    pub fn download<T: AnyBitPattern + NoUninit>(&self, count: usize) -> Result<Vec<T>> {
-        self.download_from(0, count)
-    }
-
-    /// Copies `count` elements back, from element `first` on, and waits for them.
-    ///
-    /// # Errors
-    /// As for [`Buffer::download`].
-    pub fn download_from<T: AnyBitPattern + NoUninit>(&self, first: usize, count: usize) -> Result<Vec<T>> {
-        let [begin, bytes] = [first, count].map(|n| (n * size_of::<T>()) as u64);
-        if begin + bytes > self.size {
-            return Err(Error::Request(format!("{bytes} bytes are more than the buffer `{}` holds", self.name)));
-        }
-        if count == 0 {
-            return Ok(Vec::new());
-        }
-        let longest = bytes.min(STAGING as u64);
-        let staging = Self::new(&self.context, "staging", longest, MemoryLocation::GpuToCpu)?;
-        let mut values: Vec<T> = vec![T::zeroed(); count];
-        let target: &mut [u8] = bytemuck::cast_slice_mut(&mut values);
-        for (i, part) in target.chunks_mut(longest as usize).enumerate() {
-            let mut commands = Recorder::new(&self.context)?;
-            commands.copy_region(self, begin + i as u64 * longest, &staging, 0, part.len() as u64);
-            commands.submit_and_wait()?;
-            part.copy_from_slice(&staging.mapped()[..part.len()]);
-        }
-        Ok(values)
     }
 }
 

@@ -18,6 +18,7 @@ pub mod recorder;
 pub mod shaders;
 mod spares;
 pub mod stage;
+mod transfer;
 
 pub use buffer::Buffer;
 pub use context::{Context, Options};

@@ -40,7 +40,7 @@ pub fn cameras(cameras: &[Camera]) -> Vec<u8> {
 }
 
 /// Bytes of images.bin; images are numbered from 1 in the order of `cameras` and named by
-/// [`crate::io::export::image_name`]. An observation is the projection of a point whose track holds the camera.
+/// [`Camera::image_name`]. An observation is the projection of a point whose track holds the camera.
 pub fn images(cameras: &[Camera], positions: &[DVec3], tracks: Tracks) -> Vec<u8> {
     let (_, own) = lenses(cameras);
     let mut seen: Vec<Vec<(u64, DVec3)>> = vec![Vec::new(); cameras.len()];
@@ -60,7 +60,7 @@ pub fn images(cameras: &[Camera], positions: &[DVec3], tracks: Tracks) -> Vec<u8
             bytes.extend(number.to_le_bytes());
         }
         bytes.extend(lens.to_le_bytes());
-        bytes.extend(crate::io::export::image_name(camera).bytes().filter(|&b| b != 0));
+        bytes.extend(camera.image_name().bytes().filter(|&b| b != 0));
         bytes.push(0);
         bytes.extend((seen.len() as u64).to_le_bytes());
         let k = &camera.intrinsics;

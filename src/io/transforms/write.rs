@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use glam::DMat3;
 use serde_json::{Value, json};
 
-use crate::io::export::image_name;
 use crate::photos::Photo;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::lens::Distortion;
@@ -19,7 +18,7 @@ type View<'a> = (&'a Camera, Distortion, bool);
 /// The text of a transforms.json in nerfstudio's dialect, which instant-ngp reads as well: OpenGL camera-to-world
 /// matrices in the untouched world frame, `camera_model` OPENCV without distortion (some loaders refuse PINHOLE), and
 /// both camera angles (some need them where images are not square). Images are named `images/` and
-/// [`crate::io::export::image_name`]. Intrinsics stand at the top where all cameras share them, else in each frame.
+/// [`Camera::image_name`]. Intrinsics stand at the top where all cameras share them, else in each frame.
 /// `ply_file_path` is the seed cloud, relative to the file, where there is one.
 pub fn write(cameras: &[Camera], ply_file_path: Option<&str>) -> String {
     let views: Vec<View> = cameras.iter().map(|camera| (camera, Distortion::default(), false)).collect();
@@ -82,7 +81,7 @@ fn text(views: &[View], ply_file_path: Option<&str>) -> String {
                 Some(_) => Entries::new(),
                 None => lens_entries(&camera.intrinsics, distortion),
             };
-            let name = image_name(camera);
+            let name = camera.image_name();
             if *has_mask {
                 frame.insert("mask_path", json!(format!("masks/{name}.png")));
             }

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use crate::metrics::score_point::{View, view};
 use crate::parallel::mapped;
+use crate::quality::law::FARTHEST;
 use crate::quality::look::{Caster, Look, Surroundings, Viewer};
-use crate::quality::nearest::{FARTHEST, nearest_cameras};
+use crate::quality::nearest::nearest_cameras;
 use crate::scene::camera::Camera;
 use crate::visibility::device_scene::SceneGeometry;
 

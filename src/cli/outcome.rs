@@ -1,0 +1,56 @@
+//! What the terminal shows of a plan.
+
+use crate::metrics::Metrics;
+use crate::plan::job::Plan;
+use crate::quality::law::Fitted;
+
+/// Unconnected part of the free space from which on it is mentioned: insides of furniture are less.
+const NOTEWORTHY: f64 = 0.2;
+
+/// Prints the metrics of a plan beside those of its controls.
+pub fn print_plan(plan: &Plan) {
+    let record = &plan.record;
+    let how = match record.history.len() {
+        0 => format!("chosen by {} in {:.4} s", record.method, record.seconds),
+        iterations => format!("{iterations} iterations in {:.2} s", record.seconds),
+    };
+    if plan.geometry.free.unconnected > NOTEWORTHY {
+        let part = 100.0 * plan.geometry.free.unconnected;
+        say!("note     {part:.0}% of the free space is not connected with the rest, and no camera is placed there");
+    }
+    say!("plan     {} views, {} kept, {how}", record.cameras.len() - record.kept, record.kept);
+    let mut rows = vec![("plan", &record.metrics)];
+    rows.extend(record.controls.iter().map(|control| (control.name.as_str(), &control.metrics)));
+    say!("{}", table(&rows).trim_end());
+    if let Some(expected) = &record.expected {
+        say!("expected {}", expected.line());
+        if record.began_from.as_ref() == Some(&expected.against) && expected.db == 0.0 {
+            let least = Fitted::embedded().spread(0.0);
+            say!(
+                "         the plan is that layout itself: the descent gains less than {least:.2} dB, too little to be distinguished"
+            );
+        }
+    }
+}
+
+/// Metrics, a row per camera set.
+pub fn table(rows: &[(&str, &Metrics)]) -> String {
+    let mut text = format!(
+        "{:<10} {:>8} {:>8} {:>8} {:>9} {:>9} {:>11} {:>10}\n",
+        "", "seen >=1", "seen >=3", "(limit)", "gap mean", "gap p95", "views/point", "variation"
+    );
+    for (name, m) in rows {
+        text += &format!(
+            "{:<10} {:>7.1}% {:>7.1}% {:>7.1}% {:>8.2}° {:>8.2}° {:>11.1} {:>10.2}\n",
+            name,
+            100.0 * m.coverage_1,
+            100.0 * m.coverage_3,
+            100.0 * m.reachable,
+            m.gap_mean_deg,
+            m.gap_p95_deg,
+            m.views_mean,
+            m.views_variation
+        );
+    }
+    text
+}

@@ -1,0 +1,137 @@
+//! What is planned for: a surface with the region around or within it, and what limits that.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::config::Preset;
+use super::record::SurfaceRecord;
+use crate::scene::camera::Intrinsics;
+use crate::scene::limits::Limits;
+use crate::scene::proxy::{Occluder, Orientation, Proxy};
+use crate::scene::region::{Region, Shape};
+use crate::scene::surface::Surface;
+use crate::visibility::device_scene::SceneGeometry;
+use crate::visibility::{closing, exposure};
+use crate::{Error, Result};
+
+/// What the user says of the region; what is left out follows from the surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RegionChoice {
+    /// The shape itself.
+    pub shape: Option<Shape>,
+    /// Height of the floor along up.
+    pub floor: Option<f64>,
+    /// Clearance around the surface.
+    pub clearance: Option<f64>,
+}
+
+impl From<Region> for RegionChoice {
+    fn from(Region { shape, floor, clearance, .. }: Region) -> Self {
+        Self { shape: Some(shape), floor, clearance: Some(clearance) }
+    }
+}
+
+/// A surface, ready to plan for.
+pub struct Target {
+    /// What blocks rays and where probes stand.
+    pub proxy: Proxy,
+    /// Where cameras may stand.
+    pub region: Region,
+    /// What limits that.
+    pub limits: Limits,
+    /// The surface as the record tells of it.
+    pub record: SurfaceRecord,
+}
+
+impl Target {
+    /// Makes proxy and region of a surface that was read from `path`.
+    ///
+    /// # Errors
+    /// Where surface or region make no sense.
+    pub fn new(
+        surface: &Surface,
+        path: &str,
+        preset: Preset,
+        choice: &RegionChoice,
+        up: DVec3,
+        intrinsics: &Intrinsics,
+    ) -> Result<Self> {
+        let positions = surface.positions();
+        let mean = positions.iter().sum::<DVec3>() / positions.len().max(1) as f64;
+        let centre = match choice.shape {
+            Some(Shape::Box { min, max }) => 0.5 * (min + max),
+            Some(Shape::Shell { centre, .. }) => centre,
+            None => mean,
+        };
+        let orientation = match preset {
+            Preset::Object => Orientation::Outward(centre),
+            Preset::Room => Orientation::Inward(centre),
+        };
+        let mut proxy = Proxy::new(surface, orientation).map_err(|error| match error {
+            Error::Request(what) => Error::input(path, what),
+            other => other,
+        })?;
+        if let (Surface::Points(points), Preset::Object) = (surface, preset)
+            && !points.oriented
+            && points.toward_cameras.is_empty()
+        {
+            exposure::expose(&mut proxy)?;
+        }
+        let region = match (choice.shape, preset) {
+            (Some(shape), _) => {
+                // As in the default regions: by the object's radius, or the smallest side of the room itself.
+                let scale = match preset {
+                    Preset::Object => proxy.sphere.1,
+                    Preset::Room => {
+                        let (min, max) = proxy.robust_bounds();
+                        (max - min).min_element()
+                    }
+                };
+                Region { shape, up, floor: choice.floor, clearance: choice.clearance.unwrap_or(0.05 * scale) }
+            }
+            (None, Preset::Object) => {
+                let region = Region::around_object(proxy.sphere, 0.5 * intrinsics.inscribed_cone(), up, choice.floor)?;
+                Region { clearance: choice.clearance.unwrap_or(region.clearance), ..region }
+            }
+            (None, Preset::Room) => {
+                let region = Region::inside_room(proxy.robust_bounds(), choice.clearance, up)?;
+                Region { floor: choice.floor, ..region }
+            }
+        }
+        .validated()?;
+        let (min, max) = proxy.bounds();
+        if preset == Preset::Room {
+            closing::close(&mut proxy, &region)?;
+        }
+        let kind = match proxy.occluder {
+            Occluder::Triangles(_) => "triangles",
+            Occluder::Discs(_) => "discs",
+        };
+        let record =
+            SurfaceRecord { path: path.to_owned(), kind: kind.into(), primitives: proxy.occluder.len(), min, max };
+        Ok(Self { proxy, region, limits: Limits::default(), record })
+    }
+
+    /// The same within limits.
+    ///
+    /// # Errors
+    /// Where the limits make no sense, or heights are asked for in a box that is aslant to them.
+    pub fn within(self, limits: Limits) -> Result<Self> {
+        let oblique = self.region.up.abs().max_element() < 1.0 - 1e-9;
+        if limits.narrows() && oblique && matches!(self.region.shape, Shape::Box { .. }) {
+            let up = self.region.up;
+            return Err(Error::request(format!(
+                "--heights and --walk in a box need an up along an axis, not {up}; give --up"
+            )));
+        }
+        Ok(Self { limits: limits.validated()?, ..self })
+    }
+
+    /// The scene in the planner's frame.
+    ///
+    /// # Errors
+    /// Where region and limits leave no free space, or the surface cannot be represented.
+    pub fn geometry(&self) -> Result<SceneGeometry> {
+        SceneGeometry::among(&self.proxy, &self.region, &self.limits)
+    }
+}
