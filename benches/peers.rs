@@ -4,8 +4,9 @@
 //! On a CPU device FisherRF and COVER look at smaller pictures of fewer splats, and cameras of manifold sampling take 20 steps
 //! instead of 401. Wall time of one run, candidates drawn before.
 
+use camsplat::methods::Method;
 use camsplat::peers::job;
-use camsplat::peers::request::{Method, Request};
+use camsplat::peers::request::Request;
 use camsplat::plan::config::{Config, Preset};
 use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::Intrinsics;

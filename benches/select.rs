@@ -6,6 +6,7 @@
 
 use std::time::Instant;
 
+use camsplat::methods::Method;
 use camsplat::photos::{Photo, PhotoSet};
 use camsplat::plan::config::Preset;
 use camsplat::plan::target::{RegionChoice, Target};
@@ -15,7 +16,7 @@ use camsplat::scene::lens::Distortion;
 use camsplat::scene::random;
 use camsplat::scene::samples;
 use camsplat::select::job::Prospect;
-use camsplat::select::request::{Method, Request};
+use camsplat::select::request::Request;
 use camsplat::vulkan::{Context, Options};
 use camsplat::{Error, Result};
 use glam::DVec3;
@@ -37,7 +38,7 @@ fn main() -> Result<()> {
         let target =
             Target::new(&samples::object(), "object", Preset::Object, &RegionChoice::default(), DVec3::Z, &intrinsics)?;
         let set = PhotoSet { photos: pool(&target, photos, intrinsics)?, ..PhotoSet::default() };
-        for method in [Method::Swap, Method::Coverage] {
+        for method in [Method::Ours, Method::Coverage] {
             let start = Instant::now();
             let request = Request { points, method, ..Request::new(count) };
             let selection = Prospect::new(&context, &set, &target, request)?.select(None, false)?;

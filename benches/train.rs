@@ -13,12 +13,12 @@ use std::time::Instant;
 
 use camsplat::Result;
 use camsplat::gaussians::config::Config;
-use camsplat::gaussians::frame::{Frame, View};
-use camsplat::gaussians::layout;
-use camsplat::gaussians::loss::Record;
-use camsplat::gaussians::memory;
-use camsplat::gaussians::store::PhotoStore;
-use camsplat::gaussians::trainer::{State, Trainer};
+use camsplat::gaussians::data::store::PhotoStore;
+use camsplat::gaussians::render::frame::{Frame, View};
+use camsplat::gaussians::render::layout;
+use camsplat::gaussians::train::loss::Record;
+use camsplat::gaussians::train::memory;
+use camsplat::gaussians::train::trainer::{State, Trainer};
 use camsplat::primitives::RadixSort;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::gaussians::{Gaussians, MAX_DEGREE, coefficients};

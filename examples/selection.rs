@@ -7,6 +7,7 @@
 use std::path::Path;
 
 use camsplat::io;
+use camsplat::methods::Method;
 use camsplat::metrics::Metrics;
 use camsplat::plan::config::Preset;
 use camsplat::plan::target::{RegionChoice, Target};
@@ -14,7 +15,7 @@ use camsplat::scene::camera::Pose;
 use camsplat::scene::region::Shape;
 use camsplat::scene::surface::Surface;
 use camsplat::select::job::Prospect;
-use camsplat::select::request::{Method, Request};
+use camsplat::select::request::Request;
 use camsplat::vulkan::{Context, Options};
 use camsplat::{Error, Result};
 use glam::DVec3;
@@ -58,7 +59,7 @@ fn main() -> Result<()> {
                 let selection = Prospect::new(&context, &set, &target, request)?.select(None, true)?;
                 seconds += selection.seconds.iter().sum::<f64>() / seeds as f64;
                 note("all photos", selection.pool);
-                note(Method::Swap.name(), selection.metrics);
+                note(Method::Ours.name(), selection.metrics);
                 selection.controls.iter().for_each(|control| note(&control.name, control.metrics));
             }
             println!("### {pool}: {count} of {} photos, {seconds:.1} s\n", set.photos.len());

@@ -1,5 +1,6 @@
 //! The one error type of the crate. Every message is a single line that says what, where and what to do.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 /// Shorthand for results of this crate.
@@ -7,6 +8,7 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// Everything that can go wrong, by who can mend it.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// A file or folder is not what it should be: the user can mend the input.
     #[error("{}: {what}", path.display())]
@@ -52,6 +54,9 @@ pub enum Error {
         /// Tile instances of the binned pass.
         instances: u32,
     },
+    /// The caller asked to stop; what is finished stays.
+    #[error("stopped; what is finished stays, and the same command goes on from there")]
+    Interrupted,
     /// The device was lost while running a stage.
     #[error("the device was lost; the last stage that started was `{stage}`")]
     DeviceLost {
@@ -84,10 +89,20 @@ impl Error {
         Self::Request(what.into())
     }
 
-    /// Process exit code: 1 where a device failed while it ran, 2 where something else must be asked for or given.
+    /// [`Error::Interrupted`] where an observer does not want to go on.
+    ///
+    /// # Errors
+    /// Where `flow` says so.
+    pub fn unless_stopped(flow: ControlFlow<()>) -> Result<()> {
+        if flow.is_break() { Err(Self::Interrupted) } else { Ok(()) }
+    }
+
+    /// Process exit code: 1 where a device failed while it ran, 130 after an interruption, 2 where something else must be asked for or
+    /// given.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::DeviceLost { .. } | Self::Vulkan { .. } => 1,
+            Self::Interrupted => 130,
             _ => 2,
         }
     }

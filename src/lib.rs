@@ -28,6 +28,7 @@ pub mod error;
 pub mod evaluate;
 pub mod gaussians;
 pub mod io;
+pub mod methods;
 pub mod metrics;
 mod parallel;
 pub mod peers;

@@ -5,8 +5,8 @@ mod command;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use camsplat::evaluate::request::Settings;
 use camsplat::evaluate::scene::{Scene, Setting};
+use camsplat::evaluate::settings::Settings;
 use camsplat::evaluate::situation::Situation;
 use camsplat::evaluate::tour::{self, Event, Size};
 use camsplat::plan::config::Preset;
@@ -52,10 +52,10 @@ fn the_whole_way_is_gone_and_the_page_shows_what_is_there() {
         }
         if stopping { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
-    assert!(broken_off.unwrap().is_none());
+    assert!(matches!(broken_off, Err(camsplat::Error::Interrupted)));
     assert_eq!(told, ["plan", "tests"]);
 
-    let tour = tour::run(&context, &out, SMALL, &subject(), &mut |_| ControlFlow::Continue(())).unwrap().unwrap();
+    let tour = tour::run(&context, &out, SMALL, &subject(), &mut |_| ControlFlow::Continue(())).unwrap();
     let kept = |name: &str| tour.steps.iter().any(|step| step.name == name && step.what.contains("earlier run"));
     assert!(kept("tests") && !kept("photos") && !kept("training"), "{:?}", tour.steps);
     let methods: Vec<&str> = tour.outcome.rows.iter().map(|row| row.method.name()).collect();
@@ -89,7 +89,7 @@ fn the_whole_way_is_gone_and_the_page_shows_what_is_there() {
 fn a_stopped_demo_says_so() {
     let place = Place::new();
     let mut child = place.command("demo --out o").spawn().unwrap();
-    let output = read_until(&mut child, "Now all the way");
+    let output = read_until(&mut child, "Now the full pipeline");
     let stopped = stop(child, output, "-INT");
     assert_eq!(stopped.code, Some(130), "{}{}", stopped.out, stopped.err);
     assert!(stopped.out.contains("the same command goes on"), "{}", stopped.out);

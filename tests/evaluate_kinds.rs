@@ -6,7 +6,7 @@ use std::collections::HashSet;
 use std::fs;
 
 use camsplat::gaussians::config::Background;
-use camsplat::gaussians::record::TrainRecord;
+use camsplat::gaussians::run::record::TrainRecord;
 use camsplat::io::photos::{self, Options};
 use camsplat::photograph::products::Record;
 use camsplat::plan::record::PlanRecord;

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use camsplat::gaussians::frame::Frame;
-use camsplat::gaussians::pictures::{self, Picture, Settings, UNKNOWN, picture_bytes, pictures};
-use camsplat::gaussians::split::{Split, Test};
-use camsplat::gaussians::start::{self, start};
+use camsplat::gaussians::data::pictures::{self, Picture, Settings, UNKNOWN, picture_bytes, pictures};
+use camsplat::gaussians::data::split::{Split, Test};
+use camsplat::gaussians::data::start::{self, start};
+use camsplat::gaussians::render::frame::Frame;
 use camsplat::io::photos::{Images, Options, read};
 use camsplat::photos::{Photo, PhotoSet};
 use glam::Vec3;

@@ -3,11 +3,11 @@
 mod gaussian_support;
 
 use camsplat::Result;
-use camsplat::gaussians::cover::{Cover, bins};
-use camsplat::gaussians::fisher::Fisher;
-use camsplat::gaussians::frame::Frame;
-use camsplat::gaussians::layout;
+use camsplat::gaussians::render::frame::Frame;
+use camsplat::gaussians::render::layout;
 use camsplat::gaussians::twin::{self, Rules};
+use camsplat::gaussians::uncertainty::cover::{Cover, bins};
+use camsplat::gaussians::uncertainty::fisher::Fisher;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::gaussians::Gaussians;
 use gaussian_support::{Draws, context, scene, silent, twin_view};

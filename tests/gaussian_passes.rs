@@ -3,9 +3,9 @@
 mod gaussian_support;
 
 use camsplat::Result;
-use camsplat::gaussians::frame::View;
-use camsplat::gaussians::layout;
-use camsplat::gaussians::rasterizer::{Threads, Wanted};
+use camsplat::gaussians::render::frame::View;
+use camsplat::gaussians::render::layout;
+use camsplat::gaussians::render::rasterizer::{Threads, Wanted};
 use camsplat::gaussians::twin;
 use camsplat::scene::gaussians::Gaussians;
 use gaussian_support::{Pass, context, pass, photo, scene, silent, twin_view, view};

@@ -65,7 +65,7 @@ fn rooms_are_as_bright_as_their_references() {
         let assembly = Assembly::new(&model, sky.as_ref()).unwrap();
         let tracer = Tracer::new(&context(), assembly, u64::from(width * height)).unwrap();
         let exposure = Exposure { samples: 64, seed: 1, show_sky: true };
-        let taken = tracer.photograph(&camera, 0, exposure, || ControlFlow::Continue(())).unwrap().unwrap();
+        let taken = tracer.photograph(&camera, 0, exposure, || ControlFlow::Continue(())).unwrap();
         let reference = image::open(file(format!("{name}.reference.hdr"))).unwrap().into_rgb32f();
 
         // Mean over a part of the picture, in fractions of its sides, which five divides.

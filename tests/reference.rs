@@ -174,7 +174,7 @@ const TWINS: [(&str, &str, &str); 22] = [
     ("mcmc_split", "src/gaussians/twin/optimise.rs", "fn split("),
     ("mcmc_", "tests/training.rs", "fn relocated_splats_look_as_their_source_did"),
     ("noise_spread", "tests/manifold.rs", "fn the_spread_is_the_variance_of_perturbed_pictures"),
-    ("noise_", "src/gaussians/manifold.rs", "fn perturbation("),
+    ("noise_", "src/gaussians/uncertainty/manifold.rs", "fn perturbation("),
     ("photo_", "src/gaussians/twin/loss.rs", "fn ssim("),
     ("plane_sweep", "src/stereo/cost.rs", "fn cost("),
     ("radix_", "src/primitives/twin.rs", "fn radix_sort("),

@@ -7,7 +7,7 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use camsplat::gaussians::frame::{Frame, NEAR};
+use camsplat::gaussians::render::frame::{Frame, NEAR};
 use camsplat::gaussians::twin::{self, Picture, Rules};
 use camsplat::io;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};

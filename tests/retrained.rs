@@ -2,7 +2,6 @@
 
 mod gaussian_support;
 
-use camsplat::Result;
 use camsplat::io::photos::{self, Options};
 use camsplat::photos::{Photo, PhotoSet};
 use camsplat::plan::config::Preset;
@@ -11,6 +10,7 @@ use camsplat::scene::surface::Surface;
 use camsplat::select::controls::Pool;
 use camsplat::select::retrained::{self, Settings};
 use camsplat::select::sight::Sight;
+use camsplat::{Error, Result};
 use gaussian_support::{capture, context, silent};
 use glam::DVec3;
 
@@ -40,10 +40,10 @@ fn choose(
     let mut taken = Vec::new();
     let mut photograph = |photo: &Photo| {
         taken.extend(set.photos.iter().position(|other| other.camera.name == photo.camera.name));
-        Ok(Some(photo.clone()))
+        Ok(photo.clone())
     };
     let settings = Settings { every, max_splats: 200, ..Settings::default() };
-    let chosen = retrained::fisher(&context, &pool, &target.proxy, settings, &mut photograph)?.unwrap();
+    let chosen = retrained::fisher(&context, &pool, &target.proxy, settings, &mut photograph)?;
     silent(&context);
     Ok((chosen, taken))
 }
@@ -102,10 +102,11 @@ fn a_photograph_that_is_not_taken_ends_the_choice() -> Result<()> {
     let mut left = 5;
     let mut photograph = |photo: &Photo| {
         left -= 1;
-        Ok((left > 0).then(|| photo.clone()))
+        if left > 0 { Ok(photo.clone()) } else { Err(Error::Interrupted) }
     };
     let settings = Settings { every: 2, max_splats: 200, ..Settings::default() };
-    assert_eq!(retrained::fisher(&context, &pool, &target.proxy, settings, &mut photograph)?, None);
+    let ended = retrained::fisher(&context, &pool, &target.proxy, settings, &mut photograph);
+    assert!(matches!(ended, Err(Error::Interrupted)));
     assert_eq!(left, 0);
     Ok(())
 }

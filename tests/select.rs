@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use camsplat::methods::Method;
 use camsplat::photos::{Photo, PhotoSet};
 use camsplat::plan::config::Preset;
 use camsplat::plan::target::{RegionChoice, Target};
@@ -20,7 +21,7 @@ use camsplat::select::farthest::Distance;
 use camsplat::select::interchange::refine;
 use camsplat::select::job::Prospect;
 use camsplat::select::objective::{Objective, Scratch};
-use camsplat::select::request::{Method, Request};
+use camsplat::select::request::Request;
 use camsplat::select::sight::{Survey, framed, sight};
 use camsplat::visibility::device_scene::DeviceScene;
 use camsplat::vulkan::{Context, Options};
@@ -229,7 +230,7 @@ fn must_and_never_hold_for_every_method() {
     let context = context();
     let set = pool(30, 5);
     let target = target();
-    for method in Method::CONTROLS.into_iter().chain([Method::Swap, Method::Acp]) {
+    for method in Method::CONTROLS.into_iter().chain([Method::Ours, Method::Acp]) {
         let request = Request { method, include: vec![3, 17], exclude: vec![0, 5, 29], points: 150, ..Request::new(8) };
         let prospect = Prospect::new(&context, &set, &target, request).expect("a pool");
         let selection = prospect.select(None, false).expect("a selection");

@@ -73,7 +73,7 @@ fn the_folder_is_a_capture_of_the_chosen_photos() {
     place.write("never.txt", "photo_00.png\n");
     let options = "--include must.txt --exclude never.txt --sharpness --suggest 3 --copy";
     let ran = place.done(&format!("select capture --count 6 --out o {SMALL} {options}"));
-    for word in ["all photos", "swap", "fibonacci", "coverage", "unseen", "report"] {
+    for word in ["all photos", "ours", "fibonacci", "coverage", "unseen", "report"] {
         assert!(ran.out.contains(word), "{word:?} is not in {}", ran.out);
     }
     let mut names = chosen(&place, "o");

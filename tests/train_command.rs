@@ -5,9 +5,9 @@ mod gaussian_support;
 
 use std::collections::BTreeSet;
 
-use camsplat::gaussians::checkpoint;
 use camsplat::gaussians::config::Background;
-use camsplat::gaussians::record::{Status, TrainRecord};
+use camsplat::gaussians::run::checkpoint;
+use camsplat::gaussians::run::record::{Status, TrainRecord};
 use camsplat::io;
 use command::{Place, ended};
 use gaussian_support::capture;

@@ -10,8 +10,8 @@ use std::process::{Child, Command};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-use camsplat::gaussians::checkpoint::{self, Checkpoint};
-use camsplat::gaussians::record::{Status, TrainRecord};
+use camsplat::gaussians::run::checkpoint::{self, Checkpoint};
+use camsplat::gaussians::run::record::{Status, TrainRecord};
 use camsplat::io;
 use camsplat::scene::random;
 use command::{Place, assert_refused, ended, read_until, stop};

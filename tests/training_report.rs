@@ -4,7 +4,7 @@
 mod report_support;
 
 use camsplat::gaussians::config::Config;
-use camsplat::gaussians::record::{
+use camsplat::gaussians::run::record::{
     CurvePoint, Evaluation, MemoryRecord, PhotosRecord, Quality, StageTime, Status, TestView, TrainRecord,
 };
 use camsplat::report::training::{Comparison, Shown, html};

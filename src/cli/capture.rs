@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 
 use super::options::{DeviceOptions, parse_size, print_messages};
 use super::progress::{Progress, go_on, stop_on_interrupt};
-use crate::gaussians::render::resize;
+use crate::gaussians::render::job::resize;
 use crate::io::apart::check_output_folder;
 use crate::io::environment::read_environment;
 use crate::io::gltf::read_model;

@@ -67,11 +67,14 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         }
     }
     say!(
-        "\nNow all the way: two rooms are photographed as planned, at random and on a grid, and splats trained on each."
+        "\nNow the full pipeline: two rooms are photographed as planned, at random and on a grid, and splats trained on each."
     );
-    if !photograph(&context, out)? {
-        say!("stopped; what is finished stays, and the same command goes on from there");
-        return Ok(ExitCode::from(super::INTERRUPTED));
+    match photograph(&context, out) {
+        Err(stopped @ Error::Interrupted) => {
+            say!("{stopped}");
+            return Ok(ExitCode::from(super::INTERRUPTED));
+        }
+        photographed => photographed?,
     }
     say!("\nall      {:.0} s; open {}", start.elapsed().as_secs_f64(), out.join("report.html").display());
     Ok(ExitCode::SUCCESS)
@@ -96,8 +99,8 @@ fn plan(context: &Arc<Context>, out: &Path, name: &str, surface: &Surface, prese
     Ok(!plan.interrupted())
 }
 
-/// Goes the whole way in two rooms, and writes the demo's page; false where it was broken off.
-fn photograph(context: &Arc<Context>, out: &Path) -> Result<bool> {
+/// Runs the full pipeline in two rooms, and writes the demo's page.
+fn photograph(context: &Arc<Context>, out: &Path) -> Result<()> {
     let size = Size::DEMO;
     let model = two_rooms_model();
     let (surface, intrinsics) = (model.surface(), size.settings.intrinsics());
@@ -110,12 +113,12 @@ fn photograph(context: &Arc<Context>, out: &Path) -> Result<bool> {
         go_on()
     });
     print_messages(context);
-    let Some(tour) = tour? else { return Ok(false) };
+    let tour = tour?;
     let plans = [("object", "An object that is known, 50 views"), ("room", "A furnished room, 300 views")];
     report::tour::write(&tour, out, &plans)?;
     print_scores(&tour.outcome.rows);
     say!("\n{}", tour.sentence());
-    Ok(true)
+    Ok(())
 }
 
 fn print_scores(rows: &[Row]) {

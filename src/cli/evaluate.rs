@@ -8,12 +8,14 @@ use clap::Args;
 
 use super::options::{DeviceOptions, LimitOptions, ViewerOptions, box_of, print_messages};
 use super::progress::{go_on, stop_on_interrupt};
+use crate::evaluate::competitor::Competitor;
 use crate::evaluate::job;
 use crate::evaluate::kind::Kind;
 use crate::evaluate::pool::Pool;
-use crate::evaluate::request::{InputsFrom, Method, PeersFrom, Request, Settings, Shown};
+use crate::evaluate::request::Request;
 use crate::evaluate::results::Entry;
 use crate::evaluate::scene::{Scene, Setting};
+use crate::evaluate::settings::{InputsFrom, PeersFrom, Settings, Shown};
 use crate::evaluate::situation::Situation;
 use crate::evaluate::stage::Event;
 use crate::evaluate::subject::Subject;
@@ -56,7 +58,7 @@ pub struct Arguments {
     /// manifold, ours-iterative, ours-no-vds, ours; rooms: without fibonacci and manifold; pools: random, fvs,
     /// coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
-    methods: Option<Vec<Method>>,
+    methods: Option<Vec<Competitor>>,
     /// Numbers of views [default: 50,100; rooms 300; pools 20,40; quick: 20; rooms 30]
     #[arg(long, value_delimiter = ',', value_name = "NUMBERS")]
     budgets: Option<Vec<u32>>,
@@ -186,7 +188,7 @@ impl Arguments {
         };
         let named = || {
             let methods = usual.iter().filter_map(|name| name.parse().ok());
-            methods.filter(|method| kind.check(*method).is_ok()).collect()
+            methods.filter(|method: &Competitor| method.check(kind).is_ok()).collect()
         };
         let budgets = || match (kind, self.quick) {
             (Kind::Object, false) => vec![50, 100],
@@ -240,7 +242,7 @@ impl Arguments {
         let environment = self.env.as_deref().map(|path| read_environment(path, notes)).transpose()?;
         let intrinsics = request.settings.intrinsics();
         for method in &request.methods {
-            if let Method::Given(given) = method {
+            if let Competitor::Cameras(given) = method {
                 notes.extend(given.notes.iter().map(|note| format!("{method}: {note}")));
             }
         }
@@ -326,13 +328,16 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         go_on()
     });
     contexts.iter().for_each(|context| print_messages(context));
-    let Some(outcome) = outcome? else {
-        say!("stopped; what is finished stays, and the same command goes on from there");
-        if let Some(written) = written {
-            written?;
-            say!("written  {}, {}, of what is complete", arguments.out.join("table.md").display(), page.display());
+    let outcome = match outcome {
+        Err(stopped @ Error::Interrupted) => {
+            say!("{stopped}");
+            if let Some(written) = written {
+                written?;
+                say!("written  {}, {}, of what is complete", arguments.out.join("table.md").display(), page.display());
+            }
+            return Ok(ExitCode::from(super::INTERRUPTED));
         }
-        return Ok(ExitCode::from(super::INTERRUPTED));
+        outcome => outcome?,
     };
     written.unwrap_or(Ok(()))?;
     say!("results  {made} made, {kept} reused, in {:.0} s", start.elapsed().as_secs_f64());
@@ -350,7 +355,7 @@ mod tests {
     fn every_usual_method_fits_its_kind() {
         for (kind, names) in [(Kind::Object, &USUAL[..]), (Kind::Pool, &OF_POOLS), (Kind::Room, &QUICK)] {
             for name in names {
-                kind.check(name.parse().unwrap()).unwrap();
+                name.parse::<Competitor>().unwrap().check(kind).unwrap();
             }
         }
     }

@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
 
 use crate::io;
 use crate::io::volume::read_volume;
+use crate::methods::{Entry, METHODS, Method};
 use crate::plan::config::Preset;
 use crate::plan::record::SurfaceRecord;
 use crate::plan::target::{RegionChoice, Target};
@@ -20,6 +22,13 @@ use crate::select::information::Model;
 use crate::vds;
 use crate::vulkan::{self, Context};
 use crate::{Error, Result};
+
+/// Parses the names of those methods that `fits`, each with what it does in the help.
+pub fn method_parser(fits: fn(&Entry) -> bool) -> impl TypedValueParser<Value = Method> {
+    let named = |entry: &Entry| PossibleValue::new(entry.name).help(entry.about).aliases(entry.alias);
+    let names = PossibleValuesParser::new(METHODS.iter().filter(|entry| fits(entry)).map(named));
+    names.try_map(|name| Method::named(&name).ok_or(format!("no such method: {name}")))
+}
 
 /// Where cameras may stand, and what kind of scene it is.
 #[derive(Args, Clone, Debug)]

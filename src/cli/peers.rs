@@ -5,12 +5,13 @@ use std::sync::Arc;
 
 use clap::Args;
 
-use super::options::{ModelOptions, print_messages};
+use super::options::{ModelOptions, method_parser, print_messages};
 use super::outcome::print_plan;
 use super::progress::stop_on_interrupt;
 use crate::io::folder::OutputFolder;
+use crate::methods::Method;
 use crate::peers::job;
-use crate::peers::request::{Method, Request};
+use crate::peers::request::Request;
 use crate::plan::config::Config;
 use crate::plan::target::Target;
 use crate::scene::camera::{Camera, Intrinsics};
@@ -23,7 +24,7 @@ use crate::{Error, Result, report};
 #[command(next_help_heading = "Baselines (docs/reference/baselines.md)")]
 pub struct PeerOptions {
     /// How to place the cameras
-    #[arg(long, value_enum, default_value = "ours")]
+    #[arg(long, value_parser = method_parser(|entry| entry.places), default_value = "ours")]
     pub method: Method,
     /// Random poses that a method chooses from [default: 10000 fvs and fvs-chord, 2000 fvs-shared and coverage, 1000 acp,
     /// 300 or three for each view fisherrf and cover]

@@ -8,7 +8,8 @@ use std::time::Instant;
 use clap::Args;
 
 use super::options::{
-    CameraOptions, DeviceOptions, ModelOptions, RegionOptions, ViewerOptions, parse_size, print_messages, read_surface,
+    CameraOptions, DeviceOptions, ModelOptions, RegionOptions, ViewerOptions, method_parser, parse_size,
+    print_messages, read_surface,
 };
 use super::outcome::table;
 use super::progress::{leave_on_interrupt, stop_on_interrupt};
@@ -16,6 +17,7 @@ use super::retraining::RetrainingOptions;
 use crate::io::apart::check_output_folder;
 use crate::io::folder::OutputFolder;
 use crate::io::photos::Images;
+use crate::methods::Method;
 use crate::metrics::Metrics;
 use crate::photos::PhotoSet;
 use crate::plan::target::Target;
@@ -23,7 +25,7 @@ use crate::report::selection::{self, Written};
 use crate::scene::camera::Pose;
 use crate::scene::surface::Surface;
 use crate::select::job::{Prospect, Selection};
-use crate::select::request::{Method, Request};
+use crate::select::request::Request;
 use crate::select::sharpness;
 use crate::{Error, Result, io};
 
@@ -55,7 +57,7 @@ pub struct Arguments {
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
     size: Option<(u32, u32)>,
     /// How to choose
-    #[arg(long, value_enum, default_value = "swap")]
+    #[arg(long, value_parser = method_parser(|entry| entry.chooses), default_value = "ours")]
     method: Method,
     #[command(flatten)]
     model: ModelOptions,

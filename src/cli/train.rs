@@ -13,11 +13,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::options::{DeviceOptions, print_messages};
 use super::progress::{BETWEEN_LINES, go_on, stop_on_interrupt};
 use crate::gaussians::config::{Background, Config, Strategy};
-use crate::gaussians::evaluate::Pair;
-use crate::gaussians::job::{Event, Request, Run};
-use crate::gaussians::products::{CHECKPOINT, MODEL, RECORD, REPORT};
-use crate::gaussians::record::{Evaluation, PhotosRecord, Quality, Status, TrainRecord};
-use crate::gaussians::split::{Split, Test};
+use crate::gaussians::data::split::{Split, Test};
+use crate::gaussians::run::evaluate::Pair;
+use crate::gaussians::run::job::{Event, Request, Run};
+use crate::gaussians::run::products::{CHECKPOINT, MODEL, RECORD, REPORT};
+use crate::gaussians::run::record::{Evaluation, PhotosRecord, Quality, Status, TrainRecord};
 use crate::io;
 use crate::io::apart::check_output_file;
 use crate::io::folder::{check_file, check_folder, replace_file, write_files};
@@ -171,10 +171,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let record = run.run(arguments.resume, profile.as_mut(), &mut |event| view.observe(event));
     view.bar.finish_and_clear();
     print_messages(&context);
-    let record = record?;
-    let Some(record) = record else {
-        say!("stopped before training began; nothing is written");
-        return Ok(ExitCode::from(super::INTERRUPTED));
+    let record = match record {
+        Err(Error::Interrupted) => {
+            say!("stopped before training began; nothing is written");
+            return Ok(ExitCode::from(super::INTERRUPTED));
+        }
+        record => record?,
     };
     if let (Some(file), Some(profile)) = (&arguments.trace, &profile) {
         write_files(&[(file, profile.trace().as_bytes())])?;
@@ -236,7 +238,7 @@ fn check_out(arguments: &Arguments) -> Result<()> {
 /// As many splats as are usual, or as fit one buffer of the device.
 fn usual_splats(context: &Context, degree: u32) -> u32 {
     let limit = context.physical().storage_range.min(context.physical().allocation);
-    let most = limit / (4 * crate::gaussians::layout::planes(degree) as u64);
+    let most = limit / (4 * crate::gaussians::render::layout::planes(degree) as u64);
     USUAL.min(u32::try_from(most / 1000 * 1000).unwrap_or(u32::MAX))
 }
 

@@ -1,34 +1,27 @@
 //! The products of a scene that is photographed, each made once: photographs, the surface that methods are shown, choices,
 //! trained splats.
 //!
-//! Every stage answers none where `observe` broke it off. What is finished stays, and the next run goes on from there.
+//! Every stage ends with [`Error::Interrupted`] where `observe` broke it off. What is finished stays, and the next run goes on from there.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use serde_json::{Value, json};
 
 use super::kind::Kind;
-use super::passes;
-use super::peer::sized;
-use super::request::{Method, PeersFrom, Request, Settings, Shown};
+use super::request::Request;
 use super::scene::{Around, Scene};
+use super::settings::{Settings, Shown};
 use super::stage::{Event, Observe, Stage};
 use super::training::{self, Training};
 use crate::gaussians::config::{Config, Strategy};
-use crate::gaussians::record::TrainRecord;
-use crate::gaussians::split::{Split, Test};
+use crate::gaussians::data::split::{Split, Test};
+use crate::gaussians::run::record::TrainRecord;
 use crate::io::photos::{self, Images, Options};
-use crate::parallel::lock;
-use crate::peers::job::Outside;
-use crate::peers::request::Method as Placing;
 use crate::photograph::products::{Products, Record, named};
 use crate::photograph::tracer::Tracer;
 use crate::photos::{Photo, PhotoSet};
-use crate::plan::config::Objective;
-use crate::plan::job::Tools;
-use crate::plan::record::PlanRecord;
 use crate::plan::target::{RegionChoice, Target};
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics};
@@ -36,17 +29,14 @@ use crate::scene::proxy::Orientation;
 use crate::scene::region::Region;
 use crate::scene::surface::{Points, Surface};
 use crate::vulkan::Context;
-use crate::{Error, Result, io, peers, photograph, plan, stereo, vds};
+use crate::{Error, Result, io, photograph, stereo, vds};
 
 /// Seed of the photographs' noise, of the surface and of its scores: these are the same in all runs.
 const SEED: u64 = 1;
 /// Points of the scene's own mesh that are scored, where that is what methods are shown.
 const SCORED: usize = 20_000;
-/// Held-out points of a plan's metrics, which are not what is evaluated here.
-const HELD_OUT: u32 = 200;
 /// Files of the products.
 pub(super) const SURFACE: &str = "surface.ply";
-const PLAN: &str = "plan.json";
 
 /// Photographs that what is trained is compared with.
 pub struct Tests {
@@ -57,13 +47,13 @@ pub struct Tests {
 
 /// A scene with its products.
 pub struct Bench<'a> {
-    context: Arc<Context>,
-    root: PathBuf,
-    kind: Kind,
-    settings: Settings,
-    viewers: Viewers,
-    tracer: Tracer,
-    scene: &'a Scene,
+    pub(super) context: Arc<Context>,
+    pub(super) root: PathBuf,
+    pub(super) kind: Kind,
+    pub(super) settings: Settings,
+    pub(super) viewers: Viewers,
+    pub(super) tracer: Tracer,
+    pub(super) scene: &'a Scene,
 }
 
 impl<'a> Bench<'a> {
@@ -118,7 +108,7 @@ impl<'a> Bench<'a> {
     ///
     /// # Errors
     /// Where the device fails or the system refuses a file.
-    pub fn photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Option<Stage>> {
+    pub fn photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Stage> {
         self.photographs_in(&self.root, cameras, self.settings.samples, observe)
     }
 
@@ -126,7 +116,7 @@ impl<'a> Bench<'a> {
     ///
     /// # Errors
     /// As [`Bench::photographs`].
-    pub fn input_photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Option<Stage>> {
+    pub fn input_photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Stage> {
         self.photographs_in(&self.root, cameras, self.settings.input_samples, observe)
     }
 
@@ -135,10 +125,8 @@ impl<'a> Bench<'a> {
     ///
     /// # Errors
     /// As [`Bench::photographs`], and where none is left.
-    pub fn test_photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Option<Tests>> {
-        let Some(stage) = self.photographs_in(&self.root, cameras, self.settings.test_samples, &mut *observe)? else {
-            return Ok(None);
-        };
+    pub fn test_photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Tests> {
+        let stage = self.photographs_in(&self.root, cameras, self.settings.test_samples, &mut *observe)?;
         let mut plain = HashSet::new();
         if self.kind == Kind::Room {
             for photo in read_photos(&stage)?.photos {
@@ -157,17 +145,16 @@ impl<'a> Bench<'a> {
             let note = format!("{count} of {all} test views are of one colour throughout and are left out");
             let _ = observe(Event::Note(note));
         }
-        Ok(Some(Tests { stage, plain }))
+        Ok(Tests { stage, plain })
     }
 
     /// Takes a photograph of a view that a method may choose, as a product below `folder`.
-    fn photograph(&self, folder: &Path, photo: &Photo, observe: Observe) -> Result<Option<Photo>> {
-        let taken = self.photographs_in(folder, std::slice::from_ref(&photo.camera), self.settings.samples, observe)?;
-        let read = |stage| read_photos(&stage).map(|set| set.photos.into_iter().next());
-        taken.map_or(Ok(None), read)
+    pub(super) fn photograph(&self, folder: &Path, photo: &Photo, observe: Observe) -> Result<Photo> {
+        let stage = self.photographs_in(folder, std::slice::from_ref(&photo.camera), self.settings.samples, observe)?;
+        read_photos(&stage)?.photos.into_iter().next().ok_or_else(|| stage.damaged("it holds no photo"))
     }
 
-    fn photographs_in(&self, root: &Path, cameras: &[Camera], samples: u32, observe: Observe) -> Result<Option<Stage>> {
+    fn photographs_in(&self, root: &Path, cameras: &[Camera], samples: u32, observe: Observe) -> Result<Stage> {
         let record = Record {
             version: env!("CARGO_PKG_VERSION").into(),
             scene: self.tracer.assembly().checksum(),
@@ -182,9 +169,8 @@ impl<'a> Bench<'a> {
             exr: false,
         };
         let stage = Stage::new(root, "photos", json!(record));
-        let Some(begins) = stage.begins(observe)? else { return Ok(None) };
-        if !begins {
-            return Ok(Some(stage));
+        if !stage.begins(observe)? {
+            return Ok(stage);
         }
         let products = Products::new(stage.folder(), &record, false)?;
         let all = record.cameras.len() as u32;
@@ -211,10 +197,10 @@ impl<'a> Bench<'a> {
             let _ = (heard.borrow_mut())(Event::Note(note));
         }
         if taken.pictures < all {
-            return Ok(None);
+            return Err(Error::Interrupted);
         }
         stage.finish()?;
-        Ok(Some(stage))
+        Ok(stage)
     }
 
     /// Makes what the methods are shown of the scene: the surface of the input photos, or the scene's own, with scores from
@@ -222,14 +208,13 @@ impl<'a> Bench<'a> {
     ///
     /// # Errors
     /// Where the photos give no surface, or the device fails.
-    pub fn shown(&self, inputs: &Stage, observe: Observe) -> Result<Option<Stage>> {
+    pub fn shown(&self, inputs: &Stage, observe: Observe) -> Result<Stage> {
         let stage = self.stage(
             "surface",
             json!({ "photos": inputs.key(), "shown": self.settings.shown, "region": self.scene.region, "seed": SEED }),
         );
-        let Some(begins) = stage.begins(observe)? else { return Ok(None) };
-        if !begins {
-            return Ok(Some(stage));
+        if !stage.begins(observe)? {
+            return Ok(stage);
         }
         let set = read_photos(inputs)?;
         let (surface, points) = match self.settings.shown {
@@ -249,9 +234,7 @@ impl<'a> Bench<'a> {
             }
             Shown::True => (self.scene.surface.clone(), Some(SCORED)),
         };
-        if observe(Event::Working).is_break() {
-            return Ok(None);
-        }
+        Error::unless_stopped(observe(Event::Working))?;
         // Photos across a room all look past its middle: of these alone it could be an object as well.
         let middle = self.scene.region.bounding_sphere().0;
         let orientation = (self.kind == Kind::Room).then_some(Orientation::Inward(middle));
@@ -259,7 +242,7 @@ impl<'a> Bench<'a> {
         let scored = vds::job::run(&self.context, &set, &surface, &settings, |_| {})?.points;
         stage.write(SURFACE, &io::ply::write::surface_points(&scored))?;
         stage.finish()?;
-        Ok(Some(stage))
+        Ok(stage)
     }
 
     /// The surface of photos.
@@ -320,98 +303,6 @@ impl<'a> Bench<'a> {
         target.within(self.scene.limits.clone())
     }
 
-    /// Lets a method choose views.
-    ///
-    /// # Errors
-    /// Where the method cannot, or the device fails.
-    pub fn choice(
-        &self,
-        (method, views, seed): (Method, u32, u64),
-        (inputs, shown): (&Stage, &Stage),
-        model: Option<&Stage>,
-        observe: Observe,
-    ) -> Result<Option<PlanRecord>> {
-        let config = crate::plan::config::Config {
-            held_out: HELD_OUT,
-            viewers: self.viewers.clone(),
-            ..method.config(self.kind.preset(), views, seed)?
-        };
-        let peer = match method {
-            Method::Plan(placing) if placing.planner(&config).is_none() => {
-                Some(sized(peers::request::Request::new(placing, None, &config)?, self.kind, &self.settings))
-            }
-            _ => None,
-        };
-        let region = match (peer.is_some(), self.settings.peers_from, self.kind) {
-            (true, PeersFrom::Sphere, Kind::Object) => self.scene.region.outermost(),
-            _ => self.scene.region,
-        };
-        let (intrinsics, device) = (self.intrinsics(), &self.context.physical().name);
-        let kept = self.scene.kept(intrinsics, views, seed)?;
-        let limits = &self.scene.limits;
-        let photographs = matches!(method, Method::Plan(placing) if placing.needs_photographs());
-        let made_of = match method {
-            // Whatever they are called, and for all seeds.
-            Method::Given(given) => json!({
-                "surface": shown.key(), "given": given.poses, "region": region, "camera": intrinsics, "device": device,
-                "limits": limits, "viewers": config.viewers, "kept": kept,
-            }),
-            _ => json!({
-                "surface": shown.key(), "model": model.map(Stage::key), "method": method, "config": config, "peer": peer,
-                "region": region, "camera": intrinsics, "device": device, "limits": limits, "kept": kept,
-                "samples": photographs.then_some(self.settings.samples),
-            }),
-        };
-        let stage = self.stage("choice", made_of);
-        let Some(begins) = stage.begins(observe)? else { return Ok(None) };
-        if !begins {
-            return stage.read(PLAN).map(Some);
-        }
-        let scored = peer.is_none() && config.objective != Objective::Quality;
-        let target = self.target(shown, &region, scored)?;
-        let plan = match (peer, method) {
-            (Some(request), _) => {
-                let model = model.map(training::model).transpose()?;
-                let (cameras, model) = ((intrinsics, &kept[..]), model.as_ref());
-                let observe = Mutex::new(observe);
-                let hear = |event: Event<'_>| lock(&observe)(event);
-                let outside = Outside {
-                    photograph: &mut |photo| self.photograph(stage.folder(), photo, &mut |event| hear(event)),
-                    go_on: &mut || hear(Event::Working),
-                };
-                match peers::job::photographing(&self.context, &target, cameras, &request, model, outside)? {
-                    Some(plan) => plan,
-                    None => return Ok(None),
-                }
-            }
-            (None, Method::Given(given)) => {
-                let config = crate::plan::config::Config { seed: 0, ..config };
-                plan::job::given(
-                    &self.context,
-                    &target,
-                    (intrinsics, &kept),
-                    given.poses.clone(),
-                    (method.name(), &config),
-                )?
-            }
-            (None, Method::Plan(Placing::OursTwoPasses)) => {
-                match passes::run(self, (inputs, shown), &kept, &config, &mut *observe)? {
-                    Some(plan) => plan,
-                    None => return Ok(None),
-                }
-            }
-            (None, _) => plan::job::run(&self.context, &target, intrinsics, &kept, config, Tools::default(), |_| {
-                observe(Event::Working)
-            })?,
-        };
-        if plan.interrupted() {
-            return Ok(None);
-        }
-        stage.write_json(PLAN, &plan.record)?;
-        stage.finish()?;
-        Ok(Some(plan.record))
-    }
-
     /// Trains splats on photographs and, where there are tests, looks at these.
     ///
     /// # Errors
@@ -422,7 +313,7 @@ impl<'a> Bench<'a> {
         tests: Option<&Tests>,
         seed: u64,
         observe: Observe,
-    ) -> Result<Option<(Stage, TrainRecord)>> {
+    ) -> Result<(Stage, TrainRecord)> {
         let Settings { iterations, max_splats, antialiased, .. } = self.settings;
         let config = Config {
             background: self.kind.background(),
@@ -446,7 +337,7 @@ impl<'a> Bench<'a> {
         training::run(&self.context, stage, Training { capture, config, shrink: 1 }, split, observe)
     }
 
-    fn stage(&self, name: &str, inputs: Value) -> Stage {
+    pub(super) fn stage(&self, name: &str, inputs: Value) -> Stage {
         Stage::new(&self.root, name, inputs)
     }
 }

@@ -8,14 +8,16 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use super::competitor::Competitor;
 use super::kind::Kind;
 use super::pool::Pool;
-use super::request::{Method, Request, Settings};
+use super::request::Request;
+use super::settings::Settings;
 use super::stage::{Observe, Stage};
 use super::training::{self, Training};
 use crate::gaussians::config::{Config, Strategy};
-use crate::gaussians::record::TrainRecord;
-use crate::gaussians::split::Split;
+use crate::gaussians::data::split::Split;
+use crate::gaussians::run::record::TrainRecord;
 use crate::photos::{Photo, PhotoSet};
 use crate::plan::config::Preset;
 use crate::plan::target::{RegionChoice, Target};
@@ -58,7 +60,7 @@ pub struct Choices<'a> {
 
 impl<'a> Choices<'a> {
     /// Finds the surface of a pool, whose products lie below `root`: the capture's own points, as `camsplat select` takes them,
-    /// or else what `camsplat proxy` makes of the candidates. None where `observe` broke it off.
+    /// or else what `camsplat proxy` makes of the candidates.
     ///
     /// # Errors
     /// Where there is no surface, or the device fails.
@@ -68,12 +70,11 @@ impl<'a> Choices<'a> {
         request: &Request,
         pool: &'a Pool,
         observe: Observe,
-    ) -> Result<Option<Self>> {
+    ) -> Result<Self> {
         let set = &pool.candidates;
         let (surface, key) = if set.points.positions.is_empty() {
             let stage = Stage::new(root, "surface", json!({ "pool": pool.checksum, "seed": SEED }));
-            let Some(begins) = stage.begins(observe)? else { return Ok(None) };
-            if begins {
+            if stage.begins(observe)? {
                 let options = stereo::Options { seed: SEED, ..stereo::Options::default() };
                 let found = stereo::reconstruct(context, set, &options).map_err(|error| match error {
                     Error::Request(what) => Error::input(pool.path(), what),
@@ -94,14 +95,14 @@ impl<'a> Choices<'a> {
         let intrinsics = set.photos[0].camera.intrinsics;
         let target = Target::new(&surface, &path, Preset::Object, &choice, up, &intrinsics)?;
         let (context, root) = (context.clone(), root.to_owned());
-        Ok(Some(Self { context, root, settings: request.settings, pool, target, surface: key }))
+        Ok(Self { context, root, settings: request.settings, pool, target, surface: key })
     }
 
     /// Splats trained on a few candidates that stand far from each other, for the methods that choose by a model.
     ///
     /// # Errors
     /// As [`Choices::training`].
-    pub fn model(&self, observe: Observe) -> Result<Option<Stage>> {
+    pub fn model(&self, observe: Observe) -> Result<Stage> {
         let set = &self.pool.candidates;
         let all: Vec<usize> = (0..set.photos.len()).collect();
         let count = self.settings.inputs as usize;
@@ -112,7 +113,7 @@ impl<'a> Choices<'a> {
         let chosen = spread.farthest(Distance::Chord).unwrap_or_default();
         let mut names: Vec<String> = chosen.iter().map(|photo| set.photos[*photo].camera.name.clone()).collect();
         names.sort_unstable();
-        Ok(self.trained(&names, Vec::new(), 0, observe)?.map(|(stage, _)| stage))
+        Ok(self.trained(&names, Vec::new(), 0, observe)?.0)
     }
 
     /// Where the cameras of chosen photos stand.
@@ -128,20 +129,22 @@ impl<'a> Choices<'a> {
     /// Where the method cannot, or the device fails.
     pub fn choice(
         &self,
-        (method, views, seed): (Method, u32, u64),
+        (method, views, seed): (&Competitor, u32, u64),
         model: Option<&Stage>,
         observe: Observe,
-    ) -> Result<Option<Chosen>> {
-        let chooser = Kind::choice(method).ok_or_else(|| Error::request(format!("{method} chooses no photos")))?;
+    ) -> Result<Chosen> {
+        method.check(Kind::Pool)?;
+        let Competitor::Method(chooser) = *method else {
+            return Err(Error::request(format!("{method} chooses no photos")));
+        };
         let request = Choice { method: chooser, seed, ..Choice::new(views as usize) };
         let inputs = json!({
             "pool": self.pool.checksum, "surface": self.surface, "model": model.map(Stage::key), "request": request,
             "shrink": self.settings.shrink, "device": self.context.physical().name,
         });
         let stage = Stage::new(&self.root, "choice", inputs);
-        let Some(begins) = stage.begins(observe)? else { return Ok(None) };
-        if !begins {
-            return stage.read(CHOSEN).map(Some);
+        if !stage.begins(observe)? {
+            return stage.read(CHOSEN);
         }
         // As they are trained on: what a model tells of a photo depends on its pixels, and takes time by them.
         let mut set = self.pool.candidates.clone();
@@ -156,24 +159,18 @@ impl<'a> Choices<'a> {
         let chosen = Chosen { photos: selection.chosen.iter().map(name).collect(), seconds: planning + choosing };
         stage.write_json(CHOSEN, &chosen)?;
         stage.finish()?;
-        Ok(Some(chosen))
+        Ok(chosen)
     }
 
     /// Trains splats on chosen photos alone, from the points that these see, and looks at those held out.
     ///
     /// # Errors
     /// Where photos cannot be read any more, or the device fails or has not enough memory.
-    pub fn training(&self, chosen: &Chosen, seed: u64, observe: Observe) -> Result<Option<(Stage, TrainRecord)>> {
+    pub fn training(&self, chosen: &Chosen, seed: u64, observe: Observe) -> Result<(Stage, TrainRecord)> {
         self.trained(&chosen.photos, self.pool.held_out.clone(), seed, observe)
     }
 
-    fn trained(
-        &self,
-        names: &[String],
-        test: Vec<Photo>,
-        seed: u64,
-        observe: Observe,
-    ) -> Result<Option<(Stage, TrainRecord)>> {
+    fn trained(&self, names: &[String], test: Vec<Photo>, seed: u64, observe: Observe) -> Result<(Stage, TrainRecord)> {
         let Settings { iterations, max_splats, shrink, antialiased, .. } = self.settings;
         let kept: HashSet<&str> = names.iter().map(String::as_str).collect();
         let of_these = |photo: &Photo| kept.contains(photo.camera.name.as_str());

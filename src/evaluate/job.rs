@@ -13,17 +13,18 @@ use serde_json::json;
 
 use super::bench::Bench;
 use super::choices::Choices;
+use super::competitor::Competitor;
 use super::kind::Kind;
 use super::perceptual;
 use super::pool::Pool;
-use super::request::{Method, Request};
+use super::request::Request;
 use super::results::{self, Entry, Row};
 use super::scene::Scene;
 use super::stage::{self, Observe, Stage};
 use super::subject::Subject;
 use super::table;
-use crate::gaussians::products::PICTURES;
-use crate::gaussians::record::TrainRecord;
+use crate::gaussians::run::products::PICTURES;
+use crate::gaussians::run::record::TrainRecord;
 use crate::io::folder::{check_folder, write_files};
 use crate::metrics::image::Weights;
 use crate::parallel::{lock, on_a_share};
@@ -98,11 +99,11 @@ pub fn check(folder: &Path, request: &Request, subjects: &[Subject]) -> Result<(
 
 /// Runs what is asked for on all of the devices; whenever something was made for a run that is complete, tables of those that
 /// are go into `folder`. Products that are there are taken as they are. With the weights of a network, LPIPS is measured with it
-/// too. None where `hear` broke it off; the same call goes on from there. Tables do not depend on the number of devices where
+/// too. Tables do not depend on the number of devices where
 /// these are alike, but for the seconds that choices take.
 ///
 /// # Errors
-/// Where a stage fails; what is finished stays.
+/// Where a stage fails, or `hear` broke it off; what is finished stays, and the same call goes on from there.
 pub fn run(
     contexts: &[Arc<Context>],
     request: &Request,
@@ -110,7 +111,7 @@ pub fn run(
     folder: &Path,
     weights: Option<&Weights>,
     hear: Hear<'_>,
-) -> Result<Option<Outcome>> {
+) -> Result<Outcome> {
     if let Some(weights) = weights {
         subjects.iter().try_for_each(|subject| perceptual::check(contexts, weights, subject, &request.settings))?;
     }
@@ -133,11 +134,9 @@ pub fn run(
         made: AtomicBool::new(false),
         entries: Mutex::default(),
     };
-    if !spread(contexts, &board, subjects)? {
-        return Ok(None);
-    }
+    spread(contexts, &board, subjects)?;
     let entries = lock(&board.entries);
-    board.write(&entries).map(Some)
+    board.write(&entries)
 }
 
 /// What all workers share: who hears of them, and what they have made.
@@ -212,14 +211,14 @@ struct Runs<'r, 'b> {
 }
 
 impl Runs<'_, '_> {
-    fn take(&self) -> Option<(usize, (Method, u32, u64))> {
+    fn take(&self) -> Option<(usize, (&Competitor, u32, u64))> {
         let number = self.next.fetch_add(1, Ordering::Relaxed);
         self.board.request.runs().nth(number).map(|run| (number, run))
     }
 
     fn complete(
         &self,
-        (number, (method, views, seed)): (usize, (Method, u32, u64)),
+        (number, (method, views, seed)): (usize, (&Competitor, u32, u64)),
         (places, seconds): (Vec<DVec3>, f64),
         (stage, record): &(Stage, TrainRecord),
     ) -> Result<()> {
@@ -231,7 +230,7 @@ impl Runs<'_, '_> {
         }
         let entry = Entry {
             scene: self.subject.name().to_owned(),
-            method,
+            method: method.clone(),
             views,
             seed,
             seconds,
@@ -244,89 +243,75 @@ impl Runs<'_, '_> {
         self.board.add([self.number, number], entry)
     }
 
-    /// Works on what is left of the subject on one device; what all runs share is made by who comes first. False where it was
-    /// broken off.
-    fn work(&self, context: &Arc<Context>, observe: Observe) -> Result<bool> {
+    /// Works on what is left of the subject on one device; what all runs share is made by who comes first.
+    fn work(&self, context: &Arc<Context>, observe: Observe) -> Result<()> {
         match self.subject {
             Subject::Scene(scene) => self.photographed(context, scene, observe),
             Subject::Pool(pool) => self.chosen(context, pool, observe),
         }
     }
 
-    /// Measures LPIPS with the network whose weights there are; false where it was broken off.
+    /// Measures LPIPS with the network whose weights there are.
     fn measured(
         &self,
         context: &Arc<Context>,
         (stage, record): &mut (Stage, TrainRecord),
         observe: Observe,
-    ) -> Result<bool> {
-        let Some(weights) = self.board.weights else { return Ok(true) };
+    ) -> Result<()> {
+        let Some(weights) = self.board.weights else { return Ok(()) };
         perceptual::measure(context, weights, &self.folder, stage, record, observe)
     }
 
-    fn photographed(&self, context: &Arc<Context>, scene: &Scene, observe: Observe) -> Result<bool> {
+    fn photographed(&self, context: &Arc<Context>, scene: &Scene, observe: Observe) -> Result<()> {
         let request = self.board.request;
         let intrinsics = request.settings.intrinsics();
         let inputs = scene.inputs(context, &request.settings)?;
         let tests = scene.tests(intrinsics, request.settings.tests, request.test_viewers())?;
         let bench = Bench::new(context, &self.folder, request, scene)?;
         let mut shared = made_for(format!("all runs of {}", self.subject.name()), &mut *observe);
-        let Some(inputs) = bench.input_photographs(&inputs, &mut shared)? else { return Ok(false) };
-        let Some(shown) = bench.shown(&inputs, &mut shared)? else { return Ok(false) };
-        let Some(tests) = bench.test_photographs(&tests, &mut shared)? else { return Ok(false) };
-        let mut model = None;
-        if request.needs_model() {
-            let Some((trained, _)) = bench.training(&inputs, None, 0, &mut shared)? else { return Ok(false) };
-            model = Some(trained);
-        }
+        let inputs = bench.input_photographs(&inputs, &mut shared)?;
+        let shown = bench.shown(&inputs, &mut shared)?;
+        let tests = bench.test_photographs(&tests, &mut shared)?;
+        let model = match request.needs_model() {
+            true => Some(bench.training(&inputs, None, 0, &mut shared)?.0),
+            false => None,
+        };
         drop(shared);
         while let Some((number, run @ (method, views, seed))) = self.take() {
             let name = self.subject.name();
             let observe = &mut made_for(format!("{name}, {method}, {views} views, seed {seed}"), &mut *observe);
-            if observe(stage::Event::Working).is_break() {
-                return Ok(false);
-            }
+            Error::unless_stopped(observe(stage::Event::Working))?;
             let model = model.as_ref().filter(|_| method.needs_model());
-            let Some(plan) = bench.choice(run, (&inputs, &shown), model, observe)? else { return Ok(false) };
+            let plan = bench.choice(run, (&inputs, &shown), model, observe)?;
             let cameras = bench.standing(&plan.cameras, observe);
-            let Some(photos) = bench.photographs(&cameras, observe)? else { return Ok(false) };
-            let Some(mut trained) = bench.training(&photos, Some(&tests), seed, observe)? else { return Ok(false) };
-            if !self.measured(context, &mut trained, observe)? {
-                return Ok(false);
-            }
+            let photos = bench.photographs(&cameras, observe)?;
+            let mut trained = bench.training(&photos, Some(&tests), seed, observe)?;
+            self.measured(context, &mut trained, observe)?;
             let places = cameras.iter().map(|camera| camera.pose.position).collect();
             self.complete((number, run), (places, plan.seconds), &trained)?;
         }
-        Ok(true)
+        Ok(())
     }
 
-    fn chosen(&self, context: &Arc<Context>, pool: &Pool, observe: Observe) -> Result<bool> {
+    fn chosen(&self, context: &Arc<Context>, pool: &Pool, observe: Observe) -> Result<()> {
         let mut shared = made_for(format!("all runs of {}", self.subject.name()), &mut *observe);
         let choices = Choices::new(context, &self.folder, self.board.request, pool, &mut shared)?;
-        let Some(choices) = choices else { return Ok(false) };
-        let mut model = None;
-        if self.board.request.needs_model() {
-            model = choices.model(&mut shared)?;
-            if model.is_none() {
-                return Ok(false);
-            }
-        }
+        let model = match self.board.request.needs_model() {
+            true => Some(choices.model(&mut shared)?),
+            false => None,
+        };
         drop(shared);
         while let Some((number, run @ (method, views, seed))) = self.take() {
             let name = self.subject.name();
             let observe = &mut made_for(format!("{name}, {method}, {views} views, seed {seed}"), &mut *observe);
-            if observe(stage::Event::Working).is_break() {
-                return Ok(false);
-            }
+            Error::unless_stopped(observe(stage::Event::Working))?;
             let model = model.as_ref().filter(|_| method.needs_model());
-            let Some(chosen) = choices.choice(run, model, observe)? else { return Ok(false) };
-            let Some(mut trained) = choices.training(&chosen, seed, observe)? else { return Ok(false) };
-            if !self.measured(context, &mut trained, observe)? {
-                return Ok(false);
-            }
+            let chosen = choices.choice(run, model, observe)?;
+            let mut trained = choices.training(&chosen, seed, observe)?;
+            self.measured(context, &mut trained, observe)?;
             self.complete((number, run), (choices.places(&chosen), chosen.seconds), &trained)?;
         }
-        Ok(true)
+        Ok(())
     }
 }
 
@@ -355,9 +340,9 @@ fn ended_early(product: &str) -> Error {
     Error::request(format!("{product} was not finished, and nobody stopped it; what is finished stays, run again"))
 }
 
-/// All runs, a worker for each device; false where it was broken off. Every worker begins with another subject, since all that
+/// All runs, a worker for each device. Every worker begins with another subject, since all that
 /// come to one have to wait for what its runs share.
-fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) -> Result<bool> {
+fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) -> Result<()> {
     let runs: Vec<Runs> = subjects
         .iter()
         .enumerate()
@@ -380,16 +365,18 @@ fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) ->
             if asked { ControlFlow::Break(()) } else { heard }
         };
         for runs in runs.iter().cycle().skip(first).take(runs.len()) {
-            let worked = runs.work(context, &mut hear);
-            if !matches!(worked, Ok(true)) {
+            if let Err(error) = runs.work(context, &mut hear) {
                 over.store(true, Ordering::Relaxed);
-                return if asked { worked } else { worked.and_then(|_| Err(ended_early(&product))) };
+                return Err(match error {
+                    Error::Interrupted if !asked => ended_early(&product),
+                    error => error,
+                });
             }
         }
-        Ok(true)
+        Ok(())
     };
     let work = |(first, context)| on_a_share(contexts.len(), || work(first, context));
-    let worked: Vec<Result<bool>> = thread::scope(|scope| {
+    let worked: Vec<Result<()>> = thread::scope(|scope| {
         let mut workers = contexts.iter().enumerate();
         let first = workers.next();
         let others: Vec<_> = workers.map(|worker| scope.spawn(move || work(worker))).collect();
@@ -397,21 +384,23 @@ fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) ->
         let others = others.into_iter().map(|other| other.join().unwrap_or_else(|panic| resume_unwind(panic)));
         first.into_iter().chain(others).collect()
     });
-    let worked: Vec<bool> = worked.into_iter().collect::<Result<_>>()?;
-    Ok(!worked.contains(&false))
+    // The others stopped because of what one met.
+    let (stopped, failed): (Vec<Error>, Vec<Error>) =
+        worked.into_iter().filter_map(Result::err).partition(|error| matches!(error, Error::Interrupted));
+    failed.into_iter().chain(stopped).next().map_or(Ok(()), Err)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::request::Settings;
+    use crate::evaluate::settings::Settings;
     use crate::evaluate::situation::Situation;
-    use crate::gaussians::record::Quality;
-    use crate::peers::request::Method as Placing;
+    use crate::gaussians::run::record::Quality;
+    use crate::methods::Method;
     use crate::quality::viewers::Viewers;
     use crate::scene::limits::Limits;
 
-    fn entry(method: Method) -> Entry {
+    fn entry(method: Competitor) -> Entry {
         let quality = vec![Quality { psnr: 20.0, ssim: 0.5, ..Quality::default() }; 3];
         let (folder, pictures, places) = (String::new(), Vec::new(), Vec::new());
         let (scene, diverged) = ("s".into(), None);
@@ -425,7 +414,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let table = folder.path().join("table.md");
         fs::write(&table, "of an earlier run").unwrap();
-        let methods = vec![Method::Plan(Placing::Ours), Method::Plan(Placing::OursNoVds)];
+        let methods = vec![Competitor::Method(Method::Ours), Competitor::Method(Method::OursNoVds)];
         let request = Request {
             kind: Kind::Object,
             methods,
@@ -454,11 +443,11 @@ mod tests {
         };
         let product = |event| board.hear(Event::Product(event));
         assert!(product(stage::Event::Kept("k")).is_continue());
-        board.add([0, 1], entry(Method::Plan(Placing::OursNoVds))).unwrap();
+        board.add([0, 1], entry(Competitor::Method(Method::OursNoVds))).unwrap();
         assert_eq!(fs::read_to_string(&table).unwrap(), "of an earlier run");
         assert!(product(stage::Event::Working).is_break(), "the stop was forgotten");
         let _ = product(stage::Event::Begins("k"));
-        board.add([0, 0], entry(Method::Plan(Placing::Ours))).unwrap();
+        board.add([0, 0], entry(Competitor::Method(Method::Ours))).unwrap();
         let written = fs::read_to_string(&table).unwrap();
         let at = |method: &str| written.find(&format!("| s | {method} |")).unwrap();
         assert!(at("ours") < at("ours-no-vds") && !written.contains("still to come"), "{written}");

@@ -7,7 +7,9 @@
 //! [`tour`] goes the whole way once, as the demo does. `docs/reference/evaluation.md` has the protocol.
 
 pub mod bench;
+mod choice;
 pub mod choices;
+pub mod competitor;
 pub mod job;
 pub mod kind;
 pub mod layouts;
@@ -19,6 +21,7 @@ pub mod request;
 pub mod results;
 pub mod room;
 pub mod scene;
+pub mod settings;
 pub mod situation;
 pub mod stage;
 pub mod subject;

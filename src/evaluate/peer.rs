@@ -1,7 +1,7 @@
 //! Other people's methods at the size of an evaluation.
 
 use super::kind::Kind;
-use super::request::Settings;
+use super::settings::Settings;
 use crate::peers::manifold;
 use crate::peers::request::Request;
 use crate::select::retrained;
@@ -38,7 +38,7 @@ pub fn sized(request: Request, kind: Kind, settings: &Settings) -> Request {
 mod tests {
     use super::*;
     use crate::gaussians::config::Background;
-    use crate::peers::request::Method;
+    use crate::methods::Method;
     use crate::plan::config::{Config, Preset};
 
     /// If this failed, a method would train over another background while it chooses than what it chooses is trained over.

@@ -8,11 +8,11 @@ use std::sync::Arc;
 
 use serde_json::json;
 
-use super::request::Settings;
+use super::settings::Settings;
 use super::stage::{Event, Observe, Stage};
 use super::subject::Subject;
-use crate::gaussians::products::{PICTURES, RECORD, picture_names};
-use crate::gaussians::record::TrainRecord;
+use crate::gaussians::run::products::{PICTURES, RECORD, picture_names};
+use crate::gaussians::run::record::TrainRecord;
 use crate::metrics::image::{Lpips, Rgb8, Weights};
 use crate::parallel::mapped;
 use crate::photos::decode::{Encoded, encoded};
@@ -63,15 +63,14 @@ pub fn measure(
     trained: &Stage,
     record: &mut TrainRecord,
     observe: Observe,
-) -> Result<bool> {
+) -> Result<()> {
     // A training that was made again has other pictures, perhaps, under the same key.
     let made = fs::read(trained.file(RECORD)).map_err(|error| trained.damaged(&format!("{RECORD}: {error}")))?;
     let made = crc32fast::hash(&made);
     let inputs = json!({ "training": trained.key(), "made": made, "weights": weights.fingerprint() });
     let stage = Stage::new(root, "lpips", inputs);
-    let Some(begins) = stage.begins(observe)? else { return Ok(false) };
-    let distances: Distances = if begins {
-        let Some(distances) = distances(context, weights, trained, record, observe)? else { return Ok(false) };
+    let distances: Distances = if stage.begins(observe)? {
+        let distances = distances(context, weights, trained, record, observe)?;
         stage.write_json(DISTANCES, &distances)?;
         stage.finish()?;
         distances
@@ -83,7 +82,7 @@ pub fn measure(
         let lacks = || stage.damaged(&format!("{DISTANCES} lacks {}", view.name));
         view.quality.lpips_vgg = *distance.ok_or_else(lacks)?;
     }
-    Ok(true)
+    Ok(())
 }
 
 /// The network stays on the device while it is used and no longer: trainings want the memory.
@@ -93,7 +92,7 @@ fn distances(
     trained: &Stage,
     record: &TrainRecord,
     observe: Observe,
-) -> Result<Option<Distances>> {
+) -> Result<Distances> {
     let mut lpips = Lpips::new(context, weights)?;
     let names: Vec<String> = record.test_views.iter().map(|view| view.name.clone()).collect();
     let files = picture_names(&names);
@@ -106,9 +105,7 @@ fn distances(
     let mut distances = Distances::new();
     for some in views.chunks(AT_ONCE) {
         for ((name, _), pair) in some.iter().zip(mapped(some, |_, (_, file)| read(file))) {
-            if observe(Event::Working).is_break() {
-                return Ok(None);
-            }
+            Error::unless_stopped(observe(Event::Working))?;
             let [rendered, reference] = pair.map_err(|error: Error| trained.damaged(&error.to_string()))?;
             let least = lpips.network().least();
             let distance = match rendered.width.min(rendered.height) >= least {
@@ -118,7 +115,7 @@ fn distances(
             distances.insert(name.clone(), distance);
         }
     }
-    Ok(Some(distances))
+    Ok(distances)
 }
 
 fn view(picture: &Encoded) -> Result<Rgb8<'_>> {

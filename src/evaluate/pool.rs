@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use super::request::Request;
-use crate::gaussians::split::{Split, TEST_EVERY, Test};
+use crate::gaussians::data::split::{Split, TEST_EVERY, Test};
 use crate::io::photos::{self, Images, Options};
 use crate::photos::{Photo, PhotoSet};
 use crate::{Error, Result};

@@ -3,10 +3,10 @@
 use glam::DVec3;
 use serde::Serialize;
 
-use super::request::Method;
-use crate::gaussians::evaluate::mean;
-use crate::gaussians::products::picture_names;
-use crate::gaussians::record::{Quality, TestView, TrainRecord};
+use super::competitor::Competitor;
+use crate::gaussians::run::evaluate::mean;
+use crate::gaussians::run::products::picture_names;
+use crate::gaussians::run::record::{Quality, TestView, TrainRecord};
 
 /// One run: a method's views, trained on with one seed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -14,7 +14,7 @@ pub struct Entry {
     /// The scene.
     pub scene: String,
     /// Who chose the views.
-    pub method: Method,
+    pub method: Competitor,
     /// How many.
     pub views: u32,
     /// Seed of choice and training.
@@ -53,7 +53,7 @@ pub struct Row {
     /// The scene.
     pub scene: String,
     /// Who chose the views.
-    pub method: Method,
+    pub method: Competitor,
     /// How many.
     pub views: u32,
     /// Runs.
@@ -110,7 +110,7 @@ pub fn rows(entries: &[Entry]) -> Vec<Row> {
     for entry in entries {
         let same = |group: &&mut Vec<&Entry>| {
             let first = group[0];
-            (&first.scene, first.method, first.views) == (&entry.scene, entry.method, entry.views)
+            (&first.scene, &first.method, first.views) == (&entry.scene, &entry.method, entry.views)
         };
         match groups.iter_mut().find(same) {
             Some(group) => group.push(entry),
@@ -136,7 +136,7 @@ fn row(group: &[&Entry]) -> Row {
     let first = group[0];
     Row {
         scene: first.scene.clone(),
-        method: first.method,
+        method: first.method.clone(),
         views: first.views,
         seeds: group.len(),
         diverged: group.iter().filter(|entry| entry.diverged.is_some()).count(),
@@ -177,7 +177,7 @@ fn student(freedom: usize) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::peers::request::Method as Placing;
+    use crate::methods::Method;
 
     /// If this failed, a difference could pass for certain that is not. The example: mean 10, deviation 1, three values.
     #[test]
@@ -207,16 +207,16 @@ mod tests {
             places: Vec::new(),
         };
         let entries = [
-            entry(Method::Plan(Placing::Ours), 20, 0, 20.0),
-            entry(Method::Plan(Placing::OursNoVds), 20, 0, 10.0),
-            entry(Method::Plan(Placing::Ours), 20, 1, 22.0),
-            entry(Method::Plan(Placing::Ours), 40, 0, 30.0),
+            entry(Competitor::Method(Method::Ours), 20, 0, 20.0),
+            entry(Competitor::Method(Method::OursNoVds), 20, 0, 10.0),
+            entry(Competitor::Method(Method::Ours), 20, 1, 22.0),
+            entry(Competitor::Method(Method::Ours), 40, 0, 30.0),
         ];
         let rows = rows(&entries);
         let means = |row: &Row| row.measured[0].iter().map(|i| i.unwrap().mean).collect::<Vec<_>>();
-        let told = |row: &Row| (row.method, row.views, [row.seeds, row.diverged], means(row));
-        assert_eq!(told(&rows[0]), (Method::Plan(Placing::Ours), 20, [2, 1], vec![21.0, 24.0, 27.0, 24.0]));
-        assert_eq!(told(&rows[1]), (Method::Plan(Placing::OursNoVds), 20, [1, 0], vec![10.0, 13.0, 16.0, 13.0]));
+        let told = |row: &Row| (row.method.clone(), row.views, [row.seeds, row.diverged], means(row));
+        assert_eq!(told(&rows[0]), (Competitor::Method(Method::Ours), 20, [2, 1], vec![21.0, 24.0, 27.0, 24.0]));
+        assert_eq!(told(&rows[1]), (Competitor::Method(Method::OursNoVds), 20, [1, 0], vec![10.0, 13.0, 16.0, 13.0]));
         assert_eq!((rows.len(), rows[2].views), (3, 40));
         assert_eq!(rows[0].measured[2], [None; 4]);
         assert_eq!(measured(&rows).collect::<Vec<_>>(), [(0, "PSNR"), (1, "SSIM"), (2, "LPIPS")]);

@@ -6,8 +6,9 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 
 use super::views::camera;
+use crate::methods::Method;
 use crate::peers;
-use crate::peers::request::{Method, Request};
+use crate::peers::request::Request;
 use crate::plan::config::{Config, Preset};
 use crate::plan::target::Target;
 use crate::scene::baselines;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::request::Settings;
 use super::room::EmptySpace;
+use super::settings::Settings;
 use super::situation::Situation;
 use super::views;
 use crate::io;

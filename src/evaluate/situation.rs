@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::kind::Kind;
-use super::request::PeersFrom;
+use super::settings::PeersFrom;
 use crate::plan::starts::even_layout;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics, Pose};

@@ -81,11 +81,11 @@ impl Stage {
     }
 
     /// Whether it is to be made; its folder is there then, and nobody else makes it before [`Stage::finish`] or the end of
-    /// `self`. Where somebody is making it, this waits for it; none where `observe` does not want to.
+    /// `self`. Where somebody is making it, this waits for it.
     ///
     /// # Errors
-    /// Where the system refuses.
-    pub fn begins(&self, observe: Observe) -> Result<Option<bool>> {
+    /// Where the system refuses, or `observe` does not want to wait.
+    pub fn begins(&self, observe: Observe) -> Result<bool> {
         let mut is_done = self.is_done();
         if !is_done {
             self.begin()?;
@@ -95,8 +95,10 @@ impl Stage {
                 match folder.try_lock() {
                     Ok(()) => break,
                     Err(TryLockError::Error(source)) => return Err(refused(source)),
-                    Err(TryLockError::WouldBlock) if observe(Event::Working).is_break() => return Ok(None),
-                    Err(TryLockError::WouldBlock) => thread::sleep(BETWEEN_TRIES),
+                    Err(TryLockError::WouldBlock) => {
+                        Error::unless_stopped(observe(Event::Working))?;
+                        thread::sleep(BETWEEN_TRIES);
+                    }
                 }
             }
             is_done = self.is_done();
@@ -104,7 +106,7 @@ impl Stage {
         }
         // A stop that is asked for here is heard within the stage, or before the next.
         let _ = observe(if is_done { Event::Kept(self.key()) } else { Event::Begins(self.key()) });
-        Ok(Some(!is_done))
+        Ok(!is_done)
     }
 
     /// Makes the folder.
@@ -188,21 +190,21 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let stage = || Stage::new(root.path(), "photos", json!(1));
         let (one, other) = (stage(), stage());
-        assert_eq!(one.begins(&mut |_| ControlFlow::Continue(())).unwrap(), Some(true));
+        assert!(one.begins(&mut |_| ControlFlow::Continue(())).unwrap());
         let mut asked = 0;
         let stopped = other.begins(&mut |event| {
             asked += 1;
             assert!(matches!(event, Event::Working));
             if asked == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
-        assert_eq!((stopped.unwrap(), asked), (None, 3));
+        assert!(matches!(stopped, Err(Error::Interrupted)) && asked == 3);
         let waited = other.begins(&mut move |event| {
             if matches!(event, Event::Working) {
                 one.finish().unwrap();
             }
             ControlFlow::Continue(())
         });
-        assert_eq!(waited.unwrap(), Some(false));
+        assert!(!waited.unwrap());
     }
 
     /// If this failed, products of earlier runs would not be found again. Values from the hash's authors.

@@ -2,10 +2,12 @@
 
 use std::fmt::Write;
 
+use super::competitor::Competitor;
 use super::kind::Kind;
-use super::request::{InputsFrom, Method, PeersFrom, Request, Shown};
+use super::request::Request;
 use super::results::{Interval, METRICS, Row, measured};
-use crate::gaussians::record::APART;
+use super::settings::{InputsFrom, PeersFrom, Shown};
+use crate::gaussians::run::record::APART;
 use crate::plan::target::RegionChoice;
 use crate::quality::viewers::Viewers;
 use crate::scene::region::Shape;
@@ -125,7 +127,7 @@ fn conditions(request: &Request) -> String {
         same if same == settings.samples => String::new(),
         samples => format!(" with {samples} samples"),
     };
-    let given = match request.methods.iter().any(|method| matches!(method, Method::Given(_))) {
+    let given = match request.methods.iter().any(|method| matches!(method, Competitor::Cameras(_))) {
         true if request.kind == Kind::Room => {
             ", cameras:FILE are where the file has them, but for those that had to move"
         }
@@ -180,16 +182,17 @@ pub fn cell(Interval { mean, half }: Interval, decimals: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::request::{Given, Settings};
+    use crate::evaluate::competitor::Given;
+    use crate::evaluate::settings::Settings;
     use crate::evaluate::situation::Situation;
-    use crate::peers::request::Method as Placing;
+    use crate::methods::Method;
     use crate::scene::limits::Limits;
 
     fn row() -> Row {
         let of = |mean, half| Some(Interval { mean, half });
         Row {
             scene: "cup, \"red\"".into(),
-            method: Method::Plan(Placing::OursNoVds),
+            method: Competitor::Method(Method::OursNoVds),
             views: 20,
             seeds: 3,
             diverged: 0,
@@ -208,7 +211,7 @@ mod tests {
     fn known_numbers_stand_where_they_belong() {
         let request = Request {
             kind: Kind::Object,
-            methods: vec![Method::Plan(Placing::OursNoVds)],
+            methods: vec![Competitor::Method(Method::OursNoVds)],
             budgets: vec![20],
             seeds: 3,
             first_seed: 7,
@@ -237,7 +240,7 @@ mod tests {
         assert!(lines[3].ends_with("random,PSNR,19,") && lines[9].ends_with("half,LPIPS,,"), "{csv}");
         assert!(lines[13].ends_with(",,choice_seconds,1.5,"));
         let given = Given { name: "cameras:a|\"b\".json".into(), poses: Vec::new(), notes: Vec::new() };
-        let given = Row { method: Method::Given(Box::leak(Box::new(given))), ..row() };
+        let given = Row { method: Competitor::Cameras(std::sync::Arc::new(given)), ..row() };
         assert!(markdown(&request, std::slice::from_ref(&given), 0).contains("| cameras:a\\|\"b\".json | 20 |"));
         assert!(super::csv(&request, &[given]).contains(",\"cameras:a|\"\"b\"\".json\",20,3,half,PSNR,20,0.5"));
     }
@@ -248,7 +251,7 @@ mod tests {
         let one = Row { measured: row().measured.map(|all| all[..1].to_vec()), ..row() };
         let request = Request {
             kind: Kind::Pool,
-            methods: vec![Method::Plan(Placing::Ours)],
+            methods: vec![Competitor::Method(Method::Ours)],
             budgets: vec![20],
             seeds: 3,
             first_seed: 0,

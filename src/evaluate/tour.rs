@@ -7,23 +7,26 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::bench::Bench;
+use super::competitor::Competitor;
 use super::job::Outcome;
 use super::kind::Kind;
-use super::request::{Method, Request, Settings, Shown};
+use super::request::Request;
 use super::results::{self, Entry};
 use super::scene::Scene;
+use super::settings::{Settings, Shown};
 use super::stage::{self, Stage};
-use crate::peers::request::{Method as Placing, Request as Peer};
+use crate::methods::Method;
+use crate::peers::request::Request as Peer;
 use crate::photograph::products::named;
 use crate::plan::job::{Plan, Tools};
 use crate::plan::target::Target;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::Camera;
 use crate::vulkan::Context;
-use crate::{Result, peers, plan};
+use crate::{Error, Result, peers, plan};
 
 /// Who places cameras, ours first.
-pub const METHODS: [Placing; 3] = [Placing::Ours, Placing::Random, Placing::Grid];
+pub const METHODS: [Method; 3] = [Method::Ours, Method::Random, Method::Grid];
 
 /// Test views that are shown.
 const PICTURED: usize = 4;
@@ -118,18 +121,17 @@ fn beside(db: f64) -> String {
     format!("{:.1} dB {}", db.abs(), if db < 0.0 { "worse" } else { "better" })
 }
 
-/// Goes the way in a room; products lie in the scene's folder below `folder`, and those that are there are taken as they are. None
-/// where `observe` broke it off; the same call goes on from there.
+/// Goes the way in a room; products lie in the scene's folder below `folder`, and those that are there are taken as they are.
 ///
 /// # Errors
-/// Where a step fails; what is finished stays.
-pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, observe: Observe) -> Result<Option<Tour>> {
+/// Where a step fails, or `observe` broke it off; what is finished stays, and the same call goes on from there.
+pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, observe: Observe) -> Result<Tour> {
     let Size { settings, views, seed } = size;
     let (name, kind) = (scene.name.clone(), Kind::Room);
     let intrinsics = settings.intrinsics();
     let request = Request {
         kind,
-        methods: METHODS.map(Method::Plan).to_vec(),
+        methods: METHODS.map(Competitor::Method).to_vec(),
         budgets: vec![views],
         seeds: 1,
         first_seed: seed as u32,
@@ -142,23 +144,23 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     let mut walk = Walk { observe, begun: Instant::now(), kept: false, steps: Vec::new() };
     let bench = Bench::new(context, &folder.join(&name), &request, scene)?;
     let target = bench.target_of(&scene.surface, &scene.region)?;
-    let config = Method::Plan(Placing::Ours).config(kind.preset(), views, seed)?;
+    let config = Competitor::Method(Method::Ours).config(kind.preset(), views, seed)?;
 
     let tools = Tools::default();
     let plan = plan::job::run(context, &target, intrinsics, &[], config.clone(), tools, |_| walk.work())?;
     if plan.interrupted() {
-        return Ok(None);
+        return Err(Error::Interrupted);
     }
     let expected = plan.record.expected.as_ref().map(|expected| format!("; expected {}", expected.line()));
     walk.done("plan", format!("{views} views{}", expected.unwrap_or_default()));
 
-    let Some(tests) = bench.test_photographs(&tests, &mut |event| walk.hear(&event))? else { return Ok(None) };
+    let tests = bench.test_photographs(&tests, &mut |event| walk.hear(&event))?;
     walk.done("tests", format!("{} photographs of held-out views", settings.tests));
 
     let (mut entries, mut photos) = (Vec::new(), Vec::new());
     for placing in METHODS {
         let other = match placing {
-            Placing::Ours => None,
+            Method::Ours => None,
             _ => {
                 let peer = Peer::new(placing, None, &config)?;
                 Some(peers::job::run(context, &target, intrinsics, &[], &peer, None)?)
@@ -166,17 +168,16 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
         };
         let record = &other.as_ref().unwrap_or(&plan).record;
         let of = placing.name();
-        let Some(stage) = bench.photographs(&record.cameras, &mut |event| walk.hear(&event))? else { return Ok(None) };
+        let stage = bench.photographs(&record.cameras, &mut |event| walk.hear(&event))?;
         walk.done("photos", format!("{views} photographs, {of}"));
-        let training = bench.training(&stage, Some(&tests), seed, &mut |event| walk.hear(&event))?;
-        let Some((trained, training)) = training else { return Ok(None) };
+        let (trained, training) = bench.training(&stage, Some(&tests), seed, &mut |event| walk.hear(&event))?;
         walk.done(
             "training",
             format!("{} splats in {} iterations, tested, {of}", training.splats, training.iterations),
         );
         entries.push(Entry {
             scene: name.clone(),
-            method: Method::Plan(placing),
+            method: Competitor::Method(placing),
             views,
             seed,
             seconds: record.seconds,
@@ -189,7 +190,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
         photos.push(files(&stage, &record.cameras)?);
     }
     let outcome = Outcome::new(kind, entries, METHODS.len());
-    Ok(Some(Tour { steps: walk.steps, name, target, plan, photos, outcome }))
+    Ok(Tour { steps: walk.steps, name, target, plan, photos, outcome })
 }
 
 /// Steps, told of as they are done.

@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use super::stage::{Event, Observe, Stage};
 use crate::gaussians::config::Config;
-use crate::gaussians::job::{self, Run};
-use crate::gaussians::products::{CHECKPOINT, MODEL, RECORD};
-use crate::gaussians::record::{Status, TrainRecord};
-use crate::gaussians::split::Split;
+use crate::gaussians::data::split::Split;
+use crate::gaussians::run::job::{self, Run};
+use crate::gaussians::run::products::{CHECKPOINT, MODEL, RECORD};
+use crate::gaussians::run::record::{Status, TrainRecord};
 use crate::select::information::Model;
 use crate::vulkan::Context;
-use crate::{Result, io};
+use crate::{Error, Result, io};
 
 /// How splats are trained.
 pub struct Training {
@@ -23,21 +23,19 @@ pub struct Training {
     pub shrink: u32,
 }
 
-/// Trains splats on the photos of `split` and looks at its tests, unless `stage` holds all of that already. None where `observe`
-/// broke it off.
+/// Trains splats on the photos of `split` and looks at its tests, unless `stage` holds all of that already.
 ///
 /// # Errors
-/// Where photos cannot be read any more, or the device fails or has not enough memory.
+/// Where photos cannot be read any more, the device fails or has not enough memory, or `observe` broke it off.
 pub fn run(
     context: &Arc<Context>,
     stage: Stage,
     training: Training,
     split: impl FnOnce() -> Result<Split>,
     observe: Observe,
-) -> Result<Option<(Stage, TrainRecord)>> {
-    let Some(begins) = stage.begins(observe)? else { return Ok(None) };
-    if !begins {
-        return stage.read(RECORD).map(|record| Some((stage, record)));
+) -> Result<(Stage, TrainRecord)> {
+    if !stage.begins(observe)? {
+        return stage.read(RECORD).map(|record| (stage, record));
     }
     let Training { capture, config, shrink } = training;
     let folder = stage.folder().to_owned();
@@ -45,12 +43,14 @@ pub fn run(
     let run = Run::new(context, asked)?;
     let resume = stage.file(CHECKPOINT).is_file();
     let record = run.run(resume, None, &mut |_| observe(Event::Working))?;
-    let Some(record) = record.filter(|record| record.status == Status::Complete) else { return Ok(None) };
+    if record.status != Status::Complete {
+        return Err(Error::Interrupted);
+    }
     stage.write_json(RECORD, &record)?;
     stage.finish()?;
     // Three times as large as the model, and of no use any more; what cannot be removed harms nobody.
     drop(fs::remove_file(stage.file(CHECKPOINT)));
-    Ok(Some((stage, record)))
+    Ok((stage, record))
 }
 
 /// The splats of a training that is complete.

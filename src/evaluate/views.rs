@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use super::kind::Kind;
-use super::request::InputsFrom;
+use super::settings::InputsFrom;
 use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::random;
@@ -118,7 +118,7 @@ pub fn camera(name: String, pose: Pose, intrinsics: Intrinsics) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::request::Settings;
+    use crate::evaluate::settings::Settings;
     use crate::scene::limits::{Limits, Wall};
     use crate::scene::proxy::{Orientation, Proxy};
     use crate::scene::samples;

@@ -1,30 +1,9 @@
 //! Gaussian splatting: rendering trained splats, and training them from photos.
 
-pub mod checkpoint;
 pub mod config;
-mod course;
-pub mod cover;
-pub mod density;
-pub mod evaluate;
-pub mod fisher;
-pub mod frame;
-pub mod job;
-pub mod layout;
-pub mod loss;
-pub mod manifold;
-pub mod mcmc;
-pub mod memory;
-pub mod pictures;
-pub mod products;
-pub mod rasterizer;
-pub mod record;
+pub mod data;
 pub mod render;
-pub mod renderer;
-mod rounds;
-pub mod split;
-pub mod start;
-pub mod store;
-pub mod trainer;
+pub mod run;
+pub mod train;
 pub mod twin;
-mod undistort;
-pub mod update;
+pub mod uncertainty;

@@ -7,7 +7,8 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 
 use super::manifold;
-use super::request::{Method, Request};
+use super::request::Request;
+use crate::methods::Method;
 use crate::photos::{Photo, PhotoSet};
 use crate::plan::config::{Config, Preset};
 use crate::plan::job::{Plan, conclude};
@@ -51,10 +52,9 @@ pub fn run(
     if request.method.needs_photographs() {
         return Err(no_photographs(request.method));
     }
-    // Nothing is photographed, and nothing stopped.
-    let outside = Outside { photograph: &mut |_| Ok(None), go_on: &mut || ControlFlow::Continue(()) };
-    let plan = photographing(context, target, (intrinsics, kept), request, model, outside)?;
-    plan.ok_or_else(|| no_photographs(request.method))
+    let photograph = &mut |_: &Photo| Err(no_photographs(request.method));
+    let outside = Outside { photograph, go_on: &mut || ControlFlow::Continue(()) };
+    photographing(context, target, (intrinsics, kept), request, model, outside)
 }
 
 /// What is said where a method takes photographs and nobody can.
@@ -79,10 +79,10 @@ pub struct Outside<'o> {
     pub go_on: &'o mut dyn FnMut() -> ControlFlow<()>,
 }
 
-/// As [`run`], with photographs of candidates; none where it was stopped.
+/// As [`run`], with photographs of candidates.
 ///
 /// # Errors
-/// As [`run`], or where a photograph cannot be taken.
+/// As [`run`], or where a photograph cannot be taken or it was stopped.
 pub fn photographing(
     context: &Arc<Context>,
     target: &Target,
@@ -90,7 +90,7 @@ pub fn photographing(
     request: &Request,
     model: Option<&Model>,
     outside: Outside<'_>,
-) -> Result<Option<Plan>> {
+) -> Result<Plan> {
     let scene = DeviceScene::new(context, target.geometry()?)?;
     let candidates = PhotoSet { photos: candidates(&scene.geometry, intrinsics, kept, request), ..PhotoSet::default() };
     let (start, mut behind_the_camera) = (Instant::now(), Duration::ZERO);
@@ -101,8 +101,7 @@ pub fn photographing(
         taken
     };
     let timed = Outside { photograph: timed, go_on: outside.go_on };
-    let placed = place(context, &scene, target, (intrinsics, kept), &candidates, (request, model, timed))?;
-    let Some(poses) = placed else { return Ok(None) };
+    let poses = place(context, &scene, target, (intrinsics, kept), &candidates, (request, model, timed))?;
     let seconds = start.elapsed().saturating_sub(behind_the_camera).as_secs_f64();
     let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds };
     let Request { method, views, preset, seed, gate, held_out, .. } = *request;
@@ -110,7 +109,7 @@ pub fn photographing(
     let config = Config { seed, gate, held_out, viewers, ..Config::new(preset, views) };
     let described =
         serde_json::to_value(request).map_err(|e| Error::request(format!("the request cannot be written: {e}")))?;
-    conclude(context, scene, target, (intrinsics, kept), &config, (method.name(), described), (outcome, None)).map(Some)
+    conclude(context, scene, target, (intrinsics, kept), &config, (method.name(), described), (outcome, None))
 }
 
 /// The cameras that are kept, and behind them poses at random in the region.
@@ -137,7 +136,7 @@ fn place(
     (intrinsics, kept): (Intrinsics, &[Camera]),
     candidates: &PhotoSet,
     (request, model, outside): (&Request, Option<&Model>, Outside<'_>),
-) -> Result<Option<Vec<Pose>>> {
+) -> Result<Vec<Pose>> {
     let (geometry, views) = (&scene.geometry, request.views as usize);
     let back = geometry.to_internal.inverse();
     let inward = request.preset == Preset::Object;
@@ -175,9 +174,13 @@ fn place(
             let name = request.method.name();
             return Err(Error::request(format!("--method {name} is the planner's; it is no baseline")));
         }
+        Method::Assigned | Method::Nearest => {
+            let name = request.method.name();
+            return Err(Error::request(format!("--method {name} chooses among photos; it places no cameras")));
+        }
         Method::Random => {
             let poses = baselines::random(&geometry.free, views, request.seed, inward);
-            return Ok(Some(poses.iter().map(|pose| back.pose(pose)).collect()));
+            return Ok(poses.iter().map(|pose| back.pose(pose)).collect());
         }
         Method::Fibonacci => {
             // Layouts differ by their rotation alone, so that each seed has its own.
@@ -186,7 +189,7 @@ fn place(
             let taken: Vec<DVec3> =
                 kept.iter().map(|camera| geometry.to_internal.point(camera.pose.position)).collect();
             let poses = baselines::left_beside(all, &taken);
-            return Ok(Some(poses.iter().map(settled).collect()));
+            return Ok(poses.iter().map(settled).collect());
         }
         Method::Grid | Method::Rings => {
             if inward {
@@ -196,7 +199,7 @@ fn place(
                 )));
             }
             let layout = if request.method == Method::Grid { baselines::grid } else { baselines::rings };
-            return Ok(Some(layout(&geometry.free, views).iter().map(settled).collect()));
+            return Ok(layout(&geometry.free, views).iter().map(settled).collect());
         }
         Method::Fvs => farthest(Distance::GreatCircle)?,
         Method::FvsChord => farthest(Distance::Chord)?,
@@ -211,15 +214,11 @@ fn place(
             let settings = (request.manifold.unwrap_or_default(), request.seed);
             let (model, cameras) = (model.ok_or_else(missing)?, (intrinsics, kept));
             let placed = manifold::place(context, &target.region, cameras, model, settings, views, outside.go_on)?;
-            let Some(poses) = placed else { return Ok(None) };
-            return Ok(Some(poses.iter().map(|pose| settled(&geometry.to_internal.pose(pose))).collect()));
+            return Ok(placed.iter().map(|pose| settled(&geometry.to_internal.pose(pose))).collect());
         }
         Method::FisherRetrain => {
             let settings = request.retraining.unwrap_or_default();
-            match retrained::fisher(context, &pool, &target.proxy, settings, outside.photograph)? {
-                Some(chosen) => chosen,
-                None => return Ok(None),
-            }
+            retrained::fisher(context, &pool, &target.proxy, settings, outside.photograph)?
         }
         method @ (Method::Fisher | Method::Cover) => {
             let what = "needs trained splats; give them with --model";
@@ -228,5 +227,5 @@ fn place(
             choose(context, &pool, model.ok_or_else(missing)?, request.model_based.unwrap_or_default())?
         }
     };
-    Ok(Some(chosen[kept.len()..].iter().map(|photo| candidates.photos[*photo].camera.pose).collect()))
+    Ok(chosen[kept.len()..].iter().map(|photo| candidates.photos[*photo].camera.pose).collect())
 }

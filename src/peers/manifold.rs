@@ -1,5 +1,5 @@
 //! Cameras on a sphere, one after another to where pictures differ most under a model's noise: view planning by manifold sampling
-//! (Lyu et al. 2024). The noise is [`crate::gaussians::manifold`]'s.
+//! (Lyu et al. 2024). The noise is [`crate::gaussians::uncertainty::manifold`]'s.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::ControlFlow;
@@ -8,10 +8,10 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::gaussians::frame::{Frame, View};
-use crate::gaussians::manifold::{MAX_PICTURES, MAX_VIEWS, Manifold};
-use crate::gaussians::rasterizer::Size;
+use crate::gaussians::render::frame::{Frame, View};
+use crate::gaussians::render::rasterizer::Size;
 use crate::gaussians::twin::optimise::adam;
+use crate::gaussians::uncertainty::manifold::{MAX_PICTURES, MAX_VIEWS, Manifold};
 use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::random;
@@ -226,7 +226,7 @@ impl Scene {
 /// Poses of `views` cameras on the sphere halfway through a shell, after those of `kept`, in the model's world. The noise of the model
 /// is learnt from the views so far, without which a few on Fibonacci points come first; then every camera goes where the
 /// spread is largest and counts as one more of these views. Views that are kept have the new cameras' lens here. Before each
-/// camera `go_on` says whether to; none where it was stopped.
+/// camera `go_on` says whether to.
 ///
 /// # Errors
 /// A region that is no shell, a model that the sphere does not show, or a device that fails or has not enough memory.
@@ -238,7 +238,7 @@ pub fn place(
     (settings, seed): (Settings, u64),
     views: usize,
     go_on: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<Option<Vec<Pose>>> {
+) -> Result<Vec<Pose>> {
     settings.validate()?;
     let sphere = Sphere::new(region)?;
     let intrinsics = intrinsics.shrunk(intrinsics.width.max(intrinsics.height).div_ceil(settings.side));
@@ -261,9 +261,7 @@ pub fn place(
         scene.learn(&known, None, settings.learn)?;
     }
     while placed.len() < views {
-        if go_on().is_break() {
-            return Ok(None);
-        }
+        Error::unless_stopped(go_on())?;
         let angles = scene.climb(&settings, seed, placed.len() as u32)?;
         let pose = scene.sphere.pose(angles);
         let view = scene.view(pose);
@@ -273,15 +271,15 @@ pub fn place(
         }
         known.push(view);
     }
-    Ok(Some(placed))
+    Ok(placed)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gaussians::layout::{self, HARMONICS};
-    use crate::gaussians::manifold::perturbation;
+    use crate::gaussians::render::layout::{self, HARMONICS};
     use crate::gaussians::twin;
+    use crate::gaussians::uncertainty::manifold::perturbation;
     use crate::scene::gaussians::Gaussians;
     use crate::vulkan::Options;
 

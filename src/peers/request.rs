@@ -3,82 +3,13 @@
 use serde::{Deserialize, Serialize};
 
 use super::manifold;
+use crate::methods::Method;
 use crate::plan::config::{Config, Gate, Objective, Preset};
 use crate::quality::viewers::Viewers;
-use crate::select::request::Method as Choosing;
 use crate::select::{acp, information, retrained};
 use crate::{Error, Result};
 
-/// How cameras are placed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum Method {
-    /// The planner
-    Ours,
-    /// The paper's objective without scores
-    OursNoVds,
-    /// The paper's objective without scores, one view after another
-    OursIterative,
-    /// The planner in two passes, the second on what the photographs of the first show too; of `evaluate` only
-    OursTwoPasses,
-    /// At random: looking in around an object, anywhere in a room
-    Random,
-    /// Evenly over the sphere around an object, as much of it as cameras can stand on, in a random rotation (spherical Fibonacci points)
-    Fibonacci,
-    /// In a room on an even grid at eye height, in four level directions a place
-    Grid,
-    /// In a room on three level rings along the walls, looking across
-    Rings,
-    /// Farthest view sampling by the angle between camera centres (NeRF Director)
-    Fvs,
-    /// Farthest view sampling by the distance between camera centres, or its square, which gives the same
-    #[value(alias = "fvs-square")]
-    FvsChord,
-    /// Farthest view sampling by angle and shared points (NeRF Director's photogrammetric distance)
-    FvsShared,
-    /// Greedy on points seen by one view, then by three
-    Coverage,
-    /// Greedy on the uniformity of view directions and the frequency at nodes of a grid (Kopanas and Drettakis)
-    Acp,
-    /// Greedy on the Fisher information about a trained model (FisherRF)
-    #[value(name = "fisherrf")]
-    #[serde(rename = "fisherrf")]
-    Fisher,
-    /// The same, with the model trained on photographs of the views chosen so far, and on with each; of `evaluate` and `select` only
-    #[value(name = "fisherrf-retrain")]
-    #[serde(rename = "fisherrf-retrain")]
-    FisherRetrain,
-    /// Greedy on what a trained model shows from directions not seen yet (COVER)
-    Cover,
-    /// One camera after another to where pictures of a trained model differ most under its noise (manifold sampling)
-    Manifold,
-}
-
 impl Method {
-    /// As on the command line and in the record: methods that choose among photos too have the same names there.
-    pub fn name(self) -> &'static str {
-        let choosing = match self {
-            Self::Ours => return crate::plan::job::OURS,
-            Self::OursNoVds => return "ours-no-vds",
-            Self::OursIterative => return "ours-iterative",
-            Self::OursTwoPasses => return "ours-two-passes",
-            Self::Manifold => return "manifold",
-            Self::Grid => return "grid",
-            Self::Rings => return "rings",
-            Self::Random => Choosing::Random,
-            Self::Fibonacci => Choosing::Fibonacci,
-            Self::Fvs => Choosing::Fvs,
-            Self::FvsChord => Choosing::FvsChord,
-            Self::FvsShared => Choosing::FvsShared,
-            Self::Coverage => Choosing::Coverage,
-            Self::Acp => Choosing::Acp,
-            Self::Fisher => Choosing::Fisher,
-            Self::FisherRetrain => Choosing::FisherRetrain,
-            Self::Cover => Choosing::Cover,
-        };
-        choosing.name()
-    }
-
     /// What it minimises, where it has only one objective: scores, and one view after another, are the paper's.
     pub fn objective(self) -> Option<Objective> {
         matches!(self, Self::OursNoVds | Self::OursIterative).then_some(Objective::Splat)
@@ -95,29 +26,18 @@ impl Method {
         }
     }
 
-    /// Whether it chooses by a model of the scene.
-    pub fn needs_model(self) -> bool {
-        matches!(self, Self::Fisher | Self::Cover | Self::Manifold)
-    }
-
-    /// Whether it takes photographs of the views that it chooses, while it chooses.
-    pub fn needs_photographs(self) -> bool {
-        matches!(self, Self::FisherRetrain | Self::OursTwoPasses)
-    }
-
     /// Candidates to choose `views` from where nothing is said; none where there is no choice.
     pub fn candidates(self, views: u32) -> Option<u32> {
         let usual = match self {
-            Self::Ours | Self::OursNoVds | Self::OursIterative | Self::OursTwoPasses => None,
-            Self::Random | Self::Fibonacci | Self::Grid | Self::Rings | Self::Manifold => None,
-            Self::Fvs | Self::FvsChord => Some(10_000),
+            Self::Fvs | Self::FvsChord => 10_000,
             // Counting shared points takes every pair.
-            Self::FvsShared | Self::Coverage => Some(2000),
-            Self::Acp => Some(1000),
+            Self::FvsShared | Self::Coverage => 2000,
+            Self::Acp => 1000,
             // Few, since each takes a look at a model; as many as there are views would leave no choice.
-            Self::Fisher | Self::FisherRetrain | Self::Cover => Some(views.saturating_mul(3).max(300)),
+            Self::Fisher | Self::FisherRetrain | Self::Cover => views.saturating_mul(3).max(300),
+            _ => return None,
         };
-        usual.map(|usual| usual.max(views))
+        Some(usual.max(views))
     }
 }
 
@@ -211,8 +131,6 @@ impl Request {
 
 #[cfg(test)]
 mod tests {
-    use clap::ValueEnum;
-
     use super::*;
 
     /// If this failed, a method that looks at a model would take all of its candidates, as good as at random, or another would have
@@ -225,19 +143,5 @@ mod tests {
         }
         assert_eq!([300, 20_000].map(|views| of(Method::Fvs, views)), [Some(10_000), Some(20_000)]);
         assert_eq!(of(Method::Random, 300), None);
-    }
-
-    /// If this failed, a method would have one name on the command line and another in tables or records.
-    #[test]
-    fn a_method_has_one_name_everywhere() {
-        fn names<M: ValueEnum + Serialize + Copy>(name: fn(M) -> &'static str) {
-            for method in M::value_variants() {
-                let on_the_command_line = method.to_possible_value().map(|value| value.get_name().to_owned());
-                assert_eq!(on_the_command_line.as_deref(), Some(name(*method)));
-                assert_eq!(serde_json::to_value(method).unwrap(), name(*method));
-            }
-        }
-        names(Method::name);
-        names(Choosing::name);
     }
 }

@@ -62,8 +62,10 @@ pub fn run(
                 outcome.kept += 1;
                 outcome.pictures += 1;
             } else {
-                let taken = tracer.photograph(camera, number, exposure, || observe(None))?;
-                let Some(taken) = taken else { break };
+                let taken = match tracer.photograph(camera, number, exposure, || observe(None)) {
+                    Err(Error::Interrupted) => break,
+                    taken => taken?,
+                };
                 let hits = (record.depth || record.normals).then(|| tracer.first_hits(camera, None)).transpose()?;
                 let is_empty = taken.pixels.iter().all(|pixel| pixel[3] == 0.0);
                 outcome.empty += u32::from(is_empty);

@@ -141,18 +141,17 @@ impl Tracer {
         &self.assembly
     }
 
-    /// Takes a photograph; `number` is that of the camera among its own, and keys its random numbers. None where `go_on`,
-    /// which is asked between submissions, says to stop.
+    /// Takes a photograph; `number` is that of the camera among its own, and keys its random numbers.
     ///
     /// # Errors
-    /// Where the picture is larger than announced, or the device fails.
+    /// Where the picture is larger than announced, the device fails, or `go_on`, which is asked between submissions, says to stop.
     pub fn photograph(
         &self,
         camera: &Camera,
         number: u32,
         exposure: Exposure,
         mut go_on: impl FnMut() -> ControlFlow<()>,
-    ) -> Result<Option<Photograph>> {
+    ) -> Result<Photograph> {
         let pixels = self.check(&camera.intrinsics)?;
         let on_cpu = self.context.physical().kind == "CPU";
         let first_paths = if on_cpu { CPU_PATHS } else { GPU_PATHS };
@@ -163,9 +162,7 @@ impl Tracer {
             let count = part.min(pixels - first);
             let mut sample = 0;
             while sample < exposure.samples {
-                if go_on().is_break() {
-                    return Ok(None);
-                }
+                Error::unless_stopped(go_on())?;
                 let begun = Instant::now();
                 let mut commands = Recorder::new(&self.context)?;
                 let last = exposure.samples.min(sample.saturating_add(per_submission));
@@ -187,7 +184,7 @@ impl Tracer {
         let sums: Vec<[f32; 4]> = self.exposure.download(pixels as usize)?;
         let mean = |sum: [f32; 4]| sum.map(|v| v / exposure.samples as f32);
         let pixels = sums.into_iter().map(mean).collect();
-        Ok(Some(Photograph { width: camera.intrinsics.width, pixels }))
+        Ok(Photograph { width: camera.intrinsics.width, pixels })
     }
 
     /// Records `samples` of a part of a picture, each a first one and a count, for who submits and times it himself.

@@ -7,8 +7,9 @@ use std::fmt::Write;
 use glam::DVec3;
 
 use super::text::{address, escape, number};
+use crate::evaluate::competitor::Competitor;
 use crate::evaluate::job::Outcome;
-use crate::evaluate::request::{Method, Request};
+use crate::evaluate::request::Request;
 use crate::evaluate::results::{Entry, Interval, Row, measured};
 use crate::evaluate::table::{DECIMALS, apart, cell, description};
 
@@ -105,7 +106,7 @@ fn with_code(text: &str) -> String {
 }
 
 /// A method's name in a chart: of a long one the end, which tells files apart.
-fn label_of(method: Method) -> String {
+fn label_of(method: &Competitor) -> String {
     let name = method.name();
     match name.chars().count().checked_sub(LABEL) {
         None | Some(0) => escape(name),
@@ -128,7 +129,7 @@ fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
 
 /// A metric of each method at the only number of views: a line of its own with mean and interval; empty where it was not measured.
 fn intervals(rows: &[&Row], metric: usize, name: &str) -> String {
-    let measured: Vec<_> = rows.iter().filter_map(|row| Some((row.method, over_sets(row, metric)?))).collect();
+    let measured: Vec<_> = rows.iter().filter_map(|row| Some((&row.method, over_sets(row, metric)?))).collect();
     if measured.is_empty() {
         return String::new();
     }
@@ -170,7 +171,7 @@ fn curves(rows: &[&Row], metric: usize, name: &str) -> String {
     }
     let (left, right) = span(rows.iter().map(|row| f64::from(row.views)));
     let (low, high) = span(values.into_iter());
-    let methods = in_order(rows.iter().map(|row| row.method));
+    let methods = in_order(rows.iter().map(|row| &row.method));
     let [width, height] = [CHART[0] + NAMES, CHART[1].max(LINE * methods.len() as f64)];
     let x = |views: u32| MARGIN + (CHART[0] - 2.0 * MARGIN) * (f64::from(views) - left) / (right - left);
     let y = |value: f64| height - MARGIN - (height - 2.0 * MARGIN) * (value - low) / (high - low);
@@ -190,7 +191,7 @@ fn curves(rows: &[&Row], metric: usize, name: &str) -> String {
         let colour = COLOURS[i % COLOURS.len()];
         // Colours that come again have broken lines.
         let dashes = 3 * (i / COLOURS.len());
-        let own = rows.iter().filter(|row| row.method == method).filter_map(|row| Some((row.views, value(row)?)));
+        let own = rows.iter().filter(|row| &row.method == method).filter_map(|row| Some((row.views, value(row)?)));
         let mut own: Vec<(u32, Interval)> = own.collect();
         own.sort_by_key(|(views, _)| *views);
         let line: Vec<String> = own.iter().map(|(views, v)| format!("{:.1},{:.1}", x(*views), y(v.mean))).collect();
@@ -266,11 +267,12 @@ pub(super) fn pictures(scene: &str, entries: &[&Entry], sets: &[&str]) -> String
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evaluate::competitor::Given;
     use crate::evaluate::kind::Kind;
-    use crate::evaluate::request::{Given, Settings, Shown};
+    use crate::evaluate::settings::{Settings, Shown};
     use crate::evaluate::situation::Situation;
-    use crate::gaussians::record::Quality;
-    use crate::peers::request::Method as Placing;
+    use crate::gaussians::run::record::Quality;
+    use crate::methods::Method;
     use crate::quality::viewers::Viewers;
     use crate::scene::limits::Limits;
 
@@ -281,7 +283,7 @@ mod tests {
         let given = Given { name: name.into(), poses: Vec::new(), notes: Vec::new() };
         let entry = Entry {
             scene: "cup".into(),
-            method: Method::Given(Box::leak(Box::new(given))),
+            method: Competitor::Cameras(std::sync::Arc::new(given)),
             views: 4,
             seed: 0,
             seconds: 0.0,
@@ -293,7 +295,7 @@ mod tests {
         };
         let request = Request {
             kind: Kind::Object,
-            methods: vec![entry.method],
+            methods: vec![entry.method.clone()],
             budgets: vec![4],
             seeds: 1,
             first_seed: 0,
@@ -328,7 +330,7 @@ mod tests {
         };
         let request = |budgets: &[u32]| Request {
             kind: Kind::Object,
-            methods: vec![Method::Plan(Placing::Ours), Method::Plan(Placing::OursNoVds)],
+            methods: vec![Competitor::Method(Method::Ours), Competitor::Method(Method::OursNoVds)],
             budgets: budgets.to_vec(),
             seeds: 1,
             first_seed: 3,
@@ -337,9 +339,9 @@ mod tests {
             situation: Situation::Free,
             limits: Limits::default(),
         };
-        let entries: Vec<Entry> = [Method::Plan(Placing::Ours), Method::Plan(Placing::OursNoVds)]
+        let entries: Vec<Entry> = [Competitor::Method(Method::Ours), Competitor::Method(Method::OursNoVds)]
             .into_iter()
-            .flat_map(|m| [entry(m, 10), entry(m, 20)])
+            .flat_map(|m| [entry(m.clone(), 10), entry(m, 20)])
             .collect();
         let page = html(&request(&[10, 20]), &Outcome::new(Kind::Object, entries.clone(), 5));
         assert_eq!(page.matches("<polyline").count(), 4, "LPIPS was not measured");

@@ -12,7 +12,7 @@ use crate::Result;
 use crate::evaluate::results::measured;
 use crate::evaluate::tour::{METHODS, Step, Tour};
 use crate::io::folder::{OutputFolder, write_files};
-use crate::peers::request::Method as Placing;
+use crate::methods::Method;
 
 /// Where the plan's own folder lies in the scene's folder.
 const PLAN: &str = "plan";
@@ -42,8 +42,8 @@ fn html(tour: &Tour, plans: &[(&str, &str)]) -> String {
     page += "<h2>What was photographed</h2>\n<div class=\"side\">\n";
     for (placing, photos) in METHODS.iter().zip(&tour.photos) {
         let title = match placing {
-            Placing::Ours => "planned",
-            Placing::Grid => "on a grid at eye height",
+            Method::Ours => "planned",
+            Method::Grid => "on a grid at eye height",
             _ => "at random",
         };
         let _ = writeln!(page, "<div><h3>{title}</h3><div class=\"small\">{}</div></div>", gallery(&tour.name, photos));

@@ -9,7 +9,7 @@ pub use super::pictures::Comparison;
 use super::pictures::{GAIN, shown};
 use super::text::{duration, escape, fill, grouped, number, telling_name};
 use crate::gaussians::config::{Background, Config, Strategy};
-use crate::gaussians::record::{CurvePoint, Evaluation, Quality, Status, TrainRecord};
+use crate::gaussians::run::record::{CurvePoint, Evaluation, Quality, Status, TrainRecord};
 use crate::{Error, Result};
 
 /// Seconds after which the page of a running run reloads itself.

@@ -4,8 +4,8 @@ use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
 use crate::Result;
-use crate::gaussians::cover::Cover;
-use crate::gaussians::fisher::Fisher;
+use crate::gaussians::uncertainty::cover::Cover;
+use crate::gaussians::uncertainty::fisher::Fisher;
 
 /// What is known from views that have been taken. The more is known, the less a view is worth.
 pub trait Knowledge {

@@ -12,10 +12,11 @@ use super::farthest::Distance;
 use super::information::{self, Model};
 use super::interchange::refine;
 use super::objective::Objective;
-use super::request::{Method, Request};
+use super::request::Request;
 use super::retrained;
 use super::score::SubsetScorer;
 use super::sight::Survey;
+use crate::methods::Method;
 use crate::metrics::score_point::aggregate;
 use crate::metrics::{Metrics, PointMetrics};
 use crate::photos::PhotoSet;
@@ -232,7 +233,7 @@ impl<'a> Prospect<'a> {
         };
         let start = Instant::now();
         let kept: Vec<Camera> = request.include.iter().map(|photo| self.set.photos[*photo].camera.clone()).collect();
-        let needs_plan = matches!(request.method, Method::Swap | Method::Assigned | Method::Nearest);
+        let needs_plan = matches!(request.method, Method::Ours | Method::Assigned | Method::Nearest);
         let [viewers, judges] = self.viewers();
         let planned = if needs_plan || with_controls {
             self.plan(request.count - request.include.len(), &kept, viewers.clone())?
@@ -254,13 +255,13 @@ impl<'a> Prospect<'a> {
             ));
         }
         let (mut subset, mut errors_db) = match request.method {
-            Method::Swap => swap(&pool, &plain, &simple, sharpness),
+            Method::Ours => swap(&pool, &plain, &simple, sharpness),
             method => (self.by(method, &pool, &planned)?, Vec::new()),
         };
         let mut expectation = judge.expect(&self.cameras(&subset))?;
         // Judged by viewers that no swap was made for; what is bought with sharpness is not seen by them.
         let better = |best: &&Simple| sharpness.is_none() && best.expectation.error_db < expectation.error_db;
-        if let Some(best) = simple.first().filter(|_| request.method == Method::Swap).filter(better) {
+        if let Some(best) = simple.first().filter(|_| request.method == Method::Ours).filter(better) {
             (subset, expectation, errors_db) = (best.subset.clone(), best.expectation.clone(), vec![0.0]);
         }
         let others = simple.iter().find(|one| one.method != request.method);
@@ -339,7 +340,7 @@ impl<'a> Prospect<'a> {
         };
         match method {
             // What swaps begin with.
-            Method::Swap | Method::Assigned => Ok(pool.assigned(planned)),
+            Method::Ours | Method::Assigned => Ok(pool.assigned(planned)),
             Method::Nearest => Ok(pool.nearest(planned)),
             Method::Random => Ok(pool.random()),
             Method::Fibonacci => {
@@ -353,10 +354,7 @@ impl<'a> Prospect<'a> {
             Method::Acp => acp::choose(pool, acp::Settings::default(), None),
             Method::FisherRetrain => {
                 let settings = self.request.retraining.unwrap_or_default();
-                let taken = retrained::fisher(&self.context, pool, &self.target.proxy, settings, &mut |photo| {
-                    Ok(Some(photo.clone()))
-                })?;
-                Ok(taken.unwrap_or_default())
+                retrained::fisher(&self.context, pool, &self.target.proxy, settings, &mut |photo| Ok(photo.clone()))
             }
             Method::Fisher | Method::Cover => {
                 let missing = || {
@@ -365,6 +363,15 @@ impl<'a> Prospect<'a> {
                 let model = self.model.as_ref().ok_or_else(missing)?;
                 let choose = if method == Method::Fisher { information::fisher } else { information::cover };
                 choose(&self.context, pool, model, information::Settings::default())
+            }
+            Method::OursNoVds
+            | Method::OursIterative
+            | Method::OursTwoPasses
+            | Method::Grid
+            | Method::Rings
+            | Method::Manifold => {
+                let name = method.name();
+                Err(Error::request(format!("--method {name} places cameras; it chooses no photos")))
             }
         }
     }

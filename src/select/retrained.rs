@@ -9,12 +9,12 @@ use serde::{Deserialize, Serialize};
 use super::controls::Pool;
 use super::information;
 use crate::gaussians::config::{Background, Config, Strategy};
-use crate::gaussians::fisher::Fisher;
-use crate::gaussians::frame::Frame;
-use crate::gaussians::pictures;
-use crate::gaussians::start;
-use crate::gaussians::store::PhotoStore;
-use crate::gaussians::trainer::Trainer;
+use crate::gaussians::data::pictures;
+use crate::gaussians::data::start;
+use crate::gaussians::data::store::PhotoStore;
+use crate::gaussians::render::frame::Frame;
+use crate::gaussians::train::trainer::Trainer;
+use crate::gaussians::uncertainty::fisher::Fisher;
 use crate::photos::{Photo, PhotoSet};
 use crate::scene::proxy::Proxy;
 use crate::scene::surface::Points;
@@ -29,7 +29,7 @@ const POINT_STREAM: u32 = 0x5045_0002;
 const MAX_ITERATIONS: u32 = 10_000_000;
 
 /// Takes a photograph: the photo that is given, with an image; none where the user wants to stop.
-pub type Photograph<'p> = &'p mut dyn FnMut(&Photo) -> Result<Option<Photo>>;
+pub type Photograph<'p> = &'p mut dyn FnMut(&Photo) -> Result<Photo>;
 
 /// How to train and to choose.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -97,7 +97,7 @@ impl Settings {
 
 /// After the photos that are chosen in any case, or else a few by farthest view sampling, always the one whose Fisher
 /// information about the model is largest beside that of those chosen; the model is trained on these, from points of the
-/// surface on, with `every` iterations for each of them before the next is chosen. None where `photograph` was stopped.
+/// surface on, with `every` iterations for each of them before the next is chosen.
 ///
 /// # Errors
 /// A photo that cannot be taken or read, or a device that fails or has not enough memory.
@@ -107,12 +107,12 @@ pub fn fisher(
     proxy: &Proxy,
     settings: Settings,
     photograph: Photograph<'_>,
-) -> Result<Option<Vec<usize>>> {
+) -> Result<Vec<usize>> {
     settings.validate()?;
     let mut chosen = information::beginning(pool, settings.first);
     let iterations = settings.iterations(chosen.len() as u32, pool.count as u32);
     if iterations == 0 {
-        return Ok(Some(chosen));
+        return Ok(chosen);
     }
     if iterations > MAX_ITERATIONS {
         let (every, count) = (settings.every, pool.count);
@@ -125,9 +125,7 @@ pub fn fisher(
     let mut trainer = trainer(context, pool, proxy, config, settings.shrink)?;
     let mut fisher = Fisher::of_training(context, &trainer, settings.lambda)?;
     for view in &chosen {
-        if !add(&mut trainer, pool, *view, settings.shrink, photograph)? {
-            return Ok(None);
-        }
+        add(&mut trainer, pool, *view, settings.shrink, photograph)?;
     }
     loop {
         let until = trainer.done() + settings.every * chosen.len() as u32;
@@ -144,14 +142,12 @@ pub fn fisher(
                 best = Some((view, worth));
             }
         }
-        let Some((view, _)) = best else { return Ok(Some(chosen)) };
+        let Some((view, _)) = best else { return Ok(chosen) };
         chosen.push(view);
         if chosen.len() == pool.count {
-            return Ok(Some(chosen));
+            return Ok(chosen);
         }
-        if !add(&mut trainer, pool, view, settings.shrink, photograph)? {
-            return Ok(None);
-        }
+        add(&mut trainer, pool, view, settings.shrink, photograph)?;
     }
 }
 
@@ -177,14 +173,14 @@ fn trainer(context: &Arc<Context>, pool: &Pool<'_>, proxy: &Proxy, config: Confi
     Trainer::new(context, config, &start, views, store)
 }
 
-/// Takes a photograph and trains on it from now on; false where the user wants to stop.
-fn add(trainer: &mut Trainer, pool: &Pool<'_>, view: usize, shrink: u32, photograph: Photograph<'_>) -> Result<bool> {
-    let Some(photo) = photograph(&pool.set.photos[view])? else { return Ok(false) };
+/// Takes a photograph and trains on it from now on.
+fn add(trainer: &mut Trainer, pool: &Pool<'_>, view: usize, shrink: u32, photograph: Photograph<'_>) -> Result<()> {
+    let photo = photograph(&pool.set.photos[view])?;
     let settings = pictures::Settings { shrink, ..pictures::Settings::default() };
     for picture in pictures::pictures(&[photo], &settings)? {
         trainer.add_photo(view as u32, &picture?.pixels)?;
     }
-    Ok(true)
+    Ok(())
 }
 
 #[cfg(test)]

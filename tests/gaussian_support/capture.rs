@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use camsplat::gaussians::frame::Frame;
+use camsplat::gaussians::render::frame::Frame;
 use camsplat::gaussians::twin;
 use camsplat::io;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};

@@ -6,12 +6,12 @@ pub mod capture;
 use std::sync::Arc;
 
 use camsplat::Result;
-use camsplat::gaussians::frame::View;
-use camsplat::gaussians::layout::{self, PassPush};
-use camsplat::gaussians::loss::{Ledger, Loss, Record};
-use camsplat::gaussians::rasterizer::{Model, Rasterizer, Size, Sizes, Wanted};
+use camsplat::gaussians::render::frame::View;
+use camsplat::gaussians::render::layout::{self, PassPush};
+use camsplat::gaussians::render::rasterizer::{Model, Rasterizer, Size, Sizes, Wanted};
+use camsplat::gaussians::train::loss::{Ledger, Loss, Record};
+use camsplat::gaussians::train::update::{Moments, Update, UpdatePush};
 use camsplat::gaussians::twin;
-use camsplat::gaussians::update::{Moments, Update, UpdatePush};
 use camsplat::scene::gaussians::{Gaussians, coefficients};
 use camsplat::scene::random;
 use camsplat::vulkan::{Buffer, Context, Options, Recorder};

@@ -53,9 +53,7 @@ uvec2 tiles_of(View view) {
     return (uvec2(view.width, view.height) + TILE - 1) / TILE;
 }
 
-float sigmoid(float x) {
-    return 1.0 / (1.0 + exp(-x));
-}
+#include "shared/sigmoid.glsl"
 
 // Rotation matrix of a unit quaternion (w, x, y, z).
 mat3 rotation_of(vec4 q) {

@@ -1,4 +1,4 @@
-// Perturbations of parameters, for manifold sampling. Twin: `perturbation` in src/gaussians/manifold.rs. Needs random.glsl.
+// Perturbations of parameters, for manifold sampling. Twin: `perturbation` in src/gaussians/uncertainty/manifold.rs. Needs random.glsl.
 
 const uint PERTURBATION_STREAM = 0x4d530000u;
 

@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Manifold sampling, 3: a step of Adam for the noise of every parameter: less where the perturbed picture suffers from it, more
 // by the reward, never less than none.
+#include "shared/adam.glsl"
 #include "shared/group.glsl"
 #include "shared/random.glsl"
 #include "gaussians/noise.glsl"
@@ -51,9 +52,10 @@ void main() {
     uint i = group_index() * 256 + gl_LocalInvocationIndex;
     if (i >= count) return;
     float gradient = 10.0 * tenths[i] * perturbation(seed, i, draw) - reward, rate = rate_of(i / stride);
-    float m = mix(gradient, means[i], 0.9), v = mix(gradient * gradient, squares[i], 0.999);
+    float m = means[i], v = squares[i];
+    adam_means(gradient, m, v);
     means[i] = m;
     squares[i] = v;
-    float moved = scales[i] - rate * m * first_correction / (sqrt(v * second_correction) + 1e-15);
+    float moved = scales[i] - adam_step(rate, m, v, vec2(first_correction, second_correction), 1e-15);
     scales[i] = clamp(moved, 0.0, most * rate);
 }

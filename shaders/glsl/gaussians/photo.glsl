@@ -1,6 +1,6 @@
 // What the loss's stages share: photos as they are stored, and the window of SSIM. Included after the workgroup's size.
 
-// A pixel that the photo does not show; `UNKNOWN` in gaussians/pictures.rs.
+// A pixel that the photo does not show; `UNKNOWN` in gaussians/data/undistort.rs.
 const uint UNKNOWN = 0x00ffffffu;
 
 // Colour of a stored pixel (8 bits each of red, green, blue and straight alpha, red lowest) over a background.

@@ -3,6 +3,8 @@
 #extension GL_EXT_control_flow_attributes : require
 // Gaussian splatting, 7: every Gaussian sums what its instances say, in order, carries it back through the projection to its
 // parameters, and takes a step of Adam. The exploration noise of 3DGS-MCMC (Kheradmand et al. 2024) follows at once.
+#include "shared/adam.glsl"
+#include "shared/fold.glsl"
 #include "shared/group.glsl"
 #include "shared/random.glsl"
 #include "gaussians/harmonics.glsl"
@@ -79,9 +81,8 @@ void adam(uint plane, uint count, uint i, float gradients[TOGETHER], float rates
     }
     [[unroll]] for (uint k = 0; k < TOGETHER; ++k) {
         if (k < count) {
-            m[k] = mix(gradients[k], m[k], 0.9);
-            v[k] = mix(gradients[k] * gradients[k], v[k], 0.999);
-            values[k] -= rates[k] * m[k] * first_correction / (sqrt(v[k] * second_correction) + 1e-15);
+            adam_means(gradients[k], m[k], v[k]);
+            values[k] -= adam_step(rates[k], m[k], v[k], vec2(first_correction, second_correction), 1e-15);
             first[at(plane + k, i)] = m[k];
             second[at(plane + k, i)] = v[k];
             parameters[at(plane + k, i)] = values[k];
@@ -113,12 +114,7 @@ float[SUMS] gathered(uvec2 run) {
             [[unroll]] for (uint c = 0; c < SUMS; ++c) part[c] += partials[SUMS * (large[slot].x + k) + c];
         }
         [[unroll]] for (uint c = 0; c < SUMS; ++c) parts[c][thread] = part[c];
-        for (uint half_ = 32; half_ > 0; half_ >>= 1) {
-            barrier();
-            if (thread < half_) {
-                [[unroll]] for (uint c = 0; c < SUMS; ++c) parts[c][thread] += parts[c][thread + half_];
-            }
-        }
+        FOLD(thread, 64, [[unroll]] for (uint c = 0; c < SUMS; ++c) parts[c][thread] += parts[c][thread + apart]);
         barrier();
         if (thread == owner[slot]) {
             [[unroll]] for (uint c = 0; c < SUMS; ++c) sum[c] = parts[c][0];
@@ -278,6 +274,6 @@ void main() {
     vec3 normal = normal3(pcg4d(uvec4(seed, NOISE_STREAM + iteration, i)));
     mat3 turned = rotation_of(normalize(q));
     vec3 step = turned * (scale * scale * (transpose(turned) * normal));
-    float faint = 1.0 / (1.0 + exp(100.0 * (opacity - 0.005)));
+    float faint = sigmoid(-100.0 * (opacity - 0.005));
     [[unroll]] for (uint c = 0; c < 3; ++c) parameters[at(CENTRE + c, i)] = centre[c] + noise * faint * step[c];
 }

@@ -3,6 +3,7 @@
 // Loss, 3: the sums of all tiles, in fixed order, into the history that the host reads. Where the iteration had less room than
 // its instances needed, or its loss is no number, nothing that outlives an iteration is written from here on: the host
 // finds everything as it was before.
+#include "shared/fold.glsl"
 #include "gaussians/gaussian.glsl"
 #include "gaussians/frame.glsl"
 layout(local_size_x = 256) in;
@@ -37,10 +38,7 @@ void main() {
     vec4 sum = vec4(0.0);
     for (uint tile = thread; tile < count; tile += 256) sum += tile_losses[tile];
     sums[thread] = sum;
-    for (uint half_ = 128; half_ > 0; half_ >>= 1) {
-        barrier();
-        if (thread < half_) sums[thread] += sums[thread + half_];
-    }
+    FOLD(thread, 256, sums[thread] += sums[thread + apart]);
     if (thread != 0 || control[0] != 0) return;
     vec3 means = sums[0].xyz / float(3 * camera.width * camera.height);
     bool crowded = counts[0] > room, finite = !(any(isnan(means)) || any(isinf(means)));

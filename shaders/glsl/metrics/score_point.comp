@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Held-out metrics: a workgroup per surface point. Which cameras see the point (hard gate, exact
 // occlusion), and from its reachable directions how far the nearest of them is. Twin: src/metrics/score_point.rs.
+#include "shared/fold.glsl"
 #include "shared/octahedral.glsl"
 #include "shared/bvh.glsl"
 #include "shared/probe.glsl"
@@ -62,10 +63,7 @@ vec2 total_of(vec2 value) {
     uint thread = gl_LocalInvocationIndex;
     barrier();
     sums[thread] = value;
-    for (uint half_ = 128; half_ > 0; half_ >>= 1) {
-        barrier();
-        if (thread < half_) sums[thread] += sums[thread + half_];
-    }
+    FOLD(thread, 256, sums[thread] += sums[thread + apart]);
     barrier();
     return sums[0];
 }
@@ -74,10 +72,7 @@ float maximum_of(float value) {
     uint thread = gl_LocalInvocationIndex;
     barrier();
     sums[thread].x = value;
-    for (uint half_ = 128; half_ > 0; half_ >>= 1) {
-        barrier();
-        if (thread < half_) sums[thread].x = max(sums[thread].x, sums[thread + half_].x);
-    }
+    FOLD(thread, 256, sums[thread].x = max(sums[thread].x, sums[thread + apart].x));
     barrier();
     return sums[0].x;
 }

@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Binned pass, 7 of 9: a workgroup per tile of a probe sums, instance by instance, over the residuals of its texels. Each
 // instance has its own place to write to, so no order of execution can show.
+#include "shared/fold.glsl"
 #include "plan/plan.glsl"
 #include "plan/bin.glsl"
 layout(local_size_x = 64) in;
@@ -76,13 +77,7 @@ void main() {
         barrier();
         sums[thread] = vec4(moment, total);
         more_sums[thread] = vec2(by_scale, utility);
-        for (uint half_ = lanes >> 1; half_ > 0; half_ >>= 1) {
-            barrier();
-            if (lane < half_) {
-                sums[thread] += sums[thread + half_];
-                more_sums[thread] += more_sums[thread + half_];
-            }
-        }
+        FOLD(lane, lanes, sums[thread] += sums[thread + apart]; more_sums[thread] += more_sums[thread + apart]);
         if (lane == 0 && rank < count) {
             instance_sums[instance] = InstanceSum(sums[thread].xyz, sums[thread].w, more_sums[thread].x, more_sums[thread].y, 0, 0);
         }

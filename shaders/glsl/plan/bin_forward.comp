@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Binned pass, 6 of 9: a workgroup per tile of a probe composites its instances front to back, a texel to a thread.
 // The loop over instances takes four at a time: lavapipe ends an invocation's loops after 65,535 iterations.
+#include "shared/fold.glsl"
 #include "plan/plan.glsl"
 #include "plan/bin.glsl"
 layout(local_size_x = 64) in;
@@ -68,9 +69,6 @@ void main() {
         deficit[probe * TEXELS + texel] = counts ? lack * lack : 0.0;
     }
     sums[thread] = counts ? vec4(difference * difference, lack * lack, 1.0, 0.0) : vec4(0.0);
-    for (uint half_ = 32; half_ > 0; half_ >>= 1) {
-        barrier();
-        if (thread < half_) sums[thread] += sums[thread + half_];
-    }
+    FOLD(thread, 64, sums[thread] += sums[thread + apart]);
     if (thread == 0) tile_sums[probe * TILES + tile] = sums[0];
 }

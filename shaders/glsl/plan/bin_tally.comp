@@ -1,6 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 // Binned pass, 9 of 9: a workgroup per probe sums its tiles and its splats, as the dense pass does at its end.
+#include "shared/fold.glsl"
 #include "plan/plan.glsl"
 #include "plan/bin.glsl"
 layout(local_size_x = 256) in;
@@ -31,10 +32,7 @@ void main() {
         if (slot != NONE) sum.w += partials[slot].log_scale;
     }
     sums[thread] = sum;
-    for (uint half_ = 128; half_ > 0; half_ >>= 1) {
-        barrier();
-        if (thread < half_) sums[thread] += sums[thread + half_];
-    }
+    FOLD(thread, 256, sums[thread] += sums[thread + apart]);
     if (thread != 0) return;
     sum = sums[0];
     uint index = (control[0].iteration * s.probes + probe) % s.pool;

@@ -7,6 +7,7 @@
 //
 // An invocation's loops come to about 8 iterations a visible splat, far from the 65,535 at which
 // lavapipe ends them; `Planner` keeps larger problems away from this stage.
+#include "shared/fold.glsl"
 #include "plan/plan.glsl"
 layout(local_size_x_id = 6) in;
 layout(constant_id = 6) const uint THREADS = 256;  // a power of two from 64 to 1024
@@ -82,10 +83,7 @@ vec4 total_of(vec4 value) {
     uint thread = gl_LocalInvocationIndex;
     barrier();
     sums[thread] = value;
-    for (uint half_ = THREADS / 2; half_ > 0; half_ >>= 1) {
-        barrier();
-        if (thread < half_) sums[thread] += sums[thread + half_];
-    }
+    FOLD(thread, THREADS, sums[thread] += sums[thread + apart]);
     barrier();
     return sums[0];
 }
@@ -195,13 +193,7 @@ void main() {
         }
         sums[thread] = vec4(moment, total);
         more_sums[thread] = vec2(by_scale, utility);
-        for (uint half_ = lanes >> 1; half_ > 0; half_ >>= 1) {
-            barrier();
-            if (lane < half_) {
-                sums[thread] += sums[thread + half_];
-                more_sums[thread] += more_sums[thread + half_];
-            }
-        }
+        FOLD(lane, lanes, sums[thread] += sums[thread + apart]; more_sums[thread] += more_sums[thread + apart]);
         barrier();
         if (lane == 0 && rank < count) {
             Gradient grad = splat_gradient(n, d, g, sums[thread].xyz, sums[thread].w, inverse);

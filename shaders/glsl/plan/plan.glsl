@@ -128,9 +128,7 @@ float texel_weight(Probe probe, Settings s) {
     return s.equal != 0 ? share / max(probe.sky, 1.0 / float(TEXELS)) : share;
 }
 
-float sigmoid(float x) {
-    return 1.0 / (1.0 + exp(-x));
-}
+#include "shared/sigmoid.glsl"
 
 // Does a camera see what lies along unit direction `v` from it?
 Gate gate(vec3 v, Splat camera, Settings s) {

@@ -41,22 +41,15 @@ void tally(Settings s, Control c, uint thread) {
     for (uint j = thread; j < c.live; j += GROUP) sum.yz += vec2(terms[j].reg, terms[j].bound);
     sums[thread] = sum;
     most[thread] = seen;
-    for (uint half_ = GROUP / 2; half_ > 0; half_ >>= 1) {
-        barrier();
-        if (thread < half_) {
-            sums[thread] += sums[thread + half_];
-            most[thread] = max(most[thread], most[thread + half_]);
-        }
-    }
+    FOLD(thread, GROUP, sums[thread] += sums[thread + apart]; most[thread] = max(most[thread], most[thread + apart]));
     if (thread != 0) return;
     history[c.iteration] = Record(sums[0].x, sums[0].y, sums[0].z, c.log_scale);
 
     if (OBJECTIVE == 0 && s.lr_scale > 0.0) {
         float gradient = sums[0].w + 2.0 * s.lambda_scale * exp(2.0 * c.log_scale);
-        c.scale_mean = mix(gradient, c.scale_mean, 0.9);
-        c.scale_square = mix(gradient * gradient, c.scale_square, 0.999);
-        float m = c.scale_mean / (1.0 - pow(0.9, float(c.step)));
-        float v = c.scale_square / (1.0 - pow(0.999, float(c.step)));
+        adam_means(gradient, c.scale_mean, c.scale_square);
+        vec2 corrections = adam_corrections(c.step);
+        float m = c.scale_mean / corrections.x, v = c.scale_square / corrections.y;
         c.log_scale = max(c.log_scale - s.lr_scale * c.rate * m / (sqrt(v) + 1e-10), log(s.scale_floor));
     }
     c.iteration += 1;

@@ -4,6 +4,8 @@
 // region's pull, and takes one Adam step (Kingma and Ba 2015). The last workgroup ends the iteration (plan/tally.glsl).
 // Twins: src/plan/update.rs (regulariser and step), src/plan/dense.rs (the sums) and src/visibility/device_scene.rs (the
 // region).
+#include "shared/adam.glsl"
+#include "shared/fold.glsl"
 #include "shared/octahedral.glsl"
 #include "plan/plan.glsl"
 layout(local_size_x = 64) in;
@@ -30,12 +32,10 @@ shared vec4 more_sums[GROUP];
 
 #include "plan/tally.glsl"
 
-void adam(inout vec3 mean, inout vec3 square, vec3 gradient, uint step, out vec3 change) {
-    mean = mix(gradient, mean, 0.9);
-    square = mix(gradient * gradient, square, 0.999);
-    vec3 m = mean / (1.0 - pow(0.9, float(step)));
-    vec3 v = square / (1.0 - pow(0.999, float(step)));
-    change = m / (sqrt(v) + 1e-10);
+vec3 adam(vec3 gradient, inout vec3 mean, inout vec3 square, uint steps) {
+    adam_means(gradient, mean, square);
+    vec2 corrections = adam_corrections(steps);
+    return (mean / corrections.x) / (sqrt(square / corrections.y) + 1e-10);
 }
 
 // w_i: mean squared deficit over the probe's reachable directions.
@@ -91,13 +91,7 @@ void update(uint j, Settings s, Control c, uint thread) {
     }
     sums[thread] = vec4(sum.centre, reg);
     more_sums[thread] = vec4(sum.direction, sum.utility);
-    for (uint half_ = GROUP / 2; half_ > 0; half_ >>= 1) {
-        barrier();
-        if (thread < half_) {
-            sums[thread] += sums[thread + half_];
-            more_sums[thread] += more_sums[thread + half_];
-        }
-    }
+    FOLD(thread, GROUP, sums[thread] += sums[thread + apart]; more_sums[thread] += more_sums[thread + apart]);
     if (thread != 0) return;
 
     vec3 by_centre = sums[0].xyz + s.lambda_bound * outward, by_direction = more_sums[0].xyz;
@@ -105,12 +99,10 @@ void update(uint j, Settings s, Control c, uint thread) {
     gradients[j] = Gradient(by_centre, 0.0, by_direction, more_sums[0].w);
     if (!moves) return;
 
-    vec3 change;
-    adam(m.centre_mean, m.centre_square, by_centre, c.step, change);
-    splat.centre -= s.lr_position * c.rate * change;
+    splat.centre -= s.lr_position * c.rate * adam(by_centre, m.centre_mean, m.centre_square, c.step);
     // Only the part across the direction turns it; the part along it would only feed the moments.
     by_direction -= dot(by_direction, splat.direction) * splat.direction;
-    adam(m.direction_mean, m.direction_square, by_direction, c.step, change);
+    vec3 change = adam(by_direction, m.direction_mean, m.direction_square, c.step);
     splat.direction = normalize(splat.direction - s.lr_direction * c.rate * change);
     m.utility = mix(more_sums[0].w, m.utility, 0.9);
     splats[j] = splat;

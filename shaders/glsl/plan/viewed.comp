@@ -4,6 +4,7 @@
 // splats nearest to it that see its point; the law gives its expected error; the loss is the mean over viewers of the logarithm
 // of the mean error of their looks. Every look writes what it asks of the three splats it depends on to places of its own.
 // Twin: src/plan/viewed.rs.
+#include "shared/fold.glsl"
 #include "shared/bvh.glsl"
 #include "plan/plan.glsl"
 #include "shared/look.glsl"
@@ -48,10 +49,7 @@ vec4 total_of(vec4 value) {
     uint thread = gl_LocalInvocationIndex;
     barrier();
     if (thread < 64) sums[thread] = value;
-    for (uint half_ = 32; half_ > 0; half_ >>= 1) {
-        barrier();
-        if (thread < half_) sums[thread] += sums[thread + half_];
-    }
+    FOLD(thread, 64, sums[thread] += sums[thread + apart]);
     barrier();
     return sums[0];
 }

@@ -4,6 +4,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
+#include "shared/fold.glsl"
 #include "shared/group.glsl"
 
 layout(local_size_x = 256) in;
@@ -77,12 +78,7 @@ void main() {
         }
     }
     folded[thread] = value;
-    for (uint half_width = 128; half_width > 0; half_width /= 2) {
-        barrier();
-        if (thread < half_width) {
-            folded[thread] = combine(folded[thread], folded[thread + half_width]);
-        }
-    }
+    FOLD(thread, 256, folded[thread] = combine(folded[thread], folded[thread + apart]));
     if (thread == 0) {
         results[result_index + group_index()] = folded[0];
     }

@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Expected error of what a set of cameras will train: a workgroup per viewer, a thread per look, which finds the views nearest
 // to it that see its point (the whole image, exact occlusion) and applies the law. Twin: src/quality/expected.rs.
+#include "shared/fold.glsl"
 #include "shared/bvh.glsl"
 #include "shared/look.glsl"
 #include "shared/law.glsl"
@@ -83,13 +84,7 @@ void main() {
     errors[viewer * 64 + thread] = count > 0xffffu ? -error : error;
     sums[thread] = error;
     counts[thread] = count;
-    for (uint half_ = 32; half_ > 0; half_ >>= 1) {
-        barrier();
-        if (thread < half_) {
-            sums[thread] += sums[thread + half_];
-            counts[thread] += counts[thread + half_];
-        }
-    }
+    FOLD(thread, 64, sums[thread] += sums[thread + apart]; counts[thread] += counts[thread + apart]);
     if (thread == 0) {
         uint looked = counts[0] & 0xffu, shown = (counts[0] >> 8u) & 0xffu;
         verdicts[viewer] = Verdict(looked > 0 ? sums[0] / float(looked) : 0.0, shown, counts[0] >> 16u, 0.0);

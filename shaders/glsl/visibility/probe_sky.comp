@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // From what part of the sphere does the region see a probe? A workgroup per probe, once for the whole run.
 // Twin: src/visibility/probe_depth.rs.
+#include "shared/fold.glsl"
 #include "shared/probe.glsl"
 layout(local_size_x = 64) in;
 
@@ -17,9 +18,6 @@ void main() {
     uint texels = resolution * resolution, open_sky = 0;
     for (uint t = thread; t < texels; t += 64) open_sky += depth[probe * texels + t] > 0.0 ? 1 : 0;
     sums[thread] = open_sky;
-    for (uint half_ = 32; half_ > 0; half_ >>= 1) {
-        barrier();
-        if (thread < half_) sums[thread] += sums[thread + half_];
-    }
+    FOLD(thread, 64, sums[thread] += sums[thread + apart]);
     if (thread == 0) probes[probe].sky = float(sums[0]) / float(texels);
 }

@@ -3,10 +3,10 @@
 
 use std::sync::Arc;
 
-use super::frame::View;
-use super::layout::Projected;
-use super::rasterizer::{Model, Rasterizer, Wanted};
 use crate::Result;
+use crate::gaussians::render::frame::View;
+use crate::gaussians::render::layout::Projected;
+use crate::gaussians::render::rasterizer::{Model, Rasterizer, Wanted};
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {

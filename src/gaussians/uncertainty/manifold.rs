@@ -9,11 +9,11 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::frame::View;
-use super::layout::PassPush;
-use super::rasterizer::{Rasterizer, Size, Wanted};
-use super::renderer::Renderer;
-use super::update::{Moments, Update, UpdatePush};
+use crate::gaussians::render::frame::View;
+use crate::gaussians::render::layout::PassPush;
+use crate::gaussians::render::rasterizer::{Rasterizer, Size, Wanted};
+use crate::gaussians::render::renderer::Renderer;
+use crate::gaussians::train::update::{Moments, Update, UpdatePush};
 use crate::primitives::{Count, Operation, Reduce};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::random;
@@ -321,7 +321,7 @@ impl Manifold {
         Ok(sums.into_iter().map(|sum| f64::from(sum) / f64::from(pixels)).collect())
     }
 
-    /// The noise of every parameter, in planes as they lie ([`super::layout`]).
+    /// The noise of every parameter, in planes as they lie ([`crate::gaussians::render::layout`]).
     ///
     /// # Errors
     /// Where the device fails.
@@ -393,7 +393,7 @@ impl Manifold {
         commands: &mut Recorder<'a>,
         view: u32,
         slot: u64,
-    ) -> Result<super::rasterizer::Instances<'a>> {
+    ) -> Result<crate::gaussians::render::rasterizer::Instances<'a>> {
         let Renderer { model, rasterizer, .. } = &self.renderer;
         let instances = rasterizer.forward(commands, model, &self.views, self.size, &self.push(view))?;
         let Rasterizer { counts, .. } = rasterizer;
@@ -407,7 +407,7 @@ impl Manifold {
         (draw, amplitude): (u32, f32),
         view: u32,
         slot: u64,
-    ) -> Result<super::rasterizer::Instances<'a>> {
+    ) -> Result<crate::gaussians::render::rasterizer::Instances<'a>> {
         self.record_perturbation(commands, draw, amplitude);
         self.record_render(commands, view, slot)
     }
@@ -439,13 +439,13 @@ pub fn learnt(
     rate: f64,
     step: i32,
 ) -> f64 {
-    let moved = super::twin::optimise::adam(noise, draw * by_parameter - reward, moments, rate, step);
+    let moved = crate::gaussians::twin::optimise::adam(noise, draw * by_parameter - reward, moments, rate, step);
     moved.clamp(0.0, f64::from(MAX_NOISE) * rate)
 }
 
 /// The rate of the noise of a plane of parameters.
 pub fn rate(plane: usize) -> f32 {
-    use super::layout::{HARMONICS, LOG_SCALE, OPACITY, ROTATION};
+    use crate::gaussians::render::layout::{HARMONICS, LOG_SCALE, OPACITY, ROTATION};
     let kind = [LOG_SCALE, ROTATION, OPACITY, HARMONICS, HARMONICS + 3].iter().filter(|first| plane >= **first).count();
     RATES[kind]
 }

@@ -3,8 +3,8 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use super::config::Background;
-use super::frame::Frame;
+use crate::gaussians::config::Background;
+use crate::gaussians::render::frame::Frame;
 use crate::io;
 use crate::io::photos::Images;
 use crate::photos::{Convention, Header, Photo, PhotoSet};

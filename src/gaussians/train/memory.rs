@@ -1,10 +1,10 @@
 //! How much device memory a training run takes, known before anything is allocated.
 
-use super::config::{Config, Strategy};
-use super::frame::View;
-use super::layout;
 use super::loss::{self, Record};
-use super::rasterizer::{self, Size, Sizes, Wanted};
+use crate::gaussians::config::{Config, Strategy};
+use crate::gaussians::render::frame::View;
+use crate::gaussians::render::layout;
+use crate::gaussians::render::rasterizer::{self, Size, Sizes, Wanted};
 use crate::vulkan::Context;
 
 /// Room for instances that a run starts with: three tiles for every Gaussian that there may be, and enough for few large ones.

@@ -1,21 +1,26 @@
-//! A training run while it runs: the trainer, with stops for evaluations, checkpoints and reports.
+//! A training run while it runs: from a capture to a folder with the trained file, test pictures, metrics, checkpoint and report.
 
 use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::checkpoint::{self, Checkpoint, Header, Input};
 use super::evaluate::{self, Camera, Pair, Tests};
-use super::frame::View;
 use super::job::{Event, Request, Run};
-use super::loss::Record;
 use super::products::{self, CHECKPOINT, MODEL};
-use super::rasterizer::{Size, Wanted};
 use super::record::{CurvePoint, Evaluation, MemoryRecord, PhotosRecord, StageTime, Status, TrainRecord, finite_mean};
-use super::renderer::Renderer;
-use super::trainer::Trainer;
+use crate::gaussians::data::split::Split;
+use crate::gaussians::data::store::PhotoStore;
+use crate::gaussians::data::{pictures, start};
+use crate::gaussians::render::frame::View;
+use crate::gaussians::render::rasterizer::{Size, Wanted};
+use crate::gaussians::render::renderer::Renderer;
+use crate::gaussians::train::loss::Record;
+use crate::gaussians::train::trainer::Trainer;
 use crate::io::folder::replace_file;
 use crate::parallel::try_each;
+use crate::photos::Photo;
 use crate::vulkan::profile::{Profile, Row};
 use crate::{Error, Result};
 
@@ -243,9 +248,12 @@ impl<'a> Course<'a> {
 
     /// Waits for the checkpoint that is being written.
     fn join(&mut self, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) {
-        // A thread that panicked has written nothing, and its message is out.
-        let saved = self.saving.take().map(|saving| saving.join().unwrap_or(Ok(())));
-        if let Some(Err(error)) = saved {
+        let Some(saving) = self.saving.take() else { return };
+        let fault = |_| {
+            let what = "writing the checkpoint ended by a fault of this program, told above; please report it";
+            Err(Error::input(self.run.request.folder.join(CHECKPOINT), what))
+        };
+        if let Err(error) = saving.join().unwrap_or_else(fault) {
             let _ = observe(Event::NotSaved(&error));
         }
     }
@@ -322,4 +330,102 @@ fn curve(trainer: &Trainer) -> Vec<CurvePoint> {
 fn largest(views: &[View]) -> [u32; 2] {
     let of = |side: fn(&View) -> u32| views.iter().map(side).max().unwrap_or(0);
     [of(|view| view.width), of(|view| view.height)]
+}
+
+impl Run {
+    /// Trains, from the checkpoint in the folder where `resume` says so. `profile` takes the time of every stage. `observe`
+    /// may break the run off; what there is is written then as well. Before training begins the folder is not touched, and
+    /// a run that was broken off by then is [`Error::Interrupted`].
+    ///
+    /// # Errors
+    /// Where a photo cannot be read, the checkpoint is of another run, the device fails or has not enough memory, or the
+    /// folder cannot be written at the end. Checkpoints that are there stay.
+    pub fn run(
+        &self,
+        resume: bool,
+        mut profile: Option<&mut Profile>,
+        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<TrainRecord> {
+        self.check()?;
+        let photos: Vec<&Photo> = self.request.split.train.photos.iter().chain(&self.request.split.test).collect();
+        let capture = Path::new(&self.request.capture);
+        products::check(&self.request.folder, capture, &photos, &self.picture_names())?;
+        let Request { split, config, shrink, folder, .. } = &self.request;
+        let begun = start::Settings {
+            budget: config.max_splats as usize,
+            degree: config.degree,
+            scale: config.init_scale,
+            opacity: config.init_opacity,
+            seed: config.seed,
+            ..start::Settings::default()
+        };
+        let first = start::start(&split.train, &self.frame, &begun)?;
+        let file = folder.join(CHECKPOINT);
+        let resumed = if resume { Some(checkpoint::read(&file)?) } else { None };
+        let (photos, tests) = self.photos(observe)?;
+        let input = Input {
+            photos: split.train.photos.len(),
+            cameras: fingerprint(&split.train.photos, &self.views),
+            pixels: photos.fingerprint(),
+            shrink: *shrink,
+            start: first.len(),
+            tests: split.test.len(),
+            test_photos: [fingerprint(&split.test, &self.views[split.train.photos.len()..]), tests.fingerprint()],
+        };
+        if let Some(resumed) = &resumed {
+            checkpoint::check(&file, &resumed.header, config, &input)?;
+        }
+        let mut trainer = Trainer::new(&self.context, config.clone(), &first, self.views.clone(), photos)?;
+        let mut course = Course::new(self, input, first.len(), tests);
+        if let Some(Checkpoint { header, history, state }) = resumed {
+            trainer.restore(&state, &history)?;
+            course.record.evaluations = header.evaluations;
+        }
+        std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
+        if !resume {
+            products::clear(folder)?;
+        }
+        let trained = course.train(trainer, &mut profile, observe);
+        if trained.is_err() {
+            course.record.status = Status::Failed;
+            let _ = observe(Event::Report(&course.record, &course.worst));
+        }
+        trained.map(|()| course.record)
+    }
+
+    /// File names of the test views' pictures.
+    pub(super) fn picture_names(&self) -> Vec<PathBuf> {
+        let names: Vec<String> = self.request.split.test.iter().map(|photo| photo.camera.name.clone()).collect();
+        products::picture_names(&names)
+    }
+
+    /// Decodes all photos: those to train on into the store.
+    fn photos(&self, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<(PhotoStore, Tests)> {
+        let Split { train, test, .. } = &self.request.split;
+        let settings = pictures::Settings { shrink: self.request.shrink, ..pictures::Settings::default() };
+        // The run itself comes first; half of what it leaves is for photos.
+        let announced = self.footprint.total() - self.footprint.bytes_of("photos")?;
+        let most = self.context.memory_available().saturating_sub(announced) / 2;
+        let mut store = PhotoStore::new(&self.context, most);
+        let all = train.photos.len() + test.len();
+        for picture in pictures::pictures(&train.photos, &settings)? {
+            store.add(&picture?.pixels)?;
+            Error::unless_stopped(observe(Event::Photos(store.len(), all)))?;
+        }
+        store.flush()?;
+        let background = self.request.config.test_background();
+        let decoded = |done| observe(Event::Photos(train.photos.len() + done, all));
+        let tests = Tests::new(test, settings, train.photos.len(), background, decoded)?;
+        Ok((store, tests))
+    }
+}
+
+/// CRC-32 of photos' names, sizes and cameras.
+fn fingerprint(photos: &[Photo], views: &[View]) -> u32 {
+    let mut sum = crc32fast::Hasher::new();
+    for (photo, view) in photos.iter().zip(views) {
+        sum.update(photo.camera.name.as_bytes());
+        sum.update(bytemuck::bytes_of(view));
+    }
+    sum.finalize()
 }

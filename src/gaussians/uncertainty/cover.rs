@@ -9,10 +9,10 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::frame::{Frame, View};
-use super::layout::{PassPush, Projected};
-use super::rasterizer::{Size, Wanted};
-use super::renderer::Renderer;
+use crate::gaussians::render::frame::{Frame, View};
+use crate::gaussians::render::layout::{PassPush, Projected};
+use crate::gaussians::render::rasterizer::{Size, Wanted};
+use crate::gaussians::render::renderer::Renderer;
 use crate::primitives::{Count, Operation, Reduce};
 use crate::scene::camera::Camera;
 use crate::scene::gaussians::Gaussians;

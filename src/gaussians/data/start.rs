@@ -5,7 +5,7 @@ use std::num::NonZero;
 use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-use super::frame::Frame;
+use crate::gaussians::render::frame::Frame;
 use crate::parallel::in_parallel;
 use crate::photos::PhotoSet;
 use crate::photos::volume::{self, Volume};

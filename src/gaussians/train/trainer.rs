@@ -9,17 +9,17 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::config::{Background, Config, Schedule, Strategy};
 use super::density::{self, AdaptiveDensity};
-use super::frame::View;
-use super::layout::{self, PassPush};
 use super::loss::{Ledger, Loss, Record, mailbox};
 use super::mcmc::{self, Mcmc};
 use super::memory;
-use super::rasterizer::{Model, Rasterizer, Size};
 use super::rounds::Rounds;
-use super::store::PhotoStore;
 use super::update::{Moments, Trained, Update, UpdatePush};
+use crate::gaussians::config::{Background, Config, Schedule, Strategy};
+use crate::gaussians::data::store::PhotoStore;
+use crate::gaussians::render::frame::View;
+use crate::gaussians::render::layout::{self, PassPush};
+use crate::gaussians::render::rasterizer::{Model, Rasterizer, Size};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::random;
 use crate::vulkan::profile::Profile;
@@ -173,7 +173,7 @@ impl Trainer {
         Ok(())
     }
 
-    /// Adds a photo from one of the views, in 8 bits as [`super::pictures`] has them; iterations to come look at it as well. The
+    /// Adds a photo from one of the views, in 8 bits as [`crate::gaussians::data::pictures`] has them; iterations to come look at it as well. The
     /// schedule stays that of the photos that were there at first; of a run that began with none, that of few.
     ///
     /// # Errors
@@ -190,22 +190,22 @@ impl Trainer {
     }
 
     /// The Gaussians on the device, in the training frame.
-    pub(super) fn model(&self) -> &Model {
+    pub(in crate::gaussians) fn model(&self) -> &Model {
         &self.model
     }
 
     /// What photos are and may be taken from.
-    pub(super) fn views(&self) -> &[View] {
+    pub(in crate::gaussians) fn views(&self) -> &[View] {
         &self.views
     }
 
     /// The configuration.
-    pub(super) fn config(&self) -> &Config {
+    pub(in crate::gaussians) fn config(&self) -> &Config {
         &self.config
     }
 
     /// Degree of the harmonics that took part in the last iteration.
-    pub(super) fn degree(&self) -> u32 {
+    pub(in crate::gaussians) fn degree(&self) -> u32 {
         self.schedule.degree(self.done.saturating_sub(1), self.config.degree)
     }
 

@@ -46,11 +46,11 @@ impl Rendering {
 
 /// Gaussians on the device, and what makes pictures of them.
 pub struct Renderer {
-    pub(super) model: Model,
-    pub(super) rasterizer: Rasterizer,
+    pub(in crate::gaussians) model: Model,
+    pub(in crate::gaussians) rasterizer: Rasterizer,
     view: Buffer,
     wanted: Wanted,
-    pub(super) degree: u32,
+    pub(in crate::gaussians) degree: u32,
 }
 
 impl Renderer {
@@ -74,7 +74,13 @@ impl Renderer {
     ///
     /// # Errors
     /// Where the device has not enough memory.
-    pub(super) fn empty(context: &Arc<Context>, most: u32, degree: u32, largest: Size, wanted: Wanted) -> Result<Self> {
+    pub(in crate::gaussians) fn empty(
+        context: &Arc<Context>,
+        most: u32,
+        degree: u32,
+        largest: Size,
+        wanted: Wanted,
+    ) -> Result<Self> {
         let room = most.saturating_mul(4).clamp(1 << 16, 1 << 28);
         let sizes = Sizes { gaussians: most, room, pixels: largest.pixels(), tiles: largest.tiles() };
         let bytes = 4 * layout::planes(degree) as u64 * u64::from(most);

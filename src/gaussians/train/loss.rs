@@ -3,10 +3,10 @@
 
 use std::sync::Arc;
 
-use super::frame::View;
-use super::layout::PassPush;
-use super::rasterizer::{Size, Sizes, Threads};
 use crate::Result;
+use crate::gaussians::render::frame::View;
+use crate::gaussians::render::layout::PassPush;
+use crate::gaussians::render::rasterizer::{Size, Sizes, Threads};
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder, footprint};
 
 crate::stage!(

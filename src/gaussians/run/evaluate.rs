@@ -3,8 +3,8 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use super::pictures::{self, Picture, UNKNOWN};
 use super::record::{Quality, TestView};
+use crate::gaussians::data::pictures::{self, Picture, UNKNOWN};
 use crate::metrics::image::weights::Weights;
 use crate::metrics::image::{Lpips, Rgb8, SSIM_WINDOW, psnr, ssim};
 use crate::parallel::mapped;
@@ -49,7 +49,7 @@ pub struct Pair {
 
 impl Tests {
     /// Photos to test with, over a background; their views are those from `first` on. All are decoded once, to find those that
-    /// are damaged. `observe` is told how many have been, and may break that off: there are no tests then.
+    /// are damaged. `observe` is told how many have been, and may break that off.
     ///
     /// # Errors
     /// Where a photo cannot be decoded.
@@ -59,7 +59,7 @@ impl Tests {
         first: usize,
         background: [f32; 3],
         mut observe: impl FnMut(usize) -> ControlFlow<()>,
-    ) -> Result<Option<Self>> {
+    ) -> Result<Self> {
         let step = photos.len().div_ceil(FEW).max(1);
         let (mut few, mut pixels) = (Vec::new(), crc32fast::Hasher::new());
         for (i, picture) in pictures::pictures(photos, &settings)?.enumerate() {
@@ -68,19 +68,9 @@ impl Tests {
             if i % step == 0 {
                 few.push(picture);
             }
-            if observe(i + 1).is_break() {
-                return Ok(None);
-            }
+            Error::unless_stopped(observe(i + 1))?;
         }
-        Ok(Some(Self {
-            photos: photos.to_vec(),
-            settings,
-            few,
-            first,
-            background,
-            pixels: pixels.finalize(),
-            lpips: None,
-        }))
+        Ok(Self { photos: photos.to_vec(), settings, few, first, background, pixels: pixels.finalize(), lpips: None })
     }
 
     /// CRC-32 of all pixels.

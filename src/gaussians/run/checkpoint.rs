@@ -9,11 +9,11 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::config::{Config, Strategy};
-use super::layout::planes;
-use super::loss::Record;
 use super::record::Evaluation;
-use super::trainer::State;
+use crate::gaussians::config::{Config, Strategy};
+use crate::gaussians::render::layout::planes;
+use crate::gaussians::train::loss::Record;
+use crate::gaussians::train::trainer::State;
 use crate::io::folder::replace_file;
 use crate::{Error, Result};
 
@@ -206,8 +206,8 @@ fn option_of(key: &str) -> Option<&'static str> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::record::Quality;
     use super::*;
+    use crate::gaussians::run::record::Quality;
 
     fn checkpoint() -> Checkpoint {
         let mut config = Config::new(100, 8);

@@ -8,12 +8,12 @@
 
 use std::sync::Arc;
 
-use super::config::Config;
-use super::frame::{Frame, View};
-use super::layout::{self, PassPush, Projected};
-use super::rasterizer::{Rasterizer, Size, Threads, Wanted};
-use super::renderer::Renderer;
-use super::trainer::Trainer;
+use crate::gaussians::config::Config;
+use crate::gaussians::render::frame::{Frame, View};
+use crate::gaussians::render::layout::{self, PassPush, Projected};
+use crate::gaussians::render::rasterizer::{Rasterizer, Size, Threads, Wanted};
+use crate::gaussians::render::renderer::Renderer;
+use crate::gaussians::train::trainer::Trainer;
 use crate::primitives::{Count, Operation, Reduce};
 use crate::scene::camera::Camera;
 use crate::scene::gaussians::Gaussians;

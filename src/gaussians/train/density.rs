@@ -3,10 +3,10 @@
 
 use std::sync::Arc;
 
-use super::config::MIN_OPACITY;
-use super::rasterizer::{Model, Rasterizer};
 use super::update::Trained;
 use crate::Result;
+use crate::gaussians::config::MIN_OPACITY;
+use crate::gaussians::render::rasterizer::{Model, Rasterizer};
 use crate::primitives::Count;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 

@@ -2,9 +2,12 @@
 
 use glam::{DVec2, Vec2, Vec4};
 
-use super::pictures::UNKNOWN;
 use crate::scene::camera::Intrinsics;
 use crate::scene::lens::Lens;
+
+/// The pixel of which a photo shows nothing, since straightening it reaches past its rim: transparent white. No other pixel
+/// without alpha has a colour.
+pub const UNKNOWN: u32 = 0x00ff_ffff;
 
 /// Where the pixels of a lens's pinhole lie in the pictures that are taken through it.
 pub struct Map {

@@ -4,16 +4,13 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use super::undistort::Map;
+pub use super::undistort::UNKNOWN;
 use crate::parallel::lock;
 use crate::photos::Photo;
 use crate::photos::decode::{self, Channels, Decoded, Decoder, Precision};
 use crate::scene::camera::Camera;
 use crate::scene::lens::Lens;
 use crate::{Error, Result};
-
-/// The pixel of which a photo shows nothing, since straightening it reaches past its rim: transparent white. No other pixel
-/// without alpha has a colour.
-pub const UNKNOWN: u32 = 0x00ff_ffff;
 
 /// How photos are turned into pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

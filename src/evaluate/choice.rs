@@ -1,0 +1,113 @@
+//! The views that a competitor chooses.
+
+use std::sync::Mutex;
+
+use serde_json::json;
+
+use super::bench::Bench;
+use super::competitor::Competitor;
+use super::kind::Kind;
+use super::passes;
+use super::peer::sized;
+use super::settings::PeersFrom;
+use super::stage::{Event, Observe, Stage};
+use super::training;
+use crate::methods::Method;
+use crate::parallel::lock;
+use crate::peers::job::Outside;
+use crate::plan::config::{Config, Objective};
+use crate::plan::job::Tools;
+use crate::plan::record::PlanRecord;
+use crate::{Error, Result, peers, plan};
+
+/// Held-out points of a plan's metrics, which are not what is evaluated here.
+const HELD_OUT: u32 = 200;
+
+const PLAN: &str = "plan.json";
+
+impl Bench<'_> {
+    /// Lets a method choose views.
+    ///
+    /// # Errors
+    /// Where the method cannot, or the device fails.
+    pub fn choice(
+        &self,
+        (method, views, seed): (&Competitor, u32, u64),
+        (inputs, shown): (&Stage, &Stage),
+        model: Option<&Stage>,
+        observe: Observe,
+    ) -> Result<PlanRecord> {
+        let config = Config {
+            held_out: HELD_OUT,
+            viewers: self.viewers.clone(),
+            ..method.config(self.kind.preset(), views, seed)?
+        };
+        let peer = match method {
+            Competitor::Method(placing) if placing.planner(&config).is_none() => {
+                Some(sized(peers::request::Request::new(*placing, None, &config)?, self.kind, &self.settings))
+            }
+            _ => None,
+        };
+        let region = match (peer.is_some(), self.settings.peers_from, self.kind) {
+            (true, PeersFrom::Sphere, Kind::Object) => self.scene.region.outermost(),
+            _ => self.scene.region,
+        };
+        let (intrinsics, device) = (self.intrinsics(), &self.context.physical().name);
+        let kept = self.scene.kept(intrinsics, views, seed)?;
+        let limits = &self.scene.limits;
+        let photographs = matches!(method, Competitor::Method(placing) if placing.needs_photographs());
+        let made_of = match method {
+            // Whatever they are called, and for all seeds.
+            Competitor::Cameras(given) => json!({
+                "surface": shown.key(), "given": given.poses, "region": region, "camera": intrinsics, "device": device,
+                "limits": limits, "viewers": config.viewers, "kept": kept,
+            }),
+            _ => json!({
+                "surface": shown.key(), "model": model.map(Stage::key), "method": method, "config": config, "peer": peer,
+                "region": region, "camera": intrinsics, "device": device, "limits": limits, "kept": kept,
+                "samples": photographs.then_some(self.settings.samples),
+            }),
+        };
+        let stage = self.stage("choice", made_of);
+        if !stage.begins(observe)? {
+            return stage.read(PLAN);
+        }
+        let scored = peer.is_none() && config.objective != Objective::Quality;
+        let target = self.target(shown, &region, scored)?;
+        let plan = match (peer, method) {
+            (Some(request), _) => {
+                let model = model.map(training::model).transpose()?;
+                let (cameras, model) = ((intrinsics, &kept[..]), model.as_ref());
+                let observe = Mutex::new(observe);
+                let hear = |event: Event<'_>| lock(&observe)(event);
+                let outside = Outside {
+                    photograph: &mut |photo| self.photograph(stage.folder(), photo, &mut |event| hear(event)),
+                    go_on: &mut || hear(Event::Working),
+                };
+                peers::job::photographing(&self.context, &target, cameras, &request, model, outside)?
+            }
+            (None, Competitor::Cameras(given)) => {
+                let config = Config { seed: 0, ..config };
+                plan::job::given(
+                    &self.context,
+                    &target,
+                    (intrinsics, &kept),
+                    given.poses.clone(),
+                    (method.name(), &config),
+                )?
+            }
+            (None, Competitor::Method(Method::OursTwoPasses)) => {
+                passes::run(self, (inputs, shown), &kept, &config, &mut *observe)?
+            }
+            (None, _) => plan::job::run(&self.context, &target, intrinsics, &kept, config, Tools::default(), |_| {
+                observe(Event::Working)
+            })?,
+        };
+        if plan.interrupted() {
+            return Err(Error::Interrupted);
+        }
+        stage.write_json(PLAN, &plan.record)?;
+        stage.finish()?;
+        Ok(plan.record)
+    }
+}

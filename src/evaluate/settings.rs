@@ -1,0 +1,120 @@
+//! The size of an evaluation, and what methods are given.
+
+use clap::ValueEnum;
+use serde::Serialize;
+
+use crate::plan::target::RegionChoice;
+use crate::scene::camera::Intrinsics;
+
+/// What the methods are shown of the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Shown {
+    /// A surface made from the input photos
+    Proxy,
+    /// The scene's own mesh
+    True,
+}
+
+/// Where around an object peers may put cameras.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum PeersFrom {
+    /// Anywhere in the region that the planner has too
+    Region,
+    /// On its outer sphere, as the discrete methods of the paper do
+    Sphere,
+}
+
+/// How the places of an object's input photos are chosen, which people choose in their own ways.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum InputsFrom {
+    /// From all around, evenly
+    Uniform,
+    /// From all around, at random
+    Random,
+    /// Evenly from one side, a third of the sphere
+    Biased,
+}
+
+/// A region that follows from a scene's bounds.
+pub const BY_BOUNDS: RegionChoice = RegionChoice { shape: None, floor: None, clearance: None };
+
+/// The size of everything.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Settings {
+    /// Side of the pictures in pixels.
+    pub size: u32,
+    /// Samples of a pixel.
+    pub samples: u32,
+    /// Samples of a pixel of the input photos.
+    pub input_samples: u32,
+    /// Samples of a pixel of the test views: their noise counts against whatever is compared with them.
+    pub test_samples: u32,
+    /// Input photos: what methods are shown is made from them.
+    pub inputs: u32,
+    /// Where they are taken from.
+    pub inputs_from: InputsFrom,
+    /// Views of each set of tests.
+    pub tests: u32,
+    /// Iterations of training.
+    pub iterations: u32,
+    /// Most splats.
+    pub max_splats: u32,
+    /// What the methods are shown of the scene.
+    pub shown: Shown,
+    /// Each pixel of a pool's photo is a square of so many stored ones.
+    pub shrink: u32,
+    /// Where around an object peers may put cameras.
+    pub peers_from: PeersFrom,
+    /// What the user says of where in a room cameras may stand.
+    pub region: RegionChoice,
+    /// Whether splats are trained and looked at with the filter against aliasing.
+    pub antialiased: bool,
+}
+
+impl Settings {
+    /// The whole protocol, for a GPU.
+    pub const WHOLE: Self = Self {
+        size: 800,
+        samples: 256,
+        input_samples: 256,
+        test_samples: 256,
+        inputs: 10,
+        inputs_from: InputsFrom::Uniform,
+        tests: 200,
+        iterations: 30_000,
+        max_splats: 1_000_000,
+        shown: Shown::Proxy,
+        shrink: 1,
+        peers_from: PeersFrom::Region,
+        region: BY_BOUNDS,
+        antialiased: false,
+    };
+    /// What two cores do in minutes.
+    pub const QUICK: Self = Self {
+        size: 96,
+        samples: 8,
+        input_samples: 8,
+        test_samples: 8,
+        inputs: 10,
+        inputs_from: InputsFrom::Uniform,
+        tests: 12,
+        iterations: 300,
+        max_splats: 5000,
+        shown: Shown::Proxy,
+        shrink: 8,
+        peers_from: PeersFrom::Region,
+        region: BY_BOUNDS,
+        antialiased: false,
+    };
+
+    /// Horizontal field of view of all cameras that photograph a scene, in degrees: the planner's default.
+    pub const FOV_DEG: f64 = 50.0;
+
+    /// The camera of all photographs.
+    pub fn intrinsics(&self) -> Intrinsics {
+        Intrinsics::from_fov(self.size, self.size, Self::FOV_DEG.to_radians())
+    }
+}

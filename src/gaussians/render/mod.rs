@@ -1,0 +1,7 @@
+//! Pictures of Gaussians: frames and cameras, projection, tiles, compositing.
+
+pub mod frame;
+pub mod job;
+pub mod layout;
+pub mod rasterizer;
+pub mod renderer;

@@ -1,0 +1,228 @@
+//! Every way to place cameras or to choose photos that this crate has: the one table of their names.
+//!
+//! `camsplat plan --method` takes those that place cameras, `camsplat select --method` those that choose among photos, and
+//! `camsplat evaluate --methods` all that fit its subjects.
+
+use serde::{Deserialize, Serialize};
+
+/// A way to place cameras, or to choose photos from a pool.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "&'static str", try_from = "String")]
+pub enum Method {
+    /// The planner; of a pool the choice that swaps improve.
+    Ours,
+    /// The planner with the paper's objective, without scores.
+    OursNoVds,
+    /// The same, one view after another.
+    OursIterative,
+    /// The planner in two passes.
+    OursTwoPasses,
+    /// For each planned camera a photo of its own, nearest in sum.
+    Assigned,
+    /// For each planned camera the nearest photo.
+    Nearest,
+    /// At random.
+    Random,
+    /// Spherical Fibonacci points.
+    Fibonacci,
+    /// A grid at eye height.
+    Grid,
+    /// Rings along the walls.
+    Rings,
+    /// Farthest view sampling by angle.
+    Fvs,
+    /// Farthest view sampling by distance.
+    FvsChord,
+    /// Farthest view sampling by angle and shared points.
+    FvsShared,
+    /// Greedy coverage.
+    Coverage,
+    /// Uniformity and frequency at nodes of a grid.
+    Acp,
+    /// Fisher information about a trained model.
+    Fisher,
+    /// The same with a model that is trained on.
+    FisherRetrain,
+    /// What a trained model shows from directions not seen yet.
+    Cover,
+    /// Where pictures of a trained model differ most under its noise.
+    Manifold,
+}
+
+/// A row of the table.
+#[derive(Clone, Copy, Debug)]
+pub struct Entry {
+    /// Which method.
+    pub method: Method,
+    /// Its name on the command line, in tables and in records.
+    pub name: &'static str,
+    /// Another name that the command line takes.
+    pub alias: Option<&'static str>,
+    /// What it does, for the help.
+    pub about: &'static str,
+    /// Whether it places cameras.
+    pub places: bool,
+    /// Whether it chooses among photos.
+    pub chooses: bool,
+}
+
+const fn entry(method: Method, name: &'static str, [places, chooses]: [bool; 2], about: &'static str) -> Entry {
+    Entry { method, name, alias: None, about, places, chooses }
+}
+
+const PLACES: [bool; 2] = [true, false];
+const CHOOSES: [bool; 2] = [false, true];
+const BOTH: [bool; 2] = [true, true];
+
+/// The table, in the order of the help.
+pub const METHODS: [Entry; 19] = [
+    Entry {
+        alias: Some("swap"),
+        ..entry(
+            Method::Ours,
+            "ours",
+            BOTH,
+            "The planner; of photos: swaps that lower the expected error on the real frusta, from the best of simple choices",
+        )
+    },
+    entry(Method::OursNoVds, "ours-no-vds", PLACES, "The paper's objective without scores"),
+    entry(
+        Method::OursIterative,
+        "ours-iterative",
+        PLACES,
+        "The paper's objective without scores, one view after another",
+    ),
+    entry(
+        Method::OursTwoPasses,
+        "ours-two-passes",
+        PLACES,
+        "The planner in two passes, the second on what the photographs of the first show too; of `evaluate` only",
+    ),
+    entry(Method::Assigned, "assigned", CHOOSES, "For each planned camera a photo of its own, nearest in sum"),
+    entry(
+        Method::Nearest,
+        "nearest",
+        CHOOSES,
+        "For each planned camera the nearest photo, as in the paper: perhaps fewer than asked for",
+    ),
+    entry(Method::Random, "random", BOTH, "At random; placed cameras look in around an object, anywhere in a room"),
+    entry(
+        Method::Fibonacci,
+        "fibonacci",
+        BOTH,
+        "Evenly over the sphere around an object, as much of it as cameras can stand on, in a random rotation (spherical Fibonacci points)",
+    ),
+    entry(Method::Grid, "grid", PLACES, "In a room on an even grid at eye height, in four level directions a place"),
+    entry(Method::Rings, "rings", PLACES, "In a room on three level rings along the walls, looking across"),
+    entry(Method::Fvs, "fvs", BOTH, "Farthest view sampling by the angle between camera centres (NeRF Director)"),
+    Entry {
+        alias: Some("fvs-square"),
+        ..entry(
+            Method::FvsChord,
+            "fvs-chord",
+            BOTH,
+            "Farthest view sampling by the distance between camera centres, or its square, which gives the same",
+        )
+    },
+    entry(
+        Method::FvsShared,
+        "fvs-shared",
+        BOTH,
+        "Farthest view sampling by angle and shared points (NeRF Director's photogrammetric distance)",
+    ),
+    entry(Method::Coverage, "coverage", BOTH, "Greedy on points seen by one view, then by three"),
+    entry(
+        Method::Acp,
+        "acp",
+        BOTH,
+        "Greedy on the uniformity of view directions and the frequency at nodes of a grid (Kopanas and Drettakis)",
+    ),
+    entry(Method::Fisher, "fisherrf", BOTH, "Greedy on the Fisher information about a trained model (FisherRF)"),
+    entry(
+        Method::FisherRetrain,
+        "fisherrf-retrain",
+        BOTH,
+        "The same, with the model trained on photographs of the views chosen so far, and on with each; of `evaluate` and `select` only",
+    ),
+    entry(Method::Cover, "cover", BOTH, "Greedy on what a trained model shows from directions not seen yet (COVER)"),
+    entry(
+        Method::Manifold,
+        "manifold",
+        PLACES,
+        "One camera after another to where pictures of a trained model differ most under its noise (manifold sampling)",
+    ),
+];
+
+impl Method {
+    /// Those that every choice among photos is put beside.
+    pub const CONTROLS: [Self; 8] = [
+        Self::Assigned,
+        Self::Nearest,
+        Self::Random,
+        Self::Fibonacci,
+        Self::Fvs,
+        Self::FvsChord,
+        Self::FvsShared,
+        Self::Coverage,
+    ];
+
+    /// Its row of the table.
+    pub fn entry(self) -> &'static Entry {
+        // A row for each, in this order, as a test holds.
+        &METHODS[self as usize]
+    }
+
+    /// As on the command line, in tables and in records.
+    pub fn name(self) -> &'static str {
+        self.entry().name
+    }
+
+    /// The one of this name or alias.
+    pub fn named(name: &str) -> Option<Self> {
+        METHODS.iter().find(|entry| entry.name == name || entry.alias == Some(name)).map(|entry| entry.method)
+    }
+
+    /// Whether it chooses by a model of the scene.
+    pub fn needs_model(self) -> bool {
+        matches!(self, Self::Fisher | Self::Cover | Self::Manifold)
+    }
+
+    /// Whether it takes photographs of the views that it chooses, while it chooses.
+    pub fn needs_photographs(self) -> bool {
+        matches!(self, Self::FisherRetrain | Self::OursTwoPasses)
+    }
+}
+
+impl From<Method> for &'static str {
+    fn from(method: Method) -> Self {
+        method.name()
+    }
+}
+
+impl TryFrom<String> for Method {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        Self::named(&name).ok_or(format!("no such method: {name}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a method would have one name on the command line and another in tables or records, or two would share one.
+    #[test]
+    fn a_method_has_one_name_everywhere() {
+        for (i, entry) in METHODS.iter().enumerate() {
+            assert_eq!((entry.method as usize, entry.method.name()), (i, entry.name));
+            assert_eq!(Method::named(entry.name), Some(entry.method));
+            assert_eq!(serde_json::to_value(entry.method).unwrap(), entry.name);
+            assert_eq!(serde_json::from_value::<Method>(entry.name.into()).unwrap(), entry.method);
+            assert!(entry.places || entry.chooses, "{}", entry.name);
+            let taken = METHODS.iter().filter(|other| other.alias == Some(entry.name)).count();
+            assert_eq!(taken, 0, "{} is another's alias", entry.name);
+        }
+        assert!(serde_json::from_value::<Method>("zebra".into()).is_err());
+    }
+}
