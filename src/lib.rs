@@ -20,11 +20,17 @@
 //!
 //! [`plan()`] is the front door, and [`PlanRequest`] has what can be asked for; [`vulkan::host`] is for applications that own the Vulkan device.
 //!
-//! The layers look down only: [`cli`] and [`report`] sit on [`evaluate`], that on [`peers`] and [`photograph`], these on [`mod@plan`],
+//! The layers look down only: the command line and [`report`] sit on [`evaluate`], that on [`peers`] and [`photograph`], these on [`mod@plan`],
 //! [`vds`], [`select`], [`stereo`] and [`gaussians`], these on [`metrics`] and [`visibility`], then [`io`], [`photos`], [`scene`],
 //! [`primitives`] and [`vulkan`].
 
-pub mod error;
+// What is private is read with `cargo doc --document-private-items`.
+#![allow(rustdoc::private_intra_doc_links)]
+// Some of it the program alone uses.
+#![cfg_attr(not(feature = "cli"), allow(dead_code, unused_imports))]
+
+mod error;
+#[cfg(feature = "cli")]
 pub mod evaluate;
 pub mod gaussians;
 pub mod io;
@@ -45,6 +51,7 @@ pub mod vds;
 pub mod visibility;
 pub mod vulkan;
 
+#[cfg(feature = "cli")]
 pub mod cli;
 
 pub use error::{Error, Result};

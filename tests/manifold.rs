@@ -159,7 +159,7 @@ fn what_no_view_shows_keeps_its_noise() -> Result<()> {
     let context = context()?;
     let gaussians = ball();
     let size = Size { width: 40, height: 40 };
-    let view = gaussian_support::view(size.width, size.height);
+    let view = view(size.width, size.height);
     let mut manifold = Manifold::new(&context, &gaussians, size, false, (SEED, Settings::default().reward))?;
     for _ in 0..150 {
         manifold.learn(&view, 1)?;

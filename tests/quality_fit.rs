@@ -167,5 +167,5 @@ fn what_an_evaluation_was_photographed_in_is_part_of_what_is_looked_at() {
     evaluation(&place, "p", |_, _| 20.0);
     let both = Trained::read(&place.path("a.gltf"), &[place.path("o"), place.path("p")]).unwrap();
     let parts: Vec<_> = both.iter().map(|part| (part.situation.name(), part.observations().layouts.len())).collect();
-    assert_eq!(parts, [("floor".to_owned(), LAYOUTS as usize), ("free".to_owned(), LAYOUTS as usize)]);
+    assert_eq!(parts, [("floor", LAYOUTS as usize), ("free", LAYOUTS as usize)]);
 }

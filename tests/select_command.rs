@@ -54,7 +54,7 @@ fn place() -> Place {
         mask.save(folder.stage(&format!("masks/{}.png", camera.name)).unwrap()).unwrap();
     }
     folder.commit().unwrap();
-    place.write("poses.json", camsplat::io::transforms::write(&cameras, None));
+    place.write("poses.json", io::transforms::write(&cameras, None));
     place
 }
 
@@ -137,7 +137,7 @@ fn a_capture_is_never_written_over() {
 #[test]
 fn photos_that_are_not_there_are_not_chosen() {
     let place = place();
-    std::fs::remove_file(place.path("capture/images/photo_02.png")).unwrap();
+    fs::remove_file(place.path("capture/images/photo_02.png")).unwrap();
     let ran = place.done(&format!("select capture --count 5 --out o {SMALL}"));
     assert!(ran.out.contains("1 photos whose image is missing"), "{}", ran.out);
     assert!(!chosen(&place, "o").contains(&"photo_02.png".into()));

@@ -313,7 +313,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
                 made += 1;
                 say!("making   {product}, after {:.0} s", start.elapsed().as_secs_f64());
             }
-            job::Event::Product(Event::Kept(_)) => kept += 1,
+            job::Event::Product(Event::Kept) => kept += 1,
             job::Event::Product(Event::Note(note)) => say!("note     {note}"),
             job::Event::Product(Event::Working) => {}
             job::Event::Complete(entry, [done, all]) => {

@@ -5,7 +5,6 @@ use std::path::Path;
 use std::str::FromStr;
 use std::sync::Arc;
 
-use clap::ValueEnum;
 use serde::Serialize;
 
 use super::kind::Kind;
@@ -76,7 +75,8 @@ impl Competitor {
                 let set: Vec<(&str, &str)> = set.map(|one| one.split_once('=').unwrap_or((one, ""))).collect();
                 // Other numbers are those of the objective, unless they are set too.
                 let objective = set.iter().find(|(key, _)| *key == "objective");
-                let objective = objective.and_then(|(_, value)| Objective::from_str(value, false).ok());
+                let objective =
+                    objective.and_then(|(_, value)| serde_json::from_value::<Objective>((*value).into()).ok());
                 let plain = match objective {
                     Some(objective) => plain.with_objective(objective),
                     None => plain,

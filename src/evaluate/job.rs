@@ -442,7 +442,7 @@ mod tests {
             entries: Mutex::default(),
         };
         let product = |event| board.hear(Event::Product(event));
-        assert!(product(stage::Event::Kept("k")).is_continue());
+        assert!(product(stage::Event::Kept).is_continue());
         board.add([0, 1], entry(Competitor::Method(Method::OursNoVds))).unwrap();
         assert_eq!(fs::read_to_string(&table).unwrap(), "of an earlier run");
         assert!(product(stage::Event::Working).is_break(), "the stop was forgotten");

@@ -87,6 +87,9 @@ struct Captured {
     cameras: Vec<Camera>,
 }
 
+/// Name, cameras and mean PSNR of each.
+type Runs = Vec<(String, Vec<Camera>, f64)>;
+
 /// What evaluations have trained of one scene in one situation.
 pub struct Trained {
     /// The scene's name.
@@ -98,7 +101,7 @@ pub struct Trained {
     preset: Preset,
     viewers: Viewers,
     tests: Vec<Camera>,
-    runs: Vec<(String, Vec<Camera>, f64)>,
+    runs: Runs,
 }
 
 impl Trained {
@@ -109,7 +112,7 @@ impl Trained {
     /// Where a folder holds no evaluation, none of them has this scene, or a file cannot be read.
     pub fn read(scene: &Path, evaluations: &[PathBuf]) -> Result<Vec<Self>> {
         let name = scene.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-        let mut settings: Vec<(Asked, Vec<Camera>, Vec<_>)> = Vec::new();
+        let mut settings: Vec<(Asked, Vec<Camera>, Runs)> = Vec::new();
         for folder in evaluations {
             let file = folder.join("results.json");
             let Results { request, runs: all } = read(&file)?;
@@ -119,7 +122,7 @@ impl Trained {
             for run in all.iter().filter(|run| run.scene == name) {
                 let (tests, cameras, psnr) = trained(&folder.join(&name), &run.folder)?;
                 let run = (format!("{}, seed {}", label(&run.method), run.seed), cameras, psnr);
-                match settings.iter_mut().find(|(asked, of, _)| (&*asked, &*of) == (&request, &tests)) {
+                match settings.iter_mut().find(|(asked, of, _)| *asked == request && *of == tests) {
                     Some((.., runs)) => runs.push(run),
                     None => settings.push((request.clone(), tests, vec![run])),
                 }
@@ -134,11 +137,7 @@ impl Trained {
         settings.into_iter().map(|setting| Self::of(scene, &name, setting)).collect()
     }
 
-    fn of(
-        scene: &Path,
-        name: &str,
-        (asked, tests, runs): (Asked, Vec<Camera>, Vec<(String, Vec<Camera>, f64)>),
-    ) -> Result<Self> {
+    fn of(scene: &Path, name: &str, (asked, tests, runs): (Asked, Vec<Camera>, Runs)) -> Result<Self> {
         let intrinsics = tests.first().map_or(Intrinsics::from_fov(1, 1, 1.0), |test| test.intrinsics);
         let Asked { kind, settings: Settings { region }, viewers, situation, limits } = asked;
         let preset = kind.preset();

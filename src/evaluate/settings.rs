@@ -1,13 +1,13 @@
 //! The size of an evaluation, and what methods are given.
 
-use clap::ValueEnum;
 use serde::Serialize;
 
 use crate::plan::target::RegionChoice;
 use crate::scene::camera::Intrinsics;
 
 /// What the methods are shown of the scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Shown {
     /// A surface made from the input photos
@@ -17,7 +17,8 @@ pub enum Shown {
 }
 
 /// Where around an object peers may put cameras.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum PeersFrom {
     /// Anywhere in the region that the planner has too
@@ -27,7 +28,8 @@ pub enum PeersFrom {
 }
 
 /// How the places of an object's input photos are chosen, which people choose in their own ways.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum InputsFrom {
     /// From all around, evenly

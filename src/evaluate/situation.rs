@@ -1,6 +1,5 @@
 //! Situations of practice: what stands around a thing, who looks at it, what has been photographed already; and two rooms.
 
-use clap::ValueEnum;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +29,8 @@ const SEED: u64 = 0x7369_7475;
 const SIDE: u32 = 0x7369_6465;
 
 /// A situation that something is photographed in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Situation {
     /// Free all around
@@ -54,8 +54,17 @@ pub enum Situation {
 
 impl Situation {
     /// As on the command line.
-    pub fn name(self) -> String {
-        self.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Free => "free",
+            Self::Floor => "floor",
+            Self::Wall => "wall",
+            Self::Corner => "corner",
+            Self::Clutter => "clutter",
+            Self::OneSide => "one-side",
+            Self::Front => "front",
+            Self::TwoRooms => "two-rooms",
+        }
     }
 
     /// In words, as a table has them; nothing where it is the usual one.

@@ -29,7 +29,7 @@ pub enum Event<'e> {
     /// A product is made: its key; the evaluation adds what for.
     Begins(&'e str),
     /// A product was there from an earlier run.
-    Kept(&'e str),
+    Kept,
     /// A stage goes on.
     Working,
     /// Something that the user should know.
@@ -105,7 +105,7 @@ impl Stage {
             *self.making.borrow_mut() = (!is_done).then_some(folder);
         }
         // A stop that is asked for here is heard within the stage, or before the next.
-        let _ = observe(if is_done { Event::Kept(self.key()) } else { Event::Begins(self.key()) });
+        let _ = observe(if is_done { Event::Kept } else { Event::Begins(self.key()) });
         Ok(!is_done)
     }
 

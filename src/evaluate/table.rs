@@ -227,13 +227,13 @@ mod tests {
         assert!(text.contains("| 20 | – | – | – | – | 1.50 |") && text.contains("10 input photos"), "{text}");
         assert!(!text.contains("VGG16") && !text.contains("diverged"), "{text}");
         let broken = [Row { diverged: 2, ..row() }];
-        assert!(super::csv(&request, &broken).ends_with("\"cup, \"\"red\"\"\",ours-no-vds,20,3,,diverged,2,\n"));
+        assert!(csv(&request, &broken).ends_with("\"cup, \"\"red\"\"\",ours-no-vds,20,3,,diverged,2,\n"));
         let broken = markdown(&request, &broken, 0);
         assert!(
             broken.contains("fell by more than 1 dB): cup, \"red\", ours-no-vds, 20 views (2 of 3).\n"),
             "{broken}"
         );
-        let csv = super::csv(&request, &[row()]);
+        let csv = csv(&request, &[row()]);
         let lines: Vec<&str> = csv.lines().collect();
         assert_eq!(lines.len(), 1 + 3 * 4 + 1);
         assert_eq!(lines[1], "\"cup, \"\"red\"\"\",ours-no-vds,20,3,half,PSNR,20,0.5");
@@ -264,9 +264,9 @@ mod tests {
         assert!(text.contains("| scene | method | views | held-out | choice, s |\n|---|---|---|---|---|\n"), "{text}");
         assert!(text.contains("| 20 | 20.00 ± 0.50 | 1.50 |") && text.contains("shrunk by 8"), "{text}");
         let room = Request { kind: Kind::Room, ..request };
-        assert!(super::csv(&room, std::slice::from_ref(&one)).contains(",20,3,random,PSNR,20,0.5"));
+        assert!(csv(&room, std::slice::from_ref(&one)).contains(",20,3,random,PSNR,20,0.5"));
         // And where the user says from where people look, one of its own.
         let up_to_eye_height = Request { viewers: Viewers::Heights { low: 0.0, high: 1.7 }, ..room };
-        assert!(super::csv(&up_to_eye_height, &[one]).contains(",20,3,viewers,PSNR,20,0.5"));
+        assert!(csv(&up_to_eye_height, &[one]).contains(",20,3,viewers,PSNR,20,0.5"));
     }
 }

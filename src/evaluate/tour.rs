@@ -206,7 +206,7 @@ impl Walk<'_> {
     fn hear(&mut self, event: &stage::Event<'_>) -> ControlFlow<()> {
         match event {
             stage::Event::Begins(_) => self.kept = false,
-            stage::Event::Kept(_) => self.kept = true,
+            stage::Event::Kept => self.kept = true,
             stage::Event::Working | stage::Event::Note(_) => {}
         }
         self.work()

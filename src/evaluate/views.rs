@@ -176,7 +176,7 @@ mod tests {
                 DVec3::ONE + 0.5 * random::direction(u, v)
             })
             .collect();
-        let cameras = super::tests(&region, &points, Settings::QUICK.intrinsics(), 30);
+        let cameras = tests(&region, &points, Settings::QUICK.intrinsics(), 30);
         let full = region.bounding_sphere().1;
         assert_eq!(cameras.len(), 90);
         for camera in &cameras {

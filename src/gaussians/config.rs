@@ -6,7 +6,8 @@ use crate::scene::gaussians::MAX_DEGREE;
 use crate::{Error, Result};
 
 /// How the number of Gaussians changes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Strategy {
     /// A hard budget: dead Gaussians move to where living ones are (3DGS-MCMC).
@@ -16,7 +17,8 @@ pub enum Strategy {
 }
 
 /// Background.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Background {
     /// Black.

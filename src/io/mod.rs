@@ -20,7 +20,7 @@
 //! rendered pictures. For photographing, [`gltf::read_model`] reads a scene with its materials and lamps, and
 //! [`environment`] the light around it.
 
-pub mod apart;
+pub(crate) mod apart;
 mod binary;
 mod checks;
 pub mod colmap;
@@ -31,7 +31,7 @@ pub mod gltf;
 mod matrix;
 pub mod obj;
 pub mod photos;
-pub mod picture;
+pub(crate) mod picture;
 pub mod plan_json;
 pub mod ply;
 pub mod transforms;

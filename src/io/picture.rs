@@ -12,7 +12,8 @@ use crate::scene::colour::decoded;
 use crate::{Error, Result};
 
 /// Formats of pictures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Format {
     /// 8 bits a channel, sRGB; colours are not multiplied by alpha.
     Png,

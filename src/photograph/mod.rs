@@ -5,9 +5,9 @@
 
 pub mod albedo;
 pub mod assembly;
-pub mod inside;
+pub(crate) mod inside;
 pub mod job;
-pub mod layout;
-pub mod lights;
+pub(crate) mod layout;
+pub(crate) mod lights;
 pub mod products;
 pub mod tracer;

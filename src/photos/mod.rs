@@ -1,7 +1,7 @@
 //! Photos that have been taken: posed images with their lenses, and what a reconstruction knows of them.
 
 mod convention;
-pub mod decode;
+pub(crate) mod decode;
 mod describe;
 mod header;
 pub mod volume;

@@ -1,11 +1,11 @@
 //! Planning: from a surface and a region to the camera poses that sample it best.
 
-pub mod binned;
+pub(crate) mod binned;
 mod buffers;
 pub mod config;
 pub mod curve;
 pub mod dense;
-pub mod footprint;
+pub(crate) mod footprint;
 pub mod job;
 pub mod planner;
 pub mod preparation;
@@ -13,9 +13,9 @@ mod probes;
 pub mod record;
 pub mod reference;
 pub mod relocate;
-pub mod request;
+pub(crate) mod request;
 pub mod shared;
-pub mod snapshot;
+pub(crate) mod snapshot;
 pub mod start;
 pub mod starts;
 pub mod tally;

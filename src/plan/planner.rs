@@ -83,7 +83,7 @@ impl<'a> Planner<'a> {
     pub fn new(context: &Arc<Context>, scene: &'a DeviceScene, preparation: Preparation) -> Result<Self> {
         let Preparation { config, mut settings, points, viewers, around, start, start_scale, .. } = preparation;
         let Preparation { resolution, binned, footprint, .. } = preparation;
-        super::footprint::check(&footprint, context)?;
+        footprint::check(&footprint, context)?;
         let maps = probes::reachable(context, scene, points, resolution, config.preset)?;
         settings.pool = maps.probes.len() as u32;
         let quality = config.objective == Objective::Quality;

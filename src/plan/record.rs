@@ -69,7 +69,7 @@ pub struct CheckpointRecord {
 pub struct Expected {
     /// Decibels of PSNR of trained splats, the mean over viewers; positive is better than the layout it is measured against.
     pub db: f64,
-    /// Standard deviation of that figure, as [`Fitted::spread`] has it.
+    /// Standard deviation of that figure, as [`crate::quality::law::Fitted::spread`] has it.
     pub sd: f64,
     /// Share of what viewers look at that no camera sees.
     pub unseen: f64,

@@ -8,12 +8,14 @@
 
 mod data;
 mod decimate;
-pub mod evaluation;
+#[cfg(feature = "cli")]
+pub(crate) mod evaluation;
 pub mod folder;
 mod geometry;
 mod pictures;
-pub mod selection;
+pub(crate) mod selection;
 mod text;
+#[cfg(feature = "cli")]
 pub mod tour;
 pub mod training;
 

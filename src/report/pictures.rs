@@ -24,7 +24,7 @@ pub const GAIN: u8 = 4;
 /// A test view as it was rendered, beside its photo.
 #[derive(Clone, Copy, Debug)]
 pub struct Comparison<'a> {
-    /// Name of the photo, as in [`TrainRecord::test_views`].
+    /// Name of the photo, as in [`crate::gaussians::run::record::TrainRecord::test_views`].
     pub name: &'a str,
     /// Width in pixels.
     pub width: u32,

@@ -4,15 +4,15 @@
 //! radians inside, degrees on the command line.
 
 pub mod baselines;
-pub mod bounding_sphere;
+pub(crate) mod bounding_sphere;
 pub mod camera;
-pub mod colour;
+pub(crate) mod colour;
 mod connected;
 mod discs;
 mod distance_transform;
 pub mod free_space;
 pub mod gaussians;
-pub mod harmonics;
+pub(crate) mod harmonics;
 pub mod lens;
 pub mod limits;
 pub mod model;

@@ -4,17 +4,17 @@
 //! ([`assignment`]), and photos are then swapped ([`interchange`]) while the expected error of what viewers look at, on the real
 //! frusta ([`objective`]), falls.
 
-pub mod acp;
-pub mod assignment;
+pub(crate) mod acp;
+pub(crate) mod assignment;
 pub mod controls;
 pub mod farthest;
-pub mod greedy;
+pub(crate) mod greedy;
 pub mod information;
 pub mod interchange;
 pub mod job;
 pub mod objective;
 pub mod request;
 pub mod retrained;
-pub mod score;
-pub mod sharpness;
+pub(crate) mod score;
+pub(crate) mod sharpness;
 pub mod sight;

@@ -12,9 +12,9 @@ pub mod consistency;
 pub mod cost;
 pub mod depth;
 pub mod frame;
-pub mod fusion;
+pub(crate) mod fusion;
 pub mod hull;
-pub mod smooth;
+pub(crate) mod smooth;
 
 use std::sync::Arc;
 use std::time::Instant;

@@ -5,12 +5,12 @@
 //! does it all.
 
 pub mod fit;
-pub mod gains;
+pub(crate) mod gains;
 pub mod job;
 pub mod observe;
-pub mod picture;
+pub(crate) mod picture;
 pub mod pyramid;
-pub mod variance;
+pub(crate) mod variance;
 pub mod vdsf;
 
 use std::collections::HashMap;

@@ -14,23 +14,8 @@ const BESIDE: f64 = 0.866;
 /// Part of a highlight's height above the median that a witness sees at least.
 const WITNESSED: f64 = 0.25;
 
-/// Variance of the intensities of a point (squared differences from the mean summed, over their number less one), and
-/// the mean, over the views that are believed; `toward` are the unit directions to the cameras. None for fewer than two
-/// views.
-///
-/// From five views on, a view that is more than three robust standard deviations off the median is left out: a shadow
-/// that moved, a photo that was blurred or lit otherwise. Of three ways tried on normal deviates with a tenth of gross
-/// outliers (winsorised, trimmed, squared median absolute deviation) trimming comes closest to the true variance. A
-/// highlight is off the median too, but it adds light, and where it is seen from one direction it shows in the next
-/// ones: a brighter view stays if one of the two views beside it (within 30 degrees) is at least a quarter as far above
-/// the median. What that gives up: a highlight so sharp that a single view sees it, and dark reflections that only a
-/// few views see.
-pub fn variance(intensities: &[f64], toward: &[DVec3]) -> Option<(f64, f64)> {
-    let believed = believed(intensities, toward);
-    moments(&intensities.iter().zip(&believed).filter(|(_, believed)| **believed).map(|(v, _)| *v).collect::<Vec<_>>())
-}
-
-/// Variance and mean as [`variance`] has them, of intensities that are all believed.
+/// Variance of the intensities of a point (squared differences from the mean summed, over their number less one), and the mean. None
+/// for fewer than two views.
 pub fn moments(intensities: &[f64]) -> Option<(f64, f64)> {
     let count = intensities.len();
     if count < 2 {
@@ -41,7 +26,15 @@ pub fn moments(intensities: &[f64]) -> Option<(f64, f64)> {
     Some((squares / (count - 1) as f64, mean))
 }
 
-/// Which views [`variance`] believes.
+/// Which views of a point are believed; `toward` are the unit directions to the cameras.
+///
+/// From five views on, a view that is more than three robust standard deviations off the median is left out: a shadow
+/// that moved, a photo that was blurred or lit otherwise. Of three ways tried on normal deviates with a tenth of gross
+/// outliers (winsorised, trimmed, squared median absolute deviation) trimming comes closest to the true variance. A
+/// highlight is off the median too, but it adds light, and where it is seen from one direction it shows in the next
+/// ones: a brighter view stays if one of the two views beside it (within 30 degrees) is at least a quarter as far above
+/// the median. What that gives up: a highlight so sharp that a single view sees it, and dark reflections that only a
+/// few views see.
 pub fn believed(intensities: &[f64], toward: &[DVec3]) -> Vec<bool> {
     if intensities.len() < MIN_VIEWS {
         return vec![true; intensities.len()];
@@ -86,6 +79,13 @@ pub(super) fn median(values: &mut [f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::scene::{octahedral, random};
+
+    /// Variance and mean over the views that are believed.
+    fn variance(intensities: &[f64], toward: &[DVec3]) -> Option<(f64, f64)> {
+        let believed = believed(intensities, toward);
+        let kept = intensities.iter().zip(&believed).filter(|(_, believed)| **believed);
+        moments(&kept.map(|(v, _)| *v).collect::<Vec<_>>())
+    }
 
     /// A normal deviate (Box and Muller).
     fn normal(i: u32) -> f64 {

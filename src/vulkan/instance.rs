@@ -40,6 +40,7 @@ impl Instance {
                 "the validation layers are not installed: install vulkan-validationlayers".into(),
             ));
         }
+        // SAFETY: no layer's name is given, and the loader fills the list.
         let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
         let debug_utils =
             extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(ash::ext::debug_utils::NAME));

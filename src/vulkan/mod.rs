@@ -4,20 +4,20 @@
 //! each other. A [`recorder::Recorder`] writes stages into a command buffer, its own or a host application's, and is the
 //! one place where barriers are inserted.
 
-pub mod buffer;
+pub(crate) mod buffer;
 pub mod capture;
 mod clock;
-pub mod context;
+pub(crate) mod context;
 pub mod footprint;
 pub mod host;
-pub mod instance;
+pub(crate) mod instance;
 pub mod physical;
-pub mod pipeline;
+pub(crate) mod pipeline;
 pub mod profile;
 pub mod recorder;
-pub mod shaders;
+pub(crate) mod shaders;
 mod spares;
-pub mod stage;
+pub(crate) mod stage;
 mod transfer;
 
 pub use buffer::Buffer;

@@ -290,7 +290,7 @@ mod tests {
         let settings = Settings { random: 5000, seed: 3, ..Settings::default() };
         let inward = photos(|t| Pose::looking(at + away(t), -away(t), DVec3::Z));
         let frame = Frame::new(&inward.cameras(), &[]);
-        let start = |set: &PhotoSet| super::start(set, &Frame::new(&set.cameras(), &[]), &settings).unwrap();
+        let start = |set: &PhotoSet| start(set, &Frame::new(&set.cameras(), &[]), &settings).unwrap();
         let world = frame.gaussians_to_world(start(&inward));
         assert_eq!((world.len(), &world), (5000, &frame.gaussians_to_world(start(&inward))));
         // What half the picture shows at the focus: 4 sin 0.35.

@@ -2,7 +2,7 @@
 
 pub mod checkpoint;
 mod course;
-pub mod evaluate;
+pub(crate) mod evaluate;
 pub mod job;
-pub mod products;
+pub(crate) mod products;
 pub mod record;

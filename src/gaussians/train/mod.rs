@@ -1,6 +1,6 @@
 //! Iterations on the device: loss, gradients, Adam, growth within a budget.
 
-pub mod density;
+pub(crate) mod density;
 pub mod loss;
 pub mod mcmc;
 pub mod memory;

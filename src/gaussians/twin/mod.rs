@@ -5,9 +5,9 @@
 
 mod composite;
 pub mod fisher;
-pub mod loss;
+pub(crate) mod loss;
 pub mod optimise;
-pub mod project;
+pub(crate) mod project;
 #[cfg(test)]
 mod tests;
 

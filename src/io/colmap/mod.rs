@@ -7,7 +7,7 @@
 pub mod binary;
 mod subset;
 pub mod text;
-pub mod write;
+pub(crate) mod write;
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};

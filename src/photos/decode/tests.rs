@@ -196,7 +196,7 @@ fn values_are_linear() {
     assert!((single(&small)[0] - 0.5).abs() < 1e-6 && (single(&small)[1] - 1.5029 / 4.0).abs() < 1e-4);
     let half = decode(Settings { precision: Precision::Half, ..Settings::default() });
     let Values::Half(values) = &half.values else { panic!("single precision") };
-    assert_eq!(values[1], half::f16::from_f32(single(&rgb)[1]));
+    assert_eq!(values[1], f16::from_f32(single(&rgb)[1]));
     let byte = |shrink| decode(Settings { precision: Precision::Byte, shrink, ..Settings::default() }).values;
     let Values::Byte(values) = byte(1) else { panic!("not bytes") };
     assert_eq!(values, image.into_raw());

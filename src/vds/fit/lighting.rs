@@ -33,9 +33,17 @@ pub struct Lobe {
 #[derive(Clone, Copy, Debug)]
 pub enum Profile {
     /// A von Mises-Fisher lobe, `exp(sharpness (cos - 1))`.
-    Round { sharpness: f64 },
+    Round {
+        /// How narrow it is, >= 0.
+        sharpness: f64,
+    },
     /// A disc with a penumbra: 1 where cos > `inner`, 0 where cos < `outer`, a smooth step of the cosine between.
-    Disc { inner: f64, outer: f64 },
+    Disc {
+        /// Cosine of the angle within which it is even.
+        inner: f64,
+        /// Cosine of the angle where it ends.
+        outer: f64,
+    },
 }
 
 impl Lobe {
