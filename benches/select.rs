@@ -10,12 +10,12 @@ use camsplat::methods::Method;
 use camsplat::photos::{Photo, PhotoSet};
 use camsplat::plan::config::Preset;
 use camsplat::plan::target::{RegionChoice, Target};
-use camsplat::scene::baselines;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
+use camsplat::scene::layouts;
 use camsplat::scene::lens::Distortion;
 use camsplat::scene::random;
 use camsplat::scene::samples;
-use camsplat::select::job::Prospect;
+use camsplat::select::job::SelectionContext;
 use camsplat::select::request::Request;
 use camsplat::vulkan::{Context, Options};
 use camsplat::{Error, Result};
@@ -41,7 +41,7 @@ fn main() -> Result<()> {
         for method in [Method::Ours, Method::Coverage] {
             let start = Instant::now();
             let request = Request { points, method, ..Request::new(count) };
-            let selection = Prospect::new(&context, &set, &target, request)?.select(None, false)?;
+            let selection = SelectionContext::new(&context, &set, &target, request)?.select(None, false)?;
             let wall = start.elapsed().as_secs_f64();
             let [seeing, planning, choosing] = selection.seconds;
             let mib = |bytes: f64| bytes / f64::from(1 << 20);
@@ -72,7 +72,7 @@ fn main() -> Result<()> {
 
 /// Photos around a target.
 fn pool(target: &Target, count: usize, intrinsics: Intrinsics) -> Result<Vec<Photo>> {
-    let poses = baselines::fibonacci_shell(&target.region, count)?;
+    let poses = layouts::fibonacci_shell(&target.region, count)?;
     let jittered = |(i, pose): (usize, Pose)| {
         let [u, v, w, x] = random::uniforms(1, 0, i as u32);
         let position = pose.position * (0.85 + 0.3 * u) + 0.2 * random::direction(v, w);

@@ -18,8 +18,8 @@ use camsplat::plan::config::{Config, Gate, Kernel, Objective, Preset, Start};
 use camsplat::plan::planner::{Outcome, Planner};
 use camsplat::plan::preparation::Preparation;
 use camsplat::plan::target::{RegionChoice, Target};
-use camsplat::scene::baselines;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
+use camsplat::scene::layouts;
 use camsplat::scene::proxy::SurfacePoint;
 use camsplat::scene::random;
 use camsplat::scene::region::Shape;
@@ -257,9 +257,9 @@ fn table(context: &Arc<Context>, scenes: &[Scene], seeds: u64, title: &str, rows
 fn control(context: &Arc<Context>, scene: &Scene, seed: u64, random: bool) -> Result<Option<Metrics>> {
     let geometry = &scene.device.geometry;
     let poses = match random {
-        true => baselines::random(&geometry.free, scene.views as usize, seed, scene.preset == Preset::Object),
+        true => layouts::random(&geometry.free, scene.views as usize, seed, scene.preset == Preset::Object),
         false if scene.preset == Preset::Room => return Ok(None),
-        false => baselines::fibonacci_shell(&geometry.region, scene.views as usize)?,
+        false => layouts::fibonacci_shell(&geometry.region, scene.views as usize)?,
     };
     let back = geometry.to_internal.inverse();
     let world: Vec<Pose> = poses.iter().map(|pose| back.pose(pose)).collect();
@@ -387,7 +387,7 @@ fn search(context: &Arc<Context>, scenes: &[Scene], seeds: u64) -> Result<()> {
             let mut gaps: [Vec<f64>; 3] = Default::default();
             for seed in 0..seeds {
                 let mut poses = match start {
-                    "Fibonacci" => baselines::fibonacci_shell(&geometry.region, scene.views as usize)?
+                    "Fibonacci" => layouts::fibonacci_shell(&geometry.region, scene.views as usize)?
                         .iter()
                         .map(|pose| back.pose(pose))
                         .collect(),

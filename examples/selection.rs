@@ -1,4 +1,4 @@
-//! The tables of docs/results/2026-11/selection.md: subsets of 20 and 40 photos from each pool, ours against every control, over seeds.
+//! The tables of docs/results/2026-11/selection.md: subsets of 20 and 40 photos from each pool, ours against every baseline, over seeds.
 //!
 //! ```text
 //! CAMSPLAT_DATA=... cargo run --release --example selection -- [--seeds 5] [--counts 20,40] [POOL ...]
@@ -14,7 +14,7 @@ use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::Pose;
 use camsplat::scene::region::Shape;
 use camsplat::scene::surface::Surface;
-use camsplat::select::job::Prospect;
+use camsplat::select::job::SelectionContext;
 use camsplat::select::request::Request;
 use camsplat::vulkan::{Context, Options};
 use camsplat::{Error, Result};
@@ -56,11 +56,11 @@ fn main() -> Result<()> {
             let mut seconds = 0.0;
             for seed in 0..seeds {
                 let request = Request { seed, ..Request::new(count) };
-                let selection = Prospect::new(&context, &set, &target, request)?.select(None, true)?;
+                let selection = SelectionContext::new(&context, &set, &target, request)?.select(None, true)?;
                 seconds += selection.seconds.iter().sum::<f64>() / seeds as f64;
                 note("all photos", selection.pool);
                 note(Method::Ours.name(), selection.metrics);
-                selection.controls.iter().for_each(|control| note(&control.name, control.metrics));
+                selection.baselines.iter().for_each(|baseline| note(&baseline.name, baseline.metrics));
             }
             println!("### {pool}: {count} of {} photos, {seconds:.1} s\n", set.photos.len());
             println!("| | seen >= 1, % | seen >= 3, % | gap, mean | gap, p95 |\n|---|---|---|---|---|");

@@ -22,14 +22,14 @@ def main():
     with open(sys.argv[1]) as file:
         for row in csv.DictReader(file):
             numbers = tuple(float(row[name]) for name in ("expected_db", "score_db", "trained_psnr"))
-            groups[row["scene"], int(row["views"])].append((*numbers, row["held_out"] == "1"))
+            groups[row["scene"], row.get("situation", "free"), int(row["views"])].append((*numbers, row["held_out"] == "1"))
     print(
         "| views | scenes | layouts | Pearson, mean (held out) | least | by `score` | pairs expected within 0.05 dB: "
         "trained, median dB | within 0.2 dB |"
     )
     print("|---|---|---|---|---|---|---|---|")
-    for views in sorted({views for _, views in groups}):
-        runs = [points for (_, budget), points in groups.items() if budget == views]
+    for views in sorted({views for *_, views in groups}):
+        runs = [points for (*_, budget), points in groups.items() if budget == views]
         found = [pearson([p[0] for p in points], [p[2] for p in points]) for points in runs]
         held = [value for value, points in zip(found, runs) if points[0][3]]
         scored = [pearson([p[1] for p in points], [p[2] for p in points]) for points in runs]
@@ -41,7 +41,7 @@ def main():
             f"| {median(alike):.2f} | {share:.0f}% |"
         )
     marks = []
-    for (_, views), points in groups.items():
+    for (*_, views), points in groups.items():
         x0, y0 = median(p[0] for p in points), median(p[2] for p in points)
         for x, _, y, _ in points:
             u, v = 400 + 60 * (x - x0), 300 - 60 * (y - y0)

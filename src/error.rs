@@ -55,7 +55,7 @@ pub enum Error {
         instances: u32,
     },
     /// The caller asked to stop; what is finished stays.
-    #[error("stopped; what is finished stays, and the same command goes on from there")]
+    #[error("stopped, as it was asked to; what is finished stays")]
     Interrupted,
     /// The device was lost while running a stage.
     #[error("the device was lost; the last stage that started was `{stage}`")]

@@ -20,15 +20,16 @@
 //!
 //! [`plan()`] is the front door, and [`PlanRequest`] has what can be asked for; [`vulkan::host`] is for applications that own the Vulkan device.
 //!
-//! The layers look down only: the command line and [`report`] sit on [`evaluate`], that on [`peers`] and [`photograph`], these on [`mod@plan`],
-//! [`vds`], [`select`], [`stereo`] and [`gaussians`], these on [`metrics`] and [`visibility`], then [`io`], [`photos`], [`scene`],
-//! [`primitives`] and [`vulkan`].
+//! The layers look down only: the command line and [`report`] sit on `evaluate`, that on [`baselines`], [`select`] and [`mod@plan`], these on
+//! [`vds`], [`photograph`], [`gaussians`], [`stereo`] and [`quality`], then [`metrics`], [`visibility`], [`io`], [`photos`], [`scene`] with
+//! [`methods`], [`primitives`] and [`vulkan`].
 
 // What is private is read with `cargo doc --document-private-items`.
 #![allow(rustdoc::private_intra_doc_links)]
 // Some of it the program alone uses.
 #![cfg_attr(not(feature = "cli"), allow(dead_code, unused_imports))]
 
+pub mod baselines;
 mod error;
 #[cfg(feature = "cli")]
 pub mod evaluate;
@@ -37,7 +38,6 @@ pub mod io;
 pub mod methods;
 pub mod metrics;
 mod parallel;
-pub mod peers;
 pub mod photograph;
 pub mod photos;
 pub mod plan;

@@ -110,7 +110,7 @@ pub const METHODS: [Entry; 19] = [
         Method::Fibonacci,
         "fibonacci",
         BOTH,
-        "Evenly over the sphere around an object, as much of it as cameras can stand on, in a random rotation (spherical Fibonacci points)",
+        "Spherical Fibonacci points in a random rotation: as much of the sphere around an object as cameras can stand on; of photos: one of its own for each point",
     ),
     entry(Method::Grid, "grid", PLACES, "In a room on an even grid at eye height, in four level directions a place"),
     entry(Method::Rings, "rings", PLACES, "In a room on three level rings along the walls, looking across"),
@@ -155,7 +155,7 @@ pub const METHODS: [Entry; 19] = [
 
 impl Method {
     /// Those that every choice among photos is put beside.
-    pub const CONTROLS: [Self; 8] = [
+    pub const BASELINES: [Self; 8] = [
         Self::Assigned,
         Self::Nearest,
         Self::Random,
@@ -222,7 +222,10 @@ mod tests {
             assert!(entry.places || entry.chooses, "{}", entry.name);
             let taken = METHODS.iter().filter(|other| other.alias == Some(entry.name)).count();
             assert_eq!(taken, 0, "{} is another's alias", entry.name);
+            assert!(entry.alias.is_none_or(|alias| Method::named(alias) == Some(entry.method)), "{:?}", entry.alias);
         }
+        // What earlier programs wrote of selections.
+        assert_eq!(serde_json::from_value::<Method>("swap".into()).unwrap(), Method::Ours);
         assert!(serde_json::from_value::<Method>("zebra".into()).is_err());
     }
 }

@@ -148,7 +148,7 @@ fn every_option_of_the_help_is_accepted() {
     place.write("boxes.json", r#"{"boxes": [[-4, -4, 1, 4, -0.5, 4]]}"#);
     let known = options(&place, "plan");
     let mut tried: BTreeSet<String> = BTreeSet::new();
-    // Capturing and the peers have their own tests, and help ends every run.
+    // Capturing and the baselines have their own tests, and help ends every run.
     tried.extend(
         ["renderdoc", "curve", "help", "method", "candidates", "nodes", "hidden-nodes", "model", "antialiased"]
             .map(str::to_owned),

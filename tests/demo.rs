@@ -5,10 +5,10 @@ mod command;
 use std::ops::ControlFlow;
 use std::path::Path;
 
+use camsplat::evaluate::demo::{self, Event, Size};
 use camsplat::evaluate::scene::{Scene, Setting};
 use camsplat::evaluate::settings::Settings;
 use camsplat::evaluate::situation::Situation;
-use camsplat::evaluate::tour::{self, Event, Size};
 use camsplat::plan::config::Preset;
 use camsplat::report;
 use camsplat::scene::samples::textured::two_rooms_model;
@@ -45,7 +45,7 @@ fn the_whole_way_is_gone_and_the_page_shows_what_is_there() {
     let place = Place::new();
     let out = place.path("out");
     let (mut told, mut stopping) = (Vec::new(), false);
-    let broken_off = tour::run(&context, &out, SMALL, &subject(), &mut |event| {
+    let broken_off = demo::run(&context, &out, SMALL, &subject(), &mut |event| {
         if let Event::Done(step) = event {
             stopping = step.name == "tests";
             told.push(step.name);
@@ -55,22 +55,22 @@ fn the_whole_way_is_gone_and_the_page_shows_what_is_there() {
     assert!(matches!(broken_off, Err(camsplat::Error::Interrupted)));
     assert_eq!(told, ["plan", "tests"]);
 
-    let tour = tour::run(&context, &out, SMALL, &subject(), &mut |_| ControlFlow::Continue(())).unwrap();
-    let kept = |name: &str| tour.steps.iter().any(|step| step.name == name && step.what.contains("earlier run"));
-    assert!(kept("tests") && !kept("photos") && !kept("training"), "{:?}", tour.steps);
-    let methods: Vec<&str> = tour.outcome.rows.iter().map(|row| row.method.name()).collect();
+    let demo = demo::run(&context, &out, SMALL, &subject(), &mut |_| ControlFlow::Continue(())).unwrap();
+    let kept = |name: &str| demo.steps.iter().any(|step| step.name == name && step.what.contains("earlier run"));
+    assert!(kept("tests") && !kept("photos") && !kept("training"), "{:?}", demo.steps);
+    let methods: Vec<&str> = demo.outcome.rows.iter().map(|row| row.method.name()).collect();
     assert_eq!(methods, ["ours", "random", "grid"]);
-    let sentence = tour.sentence();
+    let sentence = demo.sentence();
     assert!(
         sentence.contains("5 photographs from planned places") && sentence.matches(" dB").count() == 3,
         "{sentence}"
     );
     // Nobody asked for LPIPS of VGG16.
-    for interval in tour.outcome.rows.iter().flat_map(|row| row.measured[..3].iter().flatten()) {
-        assert!(interval.is_some_and(|interval| interval.mean.is_finite()), "{:?}", tour.outcome.rows);
+    for interval in demo.outcome.rows.iter().flat_map(|row| row.measured[..3].iter().flatten()) {
+        assert!(interval.is_some_and(|interval| interval.mean.is_finite()), "{:?}", demo.outcome.rows);
     }
 
-    report::tour::write(&tour, &out, &[]).unwrap();
+    report::demo::write(&demo, &out, &[]).unwrap();
     let page = place.read("out/report.html");
     let named =
         |attribute: &str| page.split(attribute).skip(1).filter_map(|rest| rest.split('"').next()).collect::<Vec<_>>();

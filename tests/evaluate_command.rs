@@ -296,8 +296,8 @@ fn bad_input_is_refused_and_nothing_is_written() {
             &["--inputs-from", "objects"],
         ),
         (
-            "evaluate cube.gltf --env sky.hdr --out o --preset room --peers-from sphere --methods random",
-            &["--peers-from sphere", "objects"],
+            "evaluate cube.gltf --env sky.hdr --out o --preset room --baselines-from sphere --methods random",
+            &["--baselines-from sphere", "objects"],
         ),
     ];
     assert_refused(&place, &cases);

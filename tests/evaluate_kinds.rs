@@ -8,7 +8,7 @@ use std::fs;
 use camsplat::gaussians::config::Background;
 use camsplat::gaussians::run::record::TrainRecord;
 use camsplat::io::photos::{self, Options};
-use camsplat::photograph::products::Record;
+use camsplat::photograph::outputs::Record;
 use camsplat::plan::record::PlanRecord;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use command::gltf::{cube, sky};

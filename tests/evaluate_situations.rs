@@ -97,7 +97,7 @@ fn what_does_not_fit_is_refused() {
         ("--situation two-rooms cube.gltf", &["two-rooms", "leave the scenes out"]),
         ("--situation corner", &["there are no scenes"]),
         ("--situation corner cube.gltf --preset room", &["corner", "of objects"]),
-        ("--situation wall cube.gltf --peers-from sphere", &["--peers-from"]),
+        ("--situation wall cube.gltf --baselines-from sphere", &["--baselines-from"]),
         ("cube.gltf --methods grid", &["grid", "fibonacci"]),
         ("cube.gltf --methods ours-two-passes --surface true", &["--surface proxy"]),
         ("cube.gltf --methods ours-two-passes --budgets 3", &["4 or more"]),

@@ -16,8 +16,8 @@ use camsplat::quality::expected::{Judge, LOOKS, expect};
 use camsplat::quality::law::Law;
 use camsplat::quality::look::Surroundings;
 use camsplat::quality::viewers::Viewers;
-use camsplat::scene::baselines;
 use camsplat::scene::camera::Camera;
+use camsplat::scene::layouts;
 use camsplat::scene::random;
 use camsplat::scene::region::Shape;
 use camsplat::scene::samples;
@@ -28,7 +28,7 @@ use planner_support::{Scene, context, intrinsics, object, planner, room, silent}
 
 fn cameras(scene: &Scene, count: usize, inward: bool) -> Vec<Camera> {
     let back = scene.device.geometry.to_internal.inverse();
-    let poses = baselines::random(&scene.device.geometry.free, count, 5, inward);
+    let poses = layouts::random(&scene.device.geometry.free, count, 5, inward);
     poses.iter().map(|pose| Camera { name: String::new(), pose: back.pose(pose), intrinsics: intrinsics() }).collect()
 }
 

@@ -58,6 +58,16 @@ fn space_that_is_cut_off_is_reported() {
     assert!(!whole.contains("not connected"), "{whole}");
 }
 
+/// If this failed, cameras of a room that are scored as if around an object would get a bad score and nobody would know why.
+#[test]
+fn cameras_outside_of_the_region_are_reported() {
+    let place = Place::new();
+    place.done(&format!("plan ball.ply --out o {SHELL} {SHORT}"));
+    let score = |shell: &str| place.done(&format!("score ball.ply o/transforms.json --up z --shell {shell}")).out;
+    assert!(score("0,0,0,8,9").contains("warning  5 of 5 cameras are outside of the region"));
+    assert!(!score("0,0,0,2,3").contains("outside of the region"));
+}
+
 /// If this failed, the simple layouts of a room would stand below its floor or outside of its limits, where a plan may not.
 #[test]
 fn layouts_of_a_room_keep_the_limits() {

@@ -4,11 +4,11 @@ mod gaussian_support;
 
 use std::ops::ControlFlow;
 
+use camsplat::baselines::manifold::{self, Settings};
 use camsplat::gaussians::render::layout::{self, HARMONICS, OPACITY};
 use camsplat::gaussians::render::rasterizer::Size;
 use camsplat::gaussians::twin::{self, Rules};
 use camsplat::gaussians::uncertainty::manifold::{Manifold, learnt, perturbation, rate};
-use camsplat::peers::manifold::{self, Settings};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::gaussians::Gaussians;
 use camsplat::scene::random;

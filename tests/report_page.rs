@@ -4,7 +4,7 @@
 mod report_support;
 
 use camsplat::metrics::Metrics;
-use camsplat::plan::record::{CheckpointRecord, ControlRecord, IterationRecord, PlanRecord, Status, SurfaceRecord};
+use camsplat::plan::record::{BaselineRecord, CheckpointRecord, IterationRecord, PlanRecord, Status, SurfaceRecord};
 use camsplat::report::{ReportScene, SurfacePoint, Triangles, html};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::limits::Limits;
@@ -99,7 +99,7 @@ fn record(path: &str, region: Region, cameras: Vec<Camera>, kept: usize) -> Plan
             voronoi_high_vds: Some(m.voronoi_mean * (1.05 - 0.25 * progress(50 * k))),
         }
     });
-    let control = |name: &str, quality| ControlRecord { name: name.into(), metrics: metrics(quality) };
+    let baseline = |name: &str, quality| BaselineRecord { name: name.into(), metrics: metrics(quality) };
     let (centre, radius) = region.bounding_sphere();
     PlanRecord {
         version: "0.1.0".into(),
@@ -124,7 +124,7 @@ fn record(path: &str, region: Region, cameras: Vec<Camera>, kept: usize) -> Plan
         metrics: metrics(1.0),
         expected: None,
         began_from: None,
-        controls: vec![control("random", 0.0), control("fibonacci", 0.55)],
+        baselines: vec![baseline("random", 0.0), baseline("fibonacci", 0.55)],
         seconds: 83.4,
     }
 }
@@ -222,7 +222,7 @@ fn room() -> Stage {
     let colours = squares.iter().flat_map(|(_, colour)| [*colour, *colour]).collect();
     let region = Region { shape: Shape::Box { min: low, max: high }, up: DVec3::Z, floor: None, clearance: 0.15 };
     let mut record = record("scans/living room.ply", region, cameras, 0);
-    record.controls.pop();
+    record.baselines.pop();
     record.status = Status::Interrupted;
     record.history.truncate(640);
     record.checkpoints.truncate(13);
@@ -315,13 +315,13 @@ fn without_webgl_the_page_says_so_and_keeps_the_rest() {
     }
 }
 
-/// Without history, controls, cameras or points there is little to say, but the page still stands.
+/// Without history, baselines, cameras or points there is little to say, but the page still stands.
 #[test]
 fn an_empty_plan_still_gives_a_page() {
     let mut stage = ball();
     stage.record.history.clear();
     stage.record.checkpoints.clear();
-    stage.record.controls.clear();
+    stage.record.baselines.clear();
     stage.record.cameras.clear();
     stage.record.kept = 0;
     stage.record.metrics.gap_mean_deg = f64::NAN;
@@ -372,7 +372,7 @@ fn hostile_strings_stay_text() {
     stage.record.device = evil.into();
     stage.record.version = evil.into();
     stage.record.config = serde_json::json!({ evil: evil });
-    stage.record.controls[0].name = evil.into();
+    stage.record.baselines[0].name = evil.into();
     stage.record.cameras[0].name = evil.into();
     let page = stage.page();
     assert!(!page.contains("<img"));

@@ -7,7 +7,7 @@ use camsplat::photos::{Photo, PhotoSet};
 use camsplat::plan::config::Preset;
 use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::surface::Surface;
-use camsplat::select::controls::Pool;
+use camsplat::select::pool::Pool;
 use camsplat::select::retrained::{self, Settings};
 use camsplat::select::sight::Sight;
 use camsplat::{Error, Result};

@@ -1,7 +1,7 @@
-//! The CPU side of scene preparation as a whole: surface to proxy, hierarchy, free space and controls.
+//! The CPU side of scene preparation as a whole: surface to proxy, hierarchy, free space and baselines.
 
-use camsplat::scene::baselines;
 use camsplat::scene::free_space::{FreeSpace, RESOLUTION};
+use camsplat::scene::layouts;
 use camsplat::scene::proxy::{Orientation, Proxy, SurfacePoint};
 use camsplat::scene::random;
 use camsplat::scene::region::{Region, Shape};
@@ -104,14 +104,14 @@ fn the_room_has_free_space_around_its_furniture() {
         assert!(!space.is_free(inside), "{inside} is inside furniture");
     }
     let bvh = Bvh::new(&proxy.occluder, &Similarity::IDENTITY).unwrap();
-    for pose in baselines::random(&space, 200, 5, false) {
+    for pose in layouts::random(&space, 200, 5, false) {
         let (origin, direction) = (pose.position.as_vec3(), pose.forward().as_vec3());
         let hit = bvh.closest_hit(&Ray { origin, direction, t_min: 0.0, t_max: f32::MAX }).expect("a room is closed");
         assert!(f64::from(hit.distance) > region.clearance - 3f64.sqrt() * space.grid.cell);
     }
 }
 
-/// The object's default shell is all free, and both controls stand in it, looking in, once mapped back to the world.
+/// The object's default shell is all free, and both baselines stand in it, looking in, once mapped back to the world.
 #[test]
 fn controls_of_the_object_stand_in_its_shell() {
     let proxy = Proxy::new(&samples::object(), Orientation::Trusted).unwrap();
@@ -122,8 +122,8 @@ fn controls_of_the_object_stand_in_its_shell() {
     let space = FreeSpace::new(&proxy.occluder.transformed(&there), &internal, 64).unwrap();
     assert_eq!(space.free_fraction, 1.0);
     let back = there.inverse();
-    let controls = [baselines::random(&space, 50, 1, true), baselines::fibonacci_shell(&internal, 50).unwrap()];
-    for pose in controls.iter().flatten().map(|pose| back.pose(pose)) {
+    let baselines = [layouts::random(&space, 50, 1, true), layouts::fibonacci_shell(&internal, 50).unwrap()];
+    for pose in baselines.iter().flatten().map(|pose| back.pose(pose)) {
         let distance = pose.position.distance(centre);
         assert!(distance > r_min - 1e-9 && distance < r_max + 1e-9);
         assert!(pose.forward().dot((centre - pose.position).normalize()) > 1.0 - 1e-6);

@@ -16,11 +16,11 @@ use camsplat::scene::lens::Distortion;
 use camsplat::scene::random;
 use camsplat::scene::region::Shape;
 use camsplat::scene::samples;
-use camsplat::select::controls::Pool;
 use camsplat::select::farthest::Distance;
 use camsplat::select::interchange::refine;
-use camsplat::select::job::Prospect;
+use camsplat::select::job::SelectionContext;
 use camsplat::select::objective::{Objective, Scratch};
+use camsplat::select::pool::Pool;
 use camsplat::select::request::Request;
 use camsplat::select::sight::{Survey, framed, sight};
 use camsplat::visibility::device_scene::DeviceScene;
@@ -230,10 +230,10 @@ fn must_and_never_hold_for_every_method() {
     let context = context();
     let set = pool(30, 5);
     let target = target();
-    for method in Method::CONTROLS.into_iter().chain([Method::Ours, Method::Acp]) {
+    for method in Method::BASELINES.into_iter().chain([Method::Ours, Method::Acp]) {
         let request = Request { method, include: vec![3, 17], exclude: vec![0, 5, 29], points: 150, ..Request::new(8) };
-        let prospect = Prospect::new(&context, &set, &target, request).expect("a pool");
-        let selection = prospect.select(None, false).expect("a selection");
+        let selector = SelectionContext::new(&context, &set, &target, request).expect("a pool");
+        let selection = selector.select(None, false).expect("a selection");
         let photos: Vec<usize> = selection.chosen.iter().map(|chosen| chosen.photo).collect();
         assert!(photos.is_sorted_by(|a, b| a < b), "{method:?}: {photos:?}");
         // The paper's nearest photo may be nearest to two.
@@ -244,7 +244,7 @@ fn must_and_never_hold_for_every_method() {
     silent(&context);
 }
 
-/// By the looks that the choice is made for, no control may be better by what is minimised: else the search has failed.
+/// By the looks that the choice is made for, no baseline may be better by what is minimised: else the search has failed.
 #[test]
 fn no_control_is_better_by_the_objective() {
     let context = context();
@@ -266,9 +266,9 @@ fn no_control_is_better_by_the_objective() {
     refine(&mut choice, &everything, &[false; 10]);
     let farthest =
         [Distance::GreatCircle, Distance::Chord, Distance::Shared].map(|d| pool.farthest(d).expect("a choice"));
-    for control in farthest.into_iter().chain([pool.random(), pool.coverage()]) {
-        assert_eq!(control.len(), 10);
-        assert!(choice.cost() <= objective.choose(&control).cost());
+    for baseline in farthest.into_iter().chain([pool.random(), pool.coverage()]) {
+        assert_eq!(baseline.len(), 10);
+        assert!(choice.cost() <= objective.choose(&baseline).cost());
     }
 }
 
@@ -280,10 +280,13 @@ fn the_same_request_gives_the_same_choice() {
     let target = target();
     let select = || {
         let request = Request { points: 300, ..Request::new(10) };
-        Prospect::new(&context, &set, &target, request).expect("a pool").select(None, true).expect("a selection")
+        SelectionContext::new(&context, &set, &target, request)
+            .expect("a pool")
+            .select(None, true)
+            .expect("a selection")
     };
     let (a, b) = (select(), select());
-    assert_eq!((&a.chosen, &a.scores, &a.metrics, &a.controls), (&b.chosen, &b.scores, &b.metrics, &b.controls));
+    assert_eq!((&a.chosen, &a.scores, &a.metrics, &a.baselines), (&b.chosen, &b.scores, &b.metrics, &b.baselines));
     silent(&context);
 }
 
@@ -297,10 +300,10 @@ fn of_two_photos_alike_the_sharper_is_taken() {
     }
     let target = target();
     let request = Request { points: 300, ..Request::new(10) };
-    let prospect = Prospect::new(&context, &set, &target, request).expect("a pool");
+    let selector = SelectionContext::new(&context, &set, &target, request).expect("a pool");
     let sharpness: Vec<f64> = (0..60).map(|i| if i % 2 == 0 { 80.0 } else { 300.0 + f64::from(i % 3) }).collect();
     let odd = |sharpness: Option<&[f64]>| {
-        let selection = prospect.select(sharpness, false).expect("a selection");
+        let selection = selector.select(sharpness, false).expect("a selection");
         selection.chosen.iter().filter(|chosen| chosen.photo % 2 == 1).count()
     };
     assert!(odd(None) < 10, "the sharper ones are taken anyway: this tests nothing");
@@ -316,9 +319,9 @@ fn suggested_poses_are_worth_adding() {
     set = PhotoSet { photos: set.photos.drain(..).filter(|p| p.camera.pose.position.x > 0.3).collect(), ..set };
     let target = target();
     let request = Request { points: 300, ..Request::new(6) };
-    let prospect = Prospect::new(&context, &set, &target, request).expect("a pool");
-    let selection = prospect.select(None, false).expect("a selection");
-    let suggested = prospect.suggest(&selection.chosen, 6).expect("suggestions");
+    let selector = SelectionContext::new(&context, &set, &target, request).expect("a pool");
+    let selection = selector.select(None, false).expect("a selection");
+    let suggested = selector.suggest(&selection.chosen, 6).expect("suggestions");
     assert_eq!(suggested.len(), 6);
     let across = suggested.iter().filter(|one| one.camera.pose.position.x < 0.0).count();
     assert!(across >= 4, "only {across} of 6 go to the side that no photo shows");
@@ -335,8 +338,8 @@ fn a_choice_is_never_worse_than_a_simple_one() {
     for seed in 0..4 {
         let set = pool(50, 20 + seed);
         let request = Request { points: 200, seed, ..Request::new([4, 7, 12, 20][seed as usize]) };
-        let prospect = Prospect::new(&context, &set, &target, request).expect("a pool");
-        let selection = prospect.select(None, false).expect("a selection");
+        let selector = SelectionContext::new(&context, &set, &target, request).expect("a pool");
+        let selection = selector.select(None, false).expect("a selection");
         assert!(selection.expected.db >= 0.0, "seed {seed}: {:?}", selection.expected);
         assert_eq!(selection.errors_db.first(), Some(&0.0));
     }

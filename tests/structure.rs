@@ -33,7 +33,7 @@ fn modules() -> BTreeMap<Module, String> {
 
 /// The code of a file: without comments, and without its tests, which stand at its end.
 fn code(text: &str) -> String {
-    let text = text.split("\n#[cfg(test)]").next().unwrap_or_default();
+    let text = text.split("\n#[cfg(test)]\nmod tests {").next().unwrap_or_default();
     text.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n")
 }
 
@@ -130,8 +130,9 @@ fn uses() -> BTreeMap<Module, BTreeSet<Module>> {
     };
     let of = |module: &Module, text: &str| -> BTreeSet<Module> {
         let found = taken(text, is_facade(module)).into_iter().filter_map(|path| resolve(module, &path));
-        // The root holds the error type and macros for everybody, and no file of its own.
-        found.filter(|other| other != module && !other.is_empty() && modules.contains_key(other)).collect()
+        // A folder's `mod.rs` calls its own files, which take its types: together they are one thing to a reader. The root holds the
+        // error type and macros for everybody.
+        found.filter(|other| !other.starts_with(module) && !other.is_empty() && modules.contains_key(other)).collect()
     };
     modules
         .iter()

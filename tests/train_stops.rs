@@ -110,7 +110,7 @@ fn a_run_that_is_killed_again_and_again_ends_as_if_it_had_not_been() {
         kill_after(child, took.mul_f64(random::uniforms(5, 0, i)[0]));
     }
     assert_whole(&place, "o");
-    // Products may have been on their way as well, and not all of them there.
+    // Outputs may have been on their way as well, and not all of them there.
     for name in ["train.json", "report.html", "point_cloud.ply", "test/000.png"] {
         fs::create_dir_all(place.path("o/test")).unwrap();
         let (folder, name) = name.rsplit_once('/').unwrap_or((".", name));

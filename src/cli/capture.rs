@@ -10,14 +10,14 @@ use clap::{Args, ValueEnum};
 use super::options::{DeviceOptions, parse_size, print_messages};
 use super::progress::{Progress, go_on, stop_on_interrupt};
 use crate::gaussians::render::job::resize;
-use crate::io::apart::check_output_folder;
 use crate::io::environment::read_environment;
 use crate::io::gltf::read_model;
+use crate::io::overwrite_guard::check_output_folder;
 use crate::io::picture::renamed;
 use crate::photograph::assembly::Assembly;
 use crate::photograph::inside::cameras_inside;
 use crate::photograph::job::{self, Outcome};
-use crate::photograph::products::{Products, Record, named};
+use crate::photograph::outputs::{Outputs, Record, named};
 use crate::photograph::tracer::Tracer;
 use crate::{Error, Result, io};
 
@@ -108,7 +108,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         exr: arguments.exr,
         cameras,
     };
-    let products = Products::new(&arguments.out, &record, arguments.force)?;
+    let outputs = Outputs::new(&arguments.out, &record, arguments.force)?;
     for note in &notes {
         say!("{note}");
     }
@@ -145,7 +145,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let start = Instant::now();
     let all = record.cameras.len() as u32;
     let progress = Progress::over("photographing", all, "pictures");
-    let outcome = job::run(&tracer, &record, &products, &arguments.out, |done| {
+    let outcome = job::run(&tracer, &record, &outputs, &arguments.out, |done| {
         done.map_or_else(go_on, |done| progress.advance(done, all))
     });
     progress.finish();

@@ -11,10 +11,10 @@ use glam::DVec3;
 use super::options::{DeviceOptions, print_messages, print_target};
 use super::outcome::print_plan;
 use super::progress::{Progress, go_on, stop_on_interrupt};
+use crate::evaluate::demo::{self, Event, Size, Step};
 use crate::evaluate::results::{Interval, Row, measured};
 use crate::evaluate::scene::{Scene, Setting};
 use crate::evaluate::situation::Situation;
-use crate::evaluate::tour::{self, Event, Size, Step};
 use crate::io::folder::{OutputFolder, check_folder, write_files};
 use crate::plan::config::{Config, Preset};
 use crate::plan::job::{self, Tools};
@@ -70,8 +70,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         "\nNow the full pipeline: two rooms are photographed as planned, at random and on a grid, and splats trained on each."
     );
     match photograph(&context, out) {
-        Err(stopped @ Error::Interrupted) => {
-            say!("{stopped}");
+        Err(Error::Interrupted) => {
+            say!("{}", super::STOPPED);
             return Ok(ExitCode::from(super::INTERRUPTED));
         }
         photographed => photographed?,
@@ -106,18 +106,18 @@ fn photograph(context: &Arc<Context>, out: &Path) -> Result<()> {
     let (surface, intrinsics) = (model.surface(), size.settings.intrinsics());
     let setting = Setting { preset: Preset::Room, situation: Situation::TwoRooms, ..Setting::default() };
     let scene = Scene::new(Path::new(PHOTOGRAPHED), &setting, (model, None), surface, &intrinsics)?;
-    let tour = tour::run(context, out, size, &scene, &mut |event| {
+    let demo = demo::run(context, out, size, &scene, &mut |event| {
         if let Event::Done(Step { name, what, seconds }) = event {
             say!("{name:<8} {what}: {seconds:.1} s");
         }
         go_on()
     });
     print_messages(context);
-    let tour = tour?;
+    let demo = demo?;
     let plans = [("object", "An object that is known, 50 views"), ("room", "A furnished room, 300 views")];
-    report::tour::write(&tour, out, &plans)?;
-    print_scores(&tour.outcome.rows);
-    say!("\n{}", tour.sentence());
+    report::demo::write(&demo, out, &plans)?;
+    print_scores(&demo.outcome.rows);
+    say!("\n{}", demo.sentence());
     Ok(())
 }
 

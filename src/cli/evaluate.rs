@@ -8,6 +8,7 @@ use clap::Args;
 
 use super::options::{DeviceOptions, LimitOptions, ViewerOptions, box_of, print_messages};
 use super::progress::{go_on, stop_on_interrupt};
+use crate::evaluate::artifact::Event;
 use crate::evaluate::competitor::Competitor;
 use crate::evaluate::job;
 use crate::evaluate::kind::Kind;
@@ -15,9 +16,8 @@ use crate::evaluate::pool::Pool;
 use crate::evaluate::request::Request;
 use crate::evaluate::results::Entry;
 use crate::evaluate::scene::{Scene, Setting};
-use crate::evaluate::settings::{InputsFrom, PeersFrom, Settings, Shown};
+use crate::evaluate::settings::{BaselinesFrom, InputsFrom, Settings, Shown};
 use crate::evaluate::situation::Situation;
-use crate::evaluate::stage::Event;
 use crate::evaluate::subject::Subject;
 use crate::evaluate::table;
 use crate::io::environment::read_environment;
@@ -128,7 +128,7 @@ pub struct Arguments {
     paper: bool,
     /// Where around an object baselines may place cameras; the planner always has the whole region [default: region; paper: sphere]
     #[arg(long, value_enum)]
-    peers_from: Option<PeersFrom>,
+    baselines_from: Option<BaselinesFrom>,
     /// Devices to spread the runs over, each by index or part of its name
     #[arg(long, value_delimiter = ',', value_name = "NAMES", conflicts_with = "device")]
     devices: Vec<String>,
@@ -224,9 +224,9 @@ impl Arguments {
                 max_splats: self.max_splats.unwrap_or(of.max_splats),
                 shown: self.surface.unwrap_or(shown),
                 shrink: self.shrink.unwrap_or(of.shrink),
-                peers_from: self.peers_from.unwrap_or(match (self.paper, kind) {
-                    (true, Kind::Object) => PeersFrom::Sphere,
-                    _ => of.peers_from,
+                baselines_from: self.baselines_from.unwrap_or(match (self.paper, kind) {
+                    (true, Kind::Object) => BaselinesFrom::Sphere,
+                    _ => of.baselines_from,
                 }),
                 region: RegionChoice { shape, floor: None, clearance: self.clearance },
                 antialiased: self.antialiased,
@@ -329,8 +329,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     });
     contexts.iter().for_each(|context| print_messages(context));
     let outcome = match outcome {
-        Err(stopped @ Error::Interrupted) => {
-            say!("{stopped}");
+        Err(Error::Interrupted) => {
+            say!("{}", super::STOPPED);
             if let Some(written) = written {
                 written?;
                 say!("written  {}, {}, of what is complete", arguments.out.join("table.md").display(), page.display());

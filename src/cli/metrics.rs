@@ -8,8 +8,8 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use super::options::{DeviceOptions, print_messages};
-use crate::io::apart::check_output_file;
 use crate::io::folder::{check_file, write_files};
+use crate::io::overwrite_guard::check_output_file;
 use crate::metrics::image::{ImageMetrics, Lpips, Network, Rgb8, SSIM_WINDOW, Weights, psnr, ssim};
 use crate::photos::Header;
 use crate::photos::decode::{Encoded, encoded};

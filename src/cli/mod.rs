@@ -19,6 +19,7 @@ macro_rules! complain {
     }};
 }
 
+mod baselines;
 mod capture;
 mod completions;
 mod demo;
@@ -28,7 +29,6 @@ mod manual;
 mod metrics;
 mod options;
 mod outcome;
-mod peers;
 mod plan;
 mod progress;
 mod proxy;
@@ -93,6 +93,8 @@ enum Command {
 
 /// Exit code of a run that the user stopped: 128 + SIGINT, as shells have it.
 const INTERRUPTED: u8 = 130;
+/// What is said where the same command goes on from there.
+const STOPPED: &str = "stopped; what is finished stays, and the same command goes on from there";
 
 /// What is said of a standard output that fails.
 const NO_ROOM: &str = "error: standard output did not take all that was printed; is its disk full?";

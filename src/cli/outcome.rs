@@ -7,7 +7,10 @@ use crate::quality::law::Fitted;
 /// Unconnected part of the free space from which on it is mentioned: insides of furniture are less.
 const NOTEWORTHY: f64 = 0.2;
 
-/// Prints the metrics of a plan beside those of its controls.
+/// Unseen part of what viewers look at from which on the user is warned: in rooms that cameras fit it is a few percent.
+const BLIND: f64 = 0.25;
+
+/// Prints the metrics of a plan beside those of its baselines.
 pub fn print_plan(plan: &Plan) {
     let record = &plan.record;
     let how = match record.history.len() {
@@ -20,10 +23,15 @@ pub fn print_plan(plan: &Plan) {
     }
     say!("plan     {} views, {} kept, {how}", record.cameras.len() - record.kept, record.kept);
     let mut rows = vec![("plan", &record.metrics)];
-    rows.extend(record.controls.iter().map(|control| (control.name.as_str(), &control.metrics)));
+    rows.extend(record.baselines.iter().map(|baseline| (baseline.name.as_str(), &baseline.metrics)));
     say!("{}", table(&rows).trim_end());
     if let Some(expected) = &record.expected {
         say!("expected {}", expected.line());
+        if expected.unseen > BLIND {
+            say!(
+                "warning  much of what viewers look at is seen by no camera: allow more heights, ground or space, or fewer --viewers"
+            );
+        }
         if record.began_from.as_ref() == Some(&expected.against) && expected.db == 0.0 {
             let least = Fitted::embedded().spread(0.0);
             say!(

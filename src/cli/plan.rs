@@ -7,14 +7,14 @@ use std::sync::Arc;
 
 use clap::Args;
 
+use super::baselines::{self, BaselineOptions};
 use super::options::{CameraOptions, DeviceOptions, RegionOptions, ViewerOptions, print_messages};
 use super::outcome::print_plan;
-use super::peers::{self, PeerOptions};
 use super::progress::{Progress, leave_on_interrupt, stop_on_interrupt};
 use super::vds;
 use crate::io;
-use crate::io::apart::{check_output_file, check_output_folder};
 use crate::io::folder::{OutputFolder, check_file, write_files};
+use crate::io::overwrite_guard::{check_output_file, check_output_folder};
 use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Preset, Start};
 use crate::plan::job::{self, Tools};
 use crate::plan::preparation::Preparation;
@@ -72,7 +72,7 @@ pub struct Arguments {
     renderdoc: Option<PathBuf>,
     // The last, since their headings would stand above whatever follows.
     #[command(flatten)]
-    peers: PeerOptions,
+    baselines: BaselineOptions,
     #[command(flatten)]
     tuning: Tuning,
 }
@@ -246,25 +246,26 @@ impl Tuning {
 /// Plans, writes the folder and prints what came out.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let views = arguments.views.unwrap_or(1);
-    arguments.tuning.check(arguments.peers.method.objective())?;
-    let config = arguments.tuning.config(arguments.region.preset(), views, arguments.peers.method.objective());
+    arguments.tuning.check(arguments.baselines.method.objective())?;
+    let config = arguments.tuning.config(arguments.region.preset(), views, arguments.baselines.method.objective());
     let config = Config { viewers: arguments.viewers.viewers()?, ..config };
     if arguments.curve && config.objective != Objective::Quality {
         return Err(Error::request("--curve is of expected quality; leave the options of --objective splat out"));
     }
-    let config = arguments.peers.method.planner(&config).unwrap_or(config);
+    let config = arguments.baselines.method.planner(&config).unwrap_or(config);
     config.validate()?;
-    let peer = arguments.peers.request(&config)?;
-    if let (Some((peer, _)), true) =
-        (&peer, arguments.dry_run || arguments.profile || arguments.trace.is_some() || arguments.renderdoc.is_some())
-    {
-        let name = peer.method.name();
+    let baseline = arguments.baselines.request(&config)?;
+    if let (Some((baseline, _)), true) = (
+        &baseline,
+        arguments.dry_run || arguments.profile || arguments.trace.is_some() || arguments.renderdoc.is_some(),
+    ) {
+        let name = baseline.method.name();
         return Err(Error::request(format!("--method {name} takes no --dry-run, --profile, --trace or --renderdoc")));
     }
     for file in [&arguments.trace, &arguments.renderdoc].into_iter().flatten() {
         check_file(file)?;
     }
-    let model = arguments.peers.model.model.as_ref();
+    let model = arguments.baselines.model.model.as_ref();
     let inputs = || {
         [Some(&arguments.surface), arguments.keep.as_ref(), model]
             .into_iter()
@@ -281,7 +282,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     arguments.region.choice()?;
     let mut opened = None;
-    let reads_photos = config.vds && config.objective != Objective::Quality && peer.is_none();
+    let reads_photos = config.vds && config.objective != Objective::Quality && baseline.is_none();
     let target = match captured(arguments, reads_photos, &mut opened)? {
         Some((surface, poses)) => {
             arguments.region.target_of(&surface, &arguments.surface, &poses, &intrinsics, None)?
@@ -292,7 +293,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         Some(path) => io::read_cameras(path)?,
         None => Vec::new(),
     };
-    if peer.is_some() {
+    if baseline.is_some() {
         leave_on_interrupt()?;
     }
     let context = opened.map_or_else(|| arguments.device.open(), Ok)?;
@@ -308,8 +309,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if arguments.curve {
         return draw_curve(&context, &target, (intrinsics, &kept), &config, folder);
     }
-    if let Some(request) = &peer {
-        return peers::run(&context, request, &target, (intrinsics, &kept), folder);
+    if let Some(request) = &baseline {
+        return baselines::run(&context, request, &target, (intrinsics, &kept), folder);
     }
 
     stop_on_interrupt()?;
@@ -388,7 +389,7 @@ fn captured(
         Tuning { no_vds: true, .. } => Some("--no-vds"),
         Tuning { base_loss: true, .. } => Some("--base-loss"),
         _ if arguments.dry_run => Some("--dry-run"),
-        _ if arguments.peers.method.planner(&Config::new(Preset::Object, 1)).is_none() => Some("--method"),
+        _ if arguments.baselines.method.planner(&Config::new(Preset::Object, 1)).is_none() => Some("--method"),
         _ if !reads_photos => Some("expected quality takes no scores; --objective splat does"),
         _ if images < 2 => Some("fewer than two have an image"),
         _ => None,

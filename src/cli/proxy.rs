@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use clap::Args;
 
 use super::options::{DeviceOptions, print_messages};
-use crate::io::apart::check_output_file;
 use crate::io::folder::{check_file, write_files};
+use crate::io::overwrite_guard::check_output_file;
 use crate::io::photos::{self, Images};
 use crate::io::ply::write;
 use crate::stereo::{self, Options, Reconstruction};

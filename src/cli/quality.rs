@@ -8,8 +8,8 @@ use clap::{Args, Subcommand};
 
 use super::options::{DeviceOptions, print_messages};
 use crate::evaluate::layouts::Trained;
-use crate::io::apart::check_output_file;
 use crate::io::folder::{check_file, write_files};
+use crate::io::overwrite_guard::check_output_file;
 use crate::quality::fit::{self, Agreement};
 use crate::quality::law::Fitted;
 use crate::{Error, Result};
@@ -84,6 +84,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         trained.extend(Trained::read(scene, evaluations)?);
     }
     let observed: Vec<_> = trained.iter().map(Trained::observations).collect();
+    for (part, seen) in trained.iter().zip(&observed) {
+        say!("layouts  {}, {}: {}", part.name, part.situation.name(), seen.layouts.len());
+    }
     let fit = fit::fit(&observed, held_out)?;
     let text = fit.law.text()?;
     let mut written: Vec<(&Path, String)> = vec![(out, text)];
@@ -130,6 +133,6 @@ fn print_law(law: &Fitted) {
 fn print_agreement(which: &str, agreement: &Agreement) {
     let Agreement { groups, layouts, pearson, least, slope } = agreement;
     say!(
-        "{which:<8} Pearson {pearson:.3} in the mean of {groups} scenes and budgets ({layouts} layouts), least {least:.2}; {slope:.2} dB trained for one expected"
+        "{which:<8} Pearson {pearson:.3} in the mean of {groups} scenes, situations and budgets ({layouts} layouts), least {least:.2}; {slope:.2} dB trained for one expected"
     );
 }

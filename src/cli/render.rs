@@ -9,8 +9,8 @@ use clap::Args;
 use super::options::{DeviceOptions, parse_size, print_messages};
 use super::progress::{Progress, stop_on_interrupt};
 use crate::gaussians::render::job::{Job, Outcome, Settings, resize};
-use crate::io::apart::check_output_folder;
 use crate::io::folder::OutputFolder;
+use crate::io::overwrite_guard::check_output_folder;
 use crate::io::picture::{Format, renamed};
 use crate::{Result, io};
 

@@ -8,8 +8,8 @@ use serde::Serialize;
 
 use super::options::{DeviceOptions, RegionOptions, ViewerOptions, print_messages};
 use super::outcome::table;
-use crate::io::apart::check_output_file;
 use crate::io::folder::{check_file, write_files};
+use crate::io::overwrite_guard::check_output_file;
 use crate::metrics::Metrics;
 use crate::plan::config::{Config, Gate, Preset};
 use crate::plan::job::{self};
@@ -117,9 +117,17 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Says how many cameras are outside of the limits, which baselines respect.
+/// Says how many cameras are outside of the limits or the region, which baselines respect.
 fn note_outside(target: &Target, cameras: &[Camera]) -> Result<()> {
     if target.limits.is_empty() {
+        let count = cameras.iter().filter(|camera| !target.region.contains(camera.pose.position)).count();
+        if 2 * count > cameras.len() {
+            let all = cameras.len();
+            say!(
+                "warning  {count} of {all} cameras are outside of the region that the simple layouts stand in; for a room give \
+                 --preset room or --box, else --shell"
+            );
+        }
         return Ok(());
     }
     let geometry = target.geometry()?;

@@ -14,8 +14,8 @@ use super::options::{
 use super::outcome::table;
 use super::progress::{leave_on_interrupt, stop_on_interrupt};
 use super::retraining::RetrainingOptions;
-use crate::io::apart::check_output_folder;
 use crate::io::folder::OutputFolder;
+use crate::io::overwrite_guard::check_output_folder;
 use crate::io::photos::Images;
 use crate::methods::Method;
 use crate::metrics::Metrics;
@@ -24,7 +24,7 @@ use crate::plan::target::Target;
 use crate::report::selection::{self, Written};
 use crate::scene::camera::Pose;
 use crate::scene::surface::Surface;
-use crate::select::job::{Prospect, Selection};
+use crate::select::job::{Selection, SelectionContext};
 use crate::select::request::Request;
 use crate::select::sharpness;
 use crate::{Error, Result, io};
@@ -106,13 +106,13 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let sharpness = arguments.sharpness.then(|| sharpness::of_photos(&set)).transpose()?;
     leave_on_interrupt()?;
     let context = arguments.device.open()?;
-    let prospect = Prospect::new(&context, &set, &target, request.clone())?.with_model(model);
-    let selection = prospect.select(sharpness.as_deref(), true)?;
+    let selector = SelectionContext::new(&context, &set, &target, request.clone())?.with_model(model);
+    let selection = selector.select(sharpness.as_deref(), true)?;
     let suggested = match arguments.suggest {
         0 => Vec::new(),
-        count => prospect.suggest(&selection.chosen, count)?,
+        count => selector.suggest(&selection.chosen, count)?,
     };
-    drop(prospect);
+    drop(selector);
     print_messages(&context);
     let physical = context.physical();
     let written = Written {
@@ -249,7 +249,7 @@ fn print_selection(selection: &Selection, set: &PhotoSet, method: Method) {
         selection.errors_db.len().saturating_sub(1)
     );
     let mut rows: Vec<(&str, &Metrics)> = vec![("all photos", &selection.pool), (method.name(), &selection.metrics)];
-    rows.extend(selection.controls.iter().map(|control| (control.name.as_str(), &control.metrics)));
+    rows.extend(selection.baselines.iter().map(|baseline| (baseline.name.as_str(), &baseline.metrics)));
     say!("{}", table(&rows).trim_end());
     say!("expected {}", selection.expected.line());
     let reached =

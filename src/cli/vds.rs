@@ -10,8 +10,8 @@ use indicatif::ProgressBar;
 
 use super::options::{DeviceOptions, print_messages};
 use crate::io;
-use crate::io::apart::check_output_file;
 use crate::io::folder::{check_file, write_files};
+use crate::io::overwrite_guard::check_output_file;
 use crate::io::photos::{Images, Options};
 use crate::photos::PhotoSet;
 use crate::scene::surface::Surface;

@@ -4,28 +4,28 @@ use std::sync::Mutex;
 
 use serde_json::json;
 
-use super::bench::Bench;
+use super::artifact::{Artifact, Event, Observe};
+use super::baseline::sized;
 use super::competitor::Competitor;
 use super::kind::Kind;
 use super::passes;
-use super::peer::sized;
-use super::settings::PeersFrom;
-use super::stage::{Event, Observe, Stage};
+use super::scene_artifacts::SceneArtifacts;
+use super::settings::BaselinesFrom;
 use super::training;
+use crate::baselines::job::Outside;
 use crate::methods::Method;
 use crate::parallel::lock;
-use crate::peers::job::Outside;
 use crate::plan::config::{Config, Objective};
 use crate::plan::job::Tools;
 use crate::plan::record::PlanRecord;
-use crate::{Error, Result, peers, plan};
+use crate::{Error, Result, baselines, plan};
 
 /// Held-out points of a plan's metrics, which are not what is evaluated here.
 const HELD_OUT: u32 = 200;
 
 const PLAN: &str = "plan.json";
 
-impl Bench<'_> {
+impl SceneArtifacts<'_> {
     /// Lets a method choose views.
     ///
     /// # Errors
@@ -33,8 +33,8 @@ impl Bench<'_> {
     pub fn choice(
         &self,
         (method, views, seed): (&Competitor, u32, u64),
-        (inputs, shown): (&Stage, &Stage),
-        model: Option<&Stage>,
+        (inputs, shown): (&Artifact, &Artifact),
+        model: Option<&Artifact>,
         observe: Observe,
     ) -> Result<PlanRecord> {
         let config = Config {
@@ -42,14 +42,14 @@ impl Bench<'_> {
             viewers: self.viewers.clone(),
             ..method.config(self.kind.preset(), views, seed)?
         };
-        let peer = match method {
+        let baseline = match method {
             Competitor::Method(placing) if placing.planner(&config).is_none() => {
-                Some(sized(peers::request::Request::new(*placing, None, &config)?, self.kind, &self.settings))
+                Some(sized(baselines::request::Request::new(*placing, None, &config)?, self.kind, &self.settings))
             }
             _ => None,
         };
-        let region = match (peer.is_some(), self.settings.peers_from, self.kind) {
-            (true, PeersFrom::Sphere, Kind::Object) => self.scene.region.outermost(),
+        let region = match (baseline.is_some(), self.settings.baselines_from, self.kind) {
+            (true, BaselinesFrom::Sphere, Kind::Object) => self.scene.region.outermost(),
             _ => self.scene.region,
         };
         let (intrinsics, device) = (self.intrinsics(), &self.context.physical().name);
@@ -63,28 +63,28 @@ impl Bench<'_> {
                 "limits": limits, "viewers": config.viewers, "kept": kept,
             }),
             _ => json!({
-                "surface": shown.key(), "model": model.map(Stage::key), "method": method, "config": config, "peer": peer,
+                "surface": shown.key(), "model": model.map(Artifact::key), "method": method, "config": config, "baseline": baseline,
                 "region": region, "camera": intrinsics, "device": device, "limits": limits, "kept": kept,
                 "samples": photographs.then_some(self.settings.samples),
             }),
         };
-        let stage = self.stage("choice", made_of);
-        if !stage.begins(observe)? {
-            return stage.read(PLAN);
+        let artifact = self.artifact("choice", made_of);
+        if !artifact.begins(observe)? {
+            return artifact.read(PLAN);
         }
-        let scored = peer.is_none() && config.objective != Objective::Quality;
+        let scored = baseline.is_none() && config.objective != Objective::Quality;
         let target = self.target(shown, &region, scored)?;
-        let plan = match (peer, method) {
+        let plan = match (baseline, method) {
             (Some(request), _) => {
                 let model = model.map(training::model).transpose()?;
                 let (cameras, model) = ((intrinsics, &kept[..]), model.as_ref());
                 let observe = Mutex::new(observe);
                 let hear = |event: Event<'_>| lock(&observe)(event);
                 let outside = Outside {
-                    photograph: &mut |photo| self.photograph(stage.folder(), photo, &mut |event| hear(event)),
+                    photograph: &mut |photo| self.photograph(artifact.folder(), photo, &mut |event| hear(event)),
                     go_on: &mut || hear(Event::Working),
                 };
-                peers::job::photographing(&self.context, &target, cameras, &request, model, outside)?
+                baselines::job::photographing(&self.context, &target, cameras, &request, model, outside)?
             }
             (None, Competitor::Cameras(given)) => {
                 let config = Config { seed: 0, ..config };
@@ -106,8 +106,8 @@ impl Bench<'_> {
         if plan.interrupted() {
             return Err(Error::Interrupted);
         }
-        stage.write_json(PLAN, &plan.record)?;
-        stage.finish()?;
+        artifact.write_json(PLAN, &plan.record)?;
+        artifact.finish()?;
         Ok(plan.record)
     }
 }

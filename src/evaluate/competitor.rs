@@ -63,7 +63,7 @@ impl Competitor {
         }
     }
 
-    /// The planner's configuration, or what the peers take of it.
+    /// The planner's configuration, or what the baselines take of it.
     ///
     /// # Errors
     /// In a line that names the key or value of [`Competitor::Tuned`] that there is not.
@@ -147,10 +147,10 @@ impl FromStr for Competitor {
             let poses = cameras.iter().map(|camera| camera.pose).collect();
             return Ok(Self::Cameras(Arc::new(Given { name: name.into(), poses, notes })));
         }
-        match Method::named(name).filter(|method| method.entry().places) {
+        match Method::named(name) {
             Some(method) => Ok(Self::Method(method)),
             None => {
-                let known = METHODS.iter().filter(|entry| entry.places).map(|entry| entry.name);
+                let known = METHODS.iter().map(|entry| entry.name);
                 let known: Vec<&str> = known.chain(["ours:KEY=VALUE", "cameras:FILE"]).collect();
                 Err(format!("no such method; give some of {}", known.join(", ")))
             }
@@ -182,6 +182,9 @@ impl Competitor {
                 wrong("it moves cameras over a sphere around an object, and a room has none")
             }
             (Kind::Pool, Method::FisherRetrain) => wrong("it is not built for pools; camsplat select has it"),
+            (Kind::Object | Kind::Room, method) if !method.entry().places => {
+                wrong("it chooses among photos, and of a scene cameras are placed")
+            }
             (Kind::Pool, method) if !method.entry().chooses => {
                 wrong("it places cameras, and of a pool photos are chosen")
             }
@@ -204,6 +207,10 @@ mod tests {
         assert!(check(Kind::Room, "ours-iterative").is_ok() && check(Kind::Pool, "ours").is_ok());
         assert!(check(Kind::Pool, "ours-iterative").unwrap_err().contains("ours-iterative"));
         assert!(check(Kind::Pool, "ours:alpha=0.2").unwrap_err().contains("photos are chosen"));
+        assert!(
+            check(Kind::Pool, "assigned").is_ok()
+                && check(Kind::Room, "assigned").unwrap_err().contains("among photos")
+        );
     }
 
     /// If this failed, a method could be named and not be the one that runs.
@@ -234,7 +241,7 @@ mod tests {
             "nobodys"
                 .parse::<Competitor>()
                 .unwrap_err()
-                .contains("ours, ours-no-vds, ours-iterative, ours-two-passes, random")
+                .contains("ours, ours-no-vds, ours-iterative, ours-two-passes, assigned")
         );
     }
 }

@@ -11,19 +11,19 @@ use std::thread;
 use glam::DVec3;
 use serde_json::json;
 
-use super::bench::Bench;
-use super::choices::Choices;
+use super::artifact::{self, Artifact, Observe};
 use super::competitor::Competitor;
 use super::kind::Kind;
 use super::perceptual;
 use super::pool::Pool;
+use super::pool_artifacts::PoolArtifacts;
 use super::request::Request;
 use super::results::{self, Entry, Row};
 use super::scene::Scene;
-use super::stage::{self, Observe, Stage};
+use super::scene_artifacts::SceneArtifacts;
 use super::subject::Subject;
 use super::table;
-use crate::gaussians::run::products::PICTURES;
+use crate::gaussians::run::outputs::PICTURES;
 use crate::gaussians::run::record::TrainRecord;
 use crate::io::folder::{check_folder, write_files};
 use crate::metrics::image::Weights;
@@ -59,7 +59,7 @@ impl Outcome {
 /// What happens on the way.
 pub enum Event<'e> {
     /// Something happens with a product.
-    Product(stage::Event<'e>),
+    Product(artifact::Event<'e>),
     /// A run is complete: so many of so many are.
     Complete(&'e Entry, [usize; 2]),
     /// The tables have been written, of what is complete.
@@ -98,12 +98,12 @@ pub fn check(folder: &Path, request: &Request, subjects: &[Subject]) -> Result<(
 }
 
 /// Runs what is asked for on all of the devices; whenever something was made for a run that is complete, tables of those that
-/// are go into `folder`. Products that are there are taken as they are. With the weights of a network, LPIPS is measured with it
+/// are go into `folder`. Outputs that are there are taken as they are. With the weights of a network, LPIPS is measured with it
 /// too. Tables do not depend on the number of devices where
 /// these are alike, but for the seconds that choices take.
 ///
 /// # Errors
-/// Where a stage fails, or `hear` broke it off; what is finished stays, and the same call goes on from there.
+/// Where an artifact fails, or `hear` broke it off; what is finished stays, and the same call goes on from there.
 pub fn run(
     contexts: &[Arc<Context>],
     request: &Request,
@@ -161,7 +161,7 @@ struct Board<'b> {
 impl Board<'_> {
     /// Tells of what happens; where a stop was asked for once, that is the answer from then on.
     fn hear(&self, event: Event<'_>) -> ControlFlow<()> {
-        if matches!(event, Event::Product(stage::Event::Begins(_))) {
+        if matches!(event, Event::Product(artifact::Event::Begins(_))) {
             self.made.store(true, Ordering::Relaxed);
         }
         if lock(&self.hear)(event).is_break() {
@@ -220,13 +220,13 @@ impl Runs<'_, '_> {
         &self,
         (number, (method, views, seed)): (usize, (&Competitor, u32, u64)),
         (places, seconds): (Vec<DVec3>, f64),
-        (stage, record): &(Stage, TrainRecord),
+        (artifact, record): &(Artifact, TrainRecord),
     ) -> Result<()> {
         let sets = self.board.request.sets();
         let pictures = results::first_pictures(record, sets);
         let shown = pictures.iter().flat_map(|picture| PICTURES.map(|of| format!("{of}/{picture}")));
-        if let Some(lost) = shown.into_iter().find(|name| !stage.file(name).is_file()) {
-            return Err(stage.damaged(&format!("missing: {lost}")));
+        if let Some(lost) = shown.into_iter().find(|name| !artifact.file(name).is_file()) {
+            return Err(artifact.damaged(&format!("missing: {lost}")));
         }
         let entry = Entry {
             scene: self.subject.name().to_owned(),
@@ -236,7 +236,7 @@ impl Runs<'_, '_> {
             seconds,
             quality: results::by_set(record, sets),
             diverged: record.diverged(),
-            folder: stage.key().to_owned(),
+            folder: artifact.key().to_owned(),
             pictures,
             places,
         };
@@ -255,11 +255,11 @@ impl Runs<'_, '_> {
     fn measured(
         &self,
         context: &Arc<Context>,
-        (stage, record): &mut (Stage, TrainRecord),
+        (artifact, record): &mut (Artifact, TrainRecord),
         observe: Observe,
     ) -> Result<()> {
         let Some(weights) = self.board.weights else { return Ok(()) };
-        perceptual::measure(context, weights, &self.folder, stage, record, observe)
+        perceptual::measure(context, weights, &self.folder, artifact, record, observe)
     }
 
     fn photographed(&self, context: &Arc<Context>, scene: &Scene, observe: Observe) -> Result<()> {
@@ -267,25 +267,25 @@ impl Runs<'_, '_> {
         let intrinsics = request.settings.intrinsics();
         let inputs = scene.inputs(context, &request.settings)?;
         let tests = scene.tests(intrinsics, request.settings.tests, request.test_viewers())?;
-        let bench = Bench::new(context, &self.folder, request, scene)?;
+        let artifacts = SceneArtifacts::new(context, &self.folder, request, scene)?;
         let mut shared = made_for(format!("all runs of {}", self.subject.name()), &mut *observe);
-        let inputs = bench.input_photographs(&inputs, &mut shared)?;
-        let shown = bench.shown(&inputs, &mut shared)?;
-        let tests = bench.test_photographs(&tests, &mut shared)?;
+        let inputs = artifacts.input_photographs(&inputs, &mut shared)?;
+        let shown = artifacts.shown(&inputs, &mut shared)?;
+        let tests = artifacts.test_photographs(&tests, &mut shared)?;
         let model = match request.needs_model() {
-            true => Some(bench.training(&inputs, None, 0, &mut shared)?.0),
+            true => Some(artifacts.training(&inputs, None, 0, &mut shared)?.0),
             false => None,
         };
         drop(shared);
         while let Some((number, run @ (method, views, seed))) = self.take() {
             let name = self.subject.name();
             let observe = &mut made_for(format!("{name}, {method}, {views} views, seed {seed}"), &mut *observe);
-            Error::unless_stopped(observe(stage::Event::Working))?;
+            Error::unless_stopped(observe(artifact::Event::Working))?;
             let model = model.as_ref().filter(|_| method.needs_model());
-            let plan = bench.choice(run, (&inputs, &shown), model, observe)?;
-            let cameras = bench.standing(&plan.cameras, observe);
-            let photos = bench.photographs(&cameras, observe)?;
-            let mut trained = bench.training(&photos, Some(&tests), seed, observe)?;
+            let plan = artifacts.choice(run, (&inputs, &shown), model, observe)?;
+            let cameras = artifacts.standing(&plan.cameras, observe);
+            let photos = artifacts.photographs(&cameras, observe)?;
+            let mut trained = artifacts.training(&photos, Some(&tests), seed, observe)?;
             self.measured(context, &mut trained, observe)?;
             let places = cameras.iter().map(|camera| camera.pose.position).collect();
             self.complete((number, run), (places, plan.seconds), &trained)?;
@@ -295,31 +295,31 @@ impl Runs<'_, '_> {
 
     fn chosen(&self, context: &Arc<Context>, pool: &Pool, observe: Observe) -> Result<()> {
         let mut shared = made_for(format!("all runs of {}", self.subject.name()), &mut *observe);
-        let choices = Choices::new(context, &self.folder, self.board.request, pool, &mut shared)?;
+        let artifacts = PoolArtifacts::new(context, &self.folder, self.board.request, pool, &mut shared)?;
         let model = match self.board.request.needs_model() {
-            true => Some(choices.model(&mut shared)?),
+            true => Some(artifacts.model(&mut shared)?),
             false => None,
         };
         drop(shared);
         while let Some((number, run @ (method, views, seed))) = self.take() {
             let name = self.subject.name();
             let observe = &mut made_for(format!("{name}, {method}, {views} views, seed {seed}"), &mut *observe);
-            Error::unless_stopped(observe(stage::Event::Working))?;
+            Error::unless_stopped(observe(artifact::Event::Working))?;
             let model = model.as_ref().filter(|_| method.needs_model());
-            let chosen = choices.choice(run, model, observe)?;
-            let mut trained = choices.training(&chosen, seed, observe)?;
+            let chosen = artifacts.choice(run, model, observe)?;
+            let mut trained = artifacts.training(&chosen, seed, observe)?;
             self.measured(context, &mut trained, observe)?;
-            self.complete((number, run), (choices.places(&chosen), chosen.seconds), &trained)?;
+            self.complete((number, run), (artifacts.places(&chosen), chosen.seconds), &trained)?;
         }
         Ok(())
     }
 }
 
 /// Passes events on; says of every product and note what it is for.
-fn made_for<'o>(what: String, observe: Observe<'o>) -> impl FnMut(stage::Event<'_>) -> ControlFlow<()> + Send + 'o {
+fn made_for<'o>(what: String, observe: Observe<'o>) -> impl FnMut(artifact::Event<'_>) -> ControlFlow<()> + Send + 'o {
     move |event| match event {
-        stage::Event::Begins(product) => observe(stage::Event::Begins(&format!("{product} for {what}"))),
-        stage::Event::Note(note) => observe(stage::Event::Note(format!("{note} ({what})"))),
+        artifact::Event::Begins(product) => observe(artifact::Event::Begins(&format!("{product} for {what}"))),
+        artifact::Event::Note(note) => observe(artifact::Event::Note(format!("{note} ({what})"))),
         event => observe(event),
     }
 }
@@ -335,7 +335,7 @@ impl Drop for EndOfAll<'_> {
     }
 }
 
-/// A stage that stops where nobody asked it to must not look like a stop.
+/// An artifact that stops where nobody asked it to must not look like a stop.
 fn ended_early(product: &str) -> Error {
     Error::request(format!("{product} was not finished, and nobody stopped it; what is finished stays, run again"))
 }
@@ -356,8 +356,8 @@ fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) ->
     let work = |first: usize, context: &Arc<Context>| {
         let _end = EndOfAll(&over);
         let (mut asked, mut product) = (false, String::new());
-        let mut hear = |event: stage::Event<'_>| {
-            if let stage::Event::Begins(key) = event {
+        let mut hear = |event: artifact::Event<'_>| {
+            if let artifact::Event::Begins(key) = event {
                 product = key.to_owned();
             }
             let heard = board.hear(Event::Product(event));
@@ -442,11 +442,11 @@ mod tests {
             entries: Mutex::default(),
         };
         let product = |event| board.hear(Event::Product(event));
-        assert!(product(stage::Event::Kept).is_continue());
+        assert!(product(artifact::Event::Kept).is_continue());
         board.add([0, 1], entry(Competitor::Method(Method::OursNoVds))).unwrap();
         assert_eq!(fs::read_to_string(&table).unwrap(), "of an earlier run");
-        assert!(product(stage::Event::Working).is_break(), "the stop was forgotten");
-        let _ = product(stage::Event::Begins("k"));
+        assert!(product(artifact::Event::Working).is_break(), "the stop was forgotten");
+        let _ = product(artifact::Event::Begins("k"));
         board.add([0, 0], entry(Competitor::Method(Method::Ours))).unwrap();
         let written = fs::read_to_string(&table).unwrap();
         let at = |method: &str| written.find(&format!("| s | {method} |")).unwrap();

@@ -1,7 +1,7 @@
 //! A plan in two passes: half of the views where what is known says, the rest when these have been photographed and more is known.
 
-use super::bench::{Bench, read_photos};
-use super::stage::{Event, Observe, Stage};
+use super::artifact::{Artifact, Event, Observe};
+use super::scene_artifacts::{SceneArtifacts, read_photos};
 use crate::methods::Method;
 use crate::plan::config::Config;
 use crate::plan::job::{self, Plan, Tools};
@@ -17,27 +17,27 @@ use crate::{Error, Result};
 /// # Errors
 /// Where a plan does not fit the device, photographs cannot be taken, the photos give no surface, or `observe` broke it off.
 pub fn run(
-    bench: &Bench<'_>,
-    (inputs, shown): (&Stage, &Stage),
+    artifacts: &SceneArtifacts<'_>,
+    (inputs, shown): (&Artifact, &Artifact),
     kept: &[Camera],
     config: &Config,
     observe: Observe,
 ) -> Result<Plan> {
-    let (context, intrinsics) = (bench.context(), bench.intrinsics());
+    let (context, intrinsics) = (artifacts.context(), artifacts.intrinsics());
     let first = Config { views: config.views / 2, ..config.clone() };
     let rest = Config { views: config.views - first.views, ..config.clone() };
-    let target = bench.target(shown, &bench.scene().region, false)?;
+    let target = artifacts.target(shown, &artifacts.scene().region, false)?;
     let tools = Tools::default();
     let begun = job::run(context, &target, intrinsics, kept, first, tools, |_| observe(Event::Working))?;
     if begun.interrupted() {
         return Err(Error::Interrupted);
     }
-    let taken = bench.standing(&begun.record.cameras, observe);
-    let photos = bench.photographs(&taken, observe)?;
+    let taken = artifacts.standing(&begun.record.cameras, observe);
+    let photos = artifacts.photographs(&taken, observe)?;
     let mut set = read_photos(inputs)?;
     set.photos.extend(read_photos(&photos)?.photos);
-    let known = Surface::Points(bench.reconstructed(&set)?);
-    let target = bench.target_of(&known, &bench.scene().region)?;
+    let known = Surface::Points(artifacts.reconstructed(&set)?);
+    let target = artifacts.target_of(&known, &artifacts.scene().region)?;
     let tools = Tools::default();
     let mut plan = job::run(context, &target, intrinsics, &taken, rest, tools, |_| observe(Event::Working))?;
     plan.record.method = Method::OursTwoPasses.name().to_owned();

@@ -8,10 +8,10 @@ use std::sync::Arc;
 
 use serde_json::json;
 
+use super::artifact::{Artifact, Event, Observe};
 use super::settings::Settings;
-use super::stage::{Event, Observe, Stage};
 use super::subject::Subject;
-use crate::gaussians::run::products::{PICTURES, RECORD, picture_names};
+use crate::gaussians::run::outputs::{PICTURES, RECORD, picture_names};
 use crate::gaussians::run::record::TrainRecord;
 use crate::metrics::image::{Lpips, Rgb8, Weights};
 use crate::parallel::mapped;
@@ -60,7 +60,7 @@ pub fn measure(
     context: &Arc<Context>,
     weights: &Weights,
     root: &Path,
-    trained: &Stage,
+    trained: &Artifact,
     record: &mut TrainRecord,
     observe: Observe,
 ) -> Result<()> {
@@ -68,18 +68,18 @@ pub fn measure(
     let made = fs::read(trained.file(RECORD)).map_err(|error| trained.damaged(&format!("{RECORD}: {error}")))?;
     let made = crc32fast::hash(&made);
     let inputs = json!({ "training": trained.key(), "made": made, "weights": weights.fingerprint() });
-    let stage = Stage::new(root, "lpips", inputs);
-    let distances: Distances = if stage.begins(observe)? {
+    let artifact = Artifact::new(root, "lpips", inputs);
+    let distances: Distances = if artifact.begins(observe)? {
         let distances = distances(context, weights, trained, record, observe)?;
-        stage.write_json(DISTANCES, &distances)?;
-        stage.finish()?;
+        artifact.write_json(DISTANCES, &distances)?;
+        artifact.finish()?;
         distances
     } else {
-        stage.read(DISTANCES)?
+        artifact.read(DISTANCES)?
     };
     for view in &mut record.test_views {
         let distance = distances.get(&view.name);
-        let lacks = || stage.damaged(&format!("{DISTANCES} lacks {}", view.name));
+        let lacks = || artifact.damaged(&format!("{DISTANCES} lacks {}", view.name));
         view.quality.lpips_vgg = *distance.ok_or_else(lacks)?;
     }
     Ok(())
@@ -89,7 +89,7 @@ pub fn measure(
 fn distances(
     context: &Arc<Context>,
     weights: &Weights,
-    trained: &Stage,
+    trained: &Artifact,
     record: &TrainRecord,
     observe: Observe,
 ) -> Result<Distances> {

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::competitor::Competitor;
 use super::kind::Kind;
-use super::settings::{BY_BOUNDS, InputsFrom, PeersFrom, Settings, Shown};
+use super::settings::{BY_BOUNDS, BaselinesFrom, InputsFrom, Settings, Shown};
 use super::situation::Situation;
 use crate::methods::Method;
 use crate::quality::viewers::Viewers;
@@ -104,10 +104,10 @@ impl Request {
                 "--inputs-from: only around objects can inputs be placed otherwise; leave it out",
             ));
         }
-        if settings.peers_from == PeersFrom::Sphere && *kind != Kind::Object {
-            return Err(Error::request("--peers-from sphere: only around objects is there a sphere; leave it out"));
+        if settings.baselines_from == BaselinesFrom::Sphere && *kind != Kind::Object {
+            return Err(Error::request("--baselines-from sphere: only around objects is there a sphere; leave it out"));
         }
-        self.situation.check(*kind, &self.viewers, settings.peers_from)?;
+        self.situation.check(*kind, &self.viewers, settings.baselines_from)?;
         if settings.region != BY_BOUNDS && *kind != Kind::Room {
             return Err(Error::request(
                 "--box and --clearance: they are of rooms, and around an object its bounds tell where cameras stand; give \

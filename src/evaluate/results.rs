@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::competitor::Competitor;
 use crate::gaussians::run::evaluate::mean;
-use crate::gaussians::run::products::picture_names;
+use crate::gaussians::run::outputs::picture_names;
 use crate::gaussians::run::record::{Quality, TestView, TrainRecord};
 
 /// One run: a method's views, trained on with one seed.

@@ -6,13 +6,13 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 
 use super::views::camera;
+use crate::baselines;
+use crate::baselines::request::Request;
 use crate::methods::Method;
-use crate::peers;
-use crate::peers::request::Request;
 use crate::plan::config::{Config, Preset};
 use crate::plan::target::Target;
-use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::layouts;
 use crate::visibility::device_scene::SceneGeometry;
 use crate::visibility::raycast::Ray;
 use crate::vulkan::Context;
@@ -63,7 +63,7 @@ impl EmptySpace {
     pub fn inputs(&self, context: &Arc<Context>, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
         let config = Config { seed: INPUT_SEED, held_out: 1, ..Config::new(Preset::Room, count) };
         let request = Request::new(Method::Coverage, Some(PLACES.max(count)), &config)?;
-        let plan = peers::job::run(context, &self.target, intrinsics, &[], &request, None)?;
+        let plan = baselines::job::run(context, &self.target, intrinsics, &[], &request, None)?;
         let named = |camera: Camera| Camera { name: format!("input_{}", camera.name), ..camera };
         Ok(plan.record.cameras.into_iter().map(named).collect())
     }
@@ -74,7 +74,7 @@ impl EmptySpace {
     /// Where too few of the places drawn show it.
     pub fn tests(&self, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
         let back = self.geometry.to_internal.inverse();
-        let drawn = baselines::random(self.geometry.open(), DRAWS * count as usize, TEST_SEED, false);
+        let drawn = layouts::random(self.geometry.open(), DRAWS * count as usize, TEST_SEED, false);
         let shown = drawn.iter().filter(|pose| self.seen(pose, &intrinsics) >= MIN_SEEN).take(count as usize);
         let cameras: Vec<Camera> =
             shown.enumerate().map(|(i, pose)| camera(format!("random_{i:04}"), back.pose(pose), intrinsics)).collect();

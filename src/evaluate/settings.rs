@@ -6,8 +6,7 @@ use crate::plan::target::RegionChoice;
 use crate::scene::camera::Intrinsics;
 
 /// What the methods are shown of the scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Shown {
     /// A surface made from the input photos
@@ -16,11 +15,10 @@ pub enum Shown {
     True,
 }
 
-/// Where around an object peers may put cameras.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+/// Where around an object baselines may put cameras.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
-pub enum PeersFrom {
+pub enum BaselinesFrom {
     /// Anywhere in the region that the planner has too
     Region,
     /// On its outer sphere, as the discrete methods of the paper do
@@ -28,8 +26,7 @@ pub enum PeersFrom {
 }
 
 /// How the places of an object's input photos are chosen, which people choose in their own ways.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum InputsFrom {
     /// From all around, evenly
@@ -68,8 +65,8 @@ pub struct Settings {
     pub shown: Shown,
     /// Each pixel of a pool's photo is a square of so many stored ones.
     pub shrink: u32,
-    /// Where around an object peers may put cameras.
-    pub peers_from: PeersFrom,
+    /// Where around an object baselines may put cameras.
+    pub baselines_from: BaselinesFrom,
     /// What the user says of where in a room cameras may stand.
     pub region: RegionChoice,
     /// Whether splats are trained and looked at with the filter against aliasing.
@@ -90,7 +87,7 @@ impl Settings {
         max_splats: 1_000_000,
         shown: Shown::Proxy,
         shrink: 1,
-        peers_from: PeersFrom::Region,
+        baselines_from: BaselinesFrom::Region,
         region: BY_BOUNDS,
         antialiased: false,
     };
@@ -107,7 +104,7 @@ impl Settings {
         max_splats: 5000,
         shown: Shown::Proxy,
         shrink: 8,
-        peers_from: PeersFrom::Region,
+        baselines_from: BaselinesFrom::Region,
         region: BY_BOUNDS,
         antialiased: false,
     };

@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::kind::Kind;
-use super::settings::PeersFrom;
+use super::settings::BaselinesFrom;
 use crate::plan::starts::even_layout;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
@@ -29,8 +29,7 @@ const SEED: u64 = 0x7369_7475;
 const SIDE: u32 = 0x7369_6465;
 
 /// A situation that something is photographed in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Situation {
     /// Free all around
@@ -104,7 +103,7 @@ impl Situation {
     ///
     /// # Errors
     /// In a line that names the option.
-    pub fn check(self, kind: Kind, viewers: &Viewers, peers_from: PeersFrom) -> Result<()> {
+    pub fn check(self, kind: Kind, viewers: &Viewers, baselines_from: BaselinesFrom) -> Result<()> {
         if self == Self::Free {
             return Ok(());
         }
@@ -119,9 +118,9 @@ impl Situation {
         if self == Self::Front && *viewers != self.viewers() {
             return Err(Error::request("--situation front: it says where viewers are; leave it or --viewers out"));
         }
-        if peers_from == PeersFrom::Sphere {
+        if baselines_from == BaselinesFrom::Sphere {
             return Err(Error::request(
-                "--peers-from sphere, which --paper asks for too, is of free objects; leave it or --situation out",
+                "--baselines-from sphere, which --paper asks for too, is of free objects; leave it or --situation out",
             ));
         }
         Ok(())
@@ -219,6 +218,16 @@ mod tests {
         let choice = RegionChoice::from(region);
         let radius = alone.proxy.sphere.1;
         (model.clone(), target(&model, &choice).within(limits).unwrap(), radius)
+    }
+
+    /// If this failed, a situation would have one name on the command line and another in tables and records.
+    #[test]
+    fn a_situation_has_one_name_everywhere() {
+        for situation in <Situation as clap::ValueEnum>::value_variants() {
+            let parsed = <Situation as clap::ValueEnum>::from_str(situation.name(), false);
+            assert_eq!(parsed, Ok(*situation));
+            assert_eq!(serde_json::to_value(situation).unwrap(), situation.name());
+        }
     }
 
     /// If this failed, cameras or viewers of a situation would stand below its floor, behind its walls or within its things, or

@@ -6,7 +6,7 @@ use super::competitor::Competitor;
 use super::kind::Kind;
 use super::request::Request;
 use super::results::{Interval, METRICS, Row, measured};
-use super::settings::{InputsFrom, PeersFrom, Shown};
+use super::settings::{BaselinesFrom, InputsFrom, Shown};
 use crate::gaussians::run::record::APART;
 use crate::plan::target::RegionChoice;
 use crate::quality::viewers::Viewers;
@@ -106,9 +106,9 @@ fn conditions(request: &Request) -> String {
         Shown::Proxy => format!("a surface made from {inputs}"),
         Shown::True => format!("the scene's own mesh (`--surface true`), scored from {inputs}"),
     };
-    let peers = match settings.peers_from {
-        PeersFrom::Sphere if request.kind == Kind::Object => {
-            ", baselines from the region's outer sphere (`--peers-from sphere`)"
+    let baselines = match settings.baselines_from {
+        BaselinesFrom::Sphere if request.kind == Kind::Object => {
+            ", baselines from the region's outer sphere (`--baselines-from sphere`)"
         }
         _ => "",
     };
@@ -140,7 +140,7 @@ fn conditions(request: &Request) -> String {
         _ => settings.tests,
     };
     format!(
-        "Methods chose on {shown}{region}{situation}{limits}{peers}{given}{looking}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set{finer}",
+        "Methods chose on {shown}{region}{situation}{limits}{baselines}{given}{looking}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set{finer}",
         settings.size, settings.samples, tests
     )
 }

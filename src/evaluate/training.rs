@@ -3,11 +3,11 @@
 use std::fs;
 use std::sync::Arc;
 
-use super::stage::{Event, Observe, Stage};
+use super::artifact::{Artifact, Event, Observe};
 use crate::gaussians::config::Config;
 use crate::gaussians::data::split::Split;
 use crate::gaussians::run::job::{self, Run};
-use crate::gaussians::run::products::{CHECKPOINT, MODEL, RECORD};
+use crate::gaussians::run::outputs::{CHECKPOINT, MODEL, RECORD};
 use crate::gaussians::run::record::{Status, TrainRecord};
 use crate::select::information::Model;
 use crate::vulkan::Context;
@@ -23,43 +23,43 @@ pub struct Training {
     pub shrink: u32,
 }
 
-/// Trains splats on the photos of `split` and looks at its tests, unless `stage` holds all of that already.
+/// Trains splats on the photos of `split` and looks at its tests, unless `artifact` holds all of that already.
 ///
 /// # Errors
 /// Where photos cannot be read any more, the device fails or has not enough memory, or `observe` broke it off.
 pub fn run(
     context: &Arc<Context>,
-    stage: Stage,
+    artifact: Artifact,
     training: Training,
     split: impl FnOnce() -> Result<Split>,
     observe: Observe,
-) -> Result<(Stage, TrainRecord)> {
-    if !stage.begins(observe)? {
-        return stage.read(RECORD).map(|record| (stage, record));
+) -> Result<(Artifact, TrainRecord)> {
+    if !artifact.begins(observe)? {
+        return artifact.read(RECORD).map(|record| (artifact, record));
     }
     let Training { capture, config, shrink } = training;
-    let folder = stage.folder().to_owned();
+    let folder = artifact.folder().to_owned();
     let asked = job::Request { capture, split: split()?, config, shrink, folder, save_every: 5000, evaluate_every: 0 };
     let run = Run::new(context, asked)?;
-    let resume = stage.file(CHECKPOINT).is_file();
+    let resume = artifact.file(CHECKPOINT).is_file();
     let record = run.run(resume, None, &mut |_| observe(Event::Working))?;
     if record.status != Status::Complete {
         return Err(Error::Interrupted);
     }
-    stage.write_json(RECORD, &record)?;
-    stage.finish()?;
+    artifact.write_json(RECORD, &record)?;
+    artifact.finish()?;
     // Three times as large as the model, and of no use any more; what cannot be removed harms nobody.
-    drop(fs::remove_file(stage.file(CHECKPOINT)));
-    Ok((stage, record))
+    drop(fs::remove_file(artifact.file(CHECKPOINT)));
+    Ok((artifact, record))
 }
 
 /// The splats of a training that is complete.
 ///
 /// # Errors
 /// Where they cannot be read any more.
-pub fn model(stage: &Stage) -> Result<Model> {
-    let file = stage.file(MODEL);
-    let (gaussians, _) = io::read_gaussians_with_notes(&file).map_err(|error| stage.damaged(&error.to_string()))?;
-    let TrainRecord { config, .. } = stage.read(RECORD)?;
+pub fn model(artifact: &Artifact) -> Result<Model> {
+    let file = artifact.file(MODEL);
+    let (gaussians, _) = io::read_gaussians_with_notes(&file).map_err(|error| artifact.damaged(&error.to_string()))?;
+    let TrainRecord { config, .. } = artifact.read(RECORD)?;
     Ok(Model { path: file.to_string_lossy().into_owned(), gaussians, antialiased: config.antialiased })
 }

@@ -4,8 +4,8 @@ use glam::{DQuat, DVec3};
 
 use super::kind::Kind;
 use super::settings::InputsFrom;
-use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::layouts;
 use crate::scene::random;
 use crate::scene::region::Region;
 use crate::visibility::device_scene::SceneGeometry;
@@ -35,7 +35,7 @@ pub fn inputs(
     let to_internal = &geometry.to_internal;
     let free = |place| geometry.free.is_free(to_internal.point(place));
     let even_of = |count: u32| {
-        baselines::even_where(region, count as usize, 0.5, DQuat::IDENTITY, free).map_err(|_| {
+        layouts::even_where(region, count as usize, 0.5, DQuat::IDENTITY, free).map_err(|_| {
             Error::request(
                 "input photos: region and limits leave hardly any of the sphere in the middle of the shell; allow more of it",
             )

@@ -20,7 +20,6 @@
 //! rendered pictures. For photographing, [`gltf::read_model`] reads a scene with its materials and lamps, and
 //! [`environment`] the light around it.
 
-pub(crate) mod apart;
 mod binary;
 mod checks;
 pub mod colmap;
@@ -30,8 +29,9 @@ pub mod folder;
 pub mod gltf;
 mod matrix;
 pub mod obj;
+pub(crate) mod overwrite_guard;
 pub mod photos;
-pub(crate) mod picture;
+pub mod picture;
 pub mod plan_json;
 pub mod ply;
 pub mod transforms;

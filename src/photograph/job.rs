@@ -6,7 +6,7 @@ use std::thread;
 
 use glam::DVec3;
 
-use super::products::{Found, Products, Record};
+use super::outputs::{Found, Outputs, Record};
 use super::tracer::{Exposure, Tracer};
 use crate::io::export;
 use crate::io::folder::OutputFolder;
@@ -45,12 +45,12 @@ pub struct Outcome {
 pub fn run(
     tracer: &Tracer,
     record: &Record,
-    products: &Products,
+    outputs: &Outputs,
     folder: &Path,
     observe: impl Fn(Option<u32>) -> ControlFlow<()>,
 ) -> Result<Outcome> {
-    let found: Vec<Found> = record.cameras.iter().map(|camera| products.found(record, camera)).collect();
-    products.begin(record, found.iter().all(|found| *found == Found::Whole))?;
+    let found: Vec<Found> = record.cameras.iter().map(|camera| outputs.found(record, camera)).collect();
+    outputs.begin(record, found.iter().all(|found| *found == Found::Whole))?;
     let exposure = Exposure { samples: record.samples, seed: record.seed, show_sky: record.show_sky };
     let mut outcome = Outcome::default();
     let all = record.cameras.len() as u32;
@@ -73,7 +73,7 @@ pub fn run(
                     outcome.dark.push(camera.name.clone());
                 }
                 joined(writing.take())?;
-                writing = Some(scope.spawn(move || products.picture(record, camera, &taken, hits.as_ref())));
+                writing = Some(scope.spawn(move || outputs.picture(record, camera, &taken, hits.as_ref())));
                 outcome.pictures += 1;
                 outcome.mended += u32::from(*found == Found::Damaged);
             }
@@ -84,7 +84,7 @@ pub fn run(
         joined(writing)
     })?;
     if outcome.pictures == all {
-        let (points, tracks) = surface(tracer, record, products)?;
+        let (points, tracks) = surface(tracer, record, outputs)?;
         outcome.points = points.positions.len();
         let staged = OutputFolder::create(folder, true)?;
         export::capture(&staged, &record.cameras, &points, &tracks)?;
@@ -103,7 +103,7 @@ fn joined(writing: Option<thread::ScopedJoinHandle<'_, Result<()>>>) -> Result<(
 
 /// Points where the middles of random pixels lie on the surface, in the colours of the photographs, and the camera that each
 /// was seen by.
-fn surface(tracer: &Tracer, record: &Record, products: &Products) -> Result<(Points, Vec<Vec<u32>>)> {
+fn surface(tracer: &Tracer, record: &Record, outputs: &Outputs) -> Result<(Points, Vec<Vec<u32>>)> {
     let each = (POINTS / record.cameras.len().max(1) as u32).max(MIN_POINTS);
     let mut points = Points::default();
     let mut tracks = Vec::new();
@@ -115,7 +115,7 @@ fn surface(tracer: &Tracer, record: &Record, products: &Products) -> Result<(Poi
             .collect();
         chosen.sort_unstable();
         chosen.dedup();
-        let picture = products.read(camera)?;
+        let picture = outputs.read(camera)?;
         if picture.dimensions() != (k.width, k.height) {
             let what = format!("images/{} has another size than its camera; remove it and run again", camera.name);
             return Err(Error::request(what));

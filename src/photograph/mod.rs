@@ -9,5 +9,5 @@ pub(crate) mod inside;
 pub mod job;
 pub(crate) mod layout;
 pub(crate) mod lights;
-pub mod products;
+pub mod outputs;
 pub mod tracer;

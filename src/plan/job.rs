@@ -1,4 +1,4 @@
-//! A whole plan: proxy, region, optimisation, held-out metrics and controls, from a surface to a record.
+//! A whole plan: proxy, region, optimisation, held-out metrics and baselines, from a surface to a record.
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 use super::config::{Config, Objective, Preset};
 use super::planner::{Outcome, Planner};
 use super::preparation::Preparation;
-use super::record::{CheckpointRecord, ControlRecord, Expected, PlanRecord, Status};
+use super::record::{BaselineRecord, CheckpointRecord, Expected, PlanRecord, Status};
 use super::reference::{Outlook, Reference};
 use super::starts::even_layout;
 use super::target::Target;
@@ -18,8 +18,8 @@ use crate::metrics::score_point::{Field, Scorer, aggregate};
 use crate::metrics::{Metrics, PointMetrics};
 use crate::quality::expected::Expectation;
 use crate::quality::map::ErrorMap;
-use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::layouts;
 use crate::scene::proxy::SurfacePoint;
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::vulkan::capture::RenderDoc;
@@ -179,7 +179,7 @@ pub fn given(
     conclude(context, scene, target, cameras, config, (name, described), (outcome, None))
 }
 
-/// Scores what came out, its snapshots and the controls on held-out points, and writes the record. Of `config` count the views,
+/// Scores what came out, its snapshots and the baselines on held-out points, and writes the record. Of `config` count the views,
 /// the seed, the preset, the viewers, the gate and the held-out points; `method` is its name and its own configuration. What is
 /// expected of the outcome is worked out where it is not given.
 ///
@@ -211,9 +211,10 @@ pub fn conclude(
             voronoi_high_vds: high,
         });
     }
-    let mut controls = Vec::new();
+    let mut baselines = Vec::new();
     for (name, poses) in control_poses(&scene, config).into_iter().filter(|(name, _)| *name != method) {
-        controls.push(ControlRecord { name: name.into(), metrics: aggregate(&scorer.score(&cameras(&poses), field)?) });
+        baselines
+            .push(BaselineRecord { name: name.into(), metrics: aggregate(&scorer.score(&cameras(&poses), field)?) });
     }
     let Outlook { expected, map } = match outlook {
         Some(outlook) => outlook,
@@ -240,7 +241,7 @@ pub fn conclude(
         metrics: aggregate(&scores),
         expected: Some(expected),
         began_from: None,
-        controls,
+        baselines,
         seconds: outcome.seconds,
     };
     drop((scorer, few));
@@ -332,11 +333,11 @@ fn control_poses(scene: &DeviceScene, config: &Config) -> Vec<(&'static str, Vec
     let back = scene.geometry.to_internal.inverse();
     let world = |poses: Vec<Pose>| poses.iter().map(|pose| back.pose(pose)).collect::<Vec<_>>();
     let (count, inward) = (config.views as usize, config.preset == Preset::Object);
-    let mut controls = vec![("random", world(baselines::random(&scene.geometry.free, count, config.seed, inward)))];
+    let mut baselines = vec![("random", world(layouts::random(&scene.geometry.free, count, config.seed, inward)))];
     if let Ok(poses) = even_layout(&scene.geometry, &config.viewers, count, DQuat::IDENTITY) {
-        controls.push(("fibonacci", world(poses)));
+        baselines.push(("fibonacci", world(poses)));
     }
-    controls
+    baselines
 }
 
 /// Mean Voronoi cell area over the thirds of seen points with the lowest and the highest score; none where all scores

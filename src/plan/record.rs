@@ -90,9 +90,9 @@ impl Expected {
     }
 }
 
-/// A control: another way to place the same number of cameras, scored on the same points.
+/// A baseline: another way to place the same number of cameras, scored on the same points.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ControlRecord {
+pub struct BaselineRecord {
     /// "random", "fibonacci", ...
     pub name: String,
     /// Its metrics.
@@ -106,7 +106,7 @@ pub struct PlanRecord {
     pub version: String,
     /// How the run ended.
     pub status: Status,
-    /// How the cameras were placed: "ours", or the name of the peer or of the way to choose.
+    /// How the cameras were placed: "ours", or the name of the baseline or of the way to choose.
     #[serde(default)]
     pub method: String,
     /// The surface.
@@ -115,7 +115,7 @@ pub struct PlanRecord {
     pub device: String,
     /// Seed of every random number.
     pub seed: u64,
-    /// The configuration of the planner or the peer, as it ran.
+    /// The configuration of the planner or the baseline, as it ran.
     pub config: serde_json::Value,
     /// Where cameras may stand.
     pub region: Region,
@@ -139,7 +139,8 @@ pub struct PlanRecord {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub began_from: Option<String>,
     /// Controls on the same points.
-    pub controls: Vec<ControlRecord>,
+    #[serde(alias = "controls")]
+    pub baselines: Vec<BaselineRecord>,
     /// Wall time of the optimisation or the choice, seconds.
     pub seconds: f64,
 }

@@ -11,7 +11,7 @@ use crate::visibility::device_scene::SceneGeometry;
 use crate::visibility::probe_depth::Probe;
 use crate::visibility::raycast::Ray;
 
-/// Streams of random numbers, apart from those of controls and samples.
+/// Streams of random numbers, apart from those of baselines and samples.
 const DIRECTIONS: u32 = 0x5354_0000;
 const JITTER: u32 = 0x5354_0001;
 const POSITIONS: u32 = 0x5354_1000;

@@ -5,8 +5,8 @@ use glam::{DQuat, DVec3};
 use super::config::{Config, Preset};
 use crate::Result;
 use crate::quality::viewers::Viewers;
-use crate::scene::baselines;
 use crate::scene::camera::{Camera, Pose};
+use crate::scene::layouts;
 use crate::scene::region::Shape;
 use crate::visibility::device_scene::SceneGeometry;
 
@@ -30,7 +30,7 @@ pub fn layouts(config: &Config, geometry: &SceneGeometry, kept: &[Camera]) -> Ve
     if let (true, Shape::Shell { r_min, r_max, .. }) = (inward, geometry.region.shape) {
         let rotations = (TURNED / config.views.max(1)).clamp(ROTATIONS[0], ROTATIONS[1]);
         let even = |count: usize, rotations: u32, viewers: &Viewers| {
-            let turned = |index| even_layout(geometry, viewers, count, baselines::turn(&geometry.region, seed, index));
+            let turned = |index| even_layout(geometry, viewers, count, layouts::turn(&geometry.region, seed, index));
             (0..rotations).filter_map(|index| turned(index).ok()).collect::<Vec<_>>()
         };
         let radius = 0.5 * (r_min + r_max) / r_max;
@@ -49,15 +49,15 @@ pub fn layouts(config: &Config, geometry: &SceneGeometry, kept: &[Camera]) -> Ve
             let taken: Vec<DVec3> =
                 kept.iter().map(|camera| geometry.to_internal.point(camera.pose.position)).collect();
             let all = even(views + kept.len(), ROTATIONS[1], &Viewers::Region);
-            let left = all.into_iter().map(|poses| baselines::left_beside(poses, &taken)).collect();
+            let left = all.into_iter().map(|poses| layouts::left_beside(poses, &taken)).collect();
             add("even sphere less the cameras that are kept".to_owned(), left);
         }
     }
     if !inward {
-        layouts.push(("grid at eye height".to_owned(), vec![baselines::grid(&geometry.free, views)]));
-        layouts.push(("rings along the walls".to_owned(), vec![baselines::rings(&geometry.free, views)]));
+        layouts.push(("grid at eye height".to_owned(), vec![layouts::grid(&geometry.free, views)]));
+        layouts.push(("rings along the walls".to_owned(), vec![layouts::rings(&geometry.free, views)]));
     }
-    layouts.push(("random".to_owned(), vec![baselines::random(&geometry.free, views, seed, inward)]));
+    layouts.push(("random".to_owned(), vec![layouts::random(&geometry.free, views, seed, inward)]));
     for pose in layouts.iter_mut().flat_map(|(_, ways)| ways).flatten() {
         pose.position = geometry.settle(pose.position);
     }
@@ -70,5 +70,5 @@ pub fn layouts(config: &Config, geometry: &SceneGeometry, kept: &[Camera]) -> Ve
 /// Where the region is no shell, or leaves hardly any of that sphere.
 pub fn even_layout(geometry: &SceneGeometry, viewers: &Viewers, count: usize, turn: DQuat) -> Result<Vec<Pose>> {
     let allowed = |place| geometry.free.is_free(place) && viewers.face(geometry, place);
-    baselines::even_where(&geometry.region, count, 0.5, turn, allowed)
+    layouts::even_where(&geometry.region, count, 0.5, turn, allowed)
 }

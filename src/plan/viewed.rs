@@ -172,8 +172,8 @@ mod tests {
     use crate::plan::config::{Config, Gate, Kernel, Preset};
     use crate::quality::expected::expect;
     use crate::quality::viewers::Viewers;
-    use crate::scene::baselines;
     use crate::scene::camera::Intrinsics;
+    use crate::scene::layouts;
     use crate::scene::proxy::{Orientation, Proxy};
     use crate::scene::region::{Region, Shape};
     use crate::scene::{random, samples};
@@ -194,7 +194,7 @@ mod tests {
         for softness in [0.05f32, 0.3] {
             let settings = Settings { gate_softness: softness, ..Settings::default() };
             let config = Config::new(Preset::Room, 12);
-            let poses = baselines::random(&geometry.free, 12, 7, false);
+            let poses = layouts::random(&geometry.free, 12, 7, false);
             let splats: Vec<_> = poses.iter().map(|pose| (pose.position, pose.forward())).collect();
             let loss = |splats: &[(DVec3, DVec3)]| {
                 let batch = Batch {

@@ -5,6 +5,6 @@ pub mod expected;
 pub mod fit;
 pub mod law;
 pub mod look;
-pub(crate) mod map;
+pub mod map;
 pub(crate) mod nearest;
 pub mod viewers;

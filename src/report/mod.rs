@@ -1,4 +1,4 @@
-//! One self-contained HTML page per plan: what was planned, how good it is beside the controls, how the optimiser got
+//! One self-contained HTML page per plan: what was planned, how good it is beside the baselines, how the optimiser got
 //! there, and a 3D view of the cameras around the surface. The page asks nothing of any network.
 //!
 //! A training run has a page of the same make ([`training`]).
@@ -9,14 +9,14 @@
 mod data;
 mod decimate;
 #[cfg(feature = "cli")]
+pub mod demo;
+#[cfg(feature = "cli")]
 pub(crate) mod evaluation;
 pub mod folder;
 mod geometry;
 mod pictures;
-pub(crate) mod selection;
+pub mod selection;
 mod text;
-#[cfg(feature = "cli")]
-pub mod tour;
 pub mod training;
 
 use glam::DVec3;

@@ -16,7 +16,7 @@ use crate::io::{colmap, export, ply, transforms};
 use crate::metrics::{Metrics, PointMetrics};
 use crate::photos::{Convention, Photo, PhotoSet};
 use crate::plan::record::Expected;
-use crate::plan::record::{ControlRecord, IterationRecord, PlanRecord, Status, SurfaceRecord};
+use crate::plan::record::{BaselineRecord, IterationRecord, PlanRecord, Status, SurfaceRecord};
 use crate::plan::target::Target;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::proxy::Occluder;
@@ -60,7 +60,7 @@ struct Record<'a> {
     metrics: &'a Metrics,
     /// The whole pool.
     all_photos: &'a Metrics,
-    controls: &'a [ControlRecord],
+    baselines: &'a [BaselineRecord],
     expected: &'a Expected,
     errors_db: &'a [f64],
     seconds: [f64; 3],
@@ -124,7 +124,7 @@ pub fn write(written: &Written<'_>, folder: OutputFolder) -> Result<Vec<String>>
             .collect(),
         metrics: &selection.metrics,
         all_photos: &selection.pool,
-        controls: &selection.controls,
+        baselines: &selection.baselines,
         expected: &selection.expected,
         errors_db: &selection.errors_db,
         seconds: selection.seconds,
@@ -277,7 +277,7 @@ fn page(written: &Written<'_>) -> Result<String> {
         expected: Some(selection.expected.clone()),
         began_from: None,
         metrics: selection.metrics,
-        controls: selection.controls.clone(),
+        baselines: selection.baselines.clone(),
         seconds: selection.seconds.iter().sum(),
     };
     super::html_of(

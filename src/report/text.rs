@@ -262,17 +262,17 @@ impl Row {
         }
     }
 
-    /// How the plan compares with a control: whether it is better, and by how much in words of the table. Fractions
-    /// differ by points, everything else by percent of the control. `None` where the two cannot be told apart.
-    fn verdict(&self, plan: Option<f64>, control: Option<f64>) -> Option<(bool, String)> {
-        let (plan, control) = (plan?, control?);
+    /// How the plan compares with a baseline: whether it is better, and by how much in words of the table. Fractions
+    /// differ by points, everything else by percent of the baseline. `None` where the two cannot be told apart.
+    fn verdict(&self, plan: Option<f64>, baseline: Option<f64>) -> Option<(bool, String)> {
+        let (plan, baseline) = (plan?, baseline?);
         let higher = match self.better {
             Better::Higher => true,
             Better::Lower => false,
             Better::Neither => return None,
         };
         let (difference, unit) =
-            if self.unit == "%" { (plan - control, "pt") } else { (100.0 * (plan - control) / control.abs(), "%") };
+            if self.unit == "%" { (plan - baseline, "pt") } else { (100.0 * (plan - baseline) / baseline.abs(), "%") };
         let shown = format!("{:.1}", difference.abs());
         if !difference.is_finite() || shown == "0.0" {
             return None;
@@ -282,7 +282,7 @@ impl Row {
     }
 }
 
-/// The four numbers that say most: the expected quality, where there is one, and geometry, each with the best control's.
+/// The four numbers that say most: the expected quality, where there is one, and geometry, each with the best baseline's.
 fn figures(record: &PlanRecord) -> String {
     let expected = record.expected.iter().map(|expected| {
         format!(
@@ -296,7 +296,7 @@ fn figures(record: &PlanRecord) -> String {
     });
     let geometry = ROWS.iter().take(if record.expected.is_some() { 3 } else { 4 }).map(|row| {
         let best = record
-            .controls
+            .baselines
             .iter()
             .filter_map(|c| row.value(&c.metrics).map(|v| (v, c.name.as_str())))
             .reduce(|a, b| if (b.0 > a.0) == (row.better == Better::Higher) { b } else { a });
@@ -323,13 +323,13 @@ fn metrics_table(record: &PlanRecord, kind: Kind<'_>) -> String {
         subject[..1].to_uppercase(),
         &subject[1..]
     );
-    for control in &record.controls {
-        let _ = write!(html, "<th scope=\"col\">{}</th>", escape(&control.name));
+    for baseline in &record.baselines {
+        let _ = write!(html, "<th scope=\"col\">{}</th>", escape(&baseline.name));
     }
     html.push_str("</tr></thead>\n<tbody>\n");
     for row in &ROWS {
         let plan = row.value(&record.metrics);
-        let verdicts: Vec<_> = record.controls.iter().map(|c| row.verdict(plan, row.value(&c.metrics))).collect();
+        let verdicts: Vec<_> = record.baselines.iter().map(|c| row.verdict(plan, row.value(&c.metrics))).collect();
         let best = !verdicts.is_empty() && verdicts.iter().all(|v| v.as_ref().is_some_and(|(better, _)| *better));
         let _ = write!(
             html,
@@ -344,8 +344,8 @@ fn metrics_table(record: &PlanRecord, kind: Kind<'_>) -> String {
             if best { " best" } else { "" },
             row.text(plan)
         );
-        for (control, verdict) in record.controls.iter().zip(verdicts) {
-            let _ = write!(html, "<td>{}", row.text(row.value(&control.metrics)));
+        for (baseline, verdict) in record.baselines.iter().zip(verdicts) {
+            let _ = write!(html, "<td>{}", row.text(row.value(&baseline.metrics)));
             if let Some((better, difference)) = verdict {
                 let (class, mark) = if better { ("better", '✓') } else { ("worse", '✗') };
                 let _ = write!(html, "<small class=\"{class}\">{mark} {subject} {difference}</small>");
@@ -359,7 +359,7 @@ fn metrics_table(record: &PlanRecord, kind: Kind<'_>) -> String {
         "</tbody>\n<caption>Scored on {} held-out points of which {reaches} {}, with exact occlusion. {}</caption>",
         grouped(record.metrics.points),
         ROWS[0].text(Some(100.0 * record.metrics.reachable).filter(|v| v.is_finite())),
-        if record.controls.is_empty() {
+        if record.baselines.is_empty() {
             "No baselines were scored.".into()
         } else {
             format!("Small print compares the {subject} with the baseline: ✓ better, ✗ worse.")

@@ -3,7 +3,6 @@
 //! Internal frame: right-handed; cameras in OpenCV axes (X right, Y down, Z forward); poses stored world-from-camera;
 //! radians inside, degrees on the command line.
 
-pub mod baselines;
 pub(crate) mod bounding_sphere;
 pub mod camera;
 pub(crate) mod colour;
@@ -13,6 +12,7 @@ mod distance_transform;
 pub mod free_space;
 pub mod gaussians;
 pub(crate) mod harmonics;
+pub mod layouts;
 pub mod lens;
 pub mod limits;
 pub mod model;

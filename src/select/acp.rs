@@ -13,7 +13,7 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::controls::Pool;
+use super::pool::Pool;
 use crate::parallel::in_parallel;
 use crate::scene::camera::Camera;
 use crate::visibility::device_scene::SceneGeometry;

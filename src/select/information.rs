@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::controls::Pool;
 use super::farthest::Distance;
 use super::greedy::{Knowledge, grow};
+use super::pool::Pool;
 use crate::gaussians::uncertainty::cover::Cover;
 use crate::gaussians::uncertainty::fisher::Fisher;
 use crate::scene::gaussians::Gaussians;

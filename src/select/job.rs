@@ -1,4 +1,4 @@
-//! A whole selection: what the pool sees, the photos chosen, the controls beside them, from a capture to a record.
+//! A whole selection: what the pool sees, the photos chosen, the baselines beside them, from a capture to a record.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -7,11 +7,11 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::acp;
-use super::controls::Pool;
 use super::farthest::Distance;
 use super::information::{self, Model};
 use super::interchange::refine;
 use super::objective::Objective;
+use super::pool::Pool;
 use super::request::Request;
 use super::retrained;
 use super::score::SubsetScorer;
@@ -23,7 +23,7 @@ use crate::photos::PhotoSet;
 use crate::plan::config::{Config, Preset};
 use crate::plan::job::{self};
 use crate::plan::preparation::PROBE_STREAM;
-use crate::plan::record::ControlRecord;
+use crate::plan::record::BaselineRecord;
 use crate::plan::record::Expected;
 use crate::plan::target::Target;
 use crate::quality::expected::{Expectation, Judge};
@@ -31,8 +31,8 @@ use crate::quality::law::{Fitted, Law};
 use crate::quality::look::Surroundings;
 use crate::quality::map::{ErrorMap, error_map};
 use crate::quality::viewers::Viewers;
-use crate::scene::baselines;
 use crate::scene::camera::{Camera, Pose};
+use crate::scene::layouts;
 use crate::scene::proxy::{Occluder, Proxy, SurfacePoint};
 use crate::visibility::device_scene::DeviceScene;
 use crate::vulkan::Context;
@@ -97,7 +97,7 @@ pub struct Selection {
     /// Metrics of the whole pool: what cannot be surpassed.
     pub pool: Metrics,
     /// Metrics of the other methods on the same points.
-    pub controls: Vec<ControlRecord>,
+    pub baselines: Vec<BaselineRecord>,
     /// Wall time in seconds of: finding out what the pool sees, planning, choosing.
     pub seconds: [f64; 3],
     /// Bytes of the matrices of visibility and of what the swaps keep.
@@ -105,7 +105,7 @@ pub struct Selection {
 }
 
 /// A capture and its surface, looked at from all photos.
-pub struct Prospect<'a> {
+pub struct SelectionContext<'a> {
     context: Arc<Context>,
     set: &'a PhotoSet,
     target: &'a Target,
@@ -117,7 +117,7 @@ pub struct Prospect<'a> {
     seconds: f64,
 }
 
-impl<'a> Prospect<'a> {
+impl<'a> SelectionContext<'a> {
     /// Finds out which photos see which points.
     ///
     /// # Errors
@@ -214,11 +214,11 @@ impl<'a> Prospect<'a> {
         Ok(suggested)
     }
 
-    /// Chooses, and scores the choice beside the controls. `sharpness` is a value per photo, greater for sharper ones.
+    /// Chooses, and scores the choice beside the baselines. `sharpness` is a value per photo, greater for sharper ones.
     ///
     /// # Errors
     /// Where a plan does not fit the device, the device fails, or the method does not fit the pool.
-    pub fn select(&self, sharpness: Option<&[f64]>, with_controls: bool) -> Result<Selection> {
+    pub fn select(&self, sharpness: Option<&[f64]>, with_baselines: bool) -> Result<Selection> {
         let request = &self.request;
         let allowed: Vec<usize> =
             (0..self.set.photos.len()).filter(|photo| request.exclude.binary_search(photo).is_err()).collect();
@@ -235,7 +235,7 @@ impl<'a> Prospect<'a> {
         let kept: Vec<Camera> = request.include.iter().map(|photo| self.set.photos[*photo].camera.clone()).collect();
         let needs_plan = matches!(request.method, Method::Ours | Method::Assigned | Method::Nearest);
         let [viewers, judges] = self.viewers();
-        let planned = if needs_plan || with_controls {
+        let planned = if needs_plan || with_baselines {
             self.plan(request.count - request.include.len(), &kept, viewers.clone())?
         } else {
             Vec::new()
@@ -292,11 +292,12 @@ impl<'a> Prospect<'a> {
         let world = 1.0 / self.scene.geometry.to_internal.scale;
         let scorer = SubsetScorer::new(&self.held_out, self.set, world);
         let scores = scorer.score(&subset);
-        let mut controls = Vec::new();
-        for method in Method::CONTROLS.into_iter().filter(|method| with_controls && *method != request.method) {
-            // A control that does not fit the scene (a sphere in a room) is no reason to fail.
+        let mut baselines = Vec::new();
+        for method in Method::BASELINES.into_iter().filter(|method| with_baselines && *method != request.method) {
+            // A baseline that does not fit the scene (a sphere in a room) is no reason to fail.
             if let Ok(subset) = self.by(method, &pool, &planned) {
-                controls.push(ControlRecord { name: method.name().into(), metrics: aggregate(&scorer.score(&subset)) });
+                baselines
+                    .push(BaselineRecord { name: method.name().into(), metrics: aggregate(&scorer.score(&subset)) });
             }
         }
         let everything: Vec<usize> = (0..self.set.photos.len()).collect();
@@ -309,7 +310,7 @@ impl<'a> Prospect<'a> {
             scores,
             pool: aggregate(&scorer.score(&everything)),
             points: self.held_out.points.clone(),
-            controls,
+            baselines,
             seconds: [self.seconds, planning, choosing],
             bytes: plain.bytes() + self.survey.sight.bytes() + self.held_out.sight.bytes(),
         })
@@ -345,7 +346,7 @@ impl<'a> Prospect<'a> {
             Method::Random => Ok(pool.random()),
             Method::Fibonacci => {
                 let count = pool.count - pool.include.len();
-                Ok(pool.assigned(&baselines::fibonacci_shell(&self.target.region, count)?))
+                Ok(pool.assigned(&layouts::fibonacci_shell(&self.target.region, count)?))
             }
             Method::Fvs => farthest(Distance::GreatCircle),
             Method::FvsChord => farthest(Distance::Chord),

@@ -6,15 +6,15 @@
 
 pub(crate) mod acp;
 pub(crate) mod assignment;
-pub mod controls;
 pub mod farthest;
 pub(crate) mod greedy;
 pub mod information;
 pub mod interchange;
 pub mod job;
 pub mod objective;
+pub mod pool;
 pub mod request;
 pub mod retrained;
 pub(crate) mod score;
-pub(crate) mod sharpness;
+pub mod sharpness;
 pub mod sight;

@@ -56,6 +56,9 @@ impl Request {
     /// One line that says which number does not fit.
     pub fn validate(&self, photos: usize) -> Result<()> {
         let wrong = |what: String| Err(Error::request(what));
+        if !self.method.entry().chooses {
+            return wrong(format!("--method {}: it places cameras and chooses no photos", self.method.name()));
+        }
         let allowed = photos - self.exclude.len();
         if self.count == 0 {
             return wrong("--count is 0; give at least 1".into());

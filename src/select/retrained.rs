@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::controls::Pool;
 use super::information;
+use super::pool::Pool;
 use crate::gaussians::config::{Background, Config, Strategy};
 use crate::gaussians::data::pictures;
 use crate::gaussians::data::start;
@@ -28,7 +28,7 @@ const POINT_STREAM: u32 = 0x5045_0002;
 /// Most iterations, as in any training.
 const MAX_ITERATIONS: u32 = 10_000_000;
 
-/// Takes a photograph: the photo that is given, with an image; none where the user wants to stop.
+/// Takes a photograph: the photo that is given, with an image; [`Error::Interrupted`] where the user wants to stop.
 pub type Photograph<'p> = &'p mut dyn FnMut(&Photo) -> Result<Photo>;
 
 /// How to train and to choose.

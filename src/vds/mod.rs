@@ -5,7 +5,7 @@
 //! does it all.
 
 pub mod fit;
-pub(crate) mod gains;
+pub mod gains;
 pub mod job;
 pub mod observe;
 pub(crate) mod picture;

@@ -3,7 +3,7 @@
 use ash::vk;
 
 use super::context::Context;
-use super::spares::Queries;
+use super::reuse::Queries;
 use crate::Result;
 
 /// GPU time of one stage, in nanoseconds since an arbitrary start that the stages of one recorder share.

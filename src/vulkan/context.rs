@@ -9,7 +9,7 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
 use super::instance::Instance;
 use super::physical::Physical;
-use super::spares::{Commands, Queries, Spares, keep};
+use super::reuse::{Commands, Queries, Reusable, keep};
 use crate::parallel::lock;
 use crate::{Error, Result};
 
@@ -34,7 +34,7 @@ pub struct Context {
     pub(super) debug_sync: bool,
     /// What was compiled once is found again.
     pub(super) pipeline_cache: vk::PipelineCache,
-    pub(super) spares: Spares,
+    pub(super) reusable: Reusable,
     queue: vk::Queue,
     queue_lock: Arc<Mutex<()>>,
     physical: Physical,
@@ -126,7 +126,7 @@ impl Context {
                 .then(|| ash::nv::device_diagnostic_checkpoints::Device::new(&instance.raw, &device)),
             debug_sync,
             pipeline_cache,
-            spares: Spares::default(),
+            reusable: Reusable::default(),
             queue,
             queue_lock,
             physical,
@@ -231,7 +231,7 @@ impl Context {
 
 impl Drop for Context {
     fn drop(&mut self) {
-        self.destroy_spares();
+        self.destroy_reusable();
         // SAFETY: buffers, pipelines and recorders hold an `Arc` of this context, so none is left; each waited for its
         // own work. The allocator goes before the device, the device before the instance (the last field).
         unsafe {
@@ -247,7 +247,7 @@ impl Drop for Context {
 impl Context {
     /// A command buffer that nobody uses and that is not recording.
     pub(super) fn take_commands(&self) -> Result<Commands> {
-        if let Some(commands) = lock(&self.spares.commands).pop() {
+        if let Some(commands) = lock(&self.reusable.commands).pop() {
             return Ok(commands);
         }
         let info = vk::CommandPoolCreateInfo::default()
@@ -276,7 +276,7 @@ impl Context {
     pub(super) fn give_commands(&self, commands: Commands) {
         // SAFETY: by the caller's word nothing of the pool is pending.
         let reset = unsafe { self.device.reset_command_pool(commands.pool, vk::CommandPoolResetFlags::empty()) };
-        let left = if reset.is_ok() { keep(&self.spares.commands, commands) } else { Some(commands) };
+        let left = if reset.is_ok() { keep(&self.reusable.commands, commands) } else { Some(commands) };
         if let Some(Commands { pool, .. }) = left {
             // SAFETY: of this one or one that is kept, nothing is pending.
             unsafe { self.device.destroy_command_pool(pool, None) };
@@ -285,7 +285,7 @@ impl Context {
 
     /// A fence that is not signalled and that nothing will signal.
     pub(super) fn take_fence(&self) -> Result<vk::Fence> {
-        if let Some(fence) = lock(&self.spares.fences).pop() {
+        if let Some(fence) = lock(&self.reusable.fences).pop() {
             return Ok(fence);
         }
         // SAFETY: the info is valid for the device.
@@ -297,7 +297,7 @@ impl Context {
     pub(super) fn give_fence(&self, fence: vk::Fence) {
         // SAFETY: by the caller's word no submission that would signal it is pending.
         let reset = unsafe { self.device.reset_fences(&[fence]) };
-        let left = if reset.is_ok() { keep(&self.spares.fences, fence) } else { Some(fence) };
+        let left = if reset.is_ok() { keep(&self.reusable.fences, fence) } else { Some(fence) };
         if let Some(fence) = left {
             // SAFETY: neither this one nor one that is kept will be signalled.
             unsafe { self.device.destroy_fence(fence, None) };
@@ -306,11 +306,11 @@ impl Context {
 
     /// Room for `count` timestamps; what it holds is to be reset.
     pub(super) fn take_queries(&self, count: u32) -> Result<Queries> {
-        let mut spares = lock(&self.spares.queries);
-        if let Some(at) = spares.iter().position(|queries| queries.count == count) {
-            return Ok(spares.swap_remove(at));
+        let mut reusable = lock(&self.reusable.queries);
+        if let Some(at) = reusable.iter().position(|queries| queries.count == count) {
+            return Ok(reusable.swap_remove(at));
         }
-        drop(spares);
+        drop(reusable);
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(count);
         // SAFETY: the info is valid.
         let pool = unsafe { self.device.create_query_pool(&info, None) }
@@ -320,15 +320,15 @@ impl Context {
 
     /// Takes queries back that no pending submission writes.
     pub(super) fn give_queries(&self, queries: Queries) {
-        if let Some(Queries { pool, .. }) = keep(&self.spares.queries, queries) {
+        if let Some(Queries { pool, .. }) = keep(&self.reusable.queries, queries) {
             // SAFETY: by the caller's word no submission uses it any more, nor one that is kept.
             unsafe { self.device.destroy_query_pool(pool, None) };
         }
     }
 
     /// Destroys what is kept.
-    pub(super) fn destroy_spares(&self) {
-        let Spares { commands, fences, queries } = &self.spares;
+    pub(super) fn destroy_reusable(&self) {
+        let Reusable { commands, fences, queries } = &self.reusable;
         // SAFETY: nobody uses what is kept.
         unsafe {
             lock(commands).drain(..).for_each(|Commands { pool, .. }| self.device.destroy_command_pool(pool, None));

@@ -10,13 +10,13 @@ mod clock;
 pub(crate) mod context;
 pub mod footprint;
 pub mod host;
-pub(crate) mod instance;
+pub mod instance;
 pub mod physical;
 pub(crate) mod pipeline;
 pub mod profile;
 pub mod recorder;
+mod reuse;
 pub(crate) mod shaders;
-mod spares;
 pub(crate) mod stage;
 mod transfer;
 

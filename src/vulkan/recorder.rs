@@ -10,7 +10,7 @@ use super::clock::Clock;
 pub use super::clock::Timing;
 use super::context::Context;
 use super::pipeline::Pipeline;
-use super::spares::Commands;
+use super::reuse::Commands;
 use super::stage::Access;
 use crate::{Error, Result};
 

@@ -1,8 +1,8 @@
 //! A whole training run: from a capture to a folder.
 
 pub mod checkpoint;
-mod course;
-pub(crate) mod evaluate;
+pub mod evaluate;
 pub mod job;
-pub(crate) mod products;
+pub(crate) mod outputs;
 pub mod record;
+mod training_loop;

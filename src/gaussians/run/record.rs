@@ -139,7 +139,7 @@ pub struct TrainRecord {
     /// has no timestamps or every stage is waited for.
     #[serde(default)]
     pub gpu_seconds: Option<f64>,
-    /// The course of the run; a few hundred points at most.
+    /// The training of the run; a few hundred points at most.
     pub curve: Vec<CurvePoint>,
     /// Test metrics on the way and at the end.
     pub evaluations: Vec<Evaluation>,
@@ -151,7 +151,7 @@ pub struct TrainRecord {
     pub memory: MemoryRecord,
 }
 
-/// Iterations below which a course does not tell whether a training diverged.
+/// Iterations below which a training does not tell whether a training diverged.
 const TELLING: u32 = 1000;
 
 /// Decibels by which a training that diverged is worse in the end than it was.
@@ -182,7 +182,7 @@ pub(super) fn finite_mean(values: impl Iterator<Item = f64>) -> f64 {
     if count > 0.0 { sum / count } else { f64::INFINITY }
 }
 
-/// PSNR in the best and in the last fifth of a course, where the last is worse by more than [`APART`].
+/// PSNR in the best and in the last fifth of a training, where the last is worse by more than [`APART`].
 fn fallen(curve: &[CurvePoint]) -> Option<[f64; 2]> {
     let fifths = curve.chunks(curve.len().div_ceil(5).max(1));
     let means: Vec<f64> = fifths.map(|part| finite_mean(part.iter().map(|point| point.psnr))).collect();
@@ -195,29 +195,29 @@ fn fallen(curve: &[CurvePoint]) -> Option<[f64; 2]> {
 mod tests {
     use super::*;
 
-    /// If this failed, a training that fell apart would pass for one, or one that did not would be called so. The second course is
+    /// If this failed, a training that fell apart would pass for one, or one that did not would be called so. The second training is
     /// that of a room which diverged, a point of sixteen; the third has a reset of the opacities.
     #[test]
     fn a_fall_is_one_that_lasts() {
-        let course = |psnr: &[f64]| -> Vec<CurvePoint> {
+        let training = |psnr: &[f64]| -> Vec<CurvePoint> {
             psnr.iter().map(|psnr| CurvePoint { psnr: *psnr, ..CurvePoint::default() }).collect()
         };
-        assert_eq!(fallen(&course(&[12.6, 18.8, 18.7, 19.8, 20.1, 20.2, 20.6, 20.2, 20.0, 21.0])), None);
+        assert_eq!(fallen(&training(&[12.6, 18.8, 18.7, 19.8, 20.1, 20.2, 20.6, 20.2, 20.0, 21.0])), None);
         let room = [
             12.6, 17.7, 19.3, 19.3, 19.5, 20.1, 20.2, 20.2, 20.2, 19.9, 18.0, 15.2, 15.6, 15.1, 15.1, 15.3, 15.5, 14.7,
             16.1, 14.8, 14.6, 15.1, 16.5, 16.8, 16.2,
         ];
-        let [best, last] = fallen(&course(&room)).expect("it diverged");
+        let [best, last] = fallen(&training(&room)).expect("it diverged");
         assert!((best - 20.12).abs() < 0.01 && (last - 15.84).abs() < 0.01, "{best} and {last}");
-        assert_eq!(fallen(&course(&[15.0, 20.0, 9.0, 21.0, 22.0])), None);
+        assert_eq!(fallen(&training(&[15.0, 20.0, 9.0, 21.0, 22.0])), None);
         assert_eq!(fallen(&[]), None);
         // Dark photos that are drawn to the bit.
         let endless = f64::INFINITY;
-        assert_eq!(fallen(&course(&[endless, 20.0, 20.5, 21.0, 21.0])), None);
+        assert_eq!(fallen(&training(&[endless, 20.0, 20.5, 21.0, 21.0])), None);
         assert_eq!(
-            fallen(&course(&[15.0, endless, 20.0, 20.5, 21.0, 20.0, 16.0, endless, 15.0, endless])),
+            fallen(&training(&[15.0, endless, 20.0, 20.5, 21.0, 20.0, 16.0, endless, 15.0, endless])),
             Some([20.5, 15.0])
         );
-        assert_eq!(fallen(&course(&[endless; 5])), None);
+        assert_eq!(fallen(&training(&[endless; 5])), None);
     }
 }

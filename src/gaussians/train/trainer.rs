@@ -10,10 +10,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::density::{self, AdaptiveDensity};
+use super::epoch_sampler::EpochSampler;
 use super::loss::{Ledger, Loss, Record, mailbox};
 use super::mcmc::{self, Mcmc};
 use super::memory;
-use super::rounds::Rounds;
 use super::update::{Moments, Trained, Update, UpdatePush};
 use crate::gaussians::config::{Background, Config, Schedule, Strategy};
 use crate::gaussians::data::store::PhotoStore;
@@ -283,7 +283,7 @@ impl Trainer {
         let mut flow = ControlFlow::Continue(());
         let mut running: VecDeque<(Recorder, Instant)> = VecDeque::new();
         let mut next = self.done;
-        let mut rounds = Rounds::new(self.config.seed, self.photos.len() as u32);
+        let mut rounds = EpochSampler::new(self.config.seed, self.photos.len() as u32);
         loop {
             while flow.is_continue() && !halted() && next < until && running.len() < AHEAD {
                 let mut commands = match &profile {

@@ -1,4 +1,4 @@
-//! Products of stages: each in a folder that a key of all of its inputs names, complete where `done.json` says so.
+//! What an evaluation makes once and finds again: each in a folder that a key of all of its inputs names, complete where `done.json` says so.
 
 use std::cell::RefCell;
 use std::fs::{self, File, TryLockError};
@@ -17,7 +17,7 @@ use crate::{Error, Result};
 /// The file that is written last, with the inputs.
 const DONE: &str = "done.json";
 
-/// How often what a stage makes has changed while its options stayed: whoever changes it raises the number, so that products of
+/// How often what makes an artifact has changed while its options stayed: whoever changes it raises the number, so that products of
 /// earlier programs are made anew, and whatever is made from them.
 const REVISIONS: [(&str, u32); 5] = [("photos", 2), ("surface", 1), ("choice", 3), ("training", 3), ("lpips", 1)];
 
@@ -30,7 +30,7 @@ pub enum Event<'e> {
     Begins(&'e str),
     /// A product was there from an earlier run.
     Kept,
-    /// A stage goes on.
+    /// An artifact goes on.
     Working,
     /// Something that the user should know.
     Note(String),
@@ -41,7 +41,7 @@ pub type Observe<'o> = &'o mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send);
 
 /// A product that is there or is to be made.
 #[derive(Debug)]
-pub struct Stage {
+pub struct Artifact {
     folder: PathBuf,
     key: String,
     inputs: Value,
@@ -49,11 +49,11 @@ pub struct Stage {
     making: RefCell<Option<File>>,
 }
 
-impl Stage {
-    /// The product of a stage of this name with these inputs, below `root`. Inputs that are products themselves stand there
-    /// by their [`Stage::key`].
+impl Artifact {
+    /// The artifact of this name with these inputs, below `root`. Inputs that are products themselves stand there
+    /// by their [`Artifact::key`].
     pub fn new(root: &Path, name: &str, inputs: Value) -> Self {
-        let revision = REVISIONS.iter().find(|(stage, _)| *stage == name).map_or(1, |(_, revision)| *revision);
+        let revision = REVISIONS.iter().find(|(artifact, _)| *artifact == name).map_or(1, |(_, revision)| *revision);
         let inputs = json!({ "stage": name, "revision": revision, "inputs": inputs });
         let key = format!("{name}-{:016x}", fnv1a(inputs.to_string().as_bytes()));
         Self { folder: root.join(&key), key, inputs, making: RefCell::default() }
@@ -80,7 +80,7 @@ impl Stage {
         serde_json::from_slice(&text).is_ok_and(|inputs: Value| inputs == self.inputs)
     }
 
-    /// Whether it is to be made; its folder is there then, and nobody else makes it before [`Stage::finish`] or the end of
+    /// Whether it is to be made; its folder is there then, and nobody else makes it before [`Artifact::finish`] or the end of
     /// `self`. Where somebody is making it, this waits for it.
     ///
     /// # Errors
@@ -104,7 +104,7 @@ impl Stage {
             is_done = self.is_done();
             *self.making.borrow_mut() = (!is_done).then_some(folder);
         }
-        // A stop that is asked for here is heard within the stage, or before the next.
+        // A stop that is asked for here is heard while it is made, or before the next.
         let _ = observe(if is_done { Event::Kept } else { Event::Begins(self.key()) });
         Ok(!is_done)
     }
@@ -173,13 +173,13 @@ mod tests {
     #[test]
     fn a_product_counts_when_it_is_finished_and_for_its_inputs_only() {
         let root = tempfile::tempdir().unwrap();
-        let stage = |seed: f32| Stage::new(root.path(), "plan", json!({ "seed": seed, "of": [0.1f32, 1e-7] }));
-        let one = stage(1.0);
+        let artifact = |seed: f32| Artifact::new(root.path(), "plan", json!({ "seed": seed, "of": [0.1f32, 1e-7] }));
+        let one = artifact(1.0);
         one.begin().unwrap();
         one.write("plan.json", b"{}").unwrap();
         assert!(!one.is_done());
         one.finish().unwrap();
-        assert!(one.is_done() && stage(1.0).is_done() && !stage(2.0).is_done());
+        assert!(one.is_done() && artifact(1.0).is_done() && !artifact(2.0).is_done());
         fs::write(one.file(DONE), "{}").unwrap();
         assert!(!one.is_done());
     }
@@ -188,8 +188,8 @@ mod tests {
     #[test]
     fn who_waits_for_a_product_hears_a_stop_and_gets_it_when_it_is_done() {
         let root = tempfile::tempdir().unwrap();
-        let stage = || Stage::new(root.path(), "photos", json!(1));
-        let (one, other) = (stage(), stage());
+        let artifact = || Artifact::new(root.path(), "photos", json!(1));
+        let (one, other) = (artifact(), artifact());
         assert!(one.begins(&mut |_| ControlFlow::Continue(())).unwrap());
         let mut asked = 0;
         let stopped = other.begins(&mut |event| {

@@ -6,24 +6,24 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::bench::Bench;
+use super::artifact::{self, Artifact};
 use super::competitor::Competitor;
 use super::job::Outcome;
 use super::kind::Kind;
 use super::request::Request;
 use super::results::{self, Entry};
 use super::scene::Scene;
+use super::scene_artifacts::SceneArtifacts;
 use super::settings::{Settings, Shown};
-use super::stage::{self, Stage};
+use crate::baselines::request::Request as Baseline;
 use crate::methods::Method;
-use crate::peers::request::Request as Peer;
-use crate::photograph::products::named;
+use crate::photograph::outputs::named;
 use crate::plan::job::{Plan, Tools};
 use crate::plan::target::Target;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::Camera;
 use crate::vulkan::Context;
-use crate::{Error, Result, peers, plan};
+use crate::{Error, Result, baselines, plan};
 
 /// Who places cameras, ours first.
 pub const METHODS: [Method; 3] = [Method::Ours, Method::Random, Method::Grid];
@@ -82,7 +82,7 @@ pub enum Event<'e> {
 pub type Observe<'o> = &'o mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send);
 
 /// Where the way led.
-pub struct Tour {
+pub struct Demo {
     /// The scene's name, and that of the folder of its products.
     pub name: String,
     /// The steps in their order.
@@ -97,7 +97,7 @@ pub struct Tour {
     pub outcome: Outcome,
 }
 
-impl Tour {
+impl Demo {
     /// What came out, in a sentence.
     pub fn sentence(&self) -> String {
         let views = self.plan.record.cameras.len();
@@ -121,11 +121,11 @@ fn beside(db: f64) -> String {
     format!("{:.1} dB {}", db.abs(), if db < 0.0 { "worse" } else { "better" })
 }
 
-/// Goes the way in a room; products lie in the scene's folder below `folder`, and those that are there are taken as they are.
+/// Runs the pipeline in a room; artifacts lie in the scene's folder below `folder`, and those that are there are taken as they are.
 ///
 /// # Errors
 /// Where a step fails, or `observe` broke it off; what is finished stays, and the same call goes on from there.
-pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, observe: Observe) -> Result<Tour> {
+pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, observe: Observe) -> Result<Demo> {
     let Size { settings, views, seed } = size;
     let (name, kind) = (scene.name.clone(), Kind::Room);
     let intrinsics = settings.intrinsics();
@@ -142,8 +142,8 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     };
     let tests = scene.tests(intrinsics, settings.tests, request.test_viewers())?;
     let mut walk = Walk { observe, begun: Instant::now(), kept: false, steps: Vec::new() };
-    let bench = Bench::new(context, &folder.join(&name), &request, scene)?;
-    let target = bench.target_of(&scene.surface, &scene.region)?;
+    let artifacts = SceneArtifacts::new(context, &folder.join(&name), &request, scene)?;
+    let target = artifacts.target_of(&scene.surface, &scene.region)?;
     let config = Competitor::Method(Method::Ours).config(kind.preset(), views, seed)?;
 
     let tools = Tools::default();
@@ -154,7 +154,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     let expected = plan.record.expected.as_ref().map(|expected| format!("; expected {}", expected.line()));
     walk.done("plan", format!("{views} views{}", expected.unwrap_or_default()));
 
-    let tests = bench.test_photographs(&tests, &mut |event| walk.hear(&event))?;
+    let tests = artifacts.test_photographs(&tests, &mut |event| walk.hear(&event))?;
     walk.done("tests", format!("{} photographs of held-out views", settings.tests));
 
     let (mut entries, mut photos) = (Vec::new(), Vec::new());
@@ -162,15 +162,15 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
         let other = match placing {
             Method::Ours => None,
             _ => {
-                let peer = Peer::new(placing, None, &config)?;
-                Some(peers::job::run(context, &target, intrinsics, &[], &peer, None)?)
+                let baseline = Baseline::new(placing, None, &config)?;
+                Some(baselines::job::run(context, &target, intrinsics, &[], &baseline, None)?)
             }
         };
         let record = &other.as_ref().unwrap_or(&plan).record;
         let of = placing.name();
-        let stage = bench.photographs(&record.cameras, &mut |event| walk.hear(&event))?;
+        let artifact = artifacts.photographs(&record.cameras, &mut |event| walk.hear(&event))?;
         walk.done("photos", format!("{views} photographs, {of}"));
-        let (trained, training) = bench.training(&stage, Some(&tests), seed, &mut |event| walk.hear(&event))?;
+        let (trained, training) = artifacts.training(&artifact, Some(&tests), seed, &mut |event| walk.hear(&event))?;
         walk.done(
             "training",
             format!("{} splats in {} iterations, tested, {of}", training.splats, training.iterations),
@@ -187,10 +187,10 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
             pictures: results::few_pictures(&training, PICTURED),
             places: record.cameras.iter().map(|camera| camera.pose.position).collect(),
         });
-        photos.push(files(&stage, &record.cameras)?);
+        photos.push(files(&artifact, &record.cameras)?);
     }
     let outcome = Outcome::new(kind, entries, METHODS.len());
-    Ok(Tour { steps: walk.steps, name, target, plan, photos, outcome })
+    Ok(Demo { steps: walk.steps, name, target, plan, photos, outcome })
 }
 
 /// Steps, told of as they are done.
@@ -203,11 +203,11 @@ struct Walk<'o> {
 }
 
 impl Walk<'_> {
-    fn hear(&mut self, event: &stage::Event<'_>) -> ControlFlow<()> {
+    fn hear(&mut self, event: &artifact::Event<'_>) -> ControlFlow<()> {
         match event {
-            stage::Event::Begins(_) => self.kept = false,
-            stage::Event::Kept => self.kept = true,
-            stage::Event::Working | stage::Event::Note(_) => {}
+            artifact::Event::Begins(_) => self.kept = false,
+            artifact::Event::Kept => self.kept = true,
+            artifact::Event::Working | artifact::Event::Note(_) => {}
         }
         self.work()
     }
@@ -229,7 +229,7 @@ impl Walk<'_> {
 }
 
 /// The photographs of cameras.
-fn files(stage: &Stage, cameras: &[Camera]) -> Result<Vec<String>> {
-    let file = |camera: &Camera| format!("{}/images/{}", stage.key(), camera.name);
+fn files(artifact: &Artifact, cameras: &[Camera]) -> Result<Vec<String>> {
+    let file = |camera: &Camera| format!("{}/images/{}", artifact.key(), camera.name);
     Ok(named(cameras)?.iter().map(file).collect())
 }

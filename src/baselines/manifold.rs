@@ -12,8 +12,8 @@ use crate::gaussians::render::frame::{Frame, View};
 use crate::gaussians::render::rasterizer::Size;
 use crate::gaussians::twin::optimise::adam;
 use crate::gaussians::uncertainty::manifold::{MAX_PICTURES, MAX_VIEWS, Manifold};
-use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::layouts;
 use crate::scene::random;
 use crate::scene::region::{Region, Shape};
 use crate::select::information::Model;
@@ -242,7 +242,7 @@ pub fn place(
     settings.validate()?;
     let sphere = Sphere::new(region)?;
     let intrinsics = intrinsics.shrunk(intrinsics.width.max(intrinsics.height).div_ceil(settings.side));
-    let around = baselines::fibonacci_shell(region, FRAME)?;
+    let around = layouts::fibonacci_shell(region, FRAME)?;
     let cameras: Vec<Camera> =
         around.into_iter().map(|pose| Camera { name: String::new(), pose, intrinsics }).collect();
     let frame = Frame::new(&cameras, &model.gaussians.centres);
@@ -252,7 +252,7 @@ pub fn place(
     let mut scene = Scene { sphere, frame, intrinsics, manifold, draws: 0 };
 
     let mut placed = match kept {
-        [] => baselines::fibonacci_shell(region, views.min(settings.first as usize))?,
+        [] => layouts::fibonacci_shell(region, views.min(settings.first as usize))?,
         _ => Vec::new(),
     };
     let poses = kept.iter().map(|camera| camera.pose).chain(placed.iter().copied());

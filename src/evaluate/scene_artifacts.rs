@@ -1,7 +1,7 @@
-//! The products of a scene that is photographed, each made once: photographs, the surface that methods are shown, choices,
+//! The outputs of a scene that is photographed, each made once: photographs, the surface that methods are shown, choices,
 //! trained splats.
 //!
-//! Every stage ends with [`Error::Interrupted`] where `observe` broke it off. What is finished stays, and the next run goes on from there.
+//! Every artifact ends with [`Error::Interrupted`] where `observe` broke it off. What is finished stays, and the next run goes on from there.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -9,17 +9,17 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 
+use super::artifact::{Artifact, Event, Observe};
 use super::kind::Kind;
 use super::request::Request;
 use super::scene::{Around, Scene};
 use super::settings::{Settings, Shown};
-use super::stage::{Event, Observe, Stage};
 use super::training::{self, Training};
 use crate::gaussians::config::{Config, Strategy};
 use crate::gaussians::data::split::{Split, Test};
 use crate::gaussians::run::record::TrainRecord;
 use crate::io::photos::{self, Images, Options};
-use crate::photograph::products::{Products, Record, named};
+use crate::photograph::outputs::{Outputs, Record, named};
 use crate::photograph::tracer::Tracer;
 use crate::photos::{Photo, PhotoSet};
 use crate::plan::target::{RegionChoice, Target};
@@ -35,18 +35,18 @@ use crate::{Error, Result, io, photograph, stereo, vds};
 const SEED: u64 = 1;
 /// Points of the scene's own mesh that are scored, where that is what methods are shown.
 const SCORED: usize = 20_000;
-/// Files of the products.
+/// Files of the outputs.
 pub(super) const SURFACE: &str = "surface.ply";
 
 /// Photographs that what is trained is compared with.
 pub struct Tests {
-    stage: Stage,
+    artifact: Artifact,
     /// Names of those that tell nothing.
     plain: HashSet<String>,
 }
 
-/// A scene with its products.
-pub struct Bench<'a> {
+/// A scene with its outputs.
+pub struct SceneArtifacts<'a> {
     pub(super) context: Arc<Context>,
     pub(super) root: PathBuf,
     pub(super) kind: Kind,
@@ -56,8 +56,8 @@ pub struct Bench<'a> {
     pub(super) scene: &'a Scene,
 }
 
-impl<'a> Bench<'a> {
-    /// Uploads a scene, whose products lie below `root`.
+impl<'a> SceneArtifacts<'a> {
+    /// Uploads a scene, whose outputs lie below `root`.
     ///
     /// # Errors
     /// Where the device has no room for it.
@@ -108,15 +108,15 @@ impl<'a> Bench<'a> {
     ///
     /// # Errors
     /// Where the device fails or the system refuses a file.
-    pub fn photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Stage> {
+    pub fn photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Artifact> {
         self.photographs_in(&self.root, cameras, self.settings.samples, observe)
     }
 
     /// Takes the input photographs.
     ///
     /// # Errors
-    /// As [`Bench::photographs`].
-    pub fn input_photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Stage> {
+    /// As [`SceneArtifacts::photographs`].
+    pub fn input_photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Artifact> {
         self.photographs_in(&self.root, cameras, self.settings.input_samples, observe)
     }
 
@@ -124,13 +124,13 @@ impl<'a> Bench<'a> {
     /// the dark PSNR is infinite or not by a rounding.
     ///
     /// # Errors
-    /// As [`Bench::photographs`], and where none is left.
+    /// As [`SceneArtifacts::photographs`], and where none is left.
     pub fn test_photographs(&self, cameras: &[Camera], observe: Observe) -> Result<Tests> {
-        let stage = self.photographs_in(&self.root, cameras, self.settings.test_samples, &mut *observe)?;
+        let artifact = self.photographs_in(&self.root, cameras, self.settings.test_samples, &mut *observe)?;
         let mut plain = HashSet::new();
         if self.kind == Kind::Room {
-            for photo in read_photos(&stage)?.photos {
-                if is_plain(&photo).map_err(|error| stage.damaged(&error.to_string()))? {
+            for photo in read_photos(&artifact)?.photos {
+                if is_plain(&photo).map_err(|error| artifact.damaged(&error.to_string()))? {
                     plain.insert(photo.camera.name);
                 }
             }
@@ -145,16 +145,17 @@ impl<'a> Bench<'a> {
             let note = format!("{count} of {all} test views are of one colour throughout and are left out");
             let _ = observe(Event::Note(note));
         }
-        Ok(Tests { stage, plain })
+        Ok(Tests { artifact, plain })
     }
 
     /// Takes a photograph of a view that a method may choose, as a product below `folder`.
     pub(super) fn photograph(&self, folder: &Path, photo: &Photo, observe: Observe) -> Result<Photo> {
-        let stage = self.photographs_in(folder, std::slice::from_ref(&photo.camera), self.settings.samples, observe)?;
-        read_photos(&stage)?.photos.into_iter().next().ok_or_else(|| stage.damaged("it holds no photo"))
+        let artifact =
+            self.photographs_in(folder, std::slice::from_ref(&photo.camera), self.settings.samples, observe)?;
+        read_photos(&artifact)?.photos.into_iter().next().ok_or_else(|| artifact.damaged("it holds no photo"))
     }
 
-    fn photographs_in(&self, root: &Path, cameras: &[Camera], samples: u32, observe: Observe) -> Result<Stage> {
+    fn photographs_in(&self, root: &Path, cameras: &[Camera], samples: u32, observe: Observe) -> Result<Artifact> {
         let record = Record {
             version: env!("CARGO_PKG_VERSION").into(),
             scene: self.tracer.assembly().checksum(),
@@ -168,15 +169,15 @@ impl<'a> Bench<'a> {
             normals: false,
             exr: false,
         };
-        let stage = Stage::new(root, "photos", json!(record));
-        if !stage.begins(observe)? {
-            return Ok(stage);
+        let artifact = Artifact::new(root, "photos", json!(record));
+        if !artifact.begins(observe)? {
+            return Ok(artifact);
         }
-        let products = Products::new(stage.folder(), &record, false)?;
+        let outputs = Outputs::new(artifact.folder(), &record, false)?;
         let all = record.cameras.len() as u32;
         // The tracer's observer cannot change anything: what it hears goes through a cell.
         let heard = std::cell::RefCell::new(observe);
-        let taken = photograph::job::run(&self.tracer, &record, &products, stage.folder(), |_| {
+        let taken = photograph::job::run(&self.tracer, &record, &outputs, artifact.folder(), |_| {
             (heard.borrow_mut())(Event::Working)
         })?;
         if taken.empty > 0 {
@@ -199,8 +200,8 @@ impl<'a> Bench<'a> {
         if taken.pictures < all {
             return Err(Error::Interrupted);
         }
-        stage.finish()?;
-        Ok(stage)
+        artifact.finish()?;
+        Ok(artifact)
     }
 
     /// Makes what the methods are shown of the scene: the surface of the input photos, or the scene's own, with scores from
@@ -208,13 +209,13 @@ impl<'a> Bench<'a> {
     ///
     /// # Errors
     /// Where the photos give no surface, or the device fails.
-    pub fn shown(&self, inputs: &Stage, observe: Observe) -> Result<Stage> {
-        let stage = self.stage(
+    pub fn shown(&self, inputs: &Artifact, observe: Observe) -> Result<Artifact> {
+        let artifact = self.artifact(
             "surface",
             json!({ "photos": inputs.key(), "shown": self.settings.shown, "region": self.scene.region, "seed": SEED }),
         );
-        if !stage.begins(observe)? {
-            return Ok(stage);
+        if !artifact.begins(observe)? {
+            return Ok(artifact);
         }
         let set = read_photos(inputs)?;
         let (surface, points) = match self.settings.shown {
@@ -240,9 +241,9 @@ impl<'a> Bench<'a> {
         let orientation = (self.kind == Kind::Room).then_some(Orientation::Inward(middle));
         let settings = vds::job::Settings { points, seed: SEED, orientation, ..vds::job::Settings::default() };
         let scored = vds::job::run(&self.context, &set, &surface, &settings, |_| {})?.points;
-        stage.write(SURFACE, &io::ply::write::surface_points(&scored))?;
-        stage.finish()?;
-        Ok(stage)
+        artifact.write(SURFACE, &io::ply::write::surface_points(&scored))?;
+        artifact.finish()?;
+        Ok(artifact)
     }
 
     /// The surface of photos.
@@ -283,7 +284,7 @@ impl<'a> Bench<'a> {
     ///
     /// # Errors
     /// Where its file cannot be read any more.
-    pub fn target(&self, shown: &Stage, region: &Region, scored: bool) -> Result<Target> {
+    pub fn target(&self, shown: &Artifact, region: &Region, scored: bool) -> Result<Target> {
         let read = || io::read_surface(&shown.file(SURFACE)).map_err(|error| shown.damaged(&error.to_string()));
         let surface = match (self.settings.shown, scored) {
             (Shown::True, false) => self.scene.surface.clone(),
@@ -309,11 +310,11 @@ impl<'a> Bench<'a> {
     /// Where photographs cannot be read any more, or the device fails or has not enough memory.
     pub fn training(
         &self,
-        photos: &Stage,
+        photos: &Artifact,
         tests: Option<&Tests>,
         seed: u64,
         observe: Observe,
-    ) -> Result<(Stage, TrainRecord)> {
+    ) -> Result<(Artifact, TrainRecord)> {
         let Settings { iterations, max_splats, antialiased, .. } = self.settings;
         let config = Config {
             background: self.kind.background(),
@@ -321,24 +322,25 @@ impl<'a> Bench<'a> {
             seed,
             ..Config::new(iterations, max_splats).with_strategy(Strategy::Mcmc, true)
         };
-        let tested = tests.map(|tests| tests.stage.key());
-        let stage = self.stage("training", json!({ "photos": photos.key(), "tests": tested, "config": config }));
+        let tested = tests.map(|tests| tests.artifact.key());
+        let artifact = self.artifact("training", json!({ "photos": photos.key(), "tests": tested, "config": config }));
         let split = || {
-            let test = tests.map_or(Test::Every(0), |tests| Test::Capture(tests.stage.folder().to_owned()));
+            let test = tests.map_or(Test::Every(0), |tests| Test::Capture(tests.artifact.folder().to_owned()));
             // Tests that are damaged are told of as a product, not as a capture that somebody gave.
             let split = Split::new(read_photos(photos)?, &test, Images::Needed);
-            let split = split.or_else(|error| tests.map(|tests| read_photos(&tests.stage)).transpose().and(Err(error)));
+            let split =
+                split.or_else(|error| tests.map(|tests| read_photos(&tests.artifact)).transpose().and(Err(error)));
             split.map(|mut split| {
                 split.test.retain(|photo| tests.is_none_or(|tests| !tests.plain.contains(&photo.camera.name)));
                 split
             })
         };
         let capture = photos.folder().to_string_lossy().into_owned();
-        training::run(&self.context, stage, Training { capture, config, shrink: 1 }, split, observe)
+        training::run(&self.context, artifact, Training { capture, config, shrink: 1 }, split, observe)
     }
 
-    pub(super) fn stage(&self, name: &str, inputs: Value) -> Stage {
-        Stage::new(&self.root, name, inputs)
+    pub(super) fn artifact(&self, name: &str, inputs: Value) -> Artifact {
+        Artifact::new(&self.root, name, inputs)
     }
 }
 
@@ -350,11 +352,11 @@ fn is_plain(photo: &Photo) -> Result<bool, image::ImageError> {
 }
 
 /// The photographs of a product.
-pub(super) fn read_photos(stage: &Stage) -> Result<PhotoSet> {
-    let set = photos::read(stage.folder(), &Options { images: Images::Optional, ..Options::default() });
-    let set = set.map_err(|error| stage.damaged(&error.to_string()))?;
+pub(super) fn read_photos(artifact: &Artifact) -> Result<PhotoSet> {
+    let set = photos::read(artifact.folder(), &Options { images: Images::Optional, ..Options::default() });
+    let set = set.map_err(|error| artifact.damaged(&error.to_string()))?;
     match set.missing.first() {
-        Some(missing) => Err(stage.damaged(&format!("missing or unreadable: {missing}"))),
+        Some(missing) => Err(artifact.damaged(&format!("missing or unreadable: {missing}"))),
         None => Ok(set),
     }
 }

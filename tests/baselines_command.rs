@@ -1,4 +1,4 @@
-//! `camsplat plan --method`: what each peer leaves, and what bad input gets.
+//! `camsplat plan --method`: what each baseline leaves, and what bad input gets.
 
 mod command;
 
@@ -15,7 +15,7 @@ fn cameras(place: &Place, folder: &str) -> Vec<Camera> {
     io::read_cameras(&place.path(&format!("{folder}/plan.json"))).unwrap()
 }
 
-/// If this failed, a table could not be made of the peers' plans, a peer's cameras would stand where ours may not, or two runs
+/// If this failed, a table could not be made of the baselines' plans, a baseline's cameras would stand where ours may not, or two runs
 /// would give two tables.
 #[test]
 fn every_peer_leaves_a_plan_in_its_region_and_the_same_twice() {
@@ -30,7 +30,7 @@ fn every_peer_leaves_a_plan_in_its_region_and_the_same_twice() {
         let record = place.plan(method);
         assert_eq!((record.method.as_str(), &record.config["method"]), (method, &method.into()));
         assert_eq!(record.config["candidates"].as_u64(), chooses.then_some(60));
-        assert!(record.controls.iter().all(|control| control.name != method) && !record.controls.is_empty());
+        assert!(record.baselines.iter().all(|baseline| baseline.name != method) && !record.baselines.is_empty());
         assert!(record.metrics.coverage_1 > 0.5 && record.seconds > 0.0);
         let planned = cameras(&place, method);
         assert_eq!(planned.len(), 12);
@@ -87,7 +87,7 @@ fn a_stopped_choice_writes_nothing_and_says_so() {
     assert_eq!(place.files(""), before);
 }
 
-/// If this failed, peers would look at the middle of a room, stand in its furniture, or forget the cameras that are there.
+/// If this failed, baselines would look at the middle of a room, stand in its furniture, or forget the cameras that are there.
 #[test]
 fn peers_stand_in_rooms_and_beside_kept_cameras() {
     let place = Place::new();

@@ -1,4 +1,4 @@
-//! What is asked of a peer.
+//! What is asked of a baseline.
 
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +41,7 @@ impl Method {
     }
 }
 
-/// A plan that is asked of a peer; what `plan.json` says of it.
+/// A plan that is asked of a baseline; what `plan.json` says of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Request {
     /// How.
@@ -87,6 +87,9 @@ impl Request {
     pub fn new(method: Method, candidates: Option<u32>, config: &Config) -> Result<Self> {
         config.validate()?;
         let name = method.name();
+        if !method.entry().places {
+            return Err(Error::request(format!("--method {name}: it chooses among photos and places no cameras")));
+        }
         let plain = Config {
             seed: config.seed,
             gate: config.gate,

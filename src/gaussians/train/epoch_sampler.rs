@@ -5,15 +5,15 @@ use crate::scene::random;
 const VIEW_STREAM: u32 = 0x4600_0000;
 
 /// Which photo an iteration looks at: every photo once, in another order in each round.
-pub(super) struct Rounds {
+pub(super) struct EpochSampler {
     seed: u64,
     photos: u32,
     round: Option<u32>,
     order: Vec<u32>,
 }
 
-impl Rounds {
-    /// Rounds over so many photos.
+impl EpochSampler {
+    /// EpochSampler over so many photos.
     pub fn new(seed: u64, photos: u32) -> Self {
         Self { seed, photos, round: None, order: Vec::new() }
     }

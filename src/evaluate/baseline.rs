@@ -2,8 +2,8 @@
 
 use super::kind::Kind;
 use super::settings::Settings;
-use crate::peers::manifold;
-use crate::peers::request::Request;
+use crate::baselines::manifold;
+use crate::baselines::request::Request;
 use crate::select::retrained;
 
 /// Side of the pictures that a method trains on while it chooses, at most, in pixels.

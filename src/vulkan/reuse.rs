@@ -8,11 +8,11 @@ use ash::vk;
 use crate::parallel::lock;
 
 /// Of each kind so many are kept.
-const MAX_SPARES: usize = 16;
+const MAX_REUSABLE: usize = 16;
 
 /// What nobody uses.
 #[derive(Default)]
-pub(super) struct Spares {
+pub(super) struct Reusable {
     pub commands: Mutex<Vec<Commands>>,
     pub fences: Mutex<Vec<vk::Fence>>,
     pub queries: Mutex<Vec<Queries>>,
@@ -32,9 +32,9 @@ pub(super) struct Queries {
     pub count: u32,
 }
 
-/// Keeps `spare`, and gives the oldest back where there are too many.
-pub(super) fn keep<T>(spares: &Mutex<Vec<T>>, spare: T) -> Option<T> {
-    let mut spares = lock(spares);
-    spares.push(spare);
-    (spares.len() > MAX_SPARES).then(|| spares.remove(0))
+/// Keeps `unused`, and gives the oldest back where there are too many.
+pub(super) fn keep<T>(reusable: &Mutex<Vec<T>>, unused: T) -> Option<T> {
+    let mut reusable = lock(reusable);
+    reusable.push(unused);
+    (reusable.len() > MAX_REUSABLE).then(|| reusable.remove(0))
 }

@@ -99,13 +99,13 @@ pub enum Found {
 }
 
 /// A folder that a capture is written into, picture by picture.
-pub struct Products {
+pub struct Outputs {
     folder: PathBuf,
     /// Whether pictures that are there stay.
     resumes: bool,
 }
 
-impl Products {
+impl Outputs {
     /// Looks at the folder: a capture of the same record is taken up where it stopped, unless `force` is given.
     ///
     /// # Errors

@@ -4,9 +4,9 @@
 //! On a CPU device FisherRF and COVER look at smaller pictures of fewer splats, and cameras of manifold sampling take 20 steps
 //! instead of 401. Wall time of one run, candidates drawn before.
 
+use camsplat::baselines::job;
+use camsplat::baselines::request::Request;
 use camsplat::methods::Method;
-use camsplat::peers::job;
-use camsplat::peers::request::Request;
 use camsplat::plan::config::{Config, Preset};
 use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::Intrinsics;
@@ -50,7 +50,7 @@ fn main() -> Result<()> {
             "name": name, "views": views, "candidates": of, "seconds": plan.record.seconds,
         }));
     }
-    let path = std::env::var("CAMSPLAT_BENCH_OUT").unwrap_or_else(|_| "target/bench/peers.json".into());
+    let path = std::env::var("CAMSPLAT_BENCH_OUT").unwrap_or_else(|_| "target/bench/baselines.json".into());
     let folder = std::path::Path::new(&path).parent().unwrap_or(std::path::Path::new("."));
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let report = serde_json::json!({ "device": physical.name, "driver": physical.driver, "rows": report });

@@ -1,4 +1,4 @@
-//! `camsplat plan --method`: the options of the peers, and a plan of one.
+//! `camsplat plan --method`: the options of the baselines, and a plan of one.
 
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -8,10 +8,10 @@ use clap::Args;
 use super::options::{ModelOptions, method_parser, print_messages};
 use super::outcome::print_plan;
 use super::progress::stop_on_interrupt;
+use crate::baselines::job;
+use crate::baselines::request::Request;
 use crate::io::folder::OutputFolder;
 use crate::methods::Method;
-use crate::peers::job;
-use crate::peers::request::Request;
 use crate::plan::config::Config;
 use crate::plan::target::Target;
 use crate::scene::camera::{Camera, Intrinsics};
@@ -22,7 +22,7 @@ use crate::{Error, Result, report};
 /// How cameras are placed, where not by the planner.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Baselines (docs/reference/baselines.md)")]
-pub struct PeerOptions {
+pub struct BaselineOptions {
     /// How to place the cameras
     #[arg(long, value_parser = method_parser(|entry| entry.places), default_value = "ours")]
     pub method: Method,
@@ -52,8 +52,8 @@ pub struct PeerOptions {
     pub model: ModelOptions,
 }
 
-impl PeerOptions {
-    /// What is asked of a peer; none where the planner is to place the cameras.
+impl BaselineOptions {
+    /// What is asked of a baseline; none where the planner is to place the cameras.
     ///
     /// # Errors
     /// An option that the method does not take.
@@ -93,7 +93,7 @@ impl PeerOptions {
     }
 }
 
-/// Places cameras as a peer does, writes the folder and prints what came out.
+/// Places cameras as a baseline does, writes the folder and prints what came out.
 pub fn run(
     context: &Arc<Context>,
     (request, model): &(Request, Option<Model>),

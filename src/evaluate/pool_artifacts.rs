@@ -1,4 +1,4 @@
-//! The products of a pool, each made once: the surface, where the capture has none, choices among its photos, trained splats.
+//! The artifacts of a pool, each made once: the surface, where the capture has none, choices among its photos, trained splats.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -8,12 +8,12 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use super::artifact::{Artifact, Observe};
 use super::competitor::Competitor;
 use super::kind::Kind;
 use super::pool::Pool;
 use super::request::Request;
 use super::settings::Settings;
-use super::stage::{Observe, Stage};
 use super::training::{self, Training};
 use crate::gaussians::config::{Config, Strategy};
 use crate::gaussians::data::split::Split;
@@ -24,9 +24,9 @@ use crate::plan::target::{RegionChoice, Target};
 use crate::scene::camera::{Pose, common_up};
 use crate::scene::region::Shape;
 use crate::scene::surface::Surface;
-use crate::select::controls;
 use crate::select::farthest::Distance;
-use crate::select::job::{self as select, Prospect};
+use crate::select::job::{self as select, SelectionContext};
+use crate::select::pool;
 use crate::select::request::Request as Choice;
 use crate::select::sight::Sight;
 use crate::vulkan::Context;
@@ -34,7 +34,7 @@ use crate::{Error, Result, io, stereo};
 
 /// Seed of the surface, and of the photos that a model is trained on to choose by: both are the same in all runs.
 const SEED: u64 = 1;
-/// Files of the products.
+/// Files of the artifacts.
 const SURFACE: &str = "surface.ply";
 const CHOSEN: &str = "chosen.json";
 
@@ -47,8 +47,8 @@ pub struct Chosen {
     pub seconds: f64,
 }
 
-/// A pool with its products.
-pub struct Choices<'a> {
+/// A pool with its artifacts.
+pub struct PoolArtifacts<'a> {
     context: Arc<Context>,
     root: PathBuf,
     settings: Settings,
@@ -58,8 +58,8 @@ pub struct Choices<'a> {
     surface: String,
 }
 
-impl<'a> Choices<'a> {
-    /// Finds the surface of a pool, whose products lie below `root`: the capture's own points, as `camsplat select` takes them,
+impl<'a> PoolArtifacts<'a> {
+    /// Finds the surface of a pool, whose artifacts lie below `root`: the capture's own points, as `camsplat select` takes them,
     /// or else what `camsplat proxy` makes of the candidates.
     ///
     /// # Errors
@@ -73,18 +73,19 @@ impl<'a> Choices<'a> {
     ) -> Result<Self> {
         let set = &pool.candidates;
         let (surface, key) = if set.points.positions.is_empty() {
-            let stage = Stage::new(root, "surface", json!({ "pool": pool.checksum, "seed": SEED }));
-            if stage.begins(observe)? {
+            let artifact = Artifact::new(root, "surface", json!({ "pool": pool.checksum, "seed": SEED }));
+            if artifact.begins(observe)? {
                 let options = stereo::Options { seed: SEED, ..stereo::Options::default() };
                 let found = stereo::reconstruct(context, set, &options).map_err(|error| match error {
                     Error::Request(what) => Error::input(pool.path(), what),
                     other => other,
                 })?;
-                stage.write(SURFACE, &io::ply::write::surface_points(&found.points))?;
-                stage.finish()?;
+                artifact.write(SURFACE, &io::ply::write::surface_points(&found.points))?;
+                artifact.finish()?;
             }
-            let surface = io::read_surface(&stage.file(SURFACE)).map_err(|error| stage.damaged(&error.to_string()))?;
-            (surface, stage.key().to_owned())
+            let surface =
+                io::read_surface(&artifact.file(SURFACE)).map_err(|error| artifact.damaged(&error.to_string()))?;
+            (surface, artifact.key().to_owned())
         } else {
             (Surface::Points(set.points.clone()), "points of the capture".to_owned())
         };
@@ -101,14 +102,14 @@ impl<'a> Choices<'a> {
     /// Splats trained on a few candidates that stand far from each other, for the methods that choose by a model.
     ///
     /// # Errors
-    /// As [`Choices::training`].
-    pub fn model(&self, observe: Observe) -> Result<Stage> {
+    /// As [`PoolArtifacts::training`].
+    pub fn model(&self, observe: Observe) -> Result<Artifact> {
         let set = &self.pool.candidates;
         let all: Vec<usize> = (0..set.photos.len()).collect();
         let count = self.settings.inputs as usize;
         let sight = Sight::empty(0, all.len());
         let (region, allowed) = (&self.target.region, &all[..]);
-        let spread = controls::Pool { set, region, sight: &sight, include: &[], allowed, count, seed: SEED };
+        let spread = pool::Pool { set, region, sight: &sight, include: &[], allowed, count, seed: SEED };
         // Only shared points can be too many to count.
         let chosen = spread.farthest(Distance::Chord).unwrap_or_default();
         let mut names: Vec<String> = chosen.iter().map(|photo| set.photos[*photo].camera.name.clone()).collect();
@@ -130,7 +131,7 @@ impl<'a> Choices<'a> {
     pub fn choice(
         &self,
         (method, views, seed): (&Competitor, u32, u64),
-        model: Option<&Stage>,
+        model: Option<&Artifact>,
         observe: Observe,
     ) -> Result<Chosen> {
         method.check(Kind::Pool)?;
@@ -139,12 +140,12 @@ impl<'a> Choices<'a> {
         };
         let request = Choice { method: chooser, seed, ..Choice::new(views as usize) };
         let inputs = json!({
-            "pool": self.pool.checksum, "surface": self.surface, "model": model.map(Stage::key), "request": request,
+            "pool": self.pool.checksum, "surface": self.surface, "model": model.map(Artifact::key), "request": request,
             "shrink": self.settings.shrink, "device": self.context.physical().name,
         });
-        let stage = Stage::new(&self.root, "choice", inputs);
-        if !stage.begins(observe)? {
-            return stage.read(CHOSEN);
+        let artifact = Artifact::new(&self.root, "choice", inputs);
+        if !artifact.begins(observe)? {
+            return artifact.read(CHOSEN);
         }
         // As they are trained on: what a model tells of a photo depends on its pixels, and takes time by them.
         let mut set = self.pool.candidates.clone();
@@ -152,13 +153,13 @@ impl<'a> Choices<'a> {
             photo.camera.intrinsics = photo.camera.intrinsics.shrunk(self.settings.shrink);
         }
         let model = model.map(training::model).transpose()?;
-        let prospect = Prospect::new(&self.context, &set, &self.target, request)?.with_model(model);
-        let selection = prospect.select(None, false)?;
+        let selector = SelectionContext::new(&self.context, &set, &self.target, request)?.with_model(model);
+        let selection = selector.select(None, false)?;
         let name = |chosen: &select::Chosen| set.photos[chosen.photo].camera.name.clone();
         let [_, planning, choosing] = selection.seconds;
         let chosen = Chosen { photos: selection.chosen.iter().map(name).collect(), seconds: planning + choosing };
-        stage.write_json(CHOSEN, &chosen)?;
-        stage.finish()?;
+        artifact.write_json(CHOSEN, &chosen)?;
+        artifact.finish()?;
         Ok(chosen)
     }
 
@@ -166,11 +167,17 @@ impl<'a> Choices<'a> {
     ///
     /// # Errors
     /// Where photos cannot be read any more, or the device fails or has not enough memory.
-    pub fn training(&self, chosen: &Chosen, seed: u64, observe: Observe) -> Result<(Stage, TrainRecord)> {
+    pub fn training(&self, chosen: &Chosen, seed: u64, observe: Observe) -> Result<(Artifact, TrainRecord)> {
         self.trained(&chosen.photos, self.pool.held_out.clone(), seed, observe)
     }
 
-    fn trained(&self, names: &[String], test: Vec<Photo>, seed: u64, observe: Observe) -> Result<(Stage, TrainRecord)> {
+    fn trained(
+        &self,
+        names: &[String],
+        test: Vec<Photo>,
+        seed: u64,
+        observe: Observe,
+    ) -> Result<(Artifact, TrainRecord)> {
         let Settings { iterations, max_splats, shrink, antialiased, .. } = self.settings;
         let kept: HashSet<&str> = names.iter().map(String::as_str).collect();
         let of_these = |photo: &Photo| kept.contains(photo.camera.name.as_str());
@@ -186,8 +193,8 @@ impl<'a> Choices<'a> {
         let inputs = json!({
             "pool": self.pool.checksum, "photos": names, "tests": split.test.len(), "config": config, "shrink": shrink,
         });
-        let stage = Stage::new(&self.root, "training", inputs);
+        let artifact = Artifact::new(&self.root, "training", inputs);
         let capture = self.pool.path().to_string_lossy().into_owned();
-        training::run(&self.context, stage, Training { capture, config, shrink }, || Ok(split), observe)
+        training::run(&self.context, artifact, Training { capture, config, shrink }, || Ok(split), observe)
     }
 }

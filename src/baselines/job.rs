@@ -1,4 +1,4 @@
-//! A whole plan of a peer: region, candidates, choice, metrics and controls, from a surface to a record.
+//! A whole plan of a baseline: region, candidates, choice, metrics and baselines, from a surface to a record.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -17,26 +17,26 @@ use crate::plan::preparation::PROBE_STREAM;
 use crate::plan::record::Status;
 use crate::plan::starts::even_layout;
 use crate::plan::target::Target;
-use crate::scene::baselines;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::layouts;
 use crate::scene::lens::Distortion;
 use crate::scene::random;
 use crate::select::acp;
-use crate::select::controls::{MAX_SHARED, Pool};
 use crate::select::farthest::Distance;
 use crate::select::information::{self, Model};
+use crate::select::pool::{MAX_SHARED, Pool};
 use crate::select::retrained::{self, Photograph};
 use crate::select::sight::{Sight, Survey};
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
-/// Stream that the candidates' seed is drawn from, so that they are not the random control.
+/// Stream that the candidates' seed is drawn from, so that they are not the random baseline.
 const CANDIDATES: u32 = 0x5045_0000;
 /// Points that shared points and coverage are counted on.
 const POINTS: usize = 2000;
 
-/// Places cameras as a peer does, and scores them as a plan of ours. The record's seconds are those of the choice: candidates
+/// Places cameras as a baseline does, and scores them as a plan of ours. The record's seconds are those of the choice: candidates
 /// are there before, and taking photographs does not count.
 ///
 /// # Errors
@@ -118,7 +118,7 @@ fn candidates(geometry: &SceneGeometry, intrinsics: Intrinsics, kept: &[Camera],
     let seed = u64::from(low) | u64::from(high) << 32;
     let count = request.candidates.unwrap_or(0) as usize;
     let back = geometry.to_internal.inverse();
-    let drawn = baselines::random(&geometry.free, count, seed, request.preset == Preset::Object);
+    let drawn = layouts::random(&geometry.free, count, seed, request.preset == Preset::Object);
     let drawn = drawn.iter().enumerate().map(|(i, pose)| Camera {
         name: format!("candidate_{i:06}"),
         pose: back.pose(pose),
@@ -128,7 +128,7 @@ fn candidates(geometry: &SceneGeometry, intrinsics: Intrinsics, kept: &[Camera],
     kept.iter().cloned().chain(drawn).map(photo).collect()
 }
 
-/// Poses of a method in the user's world, in the order in which they were chosen; none where it was stopped.
+/// Poses of a method in the user's world, in the order in which they were chosen.
 fn place(
     context: &Arc<Context>,
     scene: &DeviceScene,
@@ -179,16 +179,16 @@ fn place(
             return Err(Error::request(format!("--method {name} chooses among photos; it places no cameras")));
         }
         Method::Random => {
-            let poses = baselines::random(&geometry.free, views, request.seed, inward);
+            let poses = layouts::random(&geometry.free, views, request.seed, inward);
             return Ok(poses.iter().map(|pose| back.pose(pose)).collect());
         }
         Method::Fibonacci => {
             // Layouts differ by their rotation alone, so that each seed has its own.
-            let turn = baselines::turn(&geometry.region, request.seed, 0);
+            let turn = layouts::turn(&geometry.region, request.seed, 0);
             let all = even_layout(geometry, &request.viewers, views + kept.len(), turn)?;
             let taken: Vec<DVec3> =
                 kept.iter().map(|camera| geometry.to_internal.point(camera.pose.position)).collect();
-            let poses = baselines::left_beside(all, &taken);
+            let poses = layouts::left_beside(all, &taken);
             return Ok(poses.iter().map(settled).collect());
         }
         Method::Grid | Method::Rings => {
@@ -198,7 +198,7 @@ fn place(
                     "--method {name}: it is of rooms; give --preset room, or use fibonacci"
                 )));
             }
-            let layout = if request.method == Method::Grid { baselines::grid } else { baselines::rings };
+            let layout = if request.method == Method::Grid { layouts::grid } else { layouts::rings };
             return Ok(layout(&geometry.free, views).iter().map(settled).collect());
         }
         Method::Fvs => farthest(Distance::GreatCircle)?,

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use super::checkpoint::{self, Checkpoint, Header, Input};
 use super::evaluate::{self, Camera, Pair, Tests};
 use super::job::{Event, Request, Run};
-use super::products::{self, CHECKPOINT, MODEL};
+use super::outputs::{self, CHECKPOINT, MODEL};
 use super::record::{CurvePoint, Evaluation, MemoryRecord, PhotosRecord, StageTime, Status, TrainRecord, finite_mean};
 use crate::gaussians::data::split::Split;
 use crate::gaussians::data::store::PhotoStore;
@@ -34,7 +34,7 @@ const CURVE: usize = 400;
 pub const WORST: usize = 8;
 
 /// A run while it runs.
-pub(super) struct Course<'a> {
+pub(super) struct TrainingLoop<'a> {
     run: &'a Run,
     input: Input,
     tests: Tests,
@@ -50,7 +50,7 @@ pub(super) struct Course<'a> {
     saving: Option<JoinHandle<Result<()>>>,
 }
 
-impl<'a> Course<'a> {
+impl<'a> TrainingLoop<'a> {
     /// A run that starts with so many Gaussians.
     pub fn new(run: &'a Run, input: Input, start: usize, tests: Tests) -> Self {
         let Run { context, request, frame, views, footprint } = run;
@@ -205,7 +205,7 @@ impl<'a> Course<'a> {
         let mut views = self.tests.evaluate(&self.run.context, camera, all, |seen| {
             if all {
                 let pairs: Vec<_> = seen.iter().zip(names.by_ref()).collect();
-                try_each(&pairs, |((_, pair), name)| products::write_pair(folder, name, pair))?;
+                try_each(&pairs, |((_, pair), name)| outputs::write_pair(folder, name, pair))?;
             }
             for (view, pair) in seen {
                 let place = worst.partition_point(|(psnr, ..)| psnr.total_cmp(&view.quality.psnr).is_le());
@@ -217,7 +217,7 @@ impl<'a> Course<'a> {
             Ok(())
         })?;
         if all {
-            products::force_pairs(folder, &files)?;
+            outputs::force_pairs(folder, &files)?;
         }
         self.worst = worst.into_iter().map(|(_, name, pair)| (name, pair)).collect();
         let evaluation = Evaluation { iteration: done, views: views.len(), quality: evaluate::mean(&views) };
@@ -308,7 +308,7 @@ impl<'a> Course<'a> {
     }
 }
 
-/// The course of a run in a few hundred points: means over stretches.
+/// The training of a run in a few hundred points: means over stretches.
 fn curve(trainer: &Trainer) -> Vec<CurvePoint> {
     let history = trainer.history();
     let stretch = history.len().div_ceil(CURVE).max(1);
@@ -349,7 +349,7 @@ impl Run {
         self.check()?;
         let photos: Vec<&Photo> = self.request.split.train.photos.iter().chain(&self.request.split.test).collect();
         let capture = Path::new(&self.request.capture);
-        products::check(&self.request.folder, capture, &photos, &self.picture_names())?;
+        outputs::check(&self.request.folder, capture, &photos, &self.picture_names())?;
         let Request { split, config, shrink, folder, .. } = &self.request;
         let begun = start::Settings {
             budget: config.max_splats as usize,
@@ -376,27 +376,27 @@ impl Run {
             checkpoint::check(&file, &resumed.header, config, &input)?;
         }
         let mut trainer = Trainer::new(&self.context, config.clone(), &first, self.views.clone(), photos)?;
-        let mut course = Course::new(self, input, first.len(), tests);
+        let mut training = TrainingLoop::new(self, input, first.len(), tests);
         if let Some(Checkpoint { header, history, state }) = resumed {
             trainer.restore(&state, &history)?;
-            course.record.evaluations = header.evaluations;
+            training.record.evaluations = header.evaluations;
         }
         std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
         if !resume {
-            products::clear(folder)?;
+            outputs::clear(folder)?;
         }
-        let trained = course.train(trainer, &mut profile, observe);
+        let trained = training.train(trainer, &mut profile, observe);
         if trained.is_err() {
-            course.record.status = Status::Failed;
-            let _ = observe(Event::Report(&course.record, &course.worst));
+            training.record.status = Status::Failed;
+            let _ = observe(Event::Report(&training.record, &training.worst));
         }
-        trained.map(|()| course.record)
+        trained.map(|()| training.record)
     }
 
     /// File names of the test views' pictures.
     pub(super) fn picture_names(&self) -> Vec<PathBuf> {
         let names: Vec<String> = self.request.split.test.iter().map(|photo| photo.camera.name.clone()).collect();
-        products::picture_names(&names)
+        outputs::picture_names(&names)
     }
 
     /// Decodes all photos: those to train on into the store.

@@ -9,8 +9,8 @@ use super::evaluation::{STYLE, pictures, table};
 use super::folder;
 use super::text::{address, escape};
 use crate::Result;
+use crate::evaluate::demo::{Demo, METHODS, Step};
 use crate::evaluate::results::measured;
-use crate::evaluate::tour::{METHODS, Step, Tour};
 use crate::io::folder::{OutputFolder, write_files};
 use crate::methods::Method;
 
@@ -22,14 +22,14 @@ const PLAN: &str = "plan";
 ///
 /// # Errors
 /// When the files cannot be written.
-pub fn write(tour: &Tour, out: &Path, plans: &[(&str, &str)]) -> Result<()> {
-    folder::write(&tour.plan, &tour.target, OutputFolder::create(&out.join(&tour.name).join(PLAN), true)?)?;
-    write_files(&[(&out.join("report.html"), html(tour, plans).as_bytes())])
+pub fn write(demo: &Demo, out: &Path, plans: &[(&str, &str)]) -> Result<()> {
+    folder::write(&demo.plan, &demo.target, OutputFolder::create(&out.join(&demo.name).join(PLAN), true)?)?;
+    write_files(&[(&out.join("report.html"), html(demo, plans).as_bytes())])
 }
 
-fn html(tour: &Tour, plans: &[(&str, &str)]) -> String {
-    let name = escape(&tour.name);
-    let views = tour.plan.record.cameras.len();
+fn html(demo: &Demo, plans: &[(&str, &str)]) -> String {
+    let name = escape(&demo.name);
+    let views = demo.plan.record.cameras.len();
     let mut page = format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>camsplat demo</title>\n\
          <style>{STYLE} .small img{{width:6em}} .small figure{{margin:.15em}} .side{{display:flex;gap:1.5em}} \
@@ -37,16 +37,16 @@ fn html(tour: &Tour, plans: &[(&str, &str)]) -> String {
          <h1>camsplat demo: two rooms, {views} photographs</h1>\n<p class=\"main\">{}</p>\n\
          <p>Rooms, light and photographs are made by camsplat itself. Training is short and there is one run of each: see \
          <code>camsplat evaluate</code> for a comparison that means something.</p>\n",
-        escape(&tour.sentence())
+        escape(&demo.sentence())
     );
     page += "<h2>What was photographed</h2>\n<div class=\"side\">\n";
-    for (placing, photos) in METHODS.iter().zip(&tour.photos) {
+    for (placing, photos) in METHODS.iter().zip(&demo.photos) {
         let title = match placing {
             Method::Ours => "planned",
             Method::Grid => "on a grid at eye height",
             _ => "at random",
         };
-        let _ = writeln!(page, "<div><h3>{title}</h3><div class=\"small\">{}</div></div>", gallery(&tour.name, photos));
+        let _ = writeln!(page, "<div><h3>{title}</h3><div class=\"small\">{}</div></div>", gallery(&demo.name, photos));
     }
     let _ = write!(
         page,
@@ -54,13 +54,13 @@ fn html(tour: &Tour, plans: &[(&str, &str)]) -> String {
          <h2>What splats show that were trained on it</h2>\n<p>Held-out views, anywhere in the rooms and in any direction. \
          PSNR in dB and SSIM are better when higher, LPIPS when lower.</p>\n"
     );
-    let rows: Vec<_> = tour.outcome.rows.iter().collect();
-    let columns = tour.outcome.kind.columns();
-    let shown = tour.outcome.entries.first().map_or(0, |entry| entry.pictures.len());
-    page += &pictures(&tour.name, &tour.outcome.entries.iter().collect::<Vec<_>>(), &vec!["held-out view"; shown]);
-    measured(&tour.outcome.rows).for_each(|(metric, name)| page += &table(&rows, metric, name, &columns));
+    let rows: Vec<_> = demo.outcome.rows.iter().collect();
+    let columns = demo.outcome.kind.columns();
+    let shown = demo.outcome.entries.first().map_or(0, |entry| entry.pictures.len());
+    page += &pictures(&demo.name, &demo.outcome.entries.iter().collect::<Vec<_>>(), &vec!["held-out view"; shown]);
+    measured(&demo.outcome.rows).for_each(|(metric, name)| page += &table(&rows, metric, name, &columns));
     page += "<h2>What was done</h2>\n";
-    page += &steps(&tour.steps);
+    page += &steps(&demo.steps);
     page += "<h2>Other plans</h2>\n<ul>\n";
     for (folder, of) in plans {
         let _ = writeln!(page, "<li><a href=\"{folder}/report.html\">{}</a></li>", escape(of));
