@@ -58,6 +58,22 @@ fn space_that_is_cut_off_is_reported() {
     assert!(!whole.contains("not connected"), "{whole}");
 }
 
+/// If this failed, a plan whose limits leave half of the thing unseen would look as good as any other.
+#[test]
+fn what_no_camera_can_see_is_reported() {
+    let place = Place::new();
+    let plan = |out: &str, limits: &str| {
+        place
+            .done(&format!(
+                "plan ball.ply --out {out} {SHELL} --views 16 --pool 64 --held-out 60 --iterations 20 {limits}"
+            ))
+            .out
+    };
+    let warning = "warning  much of what viewers look at is seen by no camera";
+    assert!(!plan("free", "").contains(warning));
+    assert!(plan("above", "--heights 2.2,2.6").contains(warning));
+}
+
 /// If this failed, cameras of a room that are scored as if around an object would get a bad score and nobody would know why.
 #[test]
 fn cameras_outside_of_the_region_are_reported() {

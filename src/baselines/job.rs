@@ -170,13 +170,15 @@ fn place(
     let farthest = |distance| pool.farthest(distance).ok_or_else(too_many);
     let settled = |pose: &Pose| back.pose(&Pose { position: geometry.settle(pose.position), ..*pose });
     let chosen = match request.method {
-        Method::Ours | Method::OursNoVds | Method::OursIterative | Method::OursTwoPasses => {
+        // As the request has it, which was checked when it was made.
+        Method::Ours
+        | Method::OursNoVds
+        | Method::OursIterative
+        | Method::OursTwoPasses
+        | Method::Assigned
+        | Method::Nearest => {
             let name = request.method.name();
-            return Err(Error::request(format!("--method {name} is the planner's; it is no baseline")));
-        }
-        Method::Assigned | Method::Nearest => {
-            let name = request.method.name();
-            return Err(Error::request(format!("--method {name} chooses among photos; it places no cameras")));
+            return Err(Error::request(format!("--method {name}: it is no baseline that places cameras")));
         }
         Method::Random => {
             let poses = layouts::random(&geometry.free, views, request.seed, inward);

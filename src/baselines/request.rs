@@ -87,8 +87,8 @@ impl Request {
     pub fn new(method: Method, candidates: Option<u32>, config: &Config) -> Result<Self> {
         config.validate()?;
         let name = method.name();
-        if !method.entry().places {
-            return Err(Error::request(format!("--method {name}: it chooses among photos and places no cameras")));
+        if !method.entry().places || method.planner(config).is_some() {
+            return Err(Error::request(format!("--method {name}: it is no baseline that places cameras")));
         }
         let plain = Config {
             seed: config.seed,
@@ -146,5 +146,15 @@ mod tests {
         }
         assert_eq!([300, 20_000].map(|views| of(Method::Fvs, views)), [Some(10_000), Some(20_000)]);
         assert_eq!(of(Method::Random, 300), None);
+    }
+
+    /// If this failed, a request in code for the planner or for a choice of photos would be refused only on the device, if at all.
+    #[test]
+    fn what_places_no_cameras_is_no_baseline() {
+        let config = Config::new(Preset::Object, 20);
+        for method in [Method::Ours, Method::OursIterative, Method::Assigned, Method::Nearest] {
+            let refused = Request::new(method, None, &config).unwrap_err().to_string();
+            assert!(refused.contains(method.name()) && refused.contains("no baseline"), "{refused}");
+        }
     }
 }

@@ -7,7 +7,7 @@ use crate::quality::law::Fitted;
 /// Unconnected part of the free space from which on it is mentioned: insides of furniture are less.
 const NOTEWORTHY: f64 = 0.2;
 
-/// Unseen part of what viewers look at from which on the user is warned: in rooms that cameras fit it is a few percent.
+/// Unseen part of what viewers look at from which on the user is warned.
 const BLIND: f64 = 0.25;
 
 /// Prints the metrics of a plan beside those of its baselines.
@@ -29,7 +29,8 @@ pub fn print_plan(plan: &Plan) {
         say!("expected {}", expected.line());
         if expected.unseen > BLIND {
             say!(
-                "warning  much of what viewers look at is seen by no camera: allow more heights, ground or space, or fewer --viewers"
+                "warning  much of what viewers look at is seen by no camera: give more --views, or allow more with --heights, \
+                 --walk or --box"
             );
         }
         if record.began_from.as_ref() == Some(&expected.against) && expected.db == 0.0 {

@@ -102,6 +102,39 @@ impl Competitor {
     pub fn needs_model(&self) -> bool {
         matches!(self, Self::Method(method) if method.needs_model())
     }
+
+    /// Refuses what does not fit subjects of a kind.
+    ///
+    /// # Errors
+    /// In a line that names the method.
+    pub fn check(&self, kind: Kind) -> Result<()> {
+        let wrong = |why: &str| Err(Error::request(format!("--methods {self}: {why}; leave it out")));
+        let Self::Method(method) = self else {
+            return match kind {
+                Kind::Pool => wrong("it places cameras, and of a pool photos are chosen"),
+                _ => Ok(()),
+            };
+        };
+        match (kind, method) {
+            (Kind::Room, Method::Fibonacci) => {
+                wrong("it places cameras on a sphere around an object, and a room has none")
+            }
+            (Kind::Object, Method::Grid | Method::Rings) => {
+                wrong("it stands at the heights of a room; fibonacci is its like around an object")
+            }
+            (Kind::Room, Method::Manifold) => {
+                wrong("it moves cameras over a sphere around an object, and a room has none")
+            }
+            (Kind::Pool, Method::FisherRetrain) => wrong("it is not built for pools; camsplat select has it"),
+            (Kind::Object | Kind::Room, method) if !method.entry().places => {
+                wrong("it chooses among photos, and of a scene cameras are placed")
+            }
+            (Kind::Pool, method) if !method.entry().chooses => {
+                wrong("it places cameras, and of a pool photos are chosen")
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 /// The configuration with the value of a key set, or what is wrong with them.
@@ -154,41 +187,6 @@ impl FromStr for Competitor {
                 let known: Vec<&str> = known.chain(["ours:KEY=VALUE", "cameras:FILE"]).collect();
                 Err(format!("no such method; give some of {}", known.join(", ")))
             }
-        }
-    }
-}
-
-impl Competitor {
-    /// Refuses what does not fit subjects of a kind.
-    ///
-    /// # Errors
-    /// In a line that names the method.
-    pub fn check(&self, kind: Kind) -> Result<()> {
-        let wrong = |why: &str| Err(Error::request(format!("--methods {self}: {why}; leave it out")));
-        let Self::Method(method) = self else {
-            return match kind {
-                Kind::Pool => wrong("it places cameras, and of a pool photos are chosen"),
-                _ => Ok(()),
-            };
-        };
-        match (kind, method) {
-            (Kind::Room, Method::Fibonacci) => {
-                wrong("it places cameras on a sphere around an object, and a room has none")
-            }
-            (Kind::Object, Method::Grid | Method::Rings) => {
-                wrong("it stands at the heights of a room; fibonacci is its like around an object")
-            }
-            (Kind::Room, Method::Manifold) => {
-                wrong("it moves cameras over a sphere around an object, and a room has none")
-            }
-            (Kind::Pool, Method::FisherRetrain) => wrong("it is not built for pools; camsplat select has it"),
-            (Kind::Object | Kind::Room, method) if !method.entry().places => {
-                wrong("it chooses among photos, and of a scene cameras are placed")
-            }
-            (Kind::Pool, method) if !method.entry().chooses => {
-                wrong("it places cameras, and of a pool photos are chosen")
-            }
-            _ => Ok(()),
         }
     }
 }

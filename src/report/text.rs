@@ -263,7 +263,7 @@ impl Row {
     }
 
     /// How the plan compares with a baseline: whether it is better, and by how much in words of the table. Fractions
-    /// differ by points, everything else by percent of the baseline. `None` where the two cannot be told apart.
+    /// differ by points, everything else by percent of the baseline. `None` where they do not differ significantly.
     fn verdict(&self, plan: Option<f64>, baseline: Option<f64>) -> Option<(bool, String)> {
         let (plan, baseline) = (plan?, baseline?);
         let higher = match self.better {

@@ -372,7 +372,7 @@ impl<'a> SelectionContext<'a> {
             | Method::Rings
             | Method::Manifold => {
                 let name = method.name();
-                Err(Error::request(format!("--method {name} places cameras; it chooses no photos")))
+                Err(Error::request(format!("--method {name}: it places cameras and chooses no photos")))
             }
         }
     }

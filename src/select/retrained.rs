@@ -158,15 +158,7 @@ fn trainer(context: &Arc<Context>, pool: &Pool<'_>, proxy: &Proxy, config: Confi
     let positions = proxy.sample(count, config.seed, POINT_STREAM).into_iter().map(|point| point.position).collect();
     let set = PhotoSet { points: Points { positions, ..Points::default() }, ..PhotoSet::default() };
     let frame = Frame::new(&cameras, &set.points.positions);
-    let begun = start::Settings {
-        budget: config.max_splats as usize,
-        degree: config.degree,
-        scale: config.init_scale,
-        opacity: config.init_opacity,
-        seed: config.seed,
-        ..start::Settings::default()
-    };
-    let start = start::start(&set, &frame, &begun)?;
+    let start = start::start(&set, &frame, &start::Settings::from(&config))?;
     let views = cameras.iter().map(|camera| frame.view(camera)).collect();
     // Half of what is free, as in any training.
     let store = PhotoStore::new(context, context.memory_available() / 2);

@@ -5,6 +5,7 @@ use std::num::NonZero;
 use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
+use crate::gaussians::config::Config;
 use crate::gaussians::render::frame::Frame;
 use crate::parallel::in_parallel;
 use crate::photos::PhotoSet;
@@ -52,6 +53,19 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Self { budget: 1_000_000, random: 100_000, degree: 3, scale: 1.0, opacity: 0.1, seed: 0 }
+    }
+}
+
+impl From<&Config> for Settings {
+    fn from(config: &Config) -> Self {
+        Self {
+            budget: config.max_splats as usize,
+            degree: config.degree,
+            scale: config.init_scale,
+            opacity: config.init_opacity,
+            seed: config.seed,
+            ..Self::default()
+        }
     }
 }
 

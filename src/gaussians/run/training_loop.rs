@@ -351,15 +351,7 @@ impl Run {
         let capture = Path::new(&self.request.capture);
         outputs::check(&self.request.folder, capture, &photos, &self.picture_names())?;
         let Request { split, config, shrink, folder, .. } = &self.request;
-        let begun = start::Settings {
-            budget: config.max_splats as usize,
-            degree: config.degree,
-            scale: config.init_scale,
-            opacity: config.init_opacity,
-            seed: config.seed,
-            ..start::Settings::default()
-        };
-        let first = start::start(&split.train, &self.frame, &begun)?;
+        let first = start::start(&split.train, &self.frame, &start::Settings::from(config))?;
         let file = folder.join(CHECKPOINT);
         let resumed = if resume { Some(checkpoint::read(&file)?) } else { None };
         let (photos, tests) = self.photos(observe)?;
