@@ -1,5 +1,5 @@
 //! Just enough SPIR-V reflection for compute stages: storage-buffer bindings, the push-constant block, the structs that
-//! buffers hold, and the workgroup size.
+//! buffers hold, specialisation constants and the workgroup size.
 
 use std::collections::HashMap;
 
@@ -31,6 +31,8 @@ pub struct Module {
     pub bindings: Vec<Binding>,
     pub push: Layout,
     pub structs: Vec<Layout>,
+    /// Number and name of each specialisation constant.
+    pub specialised: Vec<(u32, String)>,
 }
 
 enum Type {
@@ -53,6 +55,10 @@ struct Tables {
     slots: HashMap<u32, u32>,
     types: HashMap<u32, Type>,
     constants: HashMap<u32, u32>,
+    // Of what is decorated with SpecId.
+    specialised: HashMap<u32, u32>,
+    composites: HashMap<u32, Vec<u32>>,
+    workgroup_size: Option<u32>,
     variables: Vec<(u32, u32, u32)>,
     local_size: [u32; 3],
 }
@@ -63,8 +69,13 @@ const PUSH_CONSTANT: u32 = 9;
 /// Reads a SPIR-V module. Errors name what the reader does not know.
 pub fn reflect(words: &[u32]) -> Result<Module, String> {
     let tables = read(words)?;
-    let mut module =
-        Module { local_size: tables.local_size, bindings: Vec::new(), push: Layout::default(), structs: Vec::new() };
+    let mut module = Module {
+        local_size: tables.local_size,
+        bindings: Vec::new(),
+        push: Layout::default(),
+        structs: Vec::new(),
+        specialised: tables.specialised()?,
+    };
     for &(pointer, id, class) in &tables.variables {
         let Some(Type::Pointer(block)) = tables.types.get(&pointer) else { continue };
         if class == PUSH_CONSTANT {
@@ -133,7 +144,11 @@ impl Tables {
             // OpConstant, OpSpecConstant
             (43 | 50, [_, id, value, ..]) => drop(self.constants.insert(*id, *value)),
             (59, [pointer, id, class, ..]) => self.variables.push((*pointer, *id, *class)),
-            // OpDecorate: ArrayStride 6, Binding 33
+            // OpSpecConstantComposite
+            (51, [_, id, parts @ ..]) => drop(self.composites.insert(*id, parts.to_vec())),
+            // OpDecorate: SpecId 1, ArrayStride 6, BuiltIn 11 WorkgroupSize 25, Binding 33
+            (71, [id, 1, number]) => drop(self.specialised.insert(*id, *number)),
+            (71, [id, 11, 25]) => self.workgroup_size = Some(*id),
             (71, [id, 6, stride]) => drop(self.strides.insert(*id, *stride)),
             (71, [id, 33, slot]) => drop(self.slots.insert(*id, *slot)),
             // OpMemberDecorate: NonWritable 24, Offset 35
@@ -141,6 +156,26 @@ impl Tables {
             (72, [id, member, 35, offset]) => drop(self.offsets.insert((*id, *member), *offset)),
             _ => {}
         }
+    }
+
+    /// Numbers and names of the specialisation constants. `local_size_x_id` makes one without a name, which counts as
+    /// `LOCAL_SIZE_X` unless another of its number has one.
+    fn specialised(&self) -> Result<Vec<(u32, String)>, String> {
+        let mut found = std::collections::BTreeMap::new();
+        for (id, number) in &self.specialised {
+            if let Some(name) = self.names.get(id).filter(|name| !name.is_empty())
+                && found.insert(*number, name.clone()).is_some_and(|other| other != *name)
+            {
+                return Err(format!("two specialisation constants have the number {number}"));
+            }
+        }
+        let sides = self.workgroup_size.and_then(|id| self.composites.get(&id)).map_or(&[][..], Vec::as_slice);
+        for (side, name) in sides.iter().zip(["LOCAL_SIZE_X", "LOCAL_SIZE_Y", "LOCAL_SIZE_Z"]) {
+            if let Some(number) = self.specialised.get(side) {
+                found.entry(*number).or_insert_with(|| name.to_owned());
+            }
+        }
+        Ok(found.into_iter().collect())
     }
 
     fn layout(&self, id: u32) -> Result<Layout, String> {

@@ -74,7 +74,7 @@ fn a_capture_of_one_iteration_opens_again_with_its_names() {
     let actions = found["actions"].as_array().unwrap();
     let stages = actions.iter().filter(|action| action["children"].as_array().unwrap().iter().any(is_dispatch));
     let stages: Vec<&str> = stages.map(|action| action["name"].as_str().unwrap()).collect();
-    assert_eq!(stages, ["look", "viewed", "update"], "{actions:?}");
+    assert_eq!(stages, ["look", "viewed", "update_quality"], "{actions:?}");
     assert!(!actions.iter().any(is_dispatch), "a dispatch outside every stage: {actions:?}");
     let buffers: Vec<&str> = found["buffers"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
     for name in BUFFERS {
@@ -92,7 +92,7 @@ fn parsed(place: &Place, capture: &str) {
     let text = place.read("taken.zip.xml");
     let holds =
         |tag: &str, name: &str| text.lines().any(|l| l.contains(tag) && l.contains(&format!(">{name}</string>")));
-    for stage in ["look", "viewed", "update"] {
+    for stage in ["look", "viewed", "update_quality"] {
         assert!(holds("pLabelName", stage), "{stage}");
     }
     for name in BUFFERS {

@@ -341,14 +341,14 @@ fn profile_and_trace_name_every_stage() {
     let ran = place
         .done(&format!("plan ball.ply --out o {SHORT} --objective splat --relocate-every 5 --profile --trace t.json"));
     let own = place.done(&format!("plan ball.ply --out q {SHORT} --profile"));
-    for stage in ["look", "viewed", "update", "snapshot"] {
+    for stage in ["look", "viewed", "update_quality", "snapshot"] {
         assert!(
             own.out.lines().any(|line| line.split_whitespace().next() == Some(stage)),
             "no row for {stage}: {}",
             own.out
         );
     }
-    let stages = ["dense", "update", "rank", "relocate", "snapshot"];
+    let stages = ["dense", "update_splat", "rank", "relocate", "snapshot"];
     let mut share = 0.0;
     for stage in stages {
         let row = ran.out.lines().find(|line| line.split_whitespace().next() == Some(stage));

@@ -8,10 +8,10 @@ mod support;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use camsplat::metrics::image::convolve::{CONVOLVE, Kernels, convolve};
+use camsplat::metrics::image::convolve::{ConvolveStage, Kernels, convolve};
 use camsplat::metrics::image::lpips::planes;
-use camsplat::metrics::image::lpips_distance::{DistancePush, LPIPS_DISTANCE, lpips_distance};
-use camsplat::metrics::image::max_pool::{self, MAX_POOL, max_pool};
+use camsplat::metrics::image::lpips_distance::{DistancePush, LpipsDistanceStage, lpips_distance};
+use camsplat::metrics::image::max_pool::{self, MaxPoolStage, max_pool};
 use camsplat::metrics::image::network::{Convolution, Pool, Size, Step};
 use camsplat::metrics::image::weights::Layer;
 use camsplat::metrics::image::{Lpips, Network, Rgb8, Weights, psnr, ssim};
@@ -92,7 +92,7 @@ fn what_cannot_be_compared_is_refused() {
 #[test]
 fn convolve_matches_its_twin() -> Result<()> {
     let context = context()?;
-    let pipeline = Pipeline::new(&context, &CONVOLVE, &[])?;
+    let pipeline = Pipeline::new::<ConvolveStage>(&context, &())?;
     for (from, to, kernel, stride, padding, width, height) in [
         (3, 64, 11, 4, 2, 35, 41),
         (1, 1, 1, 1, 0, 5, 3),
@@ -133,7 +133,7 @@ fn convolve_matches_its_twin() -> Result<()> {
 #[test]
 fn max_pool_matches_its_twin() -> Result<()> {
     let context = context()?;
-    let pipeline = Pipeline::new(&context, &MAX_POOL, &[])?;
+    let pipeline = Pipeline::new::<MaxPoolStage>(&context, &())?;
     for (window, stride, channels, width, height) in
         [(3, 2, 5, 17, 24), (2, 2, 70, 9, 7), (1, 1, 1, 1, 1), (4, 3, 2, 4, 13)]
     {
@@ -157,7 +157,7 @@ fn max_pool_matches_its_twin() -> Result<()> {
 #[test]
 fn lpips_distance_matches_its_twin() -> Result<()> {
     let context = context()?;
-    let pipeline = Pipeline::new(&context, &LPIPS_DISTANCE, &[])?;
+    let pipeline = Pipeline::new::<LpipsDistanceStage>(&context, &())?;
     for (channels, pixels) in [(1, 1), (64, 63), (192, 65), (512, 130)] {
         let features = |seed| -> Vec<f32> {
             let values = values(seed, channels * pixels);
@@ -173,7 +173,8 @@ fn lpips_distance_matches_its_twin() -> Result<()> {
             let mut commands = Recorder::new(&context)?;
             let push = DistancePush { channels: channels as u32, pixels: pixels as u32 };
             let groups = push.pixels.div_ceil(64);
-            commands.stage(&pipeline).bind(&[&w, &a, other, &output]).push(&push).linear(groups);
+            let bound = LpipsDistanceStage { weights: &w, first: &a, second: other, distances: &output };
+            commands.stage(&pipeline, bound).push(&push).linear(groups);
             commands.submit_and_wait()?;
             let expected = lpips_distance(&weights, &first, other_features, pixels);
             for (found, expected) in output.download::<f32>(pixels)?.into_iter().zip(expected) {

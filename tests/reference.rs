@@ -163,7 +163,7 @@ fn guides_and_help_use_the_words_of_the_field() {
 }
 
 /// Where stages are held against plain Rust that has not their own name: how their names begin, the file, and what does it there.
-const TWINS: [(&str, &str, &str); 22] = [
+const TWINS: [(&str, &str, &str); 23] = [
     ("bin_", "src/plan/dense.rs", "fn dense("),
     ("check_depth", "src/stereo/consistency.rs", "fn check("),
     ("copy_words", "tests/primitives_copy.rs", "fn whole_vectors_are_copied_and_nothing_behind_them"),
@@ -185,6 +185,7 @@ const TWINS: [(&str, &str, &str); 22] = [
     ("splat_update", "src/gaussians/twin/optimise.rs", "fn adam("),
     ("splat_project", "src/gaussians/twin/project.rs", "fn project("),
     ("splat_", "src/gaussians/twin/composite.rs", "fn forward("),
+    ("update_", "src/plan/update.rs", "fn update("),
     ("train_tally", "tests/training.rs", "fn a_loss_that_is_no_number_ends_the_run"),
 ];
 

@@ -112,7 +112,7 @@ impl<'a> Twin<'a> {
             let gradient = (by_centre[j], by_direction[j]);
             self.splats[j] = update(settings, &self.clock, self.splats[j], &mut self.moments[j], gradient);
         }
-        self.clock = tally(settings, config.objective, image.by_log_scale, &self.clock);
+        self.clock = tally(settings, image.by_log_scale, &self.clock);
     }
 }
 

@@ -10,7 +10,7 @@ use crate::Result;
 use crate::scene::camera::Camera;
 use crate::scene::octahedral;
 use crate::scene::proxy::SurfacePoint;
-use crate::visibility::bvh::Node;
+use crate::visibility::bvh::{Node, TraversalConstants};
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::visibility::probe_depth::{Probe, ProbeMaps};
 use crate::visibility::raycast::Ray;
@@ -18,7 +18,7 @@ use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
     /// Push constants of `score_point`.
-    pub struct ScorePush {
+    pub(crate) struct ScorePush {
         /// Point of the first workgroup.
         pub first: u32,
         /// Cameras.
@@ -76,7 +76,7 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// A workgroup per held-out point.
-    pub SCORE_POINT = score_point(ScorePush) {
+    pub(crate) ScorePointStage = score_point<TraversalConstants>(ScorePush) {
         read nodes, read primitives, read probes, read depth, read cameras, write rays, write cells, write scores,
     } with [Node, Probe, View, Score]
 );
@@ -120,7 +120,7 @@ impl<'a> Scorer<'a> {
             context: context.clone(),
             scene,
             maps: ProbeMaps::new(context, scene, points, RESOLUTION)?,
-            pipeline: Pipeline::new(context, &SCORE_POINT, &[0, 0, 0, 0, 0, scene.discs()])?,
+            pipeline: Pipeline::new::<ScorePointStage>(context, &scene.constants())?,
         })
     }
 
@@ -146,17 +146,19 @@ impl<'a> Scorer<'a> {
         for first in (0..points).step_by(rows) {
             let (scene, maps) = (self.scene, &self.maps);
             commands
-                .stage(&self.pipeline)
-                .bind(&[
-                    &scene.nodes,
-                    &scene.primitives,
-                    &maps.probe_buffer,
-                    &maps.depth,
-                    &camera_buffer,
-                    &rays,
-                    &cells,
-                    &scores,
-                ])
+                .stage(
+                    &self.pipeline,
+                    ScorePointStage {
+                        nodes: &scene.nodes,
+                        primitives: &scene.primitives,
+                        probes: &maps.probe_buffer,
+                        depth: &maps.depth,
+                        cameras: &camera_buffer,
+                        rays: &rays,
+                        cells: &cells,
+                        scores: &scores,
+                    },
+                )
                 .push(&ScorePush {
                     first: first as u32,
                     views: views.len() as u32,

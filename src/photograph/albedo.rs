@@ -9,12 +9,14 @@ use std::f32::consts::{PI, TAU};
 use glam::{Vec2, Vec3};
 
 use crate::parallel::in_parallel;
+use crate::vulkan::shaders::glsl::photograph::microfacet;
+use crate::vulkan::shaders::glsl::photograph::surface;
 
 /// Columns and rows of a table.
-pub const SIDE: usize = 32;
+pub const SIDE: usize = microfacet::TABLE as usize;
 /// Least width of microfacets' slopes, and of sheen's, as in the shader.
-const MIN_ALPHA: f32 = 1e-3;
-const MIN_SHEEN_ALPHA: f32 = 5e-3;
+const MIN_ALPHA: f32 = surface::MIN_ALPHA as f32;
+const MIN_SHEEN_ALPHA: f32 = surface::MIN_SHEEN_ALPHA as f32;
 /// Samples along each of two axes.
 const STEPS: u32 = 32;
 

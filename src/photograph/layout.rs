@@ -1,32 +1,34 @@
 //! Structs and stages that host and device share: `shaders/glsl/photograph/appearance.glsl`, `photograph.comp`, `first_hit.comp`.
 
+use crate::vulkan::shaders::glsl::photograph::{appearance, photograph};
+
 /// In place of an index: there is none.
-pub const NONE: u32 = u32::MAX;
+pub const NONE: u32 = appearance::NONE;
 
 /// Flags of [`Material`].
-pub const ALPHA_MASK: u32 = 1;
+pub const ALPHA_MASK: u32 = appearance::ALPHA_MASK;
 /// As much light passes as alpha is short of 1.
-pub const ALPHA_BLEND: u32 = 2;
+pub const ALPHA_BLEND: u32 = appearance::ALPHA_BLEND;
 /// The back shines as well.
-pub const DOUBLE_SIDED: u32 = 4;
+pub const DOUBLE_SIDED: u32 = appearance::DOUBLE_SIDED;
 /// The base colour is what is seen.
-pub const UNLIT: u32 = 8;
+pub const UNLIT: u32 = appearance::UNLIT;
 /// The surface bounds a body that refracts.
-pub const VOLUME: u32 = 16;
+pub const VOLUME: u32 = appearance::VOLUME;
 
 /// Flags of [`Map`]; two bits each from 2 and from 4 on say how it goes on in u and v.
-pub const SECOND_SET: u32 = 1;
+pub const SECOND_SET: u32 = appearance::SECOND_SET;
 /// Colours are sRGB.
-pub const SRGB: u32 = 2;
+pub const SRGB: u32 = appearance::SRGB;
 /// Where the bits of u and v begin.
 pub const WRAP: [u32; 2] = [2, 4];
 
 /// Kinds of [`Light`].
-pub const LIGHT_TRIANGLE: u32 = 0;
+pub const LIGHT_TRIANGLE: u32 = appearance::LIGHT_TRIANGLE;
 /// A point or a spot.
-pub const LIGHT_POINT: u32 = 1;
+pub const LIGHT_POINT: u32 = appearance::LIGHT_POINT;
 /// Parallel light.
-pub const LIGHT_DIRECTIONAL: u32 = 2;
+pub const LIGHT_DIRECTIONAL: u32 = appearance::LIGHT_DIRECTIONAL;
 
 crate::gpu_struct! {
     /// A corner of triangles.
@@ -207,8 +209,8 @@ crate::gpu_struct! {
 }
 
 crate::gpu_struct! {
-    /// Push constants of [`PHOTOGRAPH`]; axes are the camera's in the world.
-    pub struct PhotographPush {
+    /// Push constants of [`PhotographStage`]; axes are the camera's in the world.
+    pub(crate) struct PhotographPush {
         /// Camera centre.
         pub position: [f32; 3],
         /// Pixel of the first thread.
@@ -239,8 +241,8 @@ crate::gpu_struct! {
 }
 
 crate::gpu_struct! {
-    /// Push constants of [`FIRST_HIT`].
-    pub struct FirstHitPush {
+    /// Push constants of [`FirstHitStage`].
+    pub(crate) struct FirstHitPush {
         /// Camera centre.
         pub position: [f32; 3],
         /// Pixels.
@@ -267,9 +269,31 @@ crate::gpu_struct! {
 /// Texels of the environment's alias table: threshold and other texel.
 pub type Alias = [u32; 2];
 
+/// How light is found: tests hold the three against each other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Strategy {
+    /// Lights are looked for and met by chance, weighted.
+    #[default]
+    Both = photograph::BOTH as isize,
+    /// Lights are looked for.
+    Lights = photograph::LIGHTS as isize,
+    /// Lights are met by chance.
+    Chance = photograph::CHANCE as isize,
+}
+
+crate::specialisation! {
+    /// Constants of [`PhotographStage`].
+    pub(crate) struct PhotographConstants {
+        /// How light is found.
+        strategy: Strategy,
+        /// Whether rays are counted in place of alpha.
+        count_rays: bool,
+    }
+}
+
 crate::stage!(
     /// Adds samples to the pixels of a photograph.
-    pub PHOTOGRAPH = photograph(PhotographPush) {
+    pub(crate) PhotographStage = photograph<PhotographConstants>(PhotographPush) {
         read nodes, read primitives, read vertices, read faces, read materials, read maps, read texels, read lights, read sky,
         read aliases, read albedo, read setting, write exposure
     } with [crate::visibility::bvh::Node, Vertex, Face, Material, Map, Light, Setting]
@@ -277,7 +301,7 @@ crate::stage!(
 
 crate::stage!(
     /// What lies in the middle of pixels.
-    pub FIRST_HIT = first_hit(FirstHitPush) {
+    pub(crate) FirstHitStage = first_hit(FirstHitPush) {
         read nodes, read primitives, read vertices, read faces, read materials, read maps, read texels, read setting,
         read chosen, write found
     } with [crate::visibility::bvh::Node, Vertex, Face, Material, Map, Setting]

@@ -7,17 +7,17 @@ use std::time::{Duration, Instant};
 use bytemuck::Zeroable;
 
 use super::assembly::Assembly;
-use super::layout::{FIRST_HIT, FirstHitPush, Light, Map, PHOTOGRAPH, PhotographPush};
+pub use super::layout::Strategy;
+use super::layout::{FirstHitPush, FirstHitStage, Light, Map, PhotographConstants, PhotographPush, PhotographStage};
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::random;
 use crate::vulkan::footprint::Footprint;
+use crate::vulkan::stage::Stage;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
 
 /// Stream of the seeds of photographs.
 const SEED_STREAM: u32 = 0x7068_6f74;
-/// Threads of a workgroup, as in the shaders.
-const GROUP: u32 = 64;
 /// Paths of the first submission of a picture, and pixels of a part of it at most: on a CPU they should end within a second, so
 /// that a run can be stopped, on a GPU long before a watchdog looks.
 const CPU_PATHS: u64 = 1 << 17;
@@ -29,18 +29,6 @@ const SUBMISSION: Duration = Duration::from_millis(200);
 const GPU_DISPATCH: u64 = 1 << 23;
 /// Bytes of a pixel: its sum, and what lies in its middle.
 const PIXEL: u64 = 16;
-
-/// How light is found: tests hold the three against each other.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Strategy {
-    /// Lights are looked for and met by chance, weighted.
-    #[default]
-    Both,
-    /// Lights are looked for.
-    Lights,
-    /// Lights are met by chance.
-    Chance,
-}
 
 /// How photographs are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,13 +59,48 @@ pub struct Tracer {
     context: Arc<Context>,
     photograph: Pipeline,
     first_hit: Pipeline,
-    /// In the order of the bindings of [`PHOTOGRAPH`], but for the last.
-    buffers: Vec<Buffer>,
+    scene: SceneBuffers,
     chosen: Buffer,
     exposure: Buffer,
     found: Buffer,
     assembly: Assembly,
     pixels: u64,
+}
+
+/// A scene on the device.
+struct SceneBuffers {
+    nodes: Buffer,
+    primitives: Buffer,
+    vertices: Buffer,
+    faces: Buffer,
+    materials: Buffer,
+    maps: Buffer,
+    texels: Buffer,
+    lights: Buffer,
+    sky: Buffer,
+    aliases: Buffer,
+    albedo: Buffer,
+    setting: Buffer,
+}
+
+impl SceneBuffers {
+    fn new(context: &Arc<Context>, a: &Assembly) -> Result<Self> {
+        // A shader may not be bound to nothing: where there is nothing, one element stands that no index leads to.
+        Ok(Self {
+            nodes: Buffer::from_slice(context, "nodes", &a.bvh.nodes)?,
+            primitives: Buffer::from_slice(context, "primitives", &a.primitives)?,
+            vertices: Buffer::from_slice(context, "vertices", &a.vertices)?,
+            faces: Buffer::from_slice(context, "faces", &a.faces)?,
+            materials: Buffer::from_slice(context, "materials", &a.materials)?,
+            maps: filled(context, "maps", &a.maps, Map::zeroed())?,
+            texels: filled(context, "texels", &a.texels, [0; 4])?,
+            lights: filled(context, "lights", &a.lights, Light::zeroed())?,
+            sky: filled(context, "sky", &a.sky, [0.0; 4])?,
+            aliases: filled(context, "aliases", &a.aliases, [0; 2])?,
+            albedo: Buffer::from_slice(context, "albedo", &a.albedo)?,
+            setting: Buffer::from_slice(context, "setting", &[a.setting])?,
+        })
+    }
 }
 
 impl Tracer {
@@ -107,30 +130,14 @@ impl Tracer {
             "exposure" | "found" | "chosen" => "take smaller pictures (--size)",
             _ => "take a scene with fewer triangles, or a larger device",
         })?;
-        let a = &assembly;
-        // A shader may not be bound to nothing: where there is nothing, one element stands that no index leads to.
-        let buffers = vec![
-            Buffer::from_slice(context, "nodes", &a.bvh.nodes)?,
-            Buffer::from_slice(context, "primitives", &a.primitives)?,
-            Buffer::from_slice(context, "vertices", &a.vertices)?,
-            Buffer::from_slice(context, "faces", &a.faces)?,
-            Buffer::from_slice(context, "materials", &a.materials)?,
-            filled(context, "maps", &a.maps, Map::zeroed())?,
-            filled(context, "texels", &a.texels, [0; 4])?,
-            filled(context, "lights", &a.lights, Light::zeroed())?,
-            filled(context, "sky", &a.sky, [0.0; 4])?,
-            filled(context, "aliases", &a.aliases, [0; 2])?,
-            Buffer::from_slice(context, "albedo", &a.albedo)?,
-            Buffer::from_slice(context, "setting", &[a.setting])?,
-        ];
         Ok(Self {
-            photograph: Pipeline::new(context, &PHOTOGRAPH, &[strategy as u32, u32::from(count_rays)])?,
-            first_hit: Pipeline::new(context, &FIRST_HIT, &[])?,
+            photograph: Pipeline::new::<PhotographStage>(context, &PhotographConstants { strategy, count_rays })?,
+            first_hit: Pipeline::new::<FirstHitStage>(context, &())?,
             chosen: Buffer::device(context, "chosen", 4 * pixels)?,
             exposure: Buffer::device(context, "exposure", PIXEL * pixels)?,
             found: Buffer::device(context, "found", PIXEL * pixels)?,
             context: context.clone(),
-            buffers,
+            scene: SceneBuffers::new(context, &assembly)?,
             assembly,
             pixels,
         })
@@ -214,8 +221,26 @@ impl Tracer {
     }
 
     fn record<'a>(&'a self, commands: &mut Recorder<'a>, push: &PhotographPush) {
-        let buffers: Vec<&Buffer> = self.buffers.iter().chain([&self.exposure]).collect();
-        commands.stage(&self.photograph).bind(&buffers).push(push).linear(push.count.div_ceil(GROUP));
+        let b = &self.scene;
+        let bound = PhotographStage {
+            nodes: &b.nodes,
+            primitives: &b.primitives,
+            vertices: &b.vertices,
+            faces: &b.faces,
+            materials: &b.materials,
+            maps: &b.maps,
+            texels: &b.texels,
+            lights: &b.lights,
+            sky: &b.sky,
+            aliases: &b.aliases,
+            albedo: &b.albedo,
+            setting: &b.setting,
+            exposure: &self.exposure,
+        };
+        commands
+            .stage(&self.photograph, bound)
+            .push(push)
+            .linear(push.count.div_ceil(PhotographStage::SHADER.local_size[0]));
     }
 
     /// What lies in the middle of pixels of a picture: of those listed, or of all.
@@ -242,10 +267,21 @@ impl Tracer {
             focal,
             principal,
         };
-        let b = &self.buffers;
-        let buffers = [&b[0], &b[1], &b[2], &b[3], &b[4], &b[5], &b[6], &b[11], &self.chosen, &self.found];
+        let b = &self.scene;
+        let bound = FirstHitStage {
+            nodes: &b.nodes,
+            primitives: &b.primitives,
+            vertices: &b.vertices,
+            faces: &b.faces,
+            materials: &b.materials,
+            maps: &b.maps,
+            texels: &b.texels,
+            setting: &b.setting,
+            chosen: &self.chosen,
+            found: &self.found,
+        };
         let mut commands = Recorder::new(&self.context)?;
-        commands.stage(&self.first_hit).bind(&buffers).push(&push).linear(count.div_ceil(GROUP));
+        commands.stage(&self.first_hit, bound).push(&push).linear(count.div_ceil(FirstHitStage::SHADER.local_size[0]));
         commands.submit_and_wait()?;
         self.found.download(count as usize)
     }

@@ -5,75 +5,76 @@
 use std::sync::Arc;
 
 use super::buffers::Buffers;
-use super::shared::{Control, Gradient, InstanceSum, Settings, Splat, Tally};
+use super::shared::{Control, Gradient, InstanceSum, PlanConstants, Settings, Splat, Tally};
 use crate::Result;
 use crate::primitives::{Count, RadixSort, Scan};
 use crate::scene::octahedral;
 use crate::visibility::probe_depth::{Probe, ProbeMaps};
+use crate::vulkan::shaders::glsl::plan::bin;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::stage!(
     /// Which pairs of probe and splat pass the gate.
-    pub BIN_CULL = bin_cull(()) { read settings, read control, read splats, read probes, write flags }
+    pub(crate) BinCullStage = bin_cull<PlanConstants>(()) { read settings, read control, read splats, read probes, write flags }
     with [Settings, Control, Splat, Probe]
 );
 crate::stage!(
     /// Slots and depth keys of the pairs that do.
-    pub BIN_LIST = bin_list(()) {
+    pub(crate) BinListStage = bin_list<PlanConstants>(()) {
         read settings, read control, read splats, read probes, read flags, read offsets,
         write slots, write pairs, write depth_keys, write depth_slots,
     } with [Settings, Control, Splat, Probe]
 );
 crate::stage!(
     /// Tiles of each pair.
-    pub BIN_COUNT = bin_count(()) {
+    pub(crate) BinCountStage = bin_count<PlanConstants>(()) {
         read settings, read control, read splats, read probes, read cones, read pairs, read depth_slots, read counts,
         write tile_counts,
     } with [Settings, Control, Splat, Probe]
 );
 crate::stage!(
     /// An instance per tile of each pair.
-    pub BIN_EMIT = bin_emit(()) {
+    pub(crate) BinEmitStage = bin_emit<PlanConstants>(()) {
         read settings, read control, read splats, read probes, read cones, read pairs, read depth_slots, read counts,
         read tile_offsets, write tile_keys, write tile_instances, write instance_slots, write runs,
     } with [Settings, Control, Splat, Probe]
 );
 crate::stage!(
     /// Instances of each tile.
-    pub BIN_RANGES = bin_ranges(()) { read settings, read control, read counts, read tile_keys, write ranges }
+    pub(crate) BinRangesStage = bin_ranges<PlanConstants>(()) { read settings, read control, read counts, read tile_keys, write ranges }
     with [Settings, Control]
 );
 crate::stage!(
     /// Compositing, a workgroup per tile.
-    pub BIN_FORWARD = bin_forward(()) {
+    pub(crate) BinForwardStage = bin_forward<PlanConstants>(()) {
         read settings, read control, read splats, read probes, read directions, read depth, read pairs,
         read instance_slots, read tile_instances, read ranges, write left, write tile_sums, write deficit,
     } with [Settings, Control, Splat, Probe]
 );
 crate::stage!(
     /// Sums over texels, a workgroup per tile.
-    pub BIN_BACKWARD = bin_backward(()) {
+    pub(crate) BinBackwardStage = bin_backward<PlanConstants>(()) {
         read settings, read control, read splats, read probes, read directions, read depth, read pairs,
         read instance_slots, read tile_instances, read ranges, read left, write instance_sums,
     } with [Settings, Control, Splat, Probe, InstanceSum]
 );
 crate::stage!(
     /// Sums over instances, a thread per pair.
-    pub BIN_GATHER = bin_gather(()) {
+    pub(crate) BinGatherStage = bin_gather<PlanConstants>(()) {
         read settings, read control, read splats, read probes, read pairs, read counts, read runs, read instance_sums,
         write partials,
     } with [Settings, Control, Splat, Probe, InstanceSum, Gradient]
 );
 crate::stage!(
     /// Sums over tiles, a workgroup per probe.
-    pub BIN_TALLY = bin_tally(()) {
+    pub(crate) BinTallyStage = bin_tally<PlanConstants>(()) {
         read settings, read control, read tile_sums, read slots, read partials, read counts, write tallies,
         write mailbox, read probes,
     } with [Settings, Control, Gradient, Tally, Probe]
 );
 
 /// Texels of a tile along a side.
-pub const TILE: u32 = 8;
+pub const TILE: u32 = bin::TILE;
 
 /// Pipelines and buffers of the pass.
 pub(super) struct Binned {
@@ -154,26 +155,25 @@ impl Binned {
     pub(super) fn new(
         context: &Arc<Context>,
         s: &Settings,
-        constants: &[u32],
+        constants: &PlanConstants,
         buffer: impl Fn(&str) -> Result<Buffer>,
     ) -> Result<Self> {
-        let pipeline = |stage| Pipeline::new(context, stage, constants);
         Ok(Self {
-            cull: pipeline(&BIN_CULL)?,
-            list: pipeline(&BIN_LIST)?,
-            count: pipeline(&BIN_COUNT)?,
-            emit: pipeline(&BIN_EMIT)?,
-            ranges: pipeline(&BIN_RANGES)?,
-            forward: pipeline(&BIN_FORWARD)?,
-            backward: pipeline(&BIN_BACKWARD)?,
-            gather: pipeline(&BIN_GATHER)?,
-            tally: pipeline(&BIN_TALLY)?,
+            cull: Pipeline::new::<BinCullStage>(context, constants)?,
+            list: Pipeline::new::<BinListStage>(context, constants)?,
+            count: Pipeline::new::<BinCountStage>(context, constants)?,
+            emit: Pipeline::new::<BinEmitStage>(context, constants)?,
+            ranges: Pipeline::new::<BinRangesStage>(context, constants)?,
+            forward: Pipeline::new::<BinForwardStage>(context, constants)?,
+            backward: Pipeline::new::<BinBackwardStage>(context, constants)?,
+            gather: Pipeline::new::<BinGatherStage>(context, constants)?,
+            tally: Pipeline::new::<BinTallyStage>(context, constants)?,
             scan: Scan::new(context, (s.probes * s.splats).max(s.capacity))?,
             sort: RadixSort::new(context, s.capacity.max(s.instances))?,
             flags: buffer("flags")?,
             offsets: buffer("offsets")?,
             counts: buffer("counts")?,
-            cones: Buffer::from_slice(context, "cones", &cones(constants[0]))?,
+            cones: Buffer::from_slice(context, "cones", &cones(constants.resolution))?,
             pairs: buffer("pairs")?,
             depth_keys: buffer("depth_keys")?,
             depth_slots: buffer("depth_slots")?,
@@ -204,86 +204,163 @@ impl Binned {
         let all = (s.probes * s.splats).div_ceil(256);
         let tiles = (maps.resolution / TILE).pow(2);
         let probes = &maps.probe_buffer;
-        commands.stage(&self.cull).bind(&[&b.settings, &b.control, &b.splats, probes, &self.flags]).linear(all);
+        commands
+            .stage(
+                &self.cull,
+                BinCullStage {
+                    settings: &b.settings,
+                    control: &b.control,
+                    splats: &b.splats,
+                    probes,
+                    flags: &self.flags,
+                },
+            )
+            .linear(all);
         let pairs = Count::Host(s.probes * s.splats);
         self.scan.record(commands, &self.flags, &self.offsets, pairs, (&self.counts, 0))?;
         commands
-            .stage(&self.list)
-            .bind(&[
-                &b.settings,
-                &b.control,
-                &b.splats,
-                probes,
-                &self.flags,
-                &self.offsets,
-                &b.slots,
-                &self.pairs,
-                &self.depth_keys,
-                &self.depth_slots,
-            ])
+            .stage(
+                &self.list,
+                BinListStage {
+                    settings: &b.settings,
+                    control: &b.control,
+                    splats: &b.splats,
+                    probes,
+                    flags: &self.flags,
+                    offsets: &self.offsets,
+                    slots: &b.slots,
+                    pairs: &self.pairs,
+                    depth_keys: &self.depth_keys,
+                    depth_slots: &self.depth_slots,
+                },
+            )
             .linear(all);
         let pairs = || Count::Device(&self.counts, 0);
         let by_depth = self.sort.pairs(commands, &self.depth_keys, &self.depth_slots, pairs(), 32)?;
-        let seen =
-            [&b.settings, &b.control, &b.splats, probes, &self.cones, &self.pairs, by_depth.values, &self.counts];
         let ranks = s.capacity.div_ceil(64);
-        commands.stage(&self.count).bind(&[&seen[..], &[&self.tile_counts]].concat()).linear(ranks);
+        commands
+            .stage(
+                &self.count,
+                BinCountStage {
+                    settings: &b.settings,
+                    control: &b.control,
+                    splats: &b.splats,
+                    probes,
+                    cones: &self.cones,
+                    pairs: &self.pairs,
+                    depth_slots: by_depth.values,
+                    counts: &self.counts,
+                    tile_counts: &self.tile_counts,
+                },
+            )
+            .linear(ranks);
         self.scan.record(commands, &self.tile_counts, &self.tile_offsets, pairs(), (&self.counts, 1))?;
-        let emitted = [&self.tile_offsets, &self.tile_keys, &self.tile_instances, &self.instance_slots, &self.runs];
-        commands.stage(&self.emit).bind(&[&seen[..], &emitted[..]].concat()).linear(ranks);
+        commands
+            .stage(
+                &self.emit,
+                BinEmitStage {
+                    settings: &b.settings,
+                    control: &b.control,
+                    splats: &b.splats,
+                    probes,
+                    cones: &self.cones,
+                    pairs: &self.pairs,
+                    depth_slots: by_depth.values,
+                    counts: &self.counts,
+                    tile_offsets: &self.tile_offsets,
+                    tile_keys: &self.tile_keys,
+                    tile_instances: &self.tile_instances,
+                    instance_slots: &self.instance_slots,
+                    runs: &self.runs,
+                },
+            )
+            .linear(ranks);
         let bits = 32 - (s.probes * tiles - 1).leading_zeros().min(31);
         let instances = Count::Device(&self.counts, 1);
         let by_tile = self.sort.pairs(commands, &self.tile_keys, &self.tile_instances, instances, bits)?;
         commands.fill(&self.tile_ranges, 0);
         commands
-            .stage(&self.ranges)
-            .bind(&[&b.settings, &b.control, &self.counts, by_tile.keys, &self.tile_ranges])
+            .stage(
+                &self.ranges,
+                BinRangesStage {
+                    settings: &b.settings,
+                    control: &b.control,
+                    counts: &self.counts,
+                    tile_keys: by_tile.keys,
+                    ranges: &self.tile_ranges,
+                },
+            )
             .linear(s.instances.div_ceil(256));
-        let lit = [
-            &b.settings,
-            &b.control,
-            &b.splats,
-            probes,
-            &b.directions,
-            &maps.depth,
-            &self.pairs,
-            &self.instance_slots,
-            by_tile.values,
-            &self.tile_ranges,
-            &self.left,
-        ];
         commands
-            .stage(&self.forward)
-            .bind(&[&lit[..], &[&self.tile_sums, &b.deficit]].concat())
+            .stage(
+                &self.forward,
+                BinForwardStage {
+                    settings: &b.settings,
+                    control: &b.control,
+                    splats: &b.splats,
+                    probes,
+                    directions: &b.directions,
+                    depth: &maps.depth,
+                    pairs: &self.pairs,
+                    instance_slots: &self.instance_slots,
+                    tile_instances: by_tile.values,
+                    ranges: &self.tile_ranges,
+                    left: &self.left,
+                    tile_sums: &self.tile_sums,
+                    deficit: &b.deficit,
+                },
+            )
             .groups([tiles, s.probes, 1]);
-        commands.stage(&self.backward).bind(&[&lit[..], &[&self.instance_sums]].concat()).groups([tiles, s.probes, 1]);
         commands
-            .stage(&self.gather)
-            .bind(&[
-                &b.settings,
-                &b.control,
-                &b.splats,
-                probes,
-                &self.pairs,
-                &self.counts,
-                &self.runs,
-                &self.instance_sums,
-                &b.partials,
-            ])
+            .stage(
+                &self.backward,
+                BinBackwardStage {
+                    settings: &b.settings,
+                    control: &b.control,
+                    splats: &b.splats,
+                    probes,
+                    directions: &b.directions,
+                    depth: &maps.depth,
+                    pairs: &self.pairs,
+                    instance_slots: &self.instance_slots,
+                    tile_instances: by_tile.values,
+                    ranges: &self.tile_ranges,
+                    left: &self.left,
+                    instance_sums: &self.instance_sums,
+                },
+            )
+            .groups([tiles, s.probes, 1]);
+        commands
+            .stage(
+                &self.gather,
+                BinGatherStage {
+                    settings: &b.settings,
+                    control: &b.control,
+                    splats: &b.splats,
+                    probes,
+                    pairs: &self.pairs,
+                    counts: &self.counts,
+                    runs: &self.runs,
+                    instance_sums: &self.instance_sums,
+                    partials: &b.partials,
+                },
+            )
             .linear(ranks);
         commands
-            .stage(&self.tally)
-            .bind(&[
-                &b.settings,
-                &b.control,
-                &self.tile_sums,
-                &b.slots,
-                &b.partials,
-                &self.counts,
-                &b.tallies,
-                &b.mailbox,
-                probes,
-            ])
+            .stage(
+                &self.tally,
+                BinTallyStage {
+                    settings: &b.settings,
+                    control: &b.control,
+                    tile_sums: &self.tile_sums,
+                    slots: &b.slots,
+                    partials: &b.partials,
+                    counts: &self.counts,
+                    tallies: &b.tallies,
+                    mailbox: &b.mailbox,
+                    probes,
+                },
+            )
             .groups([s.probes, 1, 1]);
         Ok(())
     }

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::quality::viewers::Viewers;
+use crate::vulkan::shaders::glsl::plan::plan;
 use crate::{Error, Result};
 
 /// What is minimised.
@@ -22,13 +23,13 @@ pub enum Objective {
 #[serde(rename_all = "snake_case")]
 pub enum Gate {
     /// The cone inscribed in the image, yes or no (the paper).
-    Hard,
+    Hard = plan::HARD_CONE as isize,
     /// The same cone with a soft edge, so that directions get a gradient.
-    Soft,
+    Soft = plan::SOFT_CONE as isize,
     /// The rectangular image itself, with a soft edge and a roll that keeps the image upright.
-    Pinhole,
+    Pinhole = plan::SOFT_FRUSTUM as isize,
     /// The rectangular image, yes or no.
-    PinholeHard,
+    PinholeHard = plan::HARD_FRUSTUM as isize,
 }
 
 impl Gate {
@@ -49,9 +50,9 @@ impl Gate {
 #[serde(rename_all = "snake_case")]
 pub enum Kernel {
     /// The same apparent size at any distance.
-    Angular,
+    Angular = plan::ANGULAR as isize,
     /// A Gaussian in space, at its closest approach to the ray.
-    Metric,
+    Metric = plan::METRIC as isize,
 }
 
 /// Which scene the defaults are for.

@@ -3,21 +3,22 @@
 use glam::DVec3;
 
 use super::config::{Gate, Kernel};
-use super::shared::{Control, Gradient, Settings, Splat, Tally};
+use super::shared::{Control, Gradient, PlanConstants, Settings, Splat, Tally};
 use crate::visibility::probe_depth::Probe;
+use crate::vulkan::shaders::glsl::plan::plan;
 
 crate::stage!(
     /// Loss and gradient partials, a workgroup per block of texels of a point camera.
-    pub DENSE = dense(()) {
+    pub(crate) DenseStage = dense<PlanConstants>(()) {
         read settings, read control, read splats, read probes, read directions, read depth,
         write visible, write slots, write partials, write tallies, write deficit,
     } with [Settings, Control, Splat, Probe, Gradient, Tally]
 );
 
 /// Where a kernel is cut off: its exponent there.
-pub const KERNEL_CUTOFF: f64 = 8.0;
+pub const KERNEL_CUTOFF: f64 = plan::KERNEL_CUTOFF;
 /// A soft gate that lets less than this through is closed.
-pub const GATE_CUTOFF: f64 = 1e-4;
+pub const GATE_CUTOFF: f64 = plan::GATE_CUTOFF;
 
 /// One batch of the optimisation as the twin sees it, in float64 and the planner's frame.
 #[derive(Clone, Copy)]

@@ -8,19 +8,18 @@ use glam::Vec3;
 
 use super::binned::Binned;
 use super::buffers::Buffers;
-use super::config::{Config, Gate, Objective};
-use super::dense::DENSE;
+use super::config::{Config, Objective};
+use super::dense::DenseStage;
 use super::footprint;
 use super::preparation::{Preparation, dense_shape};
 use super::probes;
 use super::record::{IterationRecord, Status};
-use super::relocate::{RANK, RELOCATE};
-use super::shared::{Control, Gradient, Record, Settings, Splat, Tally};
-use super::snapshot::{SNAPSHOT, SnapshotPush};
+use super::relocate::{RankStage, RelocateStage};
+use super::shared::{Control, Gradient, PlanConstants, Record, Settings, Splat, Tally};
+use super::snapshot::{SnapshotPush, SnapshotStage};
 use super::tally::mailbox;
-use super::update::UPDATE;
-use super::viewed::{self, Viewed};
-use crate::quality::expected::LOOKS;
+use super::update::{UpdateQualityStage, UpdateSplatStage};
+use super::viewed::Viewed;
 use crate::quality::look::Look;
 use crate::scene::camera::Pose;
 use crate::visibility::device_scene::DeviceScene;
@@ -90,39 +89,37 @@ impl<'a> Planner<'a> {
         if !quality {
             settings.probes = settings.probes.min(settings.pool);
         }
-        let gate = match config.gate {
-            Gate::Hard => 0,
-            Gate::Soft => 1,
-            Gate::PinholeHard => 2,
-            Gate::Pinhole => 3,
-        };
         let [threads, each] = dense_shape(context.physical());
-        let lanes = viewed::lanes(context.physical());
-        let constants = [
+        let constants = PlanConstants {
             resolution,
-            config.objective as u32,
-            gate,
-            config.kernel as u32,
-            config.occlusion as u32,
-            scene.discs(),
+            gate: config.gate,
+            kernel: config.kernel,
+            occlusion: config.occlusion,
             threads,
             each,
-            lanes,
-            LOOKS * lanes,
-        ];
+        };
         let splat = || {
             if quality {
                 let looks = Buffer::device(context, "looks", footprint.bytes_of("looks")?)?;
                 let of = (&viewers[..], around);
-                return Ok(Way::Viewed(Box::new(Viewed::new(context, &settings, of, &constants, looks)?)));
+                return Ok(Way::Viewed(Box::new(Viewed::new(
+                    context,
+                    &settings,
+                    of,
+                    (config.gate, scene.constants()),
+                    looks,
+                )?)));
             }
             if binned {
                 let buffer = |name: &str| Buffer::device(context, name, footprint.bytes_of(name)?);
                 return Ok(Way::Binned(Box::new(Binned::new(context, &settings, &constants, buffer)?)));
             }
-            Ok(Way::Dense(Pipeline::new(context, &DENSE, &constants)?))
+            Ok(Way::Dense(Pipeline::new::<DenseStage>(context, &constants)?))
         };
-        let others = || Pipeline::several(context, [&UPDATE, &RANK, &RELOCATE, &SNAPSHOT], &constants);
+        let update = if quality { Pipeline::new::<UpdateQualityStage> } else { Pipeline::new::<UpdateSplatStage> };
+        let [rank, relocate] = [Pipeline::new::<RankStage>, Pipeline::new::<RelocateStage>];
+        let others =
+            || Pipeline::several(context, &constants, [update, rank, relocate, Pipeline::new::<SnapshotStage>]);
         let (splat, others): (Result<Way>, _) = rayon::join(splat, others);
         let [update, rank, relocate, snapshot] = others?;
         let pipelines = Pipelines { splat: splat?, update, rank, relocate, snapshot };
@@ -207,8 +204,15 @@ impl<'a> Planner<'a> {
     pub fn record_block(&'a self, commands: &mut Recorder<'a>) -> Result<()> {
         let (b, p, s) = (&self.buffers, &self.pipelines, &self.settings);
         commands
-            .stage(&p.snapshot)
-            .bind(&[&b.settings, &b.control, &b.splats, &b.snapshots])
+            .stage(
+                &p.snapshot,
+                SnapshotStage {
+                    settings: &b.settings,
+                    control: &b.control,
+                    splats: &b.splats,
+                    snapshots: &b.snapshots,
+                },
+            )
             .push(&SnapshotPush { interval: self.config.checkpoint_every.max(1) })
             .linear(s.splats.div_ceil(64));
         // Blocks start at multiples of their length; the device knows whether this one is due.
@@ -224,23 +228,30 @@ impl<'a> Planner<'a> {
     fn record_relocation(&'a self, commands: &mut Recorder<'a>) {
         let (b, p, s, scene, maps) = (&self.buffers, &self.pipelines, &self.settings, self.scene, &self.maps);
         let least = ((s.splats - s.kept) / 10).max(1);
-        commands.stage(&p.rank).bind(&[&b.settings, &b.control, &b.moments, &b.order]).linear(s.splats.div_ceil(64));
         commands
-            .stage(&p.relocate)
-            .bind(&[
-                &b.settings,
-                &b.control,
-                &b.splats,
-                &maps.probe_buffer,
-                &b.directions,
-                &maps.depth,
-                &b.deficit,
-                &b.moments,
-                &b.order,
-                &scene.region,
-                &scene.free_distance,
-                &b.tallies,
-            ])
+            .stage(
+                &p.rank,
+                RankStage { settings: &b.settings, control: &b.control, moments: &b.moments, order: &b.order },
+            )
+            .linear(s.splats.div_ceil(64));
+        commands
+            .stage(
+                &p.relocate,
+                RelocateStage {
+                    settings: &b.settings,
+                    control: &b.control,
+                    splats: &b.splats,
+                    probes: &maps.probe_buffer,
+                    directions: &b.directions,
+                    depth: &maps.depth,
+                    deficit: &b.deficit,
+                    moments: &b.moments,
+                    order: &b.order,
+                    region: &scene.region,
+                    free_distance: &scene.free_distance,
+                    tallies: &b.tallies,
+                },
+            )
             .groups([least, 1, 1]);
     }
 
@@ -254,43 +265,70 @@ impl<'a> Planner<'a> {
             Way::Binned(binned) => binned.record(commands, s, maps, b)?,
             Way::Viewed(viewed) => viewed.record(commands, scene, b),
             Way::Dense(dense) => commands
-                .stage(dense)
-                .bind(&[
-                    &b.settings,
-                    &b.control,
-                    &b.splats,
-                    &maps.probe_buffer,
-                    &b.directions,
-                    &maps.depth,
-                    &b.visible,
-                    &b.slots,
-                    &b.partials,
-                    &b.tallies,
-                    &b.deficit,
-                ])
+                .stage(
+                    dense,
+                    DenseStage {
+                        settings: &b.settings,
+                        control: &b.control,
+                        splats: &b.splats,
+                        probes: &maps.probe_buffer,
+                        directions: &b.directions,
+                        depth: &maps.depth,
+                        visible: &b.visible,
+                        slots: &b.slots,
+                        partials: &b.partials,
+                        tallies: &b.tallies,
+                        deficit: &b.deficit,
+                    },
+                )
                 .groups([s.probes, s.blocks, 1]),
         }
-        commands
-            .stage(&p.update)
-            .bind(&[
-                &b.settings,
-                &b.control,
-                &b.splats,
-                &maps.probe_buffer,
-                &maps.depth,
-                &b.slots,
-                &b.partials,
-                &b.tallies,
-                &b.moments,
-                &b.terms,
-                &b.gradients,
-                &scene.region,
-                &scene.free_distance,
-                &b.history,
-                &b.mailbox,
-                &b.arrivals,
-            ])
-            .linear(s.splats);
+        match &p.splat {
+            Way::Viewed(_) => commands
+                .stage(
+                    &p.update,
+                    UpdateQualityStage {
+                        settings: &b.settings,
+                        control: &b.control,
+                        splats: &b.splats,
+                        slots: &b.slots,
+                        partials: &b.partials,
+                        tallies: &b.tallies,
+                        moments: &b.moments,
+                        terms: &b.terms,
+                        gradients: &b.gradients,
+                        region: &scene.region,
+                        free_distance: &scene.free_distance,
+                        history: &b.history,
+                        mailbox: &b.mailbox,
+                        arrivals: &b.arrivals,
+                    },
+                )
+                .linear(s.splats),
+            Way::Dense(_) | Way::Binned(_) => commands
+                .stage(
+                    &p.update,
+                    UpdateSplatStage {
+                        settings: &b.settings,
+                        control: &b.control,
+                        splats: &b.splats,
+                        slots: &b.slots,
+                        partials: &b.partials,
+                        tallies: &b.tallies,
+                        moments: &b.moments,
+                        terms: &b.terms,
+                        gradients: &b.gradients,
+                        region: &scene.region,
+                        free_distance: &scene.free_distance,
+                        history: &b.history,
+                        mailbox: &b.mailbox,
+                        arrivals: &b.arrivals,
+                        probes: &maps.probe_buffer,
+                        depth: &maps.depth,
+                    },
+                )
+                .linear(s.splats),
+        }
         Ok(())
     }
 

@@ -147,7 +147,7 @@ impl Preparation {
             gate_softness: config.gate_softness,
             lr_position: config.lr_position,
             lr_direction: config.lr_direction,
-            lr_scale: if config.iterative { 0.0 } else { config.lr_scale },
+            lr_scale: if config.iterative || quality { 0.0 } else { config.lr_scale },
             decay: config.decay,
             lambda_reg: config.lambda_reg,
             lambda_bound: config.lambda_bound,

@@ -1,17 +1,17 @@
 //! Relocation of splats that do little (`rank.comp`, `relocate.comp`; docs/reference/method.md, Optimisation).
 
-use super::shared::{Control, Moments, Settings, Splat, Tally};
+use super::shared::{Control, Moments, PlanConstants, Settings, Splat, Tally};
 use crate::visibility::device_scene::DeviceRegion;
 use crate::visibility::probe_depth::Probe;
 
 crate::stage!(
     /// Splats by utility, least first.
-    pub RANK = rank(()) { read settings, read control, read moments, write order } with [Settings, Control, Moments]
+    pub(crate) RankStage = rank<PlanConstants>(()) { read settings, read control, read moments, write order } with [Settings, Control, Moments]
 );
 
 crate::stage!(
     /// A workgroup for each of the tenth of splats with the least utility.
-    pub RELOCATE = relocate(()) {
+    pub(crate) RelocateStage = relocate<PlanConstants>(()) {
         read settings, read control, write splats, read probes, read directions, read depth, read deficit,
         write moments, read order, read region, read free_distance, read tallies,
     } with [Settings, Control, Splat, Probe, Moments, Tally, DeviceRegion]

@@ -3,7 +3,26 @@
 //! Lengths are in units of the region's bounding radius, in the planner's own frame (see
 //! [`crate::scene::similarity`]): up is +Z and a shell is centred on the origin.
 
+use super::config::{Gate, Kernel};
 use crate::gpu_struct;
+
+crate::specialisation! {
+    /// Constants of the plan's stages, as in `plan/plan.glsl` and `dense.comp`.
+    pub struct PlanConstants {
+        /// Texels of a point camera along a side.
+        resolution: u32,
+        /// When a point counts as in a splat's picture.
+        gate: Gate,
+        /// How a splat looks to a point.
+        kernel: Kernel,
+        /// Whether surfaces hide.
+        occlusion: bool,
+        /// Threads per workgroup of the dense pass, a power of two from 64 to 1024.
+        threads: u32,
+        /// Texels of each of these threads, up to 4.
+        each: u32,
+    }
+}
 
 gpu_struct! {
     /// Everything that does not change during a run.
@@ -62,7 +81,7 @@ gpu_struct! {
 }
 
 gpu_struct! {
-    /// What changes from one iteration to the next; written by the stage `update` alone.
+    /// What changes from one iteration to the next; written by the update alone.
     pub struct Control {
         /// Iterations done.
         pub iteration: u32,

@@ -1,10 +1,10 @@
 //! Splats kept by iteration (`snapshot.comp`).
 
-use super::shared::{Control, Settings, Splat};
+use super::shared::{Control, PlanConstants, Settings, Splat};
 
 crate::gpu_struct! {
     /// Push constants of `snapshot`.
-    pub struct SnapshotPush {
+    pub(crate) struct SnapshotPush {
         /// Iterations between snapshots.
         pub interval: u32,
     }
@@ -12,6 +12,6 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// Copies the splats into row `iteration / interval`.
-    pub SNAPSHOT = snapshot(SnapshotPush) { read settings, read control, read splats, write snapshots }
+    pub(crate) SnapshotStage = snapshot<PlanConstants>(SnapshotPush) { read settings, read control, read splats, write snapshots }
     with [Settings, Control, Splat]
 );

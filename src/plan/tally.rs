@@ -1,7 +1,6 @@
 //! End of an iteration (`plan/tally.glsl`): losses summed, the shared scale stepped, the next iteration set up; and the twin
 //! of the latter two.
 
-use super::config::Objective;
 use super::shared::Settings;
 
 /// Words of the mailbox, the buffer that host and device share while a run goes on.
@@ -57,9 +56,9 @@ impl Clock {
 }
 
 /// The clock after an iteration whose image loss has the given gradient by log s.
-pub fn tally(settings: &Settings, objective: Objective, by_log_scale: f64, clock: &Clock) -> Clock {
+pub fn tally(settings: &Settings, by_log_scale: f64, clock: &Clock) -> Clock {
     let mut next = *clock;
-    if objective == Objective::Splat && settings.lr_scale > 0.0 {
+    if settings.lr_scale > 0.0 {
         // Of the image loss and of lambda_scale s squared.
         let gradient = by_log_scale + 2.0 * f64::from(settings.lambda_scale) * (2.0 * clock.log_scale).exp();
         next.scale_mean = 0.9 * clock.scale_mean + 0.1 * gradient;

@@ -1,9 +1,9 @@
-//! Sums over probes, regulariser, region and one Adam step (`update.comp`), and its twin: the regulariser and the step.
+//! Sums over probes, regulariser, region and one Adam step (`update_*.comp`), and its twin: the regulariser and the step.
 
 use glam::DVec3;
 
 use super::dense::Batch;
-use super::shared::{Control, Gradient, Moments, Record, Settings, Splat, Tally, Terms};
+use super::shared::{Control, Gradient, Moments, PlanConstants, Record, Settings, Splat, Tally, Terms};
 use super::tally::Clock;
 use crate::scene::octahedral;
 use crate::visibility::device_scene::DeviceRegion;
@@ -11,11 +11,18 @@ use crate::visibility::probe_depth::Probe;
 
 crate::stage!(
     /// One Adam step, a workgroup per camera splat; the last one ends the iteration, and nothing else writes [`Control`].
-    pub UPDATE = update(()) {
-        read settings, write control, write splats, read probes, read depth, read slots, read partials, read tallies,
-        write moments, write terms, write gradients, read region, read free_distance, write history, write mailbox,
-        write arrivals,
+    pub(crate) UpdateSplatStage = update_splat<PlanConstants>(()) {
+        read settings, write control, write splats, read slots, read partials, read tallies, write moments, write terms,
+        write gradients, read region, read free_distance, write history, write mailbox, write arrivals, read probes,
+        read depth,
     } with [Settings, Control, Splat, Probe, Gradient, Tally, Moments, Terms, DeviceRegion, Record]
+);
+crate::stage!(
+    /// The same where the objective is what viewers are expected to see.
+    pub(crate) UpdateQualityStage = update_quality<PlanConstants>(()) {
+        read settings, write control, write splats, read slots, read partials, read tallies, write moments, write terms,
+        write gradients, read region, read free_distance, write history, write mailbox, write arrivals,
+    } with [Settings, Control, Splat, Gradient, Tally, Moments, Terms, DeviceRegion, Record]
 );
 
 /// Coverage regulariser of a batch with the given coverage weights: the mean over probes and splats of

@@ -6,21 +6,37 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::buffers::Buffers;
+use super::config::Gate;
 use super::dense::{Batch, gate};
 use super::shared::{Control, Gradient, Settings, Splat, Tally};
 use crate::Result;
 use crate::quality::expected::{LOOKS, SIDE};
 use crate::quality::law::Law;
-use crate::quality::look::{LOOK, Look, LookPush, Surroundings, Viewer};
+use crate::quality::look::{Look, LookPush, LookStage, Surroundings, Viewer};
 use crate::quality::nearest::{nearest, toward, vectors};
-use crate::visibility::bvh::{Bvh, Node};
+use crate::visibility::bvh::{Bvh, Node, TraversalConstants};
 use crate::visibility::device_scene::DeviceScene;
 use crate::vulkan::physical::Physical;
+use crate::vulkan::shaders::glsl::plan::viewed as glsl;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+
+crate::specialisation! {
+    /// Constants of [`ViewedStage`].
+    pub(crate) struct ViewedConstants {
+        /// When a point counts as in a splat's picture.
+        gate: Gate,
+        /// Whether the primitives are discs.
+        discs: bool,
+        /// Threads of a look.
+        lanes: u32,
+        /// Threads of a viewer: its looks times `lanes`.
+        local_size_x: u32,
+    }
+}
 
 crate::stage!(
     /// Loss and gradient partials, a workgroup per viewer of the iteration.
-    pub VIEWED = viewed(()) {
+    pub(crate) ViewedStage = viewed<ViewedConstants>(()) {
         read settings, read control, read splats, read nodes, read primitives, read looks, read law, write slots,
         write partials, write tallies,
     } with [Settings, Control, Splat, Node, Look, Law, Gradient, Tally]
@@ -39,7 +55,7 @@ pub(super) fn lanes(physical: &Physical) -> u32 {
 }
 
 /// Radians that a splat counts as off for each sine by which a point lies outside of its picture.
-const TURN: f64 = 8.0;
+const TURN: f64 = glsl::TURN;
 /// A gate that lets less than this through is closed: its logarithm says nothing in single precision.
 const MIN_OPEN: f64 = 1e-30;
 /// Viewers that show the surface in fewer looks than this say nothing.
@@ -122,13 +138,17 @@ impl Viewed {
         context: &Arc<Context>,
         settings: &Settings,
         (viewers, around): (&[Viewer], Surroundings),
-        constants: &[u32],
+        (gate, traversal): (Gate, TraversalConstants),
         looks: Buffer,
     ) -> Result<Self> {
-        let [draw, judge] = Pipeline::several(context, [&LOOK, &VIEWED], constants)?;
+        let lanes = lanes(context.physical());
+        let constants = ViewedConstants { gate, discs: traversal.discs, lanes, local_size_x: LOOKS * lanes };
+        let draw = || Pipeline::new::<LookStage>(context, &traversal);
+        let judge = || Pipeline::new::<ViewedStage>(context, &constants);
+        let (draw, judge) = rayon::join(draw, judge);
         Ok(Self {
-            draw,
-            judge,
+            draw: draw?,
+            judge: judge?,
             viewers: Buffer::from_slice(context, "viewers", viewers)?,
             looks,
             law: Buffer::from_slice(context, "law", &[Law::embedded()])?,
@@ -144,24 +164,34 @@ impl Viewed {
     /// Records the looks of an iteration and what they ask for.
     pub(super) fn record<'a>(&'a self, commands: &mut Recorder<'a>, scene: &'a DeviceScene, b: &'a Buffers) {
         commands
-            .stage(&self.draw)
-            .bind(&[&scene.nodes, &scene.primitives, &b.control, &self.viewers, &self.looks])
+            .stage(
+                &self.draw,
+                LookStage {
+                    nodes: &scene.nodes,
+                    primitives: &scene.primitives,
+                    control: &b.control,
+                    viewers: &self.viewers,
+                    looks: &self.looks,
+                },
+            )
             .push(&self.push)
             .linear((self.push.count * LOOKS).div_ceil(64));
         commands
-            .stage(&self.judge)
-            .bind(&[
-                &b.settings,
-                &b.control,
-                &b.splats,
-                &scene.nodes,
-                &scene.primitives,
-                &self.looks,
-                &self.law,
-                &b.slots,
-                &b.partials,
-                &b.tallies,
-            ])
+            .stage(
+                &self.judge,
+                ViewedStage {
+                    settings: &b.settings,
+                    control: &b.control,
+                    splats: &b.splats,
+                    nodes: &scene.nodes,
+                    primitives: &scene.primitives,
+                    looks: &self.looks,
+                    law: &self.law,
+                    slots: &b.slots,
+                    partials: &b.partials,
+                    tallies: &b.tallies,
+                },
+            )
             .groups([self.push.count, 1, 1]);
     }
 }

@@ -7,8 +7,8 @@ use crate::Result;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
-    /// Push constants of [`COPY_WORDS`].
-    pub struct CopyPush {
+    /// Push constants of [`CopyWordsStage`].
+    pub(crate) struct CopyPush {
         /// Vectors of four words.
         pub count: u32,
     }
@@ -16,7 +16,7 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// Sixteen bytes a thread.
-    pub COPY_WORDS = copy_words(CopyPush) { read source, write target }
+    pub(crate) CopyWordsStage = copy_words(CopyPush) { read source, write target }
 );
 
 /// Copies buffers by a compute stage.
@@ -30,12 +30,15 @@ impl Copy {
     /// # Errors
     /// Where the device fails.
     pub fn new(context: &Arc<Context>) -> Result<Self> {
-        Ok(Self { pipeline: Pipeline::new(context, &COPY_WORDS, &[])? })
+        Ok(Self { pipeline: Pipeline::new::<CopyWordsStage>(context, &())? })
     }
 
     /// Copies as many whole vectors of sixteen bytes as both buffers hold.
     pub fn record<'a>(&'a self, commands: &mut Recorder<'a>, source: &'a Buffer, target: &'a Buffer) {
         let count = (source.size().min(target.size()) / 16) as u32;
-        commands.stage(&self.pipeline).bind(&[source, target]).push(&CopyPush { count }).linear(count.div_ceil(256));
+        commands
+            .stage(&self.pipeline, CopyWordsStage { source, target })
+            .push(&CopyPush { count })
+            .linear(count.div_ceil(256));
     }
 }

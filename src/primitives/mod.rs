@@ -27,8 +27,8 @@ mod reduce;
 mod scan;
 pub mod twin;
 
-pub use copy::{COPY_WORDS, Copy, CopyPush};
+pub use copy::Copy;
 pub use count::Count;
-pub use radix_sort::{RADIX_HISTOGRAM, RADIX_SCATTER, RadixPush, RadixSort, Sorted};
-pub use reduce::{Operation, REDUCE, Reduce, ReducePush};
-pub use scan::{RowsPush, SCAN_BLOCKS, SCAN_ROWS, Scan, ScanPush};
+pub use radix_sort::{RadixSort, Sorted};
+pub use reduce::{Operation, Reduce};
+pub use scan::Scan;

@@ -8,13 +8,15 @@
 use std::sync::Arc;
 
 use super::count::{Bound, Count, check_most};
-use super::scan::{SCAN_ROWS, record_rows};
+use super::scan::{ScanRowsStage, record_rows};
+use crate::vulkan::shaders::glsl::primitives::radix;
+use crate::vulkan::stage::GroupConstants;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
 
 crate::gpu_struct! {
-    /// Push constants of [`RADIX_HISTOGRAM`] and [`RADIX_SCATTER`].
-    pub struct RadixPush {
+    /// Push constants of [`RadixHistogramStage`] and [`RadixScatterStage`].
+    pub(crate) struct RadixPush {
         /// Elements, or the most there can be.
         pub count: u32,
         /// Where in `counts` their number is; all ones where `count` is the number.
@@ -28,20 +30,30 @@ crate::gpu_struct! {
     }
 }
 
+crate::specialisation! {
+    /// Constants of [`RadixScatterStage`].
+    pub(crate) struct RadixConstants {
+        /// Threads per workgroup.
+        local_size_x: u32,
+        /// Whether keys have values.
+        has_values: bool,
+    }
+}
+
 crate::stage!(
     /// Counts the digits of each tile.
-    pub RADIX_HISTOGRAM = radix_histogram(RadixPush) { read counts, read keys, write table }
+    pub(crate) RadixHistogramStage = radix_histogram<GroupConstants>(RadixPush) { read counts, read keys, write table }
 );
 
 crate::stage!(
     /// Moves keys and values to their places in the order of one digit.
-    pub RADIX_SCATTER = radix_scatter(RadixPush) {
+    pub(crate) RadixScatterStage = radix_scatter<RadixConstants>(RadixPush) {
         read counts, read table, read totals, read keys, read values, write sorted_keys, write sorted_values,
     }
 );
 
-const DIGITS: u64 = 256;
-const KEYS_PER_THREAD: u32 = 16;
+const DIGITS: u64 = radix::DIGITS as u64;
+const KEYS_PER_THREAD: u32 = radix::ITEMS;
 
 /// Sorts `u32` keys, alone or with a `u32` value each, by their low bits; equal keys keep their order. Keys may be the
 /// bits of `f32`s, as long as none is negative (nor -0.0): these sort as the numbers do.
@@ -75,14 +87,20 @@ impl RadixSort {
     /// Where `most` is larger than that, or the device fails.
     pub fn new(context: &Arc<Context>, most: u32) -> Result<Self> {
         check_most(most)?;
-        let threads = threads(context);
-        let tile = threads * KEYS_PER_THREAD;
+        let local_size_x = threads(context);
+        let tile = local_size_x * KEYS_PER_THREAD;
         let table = 4 * DIGITS * most.div_ceil(tile) as u64;
         Ok(Self {
-            histogram: Pipeline::new(context, &RADIX_HISTOGRAM, &[threads])?,
-            rows: Pipeline::new(context, &SCAN_ROWS, &[row_threads(context)])?,
-            scatter_keys: Pipeline::new(context, &RADIX_SCATTER, &[threads, 0])?,
-            scatter_pairs: Pipeline::new(context, &RADIX_SCATTER, &[threads, 1])?,
+            histogram: Pipeline::new::<RadixHistogramStage>(context, &GroupConstants { local_size_x })?,
+            rows: Pipeline::new::<ScanRowsStage>(context, &GroupConstants { local_size_x: row_threads(context) })?,
+            scatter_keys: Pipeline::new::<RadixScatterStage>(
+                context,
+                &RadixConstants { local_size_x, has_values: false },
+            )?,
+            scatter_pairs: Pipeline::new::<RadixScatterStage>(
+                context,
+                &RadixConstants { local_size_x, has_values: true },
+            )?,
             table: Buffer::device(context, "radix table", table)?,
             totals: Buffer::device(context, "radix totals", 4 * DIGITS)?,
             keys: Buffer::device(context, "radix keys", 4 * most as u64)?,
@@ -157,12 +175,20 @@ impl RadixSort {
         for shift in (0..bits).step_by(width as usize) {
             let mask = (1 << width.min(bits - shift)) - 1;
             let push = RadixPush { count: bound.count, count_index: bound.index, shift, mask, stride: tiles };
-            let counted = [bound.buffer, from.keys, &self.table];
-            recorder.stage(&self.histogram).bind(&counted).push(&push).linear(tiles);
+            let counted = RadixHistogramStage { counts: bound.buffer, keys: from.keys, table: &self.table };
+            recorder.stage(&self.histogram, counted).push(&push).linear(tiles);
             let table = [mask + 1, self.tile, tiles];
             record_rows(recorder, &self.rows, bound, &self.table, table, (&self.totals, 0));
-            let moved = [bound.buffer, &self.table, &self.totals, from.keys, from.values, to.keys, to.values];
-            recorder.stage(scatter).bind(&moved).push(&push).linear(tiles);
+            let moved = RadixScatterStage {
+                counts: bound.buffer,
+                table: &self.table,
+                totals: &self.totals,
+                keys: from.keys,
+                values: from.values,
+                sorted_keys: to.keys,
+                sorted_values: to.values,
+            };
+            recorder.stage(scatter, moved).push(&push).linear(tiles);
             (from, to) = (to, from);
         }
         Ok(from)

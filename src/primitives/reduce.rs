@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use super::count::{Bound, Count, check_index, check_most};
 use crate::Result;
+use crate::vulkan::shaders::glsl::primitives::reduce as glsl;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
-    /// Push constants of [`REDUCE`].
-    pub struct ReducePush {
+    /// Push constants of [`ReduceStage`].
+    pub(crate) struct ReducePush {
         /// Elements, or the most there can be.
         pub count: u32,
         /// Where in `counts` their number is; all ones where `count` is the number.
@@ -22,9 +23,17 @@ crate::gpu_struct! {
     }
 }
 
+crate::specialisation! {
+    /// Constants of [`ReduceStage`].
+    pub(crate) struct ReduceConstants {
+        /// What it does.
+        operation: Operation,
+    }
+}
+
 crate::stage!(
     /// Reduces each block of elements to one.
-    pub REDUCE = reduce(ReducePush) { read counts, read elements, write results }
+    pub(crate) ReduceStage = reduce<ReduceConstants>(ReducePush) { read counts, read elements, write results }
 );
 
 /// Elements that become one partial result.
@@ -35,17 +44,17 @@ pub(super) const BLOCK: u32 = 4096;
 #[repr(u32)]
 pub enum Operation {
     /// Sum of `f32`, in an order that depends on their number alone; 0 of none.
-    SumF32 = 0,
+    SumF32 = glsl::SUM_F32,
     /// Least `f32`; infinity of none. Which zero is less is not said.
-    MinF32 = 1,
+    MinF32 = glsl::MIN_F32,
     /// Greatest `f32`; minus infinity of none. Which zero is greater is not said.
-    MaxF32 = 2,
+    MaxF32 = glsl::MAX_F32,
     /// Sum of `u32`, modulo 2³²; 0 of none.
-    SumU32 = 3,
+    SumU32 = glsl::SUM_U32,
     /// Least `u32`; the greatest `u32` of none.
-    MinU32 = 4,
+    MinU32 = glsl::MIN_U32,
     /// Greatest `u32`; 0 of none.
-    MaxU32 = 5,
+    MaxU32 = glsl::MAX_U32,
 }
 
 /// Reduces a buffer of 4-byte elements to one: 4 bytes of traffic per element.
@@ -63,7 +72,7 @@ impl Reduce {
     pub fn new(context: &Arc<Context>, operation: Operation, most: u32) -> Result<Self> {
         check_most(most)?;
         let partials = Buffer::device(context, "reduce partials", Self::footprint(most))?;
-        Ok(Self { pipeline: Pipeline::new(context, &REDUCE, &[operation as u32])?, partials, most })
+        Ok(Self { pipeline: Pipeline::new::<ReduceStage>(context, &ReduceConstants { operation })?, partials, most })
     }
 
     /// Bytes of scratch that a reduction of at most `most` elements owns.
@@ -93,7 +102,10 @@ impl Reduce {
             block: u32::MAX,
             result_index: index,
         };
-        recorder.stage(&self.pipeline).bind(&[bound.buffer, &self.partials, output]).push(&all).linear(1);
+        recorder
+            .stage(&self.pipeline, ReduceStage { counts: bound.buffer, elements: &self.partials, results: output })
+            .push(&all)
+            .linear(1);
         Ok(())
     }
 }
@@ -107,5 +119,8 @@ pub(super) fn record_blocks<'a>(
     partials: &'a Buffer,
 ) {
     let push = ReducePush { count: bound.count, count_index: bound.index, divide: 1, block: BLOCK, result_index: 0 };
-    recorder.stage(pipeline).bind(&[bound.buffer, input, partials]).push(&push).linear(bound.count.div_ceil(BLOCK));
+    recorder
+        .stage(pipeline, ReduceStage { counts: bound.buffer, elements: input, results: partials })
+        .push(&push)
+        .linear(bound.count.div_ceil(BLOCK));
 }

@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use super::count::{Bound, Count, check_index, check_most};
-use super::reduce::{BLOCK, Operation, REDUCE, record_blocks};
+use super::reduce::{BLOCK, Operation, ReduceConstants, ReduceStage, record_blocks};
 use crate::Result;
+use crate::vulkan::stage::GroupConstants;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
-    /// Push constants of [`SCAN_BLOCKS`].
-    pub struct ScanPush {
+    /// Push constants of [`ScanBlocksStage`].
+    pub(crate) struct ScanPush {
         /// Elements, or the most there can be.
         pub count: u32,
         /// Where in `counts` their number is; all ones where `count` is the number.
@@ -18,8 +19,8 @@ crate::gpu_struct! {
 }
 
 crate::gpu_struct! {
-    /// Push constants of [`SCAN_ROWS`].
-    pub struct RowsPush {
+    /// Push constants of [`ScanRowsStage`].
+    pub(crate) struct RowsPush {
         /// Elements, or the most there can be.
         pub count: u32,
         /// Where in `counts` their number is; all ones where `count` is the number.
@@ -35,12 +36,12 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// Exclusive prefix sum of each row of a table, in place, a workgroup per row.
-    pub SCAN_ROWS = scan_rows(RowsPush) { read counts, write rows, write totals }
+    pub(crate) ScanRowsStage = scan_rows<GroupConstants>(RowsPush) { read counts, write rows, write totals }
 );
 
 crate::stage!(
     /// Exclusive prefix sum inside each block, on top of the block's offset.
-    pub SCAN_BLOCKS = scan_blocks(ScanPush) { read counts, read elements, read offsets, write sums }
+    pub(crate) ScanBlocksStage = scan_blocks(ScanPush) { read counts, read elements, read offsets, write sums }
 );
 
 /// Exclusive prefix sum of `u32`, modulo 2³²: 12 bytes of traffic per element (two reads and a write).
@@ -60,9 +61,9 @@ impl Scan {
     pub fn new(context: &Arc<Context>, most: u32) -> Result<Self> {
         check_most(most)?;
         Ok(Self {
-            reduce: Pipeline::new(context, &REDUCE, &[Operation::SumU32 as u32])?,
-            rows: Pipeline::new(context, &SCAN_ROWS, &[])?,
-            blocks: Pipeline::new(context, &SCAN_BLOCKS, &[])?,
+            reduce: Pipeline::new::<ReduceStage>(context, &ReduceConstants { operation: Operation::SumU32 })?,
+            rows: Pipeline::new::<ScanRowsStage>(context, &GroupConstants { local_size_x: 256 })?,
+            blocks: Pipeline::new::<ScanBlocksStage>(context, &())?,
             offsets: Buffer::device(context, "scan offsets", Self::footprint(most))?,
             most,
         })
@@ -93,8 +94,10 @@ impl Scan {
         record_rows(recorder, &self.rows, bound, &self.offsets, [1, BLOCK, 0], total);
         let push = ScanPush { count: bound.count, count_index: bound.index };
         recorder
-            .stage(&self.blocks)
-            .bind(&[bound.buffer, input, &self.offsets, output])
+            .stage(
+                &self.blocks,
+                ScanBlocksStage { counts: bound.buffer, elements: input, offsets: &self.offsets, sums: output },
+            )
             .push(&push)
             .linear(bound.count.div_ceil(BLOCK));
         Ok(())
@@ -111,5 +114,5 @@ pub(super) fn record_rows<'a>(
     (totals, total_index): (&'a Buffer, u32),
 ) {
     let push = RowsPush { count: bound.count, count_index: bound.index, block, stride, total_index };
-    recorder.stage(pipeline).bind(&[bound.buffer, table, totals]).push(&push).linear(rows);
+    recorder.stage(pipeline, ScanRowsStage { counts: bound.buffer, rows: table, totals }).push(&push).linear(rows);
 }

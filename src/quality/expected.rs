@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::law::Law;
-use super::look::{Caster, LOOK, Look, LookPush, Surroundings, Viewer, place};
+use super::look::{Caster, Look, LookPush, LookStage, Surroundings, Viewer, place};
 use super::nearest::nearest_cameras;
 use crate::metrics::score_point::{View, view};
 use crate::scene::camera::Camera;
@@ -14,7 +14,7 @@ use crate::{Error, Result};
 
 crate::gpu_struct! {
     /// Push constants of `expected`.
-    pub struct ExpectedPush {
+    pub(crate) struct ExpectedPush {
         /// Cameras.
         pub views: u32,
         /// Viewer of the first workgroup.
@@ -36,9 +36,19 @@ crate::gpu_struct! {
     }
 }
 
+crate::specialisation! {
+    /// Constants of [`ExpectedStage`].
+    pub(crate) struct ExpectedConstants {
+        /// Whether the primitives are discs.
+        discs: bool,
+        /// Threads of a look.
+        lanes: u32,
+    }
+}
+
 crate::stage!(
     /// A workgroup per viewer, a thread per look.
-    pub EXPECTED = expected(ExpectedPush) {
+    pub(crate) ExpectedStage = expected<ExpectedConstants>(ExpectedPush) {
         read nodes, read primitives, read looks, read cameras, read law, write errors, write verdicts,
     } with [Node, Look, View, Law, Verdict]
 );
@@ -95,11 +105,19 @@ impl<'a> Judge<'a> {
         let looks = Buffer::device(context, "looks", u64::from(count * LOOKS) * size_of::<Look>() as u64)?;
         let viewer_buffer = Buffer::from_slice(context, "viewers", &pool)?;
         let control = Buffer::from_slice(context, "control", &[0u32])?;
-        let draw = Pipeline::new(context, &LOOK, &[0, 0, 0, 0, 0, scene.discs()])?;
+        let draw = Pipeline::new::<LookStage>(context, &scene.constants())?;
         let mut commands = Recorder::new(context)?;
         commands
-            .stage(&draw)
-            .bind(&[&scene.nodes, &scene.primitives, &control, &viewer_buffer, &looks])
+            .stage(
+                &draw,
+                LookStage {
+                    nodes: &scene.nodes,
+                    primitives: &scene.primitives,
+                    control: &control,
+                    viewers: &viewer_buffer,
+                    looks: &looks,
+                },
+            )
             .push(&push(count, around, seed))
             .linear((count * LOOKS).div_ceil(64));
         commands.submit_and_wait()?;
@@ -111,7 +129,10 @@ impl<'a> Judge<'a> {
             law: Buffer::from_slice(context, "law", &[*law])?,
             errors: Buffer::device(context, "errors", u64::from(4 * count * LOOKS))?,
             verdicts: Buffer::device(context, "verdicts", u64::from(count) * size_of::<Verdict>() as u64)?,
-            pipeline: Pipeline::new(context, &EXPECTED, &[0, 0, 0, 0, 0, scene.discs()])?,
+            pipeline: Pipeline::new::<ExpectedStage>(
+                context,
+                &ExpectedConstants { discs: scene.constants().discs, lanes: 1 },
+            )?,
             viewers,
         })
     }
@@ -147,16 +168,18 @@ impl<'a> Judge<'a> {
         let most = self.context.physical().groups_x as usize;
         for first in (0..self.viewers.len()).step_by(most) {
             commands
-                .stage(&self.pipeline)
-                .bind(&[
-                    &self.scene.nodes,
-                    &self.scene.primitives,
-                    &self.looks,
-                    &camera_buffer,
-                    &self.law,
-                    &self.errors,
-                    &self.verdicts,
-                ])
+                .stage(
+                    &self.pipeline,
+                    ExpectedStage {
+                        nodes: &self.scene.nodes,
+                        primitives: &self.scene.primitives,
+                        looks: &self.looks,
+                        cameras: &camera_buffer,
+                        law: &self.law,
+                        errors: &self.errors,
+                        verdicts: &self.verdicts,
+                    },
+                )
                 .push(&ExpectedPush { views: cameras.len() as u32, first: first as u32 })
                 .groups([most.min(self.viewers.len() - first) as u32, 1, 1]);
         }

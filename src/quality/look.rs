@@ -7,9 +7,10 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::law::Law;
 use crate::scene::camera::Camera;
-use crate::visibility::bvh::{Bvh, Node, Primitives};
+use crate::visibility::bvh::{Bvh, Node, Primitives, TraversalConstants};
 use crate::visibility::device_scene::SceneGeometry;
 use crate::visibility::raycast::Ray;
+use crate::vulkan::shaders::glsl::quality::look as glsl;
 
 crate::gpu_struct! {
     /// A viewer's pinhole camera in the planner's frame: the ray through image position (u, v), each in [0, 1] from the
@@ -55,7 +56,7 @@ crate::gpu_struct! {
 
 crate::gpu_struct! {
     /// Push constants of `look`.
-    pub struct LookPush {
+    pub(crate) struct LookPush {
         /// Middle of the surface.
         pub middle: [f32; 3],
         /// Weight of looks beside the surface; 0: they count for nothing.
@@ -77,13 +78,13 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// A thread per pixel of each viewer.
-    pub LOOK = look(LookPush) {
+    pub(crate) LookStage = look<TraversalConstants>(LookPush) {
         read nodes, read primitives, read control, read viewers, write looks,
     } with [Node, Viewer, Look]
 );
 
 /// Stream of the pixels' places.
-const PIXELS: u32 = 0x6c6f_6f6b;
+const PIXELS: u32 = glsl::PIXELS;
 /// Lift off a mesh as a fraction of the surface's bounding radius.
 const LIFT: f64 = 1e-4;
 
@@ -129,7 +130,7 @@ impl Surroundings {
     }
 
     /// For `count` viewers of a pool of as many as `pool`.
-    pub fn push(&self, pool: u32, count: u32, side: u32, seed: u32) -> LookPush {
+    pub(crate) fn push(&self, pool: u32, count: u32, side: u32, seed: u32) -> LookPush {
         let Self { middle, lift, background } = *self;
         LookPush { middle: middle.to_array(), background, pool, count, first: 0, side, seed, lift }
     }

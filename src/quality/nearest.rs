@@ -8,9 +8,10 @@ use super::look::Look;
 use crate::metrics::score_point::View;
 use crate::visibility::bvh::Bvh;
 use crate::visibility::raycast::Ray;
+use crate::vulkan::shaders::glsl::shared::nearest_views;
 
 /// Of those that are nearest but for what hides them so many are looked at, as on the device.
-const LISTED: usize = 128;
+const LISTED: usize = nearest_views::LISTED as usize * nearest_views::WALKS as usize;
 
 /// The point of a look, the unit direction to the viewer, and the normal.
 pub fn vectors(look: &Look) -> [DVec3; 3] {

@@ -10,7 +10,7 @@ use crate::photos::Photo;
 use crate::quality::look::Look;
 use crate::scene::lens::Lens;
 use crate::scene::proxy::SurfacePoint;
-use crate::visibility::bvh::Node;
+use crate::visibility::bvh::{Node, TraversalConstants};
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::visibility::probe_depth::Probe;
 use crate::visibility::raycast::Ray;
@@ -18,7 +18,7 @@ use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
     /// Push constants of `sight`.
-    pub struct SightPush {
+    pub(crate) struct SightPush {
         /// Point of the first workgroups.
         pub first: u32,
         /// Points of this dispatch.
@@ -32,7 +32,7 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// A workgroup per point and 64 photos.
-    pub SIGHT = sight(SightPush) {
+    pub(crate) SightStage = sight<TraversalConstants>(SightPush) {
         read nodes, read primitives, read probes, read centres, read framed, write seen,
     } with [Node, Probe]
 );
@@ -195,7 +195,7 @@ fn cast(
     framed: &Sight,
 ) -> Result<Sight> {
     let centres: Vec<[f32; 4]> = centres.iter().map(|c| c.extend(0.0).to_array()).collect();
-    let pipeline = Pipeline::new(context, &SIGHT, &[0, 0, 0, 0, 0, scene.discs()])?;
+    let pipeline = Pipeline::new::<SightStage>(context, &scene.constants())?;
     let probes_on_device = Buffer::from_slice(context, "probes", probes)?;
     let centres_on_device = Buffer::from_slice(context, "centres", &centres)?;
     let framed_on_device = Buffer::from_slice(context, "framed", &framed.bits)?;
@@ -205,8 +205,17 @@ fn cast(
     for first in (0..probes.len()).step_by(rows) {
         let points = rows.min(probes.len() - first);
         commands
-            .stage(&pipeline)
-            .bind(&[&scene.nodes, &scene.primitives, &probes_on_device, &centres_on_device, &framed_on_device, &seen])
+            .stage(
+                &pipeline,
+                SightStage {
+                    nodes: &scene.nodes,
+                    primitives: &scene.primitives,
+                    probes: &probes_on_device,
+                    centres: &centres_on_device,
+                    framed: &framed_on_device,
+                    seen: &seen,
+                },
+            )
             .push(&SightPush {
                 first: first as u32,
                 points: points as u32,

@@ -8,7 +8,7 @@ use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
     /// Push constants of `check_depth`.
-    pub struct CheckPush {
+    pub(crate) struct CheckPush {
         /// The view that is checked.
         pub reference: u32,
         /// Views in all.
@@ -20,7 +20,7 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// How many views agree with each depth, and how many see through it.
-    pub CHECK_DEPTH = check_depth(CheckPush) { read views, read depths, write support } with [StereoView]
+    pub(crate) CheckDepthStage = check_depth(CheckPush) { read views, read depths, write support } with [StereoView]
 );
 
 /// What other views say of a depth.
@@ -43,14 +43,13 @@ pub fn check(
     depths: &[f32],
     tolerance: f32,
 ) -> Result<Vec<Support>> {
-    let pipeline = Pipeline::new(context, &CHECK_DEPTH, &[])?;
+    let pipeline = Pipeline::new::<CheckDepthStage>(context, &())?;
     let depth_buffer = Buffer::from_slice(context, "depths", depths)?;
     let support = Buffer::device(context, "support", 4 * depths.len() as u64)?;
     let mut commands = Recorder::new(context)?;
     for (reference, view) in views.iter().enumerate() {
         commands
-            .stage(&pipeline)
-            .bind(&[view_buffer, &depth_buffer, &support])
+            .stage(&pipeline, CheckDepthStage { views: view_buffer, depths: &depth_buffer, support: &support })
             .push(&CheckPush { reference: reference as u32, count: views.len() as u32, tolerance })
             .groups([view.width.div_ceil(8), view.height.div_ceil(8), 1]);
     }

@@ -1,4 +1,4 @@
-//! How alike a window of a view and its image in the neighbours are: the twin of `stereo/match.glsl`.
+//! How alike a window of a view and its image in the neighbours are: the twin of `stereo/zncc.glsl`.
 //!
 //! The measure is one minus the zero-mean normalised cross-correlation; over the neighbours, the mean of the better half,
 //! since an occlusion spoils the others only (Kang, Szeliski and Chai 2001, "Handling Occlusions in Dense Multi-view Stereo").
@@ -6,15 +6,16 @@
 use glam::{Vec2, Vec3};
 
 use super::frame::{MAX_PAIRS, StereoPair, StereoView};
+use crate::vulkan::shaders::glsl::stereo::zncc;
 
 /// Cost of what cannot be compared; matches cost 0 to 2.
-pub const NO_MATCH: f32 = 4.0;
+pub const NO_MATCH: f32 = zncc::NO_MATCH as f32;
 /// Half a window; of its pixels every other one is compared, as on a chequerboard.
-const RADIUS: i32 = 3;
+const RADIUS: i32 = zncc::RADIUS;
 /// Pixels compared.
-const TAPS: f32 = 25.0;
+const TAPS: f32 = zncc::TAPS as f32;
 /// Added to the sums of squares: about the noise of shrunk 8-bit pictures.
-const NOISE: f32 = 3e-4;
+const NOISE: f32 = zncc::NOISE as f32;
 
 /// A plane in front of a view: inverse depth, which is linear in the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -13,7 +13,7 @@ use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
     /// Push constants of `plane_sweep`.
-    pub struct SweepPush {
+    pub(crate) struct SweepPush {
         /// Lowest corner of the hull's first voxel.
         pub origin: [f32; 3],
         /// Side of a voxel.
@@ -33,13 +33,13 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// Depth of each pixel of a view, by planes parallel to its picture.
-    pub PLANE_SWEEP = plane_sweep(SweepPush) { read views, read pictures, read pairs, read hull, write planes }
+    pub(crate) PlaneSweepStage = plane_sweep(SweepPush) { read views, read pictures, read pairs, read hull, write planes }
     with [StereoView, StereoPair]
 );
 
 crate::gpu_struct! {
     /// Push constants of `refine_depth`.
-    pub struct RefinePush {
+    pub(crate) struct RefinePush {
         /// Lowest corner of the hull's first voxel.
         pub origin: [f32; 3],
         /// Side of a voxel.
@@ -67,7 +67,7 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// A round of refinement: planes of the pixels beside one, and random changes of its own.
-    pub REFINE_DEPTH = refine_depth(RefinePush) {
+    pub(crate) RefineDepthStage = refine_depth(RefinePush) {
         read views, read pictures, read pairs, read hull, read planes, write refined,
     } with [StereoView, StereoPair]
 );
@@ -182,8 +182,8 @@ impl Sweeper {
         let planes = || Buffer::device(context, "planes", 16 * largest);
         Ok(Self {
             context: context.clone(),
-            sweep: Pipeline::new(context, &PLANE_SWEEP, &[])?,
-            refine: Pipeline::new(context, &REFINE_DEPTH, &[])?,
+            sweep: Pipeline::new::<PlaneSweepStage>(context, &())?,
+            refine: Pipeline::new::<RefineDepthStage>(context, &())?,
             views: views.to_vec(),
             view_buffer: Buffer::from_slice(context, "views", views)?,
             pictures: Buffer::from_slice(context, "pictures", pictures)?,
@@ -203,8 +203,16 @@ impl Sweeper {
         let reference = reference as u32;
         let mut commands = Recorder::new(&self.context)?;
         commands
-            .stage(&self.sweep)
-            .bind(&[&self.view_buffer, &self.pictures, &self.pairs, hull.buffer(), &self.planes[0]])
+            .stage(
+                &self.sweep,
+                PlaneSweepStage {
+                    views: &self.view_buffer,
+                    pictures: &self.pictures,
+                    pairs: &self.pairs,
+                    hull: hull.buffer(),
+                    planes: &self.planes[0],
+                },
+            )
             .push(&SweepPush { origin, cell, cells_x, cells_y, cells_z, reference, hypotheses })
             .groups([view.width.div_ceil(8), view.height.div_ceil(8), 1]);
         let rounds = rounds.min(ROUNDS.len());
@@ -212,8 +220,17 @@ impl Sweeper {
             let [from, to] = [round % 2, (round + 1) % 2].map(|i| &self.planes[i]);
             let (iteration, seed) = (round as u32, seed as u32);
             commands
-                .stage(&self.refine)
-                .bind(&[&self.view_buffer, &self.pictures, &self.pairs, hull.buffer(), from, to])
+                .stage(
+                    &self.refine,
+                    RefineDepthStage {
+                        views: &self.view_buffer,
+                        pictures: &self.pictures,
+                        pairs: &self.pairs,
+                        hull: hull.buffer(),
+                        planes: from,
+                        refined: to,
+                    },
+                )
                 .push(&RefinePush {
                     origin,
                     cell,

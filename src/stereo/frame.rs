@@ -8,10 +8,11 @@ use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::colour;
 use crate::scene::lens::{Distortion, Lens};
 use crate::scene::similarity::Similarity;
+use crate::vulkan::shaders::glsl::stereo::zncc;
 use crate::{Error, Result};
 
 /// Neighbours of a view at most.
-pub const MAX_PAIRS: usize = 4;
+pub const MAX_PAIRS: usize = zncc::MAX_PAIRS as usize;
 
 /// A photo at working size without distortion. Pixels run row by row.
 #[derive(Clone, Debug)]

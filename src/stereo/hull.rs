@@ -7,19 +7,20 @@ use glam::{DVec3, Vec3};
 use super::frame::StereoView;
 use crate::Result;
 use crate::scene::voxels::Grid;
+use crate::vulkan::shaders::glsl::stereo::carve as glsl;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 /// Coverage of a pixel from which it counts as the object: a thin part does not fill its pixels.
-const COVERED: f32 = 0.3;
+const COVERED: f32 = glsl::COVERED as f32;
 /// Views that must see through a voxel for it to be empty; more than have their own depth there.
-const VOTES: u32 = 2;
+const VOTES: u32 = glsl::VOTES;
 
 /// A part of the hull stays where it is at least this much of the largest.
 const MIN_PART: f64 = 0.01;
 
 crate::gpu_struct! {
     /// Push constants of `carve`.
-    pub struct CarvePush {
+    pub(crate) struct CarvePush {
         /// Lowest corner of the first voxel.
         pub origin: [f32; 3],
         /// Side of a voxel.
@@ -41,7 +42,7 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// An invocation per voxel: whether it may be the object.
-    pub CARVE = carve(CarvePush) { read views, read masks, read depths, write hull } with [StereoView]
+    pub(crate) CarveStage = carve(CarvePush) { read views, read masks, read depths, write hull } with [StereoView]
 );
 
 /// What voxels are carved by.
@@ -81,7 +82,7 @@ impl Hull {
     /// # Errors
     /// Where device memory runs out or the device fails.
     pub fn carve(context: &Arc<Context>, grid: Grid, evidence: &Evidence) -> Result<Self> {
-        let pipeline = Pipeline::new(context, &CARVE, &[])?;
+        let pipeline = Pipeline::new::<CarveStage>(context, &())?;
         let views = Buffer::from_slice(context, "views", evidence.views)?;
         let masks = Buffer::from_slice(context, "masks", evidence.masks)?;
         let depths = Buffer::from_slice(context, "depths", evidence.depths)?;
@@ -99,7 +100,10 @@ impl Hull {
         };
         let mut commands = Recorder::new(context)?;
         let groups = grid.voxels().div_ceil(64) as u32;
-        commands.stage(&pipeline).bind(&[&views, &masks, &depths, &buffer]).push(&push).linear(groups);
+        commands
+            .stage(&pipeline, CarveStage { views: &views, masks: &masks, depths: &depths, hull: &buffer })
+            .push(&push)
+            .linear(groups);
         commands.submit_and_wait()?;
         drop(commands);
         let mut cells = buffer.download(grid.voxels())?;

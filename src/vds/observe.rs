@@ -11,15 +11,16 @@ use super::variance::median;
 use crate::photos::{Photo, PhotoSet};
 use crate::scene::proxy::{Proxy, SurfacePoint};
 use crate::scene::similarity::Similarity;
-use crate::visibility::bvh::{Bvh, Node, Primitives};
+use crate::visibility::bvh::{Bvh, Node, Primitives, TraversalConstants};
 use crate::visibility::lens_view::LensView;
 use crate::visibility::raycast::Ray;
+use crate::vulkan::shaders::glsl::vds::observe as glsl;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
 
 crate::gpu_struct! {
     /// Push constants of `observe`.
-    pub struct ObservePush {
+    pub(crate) struct ObservePush {
         /// Surface points.
         pub points: u32,
         /// The photo's camera.
@@ -51,13 +52,13 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// A thread per surface point: what one photo shows of it.
-    pub OBSERVE = observe(ObservePush) {
+    pub(crate) ObserveStage = observe<TraversalConstants>(ObservePush) {
         read nodes, read primitives, read surface, read views, read photo, write intensities,
     } with [Node, ObservedPoint, LensView]
 );
 
 /// Least cosine between a point's normal and the way to the camera: past 80 degrees a footprint is all neighbours.
-const MIN_COSINE: f32 = 0.17;
+const MIN_COSINE: f32 = glsl::MIN_COSINE as f32;
 /// Photos under way on the device: one is copied there while another is sampled.
 const SLOTS: usize = 2;
 
@@ -155,12 +156,12 @@ impl Scene {
     ) -> Result<Observations> {
         let nodes = Buffer::from_slice(context, "nodes", &self.bvh.nodes)?;
         let (primitives, discs) = match &self.bvh.primitives {
-            Primitives::Triangles(triangles) => (Buffer::from_slice(context, "primitives", triangles)?, 0),
-            Primitives::Discs(discs) => (Buffer::from_slice(context, "primitives", discs)?, 1),
+            Primitives::Triangles(triangles) => (Buffer::from_slice(context, "primitives", triangles)?, false),
+            Primitives::Discs(discs) => (Buffer::from_slice(context, "primitives", discs)?, true),
         };
         let surface = Buffer::from_slice(context, "surface", &self.points)?;
         let views = Buffer::from_slice(context, "views", &self.views)?;
-        let pipeline = Pipeline::new(context, &OBSERVE, &[0, 0, 0, 0, 0, discs])?;
+        let pipeline = Pipeline::new::<ObserveStage>(context, &TraversalConstants { discs })?;
         let texels = |view: &LensView| Pyramid::size(view.size[0] as u32, view.size[1] as u32);
         let room = 4 * (self.views.iter().map(texels).max().unwrap_or(0) + self.points.len().div_ceil(32) as u64);
         let slot = || -> Result<Slot> {
@@ -202,8 +203,17 @@ impl Scene {
             let mut commands = Recorder::new(context)?;
             commands.copy(&slot.staging, &slot.photo, 4 * pyramid.texels.len() as u64);
             commands
-                .stage(&pipeline)
-                .bind(&[&nodes, &primitives, &surface, &views, &slot.photo, &slot.intensities])
+                .stage(
+                    &pipeline,
+                    ObserveStage {
+                        nodes: &nodes,
+                        primitives: &primitives,
+                        surface: &surface,
+                        views: &views,
+                        photo: &slot.photo,
+                        intensities: &slot.intensities,
+                    },
+                )
                 .push(&ObservePush {
                     points: self.points.len() as u32,
                     view: view as u32,

@@ -15,21 +15,30 @@ use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 
 use crate::scene::proxy::Occluder;
 use crate::scene::similarity::Similarity;
+use crate::vulkan::shaders::glsl::shared::bvh as glsl;
 use crate::{Error, Result};
 
 /// Marks a child that is a leaf.
-pub const LEAF: u32 = 1 << 31;
+pub const LEAF: u32 = glsl::LEAF;
 /// Where a leaf keeps its number of primitives.
-pub const COUNT_SHIFT: u32 = 27;
+pub const COUNT_SHIFT: u32 = glsl::COUNT_SHIFT;
 /// A leaf without primitives.
 pub const EMPTY: u32 = LEAF;
 /// Most levels of inner nodes, and entries of a traversal's stack.
-pub const MAX_DEPTH: u32 = 48;
+pub const MAX_DEPTH: u32 = glsl::STACK;
 
 /// Most primitives of a leaf.
 const LEAF_SIZE: u32 = 4;
 /// Most primitives that the encoding can address.
 const MAX_PRIMITIVES: usize = 1 << COUNT_SHIFT;
+
+crate::specialisation! {
+    /// Constants of stages that trace (`shared/bvh.glsl`).
+    pub(crate) struct TraversalConstants {
+        /// Whether the primitives are discs.
+        discs: bool,
+    }
+}
 
 crate::gpu_struct! {
     /// Two children with their boxes: four vec4 of std430.

@@ -10,7 +10,7 @@ use crate::scene::limits::Limits;
 use crate::scene::proxy::Proxy;
 use crate::scene::region::{Region, Shape};
 use crate::scene::similarity::Similarity;
-use crate::visibility::bvh::{Bvh, Primitives};
+use crate::visibility::bvh::{Bvh, Primitives, TraversalConstants};
 use crate::vulkan::{Buffer, Context};
 use crate::{Error, Result};
 
@@ -189,9 +189,9 @@ impl DeviceScene {
         self.geometry
     }
 
-    /// Specialisation constant 5 of every stage that traces: whether the primitives are discs.
-    pub(crate) fn discs(&self) -> u32 {
-        matches!(self.geometry.bvh.primitives, Primitives::Discs(_)) as u32
+    /// Constants of the stages that trace it.
+    pub(crate) fn constants(&self) -> TraversalConstants {
+        TraversalConstants { discs: matches!(self.geometry.bvh.primitives, Primitives::Discs(_)) }
     }
 }
 

@@ -9,6 +9,8 @@ use super::device_scene::{DeviceRegion, DeviceScene, SceneGeometry};
 use super::raycast::{MISS, Ray, inverse_slope};
 use crate::Result;
 use crate::scene::proxy::SurfacePoint;
+use crate::visibility::bvh::TraversalConstants;
+use crate::vulkan::shaders::glsl::visibility::probe_depth as glsl;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
@@ -27,7 +29,7 @@ crate::gpu_struct! {
 
 crate::gpu_struct! {
     /// Push constants of `probe_depth`.
-    pub struct ProbeDepthPush {
+    pub(crate) struct ProbeDepthPush {
         /// Probe of the first row.
         pub first: u32,
         /// Rays of this dispatch.
@@ -39,7 +41,7 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// A ray per texel of each probe.
-    pub PROBE_DEPTH = probe_depth(ProbeDepthPush) {
+    pub(crate) ProbeDepthStage = probe_depth<TraversalConstants>(ProbeDepthPush) {
         read nodes, read primitives, read probes, read region, read free_distance, write depth,
     } with [Node, Probe, DeviceRegion]
 );
@@ -70,7 +72,7 @@ impl Probe {
 
 crate::gpu_struct! {
     /// Push constants of `probe_sky`.
-    pub struct ProbeSkyPush {
+    pub(crate) struct ProbeSkyPush {
         /// Texels along a side.
         pub resolution: u32,
     }
@@ -78,11 +80,11 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// A workgroup per probe: how much of the sphere the region takes.
-    pub PROBE_SKY = probe_sky(ProbeSkyPush) { read depth, write probes } with [Probe]
+    pub(crate) ProbeSkyStage = probe_sky(ProbeSkyPush) { read depth, write probes } with [Probe]
 );
 
 /// Depth of the directions behind a disc: everything there is hidden.
-const BEHIND: f32 = 1e-6;
+const BEHIND: f32 = glsl::BEHIND as f32;
 /// Rays of one dispatch: short enough that no watchdog minds.
 const RAYS: u32 = 1 << 20;
 
@@ -106,21 +108,29 @@ impl ProbeMaps {
         let texels = resolution * resolution;
         let probe_buffer = Buffer::from_slice(context, "probes", &probes)?;
         let depth = Buffer::device(context, "depth", 4 * probes.len() as u64 * texels as u64)?;
-        let pipeline = Pipeline::new(context, &PROBE_DEPTH, &[0, 0, 0, 0, 0, scene.discs()])?;
-        let sky = Pipeline::new(context, &PROBE_SKY, &[])?;
+        let pipeline = Pipeline::new::<ProbeDepthStage>(context, &scene.constants())?;
+        let sky = Pipeline::new::<ProbeSkyStage>(context, &())?;
         let rows = (RAYS / texels).max(1);
         let mut commands = Recorder::new(context)?;
         for first in (0..probes.len() as u32).step_by(rows as usize) {
             let rays = rows.min(probes.len() as u32 - first) * texels;
             commands
-                .stage(&pipeline)
-                .bind(&[&scene.nodes, &scene.primitives, &probe_buffer, &scene.region, &scene.free_distance, &depth])
+                .stage(
+                    &pipeline,
+                    ProbeDepthStage {
+                        nodes: &scene.nodes,
+                        primitives: &scene.primitives,
+                        probes: &probe_buffer,
+                        region: &scene.region,
+                        free_distance: &scene.free_distance,
+                        depth: &depth,
+                    },
+                )
                 .push(&ProbeDepthPush { first, rays, resolution })
                 .linear(rays.div_ceil(64));
         }
         commands
-            .stage(&sky)
-            .bind(&[&depth, &probe_buffer])
+            .stage(&sky, ProbeSkyStage { depth: &depth, probes: &probe_buffer })
             .push(&ProbeSkyPush { resolution })
             .linear(probes.len() as u32);
         commands.submit_and_wait()?;

@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::bvh::{Bvh, COUNT_SHIFT, Disc, LEAF, MAX_DEPTH, Primitives, Triangle};
+use crate::vulkan::shaders::glsl::shared::bvh as glsl;
 
 /// A ray in the normalised frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +28,7 @@ pub struct Hit {
 }
 
 /// Distance at which a ray enters a box that it misses, and to what a ray does not hit.
-pub(super) const MISS: f32 = 1e30;
+pub(super) const MISS: f32 = glsl::MISS as f32;
 /// Direction components smaller than this count as this: a slab test without division by zero.
 const MIN_SLOPE: f32 = 1e-12;
 /// Far ends of slabs are widened by this factor, so that rounding cannot lose a box: 1 + 2 gamma(3), Ize, "Robust BVH Ray

@@ -6,35 +6,42 @@ use ash::vk;
 use rayon::prelude::*;
 
 use super::context::Context;
-use super::stage::Stage;
+use super::stage::{Constants, Shader, Stage};
 use crate::Result;
+
+/// [`Pipeline::new`] of a stage.
+type Compile<C> = fn(&Arc<Context>, &C) -> Result<Pipeline>;
 
 /// A stage, compiled for a device.
 pub struct Pipeline {
     pub(super) raw: vk::Pipeline,
     pub(super) layout: vk::PipelineLayout,
-    pub(super) stage: &'static Stage,
+    pub(super) shader: &'static Shader,
     set_layout: vk::DescriptorSetLayout,
     module: vk::ShaderModule,
     context: Arc<Context>,
 }
 
 impl Pipeline {
-    /// Compiles `stage` with its specialisation constants 0, 1, ... set to `constants`.
+    /// Compiles the shader of a stage for a device: `Pipeline::new::<FadeStage>(&context, &constants)`.
     ///
     /// # Errors
     /// Where the driver refuses.
-    pub fn new(context: &Arc<Context>, stage: &'static Stage, constants: &[u32]) -> Result<Self> {
+    pub fn new<S: Stage<'static>>(context: &Arc<Context>, constants: &S::Constants) -> Result<Self> {
+        Self::compile(context, S::SHADER, &constants.words())
+    }
+
+    fn compile(context: &Arc<Context>, shader: &'static Shader, constants: &[u32]) -> Result<Self> {
         let mut pipeline = Self {
             raw: vk::Pipeline::null(),
             layout: vk::PipelineLayout::null(),
-            stage,
+            shader,
             set_layout: vk::DescriptorSetLayout::null(),
             module: vk::ShaderModule::null(),
             context: context.clone(),
         };
         let failure = |what| move |code| context.failure(what, code);
-        let bindings: Vec<_> = (0..stage.bindings.len() as u32)
+        let bindings: Vec<_> = (0..shader.buffers.len() as u32)
             .map(|slot| {
                 vk::DescriptorSetLayoutBinding::default()
                     .binding(slot)
@@ -54,52 +61,49 @@ impl Pipeline {
                 device.create_descriptor_set_layout(&set_info, None).map_err(failure("vkCreateDescriptorSetLayout"))?;
             let sets = [pipeline.set_layout];
             let push =
-                [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(stage.push_size)];
+                [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(shader.push_size)];
             let mut layout_info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
-            if stage.push_size > 0 {
+            if shader.push_size > 0 {
                 layout_info = layout_info.push_constant_ranges(&push);
             }
             pipeline.layout =
                 device.create_pipeline_layout(&layout_info, None).map_err(failure("vkCreatePipelineLayout"))?;
-            let code: Vec<u32> = bytemuck::pod_collect_to_vec(stage.code);
+            let code: Vec<u32> = bytemuck::pod_collect_to_vec(shader.code);
             let module_info = vk::ShaderModuleCreateInfo::default().code(&code);
             pipeline.module =
                 device.create_shader_module(&module_info, None).map_err(failure("vkCreateShaderModule"))?;
-            let entries: Vec<_> = (0..constants.len() as u32)
-                .map(|id| vk::SpecializationMapEntry::default().constant_id(id).offset(4 * id).size(4))
-                .collect();
+            let entry = |&(number, place): &(u32, usize)| {
+                vk::SpecializationMapEntry::default().constant_id(number).offset(4 * place as u32).size(4)
+            };
+            let entries: Vec<_> = shader.constants.iter().map(entry).collect();
             let special = vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
-            let shader = vk::PipelineShaderStageCreateInfo::default()
+            let stage = vk::PipelineShaderStageCreateInfo::default()
                 .stage(vk::ShaderStageFlags::COMPUTE)
                 .module(pipeline.module)
                 .name(c"main")
                 .specialization_info(&special);
-            let info = [vk::ComputePipelineCreateInfo::default().stage(shader).layout(pipeline.layout)];
+            let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(pipeline.layout)];
             let made = device.create_compute_pipelines(context.pipeline_cache, &info, None);
             pipeline.raw = made.map_err(|(_, code)| context.failure("vkCreateComputePipelines", code))?[0];
         }
-        context.name(pipeline.raw, stage.label);
+        context.name(pipeline.raw, shader.label);
         Ok(pipeline)
     }
 
-    /// Compiles several stages with the same constants side by side: a driver takes its time over each.
+    /// Compiles several stages with the same constants side by side, as a driver takes its time over each:
+    /// `Pipeline::several(&context, &constants, [Pipeline::new::<FadeStage>, Pipeline::new::<CopyStage>])`.
     ///
     /// # Errors
     /// Where the driver refuses one of them.
-    pub fn several<const N: usize>(
+    pub fn several<C: Constants + Sync, const N: usize>(
         context: &Arc<Context>,
-        stages: [&'static Stage; N],
-        constants: &[u32],
+        constants: &C,
+        stages: [Compile<C>; N],
     ) -> Result<[Self; N]> {
-        let compile = |stage| Self::new(context, stage, constants);
+        let compile = |stage: Compile<C>| stage(context, constants);
         let mut made = stages.into_par_iter().map(compile).collect::<Result<Vec<_>>>()?.into_iter();
         // As many come out as went in.
         Ok(std::array::from_fn(|_| made.next().expect("a pipeline for every stage")))
-    }
-
-    /// The stage that this was made from.
-    pub fn stage(&self) -> &'static Stage {
-        self.stage
     }
 }
 

@@ -11,7 +11,7 @@ pub use super::clock::Timing;
 use super::context::Context;
 use super::pipeline::Pipeline;
 use super::reuse::Commands;
-use super::stage::Access;
+use super::stage::{Access, Stage};
 use crate::{Error, Result};
 
 /// Writes stages into a command buffer. It borrows what it records, and waits for its submissions when dropped.
@@ -119,9 +119,17 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
-    /// Starts the record of one stage: `recorder.stage(&pipeline).bind(&[...]).push(&constants).groups([n, 1, 1])`.
-    pub fn stage<'r>(&'r mut self, pipeline: &'a Pipeline) -> StageRecord<'r, 'a> {
-        StageRecord { recorder: self, pipeline, buffers: Vec::new(), push: [0; 128], push_size: 0 }
+    /// Starts the record of one stage: `recorder.stage(&fade, FadeStage { source, target }).push(&push).linear(groups)`.
+    pub fn stage<'r, S: Stage<'a>>(&'r mut self, pipeline: &'a Pipeline, stage: S) -> StageRecord<'r, 'a, S::Push> {
+        // A mismatch here is a mistake in this crate that no input can cause.
+        assert_eq!(
+            pipeline.shader.buffers,
+            S::SHADER.buffers,
+            "`{}` bound as `{}`",
+            pipeline.shader.name,
+            S::SHADER.name
+        );
+        StageRecord { recorder: self, pipeline, buffers: stage.in_order(), push: None }
     }
 
     /// Copies the first `bytes` bytes of `from` to the start of `to`.
@@ -292,12 +300,11 @@ impl<'a> Recorder<'a> {
 }
 
 /// A stage being recorded; nothing happens before one of its last three methods is called.
-pub struct StageRecord<'r, 'a> {
+pub struct StageRecord<'r, 'a, P> {
     recorder: &'r mut Recorder<'a>,
     pipeline: &'a Pipeline,
     buffers: Vec<&'a Buffer>,
-    push: [u8; 128],
-    push_size: usize,
+    push: Option<P>,
 }
 
 enum Size<'a> {
@@ -305,18 +312,10 @@ enum Size<'a> {
     Indirect(&'a Buffer, u64),
 }
 
-impl<'a> StageRecord<'_, 'a> {
-    /// The buffers, in slot order.
-    pub fn bind(mut self, buffers: &[&'a Buffer]) -> Self {
-        self.buffers = buffers.to_vec();
-        self
-    }
-
+impl<'a, P: Pod> StageRecord<'_, 'a, P> {
     /// The push constants.
-    pub fn push<T: Pod>(mut self, constants: &T) -> Self {
-        let bytes = bytemuck::bytes_of(constants);
-        self.push[..bytes.len()].copy_from_slice(bytes);
-        self.push_size = bytes.len();
+    pub fn push(mut self, constants: &P) -> Self {
+        self.push = Some(*constants);
         self
     }
 
@@ -338,16 +337,16 @@ impl<'a> StageRecord<'_, 'a> {
     }
 
     fn dispatch(self, size: &Size<'a>) {
-        let Self { recorder, pipeline, buffers, push, push_size } = self;
-        let stage = pipeline.stage;
+        let Self { recorder, pipeline, buffers, push } = self;
+        let shader = pipeline.shader;
+        let push = push.as_ref().map_or(&[][..], bytemuck::bytes_of);
         // A mismatch here is a mistake in this crate that no input can cause.
-        assert_eq!(buffers.len(), stage.bindings.len(), "buffers of `{}`", stage.name);
-        assert_eq!(push_size, stage.push_size as usize, "push constants of `{}`", stage.name);
+        assert_eq!(push.len(), shader.push_size as usize, "push constants of `{}`", shader.name);
         if matches!(size, Size::Groups(groups) if groups.contains(&0)) || recorder.failure.is_some() {
             return;
         }
         let of = |access| {
-            let bound = buffers.iter().zip(stage.bindings).filter(move |(_, a)| **a == access);
+            let bound = buffers.iter().zip(shader.buffers).filter(move |(_, (_, a))| *a == access);
             bound.map(|(buffer, _)| buffer.handle()).collect::<Vec<_>>()
         };
         let mut read = of(Access::Read);
@@ -369,17 +368,17 @@ impl<'a> StageRecord<'_, 'a> {
                     .buffer_info(info)
             })
             .collect();
-        recorder.start_clock(stage.name);
+        recorder.start_clock(shader.name);
         // SAFETY: the command buffer is recording; pipeline and buffers are live for `'a`, which outlives the
-        // recorder's submissions; counts were checked above.
+        // recorder's submissions; as many buffers are bound as the stage declares.
         unsafe {
             let context = &recorder.context;
             let (device, raw) = (&context.device, recorder.raw);
             if let Some(labels) = &context.debug_utils {
-                labels.cmd_begin_debug_utils_label(raw, &vk::DebugUtilsLabelEXT::default().label_name(stage.label));
+                labels.cmd_begin_debug_utils_label(raw, &vk::DebugUtilsLabelEXT::default().label_name(shader.label));
             }
             if let Some(checkpoints) = &context.checkpoints {
-                checkpoints.cmd_set_checkpoint(raw, stage.label.as_ptr().cast());
+                checkpoints.cmd_set_checkpoint(raw, shader.label.as_ptr().cast());
             }
             device.cmd_bind_pipeline(raw, vk::PipelineBindPoint::COMPUTE, pipeline.raw);
             if !writes.is_empty() {
@@ -391,9 +390,9 @@ impl<'a> StageRecord<'_, 'a> {
                     &writes,
                 );
             }
-            if push_size > 0 {
+            if !push.is_empty() {
                 let flags = vk::ShaderStageFlags::COMPUTE;
-                device.cmd_push_constants(raw, pipeline.layout, flags, 0, &push[..push_size]);
+                device.cmd_push_constants(raw, pipeline.layout, flags, 0, push);
             }
             match size {
                 Size::Groups([x, y, z]) => device.cmd_dispatch(raw, *x, *y, *z),
@@ -405,7 +404,7 @@ impl<'a> StageRecord<'_, 'a> {
         }
         recorder.stop_clock();
         if recorder.context.debug_sync && recorder.owned() && recorder.clock.is_none() {
-            recorder.failure = recorder.run_now(stage.name).err();
+            recorder.failure = recorder.run_now(shader.name).err();
         }
     }
 }

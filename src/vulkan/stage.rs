@@ -1,5 +1,7 @@
 //! Stages: what the host declares of a compute shader, held against the compiled SPIR-V while the crate compiles.
 
+use super::buffer::Buffer;
+
 /// A member of a struct that host and device share. Offset and size in bytes.
 pub struct Member {
     /// Its name, the same in GLSL and Rust.
@@ -30,6 +32,8 @@ pub struct Reflected {
     pub push: Layout,
     /// The structs that the buffers hold.
     pub structs: &'static [Layout],
+    /// Number and name of each specialisation constant.
+    pub constants: &'static [(u32, &'static str)],
 }
 
 /// How a stage uses a buffer.
@@ -41,8 +45,8 @@ pub enum Access {
     Write,
 }
 
-/// A compute stage: one shader, one name for its label, timestamp, crash marker and bench row.
-pub struct Stage {
+/// A compute shader as the host knows it; one name for its label, timestamp, crash marker and bench row.
+pub struct Shader {
     /// The name, with a trailing NUL so that Vulkan can point at it.
     pub label: &'static std::ffi::CStr,
     /// The same name.
@@ -51,10 +55,39 @@ pub struct Stage {
     pub code: &'static [u8],
     /// Threads per workgroup.
     pub local_size: [u32; 3],
-    /// Access of each buffer, by slot.
-    pub bindings: &'static [Access],
+    /// Name and access of each buffer, by slot.
+    pub buffers: &'static [(&'static str, Access)],
     /// Size of the push constants in bytes.
     pub push_size: u32,
+    /// Number of each specialisation constant, and its place in [`Constants::words`].
+    pub constants: &'static [(u32, usize)],
+}
+
+/// A compute stage: a struct with the stage's buffers by name; made by [`stage!`](crate::stage).
+pub trait Stage<'a> {
+    /// Its push constants.
+    type Push: bytemuck::Pod;
+    /// Its specialisation constants.
+    type Constants: Constants;
+    /// Its shader.
+    const SHADER: &'static Shader;
+    /// The buffers, in slot order.
+    fn in_order(self) -> Vec<&'a Buffer>;
+}
+
+/// Specialisation constants by name; made by [`specialisation!`](crate::specialisation).
+pub trait Constants {
+    /// Their names.
+    const NAMES: &'static [&'static str];
+    /// Their values, in the same order.
+    fn words(&self) -> Vec<u32>;
+}
+
+impl Constants for () {
+    const NAMES: &'static [&'static str] = &[];
+    fn words(&self) -> Vec<u32> {
+        Vec::new()
+    }
 }
 
 /// A struct with a layout that shaders are checked against; made by [`gpu_struct!`](crate::gpu_struct).
@@ -70,11 +103,11 @@ impl HostLayout for () {
 /// Declares a `#[repr(C)]` struct that host and device share.
 #[macro_export]
 macro_rules! gpu_struct {
-    ($(#[$meta:meta])* pub struct $name:ident { $($(#[$field_meta:meta])* pub $field:ident: $kind:ty,)* }) => {
+    ($(#[$meta:meta])* $vis:vis struct $name:ident { $($(#[$field_meta:meta])* pub $field:ident: $kind:ty,)* }) => {
         $(#[$meta])*
         #[repr(C)]
         #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-        pub struct $name { $($(#[$field_meta])* pub $field: $kind,)* }
+        $vis struct $name { $($(#[$field_meta])* pub $field: $kind,)* }
 
         impl $crate::vulkan::stage::HostLayout for $name {
             const LAYOUT: $crate::vulkan::stage::Layout = $crate::vulkan::stage::Layout {
@@ -90,38 +123,85 @@ macro_rules! gpu_struct {
     };
 }
 
-/// Declares a stage: `stage!(pub SCAN_BLOCKS = scan_blocks(ScanPush) { read values, write sums } with [Splat]);`
-/// names the shader file, the push constants, the buffers in slot order and the structs that they hold.
+/// Declares the specialisation constants of one or several shaders, named as in GLSL but in lower case: integers,
+/// booleans or enumerations. `local_size_x` stands for `local_size_x_id`.
+#[macro_export]
+macro_rules! specialisation {
+    ($(#[$meta:meta])* $vis:vis struct $name:ident { $($(#[$field_meta:meta])* $field:ident: $kind:ty,)* }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy)]
+        $vis struct $name { $($(#[$field_meta])* pub $field: $kind,)* }
+
+        impl $crate::vulkan::stage::Constants for $name {
+            const NAMES: &'static [&'static str] = &[$(stringify!($field)),*];
+            fn words(&self) -> Vec<u32> {
+                vec![$(self.$field as u32),*]
+            }
+        }
+    };
+}
+
+/// Declares a stage: `stage!(ScanStage = scan<ScanConstants>(ScanPush) { read values, write sums } with [Splat]);` names the
+/// shader file, the specialisation constants (if it has any), the push constants, the buffers in slot order and the structs
+/// that they hold.
 #[macro_export]
 macro_rules! stage {
-    ($(#[$meta:meta])* pub $name:ident = $shader:ident($push:ty) { $($access:ident $buffer:ident),* $(,)? }
-     $(with [$($shared:ty),*])?) => {
+    ($(#[$meta:meta])* $vis:vis $name:ident = $shader:ident $(<$constants:ty>)? ($push:ty)
+     { $($access:ident $buffer:ident),* $(,)? } $(with [$($shared:ty),*])?) => {
         $(#[$meta])*
-        pub static $name: $crate::vulkan::stage::Stage = {
-            use $crate::vulkan::stage::HostLayout as _;
+        $vis struct $name<'a> { $(#[doc = concat!("To ", stringify!($access), ".")] pub $buffer: &'a $crate::vulkan::Buffer),* }
+
+        const _: () = {
+            use $crate::vulkan::stage::{Constants as _, HostLayout as _};
+            type Specialised = $crate::stage!(@constants $($constants)?);
             const BUFFERS: &[(&str, $crate::vulkan::stage::Access)] =
                 &[$((stringify!($buffer), $crate::stage!(@access $access))),*];
             const REFLECTED: $crate::vulkan::stage::Reflected = $crate::vulkan::shaders::$shader::REFLECTED;
-            $crate::vulkan::stage::check_buffers(&REFLECTED, BUFFERS);
-            $crate::vulkan::stage::check_layout(&REFLECTED.push, &<$push>::LAYOUT);
-            assert!(size_of::<$push>() <= 128, "push constants are 128 bytes at most");
-            $crate::vulkan::stage::check_structs(&REFLECTED, &[$($(&<$shared>::LAYOUT),*)?]);
-            $crate::vulkan::stage::Stage {
-                label: match std::ffi::CStr::from_bytes_with_nul(concat!(stringify!($shader), "\0").as_bytes()) {
-                    Ok(label) => label,
-                    // The name is an identifier, and a static is evaluated by the compiler: no panic at run time.
-                    Err(_) => panic!("a stage's name holds no NUL"),
-                },
-                name: stringify!($shader),
-                code: $crate::vulkan::shaders::$shader::CODE,
-                local_size: REFLECTED.local_size,
-                bindings: &[$($crate::stage!(@access $access)),*],
-                push_size: size_of::<$push>() as u32,
+            // A static, which is checked while the crate compiles whether it is used or not.
+            static SHADER: $crate::vulkan::stage::Shader = {
+                $crate::vulkan::stage::check_buffers(&REFLECTED, BUFFERS);
+                $crate::vulkan::stage::check_layout(&REFLECTED.push, &<$push>::LAYOUT);
+                assert!(size_of::<$push>() <= 128, "push constants are 128 bytes at most");
+                $crate::vulkan::stage::check_structs(&REFLECTED, &[$($(&<$shared>::LAYOUT),*)?]);
+                $crate::vulkan::stage::Shader {
+                    label: match std::ffi::CStr::from_bytes_with_nul(concat!(stringify!($shader), "\0").as_bytes()) {
+                        Ok(label) => label,
+                        // The name is an identifier, and a static is evaluated by the compiler: no panic at run time.
+                        Err(_) => panic!("a stage's name holds no NUL"),
+                    },
+                    name: stringify!($shader),
+                    code: $crate::vulkan::shaders::$shader::CODE,
+                    local_size: REFLECTED.local_size,
+                    buffers: BUFFERS,
+                    push_size: size_of::<$push>() as u32,
+                    constants: &$crate::vulkan::stage::places::<{ REFLECTED.constants.len() }>(
+                        REFLECTED.constants,
+                        Specialised::NAMES,
+                    ),
+                }
+            };
+            impl<'a> $crate::vulkan::stage::Stage<'a> for $name<'a> {
+                type Push = $push;
+                type Constants = Specialised;
+                const SHADER: &'static $crate::vulkan::stage::Shader = &SHADER;
+                fn in_order(self) -> Vec<&'a $crate::vulkan::Buffer> {
+                    vec![$(self.$buffer),*]
+                }
             }
         };
     };
     (@access read) => { $crate::vulkan::stage::Access::Read };
     (@access write) => { $crate::vulkan::stage::Access::Write };
+    (@constants) => { () };
+    (@constants $constants:ty) => { $constants };
+}
+
+specialisation! {
+    /// The workgroup's size alone.
+    pub struct GroupConstants {
+        /// Threads per workgroup.
+        local_size_x: u32,
+    }
 }
 
 // The checks below run in constant evaluation: their panics are compile errors.
@@ -139,6 +219,24 @@ const fn same(a: &str, b: &str) -> bool {
         i += 1;
     }
     true
+}
+
+/// Compile-time check: every specialisation constant of a shader is one that the host names. Their numbers, and places
+/// among the host's names.
+pub const fn places<const N: usize>(reflected: &[(u32, &str)], names: &[&str]) -> [(u32, usize); N] {
+    let mut places = [(0, 0); N];
+    let mut i = 0;
+    while i < N {
+        let (number, name) = reflected[i];
+        let mut place = 0;
+        while place < names.len() && !name.eq_ignore_ascii_case(names[place]) {
+            place += 1;
+        }
+        assert!(place < names.len(), "a shader has a specialisation constant that the host does not name");
+        places[i] = (number, place);
+        i += 1;
+    }
+    places
 }
 
 /// Compile-time check: slots, names and access of every buffer.

@@ -27,7 +27,7 @@ Form form_of(vec3 x, vec3 y, Spread spread, vec3 conic, float weight, vec2 mean,
     mat2 inverse = mat2(conic.x, conic.y, conic.y, conic.z);
     mat2 by_conic = -inverse * mat2(covariance.x, covariance.y, covariance.y, covariance.z) * inverse;
     float constant = 0.0;
-    if (ANTIALIASED != 0) {
+    if (ANTIALIASED) {
         // Of the compensation, relative to it.
         float sharp = 2.0 * dot(cross(x, y), cross(by_x, y) + cross(x, by_y));
         float determinant = sharp + LOW_PASS * (covariance.x + covariance.z);

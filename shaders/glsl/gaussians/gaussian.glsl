@@ -1,7 +1,7 @@
 // What the stages of Gaussian splatting share: the camera, a projected Gaussian, the planes that parameters lie in.
 // Twin of all formulas: src/gaussians/twin.
 
-layout(constant_id = 0) const uint ANTIALIASED = 0;
+layout(constant_id = 0) const bool ANTIALIASED = false;
 
 // A camera in the training frame. Rows of the camera-from-world rotation, with the translation in w.
 struct View {

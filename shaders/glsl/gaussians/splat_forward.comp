@@ -8,7 +8,7 @@
 #include "gaussians/frame.glsl"
 #include "gaussians/bounds.glsl"
 layout(local_size_x = 256, local_size_x_id = 1) in;
-layout(constant_id = 2) const uint DEPTHS = 0;
+layout(constant_id = 2) const bool DEPTHS = false;
 
 layout(binding = 0, std430) readonly buffer Views { View views[]; };
 layout(binding = 1, std430) readonly buffer ProjectedBlock { Projected projected[]; };
@@ -101,7 +101,7 @@ void main() {
                     }
                     float weight = sum[p].w * alpha;
                     sum[p].xyz += weight * vec3(conic.w, others[k]);
-                    if (DEPTHS != 0) depth[p] += weight * mean.w;
+                    if (DEPTHS) depth[p] += weight * mean.w;
                     sum[p].w = left;
                     end[p] = base + k + 1;
                 }
@@ -119,7 +119,7 @@ void main() {
         picture[texel] = vec4(sum[p].xyz + sum[p].w * background, sum[p].w);
         ends[texel] = end[p];
         latest = max(latest, end[p]);
-        if (DEPTHS != 0) depths[texel] = depth[p];
+        if (DEPTHS) depths[texel] = depth[p];
     }
     barrier();
     atomicMax(last, latest);

@@ -38,7 +38,7 @@ Projected project(View view, uint i) {
     Spread spread = spread_of(m[0] * axes, m[1] * axes);
     // Neither negative nor infinite, nor no number at all.
     if (!(spread.determinant > 0.0 && spread.determinant < 1e38)) return none;
-    if (ANTIALIASED != 0) {
+    if (ANTIALIASED) {
         opacity *= compensation(spread);
         if (!(opacity >= MIN_ALPHA)) return none;
     }

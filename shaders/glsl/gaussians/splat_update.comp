@@ -12,9 +12,9 @@
 #include "gaussians/sums.glsl"
 layout(local_size_x = 64) in;
 // Whether adaptive density control needs the length of the gradient by the mean.
-layout(constant_id = 1) const uint STATISTICS = 0;
+layout(constant_id = 1) const bool STATISTICS = false;
 // Whether the backward pass has summed the instances already, by atomic additions.
-layout(constant_id = 2) const uint SUMMED = 0;
+layout(constant_id = 2) const bool SUMMED = false;
 
 layout(push_constant) uniform Push {
     uint stride;
@@ -151,7 +151,7 @@ Gradients through_projection(View camera, uint i, vec2 by_mean, vec3 by_conic, f
     mat2 inverse = mat2(conic.x, conic.y, conic.y, conic.z);
     mat2 by_covariance = -inverse * mat2(by_conic.x, 0.5 * by_conic.y, 0.5 * by_conic.y, by_conic.z) * inverse;
     float by_plain = by_opacity;
-    if (ANTIALIASED != 0) {
+    if (ANTIALIASED) {
         Spread spread = spread_of(x, y);
         vec3 narrow = spread.narrow, wide = narrow + vec3(LOW_PASS, 0.0, LOW_PASS);
         float factor = compensation(spread);
@@ -201,7 +201,7 @@ void main() {
     bool alive = i < count, seen = alive && projected[alive ? i : 0].opacity > 0.0;
     uvec2 run = seen ? runs[i] : uvec2(0);
     float sum[SUMS];
-    if (SUMMED == 0) {
+    if (!SUMMED) {
         sum = gathered(run);
     } else if (run.y > 0) {
         [[unroll]] for (uint c = 0; c < SUMS; ++c) sum[c] = partials[SUMS * i + c];
@@ -220,7 +220,7 @@ void main() {
         vec3 by_conic = -vec3(0.5 * sum[6], sum[7], 0.5 * sum[8]);
         g = through_projection(camera, i, by_mean, by_conic, sum[3] / splat.opacity);
         towards = vector(CENTRE, i) - camera.position;
-        if (STATISTICS != 0) {
+        if (STATISTICS) {
             float size = length(0.5 * by_mean * vec2(camera.width, camera.height));
             statistics[i] += vec2(size, 1.0);
         }

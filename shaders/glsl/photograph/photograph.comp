@@ -10,8 +10,10 @@
 #include "photograph/appearance.glsl"
 layout(local_size_x = 64) in;
 
-layout(constant_id = 0) const uint STRATEGY = 0;    // 0: both, 1: lights are looked for, 2: lights are met by chance
-layout(constant_id = 1) const uint COUNT_RAYS = 0;  // 1: rays are counted in place of alpha
+// How lights are found: looked for at every hit, met by chance, or both.
+const uint BOTH = 0, LIGHTS = 1, CHANCE = 2;
+layout(constant_id = 0) const uint STRATEGY = BOTH;
+layout(constant_id = 1) const bool COUNT_RAYS = false;  // whether rays are counted in place of alpha
 
 layout(push_constant) uniform Push {
     vec3 position;
@@ -90,7 +92,7 @@ bool extend(inout Path path, uint pixel, uint number) {
         path.alpha = 1.0;
         if (setting[0].sky_width == 0) return false;
         vec4 found = sky_from(path.direction);
-        float share = path.looked ? (STRATEGY == 1 ? 0.0 : weight(path.density, found.w)) : 1.0;
+        float share = path.looked ? (STRATEGY == LIGHTS ? 0.0 : weight(path.density, found.w)) : 1.0;
         path.light += path.left * found.rgb * share;
         return false;
     }
@@ -104,13 +106,13 @@ bool extend(inout Path path, uint pixel, uint number) {
     if (max(emission.r, max(emission.g, emission.b)) > 0.0) {
         float other = path.looked ? light_density(face.light, hit.slot, hit.t, abs(dot(s.side, wo))) : 0.0;
         bool twice = path.looked && face.light != NONE;
-        path.light += path.left * emission * (twice ? (STRATEGY == 1 ? 0.0 : weight(path.density, other)) : 1.0);
+        path.light += path.left * emission * (twice ? (STRATEGY == LIGHTS ? 0.0 : weight(path.density, other)) : 1.0);
         if ((flags & UNLIT) != 0) return false;
     }
     vec3 place = primitives[3 * hit.slot].xyz + hit.at.x * primitives[3 * hit.slot + 1].xyz
         + hit.at.y * primitives[3 * hit.slot + 2].xyz;
 
-    path.looked = STRATEGY != 2 && is_wide(s);
+    path.looked = STRATEGY != CHANCE && is_wide(s);
     uvec4 words = pcg4d(uvec4(seed, pixel, number, 4 * k + 1));
     if (path.looked || setting[0].lights > 0) {
         Lit lit = light_towards(place, words, pcg4d(uvec4(seed, pixel, number, 4 * k + 2)));
@@ -119,7 +121,7 @@ bool extend(inout Path path, uint pixel, uint number) {
             vec4 through = scattered(s, wo, lit.towards);
             float most = max(through.r, max(through.g, through.b));
             if (most > 0.0) {
-                bool twice = STRATEGY == 0 && lit.density > 0.0;
+                bool twice = STRATEGY == BOTH && lit.density > 0.0;
                 vec3 start = beside(hit, place, dot(lit.towards, s.side) > 0.0 ? s.side : -s.side);
                 float share = passing(start, lit.towards, lit.reach, hit.slot, lit.slot);
                 path.rays += 1.0;
@@ -151,7 +153,7 @@ bool extend(inout Path path, uint pixel, uint number) {
 vec4 found_by(Path path) {
     // A weight of 0 times a density beyond single precision is no light.
     vec3 light = dot(path.light, vec3(1.0)) < 1e30 ? path.light : vec3(0.0);
-    return vec4(light, COUNT_RAYS != 0 ? path.rays : path.alpha);
+    return vec4(light, COUNT_RAYS ? path.rays : path.alpha);
 }
 
 void main() {

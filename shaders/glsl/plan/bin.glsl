@@ -6,7 +6,7 @@ const uint TILES = TILES_WIDE * TILES_WIDE;
 
 // Cosine and sine of the angle from the splat's direction at which its kernel is cut off (KERNEL_CUTOFF).
 vec2 cut_off(float scale, float d) {
-    if (KERNEL == 0) {
+    if (KERNEL == ANGULAR) {
         float c = max(1.0 - KERNEL_CUTOFF * scale * scale, -1.0);
         return vec2(c, sqrt(max(1.0 - c * c, 0.0)));
     }

@@ -63,12 +63,12 @@ void main() {
                     if (rest < 0.0) continue;
                     vec3 w = texels[u].xyz;
                     float x = kernel_exponent(w, n, d, inverse);
-                    if (x >= KERNEL_CUTOFF || (OCCLUSION != 0 && d >= far[u])) continue;
+                    if (x >= KERNEL_CUTOFF || (OCCLUSION && d >= far[u])) continue;
                     float a = open * exp(-x), odds = a / (1.0 - a);
                     float difference = 1.0 - rest - goal;
                     float by_a = 2.0 * share * difference * rest * odds;  // (dL/da) a
                     total += by_a;
-                    moment += KERNEL == 0 ? by_a * w : (by_a * d * dot(w, n)) * w;
+                    moment += KERNEL == ANGULAR ? by_a * w : (by_a * d * dot(w, n)) * w;
                     by_scale += 2.0 * x * by_a;
                     utility -= share * rest * odds * (2.0 * difference - rest * odds);
                 }

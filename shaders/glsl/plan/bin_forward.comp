@@ -54,7 +54,7 @@ void main() {
                 uint k = b + i;
                 vec4 ray = batch_ray[k];
                 float x = kernel_exponent(w, ray.xyz, ray.w, inverse);
-                if (batch_open[k] > 0.0 && x < KERNEL_CUTOFF && (OCCLUSION == 0 || ray.w < abs(far))) {
+                if (batch_open[k] > 0.0 && x < KERNEL_CUTOFF && (!OCCLUSION || ray.w < abs(far))) {
                     rest *= 1.0 - batch_open[k] * exp(-x);
                 }
             }

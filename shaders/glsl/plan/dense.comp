@@ -134,7 +134,7 @@ void main() {
             vec4 ray = batch_ray[b];
             for (uint k = 0; k < EACH; ++k) {
                 float x = kernel_exponent(w[k], ray.xyz, ray.w, inverse);
-                if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || ray.w < abs(far[k]))) {
+                if (x < KERNEL_CUTOFF && (!OCCLUSION || ray.w < abs(far[k]))) {
                     value[k] *= 1.0 - batch_open[b] * exp(-x);
                 }
             }
@@ -177,13 +177,13 @@ void main() {
                     if (rest < 0.0) continue;
                     vec3 w = directions[block + t].xyz;
                     float x = kernel_exponent(w, n, d, inverse);
-                    if (x < KERNEL_CUTOFF && (OCCLUSION == 0 || d < abs(depth[pool_row + block + t]))) {
+                    if (x < KERNEL_CUTOFF && (!OCCLUSION || d < abs(depth[pool_row + block + t]))) {
                         float a = open * exp(-x);
                         float odds = a / (1.0 - a);
                         float difference = 1.0 - rest - s.alpha * score;
                         float by_a = 2.0 * share * difference * rest * odds;  // (dL/da) a
                         total += by_a;
-                        moment += KERNEL == 0 ? by_a * w : (by_a * d * dot(w, n)) * w;
+                        moment += KERNEL == ANGULAR ? by_a * w : (by_a * d * dot(w, n)) * w;
                         by_scale += 2.0 * x * by_a;
                         // (I_without - goal)^2 - (I - goal)^2
                         utility -= share * rest * odds * (2.0 * difference - rest * odds);

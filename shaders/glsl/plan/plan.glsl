@@ -2,10 +2,11 @@
 // formulae of gate, kernel and region. Lengths are in units of the region's bounding radius.
 
 layout(constant_id = 0) const uint RESOLUTION = 16;  // texels of a point camera along a side
-layout(constant_id = 1) const uint OBJECTIVE = 0;    // 0 splat, 1 quality
-layout(constant_id = 2) const uint GATE = 1;         // 0 hard cone, 1 soft cone, 2 hard frustum, 3 soft frustum
-layout(constant_id = 3) const uint KERNEL = 0;       // 0 angular, 1 metric
-layout(constant_id = 4) const uint OCCLUSION = 1;    // 0 everything is seen through
+const uint HARD_CONE = 0, SOFT_CONE = 1, HARD_FRUSTUM = 2, SOFT_FRUSTUM = 3;
+layout(constant_id = 2) const uint GATE = SOFT_CONE;
+const uint ANGULAR = 0, METRIC = 1;
+layout(constant_id = 3) const uint KERNEL = ANGULAR;
+layout(constant_id = 4) const bool OCCLUSION = true;  // whether surfaces hide
 
 const uint TEXELS = RESOLUTION * RESOLUTION;
 const uint NONE = 0xffffffffu;
@@ -43,7 +44,7 @@ struct Settings {
     float scale_floor;
 };
 
-// What changes from one iteration to the next; written by `update` alone, at its end.
+// What changes from one iteration to the next; written by the update alone, at its end.
 struct Control {
     uint iteration;
     uint halt;        // nothing is done any more
@@ -134,11 +135,11 @@ float texel_weight(Probe probe, Settings s) {
 Gate gate(vec3 v, Splat camera, Settings s) {
     vec3 r = camera.direction;
     Gate g = Gate(0.0, vec3(0.0), vec3(0.0));
-    if (GATE < 2) {
+    if (GATE == HARD_CONE || GATE == SOFT_CONE) {
         // The cone inscribed in the image.
         float tangent = min(camera.tan_x, camera.tan_y);
         float margin = dot(r, v) - inversesqrt(1.0 + tangent * tangent);
-        if (GATE == 0) {
+        if (GATE == HARD_CONE) {
             g.open = margin >= 0.0 ? 1.0 : 0.0;
             return g;
         }
@@ -159,7 +160,7 @@ Gate gate(vec3 v, Splat camera, Settings s) {
     // Sines of the angles to the frustum's nearest side planes.
     float norm_x = inversesqrt(1.0 + camera.tan_x * camera.tan_x), norm_y = inversesqrt(1.0 + camera.tan_y * camera.tan_y);
     float margin_x = (camera.tan_x * z - abs(x)) * norm_x, margin_y = (camera.tan_y * z - abs(y)) * norm_y;
-    if (GATE == 2) {
+    if (GATE == HARD_FRUSTUM) {
         g.open = min(margin_x, margin_y) >= 0.0 ? 1.0 : 0.0;
         return g;
     }
@@ -179,7 +180,7 @@ Gate gate(vec3 v, Splat camera, Settings s) {
 
 // Exponent of the kernel of a splat at distance `d` along unit direction `n`, seen along `w`; the kernel is exp(-x).
 float kernel_exponent(vec3 w, vec3 n, float d, float inverse_scale_square) {
-    if (KERNEL == 0) {
+    if (KERNEL == ANGULAR) {
         // 1 - w.n cancels in float32; half the squared chord does not.
         vec3 chord = w - n;
         return 0.5 * dot(chord, chord) * inverse_scale_square;
@@ -194,7 +195,7 @@ float kernel_exponent(vec3 w, vec3 n, float d, float inverse_scale_square) {
 Gradient splat_gradient(vec3 n, float d, Gate g, vec3 moment, float total, float inverse_scale_square) {
     Gradient grad = Gradient(vec3(0.0), 0.0, vec3(0.0), 0.0);
     vec3 by_n = -total * g.by_view;
-    if (KERNEL == 0) {
+    if (KERNEL == ANGULAR) {
         by_n += moment * inverse_scale_square;
         grad.centre = (by_n - dot(by_n, n) * n) / d;
     } else {

@@ -1,7 +1,7 @@
-// The end of an iteration, by the last workgroup of `update` to get there: sums the losses, steps the shared scale,
+// The end of an iteration, by the last workgroup of the update to get there: sums the losses, steps the shared scale,
 // writes the history and sets up the next iteration. Twin: src/plan/tally.rs (all but the sums).
 //
-// A stage of its own would wait for all of `update` and make the next iteration wait in turn; on a GPU those two waits
+// A stage of its own would wait for all of the update and make the next iteration wait in turn; on a GPU those two waits
 // are longer than the work. Which workgroup comes last is chance, but what it sums and in which order is not.
 
 struct Record {
@@ -11,12 +11,12 @@ struct Record {
     float log_scale;
 };
 
-layout(binding = 13, std430) writeonly buffer History { Record history[]; };
+layout(binding = 11, std430) writeonly buffer History { Record history[]; };
 // Host-visible: [0] the host asks to stop; [1] iterations done; [2] most splats that a probe saw.
-layout(binding = 14, std430) buffer Mailbox { uint mailbox[]; };
+layout(binding = 12, std430) buffer Mailbox { uint mailbox[]; };
 // [0] workgroups that are done with this iteration; [1] the host asks to stop. Apart from `control`, which every thread
 // reads: coherent loads of one word by all of them would queue up.
-layout(binding = 15, std430) coherent buffer Arrivals { uint arrivals[]; };
+layout(binding = 13, std430) coherent buffer Arrivals { uint arrivals[]; };
 
 shared uint most[GROUP];
 shared bool last;
@@ -45,7 +45,7 @@ void tally(Settings s, Control c, uint thread) {
     if (thread != 0) return;
     history[c.iteration] = Record(sums[0].x, sums[0].y, sums[0].z, c.log_scale);
 
-    if (OBJECTIVE == 0 && s.lr_scale > 0.0) {
+    if (s.lr_scale > 0.0) {
         float gradient = sums[0].w + 2.0 * s.lambda_scale * exp(2.0 * c.log_scale);
         adam_means(gradient, c.scale_mean, c.scale_square);
         vec2 corrections = adam_corrections(c.step);

@@ -9,8 +9,7 @@
 #include "plan/plan.glsl"
 #include "shared/look.glsl"
 #include "shared/law.glsl"
-layout(local_size_x_id = 9) in;
-layout(constant_id = 9) const uint THREADS = 64;  // looks of a viewer, times LANES
+layout(local_size_x = 64, local_size_x_id = 9) in;  // looks of a viewer, times LANES
 
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
 layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };

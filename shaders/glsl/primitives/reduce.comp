@@ -10,13 +10,13 @@
 layout(local_size_x = 256) in;
 
 // The values of `Operation` in reduce.rs.
-layout(constant_id = 0) const uint OPERATION = 0;
 const uint SUM_F32 = 0;
 const uint MIN_F32 = 1;
 const uint MAX_F32 = 2;
 const uint SUM_U32 = 3;
 const uint MIN_U32 = 4;
 const uint MAX_U32 = 5;
+layout(constant_id = 0) const uint OPERATION = SUM_F32;
 
 layout(push_constant) uniform Push {
     uint count;

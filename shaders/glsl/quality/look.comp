@@ -56,7 +56,7 @@ void main() {
         vec3 normal;
         float off = lift;
         bool front = true;
-        if (DISCS != 0) {
+        if (DISCS) {
             normal = primitives[2 * slot + 1].xyz;
             off = primitives[2 * slot].w;
             // A disc is a piece of a surface that has one side.

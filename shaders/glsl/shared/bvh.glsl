@@ -2,7 +2,7 @@
 // precision: src/visibility/raycast.rs. Needs the bindings `nodes` (of Node) and `primitives` (vec4: three to a triangle,
 // two to a disc).
 
-layout(constant_id = 5) const uint DISCS = 0;  // 1: the primitives are discs
+layout(constant_id = 5) const bool DISCS = false;  // whether the primitives are discs
 
 const uint LEAF = 0x80000000u;
 const uint COUNT_SHIFT = 27;

@@ -4,7 +4,7 @@
 // Distance along the ray to a primitive, from either side; MISS where there is none in [t_min, t_max].
 float intersect(uint slot, vec3 origin, vec3 direction, float t_min, float t_max) {
     float t;
-    if (DISCS != 0) {
+    if (DISCS) {
         vec4 disc = primitives[2 * slot];
         vec3 normal = primitives[2 * slot + 1].xyz;
         float slope = dot(normal, direction);

@@ -19,7 +19,7 @@ layout(push_constant) uniform Push {
 layout(binding = 0, std430) readonly buffer Views { StereoView views[]; };
 layout(binding = 1, std430) readonly buffer Pictures { float pictures[]; };
 layout(binding = 2, std430) readonly buffer Pairs { StereoPair pairs[]; };
-#include "stereo/match.glsl"
+#include "stereo/zncc.glsl"
 layout(binding = 3, std430) readonly buffer Hull { uint hull[]; };
 layout(binding = 4, std430) writeonly buffer Planes { vec4 planes[]; };
 #include "stereo/hull.glsl"

@@ -25,7 +25,7 @@ layout(push_constant) uniform Push {
 layout(binding = 0, std430) readonly buffer Views { StereoView views[]; };
 layout(binding = 1, std430) readonly buffer Pictures { float pictures[]; };
 layout(binding = 2, std430) readonly buffer Pairs { StereoPair pairs[]; };
-#include "stereo/match.glsl"
+#include "stereo/zncc.glsl"
 layout(binding = 3, std430) readonly buffer Hull { uint hull[]; };
 layout(binding = 4, std430) readonly buffer Planes { vec4 planes[]; };
 layout(binding = 5, std430) writeonly buffer Refined { vec4 refined[]; };

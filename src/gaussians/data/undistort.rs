@@ -4,10 +4,11 @@ use glam::{DVec2, Vec2, Vec4};
 
 use crate::scene::camera::Intrinsics;
 use crate::scene::lens::Lens;
+use crate::vulkan::shaders::glsl::gaussians::photo;
 
 /// The pixel of which a photo shows nothing, since straightening it reaches past its rim: transparent white. No other pixel
 /// without alpha has a colour.
-pub const UNKNOWN: u32 = 0x00ff_ffff;
+pub const UNKNOWN: u32 = photo::UNKNOWN;
 
 /// Where the pixels of a lens's pinhole lie in the pictures that are taken through it.
 pub struct Map {

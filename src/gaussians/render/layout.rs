@@ -3,6 +3,28 @@
 use glam::DVec3;
 
 use crate::scene::gaussians::{Gaussians, MAX_DEGREE, coefficients};
+use crate::vulkan::shaders::glsl::gaussians::gaussian;
+use crate::vulkan::shaders::glsl::gaussians::sums;
+
+crate::specialisation! {
+    /// Constants of stages with a thread per Gaussian (`gaussians/gaussian.glsl`).
+    pub(crate) struct SplatConstants {
+        /// Whether the low-pass filter is compensated for (Yu et al. 2024).
+        antialiased: bool,
+    }
+}
+
+crate::specialisation! {
+    /// Constants of stages with a workgroup per tile.
+    pub(crate) struct TileConstants {
+        /// As [`SplatConstants::antialiased`].
+        antialiased: bool,
+        /// Threads per workgroup.
+        local_size_x: u32,
+        /// Whether the forward pass writes depths.
+        depths: bool,
+    }
+}
 
 crate::gpu_struct! {
     /// A Gaussian as a view sees it; an opacity of zero where it is not seen.
@@ -43,26 +65,26 @@ crate::gpu_struct! {
 }
 
 /// Planes of the parameters: value `plane` of Gaussian `i` is at `plane * stride + i`.
-pub const CENTRE: usize = 0;
+pub const CENTRE: usize = gaussian::CENTRE as usize;
 /// First of three planes of logarithms of standard deviations.
-pub const LOG_SCALE: usize = 3;
+pub const LOG_SCALE: usize = gaussian::LOG_SCALE as usize;
 /// First of four planes of quaternions (w, x, y, z).
-pub const ROTATION: usize = 6;
+pub const ROTATION: usize = gaussian::ROTATION as usize;
 /// Logits of opacities.
-pub const OPACITY: usize = 10;
+pub const OPACITY: usize = gaussian::OPACITY as usize;
 /// First of the planes of harmonics: red, green and blue of each function.
-pub const HARMONICS: usize = 11;
+pub const HARMONICS: usize = gaussian::HARMONICS as usize;
 /// Planes of harmonics up to a degree and all before them.
 pub const fn planes(degree: u32) -> usize {
     HARMONICS + 3 * coefficients(degree)
 }
 
 /// Pixels of a tile along a side.
-pub const TILE: u32 = 16;
+pub const TILE: u32 = gaussian::TILE;
 /// Instances between two checkpoints of the transmittance.
-pub const BLOCK: u32 = 256;
+pub const BLOCK: u32 = gaussian::BLOCK;
 /// Sums over pixels that the gradient of an instance is made of.
-pub const SUMS: u64 = 9;
+pub const SUMS: u64 = sums::SUMS as u64;
 
 /// Gaussians as planes, `stride` values apart, with all harmonics up to `degree`; what a file lacks is zero. Centres are
 /// rounded: give them in a frame whose origin is near.

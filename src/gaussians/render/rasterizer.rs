@@ -4,44 +4,44 @@
 use std::sync::Arc;
 
 use super::frame::View;
-use super::layout::{BLOCK, PassPush, Projected, SUMS, TILE};
+use super::layout::{BLOCK, PassPush, Projected, SUMS, SplatConstants, TILE, TileConstants};
 use crate::primitives::{Count, RadixSort, Scan};
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder, footprint};
 use crate::{Error, Result};
 
 crate::stage!(
     /// Every Gaussian as a view sees it.
-    pub SPLAT_PROJECT = splat_project(PassPush) {
+    pub(crate) SplatProjectStage = splat_project<SplatConstants>(PassPush) {
         read views, read population, read parameters, write projected, write depth_keys, write depth_splats,
     } with [View, Projected]
 );
 crate::stage!(
     /// Tiles of each Gaussian, in the order of depth.
-    pub SPLAT_COUNT = splat_count(PassPush) {
+    pub(crate) SplatCountStage = splat_count(PassPush) {
         read views, read population, read projected, read depth_splats, write tile_counts,
     } with [View, Projected]
 );
 crate::stage!(
     /// An instance per tile of each Gaussian.
-    pub SPLAT_EMIT = splat_emit(PassPush) {
+    pub(crate) SplatEmitStage = splat_emit(PassPush) {
         read views, read population, read projected, read depth_splats, read tile_counts, read tile_offsets,
         write tile_keys, write tile_instances, write instance_splats, write runs,
     } with [View, Projected]
 );
 crate::stage!(
     /// Instances of each tile.
-    pub SPLAT_RANGES = splat_ranges(PassPush) { read counts, read tile_keys, write ranges }
+    pub(crate) SplatRangesStage = splat_ranges(PassPush) { read counts, read tile_keys, write ranges }
 );
 crate::stage!(
     /// Compositing, a workgroup per tile.
-    pub SPLAT_FORWARD = splat_forward(PassPush) {
+    pub(crate) SplatForwardStage = splat_forward<TileConstants>(PassPush) {
         read views, read projected, read instance_splats, read tile_instances, read ranges, write picture, write ends,
         write tile_ends, write checkpoints, write depths,
     } with [View, Projected]
 );
 crate::stage!(
     /// Sums over pixels, a workgroup per block of instances.
-    pub SPLAT_BACKWARD = splat_backward(PassPush) {
+    pub(crate) SplatBackwardStage = splat_backward<TileConstants>(PassPush) {
         read views, read projected, read counts, read instance_splats, read tile_keys, read tile_instances, read ranges,
         read picture, read ends, read tile_ends, read checkpoints, read by_pixel, write partials,
     } with [View, Projected]
@@ -49,7 +49,7 @@ crate::stage!(
 
 crate::stage!(
     /// The same, summed into the Gaussians at once by atomic additions of floats.
-    pub SPLAT_BACKWARD_FAST = splat_backward_fast(PassPush) {
+    pub(crate) SplatBackwardFastStage = splat_backward_fast<TileConstants>(PassPush) {
         read views, read projected, read counts, read instance_splats, read tile_keys, read tile_instances, read ranges,
         read picture, read ends, read tile_ends, read checkpoints, read by_pixel, write partials,
     } with [View, Projected]
@@ -262,6 +262,19 @@ pub fn buffers(context: &Context, sizes: &Sizes, wanted: Wanted) -> Vec<(&'stati
     ]
 }
 
+/// What the forward pass leaves for the way back, named as [`SplatBackwardStage`] does.
+pub(crate) struct Composited<'a> {
+    pub counts: &'a Buffer,
+    pub instance_splats: &'a Buffer,
+    pub tile_keys: &'a Buffer,
+    pub tile_instances: &'a Buffer,
+    pub ranges: &'a Buffer,
+    pub picture: &'a Buffer,
+    pub ends: &'a Buffer,
+    pub tile_ends: &'a Buffer,
+    pub checkpoints: &'a Buffer,
+}
+
 impl Rasterizer {
     /// Makes room for `sizes`.
     ///
@@ -270,21 +283,23 @@ impl Rasterizer {
     pub fn new(context: &Arc<Context>, sizes: Sizes, wanted: Wanted) -> Result<Self> {
         let plan = buffers(context, &sizes, wanted);
         let buffer = |name: &str| footprint::buffer(context, &plan, name);
-        let antialiased = u32::from(wanted.antialiased);
-        let pipeline = |stage| Pipeline::new(context, stage, &[antialiased]);
         let threads = wanted.divided(context)?;
         if wanted.fast && !context.physical().atomic_floats {
             let name = &context.physical().name;
             return Err(Error::request(format!("{name} adds no floats atomically; train without --fast")));
         }
-        let backward = if wanted.fast { &SPLAT_BACKWARD_FAST } else { &SPLAT_BACKWARD };
+        let Wanted { antialiased, depths, .. } = wanted;
+        let constants = SplatConstants { antialiased };
+        let tiled = |local_size_x| TileConstants { antialiased, local_size_x, depths };
+        let backward =
+            if wanted.fast { Pipeline::new::<SplatBackwardFastStage> } else { Pipeline::new::<SplatBackwardStage> };
         Ok(Self {
-            project: pipeline(&SPLAT_PROJECT)?,
-            count: pipeline(&SPLAT_COUNT)?,
-            emit: pipeline(&SPLAT_EMIT)?,
-            ranges: pipeline(&SPLAT_RANGES)?,
-            forward: Pipeline::new(context, &SPLAT_FORWARD, &[antialiased, threads.forward, u32::from(wanted.depths)])?,
-            backward: Pipeline::new(context, backward, &[antialiased, threads.backward])?,
+            project: Pipeline::new::<SplatProjectStage>(context, &constants)?,
+            count: Pipeline::new::<SplatCountStage>(context, &())?,
+            emit: Pipeline::new::<SplatEmitStage>(context, &())?,
+            ranges: Pipeline::new::<SplatRangesStage>(context, &())?,
+            forward: Pipeline::new::<SplatForwardStage>(context, &tiled(threads.forward))?,
+            backward: backward(context, &tiled(threads.backward))?,
             scan: Scan::new(context, sizes.gaussians)?,
             context: context.clone(),
             wanted,
@@ -311,17 +326,24 @@ impl Rasterizer {
         (words, &self.scan)
     }
 
-    /// What an instance or a Gaussian is summed into, see [`SPLAT_BACKWARD`].
+    /// What an instance or a Gaussian is summed into, see [`SplatBackwardStage`].
     pub fn partials(&self) -> &Buffer {
         &self.lists.partials
     }
 
-    /// What the forward pass left, for stages of others: the buffers that [`SPLAT_BACKWARD`] reads from `counts` to
-    /// `checkpoints`.
-    pub fn composited<'a>(&'a self, instances: Instances<'a>) -> [&'a Buffer; 9] {
-        let Lists { instance_splats, checkpoints, .. } = &self.lists;
-        let Self { counts, tile_ranges, picture, ends, tile_ends, .. } = self;
-        [counts, instance_splats, instances.keys, instances.values, tile_ranges, picture, ends, tile_ends, checkpoints]
+    /// What the forward pass left, for stages of others.
+    pub(crate) fn composited<'a>(&'a self, instances: Instances<'a>) -> Composited<'a> {
+        Composited {
+            counts: &self.counts,
+            instance_splats: &self.lists.instance_splats,
+            tile_keys: instances.keys,
+            tile_instances: instances.values,
+            ranges: &self.tile_ranges,
+            picture: &self.picture,
+            ends: &self.ends,
+            tile_ends: &self.tile_ends,
+            checkpoints: &self.lists.checkpoints,
+        }
     }
 
     /// Makes room for so many instances, in place of what there was.
@@ -383,31 +405,50 @@ impl Rasterizer {
         let population = || Count::Device(&model.population, 0);
         let by_gaussian = gaussians.div_ceil(64);
         commands
-            .stage(&self.project)
-            .bind(&[views, &model.population, &model.parameters, &self.projected, &self.depth_keys, &self.depth_splats])
+            .stage(
+                &self.project,
+                SplatProjectStage {
+                    views,
+                    population: &model.population,
+                    parameters: &model.parameters,
+                    projected: &self.projected,
+                    depth_keys: &self.depth_keys,
+                    depth_splats: &self.depth_splats,
+                },
+            )
             .push(push)
             .linear(by_gaussian);
         let by_depth = self.lists.sort.pairs(commands, &self.depth_keys, &self.depth_splats, population(), 31)?;
         commands
-            .stage(&self.count)
-            .bind(&[views, &model.population, &self.projected, by_depth.values, &self.tile_counts])
+            .stage(
+                &self.count,
+                SplatCountStage {
+                    views,
+                    population: &model.population,
+                    projected: &self.projected,
+                    depth_splats: by_depth.values,
+                    tile_counts: &self.tile_counts,
+                },
+            )
             .push(push)
             .linear(by_gaussian);
         self.scan.record(commands, &self.tile_counts, &self.tile_offsets, population(), (&self.counts, 0))?;
         commands
-            .stage(&self.emit)
-            .bind(&[
-                views,
-                &model.population,
-                &self.projected,
-                by_depth.values,
-                &self.tile_counts,
-                &self.tile_offsets,
-                &self.lists.tile_keys,
-                &self.lists.tile_instances,
-                &self.lists.instance_splats,
-                &self.runs,
-            ])
+            .stage(
+                &self.emit,
+                SplatEmitStage {
+                    views,
+                    population: &model.population,
+                    projected: &self.projected,
+                    depth_splats: by_depth.values,
+                    tile_counts: &self.tile_counts,
+                    tile_offsets: &self.tile_offsets,
+                    tile_keys: &self.lists.tile_keys,
+                    tile_instances: &self.lists.tile_instances,
+                    instance_splats: &self.lists.instance_splats,
+                    runs: &self.runs,
+                },
+            )
             .push(push)
             .linear(by_gaussian);
         let bits = (32 - (size.tiles() - 1).leading_zeros()).max(1);
@@ -416,24 +457,28 @@ impl Rasterizer {
             self.lists.sort.pairs(commands, &self.lists.tile_keys, &self.lists.tile_instances, instances, bits)?;
         commands.fill(&self.tile_ranges, 0);
         commands
-            .stage(&self.ranges)
-            .bind(&[&self.counts, by_tile.keys, &self.tile_ranges])
+            .stage(
+                &self.ranges,
+                SplatRangesStage { counts: &self.counts, tile_keys: by_tile.keys, ranges: &self.tile_ranges },
+            )
             .push(push)
             .linear(room.div_ceil(256));
         commands
-            .stage(&self.forward)
-            .bind(&[
-                views,
-                &self.projected,
-                &self.lists.instance_splats,
-                by_tile.values,
-                &self.tile_ranges,
-                &self.picture,
-                &self.ends,
-                &self.tile_ends,
-                &self.lists.checkpoints,
-                &self.depths,
-            ])
+            .stage(
+                &self.forward,
+                SplatForwardStage {
+                    views,
+                    projected: &self.projected,
+                    instance_splats: &self.lists.instance_splats,
+                    tile_instances: by_tile.values,
+                    ranges: &self.tile_ranges,
+                    picture: &self.picture,
+                    ends: &self.ends,
+                    tile_ends: &self.tile_ends,
+                    checkpoints: &self.lists.checkpoints,
+                    depths: &self.depths,
+                },
+            )
             .push(push)
             .linear(size.tiles());
         Ok(Instances { keys: by_tile.keys, values: by_tile.values })
@@ -471,22 +516,24 @@ impl Rasterizer {
             commands.fill(&self.lists.partials, 0);
         }
         commands
-            .stage(&self.backward)
-            .bind(&[
-                views,
-                &self.projected,
-                &self.counts,
-                &self.lists.instance_splats,
-                instances.keys,
-                instances.values,
-                &self.tile_ranges,
-                &self.picture,
-                &self.ends,
-                &self.tile_ends,
-                &self.lists.checkpoints,
-                by_pixel,
-                &self.lists.partials,
-            ])
+            .stage(
+                &self.backward,
+                SplatBackwardStage {
+                    views,
+                    projected: &self.projected,
+                    counts: &self.counts,
+                    instance_splats: &self.lists.instance_splats,
+                    tile_keys: instances.keys,
+                    tile_instances: instances.values,
+                    ranges: &self.tile_ranges,
+                    picture: &self.picture,
+                    ends: &self.ends,
+                    tile_ends: &self.tile_ends,
+                    checkpoints: &self.lists.checkpoints,
+                    by_pixel,
+                    partials: &self.lists.partials,
+                },
+            )
             .push(push)
             .linear(self.sizes.room.div_ceil(BLOCK));
     }

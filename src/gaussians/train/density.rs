@@ -8,11 +8,12 @@ use crate::Result;
 use crate::gaussians::config::MIN_OPACITY;
 use crate::gaussians::render::rasterizer::{Model, Rasterizer};
 use crate::primitives::Count;
+use crate::vulkan::shaders::glsl::gaussians::density as glsl;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
     /// Push constants of the stages.
-    pub struct DensityPush {
+    pub(crate) struct DensityPush {
         /// From one plane of parameters to the next: the most Gaussians there can be.
         pub stride: u32,
         /// Planes that parameters and moments have.
@@ -34,30 +35,30 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// Which Gaussians have a child, and which slots are free.
-    pub DENSITY_MARK = density_mark(DensityPush) {
+    pub(crate) DensityMarkStage = density_mark(DensityPush) {
         read population, read parameters, read statistics, write children, write holes, write totals,
     }
 );
 crate::stage!(
     /// The free slots, in order.
-    pub DENSITY_HOLES = density_holes(DensityPush) { read holes, read hole_ranks, read totals, write slots }
+    pub(crate) DensityHolesStage = density_holes(DensityPush) { read holes, read hole_ranks, read totals, write slots }
 );
 crate::stage!(
     /// Clones, splits, removes.
-    pub DENSITY_GROW = density_grow(DensityPush) {
+    pub(crate) DensityGrowStage = density_grow(DensityPush) {
         read control, read children, read child_ranks, read holes, read hole_ranks, read totals, read slots,
         write parameters, write first, write second, write statistics, write population,
     }
 );
 crate::stage!(
     /// Lowers all opacities.
-    pub DENSITY_RESET = density_reset(DensityPush) {
+    pub(crate) DensityResetStage = density_reset(DensityPush) {
         read control, read population, write parameters, write first, write second,
     }
 );
 
 /// Logit of the opacity of a free slot.
-pub const FREE: f32 = -100.0;
+pub const FREE: f32 = glsl::FREE as f32;
 /// Thresholds of the paper, in the training frame.
 const COARSE: f32 = 2e-4;
 const WIDE: f32 = 0.01;
@@ -80,10 +81,10 @@ impl AdaptiveDensity {
     /// Where the device fails.
     pub fn new(context: &Arc<Context>, budget: u32) -> Result<Self> {
         Ok(Self {
-            mark: Pipeline::new(context, &DENSITY_MARK, &[])?,
-            holes: Pipeline::new(context, &DENSITY_HOLES, &[])?,
-            grow: Pipeline::new(context, &DENSITY_GROW, &[])?,
-            reset: Pipeline::new(context, &DENSITY_RESET, &[])?,
+            mark: Pipeline::new::<DensityMarkStage>(context, &())?,
+            holes: Pipeline::new::<DensityHolesStage>(context, &())?,
+            grow: Pipeline::new::<DensityGrowStage>(context, &())?,
+            reset: Pipeline::new::<DensityResetStage>(context, &())?,
             totals: Buffer::device(context, "totals", 12)?,
             budget,
         })
@@ -119,30 +120,44 @@ impl AdaptiveDensity {
         let ([children, child_ranks, hole_flags, hole_ranks, slots], scan) = rasterizer.scratch();
         let totals = &self.totals;
         commands
-            .stage(&self.mark)
-            .bind(&[&model.population, &model.parameters, &moments.statistics, children, hole_flags, totals])
+            .stage(
+                &self.mark,
+                DensityMarkStage {
+                    population: &model.population,
+                    parameters: &model.parameters,
+                    statistics: &moments.statistics,
+                    children,
+                    holes: hole_flags,
+                    totals,
+                },
+            )
             .push(&push)
             .linear(marked);
         let population = || Count::Device(&model.population, 0);
         scan.record(commands, children, child_ranks, population(), (totals, 0))?;
         scan.record(commands, hole_flags, hole_ranks, population(), (totals, 1))?;
-        commands.stage(&self.holes).bind(&[hole_flags, hole_ranks, totals, slots]).push(&push).linear(counted);
         commands
-            .stage(&self.grow)
-            .bind(&[
-                control,
-                children,
-                child_ranks,
-                hole_flags,
-                hole_ranks,
-                totals,
-                slots,
-                &model.parameters,
-                &moments.first,
-                &moments.second,
-                &moments.statistics,
-                &model.population,
-            ])
+            .stage(&self.holes, DensityHolesStage { holes: hole_flags, hole_ranks, totals, slots })
+            .push(&push)
+            .linear(counted);
+        commands
+            .stage(
+                &self.grow,
+                DensityGrowStage {
+                    control,
+                    children,
+                    child_ranks,
+                    holes: hole_flags,
+                    hole_ranks,
+                    totals,
+                    slots,
+                    parameters: &model.parameters,
+                    first: &moments.first,
+                    second: &moments.second,
+                    statistics: &moments.statistics,
+                    population: &model.population,
+                },
+            )
             .push(&push)
             .linear(marked);
         Ok(())
@@ -151,8 +166,16 @@ impl AdaptiveDensity {
     /// Records a reset of the opacities.
     pub fn record_reset<'a>(&'a self, commands: &mut Recorder<'a>, Trained { model, moments, control }: Trained<'a>) {
         commands
-            .stage(&self.reset)
-            .bind(&[control, &model.population, &model.parameters, &moments.first, &moments.second])
+            .stage(
+                &self.reset,
+                DensityResetStage {
+                    control,
+                    population: &model.population,
+                    parameters: &model.parameters,
+                    first: &moments.first,
+                    second: &moments.second,
+                },
+            )
             .push(&self.push(model, [0; 2], false))
             .linear(self.budget.div_ceil(256));
     }

@@ -7,21 +7,23 @@ use crate::Result;
 use crate::gaussians::render::frame::View;
 use crate::gaussians::render::layout::PassPush;
 use crate::gaussians::render::rasterizer::{Size, Sizes, Threads};
+use crate::vulkan::shaders::glsl::gaussians::photo;
+use crate::vulkan::stage::GroupConstants;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder, footprint};
 
 crate::stage!(
     /// L1 and SSIM, and the derivatives of SSIM by the windowed means.
-    pub PHOTO_SSIM = photo_ssim(PassPush) { read views, read picture, read photo, write slopes, write tile_losses }
+    pub(crate) PhotoSsimStage = photo_ssim<GroupConstants>(PassPush) { read views, read picture, read photo, write slopes, write tile_losses }
     with [View]
 );
 crate::stage!(
     /// The gradient by each pixel.
-    pub PHOTO_GRADIENT = photo_gradient(PassPush) { read views, read picture, read photo, read slopes, write by_pixel }
+    pub(crate) PhotoGradientStage = photo_gradient<GroupConstants>(PassPush) { read views, read picture, read photo, read slopes, write by_pixel }
     with [View]
 );
 crate::stage!(
     /// Sums over tiles; whether the iteration counts.
-    pub TRAIN_TALLY = train_tally(PassPush) {
+    pub(crate) TrainTallyStage = train_tally(PassPush) {
         read views, read counts, read tile_losses, write control, write history, write mailbox, read population,
     } with [View, Record]
 );
@@ -55,7 +57,7 @@ impl Record {
 }
 
 /// Share of L1 in the loss; the rest is 1 - SSIM.
-pub const L1_SHARE: f64 = 0.8;
+pub const L1_SHARE: f64 = photo::L1_SHARE;
 
 /// Pipelines and buffers.
 pub struct Loss {
@@ -104,10 +106,11 @@ impl Loss {
     pub fn new(context: &Arc<Context>, sizes: &Sizes, threads: Threads) -> Result<Self> {
         let plan = buffers(sizes);
         let buffer = |name: &str| footprint::buffer(context, &plan, name);
+        let constants = GroupConstants { local_size_x: threads.loss };
         Ok(Self {
-            ssim: Pipeline::new(context, &PHOTO_SSIM, &[0, threads.loss])?,
-            gradient: Pipeline::new(context, &PHOTO_GRADIENT, &[0, threads.loss])?,
-            tally: Pipeline::new(context, &TRAIN_TALLY, &[])?,
+            ssim: Pipeline::new::<PhotoSsimStage>(context, &constants)?,
+            gradient: Pipeline::new::<PhotoGradientStage>(context, &constants)?,
+            tally: Pipeline::new::<TrainTallyStage>(context, &())?,
             slopes: buffer("slopes")?,
             tile_losses: buffer("tile_losses")?,
             photo: buffer("photo")?,
@@ -125,18 +128,44 @@ impl Loss {
         push: &PassPush,
     ) {
         commands
-            .stage(&self.ssim)
-            .bind(&[views, picture, &self.photo, &self.slopes, &self.tile_losses])
+            .stage(
+                &self.ssim,
+                PhotoSsimStage {
+                    views,
+                    picture,
+                    photo: &self.photo,
+                    slopes: &self.slopes,
+                    tile_losses: &self.tile_losses,
+                },
+            )
             .push(push)
             .linear(size.tiles());
         commands
-            .stage(&self.tally)
-            .bind(&[views, counts, &self.tile_losses, &ledger.control, &ledger.history, &ledger.mailbox, population])
+            .stage(
+                &self.tally,
+                TrainTallyStage {
+                    views,
+                    counts,
+                    tile_losses: &self.tile_losses,
+                    control: &ledger.control,
+                    history: &ledger.history,
+                    mailbox: &ledger.mailbox,
+                    population,
+                },
+            )
             .push(push)
             .groups([1, 1, 1]);
         commands
-            .stage(&self.gradient)
-            .bind(&[views, picture, &self.photo, &self.slopes, &self.by_pixel])
+            .stage(
+                &self.gradient,
+                PhotoGradientStage {
+                    views,
+                    picture,
+                    photo: &self.photo,
+                    slopes: &self.slopes,
+                    by_pixel: &self.by_pixel,
+                },
+            )
             .push(push)
             .linear(size.tiles());
     }

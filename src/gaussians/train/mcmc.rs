@@ -12,7 +12,7 @@ use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
     /// Push constants of the four stages.
-    pub struct McmcPush {
+    pub(crate) struct McmcPush {
         /// From one plane of parameters to the next.
         pub stride: u32,
         /// Planes that parameters and moments have.
@@ -34,19 +34,19 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// How likely each Gaussian is to be drawn.
-    pub MCMC_WEIGH = mcmc_weigh(McmcPush) { read parameters, write weights, write picks }
+    pub(crate) McmcWeighStage = mcmc_weigh(McmcPush) { read parameters, write weights, write picks }
 );
 crate::stage!(
     /// Which one each dead or new Gaussian draws.
-    pub MCMC_PICK = mcmc_pick(McmcPush) { read weights, read cumulative, read total, write picks, write sources }
+    pub(crate) McmcPickStage = mcmc_pick(McmcPush) { read weights, read cumulative, read total, write picks, write sources }
 );
 crate::stage!(
     /// Opacity and size of those that were drawn.
-    pub MCMC_SPLIT = mcmc_split(McmcPush) { read control, read picks, write parameters }
+    pub(crate) McmcSplitStage = mcmc_split(McmcPush) { read control, read picks, write parameters }
 );
 crate::stage!(
     /// Dead and new Gaussians become what they drew.
-    pub MCMC_COPY = mcmc_copy(McmcPush) {
+    pub(crate) McmcCopyStage = mcmc_copy(McmcPush) {
         read control, read sources, write parameters, write first, write second, write population,
     }
 );
@@ -73,10 +73,10 @@ impl Mcmc {
     /// Where the device fails.
     pub fn new(context: &Arc<Context>, budget: u32) -> Result<Self> {
         Ok(Self {
-            weigh: Pipeline::new(context, &MCMC_WEIGH, &[])?,
-            pick: Pipeline::new(context, &MCMC_PICK, &[])?,
-            split: Pipeline::new(context, &MCMC_SPLIT, &[])?,
-            copy: Pipeline::new(context, &MCMC_COPY, &[])?,
+            weigh: Pipeline::new::<McmcWeighStage>(context, &())?,
+            pick: Pipeline::new::<McmcPickStage>(context, &())?,
+            split: Pipeline::new::<McmcSplitStage>(context, &())?,
+            copy: Pipeline::new::<McmcCopyStage>(context, &())?,
             total: Buffer::device(context, "total", 4)?,
             budget,
         })
@@ -107,18 +107,31 @@ impl Mcmc {
         };
         let ([weights, cumulative, picks, sources, _], scan) = rasterizer.scratch();
         let (all, moved) = (before.div_ceil(256), after.div_ceil(64));
-        let changed = [&model.parameters, &moments.first, &moments.second];
-        commands.stage(&self.weigh).bind(&[&model.parameters, weights, picks]).push(&push).linear(all);
+        commands
+            .stage(&self.weigh, McmcWeighStage { parameters: &model.parameters, weights, picks })
+            .push(&push)
+            .linear(all);
         scan.record(commands, weights, cumulative, Count::Host(before), (&self.total, 0))?;
         commands
-            .stage(&self.pick)
-            .bind(&[weights, cumulative, &self.total, picks, sources])
+            .stage(&self.pick, McmcPickStage { weights, cumulative, total: &self.total, picks, sources })
             .push(&push)
             .linear(after.div_ceil(256));
-        commands.stage(&self.split).bind(&[control, picks, &model.parameters]).push(&push).linear(before.div_ceil(64));
         commands
-            .stage(&self.copy)
-            .bind(&[&[control, sources], &changed[..], &[&model.population]].concat())
+            .stage(&self.split, McmcSplitStage { control, picks, parameters: &model.parameters })
+            .push(&push)
+            .linear(before.div_ceil(64));
+        commands
+            .stage(
+                &self.copy,
+                McmcCopyStage {
+                    control,
+                    sources,
+                    parameters: &model.parameters,
+                    first: &moments.first,
+                    second: &moments.second,
+                    population: &model.population,
+                },
+            )
             .push(&push)
             .linear(moved);
         Ok(())

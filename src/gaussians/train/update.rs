@@ -10,7 +10,7 @@ use crate::gaussians::render::rasterizer::{Model, Rasterizer, Wanted};
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
-    /// Push constants of [`SPLAT_UPDATE`].
+    /// Push constants of [`SplatUpdateStage`].
     pub struct UpdatePush {
         /// From one plane of parameters to the next.
         pub stride: u32,
@@ -47,9 +47,21 @@ crate::gpu_struct! {
     }
 }
 
+crate::specialisation! {
+    /// Constants of [`SplatUpdateStage`].
+    pub(crate) struct UpdateConstants {
+        /// Whether the low-pass filter is compensated for.
+        antialiased: bool,
+        /// Whether what densification asks for is gathered.
+        statistics: bool,
+        /// Whether partials are summed by Gaussian already (`--fast`).
+        summed: bool,
+    }
+}
+
 crate::stage!(
     /// Gradients by parameters, Adam, noise.
-    pub SPLAT_UPDATE = splat_update(UpdatePush) {
+    pub(crate) SplatUpdateStage = splat_update<UpdateConstants>(UpdatePush) {
         read views, read population, read control, read projected, read runs, read partials, write parameters,
         write first, write second, write statistics,
     } with [View, Projected]
@@ -87,8 +99,8 @@ impl Update {
     /// # Errors
     /// Where the device fails.
     pub fn new(context: &Arc<Context>, wanted: Wanted, statistics: bool) -> Result<Self> {
-        let constants = [u32::from(wanted.antialiased), u32::from(statistics), u32::from(wanted.fast)];
-        Ok(Self { pipeline: Pipeline::new(context, &SPLAT_UPDATE, &constants)? })
+        let constants = UpdateConstants { antialiased: wanted.antialiased, statistics, summed: wanted.fast };
+        Ok(Self { pipeline: Pipeline::new::<SplatUpdateStage>(context, &constants)? })
     }
 
     /// Records it after the backward pass.
@@ -102,19 +114,21 @@ impl Update {
         push: &UpdatePush,
     ) {
         commands
-            .stage(&self.pipeline)
-            .bind(&[
-                views,
-                &model.population,
-                control,
-                &rasterizer.projected,
-                &rasterizer.runs,
-                rasterizer.partials(),
-                &model.parameters,
-                &moments.first,
-                &moments.second,
-                &moments.statistics,
-            ])
+            .stage(
+                &self.pipeline,
+                SplatUpdateStage {
+                    views,
+                    population: &model.population,
+                    control,
+                    projected: &rasterizer.projected,
+                    runs: &rasterizer.runs,
+                    partials: rasterizer.partials(),
+                    parameters: &model.parameters,
+                    first: &moments.first,
+                    second: &moments.second,
+                    statistics: &moments.statistics,
+                },
+            )
             .push(push)
             .linear(rasterizer.sizes().gaussians.div_ceil(64));
     }

@@ -1,15 +1,17 @@
 //! The loss of Kerbl et al. (2023), 0.8 L1 + 0.2 (1 - SSIM), and its gradient; SSIM after Wang et al. (2004).
 
+use crate::vulkan::shaders::glsl::gaussians::photo;
+
 use glam::DVec3;
 
 /// Weight of the dissimilarity; the rest is the mean absolute difference's.
 const DISSIMILARITY: f64 = 0.2;
 /// Pixels on either side of a window's centre.
-const REACH: usize = 5;
+const REACH: usize = photo::RADIUS as usize;
 /// Standard deviation of the window's weights in pixels.
 const SIGMA: f64 = 1.5;
-const C1: f64 = 0.01 * 0.01;
-const C2: f64 = 0.03 * 0.03;
+const C1: f64 = photo::C1;
+const C2: f64 = photo::C2;
 
 /// Loss of a picture (values in [0, 1], row by row) against what it should be, and the gradient by every pixel.
 ///

@@ -5,9 +5,10 @@ use glam::{DMat2, DMat3, DVec2, DVec3};
 
 use super::{Rules, Splat, View};
 use crate::scene::harmonics;
+use crate::vulkan::shaders::glsl::gaussians::gaussian;
 
 /// Variance in square pixels that the low-pass filter adds.
-const BLUR: f64 = 0.3;
+const BLUR: f64 = gaussian::LOW_PASS;
 /// Part of the picture's size beyond its edges where the Jacobian still follows the ray.
 const MARGIN: f64 = 0.15;
 

@@ -16,12 +16,13 @@ use crate::gaussians::render::renderer::Renderer;
 use crate::primitives::{Count, Operation, Reduce};
 use crate::scene::camera::Camera;
 use crate::scene::gaussians::Gaussians;
+use crate::vulkan::shaders::glsl::gaussians::cover_weigh as glsl;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
 
 crate::gpu_struct! {
-    /// Push constants of [`COVER_WEIGH`].
-    pub struct CoverPush {
+    /// Push constants of [`CoverWeighStage`].
+    pub(crate) struct CoverPush {
         /// From one plane of parameters to the next.
         pub stride: u32,
         /// The view's index.
@@ -35,14 +36,14 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// Part and coverage of each Gaussian.
-    pub COVER_WEIGH = cover_weigh(CoverPush) {
+    pub(crate) CoverWeighStage = cover_weigh(CoverPush) {
         read views, read population, read counts, read parameters, read projected, read runs, read partials, read bins,
         write seen, write parts, write covered,
     } with [View, Projected]
 );
 
 /// Bins of directions.
-pub const BINS: usize = 64;
+pub const BINS: usize = glsl::BINS as usize;
 
 /// Unit vectors of the bins: even in height, turned by the golden angle.
 pub fn bins() -> [DVec3; BINS] {
@@ -88,7 +89,7 @@ impl Cover {
         let words = vec![[0u32; 2]; count as usize];
         let reds = vec![[1f32, 0.0, 0.0, 0.0]; largest.pixels() as usize];
         Ok(Self {
-            weigh: Pipeline::new(context, &COVER_WEIGH, &[u32::from(antialiased)])?,
+            weigh: Pipeline::new::<CoverWeighStage>(context, &())?,
             sum: Reduce::new(context, Operation::SumF32, count)?,
             views: Buffer::from_slice(context, "views", &views)?,
             by_pixel: Buffer::from_slice(context, "by_pixel", &reds)?,
@@ -132,20 +133,22 @@ impl Cover {
             let instances = rasterizer.forward(&mut commands, model, &self.views, size, &push)?;
             rasterizer.backward(&mut commands, &self.views, instances, &self.by_pixel, &push);
             commands
-                .stage(&self.weigh)
-                .bind(&[
-                    &self.views,
-                    &model.population,
-                    &rasterizer.counts,
-                    &model.parameters,
-                    &rasterizer.projected,
-                    &rasterizer.runs,
-                    rasterizer.partials(),
-                    &self.bins,
-                    &self.seen,
-                    &self.parts,
-                    &self.covered,
-                ])
+                .stage(
+                    &self.weigh,
+                    CoverWeighStage {
+                        views: &self.views,
+                        population: &model.population,
+                        counts: &rasterizer.counts,
+                        parameters: &model.parameters,
+                        projected: &rasterizer.projected,
+                        runs: &rasterizer.runs,
+                        partials: rasterizer.partials(),
+                        bins: &self.bins,
+                        seen: &self.seen,
+                        parts: &self.parts,
+                        covered: &self.covered,
+                    },
+                )
                 .push(&CoverPush { stride, view, room, learn: u32::from(learn) })
                 .linear(stride.div_ceil(64));
             for (sums, of) in [&self.parts, &self.covered].into_iter().zip(0..) {

@@ -10,13 +10,15 @@ use std::sync::Arc;
 
 use crate::gaussians::config::Config;
 use crate::gaussians::render::frame::{Frame, View};
-use crate::gaussians::render::layout::{self, PassPush, Projected};
-use crate::gaussians::render::rasterizer::{Rasterizer, Size, Threads, Wanted};
+use crate::gaussians::render::layout::{self, PassPush, Projected, SplatConstants};
+use crate::gaussians::render::rasterizer::{Composited, Rasterizer, Size, Threads, Wanted};
 use crate::gaussians::render::renderer::Renderer;
 use crate::gaussians::train::trainer::Trainer;
 use crate::primitives::{Count, Operation, Reduce};
 use crate::scene::camera::Camera;
 use crate::scene::gaussians::Gaussians;
+use crate::vulkan::shaders::glsl::gaussians::fisher as glsl;
+use crate::vulkan::stage::GroupConstants;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
 
@@ -37,8 +39,8 @@ crate::gpu_struct! {
 }
 
 crate::gpu_struct! {
-    /// Push constants of [`FISHER_SCORE`].
-    pub struct ScorePush {
+    /// Push constants of [`FisherScoreStage`].
+    pub(crate) struct ScorePush {
         /// From one plane of parameters to the next.
         pub stride: u32,
         /// The view's index.
@@ -54,32 +56,32 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// Forms of each Gaussian.
-    pub FISHER_FORMS = fisher_forms(PassPush) {
+    pub(crate) FisherFormsStage = fisher_forms<SplatConstants>(PassPush) {
         read views, read population, read parameters, read projected, write forms,
     } with [View, Projected, Form]
 );
 crate::stage!(
     /// Squares over pixels, a workgroup per block of instances.
-    pub FISHER_SQUARES = fisher_squares(PassPush) {
+    pub(crate) FisherSquaresStage = fisher_squares<GroupConstants>(PassPush) {
         read views, read projected, read counts, read instance_splats, read tile_keys, read tile_instances, read ranges,
         read picture, read ends, read tile_ends, read checkpoints, read forms, write partials,
     } with [View, Projected, Form]
 );
 crate::stage!(
     /// Sums of squares of each Gaussian.
-    pub FISHER_GATHER = fisher_gather(PassPush) {
+    pub(crate) FisherGatherStage = fisher_gather(PassPush) {
         read population, read counts, read projected, read runs, read partials, write squares,
     } with [Projected]
 );
 crate::stage!(
     /// What a view is worth for each Gaussian, or what is known with it.
-    pub FISHER_SCORE = fisher_score(ScorePush) {
+    pub(crate) FisherScoreStage = fisher_score(ScorePush) {
         read views, read population, read parameters, read squares, write known, write scores,
     } with [View]
 );
 
 /// Forms of a Gaussian: three of its size, three of its place.
-const FORMS: u64 = 6;
+const FORMS: u64 = glsl::FORMS as u64;
 /// Values of a Gaussian that a view leaves.
 const VALUES: u64 = 9;
 
@@ -172,14 +174,16 @@ impl Fisher {
         antialiased: bool,
         (lambda, spare): (f32, u64),
     ) -> Result<Self> {
-        let constant = u32::from(antialiased);
         let count = renderer.model.stride;
         let planes = vec![0f32; layout::planes(renderer.degree) * count as usize];
         Ok(Self {
-            forms_pipeline: Pipeline::new(context, &FISHER_FORMS, &[constant])?,
-            squares: Pipeline::new(context, &FISHER_SQUARES, &[constant, Threads::of(context).squares])?,
-            gather: Pipeline::new(context, &FISHER_GATHER, &[constant])?,
-            score: Pipeline::new(context, &FISHER_SCORE, &[constant])?,
+            forms_pipeline: Pipeline::new::<FisherFormsStage>(context, &SplatConstants { antialiased })?,
+            squares: Pipeline::new::<FisherSquaresStage>(
+                context,
+                &GroupConstants { local_size_x: Threads::of(context).squares },
+            )?,
+            gather: Pipeline::new::<FisherGatherStage>(context, &())?,
+            score: Pipeline::new::<FisherScoreStage>(context, &())?,
             sum: Reduce::new(context, Operation::SumF32, count)?,
             views: Buffer::from_slice(context, "views", views)?,
             forms: Buffer::device(context, "forms", FORMS * size_of::<Form>() as u64 * u64::from(count))?,
@@ -231,8 +235,17 @@ impl Fisher {
         let push = ScorePush { stride, view: view as u32, degree: *degree, learn, lambda: self.lambda };
         let mut commands = Recorder::new(&self.context)?;
         commands
-            .stage(&self.score)
-            .bind(&[&self.views, &model.population, &model.parameters, &squares, &self.known, &self.scores])
+            .stage(
+                &self.score,
+                FisherScoreStage {
+                    views: &self.views,
+                    population: &model.population,
+                    parameters: &model.parameters,
+                    squares: &squares,
+                    known: &self.known,
+                    scores: &self.scores,
+                },
+            )
             .push(&push)
             .linear(stride.div_ceil(64));
         self.sum.record(&mut commands, &self.scores, Count::Device(&model.population, 0), &self.results, 0)?;
@@ -257,17 +270,50 @@ impl Fisher {
             let mut commands = Recorder::new(&self.context)?;
             let instances = rasterizer.forward(&mut commands, model, &self.views, size, &push)?;
             commands
-                .stage(&self.forms_pipeline)
-                .bind(&[&self.views, &model.population, &model.parameters, &rasterizer.projected, &self.forms])
+                .stage(
+                    &self.forms_pipeline,
+                    FisherFormsStage {
+                        views: &self.views,
+                        population: &model.population,
+                        parameters: &model.parameters,
+                        projected: &rasterizer.projected,
+                        forms: &self.forms,
+                    },
+                )
                 .push(&push)
                 .linear(stride.div_ceil(64));
-            let composited = rasterizer.composited(instances);
-            let bound = [&[&self.views, &rasterizer.projected][..], &composited, &[&self.forms, rasterizer.partials()]];
-            commands.stage(&self.squares).bind(&bound.concat()).push(&push).linear(room.div_ceil(layout::BLOCK));
+            let Composited { counts, instance_splats, tile_keys, tile_instances, .. } =
+                rasterizer.composited(instances);
+            let Composited { ranges, picture, ends, tile_ends, checkpoints, .. } = rasterizer.composited(instances);
+            let squared = FisherSquaresStage {
+                views: &self.views,
+                projected: &rasterizer.projected,
+                counts,
+                instance_splats,
+                tile_keys,
+                tile_instances,
+                ranges,
+                picture,
+                ends,
+                tile_ends,
+                checkpoints,
+                forms: &self.forms,
+                partials: rasterizer.partials(),
+            };
+            commands.stage(&self.squares, squared).push(&push).linear(room.div_ceil(layout::BLOCK));
             let Rasterizer { counts, projected, runs, .. } = rasterizer;
             commands
-                .stage(&self.gather)
-                .bind(&[&model.population, counts, projected, runs, rasterizer.partials(), &out])
+                .stage(
+                    &self.gather,
+                    FisherGatherStage {
+                        population: &model.population,
+                        counts,
+                        projected,
+                        runs,
+                        partials: rasterizer.partials(),
+                        squares: &out,
+                    },
+                )
                 .push(&push)
                 .linear(stride.div_ceil(64));
             commands.submit_and_wait()?;

@@ -17,12 +17,13 @@ use crate::gaussians::train::update::{Moments, Update, UpdatePush};
 use crate::primitives::{Count, Operation, Reduce};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::random;
+use crate::vulkan::shaders::glsl::gaussians::noise;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
 
 crate::gpu_struct! {
-    /// Push constants of [`NOISE_PERTURB`].
-    pub struct PerturbPush {
+    /// Push constants of [`NoisePerturbStage`].
+    pub(crate) struct PerturbPush {
         /// Values: planes times Gaussians.
         pub count: u32,
         /// Which of each parameter's draws.
@@ -35,16 +36,16 @@ crate::gpu_struct! {
 }
 
 crate::gpu_struct! {
-    /// Push constants of [`NOISE_RESIDUAL`].
-    pub struct ResidualPush {
+    /// Push constants of [`NoiseResidualStage`].
+    pub(crate) struct ResidualPush {
         /// Pixels.
         pub pixels: u32,
     }
 }
 
 crate::gpu_struct! {
-    /// Push constants of [`NOISE_LEARN`].
-    pub struct LearnPush {
+    /// Push constants of [`NoiseLearnStage`].
+    pub(crate) struct LearnPush {
         /// From one plane of parameters to the next.
         pub stride: u32,
         /// Values: planes times Gaussians.
@@ -79,8 +80,8 @@ crate::gpu_struct! {
 }
 
 crate::gpu_struct! {
-    /// Push constants of [`NOISE_SPREAD`].
-    pub struct SpreadPush {
+    /// Push constants of [`NoiseSpreadStage`].
+    pub(crate) struct SpreadPush {
         /// Pixels.
         pub pixels: u32,
         /// Which picture.
@@ -92,19 +93,19 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// Every parameter moved by its noise.
-    pub NOISE_PERTURB = noise_perturb(PerturbPush) { read base, read scales, write parameters }
+    pub(crate) NoisePerturbStage = noise_perturb(PerturbPush) { read base, read scales, write parameters }
 );
 crate::stage!(
     /// Gradient of the mean square difference of two pictures.
-    pub NOISE_RESIDUAL = noise_residual(ResidualPush) { read picture, read target, write by_pixel }
+    pub(crate) NoiseResidualStage = noise_residual(ResidualPush) { read picture, read target, write by_pixel }
 );
 crate::stage!(
     /// Adam's step of the noise.
-    pub NOISE_LEARN = noise_learn(LearnPush) { read tenths, write scales, write means, write squares }
+    pub(crate) NoiseLearnStage = noise_learn(LearnPush) { read tenths, write scales, write means, write squares }
 );
 crate::stage!(
     /// Variance of each pixel over pictures.
-    pub NOISE_SPREAD = noise_spread(SpreadPush) { read picture, write pivot, write sums, write spread }
+    pub(crate) NoiseSpreadStage = noise_spread(SpreadPush) { read picture, write pivot, write sums, write spread }
 );
 
 /// Views that are looked from at once, and pictures of each at most.
@@ -115,7 +116,7 @@ pub const MAX_PICTURES: u32 = 64;
 const MAX_NOISE: f32 = 100.0;
 /// Rates of the noise: those of training, centres at their first.
 const RATES: [f32; 6] = [1.6e-4, 5e-3, 1e-3, 5e-2, 2.5e-3, 1.25e-4];
-const STREAM: u32 = 0x4d53_0000;
+const STREAM: u32 = noise::PERTURBATION_STREAM;
 
 /// What is summed up of a view.
 struct Look {
@@ -183,10 +184,10 @@ impl Manifold {
             })
         };
         let manifold = Self {
-            perturb: Pipeline::new(context, &NOISE_PERTURB, &[])?,
-            residual: Pipeline::new(context, &NOISE_RESIDUAL, &[])?,
-            learn: Pipeline::new(context, &NOISE_LEARN, &[])?,
-            spread: Pipeline::new(context, &NOISE_SPREAD, &[])?,
+            perturb: Pipeline::new::<NoisePerturbStage>(context, &())?,
+            residual: Pipeline::new::<NoiseResidualStage>(context, &())?,
+            learn: Pipeline::new::<NoiseLearnStage>(context, &())?,
+            spread: Pipeline::new::<NoiseSpreadStage>(context, &())?,
             update: Update::new(context, wanted, false)?,
             sum: Reduce::new(context, Operation::SumF32, size.pixels())?,
             base: values("base")?,
@@ -239,8 +240,14 @@ impl Manifold {
             let instances = manifold.record_picture(commands, (draw, 1.0), 0, 1)?;
             let pixels = manifold.size.pixels();
             commands
-                .stage(&manifold.residual)
-                .bind(&[&rasterizer.picture, &manifold.target, &manifold.by_pixel])
+                .stage(
+                    &manifold.residual,
+                    NoiseResidualStage {
+                        picture: &rasterizer.picture,
+                        target: &manifold.target,
+                        by_pixel: &manifold.by_pixel,
+                    },
+                )
                 .push(&ResidualPush { pixels })
                 .linear(pixels.div_ceil(256));
             let push = manifold.push(0);
@@ -273,8 +280,15 @@ impl Manifold {
         };
         let mut commands = Recorder::new(&self.context)?;
         commands
-            .stage(&self.learn)
-            .bind(&[&self.moments.first, &self.scales, &self.means, &self.squares])
+            .stage(
+                &self.learn,
+                NoiseLearnStage {
+                    tenths: &self.moments.first,
+                    scales: &self.scales,
+                    means: &self.means,
+                    squares: &self.squares,
+                },
+            )
             .push(&push)
             .linear(self.count.div_ceil(256));
         commands.submit_and_wait()?;
@@ -304,8 +318,10 @@ impl Manifold {
                     manifold.record_render(commands, view, slot)?;
                     let picture = &manifold.renderer.rasterizer.picture;
                     commands
-                        .stage(&manifold.spread)
-                        .bind(&[picture, &look.pivot, &look.sums, &look.spread])
+                        .stage(
+                            &manifold.spread,
+                            NoiseSpreadStage { picture, pivot: &look.pivot, sums: &look.sums, spread: &look.spread },
+                        )
                         .push(&SpreadPush { pixels, picture_index, pictures })
                         .linear(pixels.div_ceil(256));
                     slot += 1;
@@ -381,8 +397,14 @@ impl Manifold {
     fn record_perturbation<'a>(&'a self, commands: &mut Recorder<'a>, draw: u32, amplitude: f32) {
         let push = PerturbPush { count: self.count, draw, seed: words(self.seed), amplitude };
         commands
-            .stage(&self.perturb)
-            .bind(&[&self.base, &self.scales, &self.renderer.model.parameters])
+            .stage(
+                &self.perturb,
+                NoisePerturbStage {
+                    base: &self.base,
+                    scales: &self.scales,
+                    parameters: &self.renderer.model.parameters,
+                },
+            )
             .push(&push)
             .linear(self.count.div_ceil(256));
     }

@@ -5,10 +5,11 @@ use std::sync::Arc;
 use super::network::{Convolution, Size};
 use super::weights::Layer;
 use crate::Result;
+use crate::vulkan::shaders::glsl::metrics::convolve as glsl;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
-    /// Push constants of [`CONVOLVE`].
+    /// Push constants of [`ConvolveStage`].
     pub struct ConvolvePush {
         /// Width of the input.
         pub width: u32,
@@ -31,13 +32,13 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// A workgroup per 64 channels of 64 pixels.
-    pub CONVOLVE = convolve(ConvolvePush) { read weights, read biases, read taps, read source, write target }
+    pub ConvolveStage = convolve(ConvolvePush) { read weights, read biases, read taps, read source, write target }
 );
 
 /// Channels, and pixels, that a workgroup makes; as in the shader.
-const TILE: u32 = 64;
+const TILE: u32 = glsl::TILE;
 /// Taps that it takes at a time; as in the shader.
-const STEP: u32 = 16;
+const STEP: u32 = glsl::STEP;
 
 /// A layer's weights on the device, in the order in which the stage reads them.
 pub struct Kernels {
@@ -96,8 +97,8 @@ impl Kernels {
             padding: self.convolution.padding,
             steps: self.convolution.taps().div_ceil(STEP),
         };
-        let buffers = [&self.weights, &self.biases, &self.taps, source, target];
-        recorder.stage(pipeline).bind(&buffers).push(&push).linear(tiles);
+        let Self { weights, biases, taps, .. } = self;
+        recorder.stage(pipeline, ConvolveStage { weights, biases, taps, source, target }).push(&push).linear(tiles);
     }
 }
 

@@ -4,12 +4,13 @@
 use std::sync::Arc;
 
 use super::Rgb8;
-use super::convolve::{CONVOLVE, Kernels};
-use super::lpips_distance::{DistancePush, LPIPS_DISTANCE};
-use super::max_pool::{self, MAX_POOL};
+use super::convolve::{ConvolveStage, Kernels};
+use super::lpips_distance::{DistancePush, LpipsDistanceStage};
+use super::max_pool::{self, MaxPoolStage};
 use super::network::{Network, Pool, Size, Step, TAPS};
 use super::weights::Weights;
 use crate::primitives::{Count, Operation, Reduce};
+use crate::vulkan::stage::Stage;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
 
@@ -65,9 +66,9 @@ impl Lpips {
             network: weights.network,
             parts: parts.collect::<Result<_>>()?,
             pipelines: Pipelines {
-                convolve: Pipeline::new(context, &CONVOLVE, &[])?,
-                max_pool: Pipeline::new(context, &MAX_POOL, &[])?,
-                distance: Pipeline::new(context, &LPIPS_DISTANCE, &[])?,
+                convolve: Pipeline::new::<ConvolveStage>(context, &())?,
+                max_pool: Pipeline::new::<MaxPoolStage>(context, &())?,
+                distance: Pipeline::new::<LpipsDistanceStage>(context, &())?,
             },
             room: None,
         })
@@ -138,10 +139,12 @@ impl Lpips {
                     let [[first, _], [second, _]] = in_turns;
                     let count = sizes[0].pixels();
                     commands
-                        .stage(&self.pipelines.distance)
-                        .bind(&[counts, first, second, &room.distances])
+                        .stage(
+                            &self.pipelines.distance,
+                            LpipsDistanceStage { weights: counts, first, second, distances: &room.distances },
+                        )
                         .push(&DistancePush { channels: sizes[0].channels, pixels: count })
-                        .linear(count.div_ceil(LPIPS_DISTANCE.local_size[0]));
+                        .linear(count.div_ceil(LpipsDistanceStage::SHADER.local_size[0]));
                     let tap = pixels.len() as u32;
                     room.reduce.record(&mut commands, &room.distances, Count::Host(count), &room.sums, tap)?;
                     pixels.push(f64::from(count));

@@ -1,7 +1,9 @@
 //! How far apart the features of two pictures are (`lpips_distance.comp`).
 
+use crate::vulkan::shaders::glsl::metrics::lpips_distance as glsl;
+
 crate::gpu_struct! {
-    /// Push constants of [`LPIPS_DISTANCE`].
+    /// Push constants of [`LpipsDistanceStage`].
     pub struct DistancePush {
         /// Channels of the features.
         pub channels: u32,
@@ -12,11 +14,11 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// A thread per pixel.
-    pub LPIPS_DISTANCE = lpips_distance(DistancePush) { read weights, read first, read second, write distances }
+    pub LpipsDistanceStage = lpips_distance(DistancePush) { read weights, read first, read second, write distances }
 );
 
 /// Keeps features that are all zero from being divided by zero; as in the shader.
-const TINY: f64 = 1e-10;
+const TINY: f64 = glsl::TINY;
 
 /// The twin of `lpips_distance`, in f64: the distance at each of `pixels` pixels of features that lie channel by channel.
 pub fn lpips_distance(weights: &[f32], first: &[f32], second: &[f32], pixels: usize) -> Vec<f32> {

@@ -1,10 +1,11 @@
 //! The largest value under a window (`max_pool.comp`).
 
 use super::network::{Pool, Size};
+use crate::vulkan::stage::Stage;
 use crate::vulkan::{Buffer, Pipeline, Recorder};
 
 crate::gpu_struct! {
-    /// Push constants of [`MAX_POOL`].
+    /// Push constants of [`MaxPoolStage`].
     pub struct PoolPush {
         /// Width of the input.
         pub width: u32,
@@ -25,7 +26,7 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// A thread per value of the output.
-    pub MAX_POOL = max_pool(PoolPush) { read source, write target }
+    pub MaxPoolStage = max_pool(PoolPush) { read source, write target }
 );
 
 /// Records the pooling of `source`, of `size`, to `target`, of `out`.
@@ -45,8 +46,8 @@ pub fn record<'a>(
         window: pool.window,
         stride: pool.stride,
     };
-    let groups = (out.values() as u32).div_ceil(MAX_POOL.local_size[0]);
-    recorder.stage(pipeline).bind(&[source, target]).push(&push).linear(groups);
+    let groups = (out.values() as u32).div_ceil(MaxPoolStage::SHADER.local_size[0]);
+    recorder.stage(pipeline, MaxPoolStage { source, target }).push(&push).linear(groups);
 }
 
 /// The twin of `max_pool`: `source` channel by channel, row by row.
