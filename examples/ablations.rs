@@ -15,7 +15,8 @@ use camsplat::io;
 use camsplat::metrics::score_point::{Field, Scorer, aggregate};
 use camsplat::metrics::{Metrics, PointMetrics};
 use camsplat::plan::config::{Config, Gate, Kernel, Objective, Preset, Start};
-use camsplat::plan::planner::{Outcome, Planner};
+use camsplat::plan::job::optimise;
+use camsplat::plan::planner::Outcome;
 use camsplat::plan::preparation::Preparation;
 use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
@@ -193,14 +194,8 @@ struct Run {
 fn run(context: &Arc<Context>, scene: &Scene, config: Config) -> Result<Run> {
     let points = scene.target.proxy.sample(config.held_out as usize, 1000 + config.seed, 1);
     let geometry = &scene.device.geometry;
-    let mut preparation = Preparation::new(context, geometry, &scene.target.proxy, &intrinsics(), &[], config)?;
-    let outcome = loop {
-        let planner = Planner::new(context, &scene.device, preparation.clone())?;
-        match planner.run(None, |_| ControlFlow::Continue(())) {
-            Err(Error::Room { pairs, instances }) => preparation = preparation.with_room(context, pairs, instances),
-            outcome => break outcome?,
-        }
-    };
+    let preparation = Preparation::new(context, geometry, &scene.target.proxy, &intrinsics(), &[], config)?;
+    let (_, outcome) = optimise(context, &scene.device, preparation, None, |_, _| ControlFlow::Continue(()))?;
     let scores = Scorer::new(context, &scene.device, &points)?.score(&cameras(&outcome.poses), Field::Cone)?;
     Ok(Run { outcome, points, scores })
 }

@@ -1,4 +1,5 @@
-//! The one error type of the crate. Every message is a single line that says what, where and what to do.
+//! The one error type of the crate. Every message is a single line that says what, where and what to do. Settings are in
+//! backquotes, by the names of their fields; the command line puts its options there.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -17,6 +18,12 @@ pub enum Error {
         path: PathBuf,
         /// What is wrong, at which place in the file, and what to do about it, in one line.
         what: String,
+    },
+    /// Outputs would go where there are files already.
+    #[error("{}: the folder is not empty; pass `force` to replace the files in it, or name another", path.display())]
+    NotEmpty {
+        /// The folder.
+        path: PathBuf,
     },
     /// A request makes no sense as asked (an inverted box, zero views, no point in sight of the region).
     #[error("{0}")]
@@ -43,16 +50,6 @@ pub enum Error {
         available: u64,
         /// What the user can do.
         remedy: String,
-    },
-    /// A probe or tile needed more room than a run had set aside; a run with that much will do.
-    #[error(
-        "the plan needs room for {pairs} visible pairs and {instances} tile instances and had less; use fewer probes (--probes) or a larger device"
-    )]
-    Room {
-        /// Visible splats of a probe, or pairs of the binned pass.
-        pairs: u32,
-        /// Tile instances of the binned pass.
-        instances: u32,
     },
     /// The caller asked to stop; what is finished stays.
     #[error("stopped, as it was asked to; what is finished stays")]

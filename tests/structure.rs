@@ -1,4 +1,4 @@
-//! The shape of the source: no files that use each other in a circle, and layers that look down only.
+//! The shape of the source: no files that use each other in a circle, layers that look down only, a library that knows no options.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -199,4 +199,24 @@ fn layers_look_down_only() {
         }
     }
     assert!(layers.len() > 15 && wrong.is_empty(), "{wrong:#?}");
+}
+
+/// If this failed, whoever uses the library would be told of options that it does not have. Settings stand in backquotes, and the
+/// command line puts its options there.
+#[test]
+fn the_library_names_no_options() {
+    let of_the_program = ["cli", "evaluate", "report"];
+    for (module, text) in modules() {
+        if module.first().is_some_and(|first| of_the_program.contains(&first.as_str())) {
+            continue;
+        }
+        for line in code(&text).lines() {
+            let option = line.match_indices("--").find(|(at, _)| {
+                let before = line[..*at].chars().next_back();
+                before.is_none_or(|c| !c.is_alphanumeric())
+                    && line[at + 2..].starts_with(|c: char| c.is_ascii_lowercase())
+            });
+            assert!(option.is_none(), "{}: {line:?} names an option", module.join("::"));
+        }
+    }
 }

@@ -68,7 +68,7 @@ pub fn no_photographs(method: Method) -> Error {
              `camsplat select` on photos"
         }
     };
-    Error::request(format!("--method {}: {what}", method.name()))
+    Error::request(format!("`method` {}: {what}", method.name()))
 }
 
 /// What a method asks for while it chooses.
@@ -145,7 +145,7 @@ fn place(
     let too_many = || {
         let what = "shared points are counted among up to";
         Error::request(format!(
-            "--method fvs-shared: {what} {MAX_SHARED} candidates; give fewer --candidates, or use fvs"
+            "`method` fvs-shared: {what} {MAX_SHARED} candidates; give fewer `candidates`, or use fvs"
         ))
     };
     if request.method == Method::FvsShared && candidates.photos.len() > MAX_SHARED {
@@ -178,7 +178,7 @@ fn place(
         | Method::Assigned
         | Method::Nearest => {
             let name = request.method.name();
-            return Err(Error::request(format!("--method {name}: it is no baseline that places cameras")));
+            return Err(Error::request(format!("`method` {name}: it is no baseline that places cameras")));
         }
         Method::Random => {
             let poses = layouts::random(&geometry.free, views, request.seed, inward);
@@ -197,7 +197,7 @@ fn place(
             if inward {
                 let name = request.method.name();
                 return Err(Error::request(format!(
-                    "--method {name}: it is of rooms; give --preset room, or use fibonacci"
+                    "`method` {name}: it is of rooms; give `preset` room, or use fibonacci"
                 )));
             }
             let layout = if request.method == Method::Grid { layouts::grid } else { layouts::rings };
@@ -212,7 +212,7 @@ fn place(
             acp::choose(&pool, settings, settings.occlusion.then_some(geometry))?
         }
         Method::Manifold => {
-            let missing = || Error::request("--method manifold needs trained splats; give them with --model");
+            let missing = || Error::request("`method` manifold needs trained splats; give them with `model`");
             let settings = (request.manifold.unwrap_or_default(), request.seed);
             let (model, cameras) = (model.ok_or_else(missing)?, (intrinsics, kept));
             let placed = manifold::place(context, &target.region, cameras, model, settings, views, outside.go_on)?;
@@ -223,8 +223,8 @@ fn place(
             retrained::fisher(context, &pool, &target.proxy, settings, outside.photograph)?
         }
         method @ (Method::Fisher | Method::Cover) => {
-            let what = "needs trained splats; give them with --model";
-            let missing = || Error::request(format!("--method {} {what}", method.name()));
+            let what = "needs trained splats; give them with `model`";
+            let missing = || Error::request(format!("`method` {} {what}", method.name()));
             let choose = if method == Method::Fisher { information::fisher } else { information::cover };
             choose(context, &pool, model.ok_or_else(missing)?, request.model_based.unwrap_or_default())?
         }

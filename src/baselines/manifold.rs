@@ -112,7 +112,7 @@ impl Sphere {
     fn new(region: &Region) -> Result<Self> {
         let Shape::Shell { centre, r_min, r_max } = region.shape else {
             let what = "places cameras on a sphere about an object, and there is none in a room; use another method";
-            return Err(Error::request(format!("--method manifold {what}")));
+            return Err(Error::request(format!("`method` manifold {what}")));
         };
         let radius = 0.5 * (r_min + r_max);
         let least = region.floor.map_or(-1.0, |floor| ((floor - centre.dot(region.up)) / radius).clamp(-1.0, 1.0));
@@ -192,7 +192,7 @@ impl Scene {
         }
         let Some((mut angles, _)) = best.filter(|(_, most)| *most > 0.0) else {
             let what = "no picture of it differs under its noise; is the model in the scene's frame?";
-            return Err(Error::request(format!("--method manifold: {what}")));
+            return Err(Error::request(format!("`method` manifold: {what}")));
         };
         let mut moments = [[0.0; 2]; 2];
         for step in 1..=steps as i32 {

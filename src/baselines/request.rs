@@ -88,7 +88,7 @@ impl Request {
         config.validate()?;
         let name = method.name();
         if !method.entry().places || method.planner(config).is_some() {
-            return Err(Error::request(format!("--method {name}: it is no baseline that places cameras")));
+            return Err(Error::request(format!("`method` {name}: it is no baseline that places cameras")));
         }
         let plain = Config {
             seed: config.seed,
@@ -98,21 +98,21 @@ impl Request {
             ..Config::new(config.preset, config.views)
         };
         if plain != *config {
-            let what = "of the optimisation's options it takes --seed, --gate, --viewers and --held-out only";
-            return Err(Error::request(format!("--method {name}: {what}; leave the others out")));
+            let what = "of the optimisation's options it takes `seed`, `gate`, `viewers` and `held_out` only";
+            return Err(Error::request(format!("`method` {name}: {what}; leave the others out")));
         }
         let most = 1 << 20;
         let candidates = match (method.candidates(config.views), candidates) {
             (None, Some(_)) => {
                 return Err(Error::request(format!(
-                    "--method {name} chooses from no candidates; leave --candidates out"
+                    "`method` {name} chooses from no candidates; leave `candidates` out"
                 )));
             }
             (default, given) => given.or(default),
         };
         if let Some(count) = candidates.filter(|count| *count < config.views || *count > most) {
             let views = config.views;
-            return Err(Error::request(format!("--candidates is {count} for {views} views; give {views} to {most}")));
+            return Err(Error::request(format!("`candidates` is {count} for {views} views; give {views} to {most}")));
         }
         Ok(Self {
             method,

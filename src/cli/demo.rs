@@ -51,7 +51,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     std::fs::create_dir_all(out).map_err(|source| Error::io(out, source))?;
     let mark = out.join(MARK);
     check_folder(out, mark.is_file()).map_err(|error| match error {
-        Error::Input { path, what } if what.contains("--force") => {
+        Error::NotEmpty { path } => {
             Error::input(path, "the folder is not empty and holds no demo; name another with --out")
         }
         other => other,
@@ -61,7 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
     let scenes = [("object", samples::object(), Preset::Object, 50), ("room", samples::room(), Preset::Room, 300)];
     for (name, surface, preset, views) in scenes {
-        say!();
+        say!("");
         if !plan(&context, out, name, &surface, preset, views)? {
             return Ok(ExitCode::from(super::INTERRUPTED));
         }

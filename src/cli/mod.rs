@@ -5,7 +5,7 @@
 macro_rules! say {
     ($($text:tt)*) => {{
         use std::io::Write as _;
-        if let Err(error) = writeln!(std::io::stdout(), $($text)*) {
+        if let Err(error) = writeln!(std::io::stdout(), "{}", $crate::cli::with_options(format!($($text)*))) {
             $crate::cli::unsaid(&error);
         }
     }};
@@ -15,7 +15,7 @@ macro_rules! say {
 macro_rules! complain {
     ($($text:tt)*) => {{
         use std::io::Write as _;
-        let _ = writeln!(std::io::stderr(), $($text)*);
+        let _ = writeln!(std::io::stderr(), "{}", $crate::cli::with_options(format!($($text)*)));
     }};
 }
 
@@ -42,6 +42,7 @@ mod vds;
 mod vdsf;
 
 use std::process::ExitCode;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::error::ErrorKind;
@@ -102,6 +103,27 @@ const NO_ROOM: &str = "error: standard output did not take all that was printed;
 /// Whether something could not be printed though there is still a reader.
 static UNSAID: AtomicBool = AtomicBool::new(false);
 
+/// Names of the command's arguments as the library has them, each with its option.
+static OPTIONS: OnceLock<Vec<(String, String)>> = OnceLock::new();
+
+/// What the library says, with the command's options in place of settings: `` `held_out` `` is `--held-out`.
+fn with_options(text: String) -> String {
+    if !text.contains('`') {
+        return text;
+    }
+    let put = |text: String, (setting, option): &(String, String)| text.replace(setting, option);
+    OPTIONS.get().into_iter().flatten().fold(text, put)
+}
+
+/// The options of the command that the arguments name, see [`with_options`].
+fn options_of(command: &clap::Command, matches: &clap::ArgMatches) -> Vec<(String, String)> {
+    let subcommand = matches.subcommand_name().and_then(|name| command.find_subcommand(name));
+    // A field that would be a keyword ends in an underscore.
+    let setting = |arg: &Arg| format!("`{}`", arg.get_id().as_str().trim_end_matches('_'));
+    let named = |arg: &Arg| arg.get_long().map(|long| (setting(arg), format!("--{long}")));
+    subcommand.map_or_else(Vec::new, |subcommand| subcommand.get_arguments().filter_map(named).collect())
+}
+
 /// What [`say`] does where it cannot print.
 fn unsaid(error: &std::io::Error) {
     if error.kind() != std::io::ErrorKind::BrokenPipe {
@@ -112,7 +134,12 @@ fn unsaid(error: &std::io::Error) {
 /// Runs the command line. Exit codes: 0 done, 2 bad input or request, 130 stopped by the user (what there was is
 /// written; `select` and `plan --method` leave nothing), 1 anything else, such as a standard output that takes no more.
 pub fn main() -> ExitCode {
-    let cli = match command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
+    let command = command();
+    let parse = |matches: clap::ArgMatches| {
+        OPTIONS.get_or_init(|| options_of(&command, &matches));
+        Cli::from_arg_matches(&matches)
+    };
+    let cli = match command.clone().try_get_matches().and_then(parse) {
         Ok(cli) => cli,
         Err(error) => return refuse(&error),
     };

@@ -45,8 +45,8 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value_t = Strategy::Mcmc)]
     strategy: Strategy,
     /// Degree of the spherical harmonics, 0 to 3
-    #[arg(long, default_value_t = 3)]
-    sh: u32,
+    #[arg(long = "sh", default_value_t = 3)]
+    degree: u32,
     /// Background, and what is trained where masks or alpha leave the photo out [default: white where
     /// photos have masks or alpha, else black]
     #[arg(long, value_enum)]
@@ -213,7 +213,7 @@ fn configuration(arguments: &Arguments, points: bool) -> Config {
     let config = Config::new(arguments.iterations, arguments.max_splats.unwrap_or(USUAL))
         .with_strategy(arguments.strategy, points);
     Config {
-        degree: arguments.sh,
+        degree: arguments.degree,
         antialiased: arguments.antialiased,
         fast: arguments.fast,
         seed: arguments.seed,

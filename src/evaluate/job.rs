@@ -90,9 +90,7 @@ pub fn check(folder: &Path, request: &Request, subjects: &[Subject]) -> Result<(
     }
     let earlier = folder.join(ASKED).is_file();
     check_folder(folder, earlier).map_err(|error| match error {
-        Error::Input { path, what } if path.is_dir() && what.contains("--force") => {
-            Error::input(path, "the folder is not empty and holds no evaluation; name another")
-        }
+        Error::NotEmpty { path } => Error::input(path, "the folder is not empty and holds no evaluation; name another"),
         other => other,
     })
 }

@@ -117,19 +117,19 @@ impl Config {
     pub fn validate(&self) -> Result<()> {
         let refuse = |what: String| Err(Error::request(what));
         if !(1..=10_000_000).contains(&self.iterations) {
-            return refuse(format!("--iterations is {}; give 1 to 10000000", self.iterations));
+            return refuse(format!("`iterations` is {}; give 1 to 10000000", self.iterations));
         }
         if !(1..=1 << 26).contains(&self.max_splats) {
-            return refuse(format!("--max-splats is {}; give 1 to {}", self.max_splats, 1 << 26));
+            return refuse(format!("`max_splats` is {}; give 1 to {}", self.max_splats, 1 << 26));
         }
         if self.degree > MAX_DEGREE {
-            return refuse(format!("--sh is {}; give 0 to {MAX_DEGREE}", self.degree));
+            return refuse(format!("`degree` is {}; give 0 to {MAX_DEGREE}", self.degree));
         }
         if !(self.init_opacity > 0.0 && self.init_opacity < 1.0) {
-            return refuse(format!("--init-opacity is {}; give a number between 0 and 1", self.init_opacity));
+            return refuse(format!("`init_opacity` is {}; give a number between 0 and 1", self.init_opacity));
         }
         if !(self.init_scale > 0.0 && self.init_scale <= 100.0) {
-            return refuse(format!("--init-scale is {}; give a number between 0 and 100", self.init_scale));
+            return refuse(format!("`init_scale` is {}; give a number between 0 and 100", self.init_scale));
         }
         Ok(())
     }

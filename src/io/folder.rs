@@ -257,8 +257,7 @@ fn check_free(path: &Path, force: bool) -> Result<()> {
         Err(e) => return Err(Error::io(path, e)),
     };
     if entries.next().is_some() && !force {
-        let what = "the folder is not empty; pass --force to replace the files in it, or name another";
-        return Err(Error::input(path, what));
+        return Err(Error::NotEmpty { path: path.to_path_buf() });
     }
     Ok(())
 }
@@ -419,7 +418,7 @@ mod tests {
         fs::create_dir(&path).unwrap();
         fs::write(path.join("notes.txt"), "mine").unwrap();
         fs::write(path.join("plan.json"), "old").unwrap();
-        assert!(OutputFolder::create(&path, false).unwrap_err().to_string().contains("pass --force"));
+        assert!(OutputFolder::create(&path, false).unwrap_err().to_string().contains("pass `force`"));
         let folder = OutputFolder::create(&path, true).unwrap();
         folder.write("plan.json", "new").unwrap();
         assert_eq!(fs::read_to_string(path.join("plan.json")).unwrap(), "old");

@@ -61,7 +61,7 @@ impl Assembly {
         let found = lights::lights(model, centre, radius);
         if found.is_empty() && environment.is_none() && !unlit {
             return Err(Error::request(
-                "the scene has no light: no lamp, nothing that emits, no environment; give an environment map with --env",
+                "the scene has no light: no lamp, nothing that emits, no environment; give an environment map with `env`",
             ));
         }
         let corner = |face: &model::Face| face.corners.map(|v| model.vertices[v as usize].position);

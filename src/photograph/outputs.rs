@@ -120,7 +120,7 @@ impl Outputs {
             let same = serde_json::to_value(record).ok() == other.and_then(|other| serde_json::to_value(other).ok());
             if !same {
                 let what = "the folder holds a capture of something else, or with other settings; name another folder, or \
-                            pass --force to begin anew";
+                            pass `force` to begin anew";
                 return Err(Error::input(folder, what));
             }
         }

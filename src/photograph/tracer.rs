@@ -127,7 +127,7 @@ impl Tracer {
         list.extend([("exposure", PIXEL * pixels), ("found", PIXEL * pixels), ("chosen", 4 * pixels)]);
         Footprint { buffers: list, several: &[] }.check(context, "the scene", |name| match name {
             "texels" => "take smaller textures, or a larger device",
-            "exposure" | "found" | "chosen" => "take smaller pictures (--size)",
+            "exposure" | "found" | "chosen" => "take smaller pictures (`size`)",
             _ => "take a scene with fewer triangles, or a larger device",
         })?;
         Ok(Self {

@@ -181,26 +181,26 @@ impl Config {
     pub fn validate(&self) -> Result<()> {
         let resolution = self.resolution.unwrap_or(16);
         let positive = [
-            ("--alpha", self.alpha),
-            ("--gate-softness", self.gate_softness),
+            ("`alpha`", self.alpha),
+            ("`gate_softness`", self.gate_softness),
             ("decay", self.decay),
-            ("--scale", self.scale.unwrap_or(1.0)),
+            ("`scale`", self.scale.unwrap_or(1.0)),
         ];
         let not_negative = [
-            ("--lambda-reg", self.lambda_reg),
-            ("--lambda-bound", self.lambda_bound),
-            ("--lambda-scale", self.lambda_scale),
-            ("--lr-position", self.lr_position),
-            ("--lr-direction", self.lr_direction),
-            ("--lr-scale", self.lr_scale),
+            ("`lambda_reg`", self.lambda_reg),
+            ("`lambda_bound`", self.lambda_bound),
+            ("`lambda_scale`", self.lambda_scale),
+            ("`lr_position`", self.lr_position),
+            ("`lr_direction`", self.lr_direction),
+            ("`lr_scale`", self.lr_scale),
             ("the part of the run that relocates", self.relocate_until),
         ];
         let counts = [
-            ("--views", self.views),
-            ("--iterations", self.iterations),
-            ("--probes", self.probes),
-            ("--pool", self.pool),
-            ("--held-out", self.held_out),
+            ("`views`", self.views),
+            ("`iterations`", self.iterations),
+            ("`probes`", self.probes),
+            ("`pool`", self.pool),
+            ("`held_out`", self.held_out),
         ];
         let bad = |name: &str, value: &dyn std::fmt::Display, want: &str| {
             Err(Error::request(format!("{name} is {value}; give {want}")))
@@ -209,7 +209,7 @@ impl Config {
             return bad(name, value, "at least 1");
         }
         let limits =
-            [("--probes", self.probes, 65_535), ("--pool", self.pool, 1 << 20), ("--held-out", self.held_out, 1 << 20)];
+            [("`probes`", self.probes, 65_535), ("`pool`", self.pool, 1 << 20), ("`held_out`", self.held_out, 1 << 20)];
         if let Some((name, value, most)) = limits.iter().find(|(_, value, most)| value > most) {
             return bad(name, value, &format!("at most {most}"));
         }
@@ -220,10 +220,10 @@ impl Config {
             return bad(name, value, "zero or a positive number");
         }
         if self.alpha >= 0.5 {
-            return bad("--alpha", &self.alpha, "less than 0.5, so that a score of 2 stays below full brightness");
+            return bad("`alpha`", &self.alpha, "less than 0.5, so that a score of 2 stays below full brightness");
         }
         if !resolution.is_multiple_of(8) || !(16..=256).contains(&resolution) {
-            return bad("--resolution", &resolution, "a multiple of 8 between 16 and 256");
+            return bad("`resolution`", &resolution, "a multiple of 8 between 16 and 256");
         }
         Ok(())
     }

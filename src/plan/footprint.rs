@@ -79,10 +79,10 @@ pub(super) fn footprint(
 /// As for [`Footprint::check`].
 pub fn check(footprint: &Footprint, context: &Context) -> Result<()> {
     footprint.check(context, "the plan", |name| match name {
-        HELD_OUT => "use fewer held-out points (--held-out)",
-        "history" => "run fewer iterations (--iterations)",
-        "snapshots" => "plan fewer views, or take fewer checkpoints (--checkpoint-every)",
-        _ => "plan fewer views, or use fewer probes (--probes) or texels (--resolution)",
+        HELD_OUT => "use fewer held-out points (`held_out`)",
+        "history" => "run fewer iterations (`iterations`)",
+        "snapshots" => "plan fewer views, or take fewer checkpoints (`checkpoint_every`)",
+        _ => "plan fewer views, or use fewer probes (`probes`) or texels (`resolution`)",
     })
 }
 

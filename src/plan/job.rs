@@ -283,11 +283,9 @@ pub fn optimise<'a>(
         let all = planner.settings().iterations;
         let outcome = planner.run(profile.as_deref_mut(), |done| observe(done, all));
         mark(&mut profile, "optimisation", start);
-        match outcome {
-            Err(Error::Room { pairs, instances }) if preparation.binned() => {
-                preparation = preparation.with_room(context, pairs, instances);
-            }
-            outcome => return Ok((planner, outcome?)),
+        match planner.overflow() {
+            Some(needed) if preparation.binned() => preparation = preparation.with_room(context, needed),
+            _ => return Ok((planner, outcome?)),
         }
     }
 }

@@ -419,22 +419,30 @@ impl<'a> Planner<'a> {
         1 + (splat + 3) * self.block()
     }
 
+    /// Pairs and instances that an iteration had (a probe's splats in the dense pass), where that was more than there was room for.
+    pub(super) fn overflow(&self) -> Option<[u32; 2]> {
+        let needed = |word| self.buffers.mailbox.peek(word).unwrap_or(0);
+        let [pairs, instances] = match self.pipelines.splat {
+            Way::Dense(_) => [needed(mailbox::MAX_VISIBLE), 0],
+            Way::Viewed(_) => [0, 0],
+            Way::Binned(_) => [needed(mailbox::MAX_PAIRS), needed(mailbox::MAX_INSTANCES)],
+        };
+        (pairs > self.settings.capacity || instances > self.settings.instances).then_some([pairs, instances])
+    }
+
     /// What the blocks that were recorded with [`Planner::record_block`] and have been waited for leave, whoever
     /// submitted them. The time they took is the submitter's to measure and zero here.
     ///
     /// # Errors
     /// Where the device fails, or a probe saw more splats than there was room for.
     pub fn outcome(&self) -> Result<Outcome> {
-        let done = self.done();
-        let needed = |word| self.buffers.mailbox.peek(word).unwrap_or(0);
-        let (pairs, instances) = match self.pipelines.splat {
-            Way::Dense(_) => (needed(mailbox::MAX_VISIBLE), 0),
-            Way::Viewed(_) => (0, 0),
-            Way::Binned(_) => (needed(mailbox::MAX_PAIRS), needed(mailbox::MAX_INSTANCES)),
-        };
-        if pairs > self.settings.capacity || instances > self.settings.instances {
-            return Err(Error::Room { pairs, instances });
+        if let Some([pairs, instances]) = self.overflow() {
+            return Err(Error::request(format!(
+                "the plan needs room for {pairs} visible pairs and {instances} tile instances and had less; use fewer `probes` or a \
+                 larger device"
+            )));
         }
+        let done = self.done();
         let history: Vec<Record> = self.buffers.history.download(done as usize)?;
         let history = history.iter().zip(0..).map(|(record, iteration)| self.iteration(iteration, record)).collect();
         let poses = self.poses(&self.splats()?, true);

@@ -63,7 +63,7 @@ impl Preparation {
         config.validate()?;
         footprint::check_counts(&config, kept.len(), context)?;
         if config.views > MAX_VIEWS {
-            return Err(Error::request(format!("--views is {}; give at most {MAX_VIEWS}", config.views)));
+            return Err(Error::request(format!("`views` is {}; give at most {MAX_VIEWS}", config.views)));
         }
         let quality = config.objective == Objective::Quality;
         let viewers = match quality {
@@ -103,7 +103,7 @@ impl Preparation {
             }
         };
         if binned && quality {
-            return Err(Error::request("only --objective splat has a binned pass; leave --pass out"));
+            return Err(Error::request("only `objective` splat has a binned pass; leave `pass` out"));
         }
         if quality && context.physical().kind == "CPU" && splats > MAX_ON_CPU {
             return Err(Error::request(format!(
@@ -112,17 +112,17 @@ impl Preparation {
         }
         if quality && probes > MAX_VIEWERS_A_STEP {
             return Err(Error::request(format!(
-                "--probes is {probes}; give at most {MAX_VIEWERS_A_STEP} viewers a step"
+                "`probes` is {probes}; give at most {MAX_VIEWERS_A_STEP} viewers a step"
             )));
         }
         if !binned && !quality && splats > MAX_DENSE {
             return Err(Error::request(format!(
-                "the dense pass takes at most {MAX_DENSE} cameras; use --pass binned or auto"
+                "the dense pass takes at most {MAX_DENSE} cameras; use `pass` binned or auto"
             )));
         }
         if u64::from(probes) * u64::from(splats) > 1 << 28 {
             return Err(Error::request(format!(
-                "{splats} cameras times {probes} point cameras a step is more than 2^28; use fewer probes (--probes)"
+                "{splats} cameras times {probes} point cameras a step is more than 2^28; use fewer probes (`probes`)"
             )));
         }
         let room = Room::new(splats, probes, visible.gated, binned, start_scale, resolution, context.physical());
@@ -174,7 +174,7 @@ impl Preparation {
     }
 
     /// The same run with room for so many pairs and instances in the binned pass, and a quarter more.
-    pub fn with_room(mut self, context: &Context, pairs: u32, instances: u32) -> Self {
+    pub(super) fn with_room(mut self, context: &Context, [pairs, instances]: [u32; 2]) -> Self {
         self.settings.capacity = self.settings.capacity.max(pairs.saturating_add(pairs / 4));
         self.settings.instances = self.settings.instances.max(instances.saturating_add(instances / 4));
         let (settings, config) = (&self.settings, &self.config);

@@ -42,9 +42,9 @@ pub(super) fn reachable(
 pub(super) fn unseen(preset: Preset) -> Error {
     let outside = match preset {
         Preset::Object => "",
-        Preset::Room => ", or give --preset object for a surface that is seen from outside",
+        Preset::Room => ", or give `preset` object for a surface that is seen from outside",
     };
     Error::request(format!(
-        "no point of the surface can be seen from the region; move or enlarge it (--shell, --box, --floor, --clearance){outside}"
+        "no point of the surface can be seen from the region; move or enlarge it (`shell`, `box`, `floor`, `clearance`){outside}"
     ))
 }

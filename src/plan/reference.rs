@@ -83,7 +83,7 @@ impl<'a> Reference<'a> {
                 return Err(match config.viewers {
                     Viewers::Region => probes::unseen(config.preset),
                     _ => Error::request(
-                        "viewers: none of them has the surface in a sixteenth of its picture; give nearer ones (--viewers), in its frame",
+                        "viewers: none of them has the surface in a sixteenth of its picture; give nearer ones (`viewers`), in its frame",
                     ),
                 });
             }

@@ -121,7 +121,7 @@ impl Target {
         if limits.narrows() && oblique && matches!(self.region.shape, Shape::Box { .. }) {
             let up = self.region.up;
             return Err(Error::request(format!(
-                "--heights and --walk in a box need an up along an axis, not {up}; give --up"
+                "`heights` and `walk` in a box need an up along an axis, not {up}; give `up`"
             )));
         }
         Ok(Self { limits: limits.validated()?, ..self })

@@ -204,7 +204,7 @@ impl Viewers {
         };
         (0..count).map(viewer).collect::<Option<Vec<_>>>().ok_or_else(|| {
             Error::request(
-                "viewers: hardly any place fits what --viewers says (or the region), above the floor and within --wall and --keep-out; give a \
+                "viewers: hardly any place fits what `viewers` says (or the region), above the floor and within `wall` and `keep_out`; give a \
                  larger part",
             )
         })

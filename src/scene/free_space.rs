@@ -113,10 +113,10 @@ impl FreeSpace {
         let free: Vec<u32> = component.iter().copied().filter(is_own).collect();
         if free.is_empty() {
             return Err(Error::request(if limits.is_empty() {
-                "region: no free space; every position is closer than the clearance to the surface: enlarge the region or lower --clearance"
+                "region: no free space; every position is closer than the clearance to the surface: enlarge the region or lower `clearance`"
             } else {
-                "region: no free space; --wall, --keep-out, --heights and --walk leave nothing of it that is as far from the surface as the \
-                 clearance: allow more, or lower --clearance"
+                "region: no free space; `wall`, `keep_out`, `heights` and `walk` leave nothing of it that is as far from the surface as the \
+                 clearance: allow more, or lower `clearance`"
             }));
         }
         let all_open = open.iter().filter(|open| **open).count().max(1);
@@ -316,7 +316,7 @@ fn grid_around(region: &Region, resolution: u32) -> Result<Grid> {
     let dims = ((max - min) / cell).map(|n| (n - 1e-9).ceil().max(1.0)) + 2.0 * margin;
     if resolution == 0 || dims.element_product() > MAX_VOXELS {
         return Err(Error::request(format!(
-            "region: {resolution} voxels along its longest side make a grid of {dims}; give a smaller clearance (--clearance) or fewer voxels"
+            "region: {resolution} voxels along its longest side make a grid of {dims}; give a smaller clearance (`clearance`) or fewer voxels"
         )));
     }
     let size = cell * dims;
@@ -449,7 +449,7 @@ mod tests {
         let shape = Shape::Box { min: DVec3::splat(-0.4), max: DVec3::splat(0.4) };
         let region = Region { shape, up: DVec3::Z, floor: None, clearance: 0.6 };
         let message = FreeSpace::new(&proxy.occluder, &region, 16).unwrap_err().to_string();
-        assert!(message.contains("--clearance") && !message.contains('\n'), "{message}");
+        assert!(message.contains("`clearance`") && !message.contains('\n'), "{message}");
         assert!(FreeSpace::new(&proxy.occluder, &region, 0).is_err());
         assert!(FreeSpace::new(&proxy.occluder, &region, 100_000).is_err());
     }

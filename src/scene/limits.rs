@@ -107,31 +107,31 @@ impl Limits {
         let wrong = |what: String| Err(Error::request(what));
         for Wall { point, normal } in &mut self.walls {
             if !(point.abs().max_element() < FARTHEST && normal.abs().max_element() < FARTHEST) {
-                return wrong(format!("--wall: give numbers below {FARTHEST:.0e}"));
+                return wrong(format!("`wall`: give numbers below {FARTHEST:.0e}"));
             }
             *normal = match normal.try_normalize() {
                 Some(unit) => unit,
                 None => {
-                    return wrong(format!("--wall at {point} with normal {normal}: give a normal that is not zero"));
+                    return wrong(format!("`wall` at {point} with normal {normal}: give a normal that is not zero"));
                 }
             };
         }
         if let Some(Volume { file, .. }) = self.keep_out.iter().find(|volume| volume.triangles.is_empty()) {
-            return wrong(format!("--keep-out {file}: it has no faces; give a mesh or boxes"));
+            return wrong(format!("`keep_out` {file}: it has no faces; give a mesh or boxes"));
         }
         if self.heights.is_some_and(|heights| !heights.iter().all(|height| height.abs() < FARTHEST)) {
-            return wrong(format!("--heights: give numbers below {FARTHEST:.0e}"));
+            return wrong(format!("`heights`: give numbers below {FARTHEST:.0e}"));
         }
         if let Some([low, high]) = self.heights
             && low >= high
         {
-            return wrong(format!("--heights {low},{high}: give the lower one, then the greater one"));
+            return wrong(format!("`heights` {low},{high}: give the lower one, then the greater one"));
         }
         if let Some(Walk { start, radius, height }) = self.walk
             && !(start.is_finite() && radius > 0.0 && radius.is_finite() && height > 0.0 && height.is_finite())
         {
             return wrong(format!(
-                "--walk from {start} with radius {radius} and height {height}: give lengths above zero"
+                "`walk` from {start} with radius {radius} and height {height}: give lengths above zero"
             ));
         }
         Ok(self)
@@ -292,7 +292,7 @@ mod tests {
             Limits { keep_out: vec![Volume::default()], ..Limits::default() },
         ] {
             let error = room(nonsense).unwrap_err().to_string();
-            assert!(error.starts_with("--") && error.contains("give"), "{error}");
+            assert!(error.starts_with('`') && error.contains("give"), "{error}");
         }
     }
 
@@ -337,7 +337,7 @@ mod tests {
         let within = |heights| {
             FreeSpace::among(&proxy.occluder, &region, &Limits { heights: Some(heights), ..Limits::default() }, 96)
         };
-        assert!(within([-0.03, -0.01]).unwrap_err().to_string().contains("--heights"));
+        assert!(within([-0.03, -0.01]).unwrap_err().to_string().contains("`heights`"));
         let space = within([0.0, 0.02]).unwrap();
         assert!(places(&space).iter().all(|p| (0.0..=0.02).contains(&p.z) && region.contains(*p)));
         // A ceiling below the head stops whoever walks.
@@ -346,7 +346,7 @@ mod tests {
             let walk = Some(Walk { start: DVec3::new(2.5, 0.0, 0.0), radius: 0.2, height });
             FreeSpace::among(&proxy.occluder, &region, &Limits { walls: vec![ceiling], walk, ..Limits::default() }, 96)
         };
-        assert!(walk(1.0).is_ok() && walk(1.7).unwrap_err().to_string().contains("--walk"));
+        assert!(walk(1.0).is_ok() && walk(1.7).unwrap_err().to_string().contains("`walk`"));
     }
 
     /// Two rooms with a door: who walks gets through a door that is wide and high enough, and a camera never stands where
@@ -378,7 +378,7 @@ mod tests {
         let blocked = Walk { start: DVec3::new(0.85, -1.0, -1.5), radius: 0.25, height: 1.7 };
         let limits = Limits { walk: Some(blocked), ..Limits::default() };
         let error = FreeSpace::among(&occluder, &region, &limits, 60).unwrap_err().to_string();
-        assert!(error.contains("--walk") && !error.contains('\n'), "{error}");
+        assert!(error.contains("`walk`") && !error.contains('\n'), "{error}");
     }
 
     /// If this failed, limits would hold in one frame and not in another.

@@ -147,7 +147,7 @@ impl Region {
                 }
                 if min.cmpge(max).any() {
                     return wrong(format!(
-                        "box from {min} to {max} is empty or inverted; give lower then higher corner, or lower --clearance"
+                        "box from {min} to {max} is empty or inverted; give lower then higher corner, or lower `clearance`"
                     ));
                 }
             }
@@ -157,7 +157,7 @@ impl Region {
         };
         let valid = Self { up, ..self };
         if matches!(self.shape, Shape::Box { .. }) && self.floor.is_some() && up.abs().max_element() < 1.0 - 1e-9 {
-            return wrong(format!("a floor in a box needs an up along an axis, not {up}; give --up"));
+            return wrong(format!("a floor in a box needs an up along an axis, not {up}; give `up`"));
         }
         if let Some(floor) = self.floor {
             let top = valid.top();
@@ -396,7 +396,7 @@ mod tests {
         assert!((region.clearance - 0.1).abs() < 1e-12);
         assert!(region.contains(DVec3::splat(0.11)) && !region.contains(DVec3::splat(0.09)));
         let message = Region::inside_room(bounds, Some(1.2), DVec3::Z).unwrap_err().to_string();
-        assert!(message.contains("--clearance"), "{message}");
+        assert!(message.contains("`clearance`"), "{message}");
     }
 
     /// Nonsense must be refused in one line before anything is computed from it.

@@ -41,7 +41,7 @@ impl Ground {
         let layers = (head - foot) / cell;
         if !(1.0..MAX_LAYERS).contains(&layers) {
             let what = if layers < 1.0 { "low for voxels of a region so large" } else { "high for a region so small" };
-            return Err(Error::request(format!("--walk: whoever walks is too {what}; give another height or region")));
+            return Err(Error::request(format!("`walk`: whoever walks is too {what}; give another height or region")));
         }
         // Those that fit, from the head down: one more would reach to the ground.
         let layers = layers as u32;
@@ -76,7 +76,7 @@ impl Ground {
         let within = (start - grid.centre(grid.coordinates(at))).abs().max_element() <= cell;
         if !within || !free[at] {
             return Err(Error::request(
-                "--walk: there is no room at its start for somebody of this radius and height, or it is outside of the region; give a \
+                "`walk`: there is no room at its start for somebody of this radius and height, or it is outside of the region; give a \
                  place in the open, with the feet on the ground",
             ));
         }
@@ -90,7 +90,7 @@ impl Ground {
         // Of a surface without a floor nothing is known.
         if outside || ground.is_some_and(|ground| ground < walk.start.z - STEP * walk.height - cell) {
             return Err(Error::request(
-                "--walk: there is no ground under its start; give the place where the feet are, with the height along --up",
+                "`walk`: there is no ground under its start; give the place where the feet are, with the height along `up`",
             ));
         }
         let lowest_above = |column: usize| {

@@ -54,7 +54,7 @@ pub fn choose(pool: &Pool<'_>, settings: Settings, occluder: Option<&SceneGeomet
     let views = pool.allowed.len() as u64;
     if u64::from(settings.grid).pow(3).saturating_mul(views) > MAX_PAIRS {
         let what = format!("{views} views are too many for a grid of {0} x {0} x {0} nodes; give fewer", settings.grid);
-        return Err(Error::request(format!("--method acp: {what}")));
+        return Err(Error::request(format!("`method` acp: {what}")));
     }
     let cameras: Vec<&Camera> = pool.set.photos.iter().map(|photo| &photo.camera).collect();
     let nodes = nodes(pool.allowed.iter().map(|photo| cameras[*photo].pose.position), settings.grid);

@@ -251,7 +251,7 @@ impl<'a> SelectionContext<'a> {
         let plain = Objective::new(&self.context, &self.scene, &self.set.photos, looks, law)?;
         if plain.looks() == 0 {
             return Err(Error::request(
-                "viewers: none of them has the surface in a sixteenth of its picture; give nearer ones (--viewers), in the surface's frame",
+                "viewers: none of them has the surface in a sixteenth of its picture; give nearer ones (`viewers`), in the surface's frame",
             ));
         }
         let (mut subset, mut errors_db) = match request.method {
@@ -336,7 +336,7 @@ impl<'a> SelectionContext<'a> {
     fn by(&self, method: Method, pool: &Pool<'_>, planned: &[Pose]) -> Result<Vec<usize>> {
         let farthest = |distance| {
             pool.farthest(distance).ok_or_else(|| {
-                Error::request("--method fvs-shared: shared points are counted in pools of up to 4000 photos; use fvs")
+                Error::request("`method` fvs-shared: shared points are counted in pools of up to 4000 photos; use fvs")
             })
         };
         match method {
@@ -359,7 +359,7 @@ impl<'a> SelectionContext<'a> {
             }
             Method::Fisher | Method::Cover => {
                 let missing = || {
-                    Error::request(format!("--method {} needs trained splats; give them with --model", method.name()))
+                    Error::request(format!("`method` {} needs trained splats; give them with `model`", method.name()))
                 };
                 let model = self.model.as_ref().ok_or_else(missing)?;
                 let choose = if method == Method::Fisher { information::fisher } else { information::cover };
@@ -372,7 +372,7 @@ impl<'a> SelectionContext<'a> {
             | Method::Rings
             | Method::Manifold => {
                 let name = method.name();
-                Err(Error::request(format!("--method {name}: it places cameras and chooses no photos")))
+                Err(Error::request(format!("`method` {name}: it places cameras and chooses no photos")))
             }
         }
     }

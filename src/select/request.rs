@@ -57,26 +57,26 @@ impl Request {
     pub fn validate(&self, photos: usize) -> Result<()> {
         let wrong = |what: String| Err(Error::request(what));
         if !self.method.entry().chooses {
-            return wrong(format!("--method {}: it places cameras and chooses no photos", self.method.name()));
+            return wrong(format!("`method` {}: it places cameras and chooses no photos", self.method.name()));
         }
         let allowed = photos - self.exclude.len();
         if self.count == 0 {
-            return wrong("--count is 0; give at least 1".into());
+            return wrong("`count` is 0; give at least 1".into());
         }
         if self.count > allowed {
             let barred =
-                if self.exclude.is_empty() { String::new() } else { format!(" of {photos}, without --exclude") };
-            return wrong(format!("--count is {}, but the pool has {allowed} photos{barred}; give fewer", self.count));
+                if self.exclude.is_empty() { String::new() } else { format!(" of {photos}, without `exclude`") };
+            return wrong(format!("`count` is {}, but the pool has {allowed} photos{barred}; give fewer", self.count));
         }
         if self.include.len() > self.count {
             let included = self.include.len();
             return wrong(format!(
-                "--include names {included} photos, more than --count {}; raise --count",
+                "`include` names {included} photos, more than `count` {}; raise `count`",
                 self.count
             ));
         }
         if !(1..=1 << 20).contains(&self.points) {
-            return wrong(format!("--points is {}; give 1 to {}", self.points, 1 << 20));
+            return wrong(format!("`points` is {}; give 1 to {}", self.points, 1 << 20));
         }
         Ok(())
     }

@@ -84,9 +84,9 @@ impl Settings {
     /// In a line that names the option.
     pub fn validate(&self) -> Result<()> {
         let limits = [
-            ("--train-every", self.every, 1, 100_000),
-            ("--max-splats", self.max_splats, 1, 1 << 26),
-            ("--shrink", self.shrink, 1, 64),
+            ("`train_every`", self.every, 1, 100_000),
+            ("`max_splats`", self.max_splats, 1, 1 << 26),
+            ("`shrink`", self.shrink, 1, 64),
         ];
         match limits.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value)) {
             Some((name, value, low, high)) => Err(Error::request(format!("{name} is {value}; give {low} to {high}"))),
@@ -116,7 +116,7 @@ pub fn fisher(
     }
     if iterations > MAX_ITERATIONS {
         let (every, count) = (settings.every, pool.count);
-        let what = format!("--train-every {every} makes {iterations} iterations for {count} views");
+        let what = format!("`train_every` {every} makes {iterations} iterations for {count} views");
         return Err(Error::request(format!("{what}; give less, for at most {MAX_ITERATIONS}")));
     }
     let Settings { background, antialiased, .. } = settings;

@@ -151,7 +151,7 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
     let pairs: usize = neighbours.iter().map(Vec::len).sum();
     if pairs == 0 {
         return Err(Error::request(
-            "no two of the photos see the same from 3 to 60 degrees apart; give more photos of the same place (--photos)",
+            "no two of the photos see the same from 3 to 60 degrees apart; give more photos of the same place (`photos`)",
         ));
     }
     views = device_views(&cameras, &ranges);
@@ -224,7 +224,7 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
     let all: Vec<Sample> = stereo.into_iter().chain(holes).collect();
     if all.len() < MIN_POINTS {
         return Err(Error::request(format!(
-            "only {} points were found; give photos with more overlap (--photos), --near and --far, or masks",
+            "only {} points were found; give photos with more overlap (`photos`), `near` and `far`, or masks",
             all.len()
         )));
     }
@@ -339,8 +339,8 @@ fn find_volume(set: &PhotoSet, cameras: &[Camera], options: &Options) -> Result<
     let centre = || cameras.iter().map(|camera| camera.pose.position).sum::<DVec3>() / cameras.len() as f64;
     found.or_else(|| options.depths.map(|[_, far]| Volume { centre: centre(), radius: far })).ok_or_else(|| {
         Error::request(match options.use_points {
-            true => "the capture has no points to use; leave --use-points out",
-            false => "the cameras do not look at one place, so that nothing says how far the scene is; give --near and --far in the capture's units",
+            true => "the capture has no points to use; leave `use_points` out",
+            false => "the cameras do not look at one place, so that nothing says how far the scene is; give `near` and `far` in the capture's units",
         })
     })
 }

@@ -83,7 +83,7 @@ impl SceneGeometry {
         if away > FARTHEST * size && size > 0.0 {
             return Err(Error::request(format!(
                 "the surface lies {:.0e} times its own size away from the middle of the region, where single precision cannot \
-                 tell its points apart; move the region nearer (--shell, --box)",
+                 tell its points apart; move the region nearer (`shell`, `box`)",
                 away / size
             )));
         }

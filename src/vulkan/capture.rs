@@ -57,7 +57,7 @@ impl RenderDoc {
             ];
             let library = names.iter().find_map(|name| libloading::Library::new(*name).ok()).ok_or_else(|| {
                 Error::NoDevice(
-                    "RenderDoc is not installed (librenderdoc.so): install renderdoc, or leave out --renderdoc".into(),
+                    "RenderDoc is not installed (librenderdoc.so): install renderdoc, or leave out `renderdoc`".into(),
                 )
             })?;
             let library = Box::leak(Box::new(library));
@@ -95,7 +95,7 @@ impl RenderDoc {
         let failed = || {
             Error::NoDevice(
                 "RenderDoc could not take the capture: see that its Vulkan layer is registered (renderdoccmd vulkanlayer \
-                 --explain) and that the file can be written"
+                 `explain`) and that the file can be written"
                     .into(),
             )
         };

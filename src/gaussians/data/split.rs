@@ -59,7 +59,7 @@ impl Split {
         let left = split.train.photos.len();
         if left < MIN_PHOTOS {
             let what = format!(
-                "{left} of {} photos are left to train on, which takes at least {MIN_PHOTOS}; take more photos, or fewer for testing (--test-every)",
+                "{left} of {} photos are left to train on, which takes at least {MIN_PHOTOS}; take more photos, or fewer for testing (`test_every`)",
                 left + split.test.len()
             );
             return Err(Error::input(path, what));
@@ -166,7 +166,7 @@ mod tests {
     fn too_few_photos_are_refused() {
         for (count, test) in [(2, Test::Usual), (20, Test::Every(1)), (1, Test::Every(0)), (0, Test::Usual)] {
             let error = Split::new(set(count), &test, Images::Optional).unwrap_err().to_string();
-            assert!(error.starts_with("capture: ") && error.contains("--test-every"), "{error}");
+            assert!(error.starts_with("capture: ") && error.contains("`test_every`"), "{error}");
         }
     }
 

@@ -85,7 +85,7 @@ impl<'a> Job<'a> {
     /// Where two pictures would have the same file, a name is none, a picture is too large, or `near` is no depth.
     pub fn new(cameras: &'a [Camera], settings: Settings) -> Result<Self> {
         if let Some(near) = settings.near.filter(|near| !(near.is_finite() && *near > 0.0)) {
-            return Err(Error::request(format!("--near is {near}; give a depth above 0")));
+            return Err(Error::request(format!("`near` is {near}; give a depth above 0")));
         }
         let mut largest = Size { width: 0, height: 0 };
         for camera in cameras {
@@ -93,7 +93,7 @@ impl<'a> Job<'a> {
             if width.max(height) > MAX_SIDE {
                 return Err(Error::request(format!(
                     "the picture of camera {:?} has {width} x {height} pixels, and a side has {MAX_SIDE} at most; give \
-                     smaller ones with --size",
+                     smaller ones with `size`",
                     camera.name
                 )));
             }

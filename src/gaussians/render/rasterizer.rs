@@ -286,7 +286,7 @@ impl Rasterizer {
         let threads = wanted.divided(context)?;
         if wanted.fast && !context.physical().atomic_floats {
             let name = &context.physical().name;
-            return Err(Error::request(format!("{name} adds no floats atomically; train without --fast")));
+            return Err(Error::request(format!("{name} adds no floats atomically; train without `fast`")));
         }
         let Wanted { antialiased, depths, .. } = wanted;
         let constants = SplatConstants { antialiased };

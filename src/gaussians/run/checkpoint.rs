@@ -111,11 +111,11 @@ pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
 /// When it is not there, not one, cut short or damaged.
 pub fn read(path: &Path) -> Result<Checkpoint> {
     let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
-    let damaged = |what: &str| Error::input(path, format!("the checkpoint is damaged ({what}); train anew (--force)"));
+    let damaged = |what: &str| Error::input(path, format!("the checkpoint is damaged ({what}); train anew (`force`)"));
     if !bytes.starts_with(MAGIC) {
         return Err(Error::input(
             path,
-            "this is no checkpoint of camsplat that this version reads; train anew (--force)",
+            "this is no checkpoint of camsplat that this version reads; train anew (`force`)",
         ));
     }
     let (body, sum) = bytes.split_at(bytes.len() - 4);
@@ -177,32 +177,28 @@ pub fn check(path: &Path, header: &Header, config: &Config, input: &Input) -> Re
     let order = |key: &str| FIRST.iter().position(|first| *first == key).unwrap_or(FIRST.len());
     let Some(((key, then), (_, now))) = differs.min_by_key(|(then, _)| order(&then.0)) else { return Ok(()) };
     let [then, now] = [then, now].map(|value| value.as_str().map_or(value.to_string(), str::to_owned));
-    let what = match option_of(&key) {
-        Some(option) => {
-            format!("it was made with {option} {then}, not {now}; resume with the same, or train anew (--force)")
-        }
-        None => format!("it was made of another capture ({key}: {then}, not {now}); train anew (--force)"),
+    let what = if SETTINGS.contains(&key.as_str()) {
+        format!("it was made with `{key}` {then}, not {now}; resume with the same, or train anew (`force`)")
+    } else {
+        format!("it was made of another capture ({key}: {then}, not {now}); train anew (`force`)")
     };
     Err(Error::input(path, what))
 }
 
-/// The option that a key of the configuration is set by.
-fn option_of(key: &str) -> Option<&'static str> {
-    Some(match key {
-        "iterations" => "--iterations",
-        "max_splats" => "--max-splats",
-        "strategy" => "--strategy",
-        "degree" => "--sh",
-        "background" => "--background",
-        "antialiased" => "--antialiased",
-        "init_opacity" => "--init-opacity",
-        "init_scale" => "--init-scale",
-        "fast" => "--fast",
-        "seed" => "--seed",
-        "shrink" => "--shrink",
-        _ => return None,
-    })
-}
+/// Keys that users set; the others follow from these or from the capture.
+const SETTINGS: [&str; 11] = [
+    "iterations",
+    "max_splats",
+    "strategy",
+    "degree",
+    "background",
+    "antialiased",
+    "init_opacity",
+    "init_scale",
+    "fast",
+    "seed",
+    "shrink",
+];
 
 #[cfg(test)]
 mod tests {
@@ -280,9 +276,9 @@ mod tests {
         };
         check(Path::new("c"), &checkpoint().header, &config, &input).unwrap();
         let other = Config { degree: 2, ..config.clone() };
-        assert!(refusal(&other, &input).contains("--sh 0, not 2"), "{}", refusal(&other, &input));
+        assert!(refusal(&other, &input).contains("`degree` 0, not 2"), "{}", refusal(&other, &input));
         let other = config.clone().with_strategy(Strategy::Adc, true);
-        assert!(refusal(&other, &input).contains("--strategy mcmc, not adc"), "{}", refusal(&other, &input));
+        assert!(refusal(&other, &input).contains("`strategy` mcmc, not adc"), "{}", refusal(&other, &input));
         let other = Input { cameras: 8, ..input };
         assert!(refusal(&config, &other).contains("another capture (cameras: 7, not 8)"));
         let other = Input { tests: 3, test_photos: [1, 1], ..input };

@@ -69,7 +69,7 @@ impl Run {
         request.config.validate()?;
         let sides = request.split.train.photos.iter().chain(&request.split.test).map(|photo| photo.camera.intrinsics);
         if let Some(k) = sides.into_iter().find(|k| k.width.max(k.height) / request.shrink > MAX_SIDE) {
-            let what = format!("photos of {} x {} pixels are too large; train with --shrink", k.width, k.height);
+            let what = format!("photos of {} x {} pixels are too large; train with `shrink`", k.width, k.height);
             return Err(Error::input(&request.capture, what));
         }
         let Split { train, test, .. } = &request.split;
@@ -104,7 +104,7 @@ impl Run {
         footprint.check(
             &self.context,
             "the training",
-            |_| "train with fewer splats (--max-splats) or smaller photos (--shrink)",
+            |_| "train with fewer splats (`max_splats`) or smaller photos (`shrink`)",
         )
     }
 }

@@ -170,7 +170,7 @@ impl TrainRecord {
     pub fn diverged_line(&self) -> Option<String> {
         self.diverged().map(|[best, last]| {
             format!(
-                "training diverged: PSNR on the training photos fell from {best:.1} to {last:.1} dB; retry with another --seed"
+                "training diverged: PSNR on the training photos fell from {best:.1} to {last:.1} dB; retry with another `seed`"
             )
         })
     }

@@ -75,7 +75,7 @@ pub fn read(path: &Path, options: &Options) -> Result<PhotoSet> {
     if !missing.is_empty() && options.images == Images::Needed {
         let all = found.photos.iter().all(|photo| photo.image.is_none());
         let way_out =
-            if all { "give the folder with the images" } else { "bring them back, or go on without (--skip-missing)" };
+            if all { "give the folder with the images" } else { "bring them back, or go on without (`skip_missing`)" };
         let what = format!("missing or unreadable: {}; {way_out}", some(&missing));
         return Err(Error::input(path, what));
     }

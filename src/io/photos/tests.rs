@@ -107,7 +107,7 @@ fn missing_images_are_listed_skipped_or_borne() {
     assert!(message.contains("missing or unreadable: sub/b.jpg (1 in all)"), "{message}");
     fs::write(place.path("images/sub/b.jpg"), "no image").unwrap();
     let message = place.refusal(Images::Needed);
-    assert!(message.contains("images/sub/b.jpg (") && message.contains("--skip-missing"), "{message}");
+    assert!(message.contains("images/sub/b.jpg (") && message.contains("`skip_missing`"), "{message}");
     let borne = place.read(Images::Optional).unwrap();
     assert_eq!((borne.photos.len(), borne.missing.len(), &borne.photos[1].image), (2, 1, &None));
     assert!(borne.notes.iter().any(|note| note.starts_with("missing or unreadable: ")), "{:?}", borne.notes);
