@@ -54,7 +54,7 @@ fn main() -> Result<()> {
 struct Scene {
     preset: Preset,
     proxy: Proxy,
-    device: DeviceScene,
+    device: Arc<DeviceScene>,
 }
 
 impl Scene {
@@ -68,12 +68,12 @@ impl Scene {
             Preset::Object => Region::around_object(proxy.sphere, 0.5 * intrinsics().inscribed_cone(), DVec3::Z, None)?,
             Preset::Room => Region::inside_room(proxy.robust_bounds(), None, DVec3::Z)?,
         };
-        let device = DeviceScene::new(context, SceneGeometry::new(&proxy, &region)?)?;
+        let device = Arc::new(DeviceScene::new(context, SceneGeometry::new(&proxy, &region)?)?);
         Ok(Self { preset, proxy, device })
     }
 
     /// A planner that never halts by itself within a bench, after a few iterations.
-    fn planner(&self, context: &Arc<Context>, config: Config, warm: u32) -> Result<Planner<'_>> {
+    fn planner(&self, context: &Arc<Context>, config: Config, warm: u32) -> Result<Planner> {
         let geometry = &self.device.geometry;
         let preparation = Preparation::new(context, geometry, &self.proxy, &intrinsics(), &[], config)?;
         let planner = Planner::new(context, &self.device, preparation)?;

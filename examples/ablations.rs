@@ -16,8 +16,8 @@ use camsplat::metrics::score_point::{Field, Scorer, aggregate};
 use camsplat::metrics::{Metrics, PointMetrics};
 use camsplat::plan::config::{Config, Gate, Kernel, Objective, Preset, Start};
 use camsplat::plan::job::optimise;
-use camsplat::plan::planner::Outcome;
 use camsplat::plan::preparation::Preparation;
+use camsplat::plan::run::Outcome;
 use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::layouts;
@@ -56,7 +56,7 @@ struct Scene {
     views: u32,
     surface: Surface,
     target: Target,
-    device: DeviceScene,
+    device: Arc<DeviceScene>,
 }
 
 impl Scene {
@@ -72,7 +72,7 @@ impl Scene {
         let target = Target::new(&surface, name, preset, &choice, up, &intrinsics())?;
         let geometry = target.geometry()?;
         let views = if preset == Preset::Object { 50 } else { 300 };
-        Ok(Self { name, preset, views, surface, target, device: DeviceScene::new(context, geometry)? })
+        Ok(Self { name, preset, views, surface, target, device: Arc::new(DeviceScene::new(context, geometry)?) })
     }
 }
 

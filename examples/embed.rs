@@ -119,7 +119,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // The planner's device state. Making it uploads the scene, through the host's queue.
     let geometry = target.geometry()?;
     let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &[], config)?;
-    let scene = DeviceScene::new(&context, geometry)?;
+    let scene = Arc::new(DeviceScene::new(&context, geometry)?);
     let planner = Planner::new(&context, &scene, preparation)?;
 
     // One block of iterations, in the host's own command buffer. A host may record its own work before and after.

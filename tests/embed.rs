@@ -4,17 +4,18 @@ use std::ffi::{CStr, c_void};
 use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex};
 
-use ash::vk;
+use ash::vk::{self, Handle};
 use camsplat::plan::config::{Config, Objective, Pass, Preset};
-use camsplat::plan::planner::{Outcome, Planner};
+use camsplat::plan::planner::Planner;
 use camsplat::plan::preparation::Preparation;
 use camsplat::plan::record::Status;
+use camsplat::plan::run::Outcome;
 use camsplat::plan::target::{RegionChoice, Target};
-use camsplat::scene::camera::{Intrinsics, Pose};
+use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::samples;
 use camsplat::visibility::device_scene::DeviceScene;
-use camsplat::vulkan::host::HostDevice;
-use camsplat::vulkan::{Context, Options, Recorder};
+use camsplat::vulkan::host::{HostDevice, RawHost, Timeline};
+use camsplat::vulkan::{Buffer, Context, Options, Recorder};
 use glam::DVec3;
 
 /// A host application with a device, a queue and validation layers of its own.
@@ -80,7 +81,11 @@ impl Host {
             let physical = instance.enumerate_physical_devices().unwrap().into_iter().find(named).unwrap();
             let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(FAMILY).queue_priorities(&[1.0])];
             let extensions = [ash::khr::push_descriptor::NAME.as_ptr()];
-            let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&extensions);
+            let mut timelines = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);
+            let info = vk::DeviceCreateInfo::default()
+                .queue_create_infos(&queues)
+                .enabled_extension_names(&extensions)
+                .push_next(&mut timelines);
             let device = instance.create_device(physical, &info, None).unwrap();
             let queue = device.get_device_queue(FAMILY, 0);
             let info = vk::CommandPoolCreateInfo::default().queue_family_index(FAMILY);
@@ -103,6 +108,20 @@ impl Host {
         };
         // SAFETY: the host outlives every context of these tests.
         unsafe { Context::adopt(host) }.unwrap()
+    }
+
+    /// As [`Host::adopted`], by handles without types and with a lock of the engine's own.
+    fn adopted_raw(&self) -> Arc<Context> {
+        let host = RawHost {
+            get_instance_proc_addr: self.entry.static_fn().get_instance_proc_addr,
+            instance: self.instance.handle().as_raw(),
+            physical: self.physical.as_raw(),
+            device: self.device.handle().as_raw(),
+            queue: self.queue.as_raw(),
+            queue_family: 0,
+        };
+        // SAFETY: as in `adopted`, and the host submits nothing while the engine does.
+        unsafe { Context::adopt(HostDevice::from_raw(host)) }.unwrap()
     }
 
     /// Records into a command buffer of the host's, submits it `times` times and waits.
@@ -150,6 +169,8 @@ enum Driver<'h> {
     Blocks(&'h Host),
     /// The planner, on the host's device and queue.
     PlannerOn(&'h Host),
+    /// The same, by handles without types.
+    PlannerOnRaw(&'h Host),
 }
 
 /// Plans a small object and gives back what there is to compare, floats as they are.
@@ -157,6 +178,7 @@ fn plan(driver: &Driver<'_>, pass: Pass, own: &Arc<Context>) -> Outcome {
     let context = match driver {
         Driver::Planner => own.clone(),
         Driver::Blocks(host) | Driver::PlannerOn(host) => host.adopted(),
+        Driver::PlannerOnRaw(host) => host.adopted_raw(),
     };
     let intrinsics = Intrinsics::from_fov(800, 800, 50f64.to_radians());
     let choice = RegionChoice::default();
@@ -171,10 +193,12 @@ fn plan(driver: &Driver<'_>, pass: Pass, own: &Arc<Context>) -> Outcome {
     let config = Config { pass, relocate_every: 10, checkpoint_every: 20, ..short };
     let geometry = target.geometry().unwrap();
     let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &[], config).unwrap();
-    let scene = DeviceScene::new(&context, geometry).unwrap();
+    let scene = Arc::new(DeviceScene::new(&context, geometry).unwrap());
     let planner = Planner::new(&context, &scene, preparation).unwrap();
     match driver {
-        Driver::Planner | Driver::PlannerOn(_) => planner.run(None, |_| ControlFlow::Continue(())).unwrap(),
+        Driver::Planner | Driver::PlannerOn(_) | Driver::PlannerOnRaw(_) => {
+            planner.run(None, |_| ControlFlow::Continue(())).unwrap()
+        }
         Driver::Blocks(host) => {
             // One submission more than there are iterations for: it must do nothing.
             let blocks = planner.settings().iterations.div_ceil(planner.block());
@@ -213,13 +237,119 @@ fn a_host_that_submits_itself_gets_the_same_bits() {
         let expected = plan(&Driver::Planner, pass, &own);
         assert_eq!((expected.status, expected.history.len()), (Status::Complete, 60));
         assert_eq!(bits(&expected).2, [0, 20, 40, 60]);
-        for (who, driver) in [("blocks", Driver::Blocks(&host)), ("planner", Driver::PlannerOn(&host))] {
+        let drivers = [
+            ("blocks", Driver::Blocks(&host)),
+            ("planner", Driver::PlannerOn(&host)),
+            ("raw handles", Driver::PlannerOnRaw(&host)),
+        ];
+        for (who, driver) in drivers {
             let found = plan(&driver, pass, &own);
             assert_eq!(found.status, Status::Complete, "{who}, {pass:?}");
             assert!(bits(&found) == bits(&expected), "{who}, {pass:?}: {:?} {:?}", found.poses, expected.poses);
         }
     }
     assert_eq!(own.messages(), [""; 0]);
+    assert_eq!(*host.messages.lock().unwrap(), [""; 0]);
+}
+
+/// A planner of expected quality around the sample object, with cameras that are kept.
+fn quality_planner(context: &Arc<Context>, kept: &[Camera]) -> Planner {
+    let intrinsics = Intrinsics::from_fov(800, 800, 50f64.to_radians());
+    let choice = RegionChoice::default();
+    let target = Target::new(&samples::object(), "object", Preset::Object, &choice, DVec3::Z, &intrinsics).unwrap();
+    let config = Config { seed: 5, iterations: 40, checkpoint_every: 20, ..Config::new(Preset::Object, 6) };
+    let geometry = target.geometry().unwrap();
+    let preparation = Preparation::new(context, &geometry, &target.proxy, &intrinsics, kept, config).unwrap();
+    let scene = Arc::new(DeviceScene::new(context, geometry).unwrap());
+    Planner::new(context, &scene, preparation).unwrap()
+}
+
+/// A camera of the sample object's size that looks at it from a direction.
+fn looking_in(from: DVec3) -> Camera {
+    let from = from.normalize();
+    let pose = Pose::looking(4.0 * from, -from, DVec3::Z);
+    Camera { name: "given".into(), pose, intrinsics: Intrinsics::from_fov(800, 800, 50f64.to_radians()) }
+}
+
+/// If this failed, a host that plans view after view would get another plan from a planner it has used before than from a new one.
+#[test]
+fn a_planner_used_again_is_as_good_as_new() {
+    let context = Context::new(&Options { validation: true, ..Options::default() }).unwrap();
+    let run = |planner: &Planner| planner.run(None, |_| ControlFlow::Continue(())).unwrap();
+    let given = [DVec3::X, DVec3::Y, DVec3::new(-1.0, 0.0, 0.3)].map(looking_in);
+    let mut planner = quality_planner(&context, &given);
+    let three = run(&planner);
+    for count in [2, 0, 1] {
+        planner.keep(&given[1..1 + count]).unwrap();
+        let fresh = run(&quality_planner(&context, &given[1..1 + count]));
+        assert!(bits(&run(&planner)) == bits(&fresh), "with {count} kept");
+    }
+    planner.keep(&given).unwrap();
+    assert!(bits(&run(&planner)) == bits(&three));
+    let refused = planner.keep(&[&given[..], &given[..1]].concat()).unwrap_err().to_string();
+    assert!(refused.contains("made for 3"), "{refused}");
+
+    // It begins where it is told to; with one pose short it does not.
+    planner.begin_from(&three.poses).unwrap();
+    let (iteration, begun) = &run(&planner).snapshots[0];
+    let apart = |(a, b): (&Pose, &Pose)| a.position.distance(b.position).max(a.forward().distance(b.forward()));
+    assert_eq!((*iteration, begun.len()), (0, three.poses.len()));
+    assert!(begun.iter().zip(&three.poses).all(|pair| apart(pair) < 1e-5), "{begun:?}, not {:?}", three.poses);
+    assert!(planner.begin_from(&three.poses[1..]).is_err());
+
+    // Viewers on one side draw the cameras there.
+    planner.look_from(&[looking_in(DVec3::NEG_Y), looking_in(DVec3::new(0.3, -1.0, 0.2))]).unwrap();
+    let mean = |outcome: &Outcome| outcome.poses.iter().map(|pose| pose.position).sum::<DVec3>().y;
+    let aside = run(&planner);
+    assert!(mean(&aside) < mean(&three) - 1.0, "{} and {}", mean(&aside), mean(&three));
+    assert!(planner.look_from(&[]).is_err());
+    assert_eq!(context.messages(), [""; 0]);
+}
+
+/// If this failed, a host's own stages could not follow the engine's on the device: they would read cameras that are not there yet.
+#[test]
+fn a_host_takes_the_cameras_from_the_device() {
+    let own = Context::new(&Options::default()).unwrap();
+    let host = Host::new(&own.physical().name);
+    let context = host.adopted();
+    let planner = quality_planner(&context, &[looking_in(DVec3::X)]);
+    let target = Buffer::host(&context, "the host's", planner.device_cameras().size()).unwrap();
+    let mut block = Recorder::new(&context).unwrap();
+    planner.record_block(&mut block).unwrap();
+    let info = vk::CommandBufferAllocateInfo::default().command_pool(host.pool).command_buffer_count(1);
+    let region = [vk::BufferCopy::default().size(target.size())];
+    let (after_block, waits) = ([2u64], [vk::PipelineStageFlags::TRANSFER]);
+    // SAFETY: the semaphore is of the host's device, which has timelines enabled; all that was made is waited for before it goes.
+    unsafe {
+        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let semaphore = host.device.create_semaphore(&vk::SemaphoreCreateInfo::default().push_next(&mut kind), None);
+        let semaphore = semaphore.unwrap();
+        let at = |value| [Timeline { semaphore, value }];
+        block.submit_between(&at(1), &at(2)).unwrap();
+        // The host's copy, submitted before anything has run, goes behind the block on the device.
+        let commands = host.device.allocate_command_buffers(&info).unwrap();
+        host.device.begin_command_buffer(commands[0], &vk::CommandBufferBeginInfo::default()).unwrap();
+        host.device.cmd_copy_buffer(commands[0], planner.device_cameras().handle(), target.handle(), &region);
+        host.device.end_command_buffer(commands[0]).unwrap();
+        let mut values = vk::TimelineSemaphoreSubmitInfo::default().wait_semaphore_values(&after_block);
+        let semaphores = [semaphore];
+        let copy = vk::SubmitInfo::default()
+            .command_buffers(&commands)
+            .wait_semaphores(&semaphores)
+            .wait_dst_stage_mask(&waits)
+            .push_next(&mut values);
+        host.device.queue_submit(host.queue, &[copy], vk::Fence::null()).unwrap();
+        assert_eq!((planner.done(), block.pending()), (0, 1), "the engine did not wait for the host");
+        host.device.signal_semaphore(&vk::SemaphoreSignalInfo::default().semaphore(semaphore).value(1)).unwrap();
+        host.device.device_wait_idle().unwrap();
+        host.device.free_command_buffers(host.pool, &commands);
+        host.device.destroy_semaphore(semaphore, None);
+    }
+    block.wait().unwrap();
+    assert_eq!(planner.done(), planner.block());
+    let found: &[u8] = target.mapped();
+    assert_eq!(found, bytemuck::cast_slice::<_, u8>(&planner.splats().unwrap()));
+    assert_ne!(planner.splats().unwrap(), planner.start());
     assert_eq!(*host.messages.lock().unwrap(), [""; 0]);
 }
 

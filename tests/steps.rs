@@ -24,7 +24,7 @@ fn thin_shell(context: &Arc<Context>, floor: f64) -> Scene {
 }
 
 /// One iteration on the device.
-fn iterate(context: &Arc<Context>, planner: &Planner<'_>) {
+fn iterate(context: &Arc<Context>, planner: &Planner) {
     let mut commands = Recorder::new(context).expect("a recorder");
     planner.record_iteration(&mut commands).expect("an iteration");
     commands.submit_and_wait().expect("an iteration");
@@ -32,7 +32,7 @@ fn iterate(context: &Arc<Context>, planner: &Planner<'_>) {
 
 /// The run in the twin.
 struct Twin<'a> {
-    planner: &'a Planner<'a>,
+    planner: &'a Planner,
     scene: &'a Scene,
     depth: Vec<f64>,
     directions: Vec<DVec3>,
@@ -47,7 +47,7 @@ struct Twin<'a> {
 }
 
 impl<'a> Twin<'a> {
-    fn new(planner: &'a Planner<'a>, scene: &'a Scene) -> Self {
+    fn new(planner: &'a Planner, scene: &'a Scene) -> Self {
         let vector = |v: [f32; 3]| Vec3::from(v).as_dvec3();
         let splats: Vec<_> = planner.start().iter().map(|s| (vector(s.centre), vector(s.direction))).collect();
         Self {

@@ -12,9 +12,9 @@ use crate::methods::Method;
 use crate::photos::{Photo, PhotoSet};
 use crate::plan::config::{Config, Preset};
 use crate::plan::job::{Plan, conclude};
-use crate::plan::planner::Outcome;
 use crate::plan::preparation::PROBE_STREAM;
 use crate::plan::record::Status;
+use crate::plan::run::Outcome;
 use crate::plan::starts::even_layout;
 use crate::plan::target::Target;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
@@ -109,7 +109,7 @@ pub fn photographing(
     let config = Config { seed, gate, held_out, viewers, ..Config::new(preset, views) };
     let described =
         serde_json::to_value(request).map_err(|e| Error::request(format!("the request cannot be written: {e}")))?;
-    conclude(context, scene, target, (intrinsics, kept), &config, (method.name(), described), (outcome, None))
+    conclude(context, &scene, target, (intrinsics, kept), &config, (method.name(), described), (outcome, None))
 }
 
 /// The cameras that are kept, and behind them poses at random in the region.

@@ -8,10 +8,11 @@ use std::time::Instant;
 use glam::{DQuat, DVec3};
 
 use super::config::{Config, Objective, Preset};
-use super::planner::{Outcome, Planner};
+use super::planner::Planner;
 use super::preparation::Preparation;
 use super::record::{BaselineRecord, CheckpointRecord, Expected, PlanRecord, Status};
 use super::reference::{Outlook, Reference};
+use super::run::Outcome;
 use super::starts::even_layout;
 use super::target::Target;
 use crate::metrics::score_point::{Field, Scorer, aggregate};
@@ -45,7 +46,7 @@ pub struct Plan {
     /// Where it leaves error, by held-out point among others.
     pub map: ErrorMap,
     /// The scene in the planner's frame.
-    pub geometry: SceneGeometry,
+    pub geometry: Arc<SceneGeometry>,
 }
 
 /// What goes on while a plan is made.
@@ -85,7 +86,7 @@ pub fn run(
     let geometry = target.geometry()?;
     let preparation = Preparation::new(context, &geometry, &target.proxy, &intrinsics, kept, config.clone())?;
     mark(&mut profile, "preparation", start);
-    let scene = DeviceScene::new(context, geometry)?;
+    let scene = Arc::new(DeviceScene::new(context, geometry)?);
     if let Some((renderdoc, template)) = capture {
         let planner = Planner::new(context, &scene, preparation.clone())?;
         renderdoc.start(&template)?;
@@ -124,7 +125,7 @@ pub fn run(
     let described = serde_json::to_value(&config)
         .map_err(|e| Error::request(format!("the configuration cannot be written: {e}")))?;
     let mut plan =
-        conclude(context, scene, target, (intrinsics, kept), &config, (OURS, described), (outcome, outlook))?;
+        conclude(context, &scene, target, (intrinsics, kept), &config, (OURS, described), (outcome, outlook))?;
     plan.record.began_from = began_from;
     mark(&mut profile, "metrics", start);
     Ok(plan)
@@ -143,7 +144,7 @@ pub fn expected_plan(
 ) -> Result<(Expectation, Vec<Pose>)> {
     let geometry = target.geometry()?;
     let preparation = Preparation::new(context, &geometry, &target.proxy, &intrinsics, kept, config.clone())?;
-    let scene = DeviceScene::new(context, geometry)?;
+    let scene = Arc::new(DeviceScene::new(context, geometry)?);
     let reference = Reference::new(context, &scene, target, (intrinsics, kept), &config)?;
     let preparation = preparation.starting_from(&reference.best().poses);
     let (planner, mut outcome) = optimise(context, &scene, preparation, None, |_, _| ControlFlow::Continue(()))?;
@@ -176,7 +177,7 @@ pub fn given(
     let scene = DeviceScene::new(context, target.geometry()?)?;
     let described = serde_json::json!({ "cameras": poses.len() });
     let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds: 0.0 };
-    conclude(context, scene, target, cameras, config, (name, described), (outcome, None))
+    conclude(context, &scene, target, cameras, config, (name, described), (outcome, None))
 }
 
 /// Scores what came out, its snapshots and the baselines on held-out points, and writes the record. Of `config` count the views,
@@ -187,7 +188,7 @@ pub fn given(
 /// A device that fails.
 pub fn conclude(
     context: &Arc<Context>,
-    scene: DeviceScene,
+    scene: &DeviceScene,
     target: &Target,
     (intrinsics, kept): (Intrinsics, &[Camera]),
     config: &Config,
@@ -195,8 +196,8 @@ pub fn conclude(
     (outcome, outlook): (Outcome, Option<Outlook>),
 ) -> Result<Plan> {
     let points = held_out(target, config);
-    let scorer = Scorer::new(context, &scene, &points)?;
-    let few = Scorer::new(context, &scene, &points[..points.len().min(CHECKPOINT_POINTS)])?;
+    let scorer = Scorer::new(context, scene, &points)?;
+    let few = Scorer::new(context, scene, &points[..points.len().min(CHECKPOINT_POINTS)])?;
     let field = if config.gate.pinhole() { Field::Frustum } else { Field::Cone };
     let cameras = |poses: &[Pose]| named(poses, intrinsics, kept);
     let scores = scorer.score(&cameras(&outcome.poses), field)?;
@@ -212,14 +213,14 @@ pub fn conclude(
         });
     }
     let mut baselines = Vec::new();
-    for (name, poses) in control_poses(&scene, config).into_iter().filter(|(name, _)| *name != method) {
+    for (name, poses) in control_poses(scene, config).into_iter().filter(|(name, _)| *name != method) {
         baselines
             .push(BaselineRecord { name: name.into(), metrics: aggregate(&scorer.score(&cameras(&poses), field)?) });
     }
     let Outlook { expected, map } = match outlook {
         Some(outlook) => outlook,
         None => {
-            let reference = Reference::new(context, &scene, target, (intrinsics, kept), config)?;
+            let reference = Reference::new(context, scene, target, (intrinsics, kept), config)?;
             reference.outlook(&cameras(&outcome.poses), &positions(&points))?
         }
     };
@@ -245,7 +246,7 @@ pub fn conclude(
         seconds: outcome.seconds,
     };
     drop((scorer, few));
-    Ok(Plan { record, points, scores, map, geometry: scene.into_geometry() })
+    Ok(Plan { record, points, scores, map, geometry: scene.geometry.clone() })
 }
 
 /// The points that plans are scored at.
@@ -268,13 +269,13 @@ fn mark(profile: &mut Option<&mut Profile>, name: &str, start: Instant) {
 ///
 /// # Errors
 /// A plan that does not fit the device, or a device that fails.
-pub fn optimise<'a>(
+pub fn optimise(
     context: &Arc<Context>,
-    scene: &'a DeviceScene,
+    scene: &Arc<DeviceScene>,
     mut preparation: Preparation,
     mut profile: Option<&mut Profile>,
     mut observe: impl FnMut(u32, u32) -> ControlFlow<()>,
-) -> Result<(Planner<'a>, Outcome)> {
+) -> Result<(Planner, Outcome)> {
     loop {
         let start = Instant::now();
         let planner = Planner::new(context, scene, preparation.clone())?;

@@ -74,16 +74,7 @@ impl Preparation {
         let pool = if quality { REACHABLE } else { config.pool };
         let mut points = proxy.sample(pool as usize, config.seed, PROBE_STREAM);
         random::shuffle(&mut points, config.seed, PROBE_STREAM);
-        let kept_splats = kept.iter().map(|camera| {
-            let pose = geometry.to_internal.pose(&camera.pose);
-            let [tan_x, tan_y] = start::tangents(&camera.intrinsics);
-            Splat {
-                centre: pose.position.as_vec3().to_array(),
-                direction: pose.forward().as_vec3().normalize().to_array(),
-                tan_x,
-                tan_y,
-            }
-        });
+        let kept_splats = kept.iter().map(|camera| splat(camera, geometry));
         let start: Vec<Splat> = kept_splats.chain(start::splats(&config, geometry, intrinsics)).collect();
         let few: Vec<Probe> = points.iter().take(start::PROBES).map(|point| Probe::new(point, geometry)).collect();
         let visible = start::visible(&start, &few, geometry);
@@ -186,8 +177,7 @@ impl Preparation {
     /// The same run from other places: poses of the planned splats in the planner's frame.
     pub fn starting_from(mut self, poses: &[Pose]) -> Self {
         for (splat, pose) in self.start[self.settings.kept as usize..].iter_mut().zip(poses) {
-            splat.centre = pose.position.as_vec3().to_array();
-            splat.direction = pose.forward().as_vec3().normalize().to_array();
+            splat.place(pose);
         }
         self
     }
@@ -200,6 +190,22 @@ impl Preparation {
     /// Device memory that the run takes.
     pub fn footprint(&self) -> &Footprint {
         &self.footprint
+    }
+}
+
+/// A camera of the user's world as a splat.
+pub(super) fn splat(camera: &Camera, geometry: &SceneGeometry) -> Splat {
+    let [tan_x, tan_y] = start::tangents(&camera.intrinsics);
+    let mut splat = Splat { tan_x, tan_y, ..Splat::default() };
+    splat.place(&geometry.to_internal.pose(&camera.pose));
+    splat
+}
+
+impl Splat {
+    /// Puts it where a camera of the planner's frame stands and looks.
+    pub(super) fn place(&mut self, pose: &Pose) {
+        self.centre = pose.position.as_vec3().to_array();
+        self.direction = pose.forward().as_vec3().normalize().to_array();
     }
 }
 

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::config::{Config, Preset};
-use super::planner::Outcome;
 use super::record::{Expected, Status};
+use super::run::Outcome;
 use super::target::Target;
 use super::{probes, starts};
 use crate::quality::expected::{Expectation, Judge};
@@ -168,7 +168,7 @@ impl<'a> Reference<'a> {
     /// Where the device fails.
     pub fn outlook(&self, cameras: &[Camera], points: &[DVec3]) -> Result<Outlook> {
         let expectation = self.judge.expect(cameras)?;
-        let scene = (&self.scene.geometry, self.around);
+        let scene = (&*self.scene.geometry, self.around);
         let map = error_map(&self.judge, scene, &Law::embedded(), cameras, points)?;
         Ok(Outlook { expected: self.compare(&expectation), map })
     }

@@ -156,6 +156,16 @@ impl Viewed {
         })
     }
 
+    /// Viewers that there are.
+    pub(super) fn pool(&self) -> usize {
+        self.viewers.size() as usize / size_of::<Viewer>()
+    }
+
+    /// Puts as many others in their place.
+    pub(super) fn look_from(&self, viewers: &[Viewer]) -> Result<()> {
+        self.viewers.upload(viewers)
+    }
+
     /// The looks of the last iteration.
     pub(super) fn looks(&self) -> Result<Vec<Look>> {
         self.looks.download((self.push.count * LOOKS) as usize)

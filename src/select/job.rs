@@ -275,7 +275,7 @@ impl<'a> SelectionContext<'a> {
         subset.sort_unstable();
         let cameras = self.cameras(&subset);
         let places: Vec<DVec3> = self.held_out.points.iter().map(|point| point.position).collect();
-        let scene = (&self.scene.geometry, self.surroundings(&law));
+        let scene = (&*self.scene.geometry, self.surroundings(&law));
         let map = error_map(&judge, scene, &law, &cameras, &places)?;
         let choosing = start.elapsed().as_secs_f64();
 

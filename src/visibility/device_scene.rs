@@ -159,7 +159,7 @@ impl SceneGeometry {
 /// Surface, region and free space on the device.
 pub struct DeviceScene {
     /// The same on the host.
-    pub geometry: SceneGeometry,
+    pub geometry: Arc<SceneGeometry>,
     pub(crate) nodes: Buffer,
     pub(crate) primitives: Buffer,
     pub(crate) region: Buffer,
@@ -180,13 +180,8 @@ impl DeviceScene {
             },
             region: Buffer::from_slice(context, "region", &[geometry.device_region()])?,
             free_distance: Buffer::from_slice(context, "free_distance", &geometry.free.distance)?,
-            geometry,
+            geometry: Arc::new(geometry),
         })
-    }
-
-    /// Lets go of the device's part.
-    pub fn into_geometry(self) -> SceneGeometry {
-        self.geometry
     }
 
     /// Constants of the stages that trace it.

@@ -111,7 +111,9 @@ impl Buffer {
         &self.name
     }
 
-    pub(super) fn handle(&self) -> vk::Buffer {
+    /// The Vulkan buffer, for stages of a host application's own; of the buffer and what is bound in it nothing may be destroyed.
+    /// Bindings other than ash's take `ash::vk::Handle::as_raw` of it.
+    pub fn handle(&self) -> vk::Buffer {
         self.raw
     }
 

@@ -10,6 +10,7 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use super::instance::Instance;
 use super::physical::Physical;
 use super::reuse::{Commands, Queries, Reusable, keep};
+use super::timeline::Timeline;
 use crate::parallel::lock;
 use crate::{Error, Result};
 
@@ -184,12 +185,33 @@ impl Context {
             .unwrap_or(self.physical.heap)
     }
 
-    /// Submits command buffers and signals `fence` when they have run. An adopted queue is locked for the call.
-    pub(super) fn submit(&self, commands: &[vk::CommandBuffer], fence: vk::Fence) -> Result<()> {
-        let submit = [vk::SubmitInfo::default().command_buffers(commands)];
+    /// Submits a command buffer between timeline semaphores, and signals `fence` when it has run. An adopted queue is locked for the
+    /// call.
+    pub(super) fn submit(
+        &self,
+        commands: vk::CommandBuffer,
+        after: &[Timeline],
+        signal: &[Timeline],
+        fence: vk::Fence,
+    ) -> Result<()> {
+        let commands = [commands];
+        let [waits, signals] = [after, signal].map(|list| list.iter().map(|at| at.semaphore).collect::<Vec<_>>());
+        let [from, to] = [after, signal].map(|list| list.iter().map(|at| at.value).collect::<Vec<_>>());
+        let stages = vec![vk::PipelineStageFlags::ALL_COMMANDS; after.len()];
+        let mut values =
+            vk::TimelineSemaphoreSubmitInfo::default().wait_semaphore_values(&from).signal_semaphore_values(&to);
+        let mut submit = vk::SubmitInfo::default()
+            .command_buffers(&commands)
+            .wait_semaphores(&waits)
+            .wait_dst_stage_mask(&stages)
+            .signal_semaphores(&signals);
+        if !(after.is_empty() && signal.is_empty()) {
+            submit = submit.push_next(&mut values);
+        }
         let _guard = lock(&self.queue_lock);
-        // SAFETY: the command buffers are recorded and of this device; the lock makes the queue ours for the call.
-        unsafe { self.device.queue_submit(self.queue, &submit, fence) }
+        // SAFETY: the command buffer is recorded and of this device, the semaphores as the caller of `submit_between` says; the
+        // lock makes the queue ours for the call.
+        unsafe { self.device.queue_submit(self.queue, &[submit], fence) }
             .map_err(|code| self.failure("vkQueueSubmit", code))
     }
 

@@ -2,11 +2,12 @@
 
 use std::sync::{Arc, Mutex};
 
-use ash::vk;
+use ash::vk::{self, Handle};
 
 use super::context::{Context, Parts};
 use super::instance::Instance;
 use super::physical::Physical;
+pub use super::timeline::Timeline;
 use crate::{Error, Result};
 
 /// A host application's Vulkan objects. All stay the host's: nothing here is destroyed by the engine.
@@ -23,10 +24,55 @@ pub struct HostDevice {
     pub queue_family: u32,
     /// The queue that the engine submits to where the host does not submit itself.
     pub queue: vk::Queue,
-    /// Taken by the engine around every submission to `queue`; the host takes the same lock around its own.
+    /// Taken by the engine around every submission to `queue`; the host takes the same lock around its own. A host that lends a queue
+    /// that it does not use itself need not take it, and orders its work by timeline semaphores ([`Timeline`]).
     pub queue_lock: Arc<Mutex<()>>,
     /// Whether `VK_EXT_debug_utils` is enabled on the instance.
     pub debug_utils: bool,
+}
+
+/// A host application's Vulkan objects as other bindings and C have them: dispatchable handles are pointers, and all may be cast to
+/// 64 bits. For what they mean see [`HostDevice`].
+#[derive(Clone, Copy, Debug)]
+pub struct RawHost {
+    /// The loader's `vkGetInstanceProcAddr`.
+    pub get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
+    /// `VkInstance`.
+    pub instance: u64,
+    /// `VkPhysicalDevice`.
+    pub physical: u64,
+    /// `VkDevice`.
+    pub device: u64,
+    /// `VkQueue`.
+    pub queue: u64,
+    /// Its family.
+    pub queue_family: u32,
+}
+
+impl HostDevice {
+    /// The same host by raw handles, with a lock of its own and without debug-utils.
+    ///
+    /// # Safety
+    /// The handles must be valid and of one another, and `get_instance_proc_addr` that of the loader that made the instance.
+    pub unsafe fn from_raw(host: RawHost) -> Self {
+        let RawHost { get_instance_proc_addr, instance, physical, device, queue, queue_family } = host;
+        // SAFETY: as the caller says.
+        unsafe {
+            let functions = ash::StaticFn { get_instance_proc_addr };
+            let instance = ash::Instance::load(&functions, vk::Instance::from_raw(instance));
+            let device = ash::Device::load(instance.fp_v1_0(), vk::Device::from_raw(device));
+            Self {
+                entry: ash::Entry::from_static_fn(functions),
+                instance,
+                physical: vk::PhysicalDevice::from_raw(physical),
+                device,
+                queue_family,
+                queue: vk::Queue::from_raw(queue),
+                queue_lock: Arc::default(),
+                debug_utils: false,
+            }
+        }
+    }
 }
 
 impl Context {

@@ -18,6 +18,7 @@ pub mod recorder;
 mod reuse;
 pub(crate) mod shaders;
 pub(crate) mod stage;
+mod timeline;
 mod transfer;
 
 pub use buffer::Buffer;

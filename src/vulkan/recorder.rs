@@ -12,6 +12,7 @@ use super::context::Context;
 use super::pipeline::Pipeline;
 use super::reuse::Commands;
 use super::stage::{Access, Stage};
+use super::timeline::Timeline;
 use crate::{Error, Result};
 
 /// Writes stages into a command buffer. It borrows what it records, and waits for its submissions when dropped.
@@ -207,6 +208,20 @@ impl<'a> Recorder<'a> {
     /// # Errors
     /// Where the device fails.
     pub fn submit(&mut self) -> Result<()> {
+        // SAFETY: there are no semaphores.
+        unsafe { self.submit_between(&[], &[]) }
+    }
+
+    /// Like [`Recorder::submit`]: begins once the timeline semaphores `after` have their values, and then sets those of `signal`. So a
+    /// host application orders its own submissions, on whatever queue, around the engine's without waiting on the host side.
+    ///
+    /// # Safety
+    /// The semaphores must be timeline semaphores of the context's device, live until the submission has ended, and the host must have
+    /// enabled `timelineSemaphore`; values that are signalled must be greater than the semaphores have by then.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub unsafe fn submit_between(&mut self, after: &[Timeline], signal: &[Timeline]) -> Result<()> {
         if let Some(failure) = self.failure.take() {
             return Err(failure);
         }
@@ -221,7 +236,7 @@ impl<'a> Recorder<'a> {
             self.ended = true;
         }
         let fence = self.context.take_fence()?;
-        let submitted = self.context.submit(&[self.raw], fence);
+        let submitted = self.context.submit(self.raw, after, signal, fence);
         match submitted {
             Ok(()) => self.fences.push(fence),
             Err(_) => self.context.give_fence(fence),

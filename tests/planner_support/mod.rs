@@ -18,7 +18,7 @@ use glam::DVec3;
 /// A surface and what the device holds of it.
 pub struct Scene {
     pub proxy: Proxy,
-    pub device: DeviceScene,
+    pub device: Arc<DeviceScene>,
 }
 
 /// A context whose validation messages [`silent`] looks at.
@@ -41,7 +41,7 @@ pub fn intrinsics() -> Intrinsics {
 pub fn scene(context: &Arc<Context>, surface: &Surface, region: &Region) -> Scene {
     let proxy = Proxy::new(surface, Orientation::Trusted).expect("a good surface");
     let geometry = SceneGeometry::new(&proxy, region).expect("a good region");
-    Scene { device: DeviceScene::new(context, geometry).expect("room for it"), proxy }
+    Scene { device: Arc::new(DeviceScene::new(context, geometry).expect("room for it")), proxy }
 }
 
 /// The sample object, in a shell above a floor.
@@ -58,7 +58,7 @@ pub fn room(context: &Arc<Context>) -> Scene {
 }
 
 /// A planner over a scene, with no cameras kept.
-pub fn planner<'a>(context: &Arc<Context>, scene: &'a Scene, config: Config) -> Planner<'a> {
+pub fn planner(context: &Arc<Context>, scene: &Scene, config: Config) -> Planner {
     let geometry = &scene.device.geometry;
     let preparation = Preparation::new(context, geometry, &scene.proxy, &intrinsics(), &[], config);
     Planner::new(context, &scene.device, preparation.expect("a good configuration")).expect("room for it")

@@ -1,0 +1,219 @@
+//! The run of a planner: blocks submitted until its iterations are done, and what they leave.
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use glam::Vec3;
+
+use super::config::Objective;
+use super::planner::{Planner, Way};
+use super::record::{IterationRecord, Status};
+use super::shared::{Record, Splat};
+use super::tally::mailbox;
+use crate::scene::camera::Pose;
+use crate::vulkan::Recorder;
+use crate::vulkan::profile::Profile;
+use crate::{Error, Result};
+
+/// About how many iterations are submitted ahead: enough that the device never waits for the host, and few enough that a
+/// run that is broken off soon ends, for what is submitted must still pass through the device, empty as it is.
+const AHEAD: u32 = 800;
+
+/// What a run leaves.
+pub struct Outcome {
+    /// Planned poses in the user's world, kept cameras left out.
+    pub poses: Vec<Pose>,
+    /// Loss by iteration.
+    pub history: Vec<IterationRecord>,
+    /// Planned poses by iteration, from the start on.
+    pub snapshots: Vec<(u32, Vec<Pose>)>,
+    /// Whether all iterations ran.
+    pub status: Status,
+    /// Wall time of the iterations.
+    pub seconds: f64,
+}
+
+impl Planner {
+    /// Iterations done so far; may be called while a run goes on.
+    pub fn done(&self) -> u32 {
+        self.buffers.mailbox.peek(mailbox::DONE).unwrap_or(0)
+    }
+
+    /// Runs all iterations. `observe` is called every few milliseconds with the number of iterations done and may break
+    /// the run off after the one that is running. With a profile every stage is timed.
+    ///
+    /// # Errors
+    /// Where the device fails, or a probe saw more splats than there was room for.
+    pub fn run(
+        &self,
+        mut profile: Option<&mut Profile>,
+        mut observe: impl FnMut(u32) -> ControlFlow<()>,
+    ) -> Result<Outcome> {
+        let started = Instant::now();
+        let blocks = self.settings.iterations.div_ceil(self.block());
+        let mut asked = false;
+        if profile.is_some() || self.context.debug_sync() {
+            for _ in 0..blocks {
+                let stages = self.stages_of_a_block();
+                let mut commands = match profile {
+                    Some(_) => Recorder::timed(&self.context, stages)?,
+                    None => Recorder::new(&self.context)?,
+                };
+                self.record_block(&mut commands)?;
+                let submitted = Instant::now();
+                commands.submit_and_wait()?;
+                if let Some(profile) = profile.as_deref_mut() {
+                    profile.device(submitted, &commands.timings()?);
+                }
+                asked = observe(self.done()).is_break();
+                if asked {
+                    break;
+                }
+            }
+        } else {
+            let mut commands = Recorder::new(&self.context)?;
+            self.record_block(&mut commands)?;
+            let ahead = (AHEAD / self.block()).max(2) as usize;
+            let mut left = blocks;
+            loop {
+                // The device goes on meanwhile: asked twice, it may say two things.
+                let due = due(commands.pending(), left, ahead);
+                for _ in 0..due {
+                    commands.submit()?;
+                }
+                left -= due;
+                if left == 0 && commands.pending() == 0 {
+                    break;
+                }
+                std::thread::sleep(Duration::from_millis(2));
+                if observe(self.done()).is_break() {
+                    self.buffers.mailbox.poke(mailbox::STOP, 1);
+                    (asked, left) = (true, 0);
+                }
+            }
+            commands.wait()?;
+        }
+        let outcome = Outcome { seconds: started.elapsed().as_secs_f64(), ..self.outcome()? };
+        if outcome.status == Status::Interrupted && !asked {
+            let (done, all) = (self.done(), self.settings.iterations);
+            return Err(Error::request(format!(
+                "the plan ended after {done} of {all} iterations, and nobody stopped it"
+            )));
+        }
+        Ok(outcome)
+    }
+
+    /// Pairs of probe and visible splat and (tile, splat) instances of the iteration of the binned pass that had most;
+    /// zero for the dense pass.
+    pub fn most_binned(&self) -> (u32, u32) {
+        let word = |word| self.buffers.mailbox.peek(word).unwrap_or(0);
+        (word(mailbox::MAX_PAIRS), word(mailbox::MAX_INSTANCES))
+    }
+
+    /// Timestamps that a block needs at most.
+    pub fn stages_of_a_block(&self) -> u32 {
+        let splat = match self.pipelines.splat {
+            Way::Dense(_) => 1,
+            Way::Viewed(_) => 2,
+            // Nine stages and a fill, two scans of three stages, seven or eight sorting passes of three.
+            Way::Binned(_) => 10 + 6 + 24,
+        };
+        1 + (splat + 3) * self.block()
+    }
+
+    /// Pairs and instances that an iteration had (a probe's splats in the dense pass), where that was more than there was room for.
+    pub(super) fn overflow(&self) -> Option<[u32; 2]> {
+        let needed = |word| self.buffers.mailbox.peek(word).unwrap_or(0);
+        let [pairs, instances] = match self.pipelines.splat {
+            Way::Dense(_) => [needed(mailbox::MAX_VISIBLE), 0],
+            Way::Viewed(_) => [0, 0],
+            Way::Binned(_) => [needed(mailbox::MAX_PAIRS), needed(mailbox::MAX_INSTANCES)],
+        };
+        (pairs > self.settings.capacity || instances > self.settings.instances).then_some([pairs, instances])
+    }
+
+    /// What the blocks that were recorded with [`Planner::record_block`] and have been waited for leave, whoever
+    /// submitted them. The time they took is the submitter's to measure and zero here.
+    ///
+    /// # Errors
+    /// Where the device fails, or a probe saw more splats than there was room for.
+    pub fn outcome(&self) -> Result<Outcome> {
+        if let Some([pairs, instances]) = self.overflow() {
+            return Err(Error::request(format!(
+                "the plan needs room for {pairs} visible pairs and {instances} tile instances and had less; use fewer `probes` or a \
+                 larger device"
+            )));
+        }
+        let done = self.done();
+        let history: Vec<Record> = self.buffers.history.download(done as usize)?;
+        let history = history.iter().zip(0..).map(|(record, iteration)| self.iteration(iteration, record)).collect();
+        let poses = self.poses(&self.splats()?, true);
+        let rows = done.div_ceil(self.config.checkpoint_every.max(1)) as usize;
+        let all: Vec<Splat> = self.buffers.snapshots.download(rows * self.settings.splats as usize)?;
+        let mut snapshots: Vec<_> = all
+            .chunks_exact(self.settings.splats as usize)
+            .zip(0..)
+            .map(|(splats, row)| (row * self.config.checkpoint_every.max(1), self.poses(splats, false)))
+            .collect();
+        snapshots.push((done, poses.clone()));
+        let status = if done >= self.settings.iterations { Status::Complete } else { Status::Interrupted };
+        Ok(Outcome { poses, history, snapshots, status, seconds: 0.0 })
+    }
+
+    fn iteration(&self, iteration: u32, record: &Record) -> IterationRecord {
+        let s = &self.settings;
+        let scale = record.log_scale.exp();
+        let splat = self.config.objective == Objective::Splat;
+        let weighed = if splat { s.lambda_reg * record.reg + s.lambda_scale * scale * scale } else { 0.0 };
+        IterationRecord {
+            iteration,
+            loss: record.image + s.lambda_bound * record.bound + weighed,
+            image: record.image,
+            reg: record.reg,
+            bound: record.bound,
+            scale,
+        }
+    }
+
+    /// Poses in the user's world of the planned splats. The region's pull is soft, so a camera may end a little outside;
+    /// `settle` moves it to the nearest feasible place.
+    fn poses(&self, splats: &[Splat], settle: bool) -> Vec<Pose> {
+        let back = self.scene.geometry.to_internal.inverse();
+        let up = back.direction(self.scene.geometry.region.up);
+        splats[self.settings.kept as usize..]
+            .iter()
+            .map(|splat| {
+                let mut position = Vec3::from(splat.centre).as_dvec3();
+                if settle {
+                    position = self.scene.geometry.settle(position);
+                }
+                let direction = Vec3::from(splat.direction).as_dvec3();
+                Pose::looking(back.point(position), back.direction(direction), up)
+            })
+            .collect()
+    }
+}
+
+/// Blocks to submit now, where `pending` run and `left` are to come: as many as keep `ahead` of them running.
+fn due(pending: usize, left: u32, ahead: usize) -> u32 {
+    left.min(ahead.saturating_sub(pending) as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a device that is faster than the host would end a run early, or blocks would be submitted without end.
+    #[test]
+    fn every_block_is_submitted_whatever_the_device_has_done() {
+        assert_eq!((due(0, 5, 16), due(0, 40, 16), due(10, 40, 16), due(16, 40, 16), due(0, 0, 16)), (5, 16, 6, 0, 0));
+        // A device that takes any number of blocks between two looks.
+        let (mut left, mut pending, mut submitted) = (200, 0, 0);
+        for look in 0..1000 {
+            let now = due(pending, left, 16);
+            (left, submitted) = (left - now, submitted + now);
+            pending = (pending + now as usize).saturating_sub([0, 16, 3, 1][look % 4]);
+        }
+        assert_eq!((left, submitted), (0, 200));
+    }
+}
