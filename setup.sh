@@ -6,7 +6,7 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 
-packages=(libvulkan1 mesa-vulkan-drivers vulkan-validationlayers libshaderc-dev glslang-dev spirv-tools g++ cmake git python3)
+packages=(libvulkan1 libvulkan-dev mesa-vulkan-drivers vulkan-validationlayers libshaderc-dev glslang-dev spirv-tools g++ cmake git python3)
 if [ "${1:-}" = "--with-viewers" ]; then
     packages+=(chromium renderdoc python3-renderdoc)
 elif [ -n "${1:-}" ]; then
@@ -18,7 +18,7 @@ by_hand() {
     cat >&2 <<'TXT'
 setup.sh: no apt-get here (or no right to use it). Please install by hand:
   - a Vulkan loader (libvulkan.so.1) and a Vulkan 1.2 driver; Mesa's lavapipe serves where there is no GPU
-  - the Khronos validation layers (the tests use them)
+  - the Khronos validation layers and the Vulkan headers (the tests use them)
   - cmake, git, python3 and a C++ compiler: the build compiles shaderc from source (about 6 minutes, once)
 TXT
     exit 1

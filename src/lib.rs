@@ -30,6 +30,8 @@
 #![cfg_attr(not(feature = "cli"), allow(dead_code, unused_imports))]
 
 pub mod baselines;
+#[cfg(feature = "capi")]
+pub mod capi;
 mod error;
 #[cfg(feature = "cli")]
 pub mod evaluate;

@@ -32,11 +32,16 @@ pub(crate) fn finite(path: &Path, positions: &[DVec3], what: &str) -> Result<()>
     }
 }
 
-/// Passes a surface on when it can be planned for: two distinct finite positions or more, indices in range, scores in
-/// [1, 2], and triangles where it is a mesh.
+/// Passes a surface on when [`sound`] accepts it.
 pub(crate) fn surface(path: &Path, surface: Surface) -> Result<Surface> {
+    sound(path, &surface).map(|()| surface)
+}
+
+/// Accepts a surface when it can be planned for: two distinct finite positions or more, indices in range, scores in [1, 2], and
+/// triangles where it is a mesh.
+pub(crate) fn sound(path: &Path, surface: &Surface) -> Result<()> {
     let refuse = |what: String| Err(Error::input(path, what));
-    let (what, scores) = match &surface {
+    let (what, scores) = match surface {
         Surface::Mesh(mesh) => ("vertex", &mesh.scores),
         Surface::Points(points) => ("point", &points.scores),
     };
@@ -55,7 +60,7 @@ pub(crate) fn surface(path: &Path, surface: Surface) -> Result<Surface> {
             scores[i]
         ));
     }
-    if let Surface::Mesh(mesh) = &surface {
+    if let Surface::Mesh(mesh) = surface {
         if mesh.triangles.is_empty() {
             return refuse("it holds no triangles; export the mesh with its faces".into());
         }
@@ -68,7 +73,7 @@ pub(crate) fn surface(path: &Path, surface: Surface) -> Result<Surface> {
             ));
         }
     }
-    Ok(surface)
+    Ok(())
 }
 
 /// Accepts cameras when there is at least one, names are unique, poses are finite with unit rotations, and images and

@@ -21,7 +21,7 @@
 //! [`environment`] the light around it.
 
 mod binary;
-mod checks;
+pub(crate) mod checks;
 pub mod colmap;
 pub mod environment;
 pub mod export;

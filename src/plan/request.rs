@@ -6,15 +6,16 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::config::{Config, Preset};
-use super::job::{self, Plan, Tools};
+use super::job::{self, Event, Plan, Tools};
 use super::target::{RegionChoice, Target};
-use crate::Result;
+use crate::io::checks;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::limits::Limits;
 use crate::scene::region::Shape;
 use crate::scene::surface::Surface;
 use crate::vulkan::{Context, Options};
+use crate::{Error, Result};
 
 /// Plans `views` cameras for a surface: around an object, with 800 x 800 pixels and a field of view of 50 degrees, +Y up, unless the
 /// request says otherwise. Lengths are in the surface's units, positions in its frame.
@@ -35,6 +36,7 @@ pub fn plan(surface: &Surface, views: u32) -> PlanRequest<'_> {
     PlanRequest {
         surface,
         config: Config::new(Preset::Object, views),
+        iterations: None,
         choice: RegionChoice::default(),
         limits: Limits::default(),
         up: DVec3::Y,
@@ -49,6 +51,7 @@ pub fn plan(surface: &Surface, views: u32) -> PlanRequest<'_> {
 pub struct PlanRequest<'s> {
     surface: &'s Surface,
     config: Config,
+    iterations: Option<u32>,
     choice: RegionChoice,
     limits: Limits,
     up: DVec3,
@@ -88,7 +91,7 @@ impl PlanRequest<'_> {
         self
     }
 
-    /// Which way is up: of unit length.
+    /// Which way is up: a direction of any length.
     pub fn up(mut self, up: DVec3) -> Self {
         self.up = up;
         self
@@ -118,6 +121,12 @@ impl PlanRequest<'_> {
         self
     }
 
+    /// So many iterations in place of what does for an object (100) or a room (600).
+    pub fn iterations(mut self, iterations: u32) -> Self {
+        self.iterations = Some(iterations);
+        self
+    }
+
     /// Plans on the best Vulkan device there is.
     ///
     /// # Errors
@@ -132,10 +141,40 @@ impl PlanRequest<'_> {
     /// [`crate::Error::Request`] where surface, region, limits or configuration make no sense or leave cameras no place,
     /// and where the device fails or has too little memory.
     pub fn run_on(self, context: &Arc<Context>) -> Result<Plan> {
-        let Self { surface, config, choice, limits, up, lens, kept } = self;
+        self.run_watched(context, |_, _| ControlFlow::Continue(()))
+    }
+
+    /// As [`Self::run_on`]. `observe` is called every few milliseconds with the iterations that are done and all of them, and may end
+    /// the descent early; the plan is what there is by then, and [`Plan::interrupted`].
+    ///
+    /// # Errors
+    /// As [`Self::run_on`].
+    pub fn run_watched(
+        self,
+        context: &Arc<Context>,
+        mut observe: impl FnMut(u32, u32) -> ControlFlow<()>,
+    ) -> Result<Plan> {
+        let Self { surface, mut config, iterations, choice, limits, up, lens, kept } = self;
+        config.iterations = iterations.unwrap_or(config.iterations);
         config.validate()?;
+        checks::sound("surface".as_ref(), surface)?;
+        if !kept.is_empty() {
+            checks::cameras("kept cameras".as_ref(), kept.iter())?;
+        }
+        let up = up.try_normalize().ok_or_else(|| Error::request(format!("`up` is {up}; give a direction")))?;
+        let sizes = lens.width > 0 && lens.height > 0;
+        if !sizes || !lens.focal.iter().all(|focal| focal.is_finite() && *focal > 0.0) {
+            return Err(Error::request(format!(
+                "the lens has {} x {} pixels and focal lengths of {:?}; give numbers above zero",
+                lens.width, lens.height, lens.focal
+            )));
+        }
         let target = Target::new(surface, "surface", config.preset, &choice, up, &lens)?.within(limits)?;
-        job::run(context, &target, lens, &kept, config, Tools::default(), |_| ControlFlow::Continue(()))
+        let observe = |event| match event {
+            Event::Iterations(done, all) => observe(done, all),
+            Event::Captured(_) | Event::Scoring => ControlFlow::Continue(()),
+        };
+        job::run(context, &target, lens, &kept, config, Tools::default(), observe)
     }
 }
 
@@ -162,6 +201,20 @@ mod tests {
         }
         let more = request.keep(&record.cameras[..2]).run_on(&context).unwrap();
         assert_eq!((more.record.kept, more.record.cameras.len()), (2, 11));
+        let short = plan(&surface, 3).iterations(7).room().up(DVec3::Z);
+        let mut all = Vec::new();
+        let watched = short.run_watched(&context, |_, iterations| {
+            all.push(iterations);
+            ControlFlow::Break(())
+        });
+        assert!(watched.unwrap().interrupted() || all.is_empty(), "it went on after it was told to stop");
+        assert!(all.iter().all(|iterations| *iterations == 7), "{all:?}");
+        let no_lens = Intrinsics::from_fov(0, 480, 1.0);
+        for refused in
+            [plan(&surface, 3).up(DVec3::ZERO), plan(&surface, 3).up(DVec3::NAN), plan(&surface, 3).lens(no_lens)]
+        {
+            assert!(refused.run_on(&context).is_err(), "planned all the same");
+        }
         let refused = plan(&surface, 0).run_on(&context).err().map(|error| error.to_string());
         assert!(refused.is_some_and(|what| what.contains("views")), "no cameras at all were planned");
     }

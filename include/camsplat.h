@@ -1,0 +1,160 @@
+/* camsplat for C. Made of src/capi.rs by cbindgen; see examples/plan.c. */
+
+#ifndef CAMSPLAT_H
+#define CAMSPLAT_H
+
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+
+// A Vulkan device that plans are made on.
+typedef struct CamsplatDevice CamsplatDevice;
+
+// A finished plan.
+typedef struct CamsplatPlan CamsplatPlan;
+
+// Vulkan objects of the application's own. All stay the application's, and must outlive the `CamsplatDevice` that is made with them.
+// While a function of this library runs with that device, nobody else may submit to `queue`.
+typedef struct CamsplatHost {
+  // The loader's `vkGetInstanceProcAddr`.
+  void *(*get_instance_proc_addr)(void*, const char*);
+  // `VkInstance`, of Vulkan 1.2 or later.
+  void *instance;
+  // `VkPhysicalDevice`.
+  void *physical_device;
+  // `VkDevice`, made with `VK_KHR_push_descriptor`.
+  void *device;
+  // `VkQueue` that can compute.
+  void *queue;
+  // Its family.
+  uint32_t queue_family;
+} CamsplatHost;
+
+// A camera: right-handed, world from camera, axes of the camera as in OpenCV (X right, Y down, Z forward).
+typedef struct CamsplatCamera {
+  // Where it stands, in the surface's frame and units.
+  double position[3];
+  // How it is turned: a unit quaternion, w first.
+  double rotation[4];
+  // Width of the image in pixels.
+  uint32_t width;
+  // Height of the image in pixels.
+  uint32_t height;
+  // Focal lengths in pixels, x and y.
+  double focal[2];
+  // Principal point in pixels, x and y; the corner of the image is (0, 0).
+  double principal[2];
+} CamsplatCamera;
+
+// What is to be planned; `camsplat_request` fills in all but the surface.
+typedef struct CamsplatRequest {
+  // Vertices, or points: x, y and z each.
+  const double *positions;
+  // How many there are.
+  size_t position_count;
+  // Triangles: three indices of vertices each, counter-clockwise from outside; null where the surface is points.
+  const uint32_t *triangles;
+  // How many triangles there are.
+  size_t triangle_count;
+  // Cameras to plan.
+  uint32_t views;
+  // Whether the cameras stand inside a room, not around an object.
+  bool room;
+  // Which way is up.
+  double up[3];
+  // The lower corner of the box where cameras may stand; not a number: it follows from the surface.
+  double box_min[3];
+  // The upper corner.
+  double box_max[3];
+  // Cameras and viewers stay above this height along up; not a number: there is no floor.
+  double floor;
+  // No camera is closer to the surface than this; not a number: it follows from the surface.
+  double clearance;
+  // Width of the cameras' images in pixels.
+  uint32_t width;
+  // Height of the cameras' images in pixels.
+  uint32_t height;
+  // Their horizontal field of view in degrees.
+  double fov_degrees;
+  // Cameras that exist already: they count, and never move.
+  const struct CamsplatCamera *kept;
+  // How many of these there are.
+  size_t kept_count;
+  // Another seed gives another plan; the same seed the same one on the same device and driver.
+  uint64_t seed;
+  // Iterations; 0: as many as do for the surface.
+  uint32_t iterations;
+  // Called now and then with `user`, the iterations that are done and all of them, or null; where it gives back false the plan ends
+  // early, and is what there is by then.
+  bool (*progress)(void *user, uint32_t done, uint32_t all);
+  // What `progress` is called with.
+  void *user;
+} CamsplatRequest;
+
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
+
+// What went wrong in the last call of this thread that failed: one line of UTF-8, valid until the next call that fails.
+const char *camsplat_error(void);
+
+// Opens the best Vulkan device there is, or the one whose name holds `name`; null where that fails.
+//
+// # Safety
+// `name` is null or a string that ends in NUL.
+struct CamsplatDevice *camsplat_open(const char *name);
+
+// Uses a Vulkan device of the application's own; null where that fails.
+//
+// # Safety
+// `host` points at one, whose handles are valid and of one another.
+struct CamsplatDevice *camsplat_adopt(const struct CamsplatHost *host);
+
+// Closes a device. Plans that were made on it stay.
+//
+// # Safety
+// `device` is null or one of this library's that is not closed.
+void camsplat_close(struct CamsplatDevice *device);
+
+// A request for so many cameras around an object without floor: +Y up, 800 x 800 pixels, 50 degrees.
+struct CamsplatRequest camsplat_request(uint32_t views);
+
+// Plans; null where that fails.
+//
+// # Safety
+// `device` is one of this library's that is not closed, `request` points at one, and its pointers at as many elements as it says.
+struct CamsplatPlan *camsplat_plan(const struct CamsplatDevice *device,
+                                   const struct CamsplatRequest *request);
+
+// Cameras of a plan: those planned, then those kept.
+//
+// # Safety
+// `plan` is one of this library's that is not freed.
+size_t camsplat_camera_count(const struct CamsplatPlan *plan);
+
+// Writes one of them to `camera`; false, with nothing written, where there is none of that number.
+//
+// # Safety
+// `plan` is one of this library's that is not freed, and `camera` points at room for one.
+bool camsplat_camera(const struct CamsplatPlan *plan, size_t index, struct CamsplatCamera *camera);
+
+// Decibels by which trained splats are expected to show the surface better than from the best simple layout: 0 where the plan is that
+// layout.
+//
+// # Safety
+// `plan` is one of this library's that is not freed.
+double camsplat_expected_gain(const struct CamsplatPlan *plan);
+
+// Frees a plan.
+//
+// # Safety
+// `plan` is null or one of this library's that is not freed.
+void camsplat_free(struct CamsplatPlan *plan);
+
+#ifdef __cplusplus
+}  // extern "C"
+#endif  // __cplusplus
+
+#endif  /* CAMSPLAT_H */
