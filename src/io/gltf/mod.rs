@@ -15,20 +15,18 @@ pub use model::{parse_model, read_model};
 
 use std::path::Path;
 
-use glam::{DMat4, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use gltf_json as json;
-use json::mesh::{Primitive, Semantic};
+use json::mesh::Semantic;
 use json::validation::Checked;
 
 use self::buffers::Buffers;
 use self::materials::Paint;
+use self::nodes::Part;
 use super::checks;
 use crate::error::{Error, Result};
 use crate::scene::colour;
 use crate::scene::surface::{Mesh, Surface};
-
-/// Triangles that instancing may unfold a scene into. A small file can ask for more than any memory holds.
-const MAX_TRIANGLES: usize = 1 << 26;
 
 /// Required extensions that change how a surface looks at most, not where it is.
 const HARMLESS: [&str; 10] = [
@@ -62,22 +60,12 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
     let harmless = |name: &str| HARMLESS.iter().any(|start| name.starts_with(start));
     refuse_unreadable(path, &root, harmless, notes)?;
     let buffers = Buffers::load(path, &root, chunk)?;
-    let mut scene = Scene {
-        path,
-        root: &root,
-        buffers: &buffers,
-        paint: Paint::new(&root, &buffers),
-        mesh: Mesh::default(),
-        left_out: 0,
-        dropped: 0,
-    };
-    for (node, world) in nodes::placed(path, &root, notes)? {
-        if let Some(mesh) = root.nodes[node].mesh {
-            scene.add(mesh.value(), world)?;
-        }
-    }
-    if scene.left_out > 0 {
-        notes.push(format!("{} parts of points or lines were left out", scene.left_out));
+    let paint = Paint::new(&root, &buffers);
+    let mut scene = Scene { buffers: &buffers, paint, mesh: Mesh::default(), dropped: 0 };
+    let placed = nodes::placed(path, &root, notes)?;
+    let left_out = nodes::for_each_part(path, &root, &buffers, &placed, |part| scene.add(&part))?;
+    if left_out > 0 {
+        notes.push(format!("{left_out} parts of points or lines were left out"));
     }
     if scene.dropped > 0 && scene.mesh.triangles.is_empty() {
         let what = format!(
@@ -125,44 +113,19 @@ fn refuse_unreadable(
 
 /// The scene while it is unfolded.
 struct Scene<'a> {
-    path: &'a Path,
-    root: &'a json::Root,
     buffers: &'a Buffers<'a>,
     paint: Paint<'a>,
     mesh: Mesh,
-    /// Parts without triangles.
-    left_out: usize,
     /// Triangles whose corners cannot be computed with.
     dropped: usize,
 }
 
 impl Scene<'_> {
-    fn refuse<T>(&self, what: impl Into<String>) -> Result<T> {
-        Err(Error::input(self.path, what))
-    }
-
-    /// Adds a mesh as a node places it.
-    fn add(&mut self, index: usize, world: DMat4) -> Result<()> {
-        let Some(mesh) = self.root.meshes.get(index) else {
-            return self.refuse(format!("mesh {index} is not there; export the scene again"));
-        };
-        for (i, primitive) in mesh.primitives.iter().enumerate() {
-            self.add_primitive(&format!("mesh {index}, part {i}"), primitive, world)?;
-        }
-        Ok(())
-    }
-
     /// Adds the triangles of a part with the vertices they use. Parts often share one table of vertices, of which each
     /// uses a few.
-    fn add_primitive(&mut self, what: &str, primitive: &Primitive, world: DMat4) -> Result<()> {
+    fn add(&mut self, part: &Part) -> Result<()> {
+        let Part { what, primitive, world, positions, triangles } = part;
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
-        let Some((positions, triangles)) = nodes::triangles(self.path, self.buffers, what, primitive)? else {
-            self.left_out += 1;
-            return Ok(());
-        };
-        if self.mesh.triangles.len() + self.dropped + triangles.len() > MAX_TRIANGLES {
-            return self.refuse(format!("the scene unfolds to over {MAX_TRIANGLES} triangles; simplify it first"));
-        }
         let material = primitive.material.map(|material| material.value());
         let uv_set = self.paint.uv_set(material);
         let uvs = match uv_set.and_then(|set| attribute(Semantic::TexCoords(set))) {
@@ -173,20 +136,17 @@ impl Scene<'_> {
             Some(accessor) => self.buffers.vectors::<3>(accessor, what)?,
             None => Vec::new(),
         };
-        // A mirrored node turns its triangles inside out.
-        let mirrored = world.determinant() < 0.0;
         let mut copies = vec![u32::MAX; positions.len()];
         let placed = |v: usize| world.transform_point3(DVec3::from_array(positions[v]));
         for triangle in triangles {
-            let [a, b, c] = triangle.map(|v| v as usize);
-            if ![a, b, c].into_iter().map(placed).all(checks::usable) {
+            let corners = triangle.map(|v| v as usize);
+            if !corners.into_iter().map(placed).all(checks::usable) {
                 self.dropped += 1;
                 continue;
             }
-            let mean_uv = mean(&uvs, [a, b, c]).map(DVec2::from_array);
-            let tint = mean(&tints, [a, b, c]).map_or(DVec3::ONE, DVec3::from_array);
+            let mean_uv = mean(&uvs, corners).map(DVec2::from_array);
+            let tint = mean(&tints, corners).map_or(DVec3::ONE, DVec3::from_array);
             self.mesh.colours.push(colour::srgb(self.paint.colour(material, mean_uv) * tint));
-            let corners = if mirrored { [a, c, b] } else { [a, b, c] };
             self.mesh.triangles.push(corners.map(|v| {
                 if copies[v] == u32::MAX {
                     copies[v] = self.mesh.positions.len() as u32;

@@ -9,9 +9,9 @@ use json::validation::Checked;
 
 use super::buffers::{self, Buffers};
 use super::look::Look;
-use super::nodes::{self, placed};
+use super::nodes::{self, MAX_TRIANGLES, Part};
+use super::refuse_unreadable;
 use super::schema::Document;
-use super::{MAX_TRIANGLES, refuse_unreadable};
 use crate::error::{Error, Result};
 use crate::io::checks;
 use crate::scene::model::{Face, Lamp, LampKind, Map, Material, Model, Vertex};
@@ -71,16 +71,15 @@ pub fn parse_model(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result
         materials.push(Material::default());
     }
     let model = Model { materials, images: look.images, ..Model::default() };
-    let mut reader = Reader { path, root: &root, buffers: &buffers, plain, model, left_out: 0, unplaced: 0 };
-    for (node, world) in placed(path, &root, notes)? {
-        if let Some(mesh) = root.nodes[node].mesh {
-            reader.add(mesh.value(), world)?;
-        }
+    let mut reader = Reader { path, root: &root, buffers: &buffers, plain, model, unplaced: 0 };
+    let placed = nodes::placed(path, &root, notes)?;
+    let left_out = nodes::for_each_part(path, &root, &buffers, &placed, |part| reader.add(&part))?;
+    let Reader { mut model, unplaced, .. } = reader;
+    for (node, world) in placed {
         if let Some(light) = document.nodes.get(node).and_then(|node| node.extensions.light.as_ref()) {
-            reader.model.lamps.push(lamp(path, &document, light.light, world)?);
+            model.lamps.push(lamp(path, &document, light.light, world)?);
         }
     }
-    let Reader { model, left_out, unplaced, .. } = reader;
     if left_out > 0 {
         notes.push(format!("{left_out} parts of points or lines were left out"));
     }
@@ -136,8 +135,6 @@ struct Reader<'a> {
     /// The material of parts that name none.
     plain: u32,
     model: Model,
-    /// Parts without triangles.
-    left_out: usize,
     /// Parts without the texture coordinates that an image of their material takes.
     unplaced: usize,
 }
@@ -145,17 +142,6 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn refuse<T>(&self, what: impl Into<String>) -> Result<T> {
         Err(Error::input(self.path, what))
-    }
-
-    /// Adds a mesh as a node places it.
-    fn add(&mut self, index: usize, world: DMat4) -> Result<()> {
-        let Some(mesh) = self.root.meshes.get(index) else {
-            return self.refuse(format!("mesh {index} is not there; export the scene again"));
-        };
-        for (i, primitive) in mesh.primitives.iter().enumerate() {
-            self.add_part(&format!("mesh {index}, part {i}"), primitive, world)?;
-        }
-        Ok(())
     }
 
     /// Values of an attribute, one for each of `count` vertices; none where there is no such attribute.
@@ -186,14 +172,10 @@ impl Reader<'_> {
     }
 
     /// Adds the triangles of a part with its vertices.
-    fn add_part(&mut self, what: &str, primitive: &Primitive, world: DMat4) -> Result<()> {
-        let Some((positions, triangles)) = nodes::triangles(self.path, self.buffers, what, primitive)? else {
-            self.left_out += 1;
-            return Ok(());
-        };
+    fn add(&mut self, part: &Part) -> Result<()> {
+        let Part { what, primitive, world, positions, triangles } = part;
         let count = positions.len();
-        let together = self.model.faces.len() + self.model.dropped + triangles.len();
-        if together > MAX_TRIANGLES || self.model.vertices.len() + count > 3 * MAX_TRIANGLES {
+        if self.model.vertices.len() + count > 3 * MAX_TRIANGLES {
             return self.refuse(format!("the scene unfolds to over {MAX_TRIANGLES} triangles; simplify it first"));
         }
         let material = match primitive.material.map(|material| material.value() as u32) {
@@ -209,9 +191,8 @@ impl Reader<'_> {
         let colours = self.colours(what, primitive, count)?;
 
         // Normals turn with the inverse transpose; the determinant's sign keeps them outside of a mirrored node.
-        let mirrored = world.determinant() < 0.0;
-        let linear = DMat3::from_mat4(world);
-        let side = if mirrored { -1.0 } else { 1.0 };
+        let linear = DMat3::from_mat4(*world);
+        let side = if world.determinant() < 0.0 { -1.0 } else { 1.0 };
         let cofactor = DMat3::from_cols(
             linear.y_axis.cross(linear.z_axis),
             linear.z_axis.cross(linear.x_axis),
@@ -236,8 +217,7 @@ impl Reader<'_> {
         }
         let first = self.model.faces.len();
         for triangle in triangles {
-            let [a, b, c] = triangle.map(|v| at + v);
-            let corners = if mirrored { [a, c, b] } else { [a, b, c] };
+            let corners = triangle.map(|v| at + v);
             let [p, q, r] = corners.map(|v| self.model.vertices[v as usize].position);
             // As the device has them, in single precision.
             let area = (q - p).as_vec3().as_dvec3().cross((r - p).as_vec3().as_dvec3()).length();

@@ -11,6 +11,9 @@ use json::validation::Checked;
 use super::buffers::Buffers;
 use crate::error::{Error, Result};
 
+/// Triangles that instancing may unfold a scene into. A small file can ask for more than any memory holds.
+pub(super) const MAX_TRIANGLES: usize = 1 << 26;
+
 /// Every node of the default scene with its world-from-node matrix, from the roots on.
 ///
 /// # Errors
@@ -73,14 +76,67 @@ fn transform(node: &json::Node) -> DMat4 {
     )
 }
 
+/// A part of a mesh that has triangles, as a node places it.
+pub(super) struct Part<'r> {
+    /// What errors call it.
+    pub(super) what: String,
+    pub(super) primitive: &'r Primitive,
+    /// World-from-mesh.
+    pub(super) world: DMat4,
+    /// Positions in the mesh's frame.
+    pub(super) positions: Vec<[f64; 3]>,
+    /// Triangles by three of them, which face outward under a mirroring node as well.
+    pub(super) triangles: Vec<[u32; 3]>,
+}
+
+/// Gives `add` every part with triangles of the nodes in `placed`, one after the other. How many parts have points or lines in their
+/// place.
+///
+/// # Errors
+/// Where a mesh is not there, a part has no positions or refers to some that are not there, or all unfold to too many triangles; and
+/// those of `add`.
+pub(super) fn for_each_part(
+    path: &Path,
+    root: &json::Root,
+    buffers: &Buffers,
+    placed: &[(usize, DMat4)],
+    mut add: impl FnMut(Part) -> Result<()>,
+) -> Result<usize> {
+    let refuse = |what: String| Err(Error::input(path, what));
+    let (mut left_out, mut unfolded) = (0, 0);
+    for &(node, world) in placed {
+        let Some(mesh) = root.nodes[node].mesh.map(|mesh| mesh.value()) else { continue };
+        let Some(parts) = root.meshes.get(mesh).map(|mesh| &mesh.primitives) else {
+            return refuse(format!("mesh {mesh} is not there; export the scene again"));
+        };
+        for (i, primitive) in parts.iter().enumerate() {
+            let what = format!("mesh {mesh}, part {i}");
+            let Some((positions, mut triangles)) = triangles(path, buffers, &what, primitive)? else {
+                left_out += 1;
+                continue;
+            };
+            unfolded += triangles.len();
+            if unfolded > MAX_TRIANGLES {
+                return refuse(format!("the scene unfolds to over {MAX_TRIANGLES} triangles; simplify it first"));
+            }
+            // A mirrored node turns its triangles inside out.
+            if world.determinant() < 0.0 {
+                triangles.iter_mut().for_each(|[_, b, c]| std::mem::swap(b, c));
+            }
+            add(Part { what, primitive, world, positions, triangles })?;
+        }
+    }
+    Ok(left_out)
+}
+
 /// Positions, and triangles by three of them.
-pub(super) type Triangles = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+type Triangles = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
 /// The triangles of a part, which errors call `what`, in its mesh's frame; none where it has points or lines.
 ///
 /// # Errors
 /// Where it has no positions, or refers to some that are not there.
-pub(super) fn triangles(path: &Path, buffers: &Buffers, what: &str, part: &Primitive) -> Result<Option<Triangles>> {
+fn triangles(path: &Path, buffers: &Buffers, what: &str, part: &Primitive) -> Result<Option<Triangles>> {
     let refuse = |what: String| Err(Error::input(path, what));
     let Some(positions) = part.attributes.get(&Checked::Valid(Semantic::Positions)) else {
         return refuse(format!("{what} has no positions; export it again"));
