@@ -163,7 +163,7 @@ fn guides_and_help_use_the_words_of_the_field() {
 }
 
 /// Where stages are held against plain Rust that has not their own name: how their names begin, the file, and what does it there.
-const TWINS: [(&str, &str, &str); 23] = [
+const TWINS: [(&str, &str, &str); 24] = [
     ("bin_", "src/plan/dense.rs", "fn dense("),
     ("check_depth", "src/stereo/consistency.rs", "fn check("),
     ("copy_words", "tests/primitives_copy.rs", "fn whole_vectors_are_copied_and_nothing_behind_them"),
@@ -172,7 +172,8 @@ const TWINS: [(&str, &str, &str); 23] = [
     ("first_hit", "tests/photograph.rs", "fn the_middle_of_a_pixel_is_where_the_surface_is"),
     ("fisher_", "src/gaussians/twin/fisher.rs", "fn information("),
     ("mcmc_split", "src/gaussians/twin/optimise.rs", "fn split("),
-    ("mcmc_", "tests/training.rs", "fn relocated_splats_look_as_their_source_did"),
+    ("mcmc_copy", "tests/training.rs", "fn relocated_splats_look_as_their_source_did"),
+    ("mcmc_", "src/gaussians/twin/optimise.rs", "fn draws("),
     ("noise_spread", "tests/manifold.rs", "fn the_spread_is_the_variance_of_perturbed_pictures"),
     ("noise_", "src/gaussians/uncertainty/manifold.rs", "fn perturbation("),
     ("photo_", "src/gaussians/twin/loss.rs", "fn ssim("),

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use camsplat::Result;
-use camsplat::gaussians::config::{Config, Strategy};
+use camsplat::gaussians::config::{Config, MIN_OPACITY, Strategy};
 use camsplat::gaussians::data::split::{Split, Test};
 use camsplat::gaussians::data::store::PhotoStore;
 use camsplat::gaussians::data::{pictures, start};
@@ -187,11 +187,15 @@ fn relocated_splats_look_as_their_source_did() -> Result<()> {
     let after = trainer.gaussians()?;
     assert_eq!(after.len(), 84, "80 grow by a twentieth");
     let (old, new) = (twin::splats(&before), twin::splats(&after));
+    let steps = (u32::MAX / config.max_splats).min(1 << 20);
+    let drawn = twin::optimise::draws(&old, new.len(), (steps, f64::from(MIN_OPACITY)), (config.seed, 3));
     let mut copies = vec![1; old.len()];
-    for child in &new[old.len()..] {
+    for (child, drawn) in new[old.len()..].iter().zip(&drawn[old.len()..]) {
         let source = old.iter().position(|splat| splat.centre == child.centre);
+        assert_eq!(source, *drawn, "a new splat stands where another one does than that which it draws");
         copies[source.expect("a new splat stands where an old one does")] += 1;
     }
+    assert!(drawn[..old.len()].iter().all(Option::is_none), "none was dead");
     for (i, (old, n)) in old.iter().zip(&copies).enumerate() {
         let want = twin::optimise::split(old, *n);
         let got = &new[i];

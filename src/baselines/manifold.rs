@@ -10,7 +10,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::gaussians::render::frame::{Frame, View};
 use crate::gaussians::render::rasterizer::Size;
-use crate::gaussians::twin::optimise::adam;
 use crate::gaussians::uncertainty::manifold::{MAX_PICTURES, MAX_VIEWS, Manifold};
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::layouts;
@@ -18,6 +17,7 @@ use crate::scene::random;
 use crate::scene::region::{Region, Shape};
 use crate::select::information::Model;
 use crate::vulkan::Context;
+use crate::vulkan::shaders::glsl::shared::adam;
 use crate::{Error, Result};
 
 /// Stream of the directions that ascents start from.
@@ -198,7 +198,7 @@ impl Scene {
         for step in 1..=steps as i32 {
             let slope = self.slope(angles, renders)?;
             for k in 0..2 {
-                angles[k] = adam(angles[k], -slope[k], &mut moments[k], rate, step);
+                angles[k] += ascent(slope[k], &mut moments[k], rate, step);
             }
             angles = self.sphere.within(angles);
         }
@@ -272,6 +272,16 @@ pub fn place(
         known.push(view);
     }
     Ok(placed)
+}
+
+/// Adam's step uphill, number `step` from 1 (Kingma and Ba 2015); `moments` are zero at the start.
+fn ascent(slope: f64, moments: &mut [f64; 2], rate: f64, step: i32) -> f64 {
+    let decays = [adam::ADAM_DECAY, adam::ADAM_SQUARE_DECAY];
+    let [mean, square] = std::array::from_fn(|k| {
+        moments[k] = decays[k] * moments[k] + (1.0 - decays[k]) * [slope, slope * slope][k];
+        moments[k] / (1.0 - decays[k].powi(step))
+    });
+    rate * mean / (square.sqrt() + f64::MIN_POSITIVE)
 }
 
 #[cfg(test)]

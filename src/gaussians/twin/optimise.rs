@@ -1,9 +1,12 @@
-//! Adam's step, and the split of a splat into equal ones.
+//! Adam's step, the draws of relocation, and the split of a splat into equal ones.
 
 use super::Splat;
+use crate::scene::random;
+use crate::vulkan::shaders::glsl::gaussians::mcmc_pick::PICK_STREAM;
+use crate::vulkan::shaders::glsl::shared::adam;
 
 /// Decay of Adam's first and second moment, and what keeps it from dividing by zero.
-const DECAYS: [f64; 2] = [0.9, 0.999];
+const DECAYS: [f64; 2] = [adam::ADAM_DECAY, adam::ADAM_SQUARE_DECAY];
 const EPSILON: f64 = 1e-15;
 
 /// A value after Adam's step number `step`, from 1 (Kingma and Ba 2015), with correction of the moments' bias; `moments` are
@@ -14,6 +17,33 @@ pub fn adam(value: f64, gradient: f64, moments: &mut [f64; 2], rate: f64, step: 
     }
     let [first, second] = std::array::from_fn(|k| moments[k] / (1.0 - DECAYS[k].powi(step)));
     value - rate * first / (second.sqrt() + EPSILON)
+}
+
+/// The splat that each dead one of `splats`, and each of as many new ones as `after` has more, draws by opacity; none for those that
+/// live, or where nothing does. Opacities count in steps of `1 / steps`; up to `least` a splat is dead. Kheradmand et al. 2024,
+/// section 4.
+pub fn draws(
+    splats: &[Splat],
+    after: usize,
+    (steps, least): (u32, f64),
+    (seed, iteration): (u64, u32),
+) -> Vec<Option<usize>> {
+    let weight = |splat: &Splat| {
+        let opacity = 1.0 / (1.0 + (-splat.opacity).exp());
+        if opacity > least { ((opacity * f64::from(steps)) as u64).max(1) } else { 0 }
+    };
+    let weights: Vec<u64> = splats.iter().map(weight).collect();
+    let total: u64 = weights.iter().sum();
+    let draw = |i: usize| {
+        let word = random::bits(seed, PICK_STREAM + iteration, i as u32)[0];
+        let mut left = (u64::from(word) * total) >> 32;
+        weights.iter().position(|weight| {
+            let here = left < *weight;
+            left = left.saturating_sub(*weight);
+            here
+        })
+    };
+    (0..after).map(|i| if weights.get(i).is_some_and(|weight| *weight > 0) { None } else { draw(i) }).collect()
 }
 
 /// One of `n` (1 or more) equal splats in one place that look like `splat` together: they let as much light through at the
