@@ -20,7 +20,7 @@ pub fn threads() -> usize {
 ///
 /// # Errors
 /// As `work`, or where the system gives no threads.
-pub fn on_a_share<T: Send>(parts: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+pub(crate) fn on_a_share<T: Send>(parts: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     if parts <= 1 {
         return work();
     }
@@ -37,17 +37,17 @@ pub fn mapped<T: Sync, R: Send>(items: &[T], work: impl Fn(usize, &T) -> R + Syn
 ///
 /// # Errors
 /// As `work`.
-pub fn try_each<T: Sync>(items: &[T], work: impl Fn(&T) -> Result<()> + Sync + Send) -> Result<()> {
+pub(crate) fn try_each<T: Sync>(items: &[T], work: impl Fn(&T) -> Result<()> + Sync + Send) -> Result<()> {
     items.par_iter().try_for_each(work)
 }
 
 /// Calls `work` with the index and the contents of every chunk of `length` items, on as many threads as the machine has.
-pub fn in_parallel<T: Send>(items: &mut [T], length: usize, work: impl Fn(usize, &mut [T]) + Sync) {
+pub(crate) fn in_parallel<T: Send>(items: &mut [T], length: usize, work: impl Fn(usize, &mut [T]) + Sync) {
     items.par_chunks_mut(length.max(1)).enumerate().for_each(|(index, chunk)| work(index, chunk));
 }
 
 /// As [`in_parallel`], with something that `scratch` makes, which one thread uses for some of the chunks.
-pub fn with_scratch<T: Send, S>(
+pub(crate) fn with_scratch<T: Send, S>(
     items: &mut [T],
     length: usize,
     scratch: impl Fn() -> S + Sync,

@@ -37,11 +37,11 @@ pub enum Event<'e> {
 }
 
 /// Hears what happens and says whether to go on.
-pub type Observe<'o> = &'o mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send);
+pub(crate) type Observe<'o> = &'o mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send);
 
 /// A product that is there or is to be made.
 #[derive(Debug)]
-pub struct Artifact {
+pub(crate) struct Artifact {
     folder: PathBuf,
     key: String,
     inputs: Value,

@@ -15,7 +15,7 @@ const SPLATS: u32 = 5;
 const WHOLE: f64 = 30_000.0;
 
 /// A request whose costs fit the evaluation: what a method trains between its choices is a part of what is trained on them.
-pub fn sized(request: Request, kind: Kind, settings: &Settings) -> Request {
+pub(crate) fn sized(request: Request, kind: Kind, settings: &Settings) -> Request {
     let fit = |published: retrained::Settings| {
         let sized = retrained::Settings {
             max_splats: (settings.max_splats / SPLATS).max(1),

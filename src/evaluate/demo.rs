@@ -79,7 +79,7 @@ pub enum Event<'e> {
 }
 
 /// Hears what happens and says whether to go on.
-pub type Observe<'o> = &'o mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send);
+pub(crate) type Observe<'o> = &'o mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send);
 
 /// Where the way led.
 pub struct Demo {

@@ -67,7 +67,7 @@ pub enum Event<'e> {
 }
 
 /// Hears what happens and says whether to go on.
-pub type Hear<'h> = &'h mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send + 'h);
+pub(crate) type Hear<'h> = &'h mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send + 'h);
 
 /// Checks, before anything is computed, that an evaluation can be written into `folder`, which is empty, new or an earlier
 /// evaluation's; that no two subjects would share a folder there; and that methods and box fit so many

@@ -48,7 +48,7 @@ pub struct Chosen {
 }
 
 /// A pool with its artifacts.
-pub struct PoolArtifacts<'a> {
+pub(crate) struct PoolArtifacts<'a> {
     context: Arc<Context>,
     root: PathBuf,
     settings: Settings,

@@ -45,7 +45,7 @@ pub struct Interval {
 }
 
 /// What is measured, in the order of [`Row::measured`].
-pub const METRICS: [&str; 4] = ["PSNR", "SSIM", "LPIPS", "LPIPS of VGG16"];
+pub(crate) const METRICS: [&str; 4] = ["PSNR", "SSIM", "LPIPS", "LPIPS of VGG16"];
 
 /// A row of the table: all seeds of a method at a budget on a scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -73,12 +73,12 @@ fn of_sets<'r>(record: &'r TrainRecord, sets: &[&str]) -> Vec<Vec<&'r TestView>>
 }
 
 /// Means over the sets of a run's test views.
-pub fn by_set(record: &TrainRecord, sets: &[&str]) -> Vec<Quality> {
+pub(crate) fn by_set(record: &TrainRecord, sets: &[&str]) -> Vec<Quality> {
     of_sets(record, sets).into_iter().map(|views| mean(&views.into_iter().cloned().collect::<Vec<_>>())).collect()
 }
 
 /// The picture of the first view by name of each set.
-pub fn first_pictures(record: &TrainRecord, sets: &[&str]) -> Vec<String> {
+pub(crate) fn first_pictures(record: &TrainRecord, sets: &[&str]) -> Vec<String> {
     let names: Vec<String> = record.test_views.iter().map(|view| view.name.clone()).collect();
     let picture = |first: &TestView| {
         let files = picture_names(&names);
@@ -90,7 +90,7 @@ pub fn first_pictures(record: &TrainRecord, sets: &[&str]) -> Vec<String> {
 }
 
 /// The pictures of the first so many views by name.
-pub fn few_pictures(record: &TrainRecord, count: usize) -> Vec<String> {
+pub(crate) fn few_pictures(record: &TrainRecord, count: usize) -> Vec<String> {
     let names: Vec<String> = record.test_views.iter().map(|view| view.name.clone()).collect();
     let mut pictures: Vec<_> = names.iter().zip(picture_names(&names)).collect();
     pictures.sort_by(|a, b| a.0.cmp(b.0));

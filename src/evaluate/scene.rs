@@ -24,7 +24,7 @@ use crate::vulkan::Context;
 use crate::{Error, Result};
 
 /// Up in glTF.
-pub const UP: DVec3 = DVec3::Y;
+pub(crate) const UP: DVec3 = DVec3::Y;
 /// Seed of test views where the user says where people look from.
 const TESTS: u64 = 0x7465_7374;
 /// Points of the surface that test views of an object are held against.

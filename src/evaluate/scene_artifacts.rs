@@ -46,7 +46,7 @@ pub struct Tests {
 }
 
 /// A scene with its outputs.
-pub struct SceneArtifacts<'a> {
+pub(crate) struct SceneArtifacts<'a> {
     pub(super) context: Arc<Context>,
     pub(super) root: PathBuf,
     pub(super) kind: Kind,

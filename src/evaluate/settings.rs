@@ -38,7 +38,7 @@ pub enum InputsFrom {
 }
 
 /// A region that follows from a scene's bounds.
-pub const BY_BOUNDS: RegionChoice = RegionChoice { shape: None, floor: None, clearance: None };
+pub(crate) const BY_BOUNDS: RegionChoice = RegionChoice { shape: None, floor: None, clearance: None };
 
 /// The size of everything.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -13,10 +13,10 @@ use crate::quality::viewers::Viewers;
 use crate::scene::region::Shape;
 
 /// Decimals of each metric.
-pub const DECIMALS: [usize; METRICS.len()] = [2, 4, 4, 4];
+pub(crate) const DECIMALS: [usize; METRICS.len()] = [2, 4, 4, 4];
 
 /// What the numbers are of. `left` runs are still to come.
-pub fn description(request: &Request, left: usize) -> String {
+pub(crate) fn description(request: &Request, left: usize) -> String {
     let settings = &request.settings;
     let mut text = format!(
         "{}; {} iterations of training{}, at most {} splats, {}. Mean and half of the 95% interval over seeds \
@@ -44,7 +44,7 @@ fn seeds(request: &Request) -> String {
 }
 
 /// A table for each metric, as Markdown.
-pub fn markdown(request: &Request, rows: &[Row], left: usize) -> String {
+pub(crate) fn markdown(request: &Request, rows: &[Row], left: usize) -> String {
     let mut text = description(request, left) + "\n";
     if let Some(apart) = apart(rows) {
         text += &format!("\n{apart}\n");

@@ -120,7 +120,7 @@ impl OutputFolder {
 ///
 /// # Errors
 /// When it is a file, not empty, or cannot be written.
-pub fn check_folder(path: &Path, force: bool) -> Result<()> {
+pub(crate) fn check_folder(path: &Path, force: bool) -> Result<()> {
     check_named(path)?;
     check_free(path, force)?;
     if path.is_dir() { check_writable(path) } else { check_parent(path) }
@@ -131,7 +131,7 @@ pub fn check_folder(path: &Path, force: bool) -> Result<()> {
 ///
 /// # Errors
 /// In a line that names the link.
-pub fn check_no_links(folder: &Path, file: &Path) -> Result<()> {
+pub(crate) fn check_no_links(folder: &Path, file: &Path) -> Result<()> {
     let mut between = file.ancestors().skip(1).take_while(|above| *above != folder && above.starts_with(folder));
     match between.find(|above| above.is_symlink()) {
         Some(link) => {
@@ -147,7 +147,7 @@ pub fn check_no_links(folder: &Path, file: &Path) -> Result<()> {
 ///
 /// # Errors
 /// When the path is a folder or a device, lies in no folder, or in one that cannot be written to.
-pub fn check_file(path: &Path) -> Result<()> {
+pub(crate) fn check_file(path: &Path) -> Result<()> {
     if path.is_dir() {
         return Err(Error::input(path, "a folder is already here; name a file"));
     }
@@ -162,7 +162,7 @@ pub fn check_file(path: &Path) -> Result<()> {
 ///
 /// # Errors
 /// When the system refuses; nothing is left behind then but files that had been moved already.
-pub fn write_files(files: &[(&Path, &[u8])]) -> Result<()> {
+pub(crate) fn write_files(files: &[(&Path, &[u8])]) -> Result<()> {
     let hidden = |path: &Path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         parent(path).join(format!(".{name}-{}", std::process::id()))
@@ -185,7 +185,7 @@ pub fn write_files(files: &[(&Path, &[u8])]) -> Result<()> {
 ///
 /// # Errors
 /// When the system refuses, a full disk among others; the unfinished file is removed.
-pub fn replace_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
+pub(crate) fn replace_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     replace(path, |file| {
         let mut file = BufWriter::with_capacity(1 << 20, file);
         write(&mut file)?;
@@ -198,7 +198,7 @@ pub fn replace_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::
 ///
 /// # Errors
 /// As [`replace_file`].
-pub fn replace_unforced(path: &Path, bytes: &[u8]) -> Result<()> {
+pub(crate) fn replace_unforced(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, |mut file| file.write_all(bytes))
 }
 

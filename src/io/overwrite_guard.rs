@@ -26,7 +26,7 @@ const READ: [&str; 9] = ["png", "jpg", "jpeg", "exr", "hdr", "bin", "glb", "gltf
 ///
 /// # Errors
 /// In a line that names the file.
-pub fn check_output_file<'a>(file: &Path, inputs: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
+pub(crate) fn check_output_file<'a>(file: &Path, inputs: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
     let Some(at) = real(file) else { return Ok(()) };
     let refuse = |what: &str| Err(Error::input(file, format!("{what} and would be replaced; name another file")));
     let name = at.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
@@ -44,7 +44,7 @@ pub fn check_output_file<'a>(file: &Path, inputs: impl IntoIterator<Item = &'a P
 ///
 /// # Errors
 /// In a line that names the folder and the input.
-pub fn check_output_folder<'a>(folder: &Path, inputs: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
+pub(crate) fn check_output_folder<'a>(folder: &Path, inputs: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
     let Some(out) = real(folder) else { return Ok(()) };
     for (input, read) in inputs.into_iter().filter_map(|input| Some((input, real(input)?))) {
         if read.starts_with(&out) {

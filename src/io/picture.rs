@@ -106,7 +106,7 @@ fn png(width: u32, pixels: &[[f32; 4]], with_alpha: bool) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// Where the bytes make no whole rows.
-pub fn rgb(width: u32, bytes: &[u8]) -> Result<Vec<u8>> {
+pub(crate) fn rgb(width: u32, bytes: &[u8]) -> Result<Vec<u8>> {
     png_of(width, bytes.len() / 3, bytes, ExtendedColorType::Rgb8)
 }
 
@@ -158,7 +158,7 @@ pub fn stem(name: &str) -> Option<String> {
 }
 
 /// Says which cameras have names that lead out of a folder, and are called otherwise where pictures of them are written.
-pub fn renamed(cameras: &[Camera]) -> Option<String> {
+pub(crate) fn renamed(cameras: &[Camera]) -> Option<String> {
     let leads_out = |part: Component<'_>| !matches!(part, Component::Normal(_) | Component::CurDir);
     let odd = |camera: &&Camera| Path::new(&camera.name).components().any(leads_out);
     let mut odd = cameras.iter().filter(odd);

@@ -54,7 +54,7 @@ crate::gpu_struct! {
 
 crate::gpu_struct! {
     /// What a point gets, in the planner's lengths.
-    pub struct Score {
+    pub(crate) struct Score {
         /// Cameras that see it.
         pub views: u32,
         /// Solid angle of its reachable directions.
@@ -241,7 +241,12 @@ pub fn score_point(
 
 /// What a point gets from views in the unit directions `rays`, the finest of which resolves `finest` world units a pixel;
 /// `reachable` are the directions that count, of `texels` that share the sphere evenly.
-pub fn of_rays(rays: &[DVec3], finest: f64, reachable: impl Iterator<Item = DVec3>, texels: usize) -> PointMetrics {
+pub(crate) fn of_rays(
+    rays: &[DVec3],
+    finest: f64,
+    reachable: impl Iterator<Item = DVec3>,
+    texels: usize,
+) -> PointMetrics {
     let angle = |chord: f64| 2.0 * (0.5 * chord.sqrt()).min(1.0).asin();
     let (mut counted, mut gap, mut cells) = (0.0, 0.0, vec![0.0f64; rays.len()]);
     for direction in reachable {

@@ -15,7 +15,7 @@ const MIN_HITS: f64 = 0.5;
 const MIN_BACKS: f64 = 0.9;
 
 /// Names of the cameras around which nearly everything that is near shows a back that is not meant to be seen.
-pub fn cameras_inside<'a>(model: &Model, assembly: &Assembly, cameras: &'a [Camera]) -> Vec<&'a str> {
+pub(crate) fn cameras_inside<'a>(model: &Model, assembly: &Assembly, cameras: &'a [Camera]) -> Vec<&'a str> {
     let is_back = |primitive: u32, direction: DVec3| {
         let corners = model.faces[primitive as usize].corners.map(|v| model.vertices[v as usize].position);
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);

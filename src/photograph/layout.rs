@@ -3,32 +3,32 @@
 use crate::vulkan::shaders::glsl::photograph::{appearance, photograph};
 
 /// In place of an index: there is none.
-pub const NONE: u32 = appearance::NONE;
+pub(crate) const NONE: u32 = appearance::NONE;
 
 /// Flags of [`Material`].
-pub const ALPHA_MASK: u32 = appearance::ALPHA_MASK;
+pub(crate) const ALPHA_MASK: u32 = appearance::ALPHA_MASK;
 /// As much light passes as alpha is short of 1.
-pub const ALPHA_BLEND: u32 = appearance::ALPHA_BLEND;
+pub(crate) const ALPHA_BLEND: u32 = appearance::ALPHA_BLEND;
 /// The back shines as well.
-pub const DOUBLE_SIDED: u32 = appearance::DOUBLE_SIDED;
+pub(crate) const DOUBLE_SIDED: u32 = appearance::DOUBLE_SIDED;
 /// The base colour is what is seen.
-pub const UNLIT: u32 = appearance::UNLIT;
+pub(crate) const UNLIT: u32 = appearance::UNLIT;
 /// The surface bounds a body that refracts.
-pub const VOLUME: u32 = appearance::VOLUME;
+pub(crate) const VOLUME: u32 = appearance::VOLUME;
 
 /// Flags of [`Map`]; two bits each from 2 and from 4 on say how it goes on in u and v.
-pub const SECOND_SET: u32 = appearance::SECOND_SET;
+pub(crate) const SECOND_SET: u32 = appearance::SECOND_SET;
 /// Colours are sRGB.
-pub const SRGB: u32 = appearance::SRGB;
+pub(crate) const SRGB: u32 = appearance::SRGB;
 /// Where the bits of u and v begin.
-pub const WRAP: [u32; 2] = [2, 4];
+pub(crate) const WRAP: [u32; 2] = [2, 4];
 
 /// Kinds of [`Light`].
-pub const LIGHT_TRIANGLE: u32 = appearance::LIGHT_TRIANGLE;
+pub(crate) const LIGHT_TRIANGLE: u32 = appearance::LIGHT_TRIANGLE;
 /// A point or a spot.
-pub const LIGHT_POINT: u32 = appearance::LIGHT_POINT;
+pub(crate) const LIGHT_POINT: u32 = appearance::LIGHT_POINT;
 /// Parallel light.
-pub const LIGHT_DIRECTIONAL: u32 = appearance::LIGHT_DIRECTIONAL;
+pub(crate) const LIGHT_DIRECTIONAL: u32 = appearance::LIGHT_DIRECTIONAL;
 
 crate::gpu_struct! {
     /// A corner of triangles.
@@ -160,7 +160,7 @@ crate::gpu_struct! {
 
 crate::gpu_struct! {
     /// A source of light that is looked for.
-    pub struct Light {
+    pub(crate) struct Light {
         /// Of a lamp.
         pub position: [f32; 3],
         /// What it is.
@@ -267,7 +267,7 @@ crate::gpu_struct! {
 }
 
 /// Texels of the environment's alias table: threshold and other texel.
-pub type Alias = [u32; 2];
+pub(crate) type Alias = [u32; 2];
 
 /// How light is found: tests hold the three against each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

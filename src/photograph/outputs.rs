@@ -16,9 +16,9 @@ use crate::scene::colour::encoded;
 use crate::{Error, Result};
 
 /// The file that says what a folder's capture is of.
-pub const RECORD: &str = "capture.json";
+pub(crate) const RECORD: &str = "capture.json";
 /// The file that is written last.
-pub const LAST: &str = "transforms.json";
+pub(crate) const LAST: &str = "transforms.json";
 
 /// What a capture is of, and how: two captures of the same record have the same bits on the same device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -52,7 +52,7 @@ pub struct Photograph {
 
 /// What lies in the middle of pixels: unit normals in the world, on the camera's side, and the depth along the optical
 /// axis in world units; zeros where there is nothing.
-pub type FirstHits = Vec<[f32; 4]>;
+pub(crate) type FirstHits = Vec<[f32; 4]>;
 
 /// A scene on the device, ready for photographs up to a size.
 pub struct Tracer {

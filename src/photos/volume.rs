@@ -16,7 +16,7 @@ pub struct Volume {
 }
 
 /// The point nearest to all optical axes, where at least four fifths of the cameras look towards it.
-pub fn focus(cameras: &[Camera]) -> Option<DVec3> {
+pub(crate) fn focus(cameras: &[Camera]) -> Option<DVec3> {
     let focus = looked_at(cameras)?;
     let towards = cameras.iter().filter(|c| (focus - c.pose.position).dot(c.pose.forward()) > 0.0).count();
     (5 * towards >= 4 * cameras.len()).then_some(focus)
@@ -43,7 +43,7 @@ pub fn around_focus(cameras: &[Camera]) -> Option<Volume> {
 }
 
 /// The ball around points, less the outermost hundredth on each side of each axis.
-pub fn around_points(positions: &[DVec3]) -> Option<Volume> {
+pub(crate) fn around_points(positions: &[DVec3]) -> Option<Volume> {
     let percentiles = |axis: usize| {
         let mut values: Vec<f64> = positions.iter().map(|p| p[axis]).collect();
         values.sort_unstable_by(f64::total_cmp);

@@ -74,7 +74,7 @@ crate::stage!(
 );
 
 /// Texels of a tile along a side.
-pub const TILE: u32 = bin::TILE;
+pub(crate) const TILE: u32 = bin::TILE;
 
 /// Pipelines and buffers of the pass.
 pub(super) struct Binned {
@@ -137,7 +137,7 @@ pub(super) fn footprint(context: &Context, s: &Settings, resolution: u32) -> Vec
 }
 
 /// Axis and cosine of the half angle of a cone around each tile, row-major.
-pub fn cones(resolution: u32) -> Vec<[f32; 4]> {
+pub(crate) fn cones(resolution: u32) -> Vec<[f32; 4]> {
     let wide = resolution / TILE;
     let texel = |x: u32, y: u32| octahedral::texel_centre(y * resolution + x, resolution);
     // Texel centres are what is lit, so they are what the cone has to hold.

@@ -96,7 +96,7 @@ pub enum Pass {
 pub const MAX_DENSE: u32 = 6000;
 
 /// Most views of a plan: the loop of `rank` over all of them stays within lavapipe's bound.
-pub const MAX_VIEWS: u32 = 200_000;
+pub(crate) const MAX_VIEWS: u32 = 200_000;
 /// Most viewers that a run draws; then it begins again with the first, and with other pixels of it.
 const MAX_VIEWERS: u32 = 1 << 15;
 

@@ -14,7 +14,7 @@ use crate::vulkan::Context;
 use crate::{Error, Result};
 
 /// Numbers of views that are tried.
-pub const BUDGETS: [u32; 11] = [5, 8, 12, 20, 30, 45, 70, 100, 150, 200, 300];
+pub(crate) const BUDGETS: [u32; 11] = [5, 8, 12, 20, 30, 45, 70, 100, 150, 200, 300];
 /// What ten further views must gain to be worth a word, in decibels.
 const WORTH: f64 = 0.1;
 

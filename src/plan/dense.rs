@@ -16,9 +16,9 @@ crate::stage!(
 );
 
 /// Where a kernel is cut off: its exponent there.
-pub const KERNEL_CUTOFF: f64 = plan::KERNEL_CUTOFF;
+pub(crate) const KERNEL_CUTOFF: f64 = plan::KERNEL_CUTOFF;
 /// A soft gate that lets less than this through is closed.
-pub const GATE_CUTOFF: f64 = plan::GATE_CUTOFF;
+pub(crate) const GATE_CUTOFF: f64 = plan::GATE_CUTOFF;
 
 /// One batch of the optimisation as the twin sees it, in float64 and the planner's frame.
 #[derive(Clone, Copy)]

@@ -28,7 +28,7 @@ const MAX_VIEWERS_A_STEP: u32 = 16_384;
 const VIEWER_SEED: u64 = 0x6c6f_6f6b;
 
 /// Stream of the surface's samples that probes stand on; held-out points take another.
-pub const PROBE_STREAM: u32 = 0;
+pub(crate) const PROBE_STREAM: u32 = 0;
 
 /// Everything about a run that is known before the device has allocated anything.
 #[derive(Clone)]

@@ -8,7 +8,7 @@ use crate::gpu_struct;
 
 crate::specialisation! {
     /// Constants of the plan's stages, as in `plan/plan.glsl` and `dense.comp`.
-    pub struct PlanConstants {
+    pub(crate) struct PlanConstants {
         /// Texels of a point camera along a side.
         resolution: u32,
         /// When a point counts as in a splat's picture.
@@ -82,7 +82,7 @@ gpu_struct! {
 
 gpu_struct! {
     /// What changes from one iteration to the next; written by the update alone.
-    pub struct Control {
+    pub(crate) struct Control {
         /// Iterations done.
         pub iteration: u32,
         /// Non-zero: nothing is done any more.
@@ -198,7 +198,7 @@ gpu_struct! {
 
 gpu_struct! {
     /// Sums over the texels of one tile for one splat.
-    pub struct InstanceSum {
+    pub(crate) struct InstanceSum {
         /// Sum of the gradient by opacity, times opacity, times direction.
         pub moment: [f32; 3],
         /// Sum of the gradient by opacity, times opacity.

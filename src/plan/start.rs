@@ -20,7 +20,7 @@ const POSITIONS: u32 = 0x5354_1000;
 const TRIES: u32 = 64;
 
 /// Most probes that the mean number of visible splats is taken over.
-pub const PROBES: usize = 256;
+pub(crate) const PROBES: usize = 256;
 
 /// Jitter of an identical start, in radii of the region: enough to tell the splats apart.
 const SPREAD: f64 = 0.01;

@@ -17,7 +17,7 @@ const TURNED: u32 = 640;
 const ROTATIONS: [u32; 2] = [8, 32];
 
 /// A simple layout: its name, and the ways to place it, of which the best by expected quality is taken.
-pub type Family = (String, Vec<Vec<Pose>>);
+pub(crate) type Family = (String, Vec<Vec<Pose>>);
 
 /// Simple layouts of `config.views` cameras in the planner's frame, at free places: around an object the even sphere in the middle of
 /// the shell, as much of it as cameras can stand on, in several rotations, and where people look from one side only, as much of that;
@@ -68,7 +68,7 @@ pub fn layouts(config: &Config, geometry: &SceneGeometry, kept: &[Camera]) -> Ve
 ///
 /// # Errors
 /// Where the region is no shell, or leaves hardly any of that sphere.
-pub fn even_layout(geometry: &SceneGeometry, viewers: &Viewers, count: usize, turn: DQuat) -> Result<Vec<Pose>> {
+pub(crate) fn even_layout(geometry: &SceneGeometry, viewers: &Viewers, count: usize, turn: DQuat) -> Result<Vec<Pose>> {
     let allowed = |place| geometry.free.is_free(place) && viewers.face(geometry, place);
     layouts::even_where(&geometry.region, count, 0.5, turn, allowed)
 }

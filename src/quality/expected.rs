@@ -24,7 +24,7 @@ crate::gpu_struct! {
 
 crate::gpu_struct! {
     /// What a viewer is expected to see.
-    pub struct Verdict {
+    pub(crate) struct Verdict {
         /// Weighted sum of exp(law) over all looks, over their number.
         pub error: f32,
         /// Looks that show the surface.
@@ -59,9 +59,9 @@ pub const SIDE: u32 = 8;
 pub const LOOKS: u32 = SIDE * SIDE;
 /// Cameras that the walks over them can take before lavapipe would end them: 65,535 iterations an invocation, of which the rays of
 /// a look take up to a third.
-pub const MAX_ON_CPU: u32 = 2500;
+pub(crate) const MAX_ON_CPU: u32 = 2500;
 /// Viewers that show the surface in fewer looks than this say nothing.
-pub const MIN_SHOWN: u32 = 4;
+pub(crate) const MIN_SHOWN: u32 = 4;
 
 /// What viewers are expected to see of what a set of cameras trains.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -15,7 +15,7 @@ use crate::vulkan::shaders::glsl::shared::look;
 use crate::{Error, Result};
 
 /// Views at least this far from a viewer's direction, in radians, count as none.
-pub const FARTHEST: f64 = look::FARTHEST;
+pub(crate) const FARTHEST: f64 = look::FARTHEST;
 /// The file that is built in, as `camsplat quality fit` writes it.
 const EMBEDDED: &str = include_str!("law.json");
 

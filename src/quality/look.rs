@@ -15,7 +15,7 @@ use crate::vulkan::shaders::glsl::quality::look as glsl;
 crate::gpu_struct! {
     /// A viewer's pinhole camera in the planner's frame: the ray through image position (u, v), each in [0, 1] from the
     /// top left corner, runs along `corner + u across + v along`.
-    pub struct Viewer {
+    pub(crate) struct Viewer {
         /// Where it stands.
         pub position: [f32; 3],
         /// Unused.
@@ -137,7 +137,7 @@ impl Surroundings {
 }
 
 /// Casts rays on the host as `look.comp` does on the device.
-pub struct Caster<'a> {
+pub(crate) struct Caster<'a> {
     bvh: &'a Bvh,
     around: Surroundings,
     /// Slot of each primitive in the hierarchy.

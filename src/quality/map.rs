@@ -50,7 +50,7 @@ pub struct Worst {
 ///
 /// # Errors
 /// Where the device fails.
-pub fn error_map(
+pub(crate) fn error_map(
     judge: &Judge,
     (geometry, around): (&SceneGeometry, Surroundings),
     law: &Law,

@@ -52,7 +52,7 @@ pub fn nearest(bvh: &Bvh, look: &Look, views: impl Iterator<Item = Near>) -> Vec
 }
 
 /// As [`nearest`], of cameras whose whole image counts.
-pub fn nearest_cameras(bvh: &Bvh, look: &Look, cameras: &[View]) -> Vec<Near> {
+pub(crate) fn nearest_cameras(bvh: &Bvh, look: &Look, cameras: &[View]) -> Vec<Near> {
     let views = cameras.iter().zip(0..).filter_map(|(camera, index)| {
         let near = toward(look, index, Vec3::from(camera.position).as_dvec3())?;
         let along = |axis: [f32; 3]| -near.direction.dot(Vec3::from(axis).as_dvec3());

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use glam::{DVec3, IVec3};
 
 /// Corners and colours of at most `most` triangles that look like `corners`; all of them where there are no more.
-pub fn decimate(corners: &[[DVec3; 3]], colours: &[[u8; 3]], most: usize) -> (Vec<[DVec3; 3]>, Vec<[u8; 3]>) {
+pub(crate) fn decimate(corners: &[[DVec3; 3]], colours: &[[u8; 3]], most: usize) -> (Vec<[DVec3; 3]>, Vec<[u8; 3]>) {
     if corners.len() <= most {
         return (corners.to_vec(), colours.to_vec());
     }

@@ -11,7 +11,10 @@ use super::SurfacePoint;
 const MAX_TRIANGLES: usize = 60_000;
 
 /// Little-endian bytes of `values` as base64, which the page turns back into a typed array.
-pub fn pack<T: Copy, const N: usize>(values: impl IntoIterator<Item = T>, bytes: impl Fn(T) -> [u8; N]) -> String {
+pub(crate) fn pack<T: Copy, const N: usize>(
+    values: impl IntoIterator<Item = T>,
+    bytes: impl Fn(T) -> [u8; N],
+) -> String {
     STANDARD.encode(values.into_iter().flat_map(bytes).collect::<Vec<u8>>())
 }
 

@@ -19,7 +19,7 @@ const MAX_BYTES: usize = 2_700_000;
 /// Qualities that are tried until the pictures are small enough; the last one is taken as it is.
 const QUALITIES: [u8; 5] = [90, 80, 70, 60, 50];
 /// Differences are multiplied by this, so that an eye sees them.
-pub const GAIN: u8 = 4;
+pub(crate) const GAIN: u8 = 4;
 
 /// A test view as it was rendered, beside its photo.
 #[derive(Clone, Copy, Debug)]

@@ -51,7 +51,7 @@ pub fn address(path: &str) -> String {
 }
 
 /// `text` with everything escaped that means something in HTML, in an element or in a quoted attribute.
-pub fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
@@ -71,7 +71,7 @@ fn surface_name(record: &PlanRecord) -> &str {
 }
 
 /// The name in a path that tells a reader most: a COLMAP model's folder is `capture/sparse/0`, and the capture has a name.
-pub fn telling_name(path: &str) -> &str {
+pub(crate) fn telling_name(path: &str) -> &str {
     let names = Path::new(path).iter().rev().filter_map(|name| name.to_str());
     let mut telling = names.filter(|name| !matches!(*name, "0" | "sparse" | "." | ".." | "/"));
     telling.next().unwrap_or(path)
@@ -385,7 +385,7 @@ pub fn number(value: f64) -> String {
 }
 
 /// A whole number with thin spaces between thousands.
-pub fn grouped(value: usize) -> String {
+pub(crate) fn grouped(value: usize) -> String {
     let digits = value.to_string();
     let mut out = String::new();
     for (i, digit) in digits.chars().enumerate() {
@@ -398,7 +398,7 @@ pub fn grouped(value: usize) -> String {
 }
 
 /// A duration in the units that suit it.
-pub fn duration(seconds: f64) -> String {
+pub(crate) fn duration(seconds: f64) -> String {
     if !seconds.is_finite() {
         return "unknown time".into();
     }

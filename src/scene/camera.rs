@@ -97,7 +97,7 @@ impl Pose {
 }
 
 /// The direction that cameras hold up in the mean; none where they agree on none.
-pub fn common_up(poses: &[Pose]) -> Option<DVec3> {
+pub(crate) fn common_up(poses: &[Pose]) -> Option<DVec3> {
     poses.iter().map(Pose::up).sum::<DVec3>().try_normalize()
 }
 

@@ -46,7 +46,7 @@ pub(crate) fn mean(colours: [[u8; 3]; 3]) -> [u8; 3] {
 
 /// The viridis colour map at `t` in [0, 1]: dark blue, green, yellow; even steps of `t` look even, to colour-blind eyes
 /// too. Grey where `t` is not finite. Interpolated between 9 even samples of the map of Smith and van der Walt (2015).
-pub fn viridis(t: f32) -> [u8; 3] {
+pub(crate) fn viridis(t: f32) -> [u8; 3] {
     const SAMPLES: [[u8; 3]; 9] = [
         [68, 1, 84],
         [71, 45, 123],

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 /// Value of the constant spherical harmonic, 1 / (2 sqrt(pi)).
-pub const CONSTANT: f64 = 0.282_094_791_773_878_14;
+pub(crate) const CONSTANT: f64 = 0.282_094_791_773_878_14;
 
 /// sqrt(3 / (4 pi)), of all functions of degree 1.
 const ONE: f64 = 0.488_602_511_902_919_9;
@@ -15,7 +15,7 @@ const THREE: [f64; 4] =
 
 /// Real spherical harmonics of degrees 1 to 3 in unit direction `w`, with the signs and the order of 3D Gaussian splatting
 /// (Kerbl et al. 2023, after Sloan, "Efficient Spherical Harmonic Evaluation", JCGT 2013). With [`CONSTANT`] orthonormal.
-pub fn above_constant(w: DVec3) -> [f64; 15] {
+pub(crate) fn above_constant(w: DVec3) -> [f64; 15] {
     let DVec3 { x, y, z } = w;
     let (xx, yy, zz) = (x * x, y * y, z * z);
     [
@@ -38,7 +38,7 @@ pub fn above_constant(w: DVec3) -> [f64; 15] {
 }
 
 /// Gradients of the polynomials of [`above_constant`] by x, y and z. On the sphere only what is across `w` has a meaning.
-pub fn above_constant_slopes(w: DVec3) -> [DVec3; 15] {
+pub(crate) fn above_constant_slopes(w: DVec3) -> [DVec3; 15] {
     let DVec3 { x, y, z } = w;
     let (xx, yy, zz) = (x * x, y * y, z * z);
     [

@@ -62,7 +62,7 @@ pub fn turn(region: &Region, seed: u64, index: u32) -> DQuat {
 ///
 /// # Errors
 /// As [`fibonacci_shell`].
-pub fn even_shell(region: &Region, count: usize, part: f64, turn: DQuat) -> Result<Vec<Pose>> {
+pub(crate) fn even_shell(region: &Region, count: usize, part: f64, turn: DQuat) -> Result<Vec<Pose>> {
     let Shape::Shell { centre, r_min, r_max } = region.shape else {
         return Err(Error::request("baseline fibonacci: needs a shell to place cameras on; use random in a box"));
     };
@@ -88,7 +88,7 @@ pub fn even_shell(region: &Region, count: usize, part: f64, turn: DQuat) -> Resu
 ///
 /// # Errors
 /// As [`even_shell`]; also where hardly any of the sphere is allowed.
-pub fn even_where(
+pub(crate) fn even_where(
     region: &Region,
     count: usize,
     part: f64,
@@ -112,7 +112,7 @@ pub fn even_where(
 }
 
 /// The poses that are left when each of these places, one after the other, has taken the one nearest to it.
-pub fn left_beside(mut poses: Vec<Pose>, taken: &[DVec3]) -> Vec<Pose> {
+pub(crate) fn left_beside(mut poses: Vec<Pose>, taken: &[DVec3]) -> Vec<Pose> {
     for place in taken {
         let away = |pose: &Pose| pose.position.distance_squared(*place);
         let nearest = (0..poses.len()).min_by(|a, b| away(&poses[*a]).total_cmp(&away(&poses[*b])));

@@ -12,7 +12,7 @@ use super::voxels::{Grid, enclosed, touched};
 use crate::{Error, Result};
 
 /// Coordinates are below this, so that squares of their differences are finite.
-pub const FARTHEST: f64 = 1e18;
+pub(crate) const FARTHEST: f64 = 1e18;
 
 /// Corners of a triangle.
 pub type Triangle = [DVec3; 3];
@@ -211,7 +211,7 @@ impl Limits {
 }
 
 /// The triangles of an axis-aligned box.
-pub fn box_triangles(min: DVec3, max: DVec3) -> Vec<Triangle> {
+pub(crate) fn box_triangles(min: DVec3, max: DVec3) -> Vec<Triangle> {
     let corner = |bits: usize| {
         DVec3::new(
             if bits & 1 == 0 { min.x } else { max.x },

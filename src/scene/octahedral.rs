@@ -18,7 +18,7 @@ pub fn direction(square: DVec2) -> DVec3 {
 }
 
 /// Direction of the centre of a texel, row-major.
-pub fn texel_centre(texel: u32, resolution: u32) -> DVec3 {
+pub(crate) fn texel_centre(texel: u32, resolution: u32) -> DVec3 {
     let at = DVec2::new((texel % resolution) as f64 + 0.5, (texel / resolution) as f64 + 0.5);
     direction(2.0 * at / resolution as f64 - 1.0)
 }

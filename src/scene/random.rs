@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 use glam::{DQuat, DVec3};
 
 /// Four well-mixed 32-bit words from four words that may be plain counters.
-pub fn pcg4d(words: [u32; 4]) -> [u32; 4] {
+pub(crate) fn pcg4d(words: [u32; 4]) -> [u32; 4] {
     let mut v = words.map(|word| word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
     let mix = |v: &mut [u32; 4]| {
         v[0] = v[0].wrapping_add(v[1].wrapping_mul(v[3]));
@@ -61,7 +61,7 @@ pub fn rotation([u, v, w]: [f64; 3]) -> DQuat {
 }
 
 /// Fisher-Yates shuffle in place, keyed by (seed, stream). At most 2^32 items take part.
-pub fn shuffle<T>(items: &mut [T], seed: u64, stream: u32) {
+pub(crate) fn shuffle<T>(items: &mut [T], seed: u64, stream: u32) {
     let n = u32::try_from(items.len()).unwrap_or(u32::MAX);
     for last in (1..n).rev() {
         let other = below(bits(seed, stream, last)[3], last + 1);

@@ -3,7 +3,7 @@
 /// For each row the column that it gets, all different, with the least sum of `cost(row, column)`: the Hungarian method by
 /// shortest augmenting paths (Jonker and Volgenant, "A shortest augmenting path algorithm for dense and sparse linear
 /// assignment problems", 1987). Costs are finite; at least as many columns as rows. Ties go to the lower column.
-pub fn assign(rows: usize, columns: usize, cost: impl Fn(usize, usize) -> f64) -> Vec<usize> {
+pub(crate) fn assign(rows: usize, columns: usize, cost: impl Fn(usize, usize) -> f64) -> Vec<usize> {
     const NONE: usize = usize::MAX;
     let (mut row_price, mut column_price) = (vec![0.0; rows], vec![0.0; columns]);
     let mut owner = vec![NONE; columns];

@@ -8,7 +8,7 @@ use crate::gaussians::uncertainty::cover::Cover;
 use crate::gaussians::uncertainty::fisher::Fisher;
 
 /// What is known from views that have been taken. The more is known, the less a view is worth.
-pub trait Knowledge {
+pub(crate) trait Knowledge {
     /// What a view is worth.
     ///
     /// # Errors

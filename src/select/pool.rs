@@ -17,7 +17,7 @@ use crate::scene::region::Region;
 /// Stream of the random control, and of the first photo of farthest view sampling.
 const CONTROL_STREAM: u32 = 0x5e1e_0000;
 /// Photos up to which all pairs are worth counting shared points of.
-pub const MAX_SHARED: usize = 4000;
+pub(crate) const MAX_SHARED: usize = 4000;
 
 /// What may be chosen.
 pub struct Pool<'a> {

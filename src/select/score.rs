@@ -14,7 +14,7 @@ const REACH_DEG: f64 = 15.0;
 
 /// Scores subsets of a pool on the points of a survey: the metrics of a plan, but for the real frusta in place of the
 /// pinhole's, and for the directions in which the pool can show a point in place of those that the region reaches.
-pub struct SubsetScorer<'s> {
+pub(crate) struct SubsetScorer<'s> {
     survey: &'s Survey,
     /// Focal length of each photo in pixels.
     focal: Vec<f64>,

@@ -15,7 +15,7 @@ const SIDE: u32 = 512;
 ///
 /// # Errors
 /// Where an image is missing or cannot be decoded.
-pub fn of_photos(set: &PhotoSet) -> Result<Vec<f64>> {
+pub(crate) fn of_photos(set: &PhotoSet) -> Result<Vec<f64>> {
     let missing: Vec<&str> =
         set.photos.iter().filter(|photo| photo.image.is_none()).map(|photo| photo.camera.name.as_str()).collect();
     if let Some(first) = missing.first() {
@@ -45,7 +45,7 @@ fn of_photo(photo: &Decoded) -> f64 {
 }
 
 /// Variance of the four-neighbour Laplacian over the inside of an image.
-pub fn of_image(image: &GrayImage) -> f64 {
+pub(crate) fn of_image(image: &GrayImage) -> f64 {
     let at = |x: u32, y: u32| f64::from(image.get_pixel(x, y)[0]);
     let inside =
         (1..image.height().saturating_sub(1)).flat_map(|y| (1..image.width().saturating_sub(1)).map(move |x| (x, y)));

@@ -138,7 +138,7 @@ impl Survey {
 ///
 /// # Errors
 /// As [`Survey::new`].
-pub fn sight_of(
+pub(crate) fn sight_of(
     context: &Arc<Context>,
     scene: &DeviceScene,
     photos: &[Photo],

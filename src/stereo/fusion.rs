@@ -57,7 +57,7 @@ pub fn means(samples: &[Sample], size: f64) -> Vec<Sample> {
 
 /// As [`means`], of samples that may be wrong: dropped are cells with less than two of them, with few others around, and in small
 /// clusters.
-pub fn fuse(samples: &[Sample], size: f64) -> Vec<Sample> {
+pub(crate) fn fuse(samples: &[Sample], size: f64) -> Vec<Sample> {
     let mut cells = sums(samples, size);
     cells.retain(|_, (_, count)| *count >= MIN_SAMPLES);
     let alone: Vec<Cell> = cells

@@ -14,7 +14,7 @@ const LINES: [[isize; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
 /// Depths for those pixels of a frame that have none (0) but lie between pixels that have: inverse depth is linear on a plane,
 /// so each line through the pixel, from the first depth one way to the first the other, gives one, and where at least three
 /// agree their mean is taken. Elsewhere 0. Edges and the object's outline end a line.
-pub fn across_gaps(frame: &Frame, depths: &[f32]) -> Vec<f32> {
+pub(crate) fn across_gaps(frame: &Frame, depths: &[f32]) -> Vec<f32> {
     let [width, height] = [frame.camera.intrinsics.width, frame.camera.intrinsics.height].map(|side| side as isize);
     let reach = (REACH * width.max(height) as f32) as isize;
     let covered = |at: usize| frame.mask.as_ref().is_none_or(|mask| mask[at] >= 0.5);

@@ -63,7 +63,7 @@ impl Estimate {
 }
 
 /// Luma that the points are brought to: middle grey, what the photos are exposed for that the VDSF is made from.
-pub const GREY: f64 = 0.18;
+pub(crate) const GREY: f64 = 0.18;
 
 /// What a point's views tell of it: variance and mean of its intensity; none where they are too few.
 type Told = Option<(f64, f64)>;
@@ -123,7 +123,7 @@ pub fn scores(variances: &[Option<f64>], vdsf: impl Fn(f64) -> f64) -> (Vec<f32>
 }
 
 /// Scores points that tell how much they vary but have no scores: trained splats with harmonics. Whether there are any.
-pub fn score_by_variances(points: &mut Points) -> bool {
+pub(crate) fn score_by_variances(points: &mut Points) -> bool {
     if points.variances.is_empty() || !points.scores.is_empty() {
         return false;
     }

@@ -1,7 +1,7 @@
 //! A photo as the device samples it: luma of linear RGB and mask, in levels that halve in size.
 
 /// Most texels of the finest level; larger photos begin at a coarser one. It keeps a pyramid within 90 MB.
-pub const MAX_TEXELS: u64 = 1 << 24;
+pub(crate) const MAX_TEXELS: u64 = 1 << 24;
 
 /// Luma times mask (low half) and mask (high half) of each texel, 16 bits each.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -14,7 +14,7 @@ use crate::{Error, Result};
 const EMBEDDED: &str = include_str!("vdsf.json");
 
 /// Version of the population and the measurements. It changes with whatever changes the coefficients.
-pub const VERSION: u32 = 1;
+pub(crate) const VERSION: u32 = 1;
 
 /// A fitted VDSF, `s = a0 + a1 v + a2 v^2 + a3 v^3`, and how good the fit is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

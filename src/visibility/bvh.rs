@@ -19,13 +19,13 @@ use crate::vulkan::shaders::glsl::shared::bvh as glsl;
 use crate::{Error, Result};
 
 /// Marks a child that is a leaf.
-pub const LEAF: u32 = glsl::LEAF;
+pub(crate) const LEAF: u32 = glsl::LEAF;
 /// Where a leaf keeps its number of primitives.
-pub const COUNT_SHIFT: u32 = glsl::COUNT_SHIFT;
+pub(crate) const COUNT_SHIFT: u32 = glsl::COUNT_SHIFT;
 /// A leaf without primitives.
-pub const EMPTY: u32 = LEAF;
+pub(crate) const EMPTY: u32 = LEAF;
 /// Most levels of inner nodes, and entries of a traversal's stack.
-pub const MAX_DEPTH: u32 = glsl::STACK;
+pub(crate) const MAX_DEPTH: u32 = glsl::STACK;
 
 /// Most primitives of a leaf.
 const LEAF_SIZE: u32 = 4;

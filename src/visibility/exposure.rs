@@ -21,7 +21,7 @@ const MIN_OPEN: f32 = 0.125;
 ///
 /// # Errors
 /// Where the discs are too many or too far out for the hierarchy.
-pub fn expose(proxy: &mut Proxy) -> Result<usize> {
+pub(crate) fn expose(proxy: &mut Proxy) -> Result<usize> {
     let to_unit = Similarity::to_unit_sphere(proxy.sphere.0, proxy.sphere.1.max(f64::MIN_POSITIVE));
     let bvh = Bvh::new(&proxy.occluder, &to_unit)?;
     let Occluder::Discs(discs) = &mut proxy.occluder else { return Ok(0) };

@@ -11,7 +11,7 @@ use crate::photos::{Convention, Header, Photo, PhotoSet};
 use crate::{Error, Result};
 
 /// Every how many photos one is for testing, as in 3DGS and gsplat.
-pub const TEST_EVERY: u32 = 8;
+pub(crate) const TEST_EVERY: u32 = 8;
 
 /// Least photos that can be trained on.
 const MIN_PHOTOS: usize = 2;

@@ -69,7 +69,7 @@ pub const CENTRE: usize = gaussian::CENTRE as usize;
 /// First of three planes of logarithms of standard deviations.
 pub const LOG_SCALE: usize = gaussian::LOG_SCALE as usize;
 /// First of four planes of quaternions (w, x, y, z).
-pub const ROTATION: usize = gaussian::ROTATION as usize;
+pub(crate) const ROTATION: usize = gaussian::ROTATION as usize;
 /// Logits of opacities.
 pub const OPACITY: usize = gaussian::OPACITY as usize;
 /// First of the planes of harmonics: red, green and blue of each function.
@@ -80,11 +80,11 @@ pub const fn planes(degree: u32) -> usize {
 }
 
 /// Pixels of a tile along a side.
-pub const TILE: u32 = gaussian::TILE;
+pub(crate) const TILE: u32 = gaussian::TILE;
 /// Instances between two checkpoints of the transmittance.
-pub const BLOCK: u32 = gaussian::BLOCK;
+pub(crate) const BLOCK: u32 = gaussian::BLOCK;
 /// Sums over pixels that the gradient of an instance is made of.
-pub const SUMS: u64 = sums::SUMS as u64;
+pub(crate) const SUMS: u64 = sums::SUMS as u64;
 
 /// Gaussians as planes, `stride` values apart, with all harmonics up to `degree`; what a file lacks is zero. Centres are
 /// rounded: give them in a frame whose origin is near.

@@ -56,7 +56,7 @@ crate::stage!(
 );
 
 /// Pixels of a picture along a side at most.
-pub const MAX_SIDE: u32 = 65_535;
+pub(crate) const MAX_SIDE: u32 = 65_535;
 
 /// How large pictures and models can be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -45,7 +45,7 @@ impl Rendering {
 }
 
 /// Gaussians on the device, and what makes pictures of them.
-pub struct Renderer {
+pub(crate) struct Renderer {
     pub(in crate::gaussians) model: Model,
     pub(in crate::gaussians) rasterizer: Rasterizer,
     view: Buffer,

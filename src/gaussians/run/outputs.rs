@@ -12,19 +12,19 @@ use crate::photos::Photo;
 use crate::{Error, Result};
 
 /// What a stopped run is resumed from.
-pub const CHECKPOINT: &str = "checkpoint.bin";
+pub(crate) const CHECKPOINT: &str = "checkpoint.bin";
 /// The trained Gaussians in the capture's frame, in the usual layout.
-pub const MODEL: &str = "point_cloud.ply";
+pub(crate) const MODEL: &str = "point_cloud.ply";
 /// The record of the run.
-pub const RECORD: &str = "train.json";
+pub(crate) const RECORD: &str = "train.json";
 /// The page to look at.
-pub const REPORT: &str = "report.html";
+pub(crate) const REPORT: &str = "report.html";
 /// Folders of the test views: as they are rendered, and the photos as they are compared with.
-pub const PICTURES: [&str; 2] = ["test", "reference"];
+pub(crate) const PICTURES: [&str; 2] = ["test", "reference"];
 
 /// File names of the pictures of photos with these names, whatever their order: without the folders that all have in common,
 /// and where two would be the same, with the photos' places in the order of names.
-pub fn picture_names(names: &[String]) -> Vec<PathBuf> {
+pub(crate) fn picture_names(names: &[String]) -> Vec<PathBuf> {
     let paths: Vec<PathBuf> = names.iter().map(|name| picture::stem(name).unwrap_or_default().into()).collect();
     let folder = |path: &PathBuf| path.parent().map(Path::to_path_buf).unwrap_or_default();
     let shared = paths
@@ -89,7 +89,7 @@ pub fn clear(folder: &Path) -> Result<()> {
 ///
 /// # Errors
 /// When the system refuses.
-pub fn force_pairs(folder: &Path, names: &[PathBuf]) -> Result<()> {
+pub(crate) fn force_pairs(folder: &Path, names: &[PathBuf]) -> Result<()> {
     let files: Vec<PathBuf> =
         PICTURES.iter().flat_map(|of| names.iter().map(move |name| folder.join(of).join(name))).collect();
     let force = |file: &PathBuf| std::fs::File::open(file).and_then(|opened| opened.sync_all());
@@ -100,7 +100,7 @@ pub fn force_pairs(folder: &Path, names: &[PathBuf]) -> Result<()> {
 ///
 /// # Errors
 /// When the system refuses.
-pub fn write_pair(folder: &Path, name: &Path, pair: &Pair) -> Result<()> {
+pub(crate) fn write_pair(folder: &Path, name: &Path, pair: &Pair) -> Result<()> {
     for (of, pixels) in PICTURES.iter().zip([&pair.rendered, &pair.reference]) {
         let file = folder.join(of).join(name);
         if let Some(parent) = file.parent() {

@@ -155,7 +155,7 @@ pub struct TrainRecord {
 const TELLING: u32 = 1000;
 
 /// Decibels by which a training that diverged is worse in the end than it was.
-pub const APART: f64 = 1.0;
+pub(crate) const APART: f64 = 1.0;
 
 impl TrainRecord {
     /// Mean PSNR of the training pictures in decibels, in the best fifth of the run and in the last, where the last is worse by more

@@ -31,7 +31,7 @@ const SAMPLED: u32 = 10;
 /// Points of the curves at most.
 const CURVE: usize = 400;
 /// Test views whose pictures go into the report.
-pub const WORST: usize = 8;
+pub(crate) const WORST: usize = 8;
 
 /// A run while it runs.
 pub(super) struct TrainingLoop<'a> {

@@ -58,14 +58,14 @@ crate::stage!(
 );
 
 /// Logit of the opacity of a free slot.
-pub const FREE: f32 = glsl::FREE as f32;
+pub(crate) const FREE: f32 = glsl::FREE as f32;
 /// Thresholds of the paper, in the training frame.
 const COARSE: f32 = 2e-4;
 const WIDE: f32 = 0.01;
 const TOO_WIDE: f32 = 0.1;
 
 /// The stages. Their lists are the rasterizer's scratch.
-pub struct AdaptiveDensity {
+pub(crate) struct AdaptiveDensity {
     mark: Pipeline,
     holes: Pipeline,
     grow: Pipeline,

@@ -57,7 +57,7 @@ impl Record {
 }
 
 /// Share of L1 in the loss; the rest is 1 - SSIM.
-pub const L1_SHARE: f64 = photo::L1_SHARE;
+pub(crate) const L1_SHARE: f64 = photo::L1_SHARE;
 
 /// Pipelines and buffers.
 pub struct Loss {

@@ -43,7 +43,7 @@ crate::stage!(
 );
 
 /// Bins of directions.
-pub const BINS: usize = glsl::BINS as usize;
+pub(crate) const BINS: usize = glsl::BINS as usize;
 
 /// Unit vectors of the bins: even in height, turned by the golden angle.
 pub fn bins() -> [DVec3; BINS] {

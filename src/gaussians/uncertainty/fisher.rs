@@ -24,7 +24,7 @@ use crate::{Error, Result};
 
 crate::gpu_struct! {
     /// How a pixel answers to a parameter (`gaussians/fisher.glsl`).
-    pub struct Form {
+    pub(crate) struct Form {
         /// Of the part that the Gaussian has in the pixel.
         pub weight: f32,
         /// Of the part's change with alpha, everywhere alike.

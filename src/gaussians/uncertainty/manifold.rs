@@ -109,9 +109,9 @@ crate::stage!(
 );
 
 /// Views that are looked from at once, and pictures of each at most.
-pub const MAX_VIEWS: usize = 4;
+pub(crate) const MAX_VIEWS: usize = 4;
 /// See [`MAX_VIEWS`].
-pub const MAX_PICTURES: u32 = 64;
+pub(crate) const MAX_PICTURES: u32 = 64;
 /// Most noise of a parameter, in rates.
 const MAX_NOISE: f32 = 100.0;
 /// Rates of the noise: those of training, centres at their first.

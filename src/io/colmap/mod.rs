@@ -35,7 +35,7 @@ pub struct Projection {
 }
 
 /// The models that COLMAP numbers 0 to 11; later ones are refused by their number.
-pub const PROJECTIONS: [Projection; 12] = [
+pub(crate) const PROJECTIONS: [Projection; 12] = [
     projection(0, "SIMPLE_PINHOLE", 3, true),
     projection(1, "PINHOLE", 4, false),
     projection(2, "SIMPLE_RADIAL", 4, true),
@@ -194,7 +194,7 @@ fn pose([w, x, y, z]: [f64; 4], translation: [f64; 3]) -> Option<Pose> {
 }
 
 /// The folder in or under `path` that holds a model: itself, `sparse/0`, `sparse` or `colmap/sparse/0`.
-pub fn model_folder(path: &Path) -> Option<PathBuf> {
+pub(crate) fn model_folder(path: &Path) -> Option<PathBuf> {
     ["", "sparse/0", "sparse", "colmap/sparse/0"]
         .iter()
         .map(|below| path.join(below))

@@ -6,7 +6,7 @@ use crate::scene::camera::{Camera, Intrinsics};
 
 /// Which cameras see each point: indices into the cameras of the model, one list per point, or no lists at all. Entries
 /// beyond the cameras or points there are stand for nothing and are left out.
-pub type Tracks<'a> = &'a [Vec<u32>];
+pub(crate) type Tracks<'a> = &'a [Vec<u32>];
 
 /// Number of the PINHOLE model.
 const PINHOLE: u32 = 1;

@@ -22,7 +22,7 @@ pub fn points(positions: &[DVec3], colours: &[[u8; 3]], property: Option<(&str, 
 
 /// Bytes of a file of points with all that is known of them: x y z, red green blue, and where there are any nx ny nz, radius and
 /// vds. Every attribute of `surface` must be empty or as long as its positions.
-pub fn surface_points(surface: &Points) -> Vec<u8> {
+pub(crate) fn surface_points(surface: &Points) -> Vec<u8> {
     let Points { positions, normals, radii, colours, scores, .. } = surface;
     let mut names: Vec<&str> = Vec::new();
     let mut declare = |there: bool, given: &[&'static str]| {

@@ -82,7 +82,7 @@ pub fn psnr(a: &Rgb8, b: &Rgb8) -> Result<f64> {
 
 /// How like an image is to its reference. In JSON a PSNR that is infinite is `null`, and what was not measured is left out.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct ImageMetrics {
+pub(crate) struct ImageMetrics {
     /// Peak signal-to-noise ratio in decibels; infinite where the images are the same.
     pub psnr: f64,
     /// Mean structural similarity, 1 where the images are the same.

@@ -91,7 +91,7 @@ pub enum Step {
 }
 
 /// Layers whose features are compared, in either network.
-pub const TAPS: usize = 5;
+pub(crate) const TAPS: usize = 5;
 
 const fn convolve(from: u32, to: u32, kernel: u32, stride: u32, padding: u32) -> Step {
     Step::Convolve(Convolution { from, to, kernel, stride, padding })

@@ -70,7 +70,7 @@ fn normal(scenes: &[&Observations], theta: &[f64; N]) -> Normal {
 }
 
 /// The parameters of least squares; none where the layouts do not tell them.
-pub fn solve(scenes: &[&Observations], start: [f64; N]) -> Option<[f64; N]> {
+pub(crate) fn solve(scenes: &[&Observations], start: [f64; N]) -> Option<[f64; N]> {
     let (mut theta, mut damping) = (start, 1e-3);
     let mut at = normal(scenes, &theta);
     // Layouts that say nothing of a parameter say nothing of it where the search begins.

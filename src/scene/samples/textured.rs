@@ -26,7 +26,7 @@ pub enum Cover {
 }
 
 /// A model that sheets and blocks are added to.
-pub struct Furnisher<'m> {
+pub(crate) struct Furnisher<'m> {
     model: &'m mut Model,
     /// Length that a texture is wide.
     unit: f64,

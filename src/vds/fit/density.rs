@@ -26,7 +26,7 @@ const NEAREST: usize = 4;
 const REACH: usize = 10;
 
 /// The directions a point is seen from, and sets of views among them. The same for all samples.
-pub struct Views {
+pub(crate) struct Views {
     /// Unit directions on the grid, above the horizon.
     pub directions: Vec<DVec3>,
     /// By size, then by rotation.
@@ -181,7 +181,7 @@ impl Sparse {
 }
 
 /// What [`Sparse::variance`] is on average over random draws.
-pub fn expected_variance(values: &[f64], open: &[bool]) -> f64 {
+pub(crate) fn expected_variance(values: &[f64], open: &[bool]) -> f64 {
     let seen: Vec<f64> = values.iter().zip(open).filter(|(_, open)| **open).map(|(value, _)| *value).collect();
     variance(&seen) * (seen.len() as f64 - 1.0) / seen.len() as f64
 }

@@ -54,7 +54,7 @@ impl Material {
 
 /// A GGX distribution of microfacets in the frame whose +Z is the normal; `alpha` along X and Y.
 #[derive(Clone, Copy, Debug)]
-pub struct Ggx {
+pub(crate) struct Ggx {
     /// Root mean square slopes, times the square root of two.
     pub alpha: DVec2,
 }

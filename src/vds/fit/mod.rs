@@ -30,7 +30,7 @@ use crate::parallel::mapped;
 use crate::{Error, Result};
 
 /// Root mean square error that interpolation must keep, in luma.
-pub const EPSILON: f64 = 0.03;
+pub(crate) const EPSILON: f64 = 0.03;
 
 /// Samples of the fit that is built in.
 pub const SAMPLES: usize = 1000;
@@ -39,7 +39,7 @@ pub const SAMPLES: usize = 1000;
 pub const SEED: u64 = 1;
 
 /// Fewest and most samples that a cubic is fitted to.
-pub const RANGE: [usize; 2] = [50, 1_000_000];
+pub(crate) const RANGE: [usize; 2] = [50, 1_000_000];
 
 /// Share of the variances that the range covers. Above it samples are few and need no more views as variance grows: the
 /// score is level there, which a cubic cannot be by itself.
@@ -81,7 +81,7 @@ impl Observation {
 }
 
 /// The largest number of views that is tried.
-pub fn most_views() -> f64 {
+pub(crate) fn most_views() -> f64 {
     density::SIZES[density::SIZES.len() - 1] as f64
 }
 
@@ -159,7 +159,7 @@ fn fit_to(observations: &[Observation], seed: u64) -> Vdsf {
 }
 
 /// How well a VDSF explains observations.
-pub fn quality_of(vdsf: &Vdsf, observations: &[Observation]) -> Quality {
+pub(crate) fn quality_of(vdsf: &Vdsf, observations: &[Observation]) -> Quality {
     let n = observations.len() as f64;
     let mean = observations.iter().map(Observation::score).sum::<f64>() / n;
     let (mut total, mut rest) = (0.0, 0.0);

@@ -13,7 +13,7 @@ const ROOTS: u32 = 200;
 /// A quadratic is nonnegative on [0, 1] exactly where it is `a (1-x)^2 + 2 b x (1-x) + c x^2` with a, c >= 0 and
 /// b >= -sqrt(a c). On the boundary of that cone, where the best one is unless it is free, either a or c is zero and b is
 /// not negative, or the quadratic is a square `c (x - r)^2`: so all faces are tried and the best is taken.
-pub fn rising_cubic(points: &[(f64, f64)]) -> [f64; 4] {
+pub(crate) fn rising_cubic(points: &[(f64, f64)]) -> [f64; 4] {
     // Cubics whose slopes are (1-x)^2, 2 x (1-x), x^2.
     let bernstein = [[0.0, 1.0, -1.0, 1.0 / 3.0], [0.0, 0.0, 1.0, -2.0 / 3.0], [0.0, 0.0, 0.0, 1.0 / 3.0]];
     let problem = Problem::new(points);
