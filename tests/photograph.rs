@@ -377,5 +377,5 @@ fn the_middle_of_a_pixel_is_where_the_surface_is() {
 #[test]
 fn a_scene_without_light_is_refused() {
     let refusal = Assembly::new(&ball(lambert(0.5)), None).err().unwrap().to_string();
-    assert!(refusal.contains("no light") && refusal.contains("--env"), "{refusal}");
+    assert!(refusal.contains("no light") && refusal.contains("`env`"), "{refusal}");
 }
