@@ -17,7 +17,7 @@ pub enum Method {
     OursIterative,
     /// The planner in two passes.
     OursTwoPasses,
-    /// For each planned camera a photo of its own, nearest in sum.
+    /// A different photo for each planned camera, by the least sum of distances.
     Assigned,
     /// For each planned camera the nearest photo.
     Nearest,
@@ -98,7 +98,7 @@ pub const METHODS: [Entry; 19] = [
         PLACES,
         "The planner in two passes, the second on what the photographs of the first show too; of `evaluate` only",
     ),
-    entry(Method::Assigned, "assigned", CHOOSES, "For each planned camera a photo of its own, nearest in sum"),
+    entry(Method::Assigned, "assigned", CHOOSES, "A different photo for each planned camera, by the least sum of distances"),
     entry(
         Method::Nearest,
         "nearest",

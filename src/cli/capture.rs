@@ -28,13 +28,13 @@ pub struct Arguments {
     scene: PathBuf,
     /// Cameras in the scene's frame: plan.json, COLMAP folder, transforms.json, NSVF folder, .log trajectory
     cameras: PathBuf,
-    /// Folder to write: images, transforms.json, a COLMAP model with points, masks. A capture that was stopped goes on
+    /// Folder to write: images, transforms.json, a COLMAP model with points, masks. A stopped capture continues
     #[arg(long)]
     out: PathBuf,
     /// Write into a folder that is not empty; files of the same names are replaced, all others stay
     #[arg(long)]
     force: bool,
-    /// Light from far around: an equirectangular .hdr file, +Y up
+    /// Environment map that lights the scene: an equirectangular .hdr file, +Y up
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
     /// Samples of each pixel
@@ -43,13 +43,13 @@ pub struct Arguments {
     /// Size of the pictures in pixels, of the same shape as the cameras' [default: the cameras']
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
     size: Option<(u32, u32)>,
-    /// Key of the random numbers: same seed, same pictures
+    /// Seed of every random number
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Exposure of the 8-bit pictures, in stops: each doubles the light. One for all, so that views agree
     #[arg(long, default_value_t = 0.0, value_parser = parse_stops, value_name = "STOPS")]
     exposure: f32,
-    /// What is behind the scene
+    /// Background behind the scene
     #[arg(long, value_enum, default_value = "auto")]
     background: Background,
     /// Write depths along the optical axis, as depth/NAME.exr, in the scene's units; 0 where nothing is seen

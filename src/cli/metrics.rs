@@ -20,7 +20,7 @@ use crate::{Error, Result};
 pub struct Arguments {
     /// Image, or folder of images (PNG, JPEG)
     images: PathBuf,
-    /// What they should look like: an image, or a folder of images of the same names and sizes; extensions may differ
+    /// Reference image, or folder of reference images of the same names and sizes; extensions may differ
     reference: PathBuf,
     /// Networks that LPIPS is measured with
     #[arg(long, value_enum, default_value = "alex")]
@@ -31,7 +31,7 @@ pub struct Arguments {
     /// Weights of VGG16 (safetensors); scripts/make_lpips_weights.py makes them
     #[arg(long, value_name = "FILE", env = "CAMSPLAT_LPIPS_VGG")]
     lpips_vgg: Option<PathBuf>,
-    /// What transparent pixels are laid over
+    /// Background behind transparent pixels
     #[arg(long, value_enum, default_value = "black")]
     background: Background,
     /// Write the metrics here too

@@ -72,7 +72,7 @@ enum Command {
     Train(Box<train::Arguments>),
     /// Make a coarse surface from posed photos, without any points
     Proxy(proxy::Arguments),
-    /// Render trained splats of any program from given cameras
+    /// Render trained splats, from any program, at given cameras
     Render(render::Arguments),
     /// Render photos of a glTF scene from given cameras by path tracing
     Capture(Box<capture::Arguments>),
@@ -117,11 +117,13 @@ fn with_options(text: String) -> String {
 
 /// The options of the command that the arguments name, see [`with_options`].
 fn options_of(command: &clap::Command, matches: &clap::ArgMatches) -> Vec<(String, String)> {
-    let subcommand = matches.subcommand_name().and_then(|name| command.find_subcommand(name));
+    if let Some((name, matches)) = matches.subcommand() {
+        return command.find_subcommand(name).map_or_else(Vec::new, |subcommand| options_of(subcommand, matches));
+    }
     // A field that would be a keyword ends in an underscore.
     let setting = |arg: &Arg| format!("`{}`", arg.get_id().as_str().trim_end_matches('_'));
     let named = |arg: &Arg| arg.get_long().map(|long| (setting(arg), format!("--{long}")));
-    subcommand.map_or_else(Vec::new, |subcommand| subcommand.get_arguments().filter_map(named).collect())
+    command.get_arguments().filter_map(named).collect()
 }
 
 /// What [`say`] does where it cannot print.

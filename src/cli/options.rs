@@ -139,10 +139,10 @@ pub struct CameraOptions {
 /// From where people will look.
 #[derive(Args, Clone, Debug, Default)]
 pub struct ViewerOptions {
-    /// Where people will look at the trained model from: shell:CX,CY,CZ,RMIN,RMAX, box:X0,Y0,Z0,X1,Y1,Z1, cone:DEGREES,X,Y,Z (as by
+    /// Where the trained model will be viewed from: shell:CX,CY,CZ,RMIN,RMAX, box:X0,Y0,Z0,X1,Y1,Z1, cone:DEGREES,X,Y,Z (as by
     /// default, but in a cone along this direction from the middle), heights:LOW,HIGH, or cameras (COLMAP or NSVF folder,
     /// transforms.json, ...), such as the tests of an evaluation [default: around an object from half of the region's outer
-    /// radius to the whole of it, in rooms anywhere; of `select` where the pool's photos were taken]
+    /// radius to the whole of it, in rooms anywhere; with `select` where the pool's photos were taken]
     #[arg(long, value_name = "VIEWERS", allow_hyphen_values = true)]
     viewers: Option<String>,
 }
@@ -205,7 +205,7 @@ pub struct DeviceOptions {
     /// Device, by index or part of its name (see `camsplat devices`) [default: the best]
     #[arg(long)]
     pub device: Option<String>,
-    /// Wait after every stage, so that the error of a lost device names the stage; not while stages are timed
+    /// Wait after every stage, so that a device-lost error names the stage that failed; no effect while stages are timed
     #[arg(long)]
     pub debug_sync: bool,
 }

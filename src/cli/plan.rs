@@ -84,16 +84,16 @@ pub struct Tuning {
     /// Seed of every random number
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Iterations [default: 100; in rooms 600; of the paper's objective 1000]
+    /// Iterations [default: 100; in rooms 600; with the paper's objective 1000]
     #[arg(long)]
     iterations: Option<u32>,
     /// Objective to minimise [default: quality; splat, the paper's, where an option is given that only it has]
     #[arg(long, value_enum)]
     objective: Option<Objective>,
-    /// Field-of-view test while optimising [default: pinhole; of the paper's objective soft]
+    /// Field-of-view test while optimising [default: pinhole; with the paper's objective soft]
     #[arg(long, value_enum)]
     gate: Option<Gate>,
-    /// Softness of the gate, in cosines (cone) or sines (pinhole) [default: 0.01; of the paper's objective 0.02]
+    /// Softness of the gate, in cosines (cone) or sines (pinhole) [default: 0.01; with the paper's objective 0.02]
     #[arg(long)]
     gate_softness: Option<f32>,
     /// Kernel of the splats [default: angular]
@@ -108,7 +108,7 @@ pub struct Tuning {
     /// Add views one at a time with earlier ones fixed, a fifth of --iterations for each
     #[arg(long)]
     iterative: bool,
-    /// Base loss of the paper: no scores, no occlusion
+    /// The paper's base loss: no scores, no occlusion
     #[arg(long)]
     base_loss: bool,
     /// Ignore the surface's scores (VDS), and do not read a capture's photos
@@ -147,19 +147,19 @@ pub struct Tuning {
     /// Learning rate of the scale; 0 holds it [default: 0.005]
     #[arg(long)]
     lr_scale: Option<f32>,
-    /// Learning rate of positions, in radii of the region [default: 0.015; of the paper's objective 0.0065]
+    /// Learning rate of positions, in radii of the region [default: 0.015; with the paper's objective 0.0065]
     #[arg(long)]
     lr_position: Option<f32>,
-    /// Learning rate of directions [default: 0.05; of the paper's objective 0.02]
+    /// Learning rate of directions [default: 0.05; with the paper's objective 0.02]
     #[arg(long)]
     lr_direction: Option<f32>,
-    /// Point cameras a step, or viewers [default: 20]
+    /// Point cameras per iteration, or viewers with the quality objective [default: 20]
     #[arg(long)]
     probes: Option<u32>,
-    /// Point cameras in all [default: 2048]
+    /// Point cameras in total [default: 2048]
     #[arg(long)]
     pool: Option<u32>,
-    /// Texels of a point camera along a side, a multiple of 8
+    /// Texels per side of a point camera's picture, a multiple of 8
     #[arg(long)]
     resolution: Option<u32>,
     /// Held-out points for the metrics [default: 1000]

@@ -21,16 +21,16 @@ pub struct Arguments {
     /// PLY file to write: oriented points that `plan` reads
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Photos to use at most, those that spread best
+    /// Maximum number of photos to use; the most evenly spread are chosen
     #[arg(long, default_value_t = 30)]
     photos: usize,
     /// Longest side in pixels that photos are shrunk to
     #[arg(long, default_value_t = 320)]
     resolution: u32,
-    /// Depths tried for each pixel before refinement
+    /// Depth hypotheses per pixel before refinement
     #[arg(long, default_value_t = 64)]
     hypotheses: u32,
-    /// Carve no hull from masks or alpha
+    /// Do not carve a visual hull from masks or alpha
     #[arg(long)]
     no_hull: bool,
     /// Take the depth range from the capture's sparse points, not from its cameras
@@ -42,10 +42,10 @@ pub struct Arguments {
     /// Largest depth, in the capture's units [default: from the cameras]
     #[arg(long, requires = "near")]
     far: Option<f64>,
-    /// Go on without photos whose image is missing or cannot be read
+    /// Continue without images that are missing or cannot be read
     #[arg(long)]
     skip_missing: bool,
-    /// MiB that photos take together while they are decoded
+    /// Memory for photos that are being decoded, in MiB
     #[arg(long, default_value_t = 1024, value_name = "MIB")]
     memory: u64,
     /// Seed of the choice of photos and of the refinement

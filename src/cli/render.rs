@@ -17,7 +17,7 @@ use crate::{Result, io};
 /// Arguments of `camsplat render`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// Trained splats: a .ply file in the usual layout of 3DGS, of whatever program, or packed
+    /// Trained splats from any program: a .ply file in the usual 3DGS layout or packed
     model: PathBuf,
     /// Cameras in the model's frame: COLMAP folder, transforms.json, plan.json, NSVF folder, .log trajectory
     cameras: PathBuf,
@@ -40,13 +40,13 @@ pub struct Arguments {
     /// Colour behind everything: black, white, or sRGB values R,G,B from 0 to 1
     #[arg(long, default_value = "black", value_parser = parse_colour, value_name = "COLOUR")]
     background: Colour,
-    /// Take the model as trained with antialiasing (Mip-Splatting's 2D filter)
+    /// The model was trained with antialiasing (Mip-Splatting's 2D filter)
     #[arg(long)]
     antialiased: bool,
     /// Size of the pictures in pixels, of the same shape as the cameras' [default: the cameras']
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
     size: Option<(u32, u32)>,
-    /// Draw nothing nearer than this depth, in the model's units [default: 0.01 of the cameras' extent]
+    /// Nearest depth that is drawn, in the model's units [default: 0.01 of the cameras' extent]
     #[arg(long)]
     near: Option<f64>,
     #[command(flatten)]

@@ -11,14 +11,14 @@ use crate::{Error, Result};
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Training while choosing (fisherrf-retrain)")]
 pub struct RetrainingOptions {
-    /// Iterations before the next photo is chosen, for each photo that there is: 100, as published, make 495,000 for 100
-    /// photos [default: 100]
+    /// Iterations per photo chosen so far before the next is chosen; the published 100 take 495,000 for 100 photos
+    /// [default: 100]
     #[arg(long, value_name = "N")]
     train_every: Option<u32>,
     /// Maximum number of splats [default: 200000]
     #[arg(long, value_name = "N")]
     max_splats: Option<u32>,
-    /// Train on pictures whose pixels are squares of so many of the photos' [default: 1]
+    /// Downsampling factor of the photos [default: 1]
     #[arg(long, value_name = "N")]
     shrink: Option<u32>,
     /// Background [default: black]

@@ -43,7 +43,7 @@ pub struct Arguments {
     /// Write into a folder that is not empty; files of the same names are replaced, all others stay
     #[arg(long)]
     force: bool,
-    /// The surface, in the frame of the capture: whatever `camsplat plan` takes [default: the capture's own points]
+    /// The surface, in the capture's frame, in any format that `camsplat plan` reads [default: the capture's own points]
     #[arg(long)]
     surface: Option<PathBuf>,
     #[command(flatten)]
@@ -79,7 +79,7 @@ pub struct Arguments {
     /// Seed of every random number
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Points of the surface that coverage, `acp` and the like choose by, and as many others that geometric metrics are of
+    /// Points of the surface that coverage-based methods choose by, and as many others for geometric metrics
     #[arg(long, default_value_t = 4000)]
     points: u32,
     #[command(flatten)]

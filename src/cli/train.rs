@@ -47,7 +47,7 @@ pub struct Arguments {
     /// Degree of the spherical harmonics, 0 to 3
     #[arg(long = "sh", default_value_t = 3)]
     degree: u32,
-    /// Background, and what is trained where masks or alpha leave the photo out [default: white where
+    /// Background, also trained where masks or alpha leave the photo out [default: white where
     /// photos have masks or alpha, else black]
     #[arg(long, value_enum)]
     background: Option<Background>,
@@ -65,13 +65,13 @@ pub struct Arguments {
     /// (without points 1000), 1]
     #[arg(long)]
     init_scale: Option<f64>,
-    /// Test with every so many photos, by name; 0 for none [default: transforms_test.json where there is one, else 8]
+    /// Hold out every Nth photo, in order of name, for testing; 0 for none [default: transforms_test.json where there is one, else 8]
     #[arg(long, conflicts_with = "test")]
     test_every: Option<u32>,
     /// Test with the photos of another capture in the same frame
     #[arg(long)]
     test: Option<PathBuf>,
-    /// Train on photos shrunk by this factor: each pixel is the mean of a square of so many stored ones
+    /// Downsampling factor of the photos: each pixel is the mean of a square of this many per side
     #[arg(long, default_value_t = 1)]
     shrink: u32,
     /// Continue without images that are missing or cannot be read
@@ -95,10 +95,10 @@ pub struct Arguments {
     /// Print how much device memory the training takes, and stop
     #[arg(long)]
     dry_run: bool,
-    /// Time every stage and print a table
+    /// Print GPU time per stage
     #[arg(long)]
     profile: bool,
-    /// Time every stage and write a trace that Perfetto opens
+    /// Write a trace of host and GPU time that Perfetto opens
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
     #[command(flatten)]

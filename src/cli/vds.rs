@@ -34,7 +34,7 @@ pub struct Arguments {
     /// PLY to write; a picture of it goes beside it, as .png
     #[arg(long)]
     out: PathBuf,
-    /// Take the photos' exposures as they are
+    /// Do not correct differences in exposure between photos
     #[arg(long)]
     no_exposure: bool,
     /// Continue without images that are missing or cannot be read

@@ -29,7 +29,7 @@ struct FitArguments {
     /// Number of surfaces in the population
     #[arg(long, default_value_t = fit::SAMPLES)]
     samples: usize,
-    /// Another population
+    /// Seed of the population
     #[arg(long, default_value_t = fit::SEED)]
     seed: u64,
     /// JSON file to write: coefficients, range and the fit's quality

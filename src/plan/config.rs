@@ -11,7 +11,7 @@ use crate::{Error, Result};
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "snake_case")]
 pub enum Objective {
-    /// The picture of a point camera must come out evenly bright (the paper).
+    /// Every point camera's picture should be evenly bright (the paper).
     Splat,
     /// The error that viewers are expected to see of what the photographs train.
     Quality,
