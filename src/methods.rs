@@ -98,7 +98,12 @@ pub const METHODS: [Entry; 19] = [
         PLACES,
         "The planner in two passes, the second on what the photographs of the first show too; of `evaluate` only",
     ),
-    entry(Method::Assigned, "assigned", CHOOSES, "A different photo for each planned camera, by the least sum of distances"),
+    entry(
+        Method::Assigned,
+        "assigned",
+        CHOOSES,
+        "A different photo for each planned camera, by the least sum of distances",
+    ),
     entry(
         Method::Nearest,
         "nearest",
