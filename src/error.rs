@@ -12,7 +12,7 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 #[non_exhaustive]
 pub enum Error {
     /// A file or folder is not what it should be: the user can mend the input.
-    #[error("{}: {what}", path.display())]
+    #[error("{}: {what}", shown(path))]
     Input {
         /// The offending file or folder.
         path: PathBuf,
@@ -20,7 +20,7 @@ pub enum Error {
         what: String,
     },
     /// Outputs would go where there are files already.
-    #[error("{}: the folder is not empty; pass `force` to replace the files in it, or name another", path.display())]
+    #[error("{}: the folder is not empty; pass `force` to replace the files in it, or name another", shown(path))]
     NotEmpty {
         /// The folder.
         path: PathBuf,
@@ -29,7 +29,7 @@ pub enum Error {
     #[error("{0}")]
     Request(String),
     /// The file system refused.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {source}", shown(path))]
     Io {
         /// The file or folder that was read or written.
         path: PathBuf,
@@ -73,7 +73,7 @@ pub enum Error {
 impl Error {
     /// An [`Error::Input`] for `path`.
     pub fn input(path: impl AsRef<Path>, what: impl Into<String>) -> Self {
-        Self::Input { path: path.as_ref().to_path_buf(), what: what.into() }
+        Self::Input { path: path.as_ref().to_path_buf(), what: bounded(what.into()) }
     }
 
     /// An [`Error::Io`] for `path`.
@@ -83,7 +83,7 @@ impl Error {
 
     /// An [`Error::Request`].
     pub fn request(what: impl Into<String>) -> Self {
-        Self::Request(what.into())
+        Self::Request(bounded(what.into()))
     }
 
     /// [`Error::Interrupted`] where an observer does not want to go on.
@@ -102,5 +102,73 @@ impl Error {
             Self::Interrupted => 130,
             _ => 2,
         }
+    }
+}
+/// Most characters of a piece of a file that a message quotes, of a path, and of a message.
+const MAX_QUOTE: usize = 80;
+const MAX_PATH: usize = 300;
+const MAX_MESSAGE: usize = 1200;
+
+/// A message in which what stands between double quotes, and the whole, is no longer than a line that can be read: files may hold names
+/// of any length. Of the whole the beginning, which says what is wrong, and the end, which says what to do, are kept.
+pub(crate) fn bounded(message: String) -> String {
+    if message.len() <= MAX_QUOTE {
+        return message;
+    }
+    let mut short = String::with_capacity(message.len().min(2 * MAX_MESSAGE));
+    let (mut quoted, mut escaped) = (None, false);
+    for c in message.chars() {
+        if c == '"' && !escaped {
+            quoted = if quoted.is_none() { Some(0) } else { None };
+            short.push(c);
+        } else if let Some(length) = &mut quoted {
+            *length += 1;
+            match *length {
+                ..=MAX_QUOTE => short.push(c),
+                length if length == MAX_QUOTE + 1 => short.push('…'),
+                _ => {}
+            }
+        } else {
+            short.push(c);
+        }
+        escaped = c == '\\' && !escaped;
+    }
+    middle_cut(short, MAX_MESSAGE)
+}
+
+/// A path as messages show it.
+fn shown(path: &Path) -> String {
+    middle_cut(path.display().to_string(), MAX_PATH)
+}
+
+/// At most about `most` characters of a text: its beginning and its end.
+fn middle_cut(text: String, most: usize) -> String {
+    let count = text.chars().count();
+    if count <= most {
+        return text;
+    }
+    let half = most / 2;
+    let (start, end) = (text.chars().take(half), text.chars().skip(count - half));
+    start.chain(" … ".chars()).chain(end).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a file of five megabytes without a line break would be printed as its own error, or the remedy would be lost.
+    #[test]
+    fn messages_quote_little_and_keep_the_remedy() {
+        let long = "x\\\"y".repeat(1_000_000);
+        for what in [
+            format!("line 1: {long:?} is not `ply`; this is not a PLY file"),
+            format!("images {long} are missing; this is not a PLY file"),
+            format!("{long:?} and {long:?} differ: {long}; this is not a PLY file"),
+        ] {
+            let message = Error::input(Path::new(&long), &what).to_string();
+            assert!(message.chars().count() < 1600 && message.ends_with("; this is not a PLY file"), "{message}");
+        }
+        let whole = "frame 3 (\"a \\\" b\"): it has no transform_matrix; give the camera's pose or remove the frame";
+        assert_eq!(Error::request(whole).to_string(), whole);
     }
 }

@@ -53,7 +53,7 @@ fn shares(pictures: &[Picture]) -> [f64; 3] {
 #[test]
 fn fox_is_straightened_and_hardly_loses_a_pixel() {
     let Some(set) = capture("photos/fox") else { return };
-    let split = Split::new(set, &Test::Usual, Images::Needed).unwrap();
+    let split = Split::new(set, &Test::Usual, Images::Needed.into()).unwrap();
     assert_eq!((split.train.photos.len(), split.test.len()), (58, 9));
     let pictures = load(&split.train.photos, 1);
     let [unknown, transparent, opaque] = shares(&pictures);
@@ -117,7 +117,7 @@ fn gold_cape_loads() {
 #[test]
 fn lego_has_alpha_its_own_test_views_and_a_random_start() {
     let Some(set) = capture("nerf-synthetic/lego") else { return };
-    let split = Split::new(set, &Test::Usual, Images::Needed).unwrap();
+    let split = Split::new(set, &Test::Usual, Images::Needed.into()).unwrap();
     println!("{}", split.notes.join("\n"));
     assert_eq!((split.train.photos.len(), split.test.len(), split.notes.len()), (100, 50, 1));
     for photos in [&split.train.photos, &split.test] {

@@ -27,7 +27,7 @@ fn go_on(_: u32) -> ControlFlow<()> {
 /// A trainer for the capture at `path`, all of whose photos are trained on.
 fn trainer(context: &Arc<Context>, path: &Path, config: &Config, shrink: u32) -> Result<Trainer> {
     let set = camsplat::io::photos::read(path, &Options { images: Images::Needed, ..Options::default() })?;
-    let split = Split::new(set, &Test::Every(0), Images::Needed)?;
+    let split = Split::new(set, &Test::Every(0), Images::Needed.into())?;
     let cameras = pictures::cameras(&split.train.photos, shrink);
     let frame = Frame::new(&cameras, &split.train.points.positions);
     let mut store = PhotoStore::new(context, 1 << 26);

@@ -8,15 +8,17 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
 
 use crate::io;
+use crate::io::photos::Images;
 use crate::io::volume::read_volume;
 use crate::methods::{Entry, METHODS, Method};
 use crate::plan::config::Preset;
 use crate::plan::record::SurfaceRecord;
 use crate::plan::target::{RegionChoice, Target};
 use crate::quality::viewers::Viewers;
-use crate::scene::camera::{Intrinsics, Pose, common_up};
+use crate::scene::camera::{Camera, Intrinsics, Pose, common_up};
 use crate::scene::limits::{Limits, Volume, Walk, Wall};
 use crate::scene::region::{Region, Shape};
+use crate::scene::support;
 use crate::scene::surface::Surface;
 use crate::select::information::Model;
 use crate::vds;
@@ -42,10 +44,11 @@ pub struct RegionOptions {
     /// Place cameras in a box: corners X0,Y0,Z0,X1,Y1,Z1
     #[arg(long = "box", value_delimiter = ',', allow_hyphen_values = true, value_name = "NUMBERS")]
     pub box_: Option<Vec<f64>>,
-    /// Cameras stay at or above this height along --up
-    #[arg(long, allow_hyphen_values = true)]
-    pub floor: Option<f64>,
-    /// Up direction: x, -x, +y, ... [default: +y for glTF and OBJ, the cameras' own for COLMAP, else +z]
+    /// Cameras stay at or above this height along --up; `auto` finds what an object stands on below all photos of a capture, `none` is
+    /// no floor
+    #[arg(long, allow_hyphen_values = true, default_value = "auto", value_name = "HEIGHT", value_parser = parse_floor)]
+    pub floor: FloorOption,
+    /// Up direction: x, -x, +y, ... [default: the photos' own for captures, +y for glTF and OBJ, else +z]
     #[arg(long, allow_hyphen_values = true, value_parser = parse_up)]
     pub up: Option<DVec3>,
     /// Minimum distance between cameras and the surface [default: a twentieth of the object's radius or of the room's
@@ -54,6 +57,17 @@ pub struct RegionOptions {
     pub clearance: Option<f64>,
     #[command(flatten)]
     pub limits: LimitOptions,
+}
+
+/// The height of the floor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FloorOption {
+    /// As photos and surface show it, where there are photos.
+    Auto,
+    /// None.
+    None,
+    /// At this height along up.
+    At(f64),
 }
 
 /// What limits where cameras stand beside the region.
@@ -111,6 +125,14 @@ fn numbers<const N: usize>(text: &str, form: &str) -> Result<[f64; N], String> {
     numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite())).ok_or_else(|| format!("give {form}"))
 }
 
+fn parse_floor(text: &str) -> Result<FloorOption, String> {
+    match text {
+        "auto" => Ok(FloorOption::Auto),
+        "none" => Ok(FloorOption::None),
+        height => numbers::<1>(height, "a height, auto or none").map(|[height]| FloorOption::At(height)),
+    }
+}
+
 fn parse_wall(text: &str) -> Result<Wall, String> {
     let [x, y, z, nx, ny, nz] = numbers(text, "six numbers: X,Y,Z,NX,NY,NZ")?;
     Ok(Wall { point: DVec3::new(x, y, z), normal: DVec3::new(nx, ny, nz) })
@@ -125,15 +147,19 @@ fn parse_walk(text: &str) -> Result<Walk, String> {
     Ok(Walk { start: DVec3::new(x, y, z), radius, height })
 }
 
+/// Field of view in degrees and image size where nothing gives others.
+const FOV: f64 = 50.0;
+const SIZE: (u32, u32) = (800, 800);
+
 /// What cameras there are.
 #[derive(Args, Clone, Debug)]
 pub struct CameraOptions {
-    /// Horizontal field of view in degrees
-    #[arg(long, default_value_t = 50.0)]
-    pub fov: f64,
-    /// Image size in pixels
-    #[arg(long, default_value = "800x800", value_parser = parse_size, value_name = "WxH")]
-    pub size: (u32, u32),
+    /// Horizontal field of view in degrees [default: that of the capture or of the cameras to keep, else 50]
+    #[arg(long)]
+    pub fov: Option<f64>,
+    /// Image size in pixels [default: that of the capture or of the cameras to keep, else 800x800]
+    #[arg(long, value_parser = parse_size, value_name = "WxH")]
+    pub size: Option<(u32, u32)>,
 }
 
 /// From where people will look.
@@ -199,6 +225,25 @@ impl ViewerOptions {
     }
 }
 
+/// How a capture's images are read.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct ImageOptions {
+    /// Continue without images that are missing or cannot be read
+    #[arg(long)]
+    pub skip_missing: bool,
+    /// Read files that a transforms.json names outside its own folder too
+    #[arg(long)]
+    pub outside_paths: bool,
+}
+
+impl ImageOptions {
+    /// The library's options.
+    pub fn options(self) -> io::photos::Options {
+        let images = if self.skip_missing { Images::SkipMissing } else { Images::Needed };
+        io::photos::Options { images, outside_paths: self.outside_paths, ..io::photos::Options::default() }
+    }
+}
+
 /// The device to run on.
 #[derive(Args, Clone, Debug)]
 pub struct DeviceOptions {
@@ -258,13 +303,31 @@ impl DeviceOptions {
 }
 
 impl CameraOptions {
-    /// The intrinsics.
-    pub fn intrinsics(&self) -> Result<Intrinsics> {
-        if !(self.fov > 1.0 && self.fov < 170.0) {
-            return Err(Error::request(format!("--fov is {}; give degrees between 1 and 170", self.fov)));
+    /// The intrinsics. What is not given is that of the middle one of `photos` by field of view, and the usual one where there are none;
+    /// prints what is taken from photos.
+    pub fn intrinsics(&self, photos: &[Camera]) -> Result<Intrinsics> {
+        if let Some(fov) = self.fov.filter(|fov| !(*fov > 1.0 && *fov < 170.0)) {
+            return Err(Error::request(format!("--fov is {fov}; give degrees between 1 and 170")));
         }
-        let (width, height) = self.size;
-        Ok(Intrinsics::from_fov(width, height, self.fov.to_radians()))
+        let mut lenses: Vec<&Intrinsics> = photos.iter().map(|camera| &camera.intrinsics).collect();
+        lenses.sort_by(|a, b| a.fov()[0].total_cmp(&b.fov()[0]));
+        let photo = lenses.get(lenses.len() / 2);
+        let intrinsics = match (self.fov, self.size, photo) {
+            (None, None, Some(photo)) => **photo,
+            _ => {
+                let (width, height) = self.size.or(photo.map(|photo| (photo.width, photo.height))).unwrap_or(SIZE);
+                let fov = self.fov.map(f64::to_radians).or(photo.map(|photo| photo.fov()[0]));
+                Intrinsics::from_fov(width, height, fov.unwrap_or(FOV.to_radians()))
+            }
+        };
+        if photo.is_some() && (self.fov.is_none() || self.size.is_none()) {
+            let Intrinsics { width, height, .. } = intrinsics;
+            say!(
+                "lens     {:.1} degrees across, {width} x {height} pixels; as that of the photos where --fov and --size give no other",
+                intrinsics.fov()[0].to_degrees()
+            );
+        }
+        Ok(intrinsics)
     }
 }
 
@@ -302,15 +365,29 @@ impl RegionOptions {
         let limits = self.limits.read(limits)?;
         if let (None, Some(region)) = (choice.shape, stored) {
             choice.shape = Some(region.shape);
-            choice.floor = choice.floor.or(region.floor);
+            choice.floor = if self.floor == FloorOption::None { None } else { choice.floor.or(region.floor) };
             choice.clearance = choice.clearance.or(Some(region.clearance));
             if self.preset.is_none() && matches!(region.shape, Shape::Box { .. }) {
                 preset = Preset::Room;
             }
         }
         let up = self.up.or(stored.map(|region| region.up)).unwrap_or_else(|| default_up(path, photographed));
-        if choice.shape.is_none() && preset == Preset::Object {
-            choice.shape = Shape::around_cameras(photographed);
+        if preset == Preset::Object {
+            choice.shape = choice.shape.or_else(|| Shape::around_cameras(photographed));
+            if self.floor == FloorOption::Auto && stored.is_none() {
+                choice.floor = support::floor(surface.positions(), photographed, up);
+                if let Some(floor) = choice.floor {
+                    say!(
+                        "floor    at {floor:.3} along up: what the object stands on, below all photos (--floor none leaves it out)"
+                    );
+                }
+            }
+            if let (Some((gap, side)), true) = (support::empty_side(photographed, up), limits.walls.is_empty()) {
+                say!(
+                    "note     no photo was taken within {:.0} degrees around {side:.2}; where a wall is there, give it with --wall",
+                    gap.to_degrees()
+                );
+            }
         }
         let target = Target::new(surface, &path.to_string_lossy(), preset, &choice, up, intrinsics)?.within(limits)?;
         print_target(&target);
@@ -332,7 +409,11 @@ impl RegionOptions {
             (None, Some(numbers)) => Some(box_of(numbers)?),
             (None, None) => None,
         };
-        Ok(RegionChoice { shape, floor: self.floor, clearance: self.clearance })
+        let floor = match self.floor {
+            FloorOption::At(height) => Some(height),
+            FloorOption::Auto | FloorOption::None => None,
+        };
+        Ok(RegionChoice { shape, floor, clearance: self.clearance })
     }
 }
 
@@ -382,6 +463,9 @@ pub fn print_target(target: &Target) {
     if target.proxy.dropped + target.proxy.thinned > 0 {
         say!("         {} dropped, {} thinned out", target.proxy.dropped, target.proxy.thinned);
     }
+    if target.proxy.stray > 0 {
+        say!("         {} far away from all others, left aside", target.proxy.stray);
+    }
     let assumed = target.proxy.assumed;
     if assumed > 0 {
         say!("         {assumed} of them stand for walls that nothing shows, where the room ends");
@@ -402,13 +486,11 @@ pub fn print_target(target: &Target) {
     }
 }
 
-/// Up where the user names none: glTF's by its standard, OBJ's by custom, a reconstruction's from its cameras.
+/// Up where the user names none: a capture's from its cameras, glTF's by its standard, OBJ's by custom.
 fn default_up(path: &Path, photographed: &[Pose]) -> DVec3 {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    if matches!(extension.as_str(), "glb" | "gltf" | "obj") {
-        return DVec3::Y;
-    }
-    common_up(photographed).unwrap_or(DVec3::Z)
+    let usual = if matches!(extension.as_str(), "glb" | "gltf" | "obj") { DVec3::Y } else { DVec3::Z };
+    common_up(photographed).unwrap_or(usual)
 }
 
 fn parse_up(text: &str) -> Result<DVec3, String> {

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use clap::Args;
 
 use super::baselines::{self, BaselineOptions};
-use super::options::{CameraOptions, DeviceOptions, RegionOptions, ViewerOptions, print_messages};
+use super::options::{CameraOptions, DeviceOptions, RegionOptions, ViewerOptions, print_messages, read_surface};
 use super::outcome::print_plan;
 use super::progress::{Progress, leave_on_interrupt, stop_on_interrupt};
 use super::vds;
@@ -32,9 +32,13 @@ use crate::{Error, Result};
 /// Arguments of `camsplat plan`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model folder; capture folder, whose photos give the
-    /// scores
-    surface: PathBuf,
+    /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model folder; capture folder, whose photos give up, lens, image
+    /// size, region and scores
+    #[arg(value_name = "SURFACE")]
+    scene: PathBuf,
+    /// Surface to plan for instead of the capture's own points, in its frame, such as one that `camsplat proxy` made
+    #[arg(long, value_name = "FILE")]
+    surface: Option<PathBuf>,
     /// Cameras to place
     #[arg(long, required_unless_present = "curve")]
     views: Option<u32>,
@@ -267,7 +271,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     let model = arguments.baselines.model.model.as_ref();
     let inputs = || {
-        [Some(&arguments.surface), arguments.keep.as_ref(), model]
+        [Some(&arguments.scene), arguments.surface.as_ref(), arguments.keep.as_ref(), model]
             .into_iter()
             .flatten()
             .chain(&arguments.region.limits.keep_out)
@@ -275,7 +279,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     arguments.trace.iter().try_for_each(|file| check_output_file(file, inputs()))?;
     // Before any thread or Vulkan instance is made: RenderDoc's layer is switched on through the environment.
     let renderdoc = arguments.renderdoc.as_ref().map(|_| RenderDoc::load()).transpose()?;
-    let intrinsics = arguments.camera.intrinsics()?;
+    arguments.camera.intrinsics(&[])?;
     let folder = if arguments.dry_run { None } else { Some(OutputFolder::create(&arguments.out, arguments.force)?) };
     if folder.is_some() {
         check_output_folder(&arguments.out, inputs())?;
@@ -283,15 +287,21 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     arguments.region.choice()?;
     let mut opened = None;
     let reads_photos = config.vds && config.objective != Objective::Quality && baseline.is_none();
-    let target = match captured(arguments, reads_photos, &mut opened)? {
-        Some((surface, poses)) => {
-            arguments.region.target_of(&surface, &arguments.surface, &poses, &intrinsics, None)?
-        }
-        None => arguments.region.target(&arguments.surface, &intrinsics, None)?,
-    };
     let kept = match &arguments.keep {
         Some(path) => io::read_cameras(path)?,
         None => Vec::new(),
+    };
+    let (intrinsics, target) = match captured(arguments, reads_photos, &mut opened)? {
+        Some((surface, photos)) => {
+            let path = arguments.surface.as_ref().unwrap_or(&arguments.scene);
+            let intrinsics = arguments.camera.intrinsics(&photos)?;
+            let poses: Vec<Pose> = photos.iter().map(|camera| camera.pose).collect();
+            (intrinsics, arguments.region.target_of(&surface, path, &poses, &intrinsics, None)?)
+        }
+        None => {
+            let intrinsics = arguments.camera.intrinsics(&kept)?;
+            (intrinsics, arguments.region.target(&arguments.scene, &intrinsics, None)?)
+        }
     };
     if baseline.is_some() {
         leave_on_interrupt()?;
@@ -363,27 +373,38 @@ fn draw_curve(
     Ok(ExitCode::SUCCESS)
 }
 
-/// The points of a capture, scored from its photos where it has any; none where the surface is no capture with points.
+/// The surface of a capture, its points scored from its photos where it has any, and its cameras; none where the scene is no capture.
 /// The device is opened only for photos.
 fn captured(
     arguments: &Arguments,
     reads_photos: bool,
     opened: &mut Option<Arc<Context>>,
-) -> Result<Option<(Surface, Vec<Pose>)>> {
-    if !io::may_be_capture(&arguments.surface) {
-        return Ok(None);
+) -> Result<Option<(Surface, Vec<Camera>)>> {
+    if !io::may_be_capture(&arguments.scene) {
+        return match &arguments.surface {
+            Some(_) => {
+                Err(Error::input(&arguments.scene, "--surface goes with a capture, and this is none; leave one out"))
+            }
+            None => Ok(None),
+        };
     }
-    let capture = io::photos::read(&arguments.surface, &io::photos::Options::default())?;
-    if capture.points.positions.is_empty() {
-        let what =
-            "the capture holds no points; make a surface from its photos with `camsplat proxy` and plan for that";
-        return Err(Error::input(&arguments.surface, what));
-    }
+    let capture = io::photos::read(&arguments.scene, &io::photos::Options::default())?;
     for note in &capture.notes {
         say!("{note}");
     }
+    let cameras = capture.cameras();
+    if let Some(file) = &arguments.surface {
+        let surface = read_surface(file)?;
+        if reads_photos {
+            say!("vds      the photos are left unread (--surface); `camsplat vds --surface` scores it");
+        }
+        return Ok(Some((surface, cameras)));
+    }
+    if capture.points.positions.is_empty() {
+        let what = "the capture holds no points; make a surface from its photos with `camsplat proxy` and give it with --surface";
+        return Err(Error::input(&arguments.scene, what));
+    }
     let surface = Surface::Points(capture.points.clone());
-    let poses = capture.photos.iter().map(|photo| photo.camera.pose).collect();
     let images = capture.photos.iter().filter(|photo| photo.image.is_some()).count();
     let unread = match &arguments.tuning {
         Tuning { no_vds: true, .. } => Some("--no-vds"),
@@ -396,12 +417,12 @@ fn captured(
     };
     if let Some(reason) = unread {
         say!("vds      the photos are left unread ({reason})");
-        return Ok(Some((surface, poses)));
+        return Ok(Some((surface, cameras)));
     }
     let context = opened.insert(arguments.device.open()?);
     let settings = Settings { seed: arguments.tuning.seed, skip_unreadable: true, ..Settings::default() };
     let scored = vds::score(context, &capture, &surface, &settings)?.onto(&capture.points);
-    Ok(Some((Surface::Points(scored), poses)))
+    Ok(Some((Surface::Points(scored), cameras)))
 }
 
 #[cfg(test)]

@@ -5,10 +5,10 @@ use std::process::ExitCode;
 
 use clap::Args;
 
-use super::options::{DeviceOptions, print_messages};
+use super::options::{DeviceOptions, ImageOptions, print_messages};
 use crate::io::folder::{check_file, write_files};
 use crate::io::overwrite_guard::check_output_file;
-use crate::io::photos::{self, Images};
+use crate::io::photos;
 use crate::io::ply::write;
 use crate::stereo::{self, Options, Reconstruction};
 use crate::{Error, Result};
@@ -42,9 +42,8 @@ pub struct Arguments {
     /// Largest depth, in the capture's units [default: from the cameras]
     #[arg(long, requires = "near")]
     far: Option<f64>,
-    /// Continue without images that are missing or cannot be read
-    #[arg(long)]
-    skip_missing: bool,
+    #[command(flatten)]
+    images: ImageOptions,
     /// Memory for photos that are being decoded, in MiB
     #[arg(long, default_value_t = 1024, value_name = "MIB")]
     memory: u64,
@@ -76,7 +75,7 @@ impl Arguments {
             use_points: self.use_points,
             depths,
             memory: self.memory.saturating_mul(1 << 20),
-            skip_unreadable: self.skip_missing,
+            skip_unreadable: self.images.skip_missing,
             seed: self.seed,
         })
     }
@@ -87,8 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let options = arguments.options()?;
     check_file(&arguments.out)?;
     check_output_file(&arguments.out, [&arguments.capture])?;
-    let images = if arguments.skip_missing { Images::SkipMissing } else { Images::Needed };
-    let set = photos::read(&arguments.capture, &photos::Options { images, ..photos::Options::default() })?;
+    let set = photos::read(&arguments.capture, &arguments.images.options())?;
     for note in &set.notes {
         say!("{note}");
     }

@@ -73,6 +73,9 @@ pub struct Arguments {
     /// Number of additional poses to suggest
     #[arg(long, value_name = "N", default_value_t = 0)]
     suggest: usize,
+    /// Read files that a transforms.json names outside its own folder too
+    #[arg(long)]
+    outside_paths: bool,
     /// Copy images and masks instead of making symbolic links
     #[arg(long)]
     copy: bool,
@@ -147,11 +150,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 fn capture(arguments: &Arguments) -> Result<PhotoSet> {
     let intrinsics = match (arguments.fov, arguments.size) {
-        (Some(fov), Some(size)) => Some(CameraOptions { fov, size }.intrinsics()?),
+        (Some(fov), Some(size)) => Some(CameraOptions { fov: Some(fov), size: Some(size) }.intrinsics(&[])?),
         (None, None) => None,
         _ => return Err(Error::request("--fov and --size belong together; give both or none")),
     };
-    let options = io::photos::Options { images: Images::Optional, intrinsics };
+    let options = io::photos::Options { images: Images::Optional, intrinsics, outside_paths: arguments.outside_paths };
     let set = io::photos::read(&arguments.capture, &options)?;
     // A pool of poses alone is one to choose from; a photo that is not there among others that are is none.
     let there = set.photos.iter().filter(|photo| photo.image.is_some()).count();

@@ -10,7 +10,7 @@ use std::time::Instant;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::options::{DeviceOptions, print_messages};
+use super::options::{DeviceOptions, ImageOptions, print_messages};
 use super::progress::{BETWEEN_LINES, go_on, stop_on_interrupt};
 use crate::gaussians::config::{Background, Config, Strategy};
 use crate::gaussians::data::split::{Split, Test};
@@ -21,7 +21,6 @@ use crate::gaussians::run::record::{Evaluation, PhotosRecord, Quality, Status, T
 use crate::io;
 use crate::io::folder::{check_file, check_folder, replace_file, write_files};
 use crate::io::overwrite_guard::check_output_file;
-use crate::io::photos::{Images, Options};
 use crate::report::training::{self, Comparison, Shown};
 use crate::vulkan::Context;
 use crate::vulkan::profile::Profile;
@@ -74,9 +73,8 @@ pub struct Arguments {
     /// Downsampling factor of the photos: each pixel is the mean of a square of this many per side
     #[arg(long, default_value_t = 1)]
     shrink: u32,
-    /// Continue without images that are missing or cannot be read
-    #[arg(long)]
-    skip_missing: bool,
+    #[command(flatten)]
+    images: ImageOptions,
     /// Seed of every random draw
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -121,8 +119,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if !arguments.dry_run {
         check_out(arguments)?;
     }
-    let images = if arguments.skip_missing { Images::SkipMissing } else { Images::Needed };
-    let capture = io::photos::read(&arguments.capture, &Options { images, ..Options::default() })?;
+    let capture = io::photos::read(&arguments.capture, &arguments.images.options())?;
     for note in &capture.notes {
         say!("{note}");
     }
@@ -131,7 +128,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         (None, Some(capture)) => Test::Capture(capture.clone()),
         (None, None) => Test::Usual,
     };
-    let split = Split::new(capture, &test, images)?;
+    let split = Split::new(capture, &test, arguments.images.options())?;
     for note in &split.notes {
         say!("{note}");
     }

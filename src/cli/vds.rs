@@ -8,11 +8,10 @@ use std::time::Instant;
 use clap::Args;
 use indicatif::ProgressBar;
 
-use super::options::{DeviceOptions, print_messages};
+use super::options::{DeviceOptions, ImageOptions, print_messages};
 use crate::io;
 use crate::io::folder::{check_file, write_files};
 use crate::io::overwrite_guard::check_output_file;
-use crate::io::photos::{Images, Options};
 use crate::photos::PhotoSet;
 use crate::scene::surface::Surface;
 use crate::vds::job::{self, Event, Settings};
@@ -37,9 +36,8 @@ pub struct Arguments {
     /// Do not correct differences in exposure between photos
     #[arg(long)]
     no_exposure: bool,
-    /// Continue without images that are missing or cannot be read
-    #[arg(long)]
-    skip_missing: bool,
+    #[command(flatten)]
+    images: ImageOptions,
     /// Memory for photos that are being decoded, in MiB
     #[arg(long, default_value_t = 1024)]
     memory: u64,
@@ -69,8 +67,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         let what = "this picture is already here without points of an earlier run, and would be replaced; give --out another name";
         return Err(Error::input(&picture_file, what));
     }
-    let images = if arguments.skip_missing { Images::SkipMissing } else { Images::Needed };
-    let capture = io::photos::read(&arguments.capture, &Options { images, ..Options::default() })?;
+    let capture = io::photos::read(&arguments.capture, &arguments.images.options())?;
     for note in &capture.notes {
         say!("{note}");
     }
@@ -83,7 +80,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         seed: arguments.seed,
         exposure: !arguments.no_exposure,
         memory: arguments.memory.saturating_mul(1 << 20),
-        skip_unreadable: arguments.skip_missing,
+        skip_unreadable: arguments.images.skip_missing,
         ..Settings::default()
     };
     let context = arguments.device.open()?;

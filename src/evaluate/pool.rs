@@ -32,7 +32,7 @@ impl Pool {
         notes.append(&mut set.notes);
         let all = set.photos.len();
         let checksum = checksum(&set)?;
-        let Split { train, test: held_out, .. } = Split::new(set, &Test::Every(TEST_EVERY), Images::Needed)?;
+        let Split { train, test: held_out, .. } = Split::new(set, &Test::Every(TEST_EVERY), Images::Needed.into())?;
         let candidates = train.with_points_seen();
         let count = candidates.photos.len();
         let needed = request.budgets.iter().map(|budget| ("--budgets", *budget));

@@ -327,7 +327,7 @@ impl<'a> SceneArtifacts<'a> {
         let split = || {
             let test = tests.map_or(Test::Every(0), |tests| Test::Capture(tests.artifact.folder().to_owned()));
             // Tests that are damaged are told of as a product, not as a capture that somebody gave.
-            let split = Split::new(read_photos(photos)?, &test, Images::Needed);
+            let split = Split::new(read_photos(photos)?, &test, Images::Needed.into());
             let split =
                 split.or_else(|error| tests.map(|tests| read_photos(&tests.artifact)).transpose().and(Err(error)));
             split.map(|mut split| {

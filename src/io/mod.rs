@@ -72,7 +72,8 @@ pub fn read_surface_with_notes(path: &Path) -> Result<(Surface, Vec<String>)> {
     if may_be_capture(path) {
         let set = photos::read(path, &photos::Options::default())?;
         if set.points.positions.is_empty() {
-            let what = "the capture holds no points; make a surface from its photos with `camsplat proxy`";
+            let what =
+                "the capture holds no points; make a surface from its photos with `camsplat proxy`, and give that";
             return Err(Error::input(path, what));
         }
         return Ok((Surface::Points(set.points), set.notes));

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::checks;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, bounded};
 use crate::scene::colour;
 use crate::scene::surface::{Mesh, Points, Surface};
 
@@ -115,7 +115,10 @@ impl Reading {
         // Only a plain file is opened: a name can lead to a device that never ends.
         match file.is_file().then(|| std::fs::read(&file)) {
             Some(Ok(bytes)) => self.materials.extend(materials(&bytes)),
-            _ => notes.push(format!("the material library {name:?} was not found, so its colours are missing")),
+            _ => {
+                let what = format!("the material library {name:?} was not found, so its colours are missing");
+                notes.push(bounded(what));
+            }
         }
     }
 

@@ -2,11 +2,11 @@
 
 use std::fmt;
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DQuat, DVec3};
 
 use super::PhotoSet;
 use crate::error::{Error, Result};
-use crate::scene::camera::{Camera, Pose};
+use crate::scene::camera::{self, Camera, Pose};
 
 /// What the poses are in a file; here they are world-from-camera with OpenCV axes (X right, Y down, Z forward).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -192,17 +192,10 @@ fn shown_of_axes(cameras: &[Camera]) -> Option<f64> {
     (cameras.len() >= 3 && mean.length() < 0.8 && off < 0.1 * away).then(|| towards as f64 / cameras.len() as f64)
 }
 
-/// The point nearest to all viewing axes in the least-squares sense; none where they are all but parallel.
+/// The point nearest to all viewing axes but those of stray cameras, in the least-squares sense; none where they are all but
+/// parallel.
 pub fn looked_at(cameras: &[Camera]) -> Option<DVec3> {
-    let (mut a, mut b) = (DMat3::ZERO, DVec3::ZERO);
-    for camera in cameras {
-        let f = camera.pose.forward();
-        let across = DMat3::IDENTITY - DMat3::from_cols(f * f.x, f * f.y, f * f.z);
-        a += across;
-        b += across * camera.pose.position;
-    }
-    let scale = cameras.len() as f64;
-    (a.determinant() > 1e-6 * scale.powi(3)).then(|| a.inverse() * b)
+    camera::looked_at(&cameras.iter().map(|camera| camera.pose).collect::<Vec<_>>(), 1e-6)
 }
 
 #[cfg(test)]

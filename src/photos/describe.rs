@@ -50,6 +50,18 @@ pub fn describe(set: &PhotoSet) -> Vec<String> {
     if let Some((min, max)) = middle(&centres, 1.0) {
         notes.push(format!("camera centres: from {min:.3} to {max:.3}"));
     }
+    let reach = set.reach();
+    let mut strays = photos.iter().filter(|photo| !reach.holds(photo.camera.pose.position));
+    if let Some(first) = strays.next() {
+        let more = match strays.count() {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        notes.push(format!(
+            "stray: {}{more} far away from all other cameras; left aside for the scale of the scene",
+            first.camera.name
+        ));
+    }
     if let Some((min, max)) = middle(&set.points.positions, 0.9) {
         let error = set.errors.iter().map(|error| f64::from(*error)).sum::<f64>() / set.errors.len() as f64;
         let seen = set.tracks.iter().map(Vec::len).sum::<usize>() as f64 / set.tracks.len() as f64;

@@ -13,6 +13,7 @@ pub use self::describe::describe;
 pub use self::header::Header;
 use crate::scene::camera::Camera;
 use crate::scene::lens::{Distortion, Lens};
+use crate::scene::stray::Reach;
 use crate::scene::surface::Points;
 
 /// A posed photo. Its image may be missing: choosing among poses needs none.
@@ -60,6 +61,12 @@ impl PhotoSet {
     /// The cameras, ordered as the photos are.
     pub fn cameras(&self) -> Vec<Camera> {
         self.photos.iter().map(|photo| photo.camera.clone()).collect()
+    }
+
+    /// Within which photos are not stray; see [`Reach::of_cameras`].
+    pub fn reach(&self) -> Reach {
+        let positions: Vec<_> = self.photos.iter().map(|photo| photo.camera.pose.position).collect();
+        Reach::of_cameras(&positions, &self.points.positions)
     }
 
     /// The set with only the points that any of its photos sees; with all, where nothing says which photos see them.

@@ -9,6 +9,7 @@ use crate::scene::camera::Intrinsics;
 use crate::scene::limits::Limits;
 use crate::scene::proxy::{Occluder, Orientation, Proxy};
 use crate::scene::region::{Region, Shape};
+use crate::scene::stray::Reach;
 use crate::scene::surface::Surface;
 use crate::visibility::device_scene::SceneGeometry;
 use crate::visibility::{closing, exposure};
@@ -57,7 +58,9 @@ impl Target {
         intrinsics: &Intrinsics,
     ) -> Result<Self> {
         let positions = surface.positions();
-        let mean = positions.iter().sum::<DVec3>() / positions.len().max(1) as f64;
+        let reach = Reach::of(positions);
+        let near = || positions.iter().filter(|p| reach.holds(**p));
+        let mean = near().sum::<DVec3>() / near().count().max(1) as f64;
         let centre = match choice.shape {
             Some(Shape::Box { min, max }) => 0.5 * (min + max),
             Some(Shape::Shell { centre, .. }) => centre,

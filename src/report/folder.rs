@@ -15,9 +15,9 @@ use crate::visibility::device_scene::SceneGeometry;
 use crate::visibility::raycast::Ray;
 
 /// Stream of the points that trainers start from.
-const SEED_STREAM: u32 = 2;
+pub(super) const SEED_STREAM: u32 = 2;
 /// How many there are.
-const SEED_POINTS: usize = 5000;
+pub(super) const SEED_POINTS: usize = 5000;
 /// Triangles that the page shows at most.
 const MAX_TRIANGLES: usize = 60_000;
 /// Pairs of point and camera up to which tracks are worth their rays.

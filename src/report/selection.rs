@@ -9,6 +9,7 @@ use std::path::Path;
 use glam::DVec3;
 use serde::Serialize;
 
+use super::folder::{SEED_POINTS, SEED_STREAM};
 use super::{Kind, ReportScene, SurfacePoint, Triangles, decimate};
 use crate::error::{Error, Result};
 use crate::io::folder::OutputFolder;
@@ -28,6 +29,9 @@ use crate::select::request::Request;
 const MAX_TRIANGLES: usize = 60_000;
 /// Photos left out that the page shows at most; the others are left out of the picture too.
 const MAX_SHOWN: usize = 3000;
+
+/// The file of points, as transforms.json names it.
+const POINTS: &str = "points.ply";
 
 /// Everything that is written.
 pub struct Written<'a> {
@@ -100,10 +104,7 @@ pub fn write(written: &Written<'_>, folder: OutputFolder) -> Result<Vec<String>>
     folder.write("unseen.ply", export::coverage_ply(&unseen, &shown, (0.0, 1.0)))?;
     if !suggested.is_empty() {
         let cameras: Vec<Camera> = suggested.iter().map(|one| one.camera.clone()).collect();
-        folder.write(
-            "suggested.json",
-            transforms::write(&cameras, (!kept_points(written).is_empty()).then_some("points.ply")),
-        )?;
+        folder.write("suggested.json", transforms::write(&cameras, Some(POINTS)))?;
         folder.write("suggested.csv", suggested_csv(suggested, &export::cameras_csv(&cameras)))?;
     }
     let record = Record {
@@ -137,8 +138,8 @@ pub fn write(written: &Written<'_>, folder: OutputFolder) -> Result<Vec<String>>
     Ok(notes)
 }
 
-/// Writes the capture cut down to the chosen photos: `transforms.json`, the points that they saw, and `sparse/0` where the
-/// capture is a COLMAP model.
+/// Writes the capture cut down to the chosen photos: `transforms.json`, the points that they saw (points of the surface where the
+/// capture has none), and `sparse/0` where the capture is a COLMAP model.
 fn capture(written: &Written<'_>, folder: &OutputFolder) -> Result<Vec<String>> {
     let Written { set, selection, .. } = written;
     let photos: Vec<&Photo> = selection.chosen.iter().map(|chosen| &set.photos[chosen.photo]).collect();
@@ -156,13 +157,9 @@ fn capture(written: &Written<'_>, folder: &OutputFolder) -> Result<Vec<String>> 
             folder.write(&format!("sparse/0/{name}"), bytes)?;
         }
     }
-    let kept = kept_points(written);
-    if !kept.is_empty() {
-        let positions: Vec<DVec3> = kept.iter().map(|point| set.points.positions[*point]).collect();
-        let colours: Vec<[u8; 3]> = kept.iter().filter_map(|point| set.points.colours.get(*point).copied()).collect();
-        folder.write("points.ply", ply::write::points(&positions, &colours, None))?;
-    }
-    let (text, mut notes) = transforms::write_photos(&photos, (!kept.is_empty()).then_some("points.ply"));
+    let (positions, colours) = points(written);
+    folder.write(POINTS, ply::write::points(&positions, &colours, None))?;
+    let (text, mut notes) = transforms::write_photos(&photos, Some(POINTS));
     folder.write("transforms.json", text)?;
     if rescaled {
         notes.push(
@@ -172,13 +169,20 @@ fn capture(written: &Written<'_>, folder: &OutputFolder) -> Result<Vec<String>> 
     Ok(notes)
 }
 
-/// The capture's points that a chosen photo saw, or all where nothing says who saw what.
-fn kept_points(written: &Written<'_>) -> Vec<usize> {
-    let Written { set, selection, .. } = written;
+/// Positions and colours of what a trainer may start from: the capture's points that a chosen photo saw, or all where nothing says
+/// who saw what; of a capture without points, points of the surface.
+fn points(written: &Written<'_>) -> (Vec<DVec3>, Vec<[u8; 3]>) {
+    let Written { set, selection, target, request, .. } = written;
     let is_chosen = |photo: &u32| selection.chosen.binary_search_by_key(&(*photo as usize), |c| c.photo).is_ok();
-    (0..set.points.positions.len())
+    let kept: Vec<usize> = (0..set.points.positions.len())
         .filter(|point| set.tracks.get(*point).is_none_or(|track| track.iter().any(is_chosen)))
-        .collect()
+        .collect();
+    if kept.is_empty() {
+        let seeds = target.proxy.sample(SEED_POINTS, request.seed, SEED_STREAM);
+        return seeds.iter().map(|point| (point.position, point.colour)).unzip();
+    }
+    let colours = kept.iter().filter_map(|point| set.points.colours.get(*point).copied()).collect();
+    (kept.iter().map(|point| set.points.positions[*point]).collect(), colours)
 }
 
 /// Links or copies the chosen images to `images/` and their masks to `masks/`.

@@ -9,6 +9,8 @@ use glam::{DMat3, DVec3};
 /// The radius grows with every pivot, so the loop ends; the result is exact to a relative 1e-9.
 pub fn bounding_sphere(points: &[DVec3]) -> Option<(DVec3, f64)> {
     let mut support = vec![*points.first()?];
+    // What rounding does to distances between points that lie far away from the origin, as georeferenced ones do.
+    let rounding = 4.0 * f64::EPSILON * support[0].abs().max_element();
     let (mut centre, mut radius) = (support[0], 0.0);
     loop {
         let far = points
@@ -16,11 +18,11 @@ pub fn bounding_sphere(points: &[DVec3]) -> Option<(DVec3, f64)> {
             .copied()
             .fold(centre, |a, b| if b.distance_squared(centre) > a.distance_squared(centre) { b } else { a });
         let distance = far.distance(centre);
-        if distance <= radius * (1.0 + 1e-9) {
+        if distance <= radius * (1.0 + 1e-9) + rounding {
             return Some((centre, distance.max(radius)));
         }
         support.push(far);
-        let Some((next, r, held_by)) = smallest_of_few(&support) else { return Some((centre, distance)) };
+        let Some((next, r, held_by)) = smallest_of_few(&support, rounding) else { return Some((centre, distance)) };
         if r <= radius {
             // Rounding has stopped the growth: the old centre with the farthest distance is as good as it gets.
             return Some((centre, distance));
@@ -29,15 +31,17 @@ pub fn bounding_sphere(points: &[DVec3]) -> Option<(DVec3, f64)> {
     }
 }
 
-/// The smallest sphere around at most five points, with the points on its boundary that determine it.
-fn smallest_of_few(points: &[DVec3]) -> Option<(DVec3, f64, Vec<DVec3>)> {
+/// The smallest sphere around at most five points, with the points on its boundary that determine it. Distances may be wrong by
+/// `rounding`.
+fn smallest_of_few(points: &[DVec3], rounding: f64) -> Option<(DVec3, f64, Vec<DVec3>)> {
     let mut best: Option<(DVec3, f64, Vec<DVec3>)> = None;
     for subset in 1u32..1 << points.len() {
         let chosen: Vec<DVec3> =
             points.iter().enumerate().filter(|(i, _)| subset >> i & 1 == 1).map(|(_, p)| *p).collect();
         let Some(centre) = circumcentre(&chosen) else { continue };
         let radius = centre.distance(chosen[0]);
-        let contains = points.iter().all(|p| p.distance(centre) <= radius * (1.0 + 1e-12) + f64::MIN_POSITIVE);
+        let contains =
+            points.iter().all(|p| p.distance(centre) <= radius * (1.0 + 1e-12) + rounding.max(f64::MIN_POSITIVE));
         if contains && best.as_ref().is_none_or(|(_, r, _)| radius < *r) {
             best = Some((centre, radius, chosen));
         }

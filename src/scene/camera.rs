@@ -3,6 +3,8 @@
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
+use super::stray::Reach;
+
 /// Pinhole intrinsics in pixels; pixel (0, 0) is the top-left corner of the image, so its centre is (0.5, 0.5).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Intrinsics {
@@ -94,6 +96,22 @@ impl Pose {
     pub fn up(&self) -> DVec3 {
         self.rotation * DVec3::NEG_Y
     }
+}
+
+/// The point nearest to all viewing axes but those of stray poses, in the least-squares sense; none where the axes are all but
+/// parallel: where the determinant of the mean projection across them is at most `parallel`.
+pub(crate) fn looked_at(poses: &[Pose], parallel: f64) -> Option<DVec3> {
+    let reach = Reach::of(&poses.iter().map(|pose| pose.position).collect::<Vec<_>>());
+    // The sum of the projections across the axes, and what they make of the positions.
+    let (mut across, mut offset, mut count) = (DMat3::ZERO, DVec3::ZERO, 0.0f64);
+    for pose in poses.iter().filter(|pose| reach.holds(pose.position)) {
+        let axis = pose.forward();
+        let projection = DMat3::IDENTITY - DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
+        across += projection;
+        offset += projection * pose.position;
+        count += 1.0;
+    }
+    (across.determinant() > parallel * count.powi(3)).then(|| across.inverse() * offset)
 }
 
 /// The direction that cameras hold up in the mean; none where they agree on none.

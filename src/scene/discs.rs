@@ -7,6 +7,7 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
 use super::morton;
 use super::orientation::Orientation;
+use super::stray::Reach;
 use super::surface::Points;
 use crate::{Error, Result};
 
@@ -37,8 +38,10 @@ pub(super) struct Cloud {
     pub discs: Vec<Disc>,
     /// Index of the point that each disc stands for.
     pub source: Vec<usize>,
-    /// Points dropped as outliers.
+    /// Points dropped as outliers of their neighbourhood.
     pub outliers: usize,
+    /// Points left aside because they lie far away from all others.
+    pub stray: usize,
 }
 
 /// Turns points into discs. Positions must be finite.
@@ -60,7 +63,10 @@ pub(super) fn from_points(points: &Points, orientation: Orientation) -> Result<C
             return Err(Error::request(format!("points: {length} {what} for {n} points; give all or none")));
         }
     }
-    let kept = thinned(&points.positions);
+    let reach = Reach::of(&points.positions);
+    let near: Vec<usize> = (0..n).filter(|i| reach.holds(points.positions[*i])).collect();
+    let stray = n - near.len();
+    let kept = thinned(&points.positions, near);
     if kept.len() < 4 {
         return Err(Error::request(format!("points: {} distinct points; a surface needs at least 4", kept.len())));
     }
@@ -75,7 +81,7 @@ pub(super) fn from_points(points: &Points, orientation: Orientation) -> Result<C
     };
     let inlier = inliers(&spread(NEIGHBOURS), &neighbours);
     let centroid = positions.iter().sum::<DVec3>() / positions.len() as f64;
-    let mut cloud = Cloud { discs: Vec::new(), source: Vec::new(), outliers: 0 };
+    let mut cloud = Cloud { discs: Vec::new(), source: Vec::new(), outliers: 0, stray };
     for (i, spacing) in spread(RADIUS_NEIGHBOURS).into_iter().enumerate() {
         if !inlier[i] {
             cloud.outliers += 1;
@@ -83,7 +89,7 @@ pub(super) fn from_points(points: &Points, orientation: Orientation) -> Result<C
         }
         let given = points.radii.get(kept[i]).map_or(0.0, |r| f64::from(*r));
         // A cloud that was thinned has wider gaps than its own radii were made for.
-        let cover = kept.len() == n && given.is_finite() && given > 0.0;
+        let cover = kept.len() + stray == n && given.is_finite() && given > 0.0;
         let radius = if cover { given } else { spacing };
         let around = || std::iter::once(positions[i]).chain(neighbours[i].iter().map(|(_, j)| positions[*j]));
         let normal = normal(points, kept[i], orientation, centroid, around);
@@ -97,14 +103,14 @@ pub(super) fn from_points(points: &Points, orientation: Orientation) -> Result<C
     Ok(cloud)
 }
 
-/// Indices of the points that stay, along a Morton curve: one for each occupied cell of the finest power-of-two grid
+/// Indices of those `among` the points that stay, along a Morton curve: one for each occupied cell of the finest power-of-two grid
 /// with at most [`MAX_DISCS`] occupied cells. Points less than two millionths of the cloud's size apart are one.
-fn thinned(positions: &[DVec3]) -> Vec<usize> {
-    let (min, max) =
-        positions.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(*p), max.max(*p)));
+fn thinned(positions: &[DVec3], among: Vec<usize>) -> Vec<usize> {
+    let (min, max) = among
+        .iter()
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), i| (min.min(positions[*i]), max.max(positions[*i])));
     let side = (max - min).max_element();
-    let mut coded: Vec<(u64, usize)> =
-        positions.iter().enumerate().map(|(i, p)| (morton::code(*p, min, side), i)).collect();
+    let mut coded: Vec<(u64, usize)> = among.into_iter().map(|i| (morton::code(positions[i], min, side), i)).collect();
     coded.sort_unstable();
     for level in 0..=morton::BITS {
         coded.dedup_by_key(|(code, _)| *code >> (3 * level));
@@ -294,13 +300,16 @@ mod tests {
         assert!(cloud.discs.iter().all(|d| d.radius < 2.5 && d.normal.dot(DVec3::Z) > 0.999));
     }
 
-    /// One stray point must not become a disc that blocks the view, nor blow up the bounds.
+    /// One stray point must not become a disc that blocks the view, nor, however far away it lies, set the scale at which
+    /// points count as the same.
     #[test]
-    fn strays_are_dropped_and_counted() {
-        let mut positions = sphere(2000);
-        positions.extend([DVec3::splat(9.0), DVec3::new(-7.0, 0.0, 3.0)]);
-        let cloud = from_points(&cloud(positions), Orientation::Trusted).unwrap();
-        assert_eq!((cloud.discs.len(), cloud.outliers), (2000, 2));
+    fn outliers_and_strays_are_left_aside_and_counted() {
+        for far in [1e3, 1e6, 1e9] {
+            let mut positions = sphere(2000);
+            positions.extend([DVec3::splat(9.0), DVec3::new(-7.0, 0.0, 3.0), DVec3::new(0.0, far, far)]);
+            let cloud = from_points(&cloud(positions), Orientation::Trusted).unwrap();
+            assert_eq!((cloud.discs.len(), cloud.outliers, cloud.stray), (2000, 2, 1), "{far}");
+        }
     }
 
     /// Duplicates are no neighbours: they would give discs of radius zero, which block nothing.
@@ -326,7 +335,7 @@ mod tests {
     /// A dense scan must not take gigabytes of tree nodes, and must stay evenly spread when it is thinned.
     #[test]
     fn dense_clouds_are_thinned() {
-        let kept = thinned(&sphere(400_000));
+        let kept = thinned(&sphere(400_000), (0..400_000).collect());
         assert!((MAX_DISCS / 8..=MAX_DISCS).contains(&kept.len()), "{} kept", kept.len());
     }
 }

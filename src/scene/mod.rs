@@ -25,6 +25,8 @@ pub mod region;
 pub mod samples;
 mod sampling;
 pub mod similarity;
+pub mod stray;
+pub mod support;
 pub mod surface;
 pub mod voxels;
 mod walk;

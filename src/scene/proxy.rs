@@ -98,6 +98,8 @@ pub struct Proxy {
     pub occluder: Occluder,
     /// Degenerate triangles or outlying points that were left out.
     pub dropped: usize,
+    /// Points that were left out because they lie far away from all others; see [`super::stray`].
+    pub stray: usize,
     /// Points that were left out because others stand for them: duplicates, and the excess of a very dense cloud.
     pub thinned: usize,
     /// Centre and radius of the bounding sphere of the vertices or disc centres.
@@ -117,7 +119,7 @@ impl Proxy {
     ///
     /// Triangles without area are dropped. Where the orientation is known, closed parts of a mesh that are inside out are
     /// turned; open parts keep their winding. Points become discs: missing normals and radii come from their
-    /// neighbours, outliers are dropped, dense clouds are thinned to at most 200,000 discs, in a spatially coherent order.
+    /// neighbours, outliers and strays are dropped, dense clouds are thinned to at most 200,000 discs, in a spatially coherent order.
     ///
     /// # Errors
     /// [`Error::Request`] where the surface holds numbers that are not finite, attributes of the wrong length, no triangle
@@ -136,7 +138,8 @@ impl Proxy {
                 Ok(Self {
                     sphere: sphere_around(&cloud.discs.iter().map(|disc| disc.centre).collect::<Vec<_>>()),
                     dropped: cloud.outliers,
-                    thinned: points.positions.len() - cloud.outliers - cloud.discs.len(),
+                    stray: cloud.stray,
+                    thinned: points.positions.len() - cloud.stray - cloud.outliers - cloud.discs.len(),
                     colours: cloud.source.iter().map(|i| points.colours.get(*i).copied().unwrap_or(GREY)).collect(),
                     scores: cloud.source.iter().map(|i| [attribute(i); 3]).collect(),
                     occluder: Occluder::Discs(cloud.discs),
@@ -182,6 +185,7 @@ impl Proxy {
         Ok(Self {
             sphere: sphere_around(&triangles.iter().flatten().copied().collect::<Vec<_>>()),
             dropped: mesh.triangles.len() - kept.len(),
+            stray: 0,
             thinned: 0,
             colours: kept.iter().map(|i| mesh.colours.get(*i).copied().unwrap_or(GREY)).collect(),
             scores,

@@ -5,8 +5,9 @@ use std::f64::consts::FRAC_PI_2;
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::camera::Pose;
+use super::camera::{Pose, looked_at};
 use super::similarity::Similarity;
+use super::stray::Reach;
 use crate::{Error, Result};
 
 /// The shape a camera must stay in, in world units; a clearance around the surface may be cut out of it.
@@ -34,26 +35,16 @@ pub enum Shape {
 impl Shape {
     /// The shell in which cameras that look in from around something stand: its centre is the point nearest to all
     /// viewing axes in the sense of least squares, its radii are the least and greatest distance from there with a tenth
-    /// to spare. None for fewer than three cameras, or where they do not look at one place.
+    /// to spare; stray poses apart. None for fewer than three cameras, or where they do not look at one place.
     pub fn around_cameras(poses: &[Pose]) -> Option<Self> {
         if poses.len() < 3 {
             return None;
         }
-        // The sum of the projections across the axes, and what they make of the positions.
-        let (mut across, mut offset) = (DMat3::ZERO, DVec3::ZERO);
-        for pose in poses {
-            let axis = pose.forward();
-            let projection = DMat3::IDENTITY - DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
-            across += projection;
-            offset += projection * pose.position;
-        }
-        // Axes that are nearly parallel meet nowhere in particular.
-        if across.determinant() < 1e-3 * (poses.len() as f64).powi(3) {
-            return None;
-        }
-        let centre = across.inverse() * offset;
+        let centre = looked_at(poses, 1e-3)?;
         let facing = poses.iter().filter(|pose| pose.forward().dot(centre - pose.position) > 0.0).count();
-        let distances = || poses.iter().map(|pose| pose.position.distance(centre));
+        let reach = Reach::of(&poses.iter().map(|pose| pose.position).collect::<Vec<_>>());
+        let near = || poses.iter().filter(|pose| reach.holds(pose.position));
+        let distances = || near().map(|pose| pose.position.distance(centre));
         let (r_min, r_max) = (0.9 * distances().fold(f64::INFINITY, f64::min), 1.1 * distances().fold(0.0, f64::max));
         (centre.is_finite() && 10 * facing > 9 * poses.len() && r_min > 0.0).then_some(Self::Shell {
             centre,

@@ -318,7 +318,9 @@ impl Clock {
 }
 
 fn choose_photos(set: &PhotoSet, options: &Options) -> Result<Vec<Photo>> {
-    let usable: Vec<&Photo> = set.photos.iter().filter(|photo| photo.image.is_some()).collect();
+    let reach = set.reach();
+    let near = |photo: &&Photo| reach.holds(photo.camera.pose.position);
+    let usable: Vec<&Photo> = set.photos.iter().filter(|photo| photo.image.is_some()).filter(near).collect();
     let count = options.photos.min(usable.len());
     if count < MIN_PHOTOS {
         let what = format!(

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use crate::gaussians::config::Background;
 use crate::gaussians::render::frame::Frame;
 use crate::io;
-use crate::io::photos::Images;
 use crate::photos::{Convention, Header, Photo, PhotoSet};
 use crate::{Error, Result};
 
@@ -43,18 +42,18 @@ pub struct Split {
 }
 
 impl Split {
-    /// Takes `set` apart. Of another capture, `images` says what to do about images that are missing.
+    /// Takes `set` apart. Another capture is read as `options` say.
     ///
     /// # Errors
     /// Where fewer than two photos are left to train on, or the other capture cannot be read.
-    pub fn new(set: PhotoSet, test: &Test, images: Images) -> Result<Self> {
+    pub fn new(set: PhotoSet, test: &Test, options: io::photos::Options) -> Result<Self> {
         let beside = || test_file(&set).map_or(Test::Every(TEST_EVERY), Test::Capture);
         let test = if *test == Test::Usual { beside() } else { test.clone() };
         let path = set.path.clone();
         let split = match test {
             Test::Usual | Test::Every(0) => Self { train: set, test: Vec::new(), notes: Vec::new() },
             Test::Every(every) => Self::every(set, every as usize),
-            Test::Capture(path) => Self::against(set, &path, images)?,
+            Test::Capture(path) => Self::against(set, &path, options)?,
         };
         let left = split.train.photos.len();
         if left < MIN_PHOTOS {
@@ -83,8 +82,8 @@ impl Split {
         Self { train, test, notes: Vec::new() }
     }
 
-    fn against(train: PhotoSet, path: &Path, images: Images) -> Result<Self> {
-        let test = io::photos::read(path, &io::photos::Options { images, intrinsics: None })?.photos;
+    fn against(train: PhotoSet, path: &Path, options: io::photos::Options) -> Result<Self> {
+        let test = io::photos::read(path, &options)?.photos;
         let mut notes = vec![format!("tested with the {} photos of {}", test.len(), path.display())];
         let frame = Frame::new(&train.cameras(), &train.points.positions);
         let is_near = |photo: &Photo| frame.to_training.point(photo.camera.pose.position).length() < NEARBY;
@@ -123,6 +122,7 @@ mod tests {
     use image::RgbImage;
 
     use super::*;
+    use crate::io::photos::Images;
     use crate::scene::camera::{Camera, Intrinsics, Pose};
     use crate::scene::lens::Distortion;
     use crate::scene::surface::Points;
@@ -149,7 +149,7 @@ mod tests {
     /// If this failed, figures would not compare with those of other trainers, or come from photos that were trained on.
     #[test]
     fn every_eighth_photo_from_the_first_is_for_testing() {
-        let split = |count, test| Split::new(set(count), &test, Images::Optional).unwrap();
+        let split = |count, test| Split::new(set(count), &test, Images::Optional.into()).unwrap();
         let usual = split(20, Test::Usual);
         assert_eq!(usual, split(20, Test::Every(8)));
         assert_eq!(names(&usual.test), ["00.png", "08.png", "16.png"]);
@@ -165,7 +165,7 @@ mod tests {
     #[test]
     fn too_few_photos_are_refused() {
         for (count, test) in [(2, Test::Usual), (20, Test::Every(1)), (1, Test::Every(0)), (0, Test::Usual)] {
-            let error = Split::new(set(count), &test, Images::Optional).unwrap_err().to_string();
+            let error = Split::new(set(count), &test, Images::Optional.into()).unwrap_err().to_string();
             assert!(error.starts_with("capture: ") && error.contains("`test_every`"), "{error}");
         }
     }
@@ -197,7 +197,7 @@ mod tests {
         }
         let split = |from: &Path, test: &Test| {
             let set = io::photos::read(from, &io::photos::Options::default()).unwrap();
-            Split::new(set, test, Images::Needed).unwrap()
+            Split::new(set, test, Images::Needed.into()).unwrap()
         };
         let given = split(folder.path(), &Test::Capture(path("transforms_test.json")));
         assert_eq!((given.train.photos.len(), given.test.len(), given.notes.len()), (4, 4, 1), "{:?}", given.notes);
@@ -210,7 +210,7 @@ mod tests {
         assert!(same.notes.iter().any(|note| note.starts_with("4 of the test photos")), "{:?}", same.notes);
         std::fs::copy(path("transforms_train.json"), path("transforms.json")).unwrap();
         assert_eq!(split(folder.path(), &Test::Usual).test.len(), 1);
-        let error = Split::new(set(4), &Test::Capture(path("none.json")), Images::Needed).unwrap_err();
+        let error = Split::new(set(4), &Test::Capture(path("none.json")), Images::Needed.into()).unwrap_err();
         assert!(error.to_string().contains("none.json"), "{error}");
     }
 }

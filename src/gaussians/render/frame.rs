@@ -6,6 +6,7 @@ use crate::photos::volume;
 use crate::scene::camera::Camera;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::similarity::Similarity;
+use crate::scene::stray::Reach;
 
 /// Depth in the training frame before which nothing is drawn.
 pub const NEAR: f32 = 0.01;
@@ -22,12 +23,14 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// The frame of training cameras. The extent is 1.1 times the largest distance of a camera from their mean; of cameras
-    /// that stand in one place it is the distance to the middle of the points, or the points' radius where that is larger, and 1
+    /// The frame of training cameras. The extent is 1.1 times the largest distance of a camera from their mean, strays apart (see
+    /// [`Reach::of_cameras`]); of cameras that stand in one place it is the distance to the middle of the points, or the points' radius where that is larger, and 1
     /// where there are none either.
     pub fn new(cameras: &[Camera], points: &[DVec3]) -> Self {
-        let positions = || cameras.iter().map(|camera| camera.pose.position);
-        let centre = positions().sum::<DVec3>() / cameras.len().max(1) as f64;
+        let all: Vec<DVec3> = cameras.iter().map(|camera| camera.pose.position).collect();
+        let reach = Reach::of_cameras(&all, points);
+        let positions = || all.iter().copied().filter(|position| reach.holds(*position));
+        let centre = positions().sum::<DVec3>() / positions().count().max(1) as f64;
         let widest = positions().map(|position| position.distance(centre)).fold(0.0, f64::max);
         let away = volume::around_points(points).map_or(0.0, |ball| ball.centre.distance(centre).max(ball.radius));
         let zero = 1e-9 * centre.length();
@@ -180,6 +183,19 @@ mod tests {
         let one = of(1.0, DVec3::ZERO);
         for other in [of(1e-3, DVec3::X), of(2e4, DVec3::new(5e5, 4e6, 100.0))] {
             assert!(one.iter().zip(&other).all(|(a, b)| a.distance(*b) < 1e-6));
+        }
+    }
+
+    /// If this failed, one wrong pose would shrink the scene to a speck, and training would learn nothing.
+    #[test]
+    fn a_stray_pose_does_not_change_the_frame() {
+        let mut all: Vec<Camera> = [0.0, 0.1, 0.2].iter().flat_map(|x| cameras(1.0, DVec3::splat(*x))).collect();
+        let frame = Frame::new(&all, &[]);
+        let mut stray = all[0].clone();
+        for far in [1e2, 1e5] {
+            stray.pose.position = DVec3::new(far, 1.0, -far);
+            all.push(stray.clone());
+            assert_eq!(Frame::new(&all, &[]), frame);
         }
     }
 

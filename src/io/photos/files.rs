@@ -1,6 +1,6 @@
 //! The image and mask files of photos: where they lie, and whether their size fits the camera.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::photos::{Header, Photo};
@@ -26,22 +26,47 @@ pub(crate) fn image_folders(root: &Path) -> Vec<PathBuf> {
     folders.filter(|folder| folder.is_dir()).collect()
 }
 
+/// The path of `name` in `folder`; none where it leads out of it. What it leads to need not be there.
+pub(crate) fn within(folder: &Path, name: &str) -> Option<PathBuf> {
+    let path = folder.join(name);
+    if Path::new(name).is_absolute() {
+        let absolute = |path: &Path| std::path::absolute(path).ok();
+        let inside = absolute(&path)?.starts_with(absolute(folder)?);
+        return (inside && !path.components().any(|part| part == Component::ParentDir)).then_some(path);
+    }
+    let mut depth = 0;
+    for part in Path::new(name).components() {
+        depth += match part {
+            Component::Normal(_) => 1,
+            Component::ParentDir => -1,
+            _ => 0,
+        };
+        if depth < 0 {
+            return None;
+        }
+    }
+    Some(path)
+}
+
 /// The image `name` in the first of `folders` that has it, with another extension where there is none with its own:
 /// shrunk copies are often stored in another format.
 pub(crate) fn image(folders: &[PathBuf], name: &str) -> Option<PathBuf> {
     folders.iter().find_map(|folder| {
-        let path = folder.join(name);
+        let path = within(folder, name)?;
         let others = EXTENSIONS.iter().map(|extension| path.with_extension(extension));
         std::iter::once(path.clone()).chain(others).find(|path| path.is_file())
     })
 }
 
-/// The mask of the image `name`: `masks/NAME.png` as COLMAP has it, the name with `.png` in place of its extension, or the
-/// same in the folder `mask`.
+/// The mask of the image `name`: `masks/NAME.png` as COLMAP has it, the name with `.png` in place of its extension, or either with
+/// the extension of another image format; or the same in the folder `mask`.
 pub(crate) fn mask(root: &Path, name: &str) -> Option<PathBuf> {
-    let files = MASKS.iter().flat_map(|folder| {
-        let folder = root.join(folder);
-        [folder.join(format!("{name}.png")), folder.join(name).with_extension("png")]
+    // PNG first: masks that were saved as JPEG too have lost something.
+    let extensions = || ["png"].into_iter().chain(EXTENSIONS.into_iter().filter(|extension| *extension != "png"));
+    let files = MASKS.iter().filter_map(|folder| within(&root.join(folder), name)).flat_map(|path| {
+        extensions().flat_map(move |extension| {
+            [PathBuf::from(format!("{}.{extension}", path.display())), path.with_extension(extension)]
+        })
     });
     files.into_iter().find(|path| path.is_file())
 }

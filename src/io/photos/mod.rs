@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 use self::files::Settled;
 use super::{colmap, ply, transforms};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, bounded};
 use crate::photos::{self, Convention, Photo, PhotoSet};
 use crate::scene::camera::Intrinsics;
 use crate::scene::surface::{Points, Surface};
@@ -40,6 +40,14 @@ pub struct Options {
     pub images: Images,
     /// The lens of a file of poses only; a guess, which the notes state, where none is given.
     pub intrinsics: Option<Intrinsics>,
+    /// Whether files that a transforms.json names outside its own folder are read too.
+    pub outside_paths: bool,
+}
+
+impl From<Images> for Options {
+    fn from(images: Images) -> Self {
+        Self { images, ..Self::default() }
+    }
 }
 
 /// What a format's reader hands over, before the files of images have been looked at.
@@ -95,6 +103,7 @@ pub fn read(path: &Path, options: &Options) -> Result<PhotoSet> {
     let warning = photos::check_convention(&set)?;
     set.notes = photos::describe(&set);
     set.notes.extend(notes.into_iter().chain(warning));
+    set.notes = set.notes.into_iter().map(bounded).collect();
     Ok(set)
 }
 
@@ -112,7 +121,7 @@ fn find(path: &Path, options: &Options) -> Result<Found> {
         let bytes = super::read_file(path)?;
         return match path.extension().is_some_and(|extension| extension == "log") {
             true => trajectory::read(path, &bytes, options.intrinsics),
-            false => from_transforms(path, &bytes),
+            false => from_transforms(path, &bytes, options),
         };
     }
     if let Some(model) = colmap::model_folder(path) {
@@ -120,7 +129,7 @@ fn find(path: &Path, options: &Options) -> Result<Found> {
     }
     let names = ["transforms.json", "transforms_train.json"];
     if let Some(file) = names.iter().map(|name| path.join(name)).find(|file| file.is_file()) {
-        let mut found = from_transforms(&file, &super::read_file(&file)?)?;
+        let mut found = from_transforms(&file, &super::read_file(&file)?, options)?;
         let others = ["transforms_val.json", "transforms_test.json"].map(|name| path.join(name).is_file());
         if file.ends_with(names[1]) && others.contains(&true) {
             found.notes.push("only transforms_train.json is read; name one of the others to read that".into());
@@ -137,9 +146,19 @@ fn find(path: &Path, options: &Options) -> Result<Found> {
     ))
 }
 
-fn from_transforms(path: &Path, bytes: &[u8]) -> Result<Found> {
+fn from_transforms(path: &Path, bytes: &[u8], options: &Options) -> Result<Found> {
     let mut notes = Vec::new();
-    let mut read = transforms::photos(path, bytes, &mut notes)?;
+    let mut read = transforms::photos(path, bytes, options.outside_paths, &mut notes)?;
+    if !read.outside.is_empty() {
+        let what = format!(
+            "files outside the capture's folder are not read: {}; copy them into it, or pass `outside_paths`",
+            some(&read.outside)
+        );
+        if options.images != Images::Optional {
+            return Err(Error::input(path, what));
+        }
+        notes.push(what);
+    }
     let root = path.parent().unwrap_or(Path::new(""));
     for photo in read.photos.iter_mut().filter(|photo| photo.mask.is_none()) {
         photo.mask = files::mask(root, &photo.camera.name);

@@ -155,6 +155,24 @@ fn frame(name: &str, x: u32, more: &str) -> String {
     )
 }
 
+/// If this failed, masks that were saved as JPEG would be left out without a word, and backgrounds be trained.
+#[test]
+fn masks_may_be_of_any_image_format() {
+    for mask in ["masks/a.jpg", "masks/a.JPG", "mask/a.jpeg", "masks/a.jpg.jpg"] {
+        let place = Place::colmap();
+        place.image("images/a.jpg", 40, 20);
+        place.image("images/sub/b.jpg", 40, 20);
+        place.image(mask, 40, 20);
+        let set = place.read(Images::Needed).unwrap();
+        assert!(
+            set.photos[0].mask.as_ref().is_some_and(|path| path.ends_with(mask)),
+            "{mask}: {:?}",
+            set.photos[0].mask
+        );
+        assert_eq!(set.photos[1].mask, None);
+    }
+}
+
 /// If this failed, what nerfstudio writes beside the poses would be lost: masks, seed points, lenses by frame.
 #[test]
 fn a_nerfstudio_folder() {

@@ -39,7 +39,9 @@ impl Decoded {
     /// Reads a file that [`is_splats`] accepts. The higher harmonics of packed files are read where `packed_rest` is set.
     pub fn read(path: &Path, bytes: &[u8], header: &Header, packed_rest: bool) -> Result<Self> {
         if !is_packed(header) {
-            return trained(path, &mut elements::read(path, bytes, header, is_used)?);
+            let mut decoded = trained(path, &mut elements::read(path, bytes, header, is_used)?)?;
+            decoded.centres.iter_mut().for_each(|centre| *centre += header.origin);
+            return Ok(decoded);
         }
         let mut columns = elements::read(path, bytes, header, |element, _| packed_rest || element != "sh")?;
         packed(path, &mut columns)

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use glam::DVec3;
+
 use crate::error::{Error, Result};
 
 /// How values are written.
@@ -75,6 +77,8 @@ pub(super) struct Element {
 pub(super) struct Header {
     pub encoding: Encoding,
     pub elements: Vec<Element>,
+    /// What positions of splats are less by, which are single precision: `comment camsplat offset X Y Z`.
+    pub origin: DVec3,
     /// Offset of the first byte after the header.
     pub end: usize,
 }
@@ -87,6 +91,7 @@ impl Header {
         }
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
+        let mut origin = DVec3::ZERO;
         let mut end = 0;
         for number in 1.. {
             let Some(length) = bytes[end..].iter().position(|&b| b == b'\n') else {
@@ -101,6 +106,12 @@ impl Header {
                 ["ply"] if number == 1 => {}
                 _ if number == 1 => return refuse("is not `ply`; this is not a PLY file"),
                 ["end_header"] => break,
+                ["comment", "camsplat", "offset", x, y, z] => {
+                    let [Ok(x), Ok(y), Ok(z)] = [x, y, z].map(str::parse::<f64>) else {
+                        return refuse("gives no offset in three numbers");
+                    };
+                    origin = DVec3::new(x, y, z);
+                }
                 ["comment" | "obj_info", ..] | [] => {}
                 ["format", name, "1.0"] => {
                     encoding = match name {
@@ -137,7 +148,7 @@ impl Header {
             }
         }
         match encoding {
-            Some(encoding) => Ok(Self { encoding, elements, end }),
+            Some(encoding) => Ok(Self { encoding, elements, origin, end }),
             None => Err(Error::input(path, "the header has no `format` line; export the file again")),
         }
     }

@@ -1,18 +1,20 @@
-//! PLY files that camsplat writes: binary little-endian, positions as float.
+//! PLY files that camsplat writes: binary little-endian, positions as float, or as double where float would move them.
 
 use glam::DVec3;
 
 use crate::scene::gaussians::Gaussians;
+use crate::scene::stray::Reach;
 use crate::scene::surface::Points;
 
 /// Bytes of a file of coloured points: x y z, red green blue (8-bit sRGB) and, where given, one more float property.
 /// Points without a colour are mid grey; `colours` and the property's values go by point.
 pub fn points(positions: &[DVec3], colours: &[[u8; 3]], property: Option<(&str, &[f32])>) -> Vec<u8> {
     let declaration = property.map_or(String::new(), |(name, _)| format!("property float {name}\n"));
-    let mut bytes = header(positions.len(), &declaration);
+    let precision = Precision::of(positions);
+    let mut bytes = header(positions.len(), precision, &declaration);
     bytes.extend(b"end_header\n");
     for (i, &position) in positions.iter().enumerate() {
-        vertex(&mut bytes, position, colours.get(i).copied().unwrap_or([128; 3]));
+        vertex(&mut bytes, precision, position, colours.get(i).copied().unwrap_or([128; 3]));
         if let Some((_, values)) = property {
             bytes.extend(values.get(i).copied().unwrap_or(f32::NAN).to_le_bytes());
         }
@@ -34,10 +36,11 @@ pub(crate) fn surface_points(surface: &Points) -> Vec<u8> {
     declare(!radii.is_empty(), &["radius"]);
     declare(!scores.is_empty(), &["vds"]);
     let declarations: String = names.iter().map(|name| format!("property float {name}\n")).collect();
-    let mut bytes = header(positions.len(), &declarations);
+    let precision = Precision::of(positions);
+    let mut bytes = header(positions.len(), precision, &declarations);
     bytes.extend(b"end_header\n");
     for (i, &position) in positions.iter().enumerate() {
-        vertex(&mut bytes, position, colours.get(i).copied().unwrap_or([128; 3]));
+        vertex(&mut bytes, precision, position, colours.get(i).copied().unwrap_or([128; 3]));
         let normal = normals.get(i).map(|n| n.as_vec3().to_array());
         let values = normal.iter().flatten().chain(radii.get(i)).chain(scores.get(i));
         values.for_each(|v| bytes.extend(v.to_le_bytes()));
@@ -47,11 +50,12 @@ pub(crate) fn surface_points(surface: &Points) -> Vec<u8> {
 
 /// Bytes of a file of triangles with a colour (8-bit sRGB) for each vertex; `triangles` index into `vertices`.
 pub fn mesh(vertices: &[(DVec3, [u8; 3])], triangles: &[[u32; 3]]) -> Vec<u8> {
-    let mut bytes = header(vertices.len(), "");
+    let precision = Precision::of(&vertices.iter().map(|(position, _)| *position).collect::<Vec<_>>());
+    let mut bytes = header(vertices.len(), precision, "");
     bytes.extend(format!("element face {}\nproperty list uchar int vertex_indices\n", triangles.len()).bytes());
     bytes.extend(b"end_header\n");
     for &(position, colour) in vertices {
-        vertex(&mut bytes, position, colour);
+        vertex(&mut bytes, precision, position, colour);
     }
     for triangle in triangles {
         bytes.push(3);
@@ -61,7 +65,8 @@ pub fn mesh(vertices: &[(DVec3, [u8; 3])], triangles: &[[u32; 3]]) -> Vec<u8> {
 }
 
 /// Bytes of a file of trained splats in the usual 3DGS layout, which other programs read: x y z, nx ny nz (zero), f_dc_0 to
-/// f_dc_2, f_rest_0 and on (all of red first; none at degree 0), opacity, scale_0 to scale_2, rot_0 to rot_3, all float.
+/// f_dc_2, f_rest_0 and on (all of red first; none at degree 0), opacity, scale_0 to scale_2, rot_0 to rot_3, all float. Where float
+/// would move them, positions are less a whole offset that a comment in the header gives, and that is added on reading.
 pub fn gaussians(gaussians: &Gaussians) -> Vec<u8> {
     let each = gaussians.coefficients();
     let rest: Vec<String> = (0..3 * (each - 1)).map(|k| format!("f_rest_{k}")).collect();
@@ -70,15 +75,22 @@ pub fn gaussians(gaussians: &Gaussians) -> Vec<u8> {
     let names = first.chain(rest.iter().map(String::as_str)).chain(last);
     let properties: String = names.map(|name| format!("property float {name}\n")).collect();
     let count = gaussians.len();
+    let (origin, offset) = match Precision::of(&gaussians.centres) {
+        Precision::Single => (DVec3::ZERO, String::new()),
+        Precision::Double => {
+            let origin = Reach::of(&gaussians.centres).centre.round();
+            (origin, format!("comment camsplat offset {} {} {}\n", origin.x, origin.y, origin.z))
+        }
+    };
     let mut bytes = format!(
-        "ply\nformat binary_little_endian 1.0\ncomment written by camsplat\nelement vertex {count}\n\
+        "ply\nformat binary_little_endian 1.0\ncomment written by camsplat\n{offset}element vertex {count}\n\
          {properties}end_header\n"
     )
     .into_bytes();
     for i in 0..count {
         let harmonics = &gaussians.harmonics[3 * each * i..3 * each * (i + 1)];
         let mut put = |values: &[f32]| values.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
-        put(&gaussians.centres[i].as_vec3().to_array());
+        put(&(gaussians.centres[i] - origin).as_vec3().to_array());
         put(&[0.0; 3]);
         put(&harmonics[..3]);
         for channel in 0..3 {
@@ -91,19 +103,43 @@ pub fn gaussians(gaussians: &Gaussians) -> Vec<u8> {
     bytes
 }
 
+/// How positions are stored.
+#[derive(Clone, Copy, PartialEq)]
+enum Precision {
+    Single,
+    Double,
+}
+
+impl Precision {
+    /// Single where it suffices, as most programs write it. Far away from the origin, as georeferenced positions lie, it would move
+    /// them by more than a hundred-thousandth of the size of what they show.
+    fn of(positions: &[DVec3]) -> Self {
+        let reach = Reach::of(positions);
+        let error = reach.centre.abs().max_element() * f64::from(f32::EPSILON);
+        if error > 1e-5 * reach.scale { Self::Double } else { Self::Single }
+    }
+}
+
 /// The header up to and with the element `vertex`.
-fn header(vertices: usize, more: &str) -> Vec<u8> {
+fn header(vertices: usize, precision: Precision, more: &str) -> Vec<u8> {
+    let kind = match precision {
+        Precision::Single => "float",
+        Precision::Double => "double",
+    };
     format!(
         "ply\nformat binary_little_endian 1.0\ncomment written by camsplat\nelement vertex {vertices}\n\
-         property float x\nproperty float y\nproperty float z\n\
+         property {kind} x\nproperty {kind} y\nproperty {kind} z\n\
          property uchar red\nproperty uchar green\nproperty uchar blue\n{more}"
     )
     .into_bytes()
 }
 
 /// Appends a position and a colour.
-fn vertex(bytes: &mut Vec<u8>, position: DVec3, colour: [u8; 3]) {
-    position.as_vec3().to_array().iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+fn vertex(bytes: &mut Vec<u8>, precision: Precision, position: DVec3, colour: [u8; 3]) {
+    match precision {
+        Precision::Single => position.as_vec3().to_array().iter().for_each(|v| bytes.extend(v.to_le_bytes())),
+        Precision::Double => position.to_array().iter().for_each(|v| bytes.extend(v.to_le_bytes())),
+    }
     bytes.extend(colour);
 }
 
@@ -146,6 +182,29 @@ mod tests {
         let plain = Points { positions: surface.positions, colours: surface.colours, ..Points::default() };
         let Surface::Points(back) = read(&surface_points(&plain)) else { panic!("not points") };
         assert_eq!(back, plain);
+    }
+
+    /// If this failed, georeferenced surfaces and splats would move by half a metre when they are written.
+    #[test]
+    fn positions_far_from_the_origin_survive_a_round_trip() {
+        let far = DVec3::new(512_345.0, 5_412_345.0, 231.0);
+        let positions: Vec<DVec3> = (0..50).map(|i| far + DVec3::new(0.01, 0.3, 0.07) * f64::from(i)).collect();
+        let Surface::Points(back) = read(&points(&positions, &[], None)) else { panic!("not points") };
+        assert_eq!(back.positions, positions);
+        let splats = Gaussians {
+            centres: positions.clone(),
+            log_scales: vec![[0.0; 3]; 50],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; 50],
+            opacities: vec![1.0; 50],
+            degree: 0,
+            harmonics: vec![0.5; 150],
+        };
+        let bytes = gaussians(&splats);
+        let back = super::super::gaussians(Path::new("a.ply"), &bytes, &mut Vec::new()).unwrap();
+        let Surface::Points(discs) = read(&bytes) else { panic!("not points") };
+        for centres in [back.centres, discs.positions] {
+            assert!(centres.iter().zip(&positions).all(|(a, b)| a.distance(*b) < 1e-6));
+        }
     }
 
     /// If this failed, exported meshes would have wrong faces in a viewer.

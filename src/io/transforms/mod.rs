@@ -16,7 +16,8 @@ use serde::Deserialize;
 pub use self::write::{write, write_photos};
 use super::checks;
 use super::matrix::{self, Axes};
-use crate::error::{Error, Result};
+use super::photos::files;
+use crate::error::{Error, Result, bounded};
 use crate::photos::Photo;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::lens::Distortion;
@@ -90,6 +91,8 @@ pub struct Transforms {
     pub missing_masks: Vec<String>,
     /// The file of seed points that `ply_file_path` names.
     pub points: Option<PathBuf>,
+    /// Names that lead out of the file's folder, and are not followed.
+    pub outside: Vec<String>,
 }
 
 /// Reads cameras as [`photos`] does, without their distortion; `notes` says so, and of all else that a user should know.
@@ -97,7 +100,7 @@ pub struct Transforms {
 /// # Errors
 /// See [`photos`].
 pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<Camera>> {
-    let photos = photos(path, bytes, notes)?.photos;
+    let photos = photos(path, bytes, false, notes)?.photos;
     let distorted = photos.iter().filter(|photo| !photo.distortion.is_none()).count();
     if distorted > 0 {
         notes.push(format!(
@@ -110,16 +113,25 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<C
 
 /// Reads photos from the bytes of a transforms.json. Images are looked for beside `path`: their headers give the size
 /// where the file does not, and the intrinsics are rescaled where a stored image has another size than w and h say.
-/// A camera is named by its `file_path` after the folder `images`, which is how COLMAP names the same image.
+/// A camera is named by its `file_path` after the folder `images`, which is how COLMAP names the same image. Files outside the folder
+/// of `path` are looked at only where `outside` is set.
 ///
 /// # Errors
 /// When the file is no such JSON, a frame has no pose or a matrix that is none, or an image size or focal length cannot be
 /// known.
-pub fn photos(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Transforms> {
+pub fn photos(path: &Path, bytes: &[u8], outside: bool, notes: &mut Vec<String>) -> Result<Transforms> {
     let file: File = super::json(path, bytes)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut photos = Vec::with_capacity(file.frames.len());
     let mut missing_masks = Vec::new();
+    let mut left_out = Vec::new();
+    let mut place = |name: &str| {
+        let path = if outside { Some(folder.join(name)) } else { files::within(folder, name) };
+        if path.is_none() {
+            left_out.push(name.to_owned());
+        }
+        path
+    };
     let mut rescaled = 0;
     let mut unknown_models = BTreeSet::new();
     for (i, frame) in file.frames.iter().enumerate() {
@@ -133,14 +145,14 @@ pub fn photos(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Tran
         };
         let pose = matrix::pose(rows, Axes::OpenGl).map_err(|what| refuse(&format!("transform_matrix {what}")))?;
         let lens = frame.lens.or(file.lens);
-        let image = stored_image(folder, &frame.file_path);
-        let stored = image.as_deref().and_then(super::photos::files::size);
+        let image = place(&frame.file_path).and_then(stored_image);
+        let stored = image.as_deref().and_then(files::size);
         let intrinsics = lens.intrinsics(stored).map_err(|what| refuse(&what))?;
         rescaled += usize::from(stored.is_some() && lens.size().is_ok_and(|size| size.is_some() && size != stored));
         let fisheye = file.is_fisheye || model.is_some_and(|model| model.contains("FISHEYE"));
         let unknown = model.filter(|model| !MODELS.contains(&model.as_str()));
         unknown_models.extend(unknown.map(|model| (model, fisheye)));
-        let named_mask = frame.mask_path.as_ref().map(|mask| folder.join(mask));
+        let named_mask = frame.mask_path.as_ref().and_then(|mask| place(mask));
         missing_masks.extend(named_mask.iter().filter(|mask| !mask.is_file()).map(|mask| mask.display().to_string()));
         photos.push(Photo {
             camera: Camera { name: name(&frame.file_path, image.as_deref()), pose, intrinsics },
@@ -151,7 +163,7 @@ pub fn photos(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Tran
     }
     for (model, fisheye) in unknown_models {
         let lens = if fisheye { "fisheye of k1 to k4" } else { "pinhole with the distortion of k1 to k4, p1 and p2" };
-        notes.push(format!("camera_model {model:?} is not known and taken for a {lens}"));
+        notes.push(bounded(format!("camera_model {model:?} is not known and taken for a {lens}")));
     }
     if rescaled > 0 {
         notes.push(format!("the intrinsics of {rescaled} cameras were rescaled to the size of their stored images"));
@@ -160,7 +172,8 @@ pub fn photos(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Tran
         notes.push("poses are taken as they stand, in the frame after the file's applied_transform".into());
     }
     checks::cameras(path, photos.iter().map(|photo| &photo.camera))?;
-    Ok(Transforms { photos, missing_masks, points: file.ply_file_path.map(|points| folder.join(points)) })
+    let points = file.ply_file_path.and_then(|points| place(&points));
+    Ok(Transforms { photos, missing_masks, points, outside: left_out })
 }
 
 impl Lens {
@@ -208,7 +221,7 @@ impl Lens {
         let principal = [self.cx.unwrap_or(half[0]), self.cy.unwrap_or(half[1])];
         let given = Intrinsics { width: w, height: h, focal: [x, y], principal };
         let (width, height) = stored.unwrap_or((w, h));
-        given.resized(width, height).ok_or_else(|| super::photos::files::disagreement(&given, width, height))
+        given.resized(width, height).ok_or_else(|| files::disagreement(&given, width, height))
     }
 
     /// The distortion. nerfstudio has four radial factors for perspective cameras as for fisheyes.
@@ -223,8 +236,7 @@ impl Lens {
 }
 
 /// The image file of a frame, which may be named without an extension.
-fn stored_image(folder: &Path, file_path: &str) -> Option<PathBuf> {
-    let path = folder.join(file_path);
+fn stored_image(path: PathBuf) -> Option<PathBuf> {
     let with_extension = |extension: &&str| PathBuf::from(format!("{}.{extension}", path.display()));
     std::iter::once(path.clone()).chain(IMAGE_EXTENSIONS.iter().map(with_extension)).find(|path| path.is_file())
 }
@@ -335,7 +347,7 @@ mod tests {
             let (a, b) = (frame("a.png"), frame("b.png"));
             let text = format!(r#"{{"fl_x": 10, "w": 10, "h": 10, "camera_model": "{model}", "frames": [{a}, {b}]}}"#);
             let mut notes = Vec::new();
-            photos(Path::new("t.json"), text.as_bytes(), &mut notes).unwrap();
+            photos(Path::new("t.json"), text.as_bytes(), false, &mut notes).unwrap();
             notes
         };
         assert!(matches!(&noted("WOBBLE")[..], [note] if note.contains("camera_model \"WOBBLE\" is not known")));

@@ -183,7 +183,7 @@ mod tests {
             let (text, notes) = write_photos(&[&written[0], &written[1]], None);
             // Loaders that ask the top of the file alone take the fisheye for the other.
             assert_eq!(notes.len(), usize::from(lenses[0].fisheye != lenses[1].fisheye), "{notes:?}");
-            let read = photos(Path::new(PATH), text.as_bytes(), &mut Vec::new()).unwrap().photos;
+            let read = photos(Path::new(PATH), text.as_bytes(), false, &mut Vec::new()).unwrap().photos;
             for (a, b) in written.iter().zip(&read) {
                 assert_same(&a.camera, &b.camera);
                 assert_eq!(a.distortion, b.distortion);
@@ -192,7 +192,7 @@ mod tests {
         let rational = photo("c.png", Distortion { rational: [0.1, 0.0, 0.0], ..none });
         let (text, notes) = write_photos(&[&rational, &photo("d.png", perspective)], Some("points.ply"));
         assert!(notes[0].contains("the lenses of 1 of 2 photos"), "{notes:?}");
-        let read = photos(Path::new(PATH), text.as_bytes(), &mut Vec::new()).unwrap();
+        let read = photos(Path::new(PATH), text.as_bytes(), false, &mut Vec::new()).unwrap();
         assert!(read.photos[0].distortion.is_none() && !read.photos[1].distortion.is_none());
         assert_eq!(read.points.unwrap(), Path::new("no-such-folder/points.ply"));
     }
