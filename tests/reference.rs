@@ -1,5 +1,6 @@
 //! The documentation that the program can check: the command reference, and the links between pages.
 
+#[path = "support/command/mod.rs"]
 mod command;
 
 use std::fmt::Write as _;
@@ -166,28 +167,28 @@ fn guides_and_help_use_the_words_of_the_field() {
 const TWINS: [(&str, &str, &str); 24] = [
     ("bin_", "src/plan/dense.rs", "fn dense("),
     ("check_depth", "src/stereo/consistency.rs", "fn check("),
-    ("copy_words", "tests/primitives_copy.rs", "fn whole_vectors_are_copied_and_nothing_behind_them"),
-    ("cover_weigh", "tests/gaussian_fisher.rs", "fn what_is_not_covered_agrees_with_the_definition"),
-    ("density_", "tests/training.rs", "fn a_small_scene_is_learnt"),
-    ("first_hit", "tests/photograph.rs", "fn the_middle_of_a_pixel_is_where_the_surface_is"),
+    ("copy_words", "tests/engine/primitives_copy.rs", "fn whole_vectors_are_copied_and_nothing_behind_them"),
+    ("cover_weigh", "tests/engine/gaussian_fisher.rs", "fn what_is_not_covered_agrees_with_the_definition"),
+    ("density_", "tests/engine/training.rs", "fn a_small_scene_is_learnt"),
+    ("first_hit", "tests/engine/photograph.rs", "fn the_middle_of_a_pixel_is_where_the_surface_is"),
     ("fisher_", "src/gaussians/twin/fisher.rs", "fn information("),
     ("mcmc_split", "src/gaussians/twin/optimise.rs", "fn split("),
-    ("mcmc_copy", "tests/training.rs", "fn relocated_splats_look_as_their_source_did"),
+    ("mcmc_copy", "tests/engine/training.rs", "fn relocated_splats_look_as_their_source_did"),
     ("mcmc_", "src/gaussians/twin/optimise.rs", "fn draws("),
-    ("noise_spread", "tests/manifold.rs", "fn the_spread_is_the_variance_of_perturbed_pictures"),
+    ("noise_spread", "tests/engine/manifold.rs", "fn the_spread_is_the_variance_of_perturbed_pictures"),
     ("noise_", "src/gaussians/uncertainty/manifold.rs", "fn perturbation("),
     ("photo_", "src/gaussians/twin/loss.rs", "fn ssim("),
     ("plane_sweep", "src/stereo/cost.rs", "fn cost("),
     ("radix_", "src/primitives/twin.rs", "fn radix_sort("),
     ("refine_depth", "src/stereo/cost.rs", "fn cost("),
-    ("relocate", "tests/relocation.rs", "fn the_least_useful_are_relocated_and_only_into_the_region"),
+    ("relocate", "tests/engine/relocation.rs", "fn the_least_useful_are_relocated_and_only_into_the_region"),
     ("scan_", "src/primitives/twin.rs", "fn scan("),
-    ("snapshot", "tests/planner.rs", "fn a_plan_is_better_than_its_start"),
+    ("snapshot", "tests/engine/planner.rs", "fn a_plan_is_better_than_its_start"),
     ("splat_update", "src/gaussians/twin/optimise.rs", "fn adam("),
     ("splat_project", "src/gaussians/twin/project.rs", "fn project("),
     ("splat_", "src/gaussians/twin/composite.rs", "fn forward("),
     ("update_", "src/plan/update.rs", "fn update("),
-    ("train_tally", "tests/training.rs", "fn a_loss_that_is_no_number_ends_the_run"),
+    ("train_tally", "tests/engine/training.rs", "fn a_loss_that_is_no_number_ends_the_run"),
 ];
 
 /// If this failed, a stage would have been added that nothing compares with what it should compute.

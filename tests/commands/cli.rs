@@ -1,0 +1,496 @@
+//! The built command: what a plan leaves, what each option does, how a run is watched and stopped.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::support::command::{FILES, Place, SHORT, SMALL, ended, read_until, stop};
+use crate::support::splats::capture;
+use camsplat::io;
+use camsplat::metrics::Metrics;
+use camsplat::plan::record::Status;
+use camsplat::scene::camera::Camera;
+use camsplat::scene::gaussians::Gaussians;
+use glam::DVec3;
+
+/// Asserts that two camera sets are the same up to what a round trip through another format costs.
+#[track_caller]
+fn assert_same_cameras(left: &[Camera], right: &[Camera]) {
+    assert_eq!(left.len(), right.len());
+    for (a, b) in left.iter().zip(right) {
+        assert!(a.pose.position.distance(b.pose.position) < 1e-9, "{a:?} {b:?}");
+        assert!(a.pose.rotation.dot(b.pose.rotation).abs() > 1.0 - 1e-9, "{a:?} {b:?}");
+        assert!((a.intrinsics.focal[0] - b.intrinsics.focal[0]).abs() < 1e-6, "{a:?} {b:?}");
+    }
+}
+
+/// If this failed, a user would not find what the documentation promises, or find another plan in one file than in the
+/// next.
+#[test]
+fn a_plan_leaves_every_file_and_they_agree() {
+    let place = Place::new();
+    let ran = place.done(&format!("plan ball.ply --out o {SHORT} --relocate-every 5 --size 640x480"));
+    assert_eq!(place.files("o"), FILES);
+    assert_eq!(
+        place.files(""),
+        [&["ball.ply"], &FILES.map(|file| format!("o/{file}")).each_ref().map(String::as_str)[..]].concat()
+    );
+    for line in ["surface  ball.ply: ", "region   shell around", "device   ", "plan     5 views, 0 kept, 20 iterations"]
+    {
+        assert!(ran.out.contains(line), "{line:?} is not in {}", ran.out);
+    }
+    let plan = place.plan("o");
+    assert_eq!((plan.status, plan.cameras.len(), plan.kept, plan.history.len()), (Status::Complete, 5, 0, 20));
+    assert_eq!(plan.checkpoints.iter().map(|c| c.iteration).collect::<Vec<_>>(), [0, 10, 20]);
+    assert!(plan.metrics.coverage_1 > 0.0 && plan.history.iter().all(|row| row.loss.is_finite()));
+    for file in ["plan.json", "transforms.json", "sparse/0", ""] {
+        assert_same_cameras(&io::read_cameras(&place.path("o").join(file)).unwrap(), &plan.cameras);
+    }
+    assert_eq!(place.read("o/cameras.csv").lines().count(), 6);
+    assert!(place.read("o/report.html").trim_end().ends_with("</html>"));
+    // The exports are surfaces themselves: the reader refuses what is damaged.
+    for file in ["points.ply", "coverage.ply", "frusta.ply", "sparse/0"] {
+        assert!(io::read_surface(&place.path("o").join(file)).is_ok(), "{file}");
+    }
+}
+
+/// If this failed, `score` would judge a plan by another measure than `plan` did, or an export would have moved the
+/// cameras.
+#[test]
+fn score_of_our_own_files_gives_the_metrics_of_the_plan() {
+    let place = Place::new();
+    for (options, field) in [("", ""), ("--gate soft", "--cone")] {
+        place.done(&format!("plan ball.ply --out o --force {SHORT} --seed 3 {options}"));
+        let plan = place.plan("o");
+        let expected = plan.metrics;
+        for file in ["plan.json", "transforms.json", "sparse/0"] {
+            place.done(&format!("score ball.ply o/{file} --held-out 60 --seed 3 --json m.json {field}"));
+            let found: Metrics = serde_json::from_str(&place.read("m.json")).unwrap();
+            if file == "plan.json" {
+                assert_eq!(found, expected, "{field}");
+                let scores: serde_json::Value = serde_json::from_str(&place.read("m.json")).unwrap();
+                let db = |expected: &serde_json::Value| expected["db"].as_f64().unwrap();
+                let planned = serde_json::to_value(&plan.expected).unwrap();
+                assert!((db(&scores["expected"]) - db(&planned)).abs() < 0.02, "{} was {planned}", scores["expected"]);
+            }
+            let numbers = |m: &Metrics| -> BTreeMap<String, f64> {
+                serde_json::from_value(serde_json::to_value(m).unwrap()).unwrap()
+            };
+            for ((name, a), (_, b)) in numbers(&found).iter().zip(&numbers(&expected)) {
+                assert!((a - b).abs() <= 1e-5 * b.abs(), "{file} {field}: {name} is {a} and was {b}");
+            }
+        }
+    }
+}
+
+/// If this failed, cameras that a user has already would be moved, lost, or be mistaken for planned ones.
+#[test]
+fn kept_cameras_stay_where_they_are() {
+    let place = Place::new();
+    place.done(&format!("plan ball.ply --out first {SHORT}"));
+    let kept = place.plan("first").cameras;
+    for file in ["plan.json", "transforms.json", "sparse/0", ""] {
+        place.done(&format!("plan ball.ply --out second --force {SHORT} --seed 1 --keep first/{file}"));
+        let plan = place.plan("second");
+        assert_eq!((plan.cameras.len(), plan.kept), (10, 5), "{file}");
+        assert_same_cameras(&plan.cameras[5..], &kept);
+        let names: BTreeSet<&str> = plan.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        assert_eq!(names.len(), 10, "{file}: {names:?}");
+        assert_same_cameras(&io::read_cameras(&place.path("second/transforms.json")).unwrap(), &plan.cameras);
+    }
+    // Planned around the kept ones: without them the same seed gives another plan.
+    place.done(&format!("plan ball.ply --out alone {SHORT} --seed 1"));
+    assert_ne!(place.plan("alone").cameras[0].pose, place.plan("second").cameras[0].pose);
+}
+
+/// Options in the help of a subcommand, each with the values that it lists.
+fn options(place: &Place, subcommand: &str) -> BTreeMap<String, Vec<String>> {
+    let help = place.done(&format!("{subcommand} --help")).out;
+    let mut options = BTreeMap::new();
+    let mut last = String::new();
+    for line in help.lines().map(str::trim) {
+        if let Some(at) = line.find("--").filter(|at| *at == 0 || line.starts_with('-')) {
+            last = line[at + 2..].split([' ', ',', '=']).next().unwrap().to_owned();
+            options.insert(last.clone(), Vec::new());
+        }
+        let values = line.split_once("[possible values: ").map(|(_, rest)| rest.trim_end_matches(']').split(", "));
+        if let Some(values) = values {
+            options.insert(last.clone(), values.map(str::to_owned).collect());
+        } else if let Some(value) = line.strip_prefix("- ") {
+            options.entry(last.clone()).or_default().push(value.split(':').next().unwrap().to_owned());
+        }
+    }
+    options
+}
+
+/// If this failed, an option that the help shows would be refused, or stop a run that it should only change; or one has
+/// been added that nothing tests.
+#[test]
+fn every_option_of_the_help_is_accepted() {
+    let place = Place::new();
+    place.done(&format!("plan ball.ply --out first {SHORT}"));
+    let runs = [
+        "--preset object --shell 0,0,0,2,3 --floor -2.5 --up +z --clearance 0.1 --fov 60 --size 640x480 --device 0 \
+         --debug-sync --profile --trace t.json",
+        "--box -3,-3,-3,3,3,3 --preset object --keep first --seed 7 --gate-softness 0.01",
+        "--iterative --base-loss --no-vds --no-occlusion --no-reg --no-relocation --dry-run",
+        "--iterative --equal-directions --no-occlusion --no-reg --no-relocation",
+        "--base-loss --relocate-every 5 --lambda-reg 2 --lambda-bound 3 --lambda-scale 0.1 --alpha 0.2 --scale 0.3",
+        "--lr-scale 0 --lr-position 0.01 --lr-direction 0.03 --probes 8 --resolution 24",
+        "--viewers shell:0,0,0,2,4",
+        "--viewers box:-4,-4,2,4,4,5",
+        "--viewers cone:120,0,-1,0",
+        "--viewers heights:-0.5,1.5",
+        "--viewers first",
+        "--wall 0,0,-2.5,0,0,1 --keep-out boxes.json --heights -2,2.5 --walk 2.4,0.5,-1,0.2,1.6",
+    ];
+    place.write("boxes.json", r#"{"boxes": [[-4, -4, 1, 4, -0.5, 4]]}"#);
+    let known = options(&place, "plan");
+    let mut tried: BTreeSet<String> = BTreeSet::new();
+    // Capturing and the baselines have their own tests, and help ends every run.
+    tried.extend(
+        ["renderdoc", "curve", "help", "method", "candidates", "nodes", "hidden-nodes", "model", "antialiased"]
+            .map(str::to_owned),
+    );
+    tried.extend(["renders", "steps", "look-size", "noise-steps"].map(str::to_owned));
+    let mut try_with = |given: &str| {
+        let arguments = format!("plan ball.ply --out o --force {SHORT} {given}");
+        place.done(&arguments);
+        tried.extend(arguments.split_whitespace().filter_map(|word| word.strip_prefix("--")).map(str::to_owned));
+    };
+    runs.iter().for_each(|given| try_with(given));
+    for (option, values) in known.iter().filter(|(option, _)| *option != "method") {
+        values.iter().for_each(|value| try_with(&format!("--{option} {value}")));
+    }
+    assert_eq!(known.keys().filter(|option| !tried.contains(*option)).collect::<Vec<_>>(), [""; 0]);
+    assert!(known["gate"].len() >= 4 && known["preset"].len() == 2, "the help was misread: {known:?}");
+
+    let given = "--preset room --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --floor -0.5 --up z --clearance 0.1 \
+                 --device 0 --debug-sync --held-out 50 --seed 4 --cone --all --viewers heights:-0.9,0.5 --json m.json --wall 0,0,-0.7,0,0,1 --keep-out small.json --heights -0.4,0.4 \
+                 --walk 0.5,0.5,-0.5,0.05,0.3";
+    place.write("small.json", r#"{"boxes": [[-0.9, -0.9, 0.2, -0.6, -0.6, 0.4]]}"#);
+    place.done(&format!("score ball.ply first/plan.json {given}"));
+    place.done("score ball.ply first/plan.json --shell 0,0,0,2,3");
+    // A plan's own region is taken, from its folder as from its file; one that cannot be read is told.
+    place.done(&format!("plan ball.ply --out own {SHORT} --shell 0,0,0,2.25,3"));
+    for cameras in ["own", "own/plan.json"] {
+        let scored = place.done(&format!("score ball.ply {cameras}"));
+        assert!(scored.out.contains("radii 2.250 to 3.000"), "{cameras}: {}", scored.out);
+    }
+    place.write("other.json", place.read("first/plan.json").replace("\"clearance\"", "\"clarity\""));
+    let scored = place.done("score ball.ply other.json --shell 0,0,0,2,3");
+    assert!(
+        scored.out.contains("the region in other.json cannot be read") && scored.out.contains("clearance"),
+        "{}",
+        scored.out
+    );
+    let untried: Vec<String> =
+        options(&place, "score").into_keys().filter(|name| !given.contains(name) && name != "shell").collect();
+    assert_eq!(untried, ["help"]);
+
+    place.write("splats.ply", io::ply::write::gaussians(&one_splat()));
+    let given = "--out r --format exr --alpha --depth --antialiased --size 64x64 --near 0.1 --device 0 --debug-sync";
+    place.done(&format!("render splats.ply first {given}"));
+    place.done("render splats.ply first --out r --force --format png --background 0.2,0.5,1 --size 32x32");
+    let untried: Vec<String> = options(&place, "render").into_keys().filter(|name| !given.contains(name)).collect();
+    assert_eq!(untried, ["background", "force", "help"]);
+
+    for name in ["a.png", "b.png"] {
+        image::RgbImage::from_fn(40, 32, |x, y| image::Rgb([x as u8, y as u8, 9])).save(place.path(name)).unwrap();
+    }
+    let assets = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/lpips/alex_f16.safetensors");
+    let given = format!("--lpips-alex {assets} --lpips-vgg none --json m.json --device 0 --debug-sync");
+    let known = options(&place, "metrics");
+    let untried: Vec<&String> = known.keys().filter(|name| !given.contains(&format!("--{name} "))).collect();
+    assert_eq!(untried, ["background", "debug-sync", "help", "lpips"]);
+    place.done(&format!("metrics a.png b.png {given}"));
+    // What needs the weights of VGG16 is tried where they are at hand.
+    for (option, values) in [("background", &["black", "white"][..]), ("lpips", &["alex", "none"])] {
+        values.iter().for_each(|value| drop(place.done(&format!("metrics a.png b.png --{option} {value}"))));
+    }
+}
+
+/// As above, for training: what is asked for must be what runs, too.
+#[test]
+fn every_option_of_train_is_accepted_and_counts() {
+    let place = Place::new();
+    capture::write(&place.path("capture"), 6, 32);
+    capture::write(&place.path("more"), 2, 32);
+    let given = "--max-splats 100 --strategy adc --sh 1 --background random --antialiased --init-opacity 0.2 \
+                 --init-scale 0.7 --shrink 2 --skip-missing --seed 3 --save-every 1 --evaluate-every 1 --profile \
+                 --trace t.json --device 0 --debug-sync --iterations 3 --out o";
+    let ran = place.done(&format!("train capture --test-every 3 {given}"));
+    let record: serde_json::Value = serde_json::from_str(&place.read("o/train.json")).unwrap();
+    let expected = serde_json::json!({
+        "iterations": 3, "max_splats": 100, "strategy": "adc", "degree": 1, "background": "random",
+        "antialiased": true, "fast": false, "seed": 3, "init_opacity": 0.2, "init_scale": 0.7,
+    });
+    assert_eq!(record["config"], expected);
+    assert_eq!((&record["photos"]["largest"], &record["photos"]["test"]), (&serde_json::json!([16, 12]), &2.into()));
+    assert_eq!(record["evaluations"].as_array().unwrap().len(), 3);
+    assert!(ran.out.contains("splat_backward") && place.read("t.json").contains("splat_backward"), "{}", ran.out);
+    place.done(&format!("train capture --test-every 3 {given} --resume"));
+    place.done("train capture --test more --iterations 2 --max-splats 100 --out o --force");
+    place.done("train capture --out none --dry-run");
+    // Not on every device.
+    let ran = place.run("train capture --iterations 2 --max-splats 100 --out o --force --fast");
+    assert!(ran.code == Some(0) || ran.err.contains("--fast"), "{}", ran.err);
+    assert!(!place.path("none").exists());
+    let known = options(&place, "train");
+    for (option, values) in &known {
+        for value in values {
+            let run = "train capture --iterations 2 --max-splats 100 --test-every 0 --out o --force";
+            place.done(&format!("{run} --{option} {value}"));
+        }
+    }
+    let untried: Vec<&String> = known.keys().filter(|name| !given.contains(&format!("--{name} "))).collect();
+    assert_eq!(untried, ["dry-run", "fast", "force", "help", "resume", "test", "test-every"]);
+    assert!(known["strategy"].len() == 2 && known["background"].len() == 3, "the help was misread: {known:?}");
+}
+
+fn one_splat() -> Gaussians {
+    Gaussians {
+        centres: vec![DVec3::ZERO],
+        log_scales: vec![[-1.0; 3]],
+        rotations: vec![[1.0, 0.0, 0.0, 0.0]],
+        opacities: vec![2.0],
+        degree: 0,
+        harmonics: vec![0.5; 3],
+    }
+}
+
+/// If this failed, an option would be accepted and then ignored.
+#[test]
+fn what_is_asked_for_is_what_runs() {
+    let place = Place::new();
+    place.done(&format!(
+        "plan ball.ply --out o {SMALL} --seed 9 --iterations 12 --objective splat --gate pinhole-hard --kernel metric \
+         --start identical --no-occlusion --no-relocation --equal-directions --probes 7 --alpha 0.25 --lr-scale 0 --size 320x200"
+    ));
+    let plan = place.plan("o");
+    let expected = serde_json::json!({
+        "views": 5, "seed": 9, "iterations": 12, "objective": "splat", "gate": "pinhole_hard", "kernel": "metric",
+        "start": "identical", "occlusion": false, "vds": true, "relocate_every": 0, "probes": 7, "pool": 64,
+        "held_out": 60, "equal_probes": false, "alpha": 0.25, "lr_scale": 0.0, "preset": "object",
+    });
+    for (name, value) in expected.as_object().unwrap() {
+        assert_eq!(&plan.config[name], value, "{name}");
+    }
+    assert_eq!((plan.cameras[0].intrinsics.width, plan.cameras[0].intrinsics.height), (320, 200));
+    assert_eq!(plan.history.len(), 12);
+    assert!(plan.history.windows(2).all(|pair| pair[0].scale == pair[1].scale), "a rate of 0 holds the scale");
+}
+
+/// If this failed, a run could not be repeated: the determinism that the tool promises would end at its command line.
+#[test]
+fn the_same_command_gives_the_same_plan() {
+    let place = Place::new();
+    let poses = |out: &str, options: &str| {
+        place.done(&format!("plan ball.ply --out {out} {SHORT} {options}"));
+        place.plan(out)
+    };
+    let first = poses("a", "");
+    let again = poses("b", "");
+    let other = poses("c", "--seed 1");
+    assert_eq!((&first.cameras, &first.history, &first.metrics), (&again.cameras, &again.history, &again.metrics));
+    assert_ne!(first.cameras, other.cameras);
+}
+
+/// If this failed, waiting after every stage, or timing every stage, would change what is computed: a missing barrier
+/// would hide from the very tools that are to find it.
+#[test]
+fn watching_a_run_does_not_change_it() {
+    let place = Place::new();
+    let plan = |out: &str, options: &str| {
+        place.done(&format!("plan ball.ply --out {out} {SHORT} {options}"));
+        let plan = place.plan(out);
+        (plan.cameras, plan.history, plan.checkpoints, plan.metrics)
+    };
+    for way in ["--objective quality", "--objective splat --relocate-every 5"] {
+        let plan = |out: &str, options: &str| plan(out, &format!("--force {way} {options}"));
+        let plain = plan("plain", "");
+        assert_eq!(plain, plan("synced", "--debug-sync"));
+        assert_eq!(plain, plan("profiled", "--profile"));
+        assert_eq!(plain, plan("both", "--debug-sync --profile"));
+    }
+}
+
+/// If this failed, nobody could tell from the curve how many photos to take: more views must be expected to give more, by ever less.
+#[test]
+fn the_curve_rises_with_the_views_and_flattens() {
+    let place = Place::new();
+    let ran = place.done("plan ball.ply --curve --iterations 4 --probes 4 --out c");
+    assert!(ran.out.contains("each further ten gain"), "{}", ran.out);
+    let points: serde_json::Value = serde_json::from_str(&place.read("c/curve.json")).unwrap();
+    let points: Vec<(f64, f64)> =
+        points.as_array().unwrap().iter().map(|p| (p["views"].as_f64().unwrap(), p["db"].as_f64().unwrap())).collect();
+    assert_eq!((points[0].0, points[points.len() - 1]), (5.0, (300.0, 0.0)));
+    assert!(points.windows(2).all(|pair| pair[0].1 < pair[1].1), "{points:?}");
+    let gain = |pair: &[(f64, f64)]| (pair[1].1 - pair[0].1) / (pair[1].0 - pair[0].0);
+    assert!(gain(&points[..2]) > 10.0 * gain(&points[points.len() - 2..]), "{points:?}");
+    assert!(place.read("c/curve.svg").starts_with("<svg"));
+    let refused = place.run("plan ball.ply --curve --views 5 --out d");
+    assert_eq!(refused.code, Some(2), "{}", refused.err);
+}
+
+/// If this failed, a user would look at times that leave a stage out, or at a trace that no viewer opens.
+#[test]
+fn profile_and_trace_name_every_stage() {
+    let place = Place::new();
+    let ran = place
+        .done(&format!("plan ball.ply --out o {SHORT} --objective splat --relocate-every 5 --profile --trace t.json"));
+    let own = place.done(&format!("plan ball.ply --out q {SHORT} --profile"));
+    for stage in ["look", "viewed", "update_quality", "snapshot"] {
+        assert!(
+            own.out.lines().any(|line| line.split_whitespace().next() == Some(stage)),
+            "no row for {stage}: {}",
+            own.out
+        );
+    }
+    let stages = ["dense", "update_splat", "rank", "relocate", "snapshot"];
+    let mut share = 0.0;
+    for stage in stages {
+        let row = ran.out.lines().find(|line| line.split_whitespace().next() == Some(stage));
+        let row: Vec<&str> =
+            row.unwrap_or_else(|| panic!("no row for {stage}: {}", ran.out)).split_whitespace().collect();
+        assert!(row[1].parse::<u32>().unwrap() > 0, "{row:?}");
+        share += row[4].trim_end_matches('%').parse::<f64>().unwrap();
+    }
+    assert!((share - 100.0).abs() < 1.0, "the stages take {share} % of the time");
+
+    let trace: serde_json::Value = serde_json::from_str(&place.read("t.json")).unwrap();
+    let events = trace["traceEvents"].as_array().unwrap();
+    let spans = |name: &str| events.iter().filter(|e| e["ph"] == "X" && e["name"] == name).collect::<Vec<_>>();
+    for name in stages.iter().chain(&["preparation", "set-up", "optimisation", "metrics"]) {
+        assert!(!spans(name).is_empty(), "{name}");
+    }
+    assert!(spans("dense").len() >= 20, "one span an iteration");
+    for event in events.iter().filter(|event| event["ph"] == "X") {
+        assert!(event["ts"].as_f64().unwrap() >= 0.0 && event["dur"].as_f64().unwrap() >= 0.0, "{event}");
+    }
+    assert!(events.iter().any(|event| event["ph"] == "M" && event["args"]["name"] == "device"));
+}
+
+/// If this failed, `--dry-run` would not warn of what a plan takes, or would touch the disk.
+#[test]
+fn a_dry_run_prints_the_footprint_and_writes_nothing() {
+    let place = Place::new();
+    let before = place.files("");
+    let ran = place.done(&format!("plan ball.ply --out o {SHORT} --dry-run"));
+    let mebibytes = |name: &str| -> f64 {
+        let line = ran.out.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{name}: {}", ran.out));
+        line.split_whitespace().rev().nth(1).unwrap().parse().unwrap()
+    };
+    let buffers = ["depth", "splats", "partials", "moments", "history", "snapshots"];
+    assert!(buffers.into_iter().map(mebibytes).sum::<f64>() <= mebibytes("all ") + 0.05);
+    assert!(ran.out.lines().last().unwrap().starts_with("fits "), "{}", ran.out);
+    assert_eq!(place.files(""), before);
+}
+
+/// If this failed, the driver would be asked for something that Vulkan does not allow: it works here and fails elsewhere.
+#[test]
+fn the_validation_layers_are_silent() {
+    let place = Place::new();
+    let validated = |arguments: &str| {
+        let ran = ended(place.command(arguments).env("CAMSPLAT_VALIDATION", "1").output().unwrap());
+        assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""), "camsplat {arguments}");
+    };
+    validated(&format!("plan ball.ply --out a {SHORT} --relocate-every 5"));
+    validated(&format!(
+        "plan ball.ply --out b {SHORT} --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --objective splat --debug-sync"
+    ));
+    validated(&format!("plan ball.ply --out c {SHORT} --keep a --gate pinhole --iterative --profile"));
+    validated(&format!("plan ball.ply --out d {SHORT} --pass binned --relocate-every 5"));
+    validated(&format!("plan ball.ply --out e {SHORT}"));
+    validated(&format!("plan ball.ply --out f {SHORT} --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --debug-sync"));
+    validated("score ball.ply a/plan.json --held-out 1000 --all");
+}
+
+/// If this failed, the silence above could be that of layers which were never switched on.
+#[test]
+fn validation_is_refused_where_the_layers_are_missing() {
+    let place = Place::new();
+    let mut command = place.command(&format!("plan ball.ply --out o {SHORT}"));
+    command.env("CAMSPLAT_VALIDATION", "1").env("VK_LAYER_PATH", place.path("none"));
+    let ran = ended(command.output().unwrap());
+    assert_eq!((ran.code, ran.err.lines().count()), (Some(2), 1), "{}", ran.err);
+    assert!(ran.err.contains("vulkan-validationlayers"), "{}", ran.err);
+}
+
+/// If this failed, a user could not find out what there is to run on.
+#[test]
+fn devices_are_listed_with_what_they_have() {
+    let place = Place::new();
+    let ran = place.done("devices");
+    assert!(
+        ran.out.starts_with("0: ") && ran.out.contains("largest plan with 200 probes a step: about"),
+        "{}",
+        ran.out
+    );
+    let lavapipe = ["x86_64", "aarch64"]
+        .iter()
+        .any(|machine| std::path::Path::new(&format!("/usr/share/vulkan/icd.d/lvp_icd.{machine}.json")).exists());
+    if lavapipe {
+        assert!(ran.out.contains("llvmpipe") && ran.out.contains("(CPU, Vulkan 1."), "{}", ran.out);
+    } else {
+        println!("skipped: lavapipe is not installed");
+    }
+}
+
+/// If this failed, `camsplat plan ... | head -1` would lose the plan: writing to nobody fails.
+#[test]
+fn a_reader_that_goes_away_costs_nothing() {
+    let place = Place::new();
+    let mut child = place.command(&format!("plan ball.ply --out o {SHORT} --profile")).spawn().unwrap();
+    drop(child.stdout.take());
+    drop(child.stderr.take());
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert_eq!(place.files("o"), FILES);
+    let mut child = place.command("plan none.ply --out p --views 3").spawn().unwrap();
+    drop(child.stderr.take());
+    assert_eq!(child.wait().unwrap().code(), Some(2));
+}
+
+/// If this failed, stopping a run would throw its work away, pass half a plan off as a whole one, or go unheard.
+#[test]
+#[cfg(unix)]
+fn an_interrupted_run_leaves_the_plan_so_far() {
+    let place = Place::new();
+    for (signal, out, options) in [("-INT", "a", ""), ("-TERM", "b", ""), ("-INT", "c", "--profile")] {
+        let arguments = format!("plan ball.ply --out {out} {SMALL} --iterations 50000 {options}");
+        let mut child = place.command(&arguments).spawn().unwrap();
+        let output = read_until(&mut child, "running ");
+        let ran = stop(child, output, signal);
+        assert_eq!((ran.code, ran.err.as_str()), (Some(130), ""), "{}", ran.out);
+        assert_eq!(place.files(out), FILES);
+        let plan = place.plan(out);
+        let done = plan.history.len();
+        assert_eq!((plan.status, plan.cameras.len()), (Status::Interrupted, 5));
+        assert!(done > 0 && done < 50_000, "{done} iterations");
+        assert_eq!(plan.checkpoints.last().unwrap().iteration as usize, done);
+        assert!(ran.out.contains(&format!("stopped after {done} iterations")), "{}", ran.out);
+        assert!(place.read(&format!("{out}/plan.json")).contains("\"interrupted\""));
+    }
+}
+
+/// If this failed, there would be a moment at which Ctrl-C leaves half a folder, or hidden rubbish beside it.
+#[test]
+#[cfg(unix)]
+fn a_stop_at_any_time_leaves_all_or_nothing() {
+    let place = Place::new();
+    for (i, line) in ["surface ", "region ", "device ", "running "].iter().enumerate() {
+        let out = format!("o{i}");
+        let mut child =
+            place.command(&format!("plan ball.ply --out {out} {SMALL} --iterations 50000")).spawn().unwrap();
+        let output = read_until(&mut child, line);
+        // Not -INT, which shells tell what they run in the background to ignore.
+        let ran = stop(child, output, "-TERM");
+        // Before the work begins the signal itself ends the process, and there is no exit code.
+        assert!([None, Some(130)].contains(&ran.code), "{line}: {:?} {}", ran.code, ran.err);
+        match place.path(&out).exists() {
+            true => assert_eq!(place.files(&out), FILES, "{line}"),
+            false => assert_eq!(ran.code, None, "{line}"),
+        }
+        let names = std::fs::read_dir(place.path("")).unwrap().map(|entry| entry.unwrap().file_name());
+        let hidden: Vec<_> = names.filter(|name| name.to_string_lossy().starts_with('.')).collect();
+        assert!(hidden.is_empty(), "{line}: {hidden:?}");
+    }
+}

@@ -1,0 +1,107 @@
+//! `camsplat evaluate` in situations of practice and in two passes: what is photographed there, and what does not fit.
+
+use crate::support::command::gltf::lit_cube;
+use crate::support::command::{Place, assert_refused};
+use camsplat::plan::record::PlanRecord;
+use glam::DVec3;
+
+/// An evaluation of seconds.
+const TINY: &str =
+    "--env sky.hdr --quick --seeds 1 --size 32 --spp 2 --inputs 8 --tests 2 --iterations 10 --max-splats 200";
+
+/// The choices of an evaluation, by method.
+fn choices(place: &Place, folder: &str) -> Vec<PlanRecord> {
+    let files = place.files(folder).into_iter().filter(|file| file.contains("choice-") && file.ends_with("plan.json"));
+    files.map(|file| serde_json::from_str(&place.read(&format!("{folder}/{file}"))).unwrap()).collect()
+}
+
+/// How many photographs of each kind there are.
+fn photographs(place: &Place, folder: &str, name: &str) -> usize {
+    place.files(folder).iter().filter(|file| file.contains("/images/") && file.contains(name)).count()
+}
+
+/// If this failed, methods would be compared on other scenes than the command says: cameras behind the walls of a corner, or tests all
+/// around an object that is seen from the front.
+#[test]
+fn a_corner_has_walls_for_everybody() {
+    let place = lit_cube();
+    let methods = "ours,fibonacci,fvs";
+    place.done(&format!("evaluate cube.gltf --situation corner --methods {methods} --budgets 4 {TINY} --out o"));
+    let plans = choices(&place, "o/cube");
+    assert_eq!(plans.len(), 3);
+    for plan in &plans {
+        assert_eq!((plan.limits.walls.len(), plan.cameras.len()), (2, 4));
+        let low = plan.region.floor.unwrap();
+        for camera in &plan.cameras {
+            let p = camera.pose.position;
+            assert!(!plan.limits.behind_a_wall(p) && p.y >= low - 1e-9, "{}: {p}", plan.method);
+        }
+    }
+    assert_eq!(photographs(&place, "o", "viewers_"), 2);
+    let table = place.read("o/table.md");
+    assert!(table.contains("in a corner") && table.contains("| viewers |") && !table.contains("| half |"), "{table}");
+}
+
+/// If this failed, photos that exist would not be trained on, would be counted as planned, or be others for each method.
+#[test]
+fn photos_from_one_side_are_kept_by_all() {
+    let place = lit_cube();
+    place.done(&format!("evaluate cube.gltf --situation one-side --methods ours,random --budgets 4 {TINY} --out o"));
+    let plans = choices(&place, "o/cube");
+    let kept = |plan: &PlanRecord| -> Vec<DVec3> {
+        plan.cameras[plan.cameras.len() - plan.kept..].iter().map(|camera| camera.pose.position).collect()
+    };
+    assert!(plans.iter().all(|plan| (plan.cameras.len(), plan.kept) == (8, 4)));
+    assert_eq!(kept(&plans[0]), kept(&plans[1]));
+    assert_eq!(photographs(&place, "o", "kept_"), 8);
+    // Tests are the protocol's, all around.
+    assert!(place.read("o/table.md").contains("| half | full | random |"), "{}", place.read("o/table.md"));
+}
+
+/// If this failed, two rooms would be one, or need a file.
+#[test]
+fn two_rooms_are_a_scene_by_themselves() {
+    let place = lit_cube();
+    let tiny = TINY.replace("--env sky.hdr ", "");
+    place.done(&format!("evaluate --situation two-rooms --methods ours,grid,rings --budgets 8 {tiny} --out o"));
+    let plans = choices(&place, "o/two-rooms");
+    assert_eq!(plans.len(), 3);
+    let ours = plans.iter().find(|plan| plan.method == "ours").unwrap();
+    let beyond = ours.cameras.iter().filter(|camera| camera.pose.position.x > 6.0).count();
+    assert!((1..8).contains(&beyond), "{beyond} of 8 cameras are in the smaller room");
+    assert!(place.read("o/table.md").contains("two rooms with a door"));
+}
+
+/// If this failed, the second pass would not go by the photographs of the first, or not have as many views as asked for.
+#[test]
+fn the_second_pass_stands_beside_the_first() {
+    let place = lit_cube();
+    let run = format!("evaluate cube.gltf --methods ours-two-passes --budgets 7 {TINY} --out o");
+    place.done(&run);
+    let plans = choices(&place, "o/cube");
+    assert_eq!((plans.len(), plans[0].cameras.len(), plans[0].kept), (1, 7, 3));
+    // The first pass, what is trained on, and nothing twice.
+    let sets = place.folders("o/cube").into_iter().filter(|name| name.starts_with("photos-")).count();
+    assert_eq!(sets, 4, "inputs, tests, the first pass, all seven");
+    let again = place.done(&run);
+    assert!(!again.out.contains("making"), "{}", again.out);
+}
+
+/// If this failed, a request that makes no sense would be found out after hours.
+#[test]
+fn what_does_not_fit_is_refused() {
+    let place = lit_cube();
+    let cases: [(&str, &[&str]); 8] = [
+        ("--situation two-rooms cube.gltf", &["two-rooms", "leave the scenes out"]),
+        ("--situation corner", &["there are no scenes"]),
+        ("--situation corner cube.gltf --preset room", &["corner", "of objects"]),
+        ("--situation wall cube.gltf --baselines-from sphere", &["--baselines-from"]),
+        ("cube.gltf --methods grid", &["grid", "fibonacci"]),
+        ("cube.gltf --methods ours-two-passes --surface true", &["--surface proxy"]),
+        ("cube.gltf --methods ours-two-passes --budgets 3", &["4 or more"]),
+        ("cube.gltf --wall 0,0,0,0,0,0", &["--wall"]),
+    ];
+    for (given, says) in cases {
+        assert_refused(&place, &[(&format!("evaluate {given} {TINY} --out o"), says)]);
+    }
+}

@@ -1,0 +1,31 @@
+//! The built program as users meet it: what each command leaves, refuses and repeats.
+
+mod baselines_command;
+mod capture;
+mod capture_command;
+mod cli;
+mod cli_refusals;
+mod demo;
+mod determinism;
+mod evaluate_command;
+mod evaluate_kinds;
+mod evaluate_situations;
+mod limits;
+mod metrics_command;
+mod quality_fit;
+mod real_captures;
+mod render;
+mod select_command;
+mod stereo;
+mod train_command;
+mod train_refusals;
+mod train_stops;
+mod vds_command;
+
+#[path = "../support"]
+mod support {
+    pub mod command;
+    pub mod images;
+    pub mod lpips_weights;
+    pub mod splats;
+}
