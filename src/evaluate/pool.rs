@@ -9,7 +9,7 @@ use crate::io::photos::{self, Images, Options};
 use crate::photos::{Photo, PhotoSet};
 use crate::{Error, Result};
 
-/// A capture, read and taken apart.
+/// A capture, split into candidates and held-out photos.
 pub struct Pool {
     /// Name in tables and of its folder.
     pub name: String,

@@ -60,7 +60,7 @@ pub fn inputs(
                     let out = random::direction(u, v);
                     Pose::looking(centre + pose.position.distance(centre) * out, -out, region.up)
                 });
-                // Where hardly any place is free the even one stands in.
+                // Where hardly any position is free the even one is used.
                 drawn.into_iter().find(|drawn| free(drawn.position)).unwrap_or(*pose)
             };
             (0..).zip(&even).map(anywhere).collect()
