@@ -62,7 +62,7 @@ impl PhotoSet {
         self.photos.iter().map(|photo| photo.camera.clone()).collect()
     }
 
-    /// The set with only the points that any of its photos sees; with all, where nothing says which photos see them.
+    /// The set with only the points that any of its photos sees; with all, where it is unknown which photos see them.
     pub fn with_points_seen(mut self) -> Self {
         if self.tracks.is_empty() {
             return self;
@@ -75,7 +75,7 @@ impl PhotoSet {
         self
     }
 
-    /// The set with only the photos that `keep` says. All points stay; tracks lose the photos that are gone.
+    /// The set with only the photos in `keep`. All points stay; tracks lose the photos that are gone.
     pub fn filtered(mut self, keep: impl Fn(&Photo) -> bool) -> Self {
         let kept: Vec<bool> = self.photos.iter().map(keep).collect();
         let mut next = 0;

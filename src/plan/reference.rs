@@ -19,11 +19,11 @@ use crate::visibility::device_scene::DeviceScene;
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
-/// Viewers that layouts are judged by; none of them is one of the optimiser's.
+/// Viewers that layouts are judged by; none of the optimiser's is among them.
 const VIEWERS: u32 = 512;
-/// Of these the first so many tell rotations of a layout apart.
+/// The first so many of these compare rotations of a layout.
 const FEWER: usize = 128;
-/// What sets them apart.
+/// Key that separates them.
 const JUDGE_SEED: u64 = 0x6a75_6467;
 
 /// What is expected of a set of cameras, and where they leave error.
