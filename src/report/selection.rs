@@ -35,9 +35,9 @@ pub struct Written<'a> {
     pub set: &'a PhotoSet,
     /// Its surface.
     pub target: &'a Target,
-    /// What was asked for.
+    /// The request.
     pub request: &'a Request,
-    /// What came out.
+    /// The result.
     pub selection: &'a Selection,
     /// Poses worth adding.
     pub suggested: &'a [Suggested],
@@ -74,7 +74,7 @@ struct ChosenRecord<'a> {
     sharpness: Option<f64>,
 }
 
-/// Writes everything and commits the folder; says what of the lenses could not be written.
+/// Writes everything and commits the folder; returns what of the lenses could not be written.
 ///
 /// # Errors
 /// When the folder cannot be written, an image cannot be linked, or the capture's model cannot be read again.
@@ -172,7 +172,7 @@ fn capture(written: &Written<'_>, folder: &OutputFolder) -> Result<Vec<String>> 
     Ok(notes)
 }
 
-/// The capture's points that a chosen photo saw, or all where nothing says who saw what.
+/// The capture's points that a chosen photo saw, or all where tracks are missing.
 fn kept_points(written: &Written<'_>) -> Vec<usize> {
     let Written { set, selection, .. } = written;
     let is_chosen = |photo: &u32| selection.chosen.binary_search_by_key(&(*photo as usize), |c| c.photo).is_ok();

@@ -282,7 +282,7 @@ impl Row {
     }
 }
 
-/// The four numbers that say most: the expected quality, where there is one, and geometry, each with the best baseline's.
+/// The four most important numbers: the expected quality, where there is one, and geometry, each with the best baseline's.
 fn figures(record: &PlanRecord) -> String {
     let expected = record.expected.iter().map(|expected| {
         format!(
