@@ -16,8 +16,7 @@ pub fn write(name: &str, page: &str) -> PathBuf {
     path
 }
 
-/// The page's document after its scripts have run, or `None` (and a word on it) without a browser. Nothing may have been
-/// said on the console.
+/// The page's document after its scripts have run, or `None` (and a word on it) without a browser. The console must be empty.
 pub fn rendered(page: &Path, flags: &[&str]) -> Option<String> {
     let profile = tempfile::tempdir().unwrap();
     for browser in ["chromium", "chromium-browser", "google-chrome"] {
