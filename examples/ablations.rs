@@ -116,7 +116,7 @@ fn cameras(poses: &[Pose]) -> Vec<Camera> {
 /// A row: its name, and what it changes in [`base`].
 struct Variant(String, Box<dyn Fn(&mut Config)>);
 
-/// The row that is the defaults themselves.
+/// The row with the defaults.
 const SHIPPED: &str = "as shipped";
 
 /// What the rows of all tables but `shipped` and `search` vary: the paper's objective, as it was before they settled the

@@ -69,7 +69,7 @@ static CamsplatHost make_device(void) {
 static bool progress(void *user, uint32_t done, uint32_t all) {
     (void)user;
     fprintf(stderr, "%u of %u iterations\n", done, all);
-    return true; /* go on */
+    return true; /* continue */
 }
 
 int main(void) {

@@ -33,7 +33,7 @@ pub struct CamsplatPlan {
 }
 
 /// Vulkan objects of the application's own. All stay the application's, and must outlive the `CamsplatDevice` that is made with them.
-/// While a function of this library runs with that device, nobody else may submit to `queue`.
+/// While a function of this library runs with that device, nothing else may submit to `queue`.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct CamsplatHost {
@@ -83,11 +83,11 @@ pub struct CamsplatRequest {
     pub triangle_count: usize,
     /// Cameras to plan.
     pub views: u32,
-    /// Whether the cameras stand inside a room, not around an object.
+    /// Whether the cameras are inside a room, not around an object.
     pub room: bool,
     /// Which way is up.
     pub up: [f64; 3],
-    /// The lower corner of the box where cameras may stand; not a number: it follows from the surface.
+    /// The lower corner of the box of the cameras; not a number: it follows from the surface.
     pub box_min: [f64; 3],
     /// The upper corner.
     pub box_max: [f64; 3],
@@ -210,7 +210,7 @@ pub extern "C" fn camsplat_request(views: u32) -> CamsplatRequest {
 /// Plans; null where that fails.
 ///
 /// # Safety
-/// `device` is one of this library's that is not closed, `request` points at one, and its pointers at as many elements as it says.
+/// `device` is one of this library's that is not closed, `request` points at one, and its pointers at as many elements as it declares.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn camsplat_plan(
     device: *const CamsplatDevice,
@@ -330,7 +330,7 @@ impl From<&Camera> for CamsplatCamera {
 /// The surface of a request.
 ///
 /// # Safety
-/// The request's pointers point at as many elements as it says.
+/// The request's pointers point at as many elements as it declares.
 unsafe fn surface(request: &CamsplatRequest) -> Result<Surface> {
     let CamsplatRequest { positions, position_count, triangles, triangle_count, .. } = *request;
     // SAFETY: as the caller guarantees.
@@ -353,7 +353,7 @@ unsafe fn slice<'a, T>(first: *const T, count: usize, name: &str) -> Result<&'a 
     match (first.is_null(), count) {
         (_, 0) => Ok(&[]),
         (true, _) => Err(Error::request(format!("`{name}` is null, and there should be {count}"))),
-        // SAFETY: as the caller says.
+        // SAFETY: as the caller guarantees.
         (false, _) => Ok(unsafe { std::slice::from_raw_parts(first, count) }),
     }
 }

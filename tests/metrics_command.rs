@@ -34,7 +34,7 @@ fn json(place: &Place, name: &str) -> Value {
     serde_json::from_str(&place.read(name)).unwrap()
 }
 
-/// If this failed, an image would be held against another one's reference, or left out without a word; or the command would
+/// If this failed, an image would be compared with another one's reference, or silently left out; or the command would
 /// measure otherwise than the library.
 #[test]
 fn folders_are_paired_by_name_and_measured() {

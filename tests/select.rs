@@ -309,7 +309,7 @@ fn of_two_photos_alike_the_sharper_is_taken() {
     assert_eq!(odd(Some(&sharpness)), 10);
 }
 
-/// Suggested poses must go where the choice leaves most to see, the most useful first, and say truly what they would gain.
+/// Suggested poses must go where the choice leaves most to see, the most useful first, and state correctly what they would gain.
 #[test]
 fn suggested_poses_are_worth_adding() {
     let context = context();

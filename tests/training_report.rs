@@ -146,7 +146,7 @@ fn draws(dom: &str, plot: &str) -> bool {
     number_after(figure(dom, plot), "viewBox", "data-values").unwrap_or(0) > 0
 }
 
-/// A number that is not the record's, or one that is left out, would tell a user of another run.
+/// A number that is not the record's, or one that is left out, would describe another run.
 #[test]
 fn the_page_tells_the_numbers_of_the_record() {
     let record = run(30_000, Status::Complete);

@@ -18,7 +18,7 @@ fn correlation(observations: &[Observation], variance: impl Fn(&Observation) -> 
 
 /// If this failed, the score would not show how densely an unseen surface must be photographed. Materials, lightings and
 /// neighbourhoods are other draws than those of the fit. The claim is for the variance as expected, to which that of many
-/// views comes close; a single draw of few views is noisy, and must be no noisier than the documentation says.
+/// views comes close; a single draw of few views is noisy, and must be no noisier than the documentation states.
 #[test]
 fn the_score_ranks_unseen_surfaces_by_the_density_they_need() {
     assert_ne!(HELD_OUT, Vdsf::embedded().seed);

@@ -42,7 +42,7 @@ impl<'a> Job<'a> {
         Ok(job)
     }
 
-    /// Runs both and says when the work's stages ran.
+    /// Runs both and returns when the work's stages ran.
     pub fn run(&mut self) -> Result<Vec<Timing>> {
         self.restore.submit_and_wait()?;
         self.work.submit_and_wait()?;

@@ -93,7 +93,7 @@ impl Settings {
     }
 }
 
-/// The sphere that cameras stand on, looking at its centre.
+/// The sphere of the cameras, which look at its centre.
 struct Sphere {
     centre: DVec3,
     radius: f64,

@@ -74,7 +74,7 @@ pub struct Step {
 pub enum Event<'e> {
     /// A step is done.
     Done(&'e Step),
-    /// One goes on.
+    /// A step is in progress.
     Working,
 }
 

@@ -22,11 +22,11 @@ pub struct Pool {
 }
 
 impl Pool {
-    /// Reads a capture and holds every eighth photo out, by name from the first on; the notes say what was understood. Points
+    /// Reads a capture and holds every eighth photo out, by name from the first on; the notes report what was understood. Points
     /// that only photos held out see are left out too.
     ///
     /// # Errors
-    /// Where it cannot be read, lacks an image, or has too few photos for what is asked.
+    /// Where it cannot be read, lacks an image, or has too few photos for the request.
     pub fn read(path: &Path, request: &Request, notes: &mut Vec<String>) -> Result<Self> {
         let mut set = photos::read(path, &Options { images: Images::Needed, ..Options::default() })?;
         notes.append(&mut set.notes);

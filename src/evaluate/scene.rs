@@ -76,7 +76,7 @@ impl Setting {
     /// region and the limits. Errors and records call it by its path.
     ///
     /// # Errors
-    /// Where cameras are left no room.
+    /// Where no free space is left for cameras.
     pub fn target(
         &self,
         path: &Path,
@@ -102,10 +102,10 @@ impl Setting {
 }
 
 impl Scene {
-    /// Reads a glTF scene; the notes say what was left out. What the choice leaves out of the region follows from its bounds.
+    /// Reads a glTF scene; the notes report what was left out. What the choice leaves out of the region follows from its bounds.
     ///
     /// # Errors
-    /// Where it cannot be read, has no light, or leaves cameras no room.
+    /// Where it cannot be read, has no light, or leaves cameras no free space.
     pub fn read(
         path: &Path,
         setting: &Setting,
@@ -120,7 +120,7 @@ impl Scene {
     /// Makes one of a model under an environment and its mesh, +Y up; errors and tables call it by its path.
     ///
     /// # Errors
-    /// Where it has no light, or leaves cameras no room.
+    /// Where it has no light, or leaves cameras no free space.
     pub fn new(
         path: &Path,
         setting: &Setting,

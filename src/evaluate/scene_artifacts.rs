@@ -77,8 +77,8 @@ impl<'a> SceneArtifacts<'a> {
         })
     }
 
-    /// The cameras as they are photographed: in a room, those that a method put into a thing which it did not see stand beside
-    /// it, as a person would.
+    /// The cameras as they are photographed: in a room, those that a method put inside an object which it did not see are moved
+    /// beside it.
     pub fn standing(&self, cameras: &[Camera], observe: Observe) -> Vec<Camera> {
         let Around::Room(space) = &self.scene.views else { return cameras.to_vec() };
         let (settled, moved) = space.settled(cameras);
@@ -255,7 +255,7 @@ impl<'a> SceneArtifacts<'a> {
         let usual = stereo::Options::default();
         let options = stereo::Options { seed: SEED, photos: usual.photos.max(set.photos.len()), ..usual };
         if let Around::Room(space) = &self.scene.views {
-            // Cameras in a room look at no one place; what is nearer than a tenth of how far away walls can be is too near to be
+            // Cameras in a room have no common focus; what is nearer than a tenth of how far away walls can be is too near to be
             // found in two pictures.
             let far = space.farthest();
             let depths = Some([0.1 * far, far]);

@@ -166,7 +166,7 @@ mod tests {
         assert!(mean(&random).length() < 0.5 && least(&random) < 0.5 * least(&even), "{}", least(&random));
     }
 
-    /// If this failed, tests would be of views that show nothing, or of other distances than the table says.
+    /// If this failed, tests would be of views that show nothing, or of other distances than the table states.
     #[test]
     fn test_views_stand_where_they_should_and_see_the_object() {
         let region = Region::around_object((DVec3::ONE, 0.5), 25f64.to_radians(), DVec3::Y, None).unwrap();

@@ -96,7 +96,7 @@ mod tests {
         let mut pixels = [[0, 0, 0, 0]; 8];
         pixels[1] = [128, 64, 0, 130];
         let read = read(&map("-Y 2 +X 4", &pixels)).unwrap();
-        // The exponent 130 stands for 4 = 2^(130 - 128), in units of 256.
+        // The exponent 130 means 4 = 2^(130 - 128), in units of 256.
         assert_eq!((read.width, read.height, read.radiance[0]), (4, 2, Vec3::ZERO));
         assert!((read.radiance[1] - Vec3::new(2.0, 1.0, 0.0)).length() < 0.02, "{:?}", read.radiance[1]);
     }

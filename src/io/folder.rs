@@ -395,7 +395,7 @@ mod tests {
         assert!(entries(parent.path()).is_empty());
     }
 
-    /// If this failed, a finished plan would not be where the user asked for it.
+    /// If this failed, a finished plan would not be where the user requested it.
     #[test]
     fn a_committed_folder_is_whole() {
         let parent = tempfile::tempdir().unwrap();

@@ -29,7 +29,7 @@ pub struct Point {
     pub unseen: f64,
 }
 
-/// Plans with each of [`BUDGETS`] and says what is expected of it; all are judged by the same looks. `observe` receives every
+/// Plans with each of [`BUDGETS`] and predicts its quality; all are judged by the same looks. `observe` receives every
 /// number of views before it is planned, and may stop the run.
 ///
 /// # Errors

@@ -138,9 +138,9 @@ impl<'a> Reference<'a> {
         best.expect("there is a simple layout in every region")
     }
 
-    /// What is expected of a run, which takes the poses of the best layout and was not broken off unless more is expected of its
-    /// own by a standard deviation of what the law tells of layouts that are alike, less where cameras are kept: smaller gains are not
-    /// seen in trained splats, and no plan is to be worse than a layout that is simpler.
+    /// What is expected of a run. A complete run takes the poses of the best layout unless its own are expected to be better by
+    /// the law's standard deviation for layouts that are alike, less where cameras are kept: smaller gains are not seen in
+    /// trained splats, and no plan is to be worse than a layout that is simpler.
     ///
     /// # Errors
     /// Where the device fails.

@@ -16,7 +16,7 @@ crate::gpu_struct! {
     /// A viewer's pinhole camera in the planner's frame: the ray through image position (u, v), each in [0, 1] from the
     /// top left corner, runs along `corner + u across + v along`.
     pub(crate) struct Viewer {
-        /// Where it stands.
+        /// Camera centre.
         pub position: [f32; 3],
         /// Unused.
         pub spare0: f32,

@@ -52,7 +52,7 @@ crate::gpu_struct! {
         pub cells_z: u32,
         /// The view that is refined.
         pub reference: u32,
-        /// The round.
+        /// The iteration.
         pub iteration: u32,
         /// Seed of the random moves.
         pub seed: u32,

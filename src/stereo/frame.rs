@@ -214,7 +214,7 @@ impl Frame {
         to_internal: &Similarity,
         mut unreadable: impl FnMut(Error) -> Result<()>,
     ) -> Result<Vec<Self>> {
-        // Whole steps while decoding; the rest of the way each photo goes on its own.
+        // Integer factors while decoding; the remaining factor is applied to each photo.
         let shrink = photos.iter().map(|photo| longer(&photo.camera.intrinsics) / longest).min().unwrap_or(1).max(1);
         let settings = Settings { shrink, memory, ..Settings::default() };
         let decoder = Decoder::new(photos, settings)?;

@@ -122,7 +122,7 @@ fn pyramid(photo: Decoded) -> (usize, Pyramid) {
     (photo.index, Pyramid::new(photo.width, photo.height, &luma, photo.mask.as_deref()))
 }
 
-/// The proxy of a surface that photos look at. By default: from outside where they stand around it, else from inside.
+/// The proxy of a surface that photos look at. By default: from outside where they surround it, else from inside.
 fn proxy(capture: &PhotoSet, surface: &Surface, orientation: Option<Orientation>) -> Result<Proxy> {
     let poses: Vec<Pose> = capture.photos.iter().map(|photo| photo.camera.pose).collect();
     let positions = surface.positions();

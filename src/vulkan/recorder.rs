@@ -346,7 +346,7 @@ impl<'a, P: Pod> StageRecord<'_, 'a, P> {
         self.groups([x, y, 1]);
     }
 
-    /// Dispatches as many workgroups as the three `u32` at byte `offset` of `buffer` say.
+    /// Dispatches as many workgroups as the three `u32` at byte `offset` of `buffer` give.
     pub fn indirect(self, buffer: &'a Buffer, offset: u64) {
         self.dispatch(&Size::Indirect(buffer, offset));
     }

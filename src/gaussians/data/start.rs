@@ -27,7 +27,7 @@ const COLOUR_STREAM: u32 = 0x6a05_0002;
 const NEIGHBOURS: usize = 3;
 const SCALES: [f64; 2] = [1e-4, 0.1];
 
-/// Half the side of the cube in the training frame in which Gaussians lie where cameras look at no one place, as in gsplat.
+/// Half the side of the cube in the training frame in which Gaussians lie where cameras have no common focus, as in gsplat.
 const REACH: f64 = 3.0;
 
 /// Points to a chunk of work.

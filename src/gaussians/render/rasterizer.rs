@@ -388,8 +388,8 @@ impl Rasterizer {
         &self.sizes
     }
 
-    /// Records the way from the model to the picture of view `push.view`, which is of size `size`. Where `counts` then says
-    /// more than `push.room`, instances are missing and the picture is wrong.
+    /// Records the way from the model to the picture of view `push.view`, which is of size `size`. Where `counts` then exceeds
+    /// `push.room`, instances are missing and the picture is wrong.
     ///
     /// # Errors
     /// None that the sizes do not rule out.

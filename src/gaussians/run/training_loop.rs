@@ -97,8 +97,8 @@ impl<'a> TrainingLoop<'a> {
         }
     }
 
-    /// Trains to the end or until `observe` breaks it off, and writes the products. Whatever fails but the device itself leaves
-    /// the trainer as it was after its last iteration: that much is saved.
+    /// Trains to the end or until `observe` stops it, and writes the outputs. Any failure except of the device itself leaves the
+    /// trainer as it was after its last iteration, which is saved.
     ///
     /// # Errors
     /// As for [`Run::run`].
@@ -228,7 +228,7 @@ impl<'a> TrainingLoop<'a> {
         Ok(())
     }
 
-    /// Has the checkpoint written while training goes on. A failure to write is reported, and the run continues.
+    /// Writes the checkpoint while training continues. A failure to write is reported, and the run continues.
     fn save(&mut self, trainer: &Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<()> {
         let state = trainer.state()?;
         let header = Header {

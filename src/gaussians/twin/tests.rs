@@ -241,7 +241,7 @@ fn ball(centre: DVec3, colour: DVec3, opacity: f64) -> Splat {
     }
 }
 
-/// If this failed, a single splat would have another size, place, colour or opacity than the formulas say.
+/// If this failed, a single splat would have another size, place, colour or opacity than the formulas give.
 #[test]
 fn one_splat_is_what_its_closed_form_says() {
     let view = plain_view(9);

@@ -298,7 +298,7 @@ impl Manifold {
     }
 
     /// How much pictures of each view (at most [`MAX_VIEWS`]) differ under the noise: the mean over pixels of the variance over
-    /// perturbed models, summed over the colours, over black. `draws` says which perturbations, at most [`MAX_PICTURES`], the same
+    /// perturbed models, summed over the colours, over black. `draws` selects the perturbations, at most [`MAX_PICTURES`], the same
     /// for all views.
     ///
     /// # Errors

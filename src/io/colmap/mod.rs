@@ -147,7 +147,7 @@ pub struct Image {
     pub pose: Pose,
     /// File name, relative to the image folder.
     pub name: String,
-    /// Camera-from-world quaternion (w, x, y, z) and translation, as they stand in the file.
+    /// Camera-from-world quaternion (w, x, y, z) and translation, as they are in the file.
     pub stored: ([f64; 4], [f64; 3]),
     /// What was observed in it, in the order of the file; empty where it was not requested.
     pub observations: Vec<Observation>,

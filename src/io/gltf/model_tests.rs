@@ -124,7 +124,7 @@ fn triangles_that_are_not_finite_are_dropped_and_counted() {
     assert!(notes.iter().any(|note| note.contains("1 triangles with a corner that is not finite")), "{notes:?}");
 }
 
-/// If this failed, lamps would hang elsewhere, or shine another way, than the scene says.
+/// If this failed, lamps would hang elsewhere, or shine another way, than the scene specifies.
 #[test]
 fn lamps_hang_on_their_nodes() {
     let node = r#"{"mesh": 0, "translation": [1, 2, 3], "rotation": [0.70710678, 0, 0, 0.70710678],

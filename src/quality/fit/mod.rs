@@ -167,7 +167,7 @@ mod tests {
     use super::*;
     use crate::scene::random;
 
-    /// Layouts whose looks have these angles and distances at random, trained as the law `theta` says, with noise of `noise` dB.
+    /// Layouts whose looks have these angles and distances at random, trained by the law `theta`, with noise of `noise` dB.
     fn scene(name: &str, theta: [f64; solver::N], noise: f64, seed: u64) -> Observations {
         let (views, looks) = (6, 40);
         let beside: Vec<bool> = (0..views * looks).map(|i| i % 4 == 3).collect();
