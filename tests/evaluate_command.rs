@@ -96,8 +96,8 @@ fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
     }
     let damaged = place.run(&format!("{TINY} --out o"));
     assert_eq!(damaged.code, Some(2), "{}{}", damaged.out, damaged.err);
-    let told = [inputs, "input_0000.png", "remove the folder"].iter().all(|part| damaged.err.contains(part));
-    assert!(told && damaged.err.lines().count() == 1, "{}", damaged.err);
+    let reported = [inputs, "input_0000.png", "remove the folder"].iter().all(|part| damaged.err.contains(part));
+    assert!(reported && damaged.err.lines().count() == 1, "{}", damaged.err);
     fs::remove_dir_all(place.path(&format!("o/cube/{inputs}"))).unwrap();
     place.done(&format!("{TINY} --out o"));
     assert_eq!(qualities(&results(&place, "o")), qualities(&results(&place, "whole")));

@@ -107,8 +107,8 @@ fn a_box_holds_the_cameras_of_a_room_and_its_tests() {
     // The walls are at 1; free space is resolved to a voxel.
     place.done(&format!("{tiny} --box -0.4,-0.5,0.1,0.4,0.6,0.95 --clearance 0.2 --out o"));
     let table = place.read("o/table.md");
-    let told = "in the box from [-0.4, -0.5, 0.1] to [0.4, 0.6, 0.95], no camera nearer to things than 0.2";
-    assert!(table.contains(told), "{table}");
+    let described = "in the box from [-0.4, -0.5, 0.1] to [0.4, 0.6, 0.95], no camera nearer to things than 0.2";
+    assert!(table.contains(described), "{table}");
     let first = places("o");
     assert_eq!(first.len(), 16 + 3 + 2 * 4);
     for place in first {

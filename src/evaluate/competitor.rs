@@ -221,8 +221,8 @@ mod tests {
             assert_eq!(method.name().parse(), Ok(method));
         }
         let config = set.config(Preset::Object, 20, 3).unwrap();
-        let told = (config.alpha, config.gate, config.scale, config.views, config.seed);
-        assert_eq!(told, (0.2, Gate::PinholeHard, Some(0.5), 20, 3));
+        let parsed = (config.alpha, config.gate, config.scale, config.views, config.seed);
+        assert_eq!(parsed, (0.2, Gate::PinholeHard, Some(0.5), 20, 3));
         for (wrong, named) in [
             ("ours:tau=1", "lambda_reg"),
             ("ours:gate=wide", "gate cannot be wide"),

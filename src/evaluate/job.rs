@@ -357,9 +357,9 @@ fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) ->
             if let artifact::Event::Begins(key) = event {
                 product = key.to_owned();
             }
-            let heard = board.hear(Event::Product(event));
-            asked |= heard.is_break() || over.load(Ordering::Relaxed);
-            if asked { ControlFlow::Break(()) } else { heard }
+            let flow = board.hear(Event::Product(event));
+            asked |= flow.is_break() || over.load(Ordering::Relaxed);
+            if asked { ControlFlow::Break(()) } else { flow }
         };
         for runs in runs.iter().cycle().skip(first).take(runs.len()) {
             if let Err(error) = runs.work(context, &mut hear) {

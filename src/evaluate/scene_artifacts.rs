@@ -177,13 +177,13 @@ impl<'a> SceneArtifacts<'a> {
         let outputs = Outputs::new(artifact.folder(), &record, false)?;
         let all = record.cameras.len() as u32;
         // The tracer's observer cannot change anything: what it receives goes through a cell.
-        let heard = std::cell::RefCell::new(observe);
+        let observer = std::cell::RefCell::new(observe);
         let taken = photograph::job::run(&self.tracer, &record, &outputs, artifact.folder(), |_| {
-            (heard.borrow_mut())(Event::Working)
+            (observer.borrow_mut())(Event::Working)
         })?;
         if taken.empty > 0 {
             let note = format!("{} of {all} photographs show nothing of the scene", taken.empty);
-            let _ = (heard.borrow_mut())(Event::Note(note));
+            let _ = (observer.borrow_mut())(Event::Note(note));
         }
         // Of candidates that are photographed one by one hundreds may be.
         if !taken.dark.is_empty() && all > 1 {
@@ -196,7 +196,7 @@ impl<'a> SceneArtifacts<'a> {
                 "{dark} of {made} photographs are black: no light reaches what they see, or they are taken inside of \
                  something{narrower}"
             );
-            let _ = (heard.borrow_mut())(Event::Note(note));
+            let _ = (observer.borrow_mut())(Event::Note(note));
         }
         if taken.pictures < all {
             return Err(Error::Interrupted);

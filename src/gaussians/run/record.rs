@@ -163,8 +163,8 @@ impl TrainRecord {
     /// runs that are not complete or have fewer than 1000 iterations, nor of a model that falls within the first fifth or
     /// recovers.
     pub fn diverged(&self) -> Option<[f64; 2]> {
-        let told = self.status == Status::Complete && self.config.iterations >= TELLING;
-        told.then(|| fallen(&self.curve)).flatten()
+        let judged = self.status == Status::Complete && self.config.iterations >= TELLING;
+        judged.then(|| fallen(&self.curve)).flatten()
     }
 
     /// [`Self::diverged`] in a sentence.
