@@ -1,7 +1,7 @@
-//! Compiles every `shaders/glsl/LAYER/*.comp` with glslang and writes what the SPIR-V says of itself (bindings, push
-//! constants, specialisation constants, struct layouts, workgroup size) as Rust constants. `src/vulkan/stage.rs` holds the
-//! host's declarations against them while the crate compiles, so a layout that disagrees is a build error. Constants that a
-//! GLSL file declares by a literal become Rust constants: `glsl::FOLDER::FILE::NAME`.
+//! Compiles every `shaders/glsl/LAYER/*.comp` with glslang and writes what the SPIR-V declares (bindings, push
+//! constants, specialisation constants, struct layouts, workgroup size) as Rust constants. `src/vulkan/stage.rs` checks the
+//! host's declarations against them while the crate compiles, so a layout that disagrees is a build error. Constants that a GLSL
+//! file declares by a literal become Rust constants: `glsl::FOLDER::FILE::NAME`.
 
 #[path = "build/constants.rs"]
 mod constants;

@@ -1,7 +1,7 @@
 //! Time of the choice by the methods that a plan is compared with: farthest view sampling, ACP, FisherRF, COVER and manifold
 //! sampling.
 //!
-//! On a CPU device FisherRF and COVER look at smaller pictures of fewer splats, and cameras of manifold sampling take 20 steps
+//! On a CPU device FisherRF and COVER render smaller pictures of fewer splats, and manifold sampling takes 20 steps per camera
 //! instead of 401. Wall time of one run, candidates drawn before.
 
 use camsplat::baselines::job;

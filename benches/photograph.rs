@@ -1,8 +1,8 @@
-//! Path tracing: rays and paths a second, the hierarchy's build apart.
+//! Path tracing: rays and paths per second, without building the hierarchy.
 //!
 //! The scene is the demo's room with a lamp in it, seen from its middle, or one that `CAMSPLAT_BENCH_SCENE` (a .glb file)
-//! names, seen by the first camera of `CAMSPLAT_BENCH_CAMERAS`, under `CAMSPLAT_BENCH_ENV` where that is given. Rays are all
-//! that paths cast, towards lights too: but for the first of each path, incoherent ones, with their shading.
+//! names, seen by the first camera of `CAMSPLAT_BENCH_CAMERAS`, under `CAMSPLAT_BENCH_ENV` where that is given. All rays that
+//! paths cast are counted, shadow rays included; all but the first of each path are incoherent, and shading is included.
 
 mod report;
 

@@ -72,7 +72,7 @@ impl Scene {
         Ok(Self { preset, proxy, device })
     }
 
-    /// A planner that never halts by itself within a bench, after a few iterations.
+    /// A planner that never halts by itself within a benchmark, after a few iterations.
     fn planner(&self, context: &Arc<Context>, config: Config, warm: u32) -> Result<Planner> {
         let geometry = &self.device.geometry;
         let preparation = Preparation::new(context, geometry, &self.proxy, &intrinsics(), &[], config)?;

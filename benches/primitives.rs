@@ -1,5 +1,5 @@
-//! GPU time of scan, reduce and radix sort, at sizes that show how it grows. What is timed is first held against the
-//! twins: a device that gets it wrong gets no row.
+//! GPU time of scan, reduce and radix sort, at sizes that show how it grows. Results are first checked against the twins: a
+//! device that gets them wrong gets no row.
 
 mod report;
 

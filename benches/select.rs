@@ -1,6 +1,6 @@
-//! Time and memory of choosing: 40 of 300 and 1,000 of 20,000 poses around the demo's object, no images.
+//! Time and memory of selection: 40 of 300 and 1,000 of 20,000 poses around the demo's object, no images.
 //!
-//! Poses stand on a Fibonacci sphere, jittered, and look in. Wall time in whole, and its parts; memory is what the matrices of
+//! Poses lie on a Fibonacci sphere, jittered, and look in. Wall time in whole, and its parts; memory is what the matrices of
 //! visibility and the swaps take, and the peak of the process. On a CPU device the large pool is left out unless a filter
 //! names it: `cargo bench --bench select -- 20000`.
 
@@ -84,7 +84,7 @@ fn pool(target: &Target, count: usize, intrinsics: Intrinsics) -> Result<Vec<Pho
     Ok(poses.into_iter().enumerate().map(jittered).collect())
 }
 
-/// Most memory that the process has held, where the system tells.
+/// Most memory that the process has held, where the system reports it.
 fn peak_bytes() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM"))?;

@@ -47,7 +47,7 @@ struct Extent {
     warm: u32,
     /// Iterations of a sample.
     sample: u32,
-    /// Iterations of the run that is held against the clock on the wall.
+    /// Iterations of the run whose wall-clock time is measured.
     whole: u32,
 }
 
@@ -67,7 +67,7 @@ fn main() -> Result<()> {
     report.finish("train")
 }
 
-/// A run that can be taken up at the same place again and again.
+/// A run that can be repeatedly resumed from the same state.
 struct Course {
     trainer: Trainer,
     state: State,
@@ -133,7 +133,7 @@ fn training(context: &Arc<Context>, report: &mut Report, extent: &Extent, splats
     let trainer = Trainer::new(context, config, &start, views, photos)?;
     let mut course = Course::new(trainer, &start, extent.warm);
 
-    // The first run finds how much room the instances of all others need.
+    // The first run finds how much capacity the instances of all others need.
     course.run(extent.whole.max(extent.sample), None)?;
     let pixels = u64::from(sizes.pixels);
     let traffic = Traffic { splats: u64::from(splats), instances: course.instances(), pixels, tiles: sizes.tiles };

@@ -25,7 +25,7 @@ pub struct Binding {
     pub writable: bool,
 }
 
-/// What a module says of itself.
+/// What a module declares.
 pub struct Module {
     pub local_size: [u32; 3],
     pub bindings: Vec<Binding>,
@@ -66,7 +66,7 @@ struct Tables {
 const STORAGE_BUFFER: u32 = 12;
 const PUSH_CONSTANT: u32 = 9;
 
-/// Reads a SPIR-V module. Errors name what the reader does not know.
+/// Reads a SPIR-V module. Errors name what the reader does not support.
 pub fn reflect(words: &[u32]) -> Result<Module, String> {
     let tables = read(words)?;
     let mut module = Module {

@@ -116,7 +116,7 @@ fn cameras(poses: &[Pose]) -> Vec<Camera> {
 /// A row: its name, and what it changes in [`base`].
 struct Variant(String, Box<dyn Fn(&mut Config)>);
 
-/// The row that is the defaults themselves.
+/// The row with the defaults.
 const SHIPPED: &str = "as shipped";
 
 /// What the rows of all tables but `shipped` and `search` vary: the paper's objective, as it was before they settled the
@@ -248,7 +248,7 @@ fn table(context: &Arc<Context>, scenes: &[Scene], seeds: u64, title: &str, rows
     Ok(())
 }
 
-/// Metrics of a control; none where it makes no sense in the scene.
+/// Metrics of a baseline; none where it does not apply to the scene.
 fn control(context: &Arc<Context>, scene: &Scene, seed: u64, random: bool) -> Result<Option<Metrics>> {
     let geometry = &scene.device.geometry;
     let poses = match random {
@@ -370,7 +370,7 @@ fn voronoi(context: &Arc<Context>, scenes: &[Scene], seeds: u64) -> Result<()> {
 const TRIALS: u32 = 20_000;
 
 /// How low the mean gap gets when it is descended on itself: a local search that moves one camera at a time and is scored on the very
-/// points that it is searched on. It knows what no planner may know, so what it reaches bounds what a planner can.
+/// points that it is searched on. It uses information that no planner may use, so its result bounds what a planner can reach.
 fn search(context: &Arc<Context>, scenes: &[Scene], seeds: u64) -> Result<()> {
     println!(
         "\n## Search\n\n| scene, start | gap | after {TRIALS} trials | there, on fresh points |\n|---|---|---|---|"

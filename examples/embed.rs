@@ -20,7 +20,7 @@ use camsplat::vulkan::host::HostDevice;
 use camsplat::vulkan::{Context, Recorder};
 use glam::DVec3;
 
-/// What a host has before it ever hears of camsplat.
+/// What a host has before it uses camsplat.
 struct Host {
     entry: ash::Entry,
     instance: ash::Instance,
@@ -28,7 +28,7 @@ struct Host {
     device: ash::Device,
     queue_family: u32,
     queue: vk::Queue,
-    /// A queue takes one submission at a time: whoever submits, host or planner, holds this lock.
+    /// A queue takes one submission at a time: the submitter, host or planner, holds this lock.
     queue_lock: Arc<Mutex<()>>,
     commands: vk::CommandPool,
 }
@@ -39,7 +39,7 @@ impl Host {
         // every handle comes from the call before it.
         unsafe {
             let entry = ash::Entry::load()?;
-            // Vulkan 1.2 is the least that the planner runs on.
+            // The planner needs at least Vulkan 1.2.
             let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
             let info = vk::InstanceCreateInfo::default().application_info(&application);
             let instance = entry.create_instance(&info, None)?;
@@ -106,7 +106,7 @@ impl Drop for Host {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let host = Host::new()?;
-    // SAFETY: the host outlives the context, and `lend` tells of its device what is true.
+    // SAFETY: the host outlives the context, and `lend` describes its device correctly.
     let context = unsafe { Context::adopt(host.lend()) }?;
     println!("planning on {}", context.physical().name);
 

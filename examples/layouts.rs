@@ -1,4 +1,4 @@
-//! Camera layouts that truly differ, for measuring what a prediction of trained quality is worth: even, clustered, lopsided,
+//! Camera layouts that differ substantially, for measuring how well trained quality is predicted: even, clustered, lopsided,
 //! near, far, aimed elsewhere. Each is turned at random, since quality differs by the rotation alone.
 //!
 //! ```text

@@ -69,7 +69,7 @@ static CamsplatHost make_device(void) {
 static bool progress(void *user, uint32_t done, uint32_t all) {
     (void)user;
     fprintf(stderr, "%u of %u iterations\n", done, all);
-    return true; /* go on */
+    return true; /* continue */
 }
 
 int main(void) {
@@ -94,7 +94,7 @@ int main(void) {
     request.triangle_count = 12;
     request.up[1] = 0.0;
     request.up[2] = 1.0;
-    request.floor = 0.0; /* it stands on the ground */
+    request.floor = 0.0; /* it rests on the ground */
     request.progress = progress;
     CamsplatPlan *plan = camsplat_plan(device, &request);
     if (plan == NULL) {
@@ -108,7 +108,7 @@ int main(void) {
     }
     fprintf(stderr, "%+.2f dB expected against the best simple layout\n", camsplat_expected_gain(plan));
 
-    /* A request that makes no sense gives no plan and a line that says why. */
+    /* An invalid request gives no plan and a line with the reason. */
     request.views = 0;
     if (camsplat_plan(device, &request) == NULL) fprintf(stderr, "as expected: %s\n", camsplat_error());
 

@@ -1,4 +1,4 @@
-//! How close a surface from photos alone comes to what is known of it: the table of docs/reference/proxy.md.
+//! How close a surface made from photos alone comes to the reference: the table of docs/reference/proxy.md.
 //!
 //! `cargo run --release --example proxy_accuracy -- DATA [--pictures DIR] [SET:PHOTOS]...` reads the sets under DATA, makes a
 //! proxy of each and prints a row for each. The reference is the set's own sparse points, those within the masks where there are
@@ -72,7 +72,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// What the proxy is held against: its name and points.
+/// What the proxy is compared with: its name and points.
 fn reference(context: &std::sync::Arc<Context>, set: &PhotoSet) -> Result<(&'static str, Vec<DVec3>), Box<dyn Error>> {
     if set.points.positions.is_empty() {
         let all = Options { photos: usize::MAX, ..Options::default() };

@@ -16,7 +16,7 @@ typedef struct CamsplatDevice CamsplatDevice;
 typedef struct CamsplatPlan CamsplatPlan;
 
 // Vulkan objects of the application's own. All stay the application's, and must outlive the `CamsplatDevice` that is made with them.
-// While a function of this library runs with that device, nobody else may submit to `queue`.
+// While a function of this library runs with that device, nothing else may submit to `queue`.
 typedef struct CamsplatHost {
   // The loader's `vkGetInstanceProcAddr`.
   void *(*get_instance_proc_addr)(void*, const char*);
@@ -60,11 +60,11 @@ typedef struct CamsplatRequest {
   size_t triangle_count;
   // Cameras to plan.
   uint32_t views;
-  // Whether the cameras stand inside a room, not around an object.
+  // Whether the cameras are inside a room, not around an object.
   bool room;
   // Which way is up.
   double up[3];
-  // The lower corner of the box where cameras may stand; not a number: it follows from the surface.
+  // The lower corner of the box of the cameras; not a number: it follows from the surface.
   double box_min[3];
   // The upper corner.
   double box_max[3];
@@ -124,7 +124,7 @@ struct CamsplatRequest camsplat_request(uint32_t views);
 // Plans; null where that fails.
 //
 // # Safety
-// `device` is one of this library's that is not closed, `request` points at one, and its pointers at as many elements as it says.
+// `device` is one of this library's that is not closed, `request` points at one, and its pointers at as many elements as it declares.
 struct CamsplatPlan *camsplat_plan(const struct CamsplatDevice *device,
                                    const struct CamsplatRequest *request);
 

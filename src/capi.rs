@@ -33,7 +33,7 @@ pub struct CamsplatPlan {
 }
 
 /// Vulkan objects of the application's own. All stay the application's, and must outlive the `CamsplatDevice` that is made with them.
-/// While a function of this library runs with that device, nobody else may submit to `queue`.
+/// While a function of this library runs with that device, nothing else may submit to `queue`.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct CamsplatHost {
@@ -83,11 +83,11 @@ pub struct CamsplatRequest {
     pub triangle_count: usize,
     /// Cameras to plan.
     pub views: u32,
-    /// Whether the cameras stand inside a room, not around an object.
+    /// Whether the cameras are inside a room, not around an object.
     pub room: bool,
     /// Which way is up.
     pub up: [f64; 3],
-    /// The lower corner of the box where cameras may stand; not a number: it follows from the surface.
+    /// The lower corner of the box of the cameras; not a number: it follows from the surface.
     pub box_min: [f64; 3],
     /// The upper corner.
     pub box_max: [f64; 3],
@@ -133,7 +133,7 @@ pub extern "C" fn camsplat_error() -> *const c_char {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn camsplat_open(name: *const c_char) -> *mut CamsplatDevice {
     boxed(|| {
-        // SAFETY: as the caller says.
+        // SAFETY: as the caller guarantees.
         let name = (!name.is_null()).then(|| unsafe { CStr::from_ptr(name) });
         let device = name.map(|name| name.to_string_lossy().into_owned());
         let context = Context::new(&Options { device, ..Options::default() })?;
@@ -148,7 +148,7 @@ pub unsafe extern "C" fn camsplat_open(name: *const c_char) -> *mut CamsplatDevi
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn camsplat_adopt(host: *const CamsplatHost) -> *mut CamsplatDevice {
     boxed(|| {
-        // SAFETY: as the caller says.
+        // SAFETY: as the caller guarantees.
         let host = unsafe { host.as_ref() }.ok_or_else(|| Error::request("`host` is null"))?;
         let handles = [host.instance, host.physical_device, host.device, host.queue];
         let (Some(load), false) = (host.get_instance_proc_addr, handles.contains(&std::ptr::null_mut())) else {
@@ -156,7 +156,7 @@ pub unsafe extern "C" fn camsplat_adopt(host: *const CamsplatHost) -> *mut Camsp
         };
         let [instance, physical, device, queue] = handles.map(|handle| handle as u64);
         // SAFETY: both are vkGetInstanceProcAddr, whose dispatchable handle is a pointer and whose result a function or null. The
-        // handles are as the caller says.
+        // handles are as the caller guarantees.
         let context = unsafe {
             let get_instance_proc_addr = std::mem::transmute::<
                 unsafe extern "system" fn(*mut c_void, *const c_char) -> *mut c_void,
@@ -176,7 +176,7 @@ pub unsafe extern "C" fn camsplat_adopt(host: *const CamsplatHost) -> *mut Camsp
 /// `device` is null or one of this library's that is not closed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn camsplat_close(device: *mut CamsplatDevice) {
-    // SAFETY: as the caller says.
+    // SAFETY: as the caller guarantees.
     unsafe { free(device) };
 }
 
@@ -210,18 +210,18 @@ pub extern "C" fn camsplat_request(views: u32) -> CamsplatRequest {
 /// Plans; null where that fails.
 ///
 /// # Safety
-/// `device` is one of this library's that is not closed, `request` points at one, and its pointers at as many elements as it says.
+/// `device` is one of this library's that is not closed, `request` points at one, and its pointers at as many elements as it declares.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn camsplat_plan(
     device: *const CamsplatDevice,
     request: *const CamsplatRequest,
 ) -> *mut CamsplatPlan {
     boxed(|| {
-        // SAFETY: as the caller says.
+        // SAFETY: as the caller guarantees.
         let (device, request) = unsafe { (device.as_ref(), request.as_ref()) };
         let device = device.ok_or_else(|| Error::request("`device` is null"))?;
         let request = request.ok_or_else(|| Error::request("`request` is null"))?;
-        // SAFETY: as the caller says.
+        // SAFETY: as the caller guarantees.
         let (surface, kept) = unsafe { (surface(request)?, slice(request.kept, request.kept_count, "kept")?) };
         let lens = Intrinsics::from_fov(request.width, request.height, request.fov_degrees.to_radians());
         let mut asked = plan(&surface, request.views).up(DVec3::from(request.up)).lens(lens).seed(request.seed);
@@ -256,7 +256,7 @@ pub unsafe extern "C" fn camsplat_plan(
 /// `plan` is one of this library's that is not freed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn camsplat_camera_count(plan: *const CamsplatPlan) -> usize {
-    // SAFETY: as the caller says.
+    // SAFETY: as the caller guarantees.
     unsafe { plan.as_ref() }.map_or(0, |plan| plan.plan.record.cameras.len())
 }
 
@@ -266,7 +266,7 @@ pub unsafe extern "C" fn camsplat_camera_count(plan: *const CamsplatPlan) -> usi
 /// `plan` is one of this library's that is not freed, and `camera` points at room for one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn camsplat_camera(plan: *const CamsplatPlan, index: usize, camera: *mut CamsplatCamera) -> bool {
-    // SAFETY: as the caller says.
+    // SAFETY: as the caller guarantees.
     let (plan, camera) = unsafe { (plan.as_ref(), camera.as_mut()) };
     let found = plan.and_then(|plan| plan.plan.record.cameras.get(index));
     let (Some(found), Some(camera)) = (found, camera) else { return false };
@@ -281,7 +281,7 @@ pub unsafe extern "C" fn camsplat_camera(plan: *const CamsplatPlan, index: usize
 /// `plan` is one of this library's that is not freed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn camsplat_expected_gain(plan: *const CamsplatPlan) -> f64 {
-    // SAFETY: as the caller says.
+    // SAFETY: as the caller guarantees.
     let plan = unsafe { plan.as_ref() };
     plan.and_then(|plan| plan.plan.record.expected.as_ref()).map_or(f64::NAN, |expected| expected.db)
 }
@@ -292,7 +292,7 @@ pub unsafe extern "C" fn camsplat_expected_gain(plan: *const CamsplatPlan) -> f6
 /// `plan` is null or one of this library's that is not freed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn camsplat_free(plan: *mut CamsplatPlan) {
-    // SAFETY: as the caller says.
+    // SAFETY: as the caller guarantees.
     unsafe { free(plan) };
 }
 
@@ -330,10 +330,10 @@ impl From<&Camera> for CamsplatCamera {
 /// The surface of a request.
 ///
 /// # Safety
-/// The request's pointers point at as many elements as it says.
+/// The request's pointers point at as many elements as it declares.
 unsafe fn surface(request: &CamsplatRequest) -> Result<Surface> {
     let CamsplatRequest { positions, position_count, triangles, triangle_count, .. } = *request;
-    // SAFETY: as the caller says.
+    // SAFETY: as the caller guarantees.
     let (places, corners) = unsafe {
         let places = slice(positions.cast::<[f64; 3]>(), position_count, "positions")?;
         (places, slice(triangles.cast::<[u32; 3]>(), triangle_count, "triangles")?)
@@ -345,7 +345,7 @@ unsafe fn surface(request: &CamsplatRequest) -> Result<Surface> {
     Ok(Surface::Mesh(Mesh { positions, triangles: corners.to_vec(), ..Mesh::default() }))
 }
 
-/// As many elements as are said to be there.
+/// The elements that `first` and `count` describe.
 ///
 /// # Safety
 /// `first` is null or points at `count` elements.
@@ -353,12 +353,12 @@ unsafe fn slice<'a, T>(first: *const T, count: usize, name: &str) -> Result<&'a 
     match (first.is_null(), count) {
         (_, 0) => Ok(&[]),
         (true, _) => Err(Error::request(format!("`{name}` is null, and there should be {count}"))),
-        // SAFETY: as the caller says.
+        // SAFETY: as the caller guarantees.
         (false, _) => Ok(unsafe { std::slice::from_raw_parts(first, count) }),
     }
 }
 
-/// What `make` makes, for C to own; null where it fails, and then [`camsplat_error`] says why.
+/// What `make` makes, for C to own; null where it fails, and then [`camsplat_error`] gives the reason.
 fn boxed<T>(make: impl FnOnce() -> Result<T>) -> *mut T {
     let failure = match catch_unwind(AssertUnwindSafe(make)) {
         Ok(Ok(made)) => return Box::into_raw(Box::new(made)),
@@ -376,7 +376,7 @@ fn boxed<T>(make: impl FnOnce() -> Result<T>) -> *mut T {
 /// `made` is null or what `boxed` gave, and not freed yet.
 unsafe fn free<T>(made: *mut T) {
     if !made.is_null() {
-        // SAFETY: as the caller says. A panic on the way must not reach C, and leaves nothing to do.
+        // SAFETY: as the caller guarantees. A panic on the way must not reach C, and leaves nothing to do.
         let _ = catch_unwind(AssertUnwindSafe(|| drop(unsafe { Box::from_raw(made) })));
     }
 }

@@ -1,4 +1,4 @@
-//! The one error type of the crate. Every message is a single line that says what, where and what to do. Settings are in
+//! The one error type of the crate. Every message is a single line with what is wrong, where, and what to do. Settings are in
 //! backquotes, by the names of their fields; the command line puts its options there.
 
 use std::ops::ControlFlow;
@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 /// Shorthand for results of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Everything that can go wrong, by who can mend it.
+/// Everything that can go wrong, by who can fix it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A file or folder is not what it should be: the user can mend the input.
+    /// A file or folder is not what it should be: the user can fix the input.
     #[error("{}: {what}", shown(path))]
     Input {
         /// The offending file or folder.
@@ -25,7 +25,7 @@ pub enum Error {
         /// The folder.
         path: PathBuf,
     },
-    /// A request makes no sense as asked (an inverted box, zero views, no point in sight of the region).
+    /// The request makes no sense (an inverted box, zero views, no point in sight of the region).
     #[error("{0}")]
     Request(String),
     /// The file system refused.
@@ -33,10 +33,10 @@ pub enum Error {
     Io {
         /// The file or folder that was read or written.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// No usable Vulkan device, or not the one asked for.
+    /// No usable Vulkan device, or not the one requested.
     #[error("{0}")]
     NoDevice(String),
     /// A plan or a buffer does not fit the device.
@@ -44,14 +44,14 @@ pub enum Error {
     OutOfMemory {
         /// What was to be allocated.
         what: String,
-        /// Bytes wanted.
+        /// Bytes required.
         wanted: u64,
-        /// Bytes there are.
+        /// Bytes available.
         available: u64,
         /// What the user can do.
         remedy: String,
     },
-    /// The caller asked to stop; what is finished stays.
+    /// The caller requested a stop; finished results are kept.
     #[error("stopped, as it was asked to; what is finished stays")]
     Interrupted,
     /// The device was lost while running a stage.
@@ -86,16 +86,16 @@ impl Error {
         Self::Request(bounded(what.into()))
     }
 
-    /// [`Error::Interrupted`] where an observer does not want to go on.
+    /// [`Error::Interrupted`] where an observer requests a stop.
     ///
     /// # Errors
-    /// Where `flow` says so.
+    /// Where `flow` breaks.
     pub fn unless_stopped(flow: ControlFlow<()>) -> Result<()> {
         if flow.is_break() { Err(Self::Interrupted) } else { Ok(()) }
     }
 
-    /// Process exit code: 1 where a device failed while it ran, 130 after an interruption, 2 where something else must be asked for or
-    /// given.
+    /// Process exit code: 1 where a device failed while it ran, 130 after an interruption, 2 where the request or the input must
+    /// change.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::DeviceLost { .. } | Self::Vulkan { .. } => 1,

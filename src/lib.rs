@@ -1,4 +1,4 @@
-//! camsplat answers one question: where should the cameras stand?
+//! camsplat answers one question: where should the cameras be?
 //!
 //! Given a rough surface of an object or a room, it places N cameras at once by gradient descent, so that a radiance field trained on
 //! their photos is as good as it can be. It runs on any Vulkan 1.2 device.
@@ -18,7 +18,7 @@
 //! # Ok::<(), camsplat::Error>(())
 //! ```
 //!
-//! [`plan()`] is the front door, and [`PlanRequest`] has what can be asked for; [`vulkan::host`] is for applications that own the Vulkan device.
+//! [`plan()`] is the front door, and [`PlanRequest`] has its options; [`vulkan::host`] is for applications that own the Vulkan device.
 //!
 //! The layers look down only: the command line and [`report`] sit on `evaluate`, that on [`baselines`], [`select`] and [`mod@plan`], these on
 //! [`vds`], [`photograph`], [`gaussians`], [`stereo`] and [`quality`], then [`metrics`], [`visibility`], [`io`], [`photos`], [`scene`] with

@@ -33,7 +33,7 @@ pub fn mapped<T: Sync, R: Send>(items: &[T], work: impl Fn(usize, &T) -> R + Syn
     items.par_iter().enumerate().map(|(index, item)| work(index, item)).collect()
 }
 
-/// Calls `work` with every item; the first failure in time ends it, and what others have begun goes on to its end.
+/// Calls `work` with every item; the first failure in time ends it, after other threads finish their current items.
 ///
 /// # Errors
 /// As `work`.
@@ -61,7 +61,7 @@ pub(crate) fn with_scratch<T: Send, S>(
 mod tests {
     use super::*;
 
-    /// If this failed, workers beside one another would each take all threads.
+    /// If this failed, concurrent workers would each take all threads.
     #[test]
     fn a_share_is_a_part_of_the_threads() {
         let all = threads();

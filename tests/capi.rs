@@ -1,4 +1,4 @@
-//! The boundary for C: the header is what the source says, and a C program plans on its own Vulkan device.
+//! The boundary for C: the header matches the source, and a C program plans on its own Vulkan device.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -45,8 +45,8 @@ fn run(command: &mut Command) -> String {
     said + &complained
 }
 
-/// If this failed, an application in C could not plan: the library would not link, misread its structs, harm its device, or end a
-/// program that asks for nonsense.
+/// If this failed, an application in C could not plan: the library would not link, misread its structs, harm its device, or crash
+/// a program on an invalid request.
 #[test]
 fn c_programs_plan_on_their_own_devices_and_are_refused_nonsense() {
     if !Path::new("/usr/include/vulkan/vulkan.h").is_file() || Command::new("cc").arg("--version").output().is_err() {

@@ -1,4 +1,4 @@
-/* Requests that make no sense: each must give a null pointer and a line that says why, and none may end the program. */
+/* Invalid requests: each must give a null pointer and a line with the reason, and none may end the program. */
 #include <math.h>
 #include <stdio.h>
 

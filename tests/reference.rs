@@ -81,7 +81,7 @@ fn anchors(text: &str) -> Vec<String> {
     text.lines().filter(|line| line.starts_with('#')).map(anchor).collect()
 }
 
-/// If this failed, a reader who follows a link of the documentation would come to nothing.
+/// If this failed, a reader who follows a link of the documentation would reach a dead end.
 #[test]
 fn every_link_between_pages_leads_somewhere() {
     let mut followed = 0;
@@ -102,7 +102,7 @@ fn every_link_between_pages_leads_somewhere() {
     assert!(followed > 20, "only {followed} links were found");
 }
 
-/// If this failed, the page that everybody reads first would have grown into one that nobody reads.
+/// If this failed, the first page that users read would have grown too long to be read.
 #[test]
 fn the_readme_stays_short_and_lines_stay_narrow() {
     let words = |name: &str| fs::read_to_string(root().join(name)).unwrap().split_whitespace().count();
@@ -137,7 +137,7 @@ fn completions_and_man_pages_name_every_subcommand() {
     assert!(refused.code == Some(2) && refused.err.contains("not empty"), "{}", refused.err);
 }
 
-/// Words of our own that readers had to translate; what they should read instead.
+/// Private words that readers had to translate, and their replacements.
 const PRIVATE: [(&str, &str); 8] = [
     ("came apart", "diverged"),
     ("come apart", "diverge"),
@@ -163,7 +163,7 @@ fn guides_and_help_use_the_words_of_the_field() {
     }
 }
 
-/// Where stages are held against plain Rust that has not their own name: how their names begin, the file, and what does it there.
+/// Stages whose twin in plain Rust has another name: how their names begin, the twin's file, and its name there.
 const TWINS: [(&str, &str, &str); 24] = [
     ("bin_", "src/plan/dense.rs", "fn dense("),
     ("check_depth", "src/stereo/consistency.rs", "fn check("),

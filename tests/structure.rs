@@ -31,7 +31,7 @@ fn modules() -> BTreeMap<Module, String> {
     found
 }
 
-/// The code of a file: without comments, and without its tests, which stand at its end.
+/// The code of a file: without comments, and without its tests, which are at its end.
 fn code(text: &str) -> String {
     let text = text.split("\n#[cfg(test)]\nmod tests {").next().unwrap_or_default();
     text.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n")
@@ -69,7 +69,7 @@ fn taken(text: &str, in_facade: bool) -> Vec<String> {
             None => rest = rest + line + "\n",
         }
         if let Some(all) = declared.take_if(|all| all.ends_with(';')) {
-            // What a facade hands on it does not use.
+            // What a facade re-exports it does not use.
             if !(in_facade && all.starts_with("pub")) {
                 let tree = all.split_once("use ").map_or("", |(_, tree)| tree).trim_end_matches(';');
                 found.extend(paths(tree));
@@ -82,7 +82,7 @@ fn taken(text: &str, in_facade: bool) -> Vec<String> {
     found
 }
 
-/// Which files each file uses; what a `mod.rs` hands on counts for the file that it is from.
+/// Which files each file uses; what a `mod.rs` re-exports counts for the file that it is from.
 fn uses() -> BTreeMap<Module, BTreeSet<Module>> {
     let modules = modules();
     let is_facade =
@@ -130,8 +130,8 @@ fn uses() -> BTreeMap<Module, BTreeSet<Module>> {
     };
     let of = |module: &Module, text: &str| -> BTreeSet<Module> {
         let found = taken(text, is_facade(module)).into_iter().filter_map(|path| resolve(module, &path));
-        // A folder's `mod.rs` calls its own files, which take its types: together they are one thing to a reader. The root holds the
-        // error type and macros for everybody.
+        // A folder's `mod.rs` calls its own files, which take its types: together they are one thing to a reader. The root holds
+        // the error type and macros for all layers.
         found.filter(|other| !other.starts_with(module) && !other.is_empty() && modules.contains_key(other)).collect()
     };
     modules
@@ -178,12 +178,12 @@ fn layers() -> Vec<Vec<String>> {
     rows.map(folders).collect()
 }
 
-/// If this failed, a layer would use one that stands on it, or ARCHITECTURE.md would have them in another order than the code.
+/// If this failed, a layer would use one above it, or ARCHITECTURE.md would have them in another order than the code.
 #[test]
 fn layers_look_down_only() {
     let (uses, layers) = (uses(), layers());
     let level = |folder: &str| layers.iter().position(|layer| layer.iter().any(|name| name == folder));
-    // The error type is everybody's, and the binary stands on the command line.
+    // The error type belongs to all layers, and the binary uses the command line.
     let is_outside = |folder: &str| ["error", "main"].contains(&folder);
     let mut wrong = BTreeSet::new();
     for (module, others) in &uses {
@@ -201,7 +201,7 @@ fn layers_look_down_only() {
     assert!(layers.len() > 15 && wrong.is_empty(), "{wrong:#?}");
 }
 
-/// If this failed, whoever uses the library would be told of options that it does not have. Settings stand in backquotes, and the
+/// If this failed, errors of the library would name options that it does not have. Settings are in backquotes, and the
 /// command line puts its options there.
 #[test]
 fn the_library_names_no_options() {

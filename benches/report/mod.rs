@@ -1,9 +1,9 @@
-//! What the benches share: GPU time of a recording, and a report of rows on the terminal and as JSON.
+//! What the benchmarks share: GPU time of a recording, and a report of rows on the terminal and as JSON.
 //!
-//! Criterion decides how often a recording runs and keeps its statistics; times are the device's timestamps. Every row
-//! is also held against the copy bandwidth of the device, measured first. On a CPU device only ratios mean anything.
+//! Criterion decides how often a recording runs and keeps its statistics; times are the device's timestamps. Every row is also
+//! compared with the copy bandwidth of the device, measured first. On a CPU device only ratios mean anything.
 //!
-//! `CAMSPLAT_DEVICE` picks the device; `CAMSPLAT_BENCH_OUT` says where the JSON goes.
+//! `CAMSPLAT_DEVICE` picks the device; `CAMSPLAT_BENCH_OUT` sets where the JSON goes.
 #![allow(dead_code, reason = "each bench uses a part")]
 
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ use camsplat::vulkan::{Buffer, Context, Options, Recorder};
 use camsplat::{Error, Result};
 use criterion::{BenchmarkId, Criterion, SamplingMode, Throughput};
 
-/// The device that the environment asks for, or the best one.
+/// The device that the environment selects, or the best one.
 pub fn context() -> Result<Arc<Context>> {
     Context::new(&Options { device: std::env::var("CAMSPLAT_DEVICE").ok(), ..Options::default() })
 }
@@ -42,7 +42,7 @@ impl<'a> Job<'a> {
         Ok(job)
     }
 
-    /// Runs both and says when the work's stages ran.
+    /// Runs both and returns when the work's stages ran.
     pub fn run(&mut self) -> Result<Vec<Timing>> {
         self.restore.submit_and_wait()?;
         self.work.submit_and_wait()?;
@@ -187,7 +187,7 @@ impl Report {
                         Err(error) => failure = Some(error),
                     }
                 }
-                // Criterion divides by what it is told, and a failed run told nothing.
+                // Criterion divides by this duration, which is zero for a failed run.
                 Duration::from_nanos((total as u64).max(1))
             });
         });
@@ -242,7 +242,7 @@ impl Report {
         }));
     }
 
-    /// Adds what a bench knows besides times.
+    /// Adds a value other than a time.
     pub fn facts(&mut self, row: serde_json::Value) {
         self.rows.push(row);
     }

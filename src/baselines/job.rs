@@ -57,7 +57,7 @@ pub fn run(
     photographing(context, target, (intrinsics, kept), request, model, outside)
 }
 
-/// What is said where a method takes photographs and nobody can.
+/// The error where a method takes photographs and none can be taken.
 pub fn no_photographs(method: Method) -> Error {
     let what = match method {
         Method::OursTwoPasses => {
@@ -71,11 +71,11 @@ pub fn no_photographs(method: Method) -> Error {
     Error::request(format!("`method` {}: {what}", method.name()))
 }
 
-/// What a method asks for while it chooses.
+/// What a method calls while it chooses.
 pub struct Outside<'o> {
     /// Photographs of candidates, for the methods that need them.
     pub photograph: Photograph<'o>,
-    /// Whether to go on, for those that take long.
+    /// Whether to continue, for methods that take long.
     pub go_on: &'o mut dyn FnMut() -> ControlFlow<()>,
 }
 

@@ -39,7 +39,7 @@ pub struct Settings {
     pub first: u32,
     /// Steps of learning the noise before the first camera is placed.
     pub learn: u32,
-    /// And after each, every other one from that camera.
+    /// Steps after each camera, every other one from that camera.
     pub relearn: u32,
     /// What the noise of a Gaussian on average, summed over its parameters, is worth beside the mean square difference of a
     /// picture in [0, 1]. With 0.001, colours that one view shows take noise of about a tenth.
@@ -93,7 +93,7 @@ impl Settings {
     }
 }
 
-/// The sphere that cameras stand on, looking at its centre.
+/// The sphere of the cameras, which look at its centre.
 struct Sphere {
     centre: DVec3,
     radius: f64,
@@ -226,7 +226,7 @@ impl Scene {
 /// Poses of `views` cameras on the sphere halfway through a shell, after those of `kept`, in the model's world. The noise of the model
 /// is learnt from the views so far, without which a few on Fibonacci points come first; then every camera goes where the
 /// spread is largest and counts as one more of these views. Views that are kept have the new cameras' lens here. Before each
-/// camera `go_on` says whether to.
+/// camera `go_on` decides whether to continue.
 ///
 /// # Errors
 /// A region that is no shell, a model that the sphere does not show, or a device that fails or has not enough memory.
@@ -312,8 +312,8 @@ mod tests {
         gaussians
     }
 
-    /// A model seen from the middle of a shell, with noise of `scale` in the colours of the Gaussians that `noisy` says; and that
-    /// noise.
+    /// A model seen from the middle of a shell, with noise of `scale` in the colours of the Gaussians that `noisy` selects; and
+    /// that noise.
     fn scene(
         context: &Arc<Context>,
         gaussians: &Gaussians,

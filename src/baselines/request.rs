@@ -1,4 +1,4 @@
-//! What is asked of a baseline.
+//! The request for a plan by a baseline.
 
 use serde::{Deserialize, Serialize};
 
@@ -26,14 +26,14 @@ impl Method {
         }
     }
 
-    /// Candidates to choose `views` from where nothing is said; none where there is no choice.
+    /// Candidates to choose `views` from by default; none where there is no choice.
     pub fn candidates(self, views: u32) -> Option<u32> {
         let usual = match self {
             Self::Fvs | Self::FvsChord => 10_000,
             // Counting shared points takes every pair.
             Self::FvsShared | Self::Coverage => 2000,
             Self::Acp => 1000,
-            // Few, since each takes a look at a model; as many as there are views would leave no choice.
+            // Few, since each renders a model; as many as there are views would leave no choice.
             Self::Fisher | Self::FisherRetrain | Self::Cover => views.saturating_mul(3).max(300),
             _ => return None,
         };
@@ -41,7 +41,7 @@ impl Method {
     }
 }
 
-/// A plan that is asked of a baseline; what `plan.json` says of it.
+/// A request for a plan by a baseline, as `plan.json` records it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Request {
     /// How.
@@ -68,7 +68,7 @@ pub struct Request {
     /// Of [`Method::FisherRetrain`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub retraining: Option<retrained::Settings>,
-    /// From where people will look, for what is expected of the choice.
+    /// Where viewers will look from, for the expected quality of the choice.
     #[serde(skip_serializing_if = "Viewers::is_default")]
     pub viewers: Viewers,
     /// Of [`Method::Manifold`].
@@ -80,7 +80,7 @@ pub struct Request {
 }
 
 impl Request {
-    /// What a method is asked for, with the rest as a plan's configuration has it.
+    /// The request for a method, with the rest from a plan's configuration.
     ///
     /// # Errors
     /// One line that names the option that does not fit.
@@ -136,7 +136,7 @@ impl Request {
 mod tests {
     use super::*;
 
-    /// If this failed, a method that looks at a model would take all of its candidates, as good as at random, or another would have
+    /// If this failed, a method that uses a model would take all of its candidates, as good as at random, or another would have
     /// fewer candidates than views.
     #[test]
     fn candidates_outnumber_views() {

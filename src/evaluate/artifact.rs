@@ -1,4 +1,4 @@
-//! What an evaluation makes once and finds again: each in a folder that a key of all of its inputs names, complete where `done.json` says so.
+//! What an evaluation makes once and reuses: each in a folder named by a key of all of its inputs, complete once `done.json` exists.
 
 use std::cell::RefCell;
 use std::fs::{self, File, TryLockError};
@@ -17,41 +17,41 @@ use crate::{Error, Result};
 /// The file that is written last, with the inputs.
 const DONE: &str = "done.json";
 
-/// How often what makes an artifact has changed while its options stayed: whoever changes it raises the number, so that products of
+/// Version of the code that makes artifacts: raise it with every change of results under the same options, so that artifacts of
 /// earlier programs are made anew, and whatever is made from them.
 const REVISIONS: [(&str, u32); 5] = [("photos", 2), ("surface", 1), ("choice", 3), ("training", 3), ("lpips", 1)];
 
-/// Time between two looks whether another has made a product.
+/// Time between two checks whether another process has made an artifact.
 const BETWEEN_TRIES: Duration = Duration::from_millis(20);
 
-/// What happens on the way.
+/// Progress events.
 pub enum Event<'e> {
-    /// A product is made: its key; the evaluation adds what for.
+    /// An artifact is being made: its key; the evaluation adds what for.
     Begins(&'e str),
-    /// A product was there from an earlier run.
+    /// An artifact was there from an earlier run.
     Kept,
-    /// An artifact goes on.
+    /// An artifact is still being made.
     Working,
     /// Something that the user should know.
     Note(String),
 }
 
-/// Hears what happens and says whether to go on.
+/// Receives progress events and returns whether to continue.
 pub(crate) type Observe<'o> = &'o mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send);
 
-/// A product that is there or is to be made.
+/// An artifact that is there or is to be made.
 #[derive(Debug)]
 pub(crate) struct Artifact {
     folder: PathBuf,
     key: String,
     inputs: Value,
-    /// The folder, locked while the product is made: several workers may want it at once.
+    /// The folder, locked while the artifact is made: several workers may need it at once.
     making: RefCell<Option<File>>,
 }
 
 impl Artifact {
-    /// The artifact of this name with these inputs, below `root`. Inputs that are products themselves stand there
-    /// by their [`Artifact::key`].
+    /// The artifact of this name with these inputs, below `root`. Inputs that are artifacts themselves are given by their
+    /// [`Artifact::key`].
     pub fn new(root: &Path, name: &str, inputs: Value) -> Self {
         let revision = REVISIONS.iter().find(|(artifact, _)| *artifact == name).map_or(1, |(_, revision)| *revision);
         let inputs = json!({ "stage": name, "revision": revision, "inputs": inputs });
@@ -59,7 +59,7 @@ impl Artifact {
         Self { folder: root.join(&key), key, inputs, making: RefCell::default() }
     }
 
-    /// What names it among the inputs of others.
+    /// Its name among the inputs of others.
     pub fn key(&self) -> &str {
         &self.key
     }
@@ -74,17 +74,17 @@ impl Artifact {
         self.folder.join(name)
     }
 
-    /// Whether it is complete, and of these very inputs.
+    /// Whether it is complete, and of exactly these inputs.
     pub fn is_done(&self) -> bool {
         let text = fs::read(self.file(DONE)).unwrap_or_default();
         serde_json::from_slice(&text).is_ok_and(|inputs: Value| inputs == self.inputs)
     }
 
-    /// Whether it is to be made; its folder is there then, and nobody else makes it before [`Artifact::finish`] or the end of
-    /// `self`. Where somebody is making it, this waits for it.
+    /// Whether it is to be made; its folder then exists, and is locked until [`Artifact::finish`] or the end of `self`. Where
+    /// another worker is making it, this waits.
     ///
     /// # Errors
-    /// Where the system refuses, or `observe` does not want to wait.
+    /// Where the system refuses, or `observe` requests a stop.
     pub fn begins(&self, observe: Observe) -> Result<bool> {
         let mut is_done = self.is_done();
         if !is_done {
@@ -104,7 +104,7 @@ impl Artifact {
             is_done = self.is_done();
             *self.making.borrow_mut() = (!is_done).then_some(folder);
         }
-        // A stop that is asked for here is heard while it is made, or before the next.
+        // A stop requested here takes effect while it is made, or before the next.
         let _ = observe(if is_done { Event::Kept } else { Event::Begins(self.key()) });
         Ok(!is_done)
     }
@@ -125,7 +125,7 @@ impl Artifact {
         replace_file(&self.file(name), |file| file.write_all(bytes))
     }
 
-    /// What is said where a file of it, which was complete once, is not whole any more.
+    /// The error where a file of it, which was complete once, is damaged or missing.
     pub fn damaged(&self, what: &str) -> Error {
         Error::input(&self.folder, format!("this product is damaged ({what}); remove the folder and run again"))
     }
@@ -133,7 +133,7 @@ impl Artifact {
     /// Reads a file of it back, as JSON.
     ///
     /// # Errors
-    /// Where it is not there or not whole.
+    /// Where it is missing or damaged.
     pub fn read<T: DeserializeOwned>(&self, name: &str) -> Result<T> {
         let wrong = |error: &dyn std::fmt::Display| self.damaged(&format!("{name}: {error}"));
         let text = fs::read(self.file(name)).map_err(|error| wrong(&error))?;
@@ -149,7 +149,7 @@ impl Artifact {
         self.write(name, &serde_json::to_vec_pretty(value).map_err(wrong)?)
     }
 
-    /// Says that it is complete.
+    /// Marks it complete.
     ///
     /// # Errors
     /// Where the system refuses.
@@ -169,7 +169,7 @@ fn fnv1a(bytes: &[u8]) -> u64 {
 mod tests {
     use super::*;
 
-    /// If this failed, a run could take another's product for its own, or make one that is there once more.
+    /// If this failed, a run could take another's artifact for its own, or make an existing one again.
     #[test]
     fn a_product_counts_when_it_is_finished_and_for_its_inputs_only() {
         let root = tempfile::tempdir().unwrap();
@@ -184,7 +184,7 @@ mod tests {
         assert!(!one.is_done());
     }
 
-    /// If this failed, two workers would make a product at once, or one that waits for another could not be stopped.
+    /// If this failed, two workers would make one artifact at once, or a worker that waits for another could not be stopped.
     #[test]
     fn who_waits_for_a_product_hears_a_stop_and_gets_it_when_it_is_done() {
         let root = tempfile::tempdir().unwrap();
@@ -207,7 +207,7 @@ mod tests {
         assert!(!waited.unwrap());
     }
 
-    /// If this failed, products of earlier runs would not be found again. Values from the hash's authors.
+    /// If this failed, artifacts of earlier runs would not be found again. Values from the hash's authors.
     #[test]
     fn the_hash_is_that_of_its_authors() {
         assert_eq!((fnv1a(b""), fnv1a(b"foobar")), (0xcbf2_9ce4_8422_2325, 0x8594_4171_f739_67e8));

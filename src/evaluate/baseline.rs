@@ -1,4 +1,4 @@
-//! Other people's methods at the size of an evaluation.
+//! Baselines at the size of an evaluation.
 
 use super::kind::Kind;
 use super::settings::Settings;
@@ -11,7 +11,7 @@ const SIDE: u32 = 400;
 /// One of so many iterations, and of so many splats, that a training on the chosen views has, goes into choosing them.
 const ITERATIONS: u32 = 3;
 const SPLATS: u32 = 5;
-/// Iterations of training with which a camera takes as many steps as were published.
+/// Iterations of training with which a camera takes the published number of steps.
 const WHOLE: f64 = 30_000.0;
 
 /// A request whose costs fit the evaluation: what a method trains between its choices is a part of what is trained on them.

@@ -57,7 +57,7 @@ impl SceneArtifacts<'_> {
         let limits = &self.scene.limits;
         let photographs = matches!(method, Competitor::Method(placing) if placing.needs_photographs());
         let made_of = match method {
-            // Whatever they are called, and for all seeds.
+            // Independent of their names and the seed.
             Competitor::Cameras(given) => json!({
                 "surface": shown.key(), "given": given.poses, "region": region, "camera": intrinsics, "device": device,
                 "limits": limits, "viewers": config.viewers, "kept": kept,

@@ -1,4 +1,4 @@
-//! Who is compared.
+//! The methods that are compared.
 
 use std::fmt;
 use std::path::Path;
@@ -13,7 +13,7 @@ use crate::plan::config::{Config, Objective, Preset};
 use crate::scene::camera::Pose;
 use crate::{Error, Result, io};
 
-/// Who is compared: a method, the planner with other numbers, or cameras of the user's.
+/// What is compared: a method, the planner with other settings, or cameras of the user's.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Competitor {
     /// A method of this crate.
@@ -25,7 +25,7 @@ pub enum Competitor {
     Cameras(Arc<Given>),
 }
 
-/// Where cameras stand that were placed by other means.
+/// Cameras that were placed by other means.
 #[derive(Debug)]
 pub struct Given {
     /// What they are called, as on the command line.
@@ -36,7 +36,7 @@ pub struct Given {
     pub notes: Vec<String>,
 }
 
-/// Whatever they are called.
+/// Independent of their names.
 impl PartialEq for Given {
     fn eq(&self, other: &Self) -> bool {
         self.poses == other.poses
@@ -46,7 +46,7 @@ impl PartialEq for Given {
 // Poses that were read are numbers.
 impl Eq for Given {}
 
-/// Keys that [`Competitor::Tuned`] leaves alone: the evaluation has them from elsewhere.
+/// Keys that [`Competitor::Tuned`] leaves alone: the evaluation sets them itself.
 const OWN: [&str; 5] = ["views", "seed", "preset", "held_out", "checkpoint_every"];
 /// What [`Competitor::Tuned`] begins with.
 const SET: &str = "ours:";
@@ -93,7 +93,7 @@ impl Competitor {
         })
     }
 
-    /// Whether it can be asked for so many views: cameras that are there are as many as they are.
+    /// Whether it supports this number of views: given cameras support only their own number.
     pub fn takes(&self, views: u32) -> bool {
         !matches!(self, Self::Cameras(given) if given.poses.len() != views as usize)
     }
@@ -103,7 +103,7 @@ impl Competitor {
         matches!(self, Self::Method(method) if method.needs_model())
     }
 
-    /// Refuses what does not fit subjects of a kind.
+    /// Rejects what does not fit subjects of a kind.
     ///
     /// # Errors
     /// In a line that names the method.
@@ -221,8 +221,8 @@ mod tests {
             assert_eq!(method.name().parse(), Ok(method));
         }
         let config = set.config(Preset::Object, 20, 3).unwrap();
-        let told = (config.alpha, config.gate, config.scale, config.views, config.seed);
-        assert_eq!(told, (0.2, Gate::PinholeHard, Some(0.5), 20, 3));
+        let parsed = (config.alpha, config.gate, config.scale, config.views, config.seed);
+        assert_eq!(parsed, (0.2, Gate::PinholeHard, Some(0.5), 20, 3));
         for (wrong, named) in [
             ("ours:tau=1", "lambda_reg"),
             ("ours:gate=wide", "gate cannot be wide"),

@@ -1,5 +1,5 @@
-//! The demo's way: cameras planned for a room, and as many at random and on a grid at eye height; photographs from all of them, splats
-//! trained on these, and what held-out test views show.
+//! The demo pipeline: cameras planned for a room, and as many at random and on a grid at eye height; photographs from all of
+//! them, splats trained on these, and what held-out test views show.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -25,7 +25,7 @@ use crate::scene::camera::Camera;
 use crate::vulkan::Context;
 use crate::{Error, Result, baselines, plan};
 
-/// Who places cameras, ours first.
+/// The methods that place cameras, ours first.
 pub const METHODS: [Method; 3] = [Method::Ours, Method::Random, Method::Grid];
 
 /// Test views that are shown.
@@ -59,31 +59,31 @@ impl Size {
     };
 }
 
-/// What was done.
+/// The step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
     /// In a word.
     pub name: &'static str,
-    /// What came out.
+    /// Its result.
     pub what: String,
-    /// How long it took.
+    /// Its duration.
     pub seconds: f64,
 }
 
-/// What happens on the way.
+/// Progress events.
 pub enum Event<'e> {
     /// A step is done.
     Done(&'e Step),
-    /// One goes on.
+    /// A step is in progress.
     Working,
 }
 
-/// Hears what happens and says whether to go on.
+/// Receives progress events and returns whether to continue.
 pub(crate) type Observe<'o> = &'o mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send);
 
-/// Where the way led.
+/// The result of the demo.
 pub struct Demo {
-    /// The scene's name, and that of the folder of its products.
+    /// The scene's name, and that of the folder of its artifacts.
     pub name: String,
     /// The steps in their order.
     pub steps: Vec<Step>,
@@ -93,15 +93,15 @@ pub struct Demo {
     pub plan: Plan,
     /// Photographs from the cameras of each of [`METHODS`], as files in the scene's folder.
     pub photos: Vec<Vec<String>>,
-    /// What was trained on them, tested.
+    /// The splats trained on them, with their tests.
     pub outcome: Outcome,
 }
 
 impl Demo {
-    /// What came out, in a sentence.
+    /// The result in a sentence.
     pub fn sentence(&self) -> String {
         let views = self.plan.record.cameras.len();
-        // PSNR of the one set of tests.
+        // PSNR on the only test set.
         let psnr =
             |index: usize| self.outcome.entries.get(index).and_then(|entry| entry.quality.first()).map(|q| q.psnr);
         match (psnr(0), psnr(1), psnr(2)) {
@@ -124,7 +124,7 @@ fn beside(db: f64) -> String {
 /// Runs the pipeline in a room; artifacts lie in the scene's folder below `folder`, and those that are there are taken as they are.
 ///
 /// # Errors
-/// Where a step fails, or `observe` broke it off; what is finished stays, and the same call goes on from there.
+/// Where a step fails, or `observe` stopped it; what is finished stays, and the same call continues from there.
 pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, observe: Observe) -> Result<Demo> {
     let Size { settings, views, seed } = size;
     let (name, kind) = (scene.name.clone(), Kind::Room);
@@ -193,11 +193,11 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     Ok(Demo { steps: walk.steps, name, target, plan, photos, outcome })
 }
 
-/// Steps, told of as they are done.
+/// Steps, reported as they are done.
 struct Walk<'o> {
     observe: Observe<'o>,
     begun: Instant,
-    /// Whether the step's product was there.
+    /// Whether the step's artifact existed.
     kept: bool,
     steps: Vec<Step>,
 }
@@ -221,7 +221,7 @@ impl Walk<'_> {
             what += ", there from an earlier run";
         }
         let step = Step { name, what, seconds: self.begun.elapsed().as_secs_f64() };
-        // A stop that is asked for here is heard within the next step.
+        // A stop requested here takes effect within the next step.
         let _ = (self.observe)(Event::Done(&step));
         self.steps.push(step);
         (self.begun, self.kept) = (Instant::now(), false);

@@ -31,15 +31,15 @@ use crate::parallel::{lock, on_a_share};
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
-/// The file that says that a folder is of an evaluation.
+/// The file that marks a folder as an evaluation's.
 pub const ASKED: &str = "evaluation.json";
 /// Files beside the folders of subjects.
 const WRITTEN: [&str; 5] = [ASKED, "table.md", "table.csv", "results.json", "report.html"];
 
-/// What an evaluation came to, or has come to so far.
+/// The results of an evaluation, so far or in the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
-    /// What it is on.
+    /// The kind of its subjects.
     pub kind: Kind,
     /// Every run that is complete.
     pub entries: Vec<Entry>,
@@ -56,17 +56,17 @@ impl Outcome {
     }
 }
 
-/// What happens on the way.
+/// Progress events.
 pub enum Event<'e> {
-    /// Something happens with a product.
+    /// An event of an artifact.
     Product(artifact::Event<'e>),
-    /// A run is complete: so many of so many are.
+    /// A run is complete, with the number complete and the total.
     Complete(&'e Entry, [usize; 2]),
-    /// The tables have been written, of what is complete.
+    /// The tables of the complete runs have been written.
     Written(&'e Outcome),
 }
 
-/// Hears what happens and says whether to go on.
+/// Receives progress events and returns whether to continue.
 pub(crate) type Hear<'h> = &'h mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send + 'h);
 
 /// Checks, before anything is computed, that an evaluation can be written into `folder`, which is empty, new or an earlier
@@ -95,13 +95,12 @@ pub fn check(folder: &Path, request: &Request, subjects: &[Subject]) -> Result<(
     })
 }
 
-/// Runs what is asked for on all of the devices; whenever something was made for a run that is complete, tables of those that
-/// are go into `folder`. Outputs that are there are taken as they are. With the weights of a network, LPIPS is measured with it
-/// too. Tables do not depend on the number of devices where
-/// these are alike, but for the seconds that choices take.
+/// Runs the request on all devices; whenever a new run is complete, the tables of all complete runs are written into `folder`.
+/// Outputs that are there are taken as they are. With the weights of a network, LPIPS is measured with it too. Tables do not
+/// depend on the number of devices where these are alike, except for the seconds that selection takes.
 ///
 /// # Errors
-/// Where an artifact fails, or `hear` broke it off; what is finished stays, and the same call goes on from there.
+/// Where an artifact fails, or `hear` stopped it; what is finished stays, and the same call continues from there.
 pub fn run(
     contexts: &[Arc<Context>],
     request: &Request,
@@ -117,7 +116,7 @@ pub fn run(
     let names: Vec<&str> = subjects.iter().map(Subject::name).collect();
     let asked = json!({ "scenes": names, "request": request, "lpips_vgg": weights.map(Weights::fingerprint) });
     let asked = format!("{asked:#}\n");
-    // Tables that are there go with what was asked for then, until they are written anew.
+    // Existing tables belong to the earlier request until they are rewritten.
     if !folder.join(ASKED).is_file() {
         write_files(&[(&folder.join(ASKED), asked.as_bytes())])?;
     }
@@ -137,27 +136,27 @@ pub fn run(
     board.write(&entries)
 }
 
-/// What all workers share: who hears of them, and what they have made.
+/// What all workers share: the observer, and what is complete.
 struct Board<'b> {
     request: &'b Request,
     folder: &'b Path,
     /// Of the network that LPIPS is measured with beside AlexNet.
     weights: Option<&'b Weights>,
-    /// What is asked for, as it is written.
+    /// The request, as it is written.
     asked: String,
     /// Runs in all.
     all: usize,
     hear: Mutex<Hear<'b>>,
-    /// Whether a stop has been asked for.
+    /// Whether a stop has been requested.
     stopped: AtomicBool,
-    /// Whether anything has been made that the tables lack.
+    /// Whether anything has been made since the tables were written.
     made: AtomicBool,
     /// What is complete, in the order of subjects and runs: the numbers of both.
     entries: Mutex<Vec<([usize; 2], Entry)>>,
 }
 
 impl Board<'_> {
-    /// Tells of what happens; where a stop was asked for once, that is the answer from then on.
+    /// Reports an event; once a stop was requested, every call returns it.
     fn hear(&self, event: Event<'_>) -> ControlFlow<()> {
         if matches!(event, Event::Product(artifact::Event::Begins(_))) {
             self.made.store(true, Ordering::Relaxed);
@@ -168,12 +167,12 @@ impl Board<'_> {
         if self.stopped.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
-    /// Adds a run. The tables are written where they are out of date: those of a complete evaluation stay while it is walked again.
+    /// Adds a run. The tables are written where they are out of date: those of a complete evaluation stay while it is checked again.
     fn add(&self, place: [usize; 2], entry: Entry) -> Result<()> {
         let mut entries = lock(&self.entries);
         let at = entries.partition_point(|(other, _)| *other < place);
         entries.insert(at, (place, entry));
-        // A stop that is asked for here is heard before the next run.
+        // A stop requested here takes effect before the next run.
         let _ = self.hear(Event::Complete(&entries[at].1, [entries.len(), self.all]));
         if self.made.swap(false, Ordering::Relaxed) {
             self.write(&entries)?;
@@ -241,7 +240,7 @@ impl Runs<'_, '_> {
         self.board.add([self.number, number], entry)
     }
 
-    /// Works on what is left of the subject on one device; what all runs share is made by who comes first.
+    /// Works on what is left of the subject on one device; what all runs share is made by the first worker that needs it.
     fn work(&self, context: &Arc<Context>, observe: Observe) -> Result<()> {
         match self.subject {
             Subject::Scene(scene) => self.photographed(context, scene, observe),
@@ -249,7 +248,7 @@ impl Runs<'_, '_> {
         }
     }
 
-    /// Measures LPIPS with the network whose weights there are.
+    /// Measures LPIPS with the network whose weights are given.
     fn measured(
         &self,
         context: &Arc<Context>,
@@ -313,7 +312,7 @@ impl Runs<'_, '_> {
     }
 }
 
-/// Passes events on; says of every product and note what it is for.
+/// Forwards events; adds to every artifact and note what it is for.
 fn made_for<'o>(what: String, observe: Observe<'o>) -> impl FnMut(artifact::Event<'_>) -> ControlFlow<()> + Send + 'o {
     move |event| match event {
         artifact::Event::Begins(product) => observe(artifact::Event::Begins(&format!("{product} for {what}"))),
@@ -333,7 +332,7 @@ impl Drop for EndOfAll<'_> {
     }
 }
 
-/// An artifact that stops where nobody asked it to must not look like a stop.
+/// An artifact that ends early without a requested stop must not look like a stop.
 fn ended_early(product: &str) -> Error {
     Error::request(format!("{product} was not finished, and nobody stopped it; what is finished stays, run again"))
 }
@@ -349,7 +348,7 @@ fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) ->
             Runs { board, folder, number, subject, next: AtomicUsize::new(0) }
         })
         .collect();
-    // What one worker meets ends all of them.
+    // An error of one worker ends all of them.
     let over = AtomicBool::new(false);
     let work = |first: usize, context: &Arc<Context>| {
         let _end = EndOfAll(&over);
@@ -358,9 +357,9 @@ fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) ->
             if let artifact::Event::Begins(key) = event {
                 product = key.to_owned();
             }
-            let heard = board.hear(Event::Product(event));
-            asked |= heard.is_break() || over.load(Ordering::Relaxed);
-            if asked { ControlFlow::Break(()) } else { heard }
+            let flow = board.hear(Event::Product(event));
+            asked |= flow.is_break() || over.load(Ordering::Relaxed);
+            if asked { ControlFlow::Break(()) } else { flow }
         };
         for runs in runs.iter().cycle().skip(first).take(runs.len()) {
             if let Err(error) = runs.work(context, &mut hear) {
@@ -382,7 +381,7 @@ fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) ->
         let others = others.into_iter().map(|other| other.join().unwrap_or_else(|panic| resume_unwind(panic)));
         first.into_iter().chain(others).collect()
     });
-    // The others stopped because of what one met.
+    // The others stopped because of one worker's error.
     let (stopped, failed): (Vec<Error>, Vec<Error>) =
         worked.into_iter().filter_map(Result::err).partition(|error| matches!(error, Error::Interrupted));
     failed.into_iter().chain(stopped).next().map_or(Ok(()), Err)
@@ -405,8 +404,8 @@ mod tests {
         Entry { scene, method, views: 4, seed: 0, seconds: 0.1, quality, diverged, folder, pictures, places }
     }
 
-    /// If this failed, an evaluation that is complete would lose its tables to one that walks its runs again and is stopped, runs
-    /// would stand in the order in which devices were done, or a stop would be forgotten.
+    /// If this failed, a complete evaluation would lose its tables when a repeated call is stopped, runs would be in the order in
+    /// which devices finished, or a stop would be forgotten.
     #[test]
     fn tables_are_written_where_they_are_out_of_date_and_a_stop_stays() {
         let folder = tempfile::tempdir().unwrap();

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::gaussians::config::Background;
 use crate::plan::config::Preset;
 
-/// What an evaluation is on.
+/// The kind of an evaluation's subjects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -34,9 +34,9 @@ impl Kind {
         }
     }
 
-    /// What splats of a scene are trained over, which is known before its photographs are there; those of a pool tell by
-    /// themselves. Objects stand before white. A room's pictures have no alpha: what lies behind windows is in them, and over
-    /// white its dark places would have to be filled with black, which stands before other views.
+    /// What splats of a scene are trained over, which is known before its photographs are there; those of a pool determine it
+    /// themselves. Objects are on a white background. A room's pictures have no alpha: what lies behind windows is in them, and
+    /// on white its dark places would be filled with black Gaussians, which occlude other views.
     pub fn background(self) -> Background {
         if self == Self::Room { Background::Black } else { Background::White }
     }

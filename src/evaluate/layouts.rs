@@ -90,11 +90,11 @@ struct Captured {
 /// Name, cameras and mean PSNR of each.
 type Runs = Vec<(String, Vec<Camera>, f64)>;
 
-/// What evaluations have trained of one scene in one situation.
+/// The trainings of one scene in one situation.
 pub struct Trained {
     /// The scene's name.
     pub name: String,
-    /// What it was photographed in.
+    /// Its situation.
     pub situation: Situation,
     target: Target,
     geometry: SceneGeometry,
@@ -157,7 +157,7 @@ impl Trained {
 
     /// What the law is fitted to.
     pub fn observations(&self) -> Observations {
-        // Whatever the law, looks beside an object are told; their weight is fitted.
+        // Looks beside an object are recorded for any law; their weight is fitted.
         let around = self.surroundings(&Law { background: 1.0, ..Law::default() });
         Observations::new(&self.name, &self.geometry, around, &self.tests, &self.runs)
     }
@@ -180,7 +180,7 @@ impl Trained {
     }
 }
 
-/// What a layout is called: of a file of cameras its own name.
+/// A layout's name: for a file of cameras its own name.
 fn label(method: &str) -> &str {
     match method.strip_prefix("cameras:") {
         Some(file) => Path::new(file).file_stem().and_then(|stem| stem.to_str()).unwrap_or(file),
@@ -188,7 +188,7 @@ fn label(method: &str) -> &str {
     }
 }
 
-/// Test cameras that were looked at, cameras and mean PSNR of a training.
+/// Test cameras that were evaluated, cameras and mean PSNR of a training.
 fn trained(root: &Path, key: &str) -> Result<(Vec<Camera>, Vec<Camera>, f64)> {
     let folder = root.join(key);
     let done: Done = read(&folder.join("done.json"))?;

@@ -1,10 +1,10 @@
 //! What a choice of views is worth: photographs of the views, splats trained on them, and scores on held-out test views.
 //!
-//! [`request`] says what is compared and how, [`kind`] what each kind of subject has of its own. A [`subject`] is read and checked
-//! first: a [`scene`] with [`views`] around an object or in the empty space of a [`room`], or a [`mod@pool`] of photos. [`artifact`] keeps
-//! every product under a key of its inputs; [`scene_artifacts`] makes those of a scene, [`pool_artifacts`] those of a pool, [`training`] and
-//! [`perceptual`] what both share. [`job`] makes all that is asked for, [`results`] means and intervals, [`table`] the tables;
-//! [`demo`] is the demo's pipeline. `docs/reference/evaluation.md` has the protocol.
+//! [`request`] specifies what is compared and how, [`kind`] what differs between kinds of subjects. A [`subject`] is read and checked
+//! first: a [`scene`] with [`views`] around an object or in the empty space of a [`room`], or a [`mod@pool`] of photos.
+//! [`artifact`] keeps every artifact under a key of its inputs; [`scene_artifacts`] makes those of a scene, [`pool_artifacts`]
+//! those of a pool, [`training`] and [`perceptual`] what both share. [`job`] runs the whole request, [`results`] means and
+//! intervals, [`table`] the tables; [`demo`] is the demo's pipeline. `docs/reference/evaluation.md` has the protocol.
 
 pub(crate) mod artifact;
 mod baseline;

@@ -1,4 +1,4 @@
-//! A plan in two passes: half of the views where what is known says, the rest when these have been photographed and more is known.
+//! A plan in two passes: half of the views on the initial surface, the rest on the surface improved by their photographs.
 
 use super::artifact::{Artifact, Event, Observe};
 use super::scene_artifacts::{SceneArtifacts, read_photos};
@@ -10,12 +10,12 @@ use crate::scene::surface::Surface;
 use crate::{Error, Result};
 
 /// Plans half of the views on the surface of the input photos, takes their photographs, and plans the rest beside them on the surface
-/// of all photos so far. By hand it is `camsplat plan`, a walk with the camera, `camsplat proxy`
+/// of all photos so far. The equivalent commands are `camsplat plan`, taking the photos, `camsplat proxy`
 /// and `camsplat plan --keep`. The record is of the second pass, beside the cameras of the first, which it counts as kept; its time is that
 /// of both plans, without photographs and surface.
 ///
 /// # Errors
-/// Where a plan does not fit the device, photographs cannot be taken, the photos give no surface, or `observe` broke it off.
+/// Where a plan does not fit the device, photographs cannot be taken, the photos give no surface, or `observe` stopped it.
 pub fn run(
     artifacts: &SceneArtifacts<'_>,
     (inputs, shown): (&Artifact, &Artifact),

@@ -1,4 +1,4 @@
-//! LPIPS with VGG16 of the test views, whose weights are the user's: a product of its own, so that nothing is trained again
+//! LPIPS with VGG16 of the test views, whose weights are the user's: an artifact of its own, so that nothing is trained again
 //! for it.
 
 use std::collections::BTreeMap;
@@ -52,7 +52,7 @@ pub fn check(contexts: &[Arc<Context>], weights: &Weights, subject: &Subject, se
 }
 
 /// Adds the distances of the test views to the record of a training, which has its folder below `root`. False where `observe`
-/// broke it off; it begins anew then.
+/// stopped it; it then starts over.
 ///
 /// # Errors
 /// Where pictures cannot be read any more, or the device fails or has not enough memory for their size.
@@ -85,7 +85,7 @@ pub fn measure(
     Ok(())
 }
 
-/// The network stays on the device while it is used and no longer: trainings want the memory.
+/// The network stays on the device while it is used and no longer: training needs the memory.
 fn distances(
     context: &Arc<Context>,
     weights: &Weights,

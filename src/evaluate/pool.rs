@@ -9,7 +9,7 @@ use crate::io::photos::{self, Images, Options};
 use crate::photos::{Photo, PhotoSet};
 use crate::{Error, Result};
 
-/// A capture, read and taken apart.
+/// A capture, split into candidates and held-out photos.
 pub struct Pool {
     /// Name in tables and of its folder.
     pub name: String,
@@ -22,11 +22,11 @@ pub struct Pool {
 }
 
 impl Pool {
-    /// Reads a capture and holds every eighth photo out, by name from the first on; the notes say what was understood. Points
+    /// Reads a capture and holds every eighth photo out, by name from the first on; the notes report what was understood. Points
     /// that only photos held out see are left out too.
     ///
     /// # Errors
-    /// Where it cannot be read, lacks an image, or has too few photos for what is asked.
+    /// Where it cannot be read, lacks an image, or has too few photos for the request.
     pub fn read(path: &Path, request: &Request, notes: &mut Vec<String>) -> Result<Self> {
         let mut set = photos::read(path, &Options { images: Images::Needed, ..Options::default() })?;
         notes.append(&mut set.notes);

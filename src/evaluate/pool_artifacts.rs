@@ -54,7 +54,7 @@ pub(crate) struct PoolArtifacts<'a> {
     settings: Settings,
     pool: &'a Pool,
     target: Target,
-    /// What names the surface among the inputs of others.
+    /// The surface's name among the inputs of others.
     surface: String,
 }
 
@@ -99,7 +99,7 @@ impl<'a> PoolArtifacts<'a> {
         Ok(Self { context, root, settings: request.settings, pool, target, surface: key })
     }
 
-    /// Splats trained on a few candidates that stand far from each other, for the methods that choose by a model.
+    /// Splats trained on a few candidates far from each other, for the methods that choose by a model.
     ///
     /// # Errors
     /// As [`PoolArtifacts::training`].
@@ -117,7 +117,7 @@ impl<'a> PoolArtifacts<'a> {
         Ok(self.trained(&names, Vec::new(), 0, observe)?.0)
     }
 
-    /// Where the cameras of chosen photos stand.
+    /// Camera positions of chosen photos.
     pub fn places(&self, chosen: &Chosen) -> Vec<DVec3> {
         let photos = self.pool.candidates.photos.iter();
         let of_these = photos.filter(|photo| chosen.photos.contains(&photo.camera.name));
@@ -147,7 +147,7 @@ impl<'a> PoolArtifacts<'a> {
         if !artifact.begins(observe)? {
             return artifact.read(CHOSEN);
         }
-        // As they are trained on: what a model tells of a photo depends on its pixels, and takes time by them.
+        // As they are trained on: what a model measures of a photo depends on its pixels, as does the time it takes.
         let mut set = self.pool.candidates.clone();
         for photo in &mut set.photos {
             photo.camera.intrinsics = photo.camera.intrinsics.shrunk(self.settings.shrink);
@@ -163,7 +163,7 @@ impl<'a> PoolArtifacts<'a> {
         Ok(chosen)
     }
 
-    /// Trains splats on chosen photos alone, from the points that these see, and looks at those held out.
+    /// Trains splats on chosen photos alone, from the points that these see, and evaluates those held out.
     ///
     /// # Errors
     /// Where photos cannot be read any more, or the device fails or has not enough memory.

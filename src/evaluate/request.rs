@@ -11,12 +11,12 @@ use crate::quality::viewers::Viewers;
 use crate::scene::limits::Limits;
 use crate::{Error, Result};
 
-/// The set of test views that stand where the user said.
+/// The set of test views at positions from the user.
 const GIVEN_VIEWERS: &str = "viewers";
-/// What is asked for.
+/// The request of an evaluation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Request {
-    /// What all of the evaluation is on.
+    /// The kind of all subjects.
     pub kind: Kind,
     /// Methods, each once.
     pub methods: Vec<Competitor>,
@@ -28,12 +28,12 @@ pub struct Request {
     pub first_seed: u32,
     /// The size of everything.
     pub settings: Settings,
-    /// From where people will look: where the tests are, and what the planner plans for. By default the protocol's sets.
+    /// Where viewers look from: where the tests are, and what the planner plans for. By default the protocol's sets.
     #[serde(skip_serializing_if = "Viewers::is_default")]
     pub viewers: Viewers,
-    /// What objects are photographed in.
+    /// The situation in which objects are photographed.
     pub situation: Situation,
-    /// What limits where cameras stand beside that.
+    /// Further limits on camera positions.
     #[serde(skip_serializing_if = "Limits::is_empty")]
     pub limits: Limits,
 }
@@ -55,7 +55,7 @@ impl Request {
         self.viewers.is_default() && !self.situation.has_viewers() && !bounded
     }
 
-    /// The viewers that the tests are of, where they are not those of the protocol.
+    /// The viewers of the tests, where they are not the protocol's.
     pub fn test_viewers(&self) -> Option<&Viewers> {
         (!self.usual_tests()).then_some(&self.viewers)
     }
@@ -76,7 +76,7 @@ impl Request {
         for method in methods {
             method.check(*kind)?;
             let config = method.config(kind.preset(), budgets.first().copied().unwrap_or(1).max(1), 0)?;
-            // What is told is an option of `camsplat plan`, which is a key here.
+            // The error names an option of `camsplat plan`, which is a key here.
             config.validate().map_err(|error| Error::request(format!("method {method}: {error}")))?;
             if let Competitor::Cameras(given) = method
                 && !budgets.is_empty()
@@ -179,7 +179,7 @@ mod tests {
     use super::*;
     use crate::evaluate::competitor::Given;
 
-    /// If this failed, who asks for nothing would be told of something else.
+    /// If this failed, an empty comparison would be refused for another reason.
     #[test]
     fn nothing_to_compare_is_said() {
         let of = |methods: Vec<Competitor>, budgets: Vec<u32>| {

@@ -13,24 +13,24 @@ use crate::gaussians::run::record::{Quality, TestView, TrainRecord};
 pub struct Entry {
     /// The scene.
     pub scene: String,
-    /// Who chose the views.
+    /// The method that chose the views.
     pub method: Competitor,
     /// How many.
     pub views: u32,
     /// Seed of choice and training.
     pub seed: u64,
-    /// Seconds that the choice took, without what is there before it.
+    /// Seconds that the choice took, without its preparation.
     pub seconds: f64,
     /// Means over each set of tests.
     pub quality: Vec<Quality>,
-    /// Where the training diverged, what [`TrainRecord::diverged`] says.
+    /// Where the training diverged, what [`TrainRecord::diverged`] reports.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub diverged: Option<[f64; 2]>,
     /// Folder of the trained splats and the test pictures, in the scene's.
     pub folder: String,
     /// Picture of the first test view of each set: its path in the folders `test` and `reference` of `folder`.
     pub pictures: Vec<String>,
-    /// Where the cameras stand, in the scene's world.
+    /// Camera positions in the scene's world.
     #[serde(skip)]
     pub places: Vec<DVec3>,
 }
@@ -52,7 +52,7 @@ pub(crate) const METRICS: [&str; 4] = ["PSNR", "SSIM", "LPIPS", "LPIPS of VGG16"
 pub struct Row {
     /// The scene.
     pub scene: String,
-    /// Who chose the views.
+    /// The method that chose the views.
     pub method: Competitor,
     /// How many.
     pub views: u32,
@@ -97,7 +97,7 @@ pub(crate) fn few_pictures(record: &TrainRecord, count: usize) -> Vec<String> {
     pictures.into_iter().take(count).map(|(_, file)| file.to_string_lossy().into_owned()).collect()
 }
 
-/// Number and name of the metrics that tables have: of VGG16, which has to be asked for, only where some row has it.
+/// Number and name of the metrics that tables have: VGG16's, which is optional, only where some row has it.
 pub fn measured<'r>(rows: impl IntoIterator<Item = &'r Row> + Clone) -> impl Iterator<Item = (usize, &'static str)> {
     const ALWAYS: usize = METRICS.len() - 1;
     let of = move |metric: usize| rows.clone().into_iter().any(|row| row.measured[metric].iter().any(Option::is_some));
@@ -179,7 +179,7 @@ mod tests {
     use super::*;
     use crate::methods::Method;
 
-    /// If this failed, a difference could pass for certain that is not. The example: mean 10, deviation 1, three values.
+    /// If this failed, a difference could look significant that is not. The example: mean 10, deviation 1, three values.
     #[test]
     fn intervals_are_student_s() {
         let Interval { mean, half } = interval(&[9.0, 10.0, 11.0]);
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!([1, 30, 35, 200].map(student), [Some(12.706), Some(2.042), Some(2.042), Some(1.98)]);
     }
 
-    /// If this failed, a table would mix methods, budgets or scenes, or lack a metric without saying so.
+    /// If this failed, a table would mix methods, budgets or scenes, or silently lack a metric.
     #[test]
     fn rows_hold_the_seeds_of_one_method_at_one_budget() {
         let entry = |method, views, seed, psnr| Entry {

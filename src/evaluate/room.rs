@@ -1,5 +1,5 @@
-//! The empty space of a room: cameras in it that no method chooses, and places for those that a method put into a thing it did
-//! not see.
+//! The empty space of a room: cameras in it that no method chooses, and new positions for those that a method put inside an
+//! object it did not see.
 
 use std::sync::Arc;
 
@@ -26,12 +26,12 @@ const RAYS: u32 = 8;
 const MIN_SEEN: f64 = 0.5;
 /// Draws for each camera.
 const DRAWS: usize = 50;
-/// Points that a surface made from photos is held against.
+/// Points that a surface made from photos is compared with.
 const POINTS: usize = 1000;
 /// Places that input cameras are chosen from.
 const PLACES: u32 = 600;
 
-/// Where a camera can stand in the scene itself, whatever methods are shown of it.
+/// Where a camera can be in the scene itself, whatever methods are shown of it.
 pub struct EmptySpace {
     target: Target,
     geometry: SceneGeometry,
@@ -55,8 +55,8 @@ impl EmptySpace {
         Ok(Self { target, geometry })
     }
 
-    /// Input cameras as a person would take them who knows the room: of places at random those that show most of it, to one
-    /// camera first and then to three. So few at random leave half of a room unseen, and hardly a point to three.
+    /// Input cameras as a person who knows the room would choose them: of random positions those that show most of it, to one
+    /// camera first and then to three. As few random cameras leave half of a room unseen, and hardly a point seen by three.
     ///
     /// # Errors
     /// Where the device fails.
@@ -87,8 +87,8 @@ impl EmptySpace {
         Ok(cameras)
     }
 
-    /// Cameras where a person could hold them: one that stands in a thing, or nearer than the clearance, moves to the empty place
-    /// nearest to it. Also how many moved.
+    /// Cameras where a person could hold them: one inside an object, or nearer than the clearance, moves to the nearest empty
+    /// position. Also how many moved.
     pub fn settled(&self, cameras: &[Camera]) -> (Vec<Camera>, usize) {
         let to_internal = &self.geometry.to_internal;
         let mut moved = 0;
@@ -106,7 +106,7 @@ impl EmptySpace {
         (cameras.iter().map(settle).collect(), moved)
     }
 
-    /// How far away from a camera in the region a thing of the room can be.
+    /// How far away from a camera in the region a surface of the room can be.
     pub fn farthest(&self) -> f64 {
         let (min, max) = self.target.region.bounds();
         let (low, high) = self.target.proxy.robust_bounds();

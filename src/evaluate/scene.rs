@@ -25,9 +25,9 @@ use crate::{Error, Result};
 
 /// Up in glTF.
 pub(crate) const UP: DVec3 = DVec3::Y;
-/// Seed of test views where the user says where people look from.
+/// Seed of test views where the user specifies the viewers.
 const TESTS: u64 = 0x7465_7374;
-/// Points of the surface that test views of an object are held against.
+/// Points of the surface that test views of an object are checked against.
 const POINTS: usize = 256;
 
 /// A scene, read and checked.
@@ -40,30 +40,30 @@ pub struct Scene {
     pub assembly: Assembly,
     /// Its mesh.
     pub surface: Surface,
-    /// Where cameras may stand: the same for every method, seed and budget.
+    /// Where cameras may be placed: the same for every method, seed and budget.
     pub region: Region,
-    /// What limits that.
+    /// Its limits.
     pub limits: Limits,
-    /// What it is photographed in.
+    /// The situation in which it is photographed.
     pub situation: Situation,
-    /// Where cameras that nobody chooses come from.
+    /// Where input and test cameras come from.
     pub views: Around,
 }
 
-/// Where a scene is photographed from, as far as the user says it.
+/// Where a scene is photographed from, as far as the user specifies it.
 #[derive(Clone, Debug, Default)]
 pub struct Setting {
     /// Kind of scene.
     pub preset: Preset,
-    /// What is said of the region.
+    /// The region as far as it is specified.
     pub choice: RegionChoice,
-    /// What an object is photographed in.
+    /// The situation in which an object is photographed.
     pub situation: Situation,
-    /// What limits where cameras stand beside that.
+    /// Further limits on camera positions.
     pub limits: Limits,
 }
 
-/// Where cameras that nobody chooses come from.
+/// Where input and test cameras come from.
 pub enum Around {
     /// Around an object, of whose surface these are points.
     Object(Vec<DVec3>),
@@ -76,7 +76,7 @@ impl Setting {
     /// region and the limits. Errors and records call it by its path.
     ///
     /// # Errors
-    /// Where cameras are left no room.
+    /// Where no free space is left for cameras.
     pub fn target(
         &self,
         path: &Path,
@@ -102,10 +102,10 @@ impl Setting {
 }
 
 impl Scene {
-    /// Reads a glTF scene; the notes say what was left out. What the choice leaves out of the region follows from its bounds.
+    /// Reads a glTF scene; the notes report what was left out. What the choice leaves out of the region follows from its bounds.
     ///
     /// # Errors
-    /// Where it cannot be read, has no light, or leaves cameras no room.
+    /// Where it cannot be read, has no light, or leaves cameras no free space.
     pub fn read(
         path: &Path,
         setting: &Setting,
@@ -120,7 +120,7 @@ impl Scene {
     /// Makes one of a model under an environment and its mesh, +Y up; errors and tables call it by its path.
     ///
     /// # Errors
-    /// Where it has no light, or leaves cameras no room.
+    /// Where it has no light, or leaves cameras no free space.
     pub fn new(
         path: &Path,
         setting: &Setting,
@@ -138,7 +138,7 @@ impl Scene {
         let (region, limits) = (target.region, target.limits.clone());
         let views = match preset {
             Preset::Object => {
-                // What leaves cameras no place is refused before anything is written.
+                // A scene without feasible camera positions is refused before anything is written.
                 target.geometry().map_err(named)?;
                 let points = target.proxy.sample(POINTS, 0, 0).into_iter().map(|point| point.position);
                 Around::Object(points.collect())
@@ -200,7 +200,7 @@ impl Scene {
             // Cameras of a file are tests once each.
             let count = if let Viewers::Cameras(all) = viewers { count.min(all.len() as u32) } else { count };
             let tests = viewers.sample(&geometry, intrinsics, preset == Preset::Object, TESTS, count)?;
-            // A file's cameras count with their places and directions; everybody has the same lens.
+            // A file's cameras count with their places and directions; all viewers have the same lens.
             let named = |(i, camera): (usize, Camera)| Camera { name: format!("viewers_{i:04}"), intrinsics, ..camera };
             return Ok(tests.into_iter().take(count as usize).enumerate().map(named).collect());
         }

@@ -1,7 +1,8 @@
 //! The outputs of a scene that is photographed, each made once: photographs, the surface that methods are shown, choices,
 //! trained splats.
 //!
-//! Every artifact ends with [`Error::Interrupted`] where `observe` broke it off. What is finished stays, and the next run goes on from there.
+//! Every artifact ends with [`Error::Interrupted`] where `observe` stopped it. What is finished stays, and the next run continues
+//! from there.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -41,7 +42,7 @@ pub(super) const SURFACE: &str = "surface.ply";
 /// Photographs that what is trained is compared with.
 pub struct Tests {
     artifact: Artifact,
-    /// Names of those that tell nothing.
+    /// Names of those that are of one colour.
     plain: HashSet<String>,
 }
 
@@ -60,7 +61,7 @@ impl<'a> SceneArtifacts<'a> {
     /// Uploads a scene, whose outputs lie below `root`.
     ///
     /// # Errors
-    /// Where the device has no room for it.
+    /// Where the device has too little memory for it.
     pub fn new(context: &Arc<Context>, root: &Path, request: &Request, scene: &'a Scene) -> Result<Self> {
         let Request { kind, settings, .. } = *request;
         let pixels = u64::from(settings.size).pow(2);
@@ -76,8 +77,8 @@ impl<'a> SceneArtifacts<'a> {
         })
     }
 
-    /// The cameras as they are photographed: in a room, those that a method put into a thing which it did not see stand beside
-    /// it, as a person would.
+    /// The cameras as they are photographed: in a room, those that a method put inside an object which it did not see are moved
+    /// beside it.
     pub fn standing(&self, cameras: &[Camera], observe: Observe) -> Vec<Camera> {
         let Around::Room(space) = &self.scene.views else { return cameras.to_vec() };
         let (settled, moved) = space.settled(cameras);
@@ -148,7 +149,7 @@ impl<'a> SceneArtifacts<'a> {
         Ok(Tests { artifact, plain })
     }
 
-    /// Takes a photograph of a view that a method may choose, as a product below `folder`.
+    /// Takes a photograph of a view that a method may choose, as an artifact below `folder`.
     pub(super) fn photograph(&self, folder: &Path, photo: &Photo, observe: Observe) -> Result<Photo> {
         let artifact =
             self.photographs_in(folder, std::slice::from_ref(&photo.camera), self.settings.samples, observe)?;
@@ -163,7 +164,7 @@ impl<'a> SceneArtifacts<'a> {
             samples,
             seed: SEED,
             exposure: 0.0,
-            // Behind a room is what its windows show; behind an object is nothing.
+            // A room's background is what its windows show; an object has none.
             show_sky: self.kind == Kind::Room,
             depth: false,
             normals: false,
@@ -175,14 +176,14 @@ impl<'a> SceneArtifacts<'a> {
         }
         let outputs = Outputs::new(artifact.folder(), &record, false)?;
         let all = record.cameras.len() as u32;
-        // The tracer's observer cannot change anything: what it hears goes through a cell.
-        let heard = std::cell::RefCell::new(observe);
+        // The tracer's observer cannot change anything: what it receives goes through a cell.
+        let observer = std::cell::RefCell::new(observe);
         let taken = photograph::job::run(&self.tracer, &record, &outputs, artifact.folder(), |_| {
-            (heard.borrow_mut())(Event::Working)
+            (observer.borrow_mut())(Event::Working)
         })?;
         if taken.empty > 0 {
             let note = format!("{} of {all} photographs show nothing of the scene", taken.empty);
-            let _ = (heard.borrow_mut())(Event::Note(note));
+            let _ = (observer.borrow_mut())(Event::Note(note));
         }
         // Of candidates that are photographed one by one hundreds may be.
         if !taken.dark.is_empty() && all > 1 {
@@ -195,7 +196,7 @@ impl<'a> SceneArtifacts<'a> {
                 "{dark} of {made} photographs are black: no light reaches what they see, or they are taken inside of \
                  something{narrower}"
             );
-            let _ = (heard.borrow_mut())(Event::Note(note));
+            let _ = (observer.borrow_mut())(Event::Note(note));
         }
         if taken.pictures < all {
             return Err(Error::Interrupted);
@@ -236,7 +237,7 @@ impl<'a> SceneArtifacts<'a> {
             Shown::True => (self.scene.surface.clone(), Some(SCORED)),
         };
         Error::unless_stopped(observe(Event::Working))?;
-        // Photos across a room all look past its middle: of these alone it could be an object as well.
+        // Photos across a room all look past its middle: from these alone it could also be an object.
         let middle = self.scene.region.bounding_sphere().0;
         let orientation = (self.kind == Kind::Room).then_some(Orientation::Inward(middle));
         let settings = vds::job::Settings { points, seed: SEED, orientation, ..vds::job::Settings::default() };
@@ -254,7 +255,7 @@ impl<'a> SceneArtifacts<'a> {
         let usual = stereo::Options::default();
         let options = stereo::Options { seed: SEED, photos: usual.photos.max(set.photos.len()), ..usual };
         if let Around::Room(space) = &self.scene.views {
-            // Cameras in a room look at no one place; what is nearer than a tenth of how far away walls can be is too near to be
+            // Cameras in a room have no common focus; what is nearer than a tenth of how far away walls can be is too near to be
             // found in two pictures.
             let far = space.farthest();
             let depths = Some([0.1 * far, far]);
@@ -273,14 +274,14 @@ impl<'a> SceneArtifacts<'a> {
         }
         match stereo::reconstruct(&self.context, set, &options) {
             Ok(found) => Ok(found.points),
-            // Few photos from all around see too little in common: their masks' hull stands in.
+            // Few photos from all around see too little in common: their masks' hull is used instead.
             Err(Error::Request(_)) => stereo::hull_of(&self.context, set, &options),
             Err(error) => Err(error),
         }
     }
 
-    /// What is shown, in a region, ready to be planned for. Scores stand on points, which the objective that takes some is shown, with
-    /// or without them; all others are shown the mesh itself, whose sheets have two sides, where that is what is shown.
+    /// What is shown, in a region, ready to be planned for. Scores belong to points, which the objective that uses scores gets,
+    /// with or without them; all others get the mesh itself, whose sheets have two sides, where the mesh is shown.
     ///
     /// # Errors
     /// Where its file cannot be read any more.
@@ -304,7 +305,7 @@ impl<'a> SceneArtifacts<'a> {
         target.within(self.scene.limits.clone())
     }
 
-    /// Trains splats on photographs and, where there are tests, looks at these.
+    /// Trains splats on photographs and, where there are tests, evaluates these.
     ///
     /// # Errors
     /// Where photographs cannot be read any more, or the device fails or has not enough memory.
@@ -326,7 +327,7 @@ impl<'a> SceneArtifacts<'a> {
         let artifact = self.artifact("training", json!({ "photos": photos.key(), "tests": tested, "config": config }));
         let split = || {
             let test = tests.map_or(Test::Every(0), |tests| Test::Capture(tests.artifact.folder().to_owned()));
-            // Tests that are damaged are told of as a product, not as a capture that somebody gave.
+            // Damaged tests are reported as an artifact, not as a capture of the user's.
             let split = Split::new(read_photos(photos)?, &test, Images::Needed.into());
             let split =
                 split.or_else(|error| tests.map(|tests| read_photos(&tests.artifact)).transpose().and(Err(error)));
@@ -351,7 +352,7 @@ fn is_plain(photo: &Photo) -> Result<bool, image::ImageError> {
     Ok(picture.pixels().all(|pixel| pixel == picture.get_pixel(0, 0)))
 }
 
-/// The photographs of a product.
+/// The photographs of an artifact.
 pub(super) fn read_photos(artifact: &Artifact) -> Result<PhotoSet> {
     let set = photos::read(artifact.folder(), &Options { images: Images::Optional, ..Options::default() });
     let set = set.map_err(|error| artifact.damaged(&error.to_string()))?;

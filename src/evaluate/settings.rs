@@ -25,7 +25,7 @@ pub enum BaselinesFrom {
     Sphere,
 }
 
-/// How the places of an object's input photos are chosen, which people choose in their own ways.
+/// How the places of an object's input photos are chosen, which people choose in different ways.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum InputsFrom {
@@ -67,9 +67,9 @@ pub struct Settings {
     pub shrink: u32,
     /// Where around an object baselines may put cameras.
     pub baselines_from: BaselinesFrom,
-    /// What the user says of where in a room cameras may stand.
+    /// The user's limits on where in a room cameras may be placed.
     pub region: RegionChoice,
-    /// Whether splats are trained and looked at with the filter against aliasing.
+    /// Whether splats are trained and rendered with the antialiasing filter.
     pub antialiased: bool,
 }
 
@@ -91,7 +91,7 @@ impl Settings {
         region: BY_BOUNDS,
         antialiased: false,
     };
-    /// What two cores do in minutes.
+    /// What two cores compute in minutes.
     pub const QUICK: Self = Self {
         size: 96,
         samples: 8,

@@ -1,4 +1,4 @@
-//! Situations of practice: what stands around a thing, who looks at it, what has been photographed already; and two rooms.
+//! Practical situations: what surrounds an object, who looks at it, what has been photographed already; and two rooms.
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -22,9 +22,9 @@ const FRONT_DEG: f64 = 120.0;
 const GAP: f64 = 0.01;
 /// How far floor and walls reach from the middle, in outer radii of the region.
 const REACH: f64 = 1.5;
-/// Things that stand around in clutter.
+/// Obstacles around an object in clutter.
 const THINGS: u32 = 6;
-/// Seed of where they stand, and of the side that photos are from.
+/// Seed of their positions, and of the side that photos are from.
 const SEED: u64 = 0x7369_7475;
 const SIDE: u32 = 0x7369_6465;
 
@@ -80,17 +80,17 @@ impl Situation {
         }
     }
 
-    /// Whether it puts things around an object.
+    /// Whether it puts obstacles around an object.
     pub fn furnishes(self) -> bool {
         matches!(self, Self::Floor | Self::Wall | Self::Corner | Self::Clutter)
     }
 
-    /// Whether people look at objects from other places than around a free one.
+    /// Whether viewers look at objects from other positions than around a free one.
     pub fn has_viewers(self) -> bool {
         !matches!(self, Self::Free | Self::OneSide | Self::TwoRooms)
     }
 
-    /// From where people look, where nobody says so.
+    /// Where viewers look from by default.
     pub fn viewers(self) -> Viewers {
         match self {
             // The front of a glTF asset is towards +Z.
@@ -126,8 +126,8 @@ impl Situation {
         Ok(())
     }
 
-    /// Puts what stands around an object into its model, +Y up. `bounds` and `radius` are the object's, `region` is the shell around it
-    /// while it is free. The region that is left, and what limits it.
+    /// Adds what surrounds an object to its model, +Y up. `bounds` and `radius` are the object's, `region` is the shell around it
+    /// while it is free. Returns the remaining region and its limits.
     pub fn furnish(self, model: &mut Model, bounds: (DVec3, DVec3), radius: f64, region: Region) -> (Region, Limits) {
         let Shape::Shell { centre, r_min, r_max } = region.shape else { return (region, Limits::default()) };
         let walls = match self {
@@ -163,7 +163,7 @@ impl Situation {
             for i in 0..THINGS {
                 let [a, b, c, d] = random::uniforms(SEED, 0, i);
                 let angle = std::f64::consts::TAU * (f64::from(i) + 0.7 * a) / f64::from(THINGS);
-                // On the way between the object and the cameras, or where these would stand.
+                // Between the object and the cameras, or where these would be.
                 let out = 0.75 * r_min + b * (0.95 * r_max - 0.75 * r_min);
                 let half = radius * (0.3 + 0.25 * c);
                 let foot = DVec3::new(centre.x + out * angle.cos(), low.y, centre.z + out * angle.sin());
@@ -230,8 +230,8 @@ mod tests {
         }
     }
 
-    /// If this failed, cameras or viewers of a situation would stand below its floor, behind its walls or within its things, or
-    /// there would be hardly a place left.
+    /// If this failed, cameras or viewers of a situation would be below its floor, behind its walls or inside its obstacles, or
+    /// hardly any position would be left.
     #[test]
     fn cameras_and_viewers_stand_where_the_situation_leaves_room() {
         let mut counts = Vec::new();
@@ -253,7 +253,7 @@ mod tests {
                 };
                 assert!(!target.limits.keep_out.iter().any(within), "{situation:?}: {place} is in a thing");
             }
-            // Nobody looks from far away alone because floor and walls reach so far.
+            // No viewer looks from farther away just because floor and walls reach so far.
             let (centre, outer) = target.region.bounding_sphere();
             let near = viewers.iter().filter(|v| v.pose.position.distance(centre) < 0.6 * outer).count();
             assert!(near > 60, "{situation:?}: {near} viewers are near");

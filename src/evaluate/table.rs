@@ -68,7 +68,7 @@ pub(crate) fn markdown(request: &Request, rows: &[Row], left: usize) -> String {
     text
 }
 
-/// Of which rows some trainings diverged, if of any.
+/// Rows of which some trainings diverged, if any.
 pub fn apart(rows: &[Row]) -> Option<String> {
     let of = |row: &Row| {
         let Row { scene, views, seeds, diverged, .. } = row;
@@ -206,7 +206,7 @@ mod tests {
         }
     }
 
-    /// If this failed, numbers would stand under the wrong heads, or a missing one would look like a zero.
+    /// If this failed, numbers would be under the wrong headings, or a missing one would look like a zero.
     #[test]
     fn known_numbers_stand_where_they_belong() {
         let request = Request {
@@ -245,7 +245,7 @@ mod tests {
         assert!(super::csv(&request, &[given]).contains(",\"cameras:a|\"\"b\"\".json\",20,3,half,PSNR,20,0.5"));
     }
 
-    /// If this failed, a table of rooms or pools would have columns that nobody measured.
+    /// If this failed, a table of rooms or pools would have columns that were not measured.
     #[test]
     fn a_kind_has_its_own_columns() {
         let one = Row { measured: row().measured.map(|all| all[..1].to_vec()), ..row() };
@@ -265,7 +265,7 @@ mod tests {
         assert!(text.contains("| 20 | 20.00 ± 0.50 | 1.50 |") && text.contains("shrunk by 8"), "{text}");
         let room = Request { kind: Kind::Room, ..request };
         assert!(csv(&room, std::slice::from_ref(&one)).contains(",20,3,random,PSNR,20,0.5"));
-        // And where the user says from where people look, one of its own.
+        // And where the user specifies viewers, one of its own.
         let up_to_eye_height = Request { viewers: Viewers::Heights { low: 0.0, high: 1.7 }, ..room };
         assert!(csv(&up_to_eye_height, &[one]).contains(",20,3,viewers,PSNR,20,0.5"));
     }

@@ -1,4 +1,4 @@
-//! Splats trained on photos, as a product: what scenes and pools share.
+//! Splats trained on photos, as an artifact: what scenes and pools share.
 
 use std::fs;
 use std::sync::Arc;
@@ -23,10 +23,10 @@ pub struct Training {
     pub shrink: u32,
 }
 
-/// Trains splats on the photos of `split` and looks at its tests, unless `artifact` holds all of that already.
+/// Trains splats on the photos of `split` and evaluates its tests, unless `artifact` holds all of that already.
 ///
 /// # Errors
-/// Where photos cannot be read any more, the device fails or has not enough memory, or `observe` broke it off.
+/// Where photos cannot be read any more, the device fails or has not enough memory, or `observe` stopped it.
 pub fn run(
     context: &Arc<Context>,
     artifact: Artifact,
@@ -48,7 +48,7 @@ pub fn run(
     }
     artifact.write_json(RECORD, &record)?;
     artifact.finish()?;
-    // Three times as large as the model, and of no use any more; what cannot be removed harms nobody.
+    // Three times as large as the model, and no longer needed; a file that cannot be removed does no harm.
     drop(fs::remove_file(artifact.file(CHECKPOINT)));
     Ok((artifact, record))
 }

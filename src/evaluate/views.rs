@@ -60,7 +60,7 @@ pub fn inputs(
                     let out = random::direction(u, v);
                     Pose::looking(centre + pose.position.distance(centre) * out, -out, region.up)
                 });
-                // Where hardly any place is free the even one stands in.
+                // Where hardly any position is free the even one is used.
                 drawn.into_iter().find(|drawn| free(drawn.position)).unwrap_or(*pose)
             };
             (0..).zip(&even).map(anywhere).collect()
@@ -166,7 +166,7 @@ mod tests {
         assert!(mean(&random).length() < 0.5 && least(&random) < 0.5 * least(&even), "{}", least(&random));
     }
 
-    /// If this failed, tests would be of views that show nothing, or of other distances than the table says.
+    /// If this failed, tests would be of views that show nothing, or of other distances than the table states.
     #[test]
     fn test_views_stand_where_they_should_and_see_the_object() {
         let region = Region::around_object((DVec3::ONE, 0.5), 25f64.to_radians(), DVec3::Y, None).unwrap();

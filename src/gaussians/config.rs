@@ -1,4 +1,4 @@
-//! What a training run is told.
+//! The configuration of a training run.
 
 use serde::{Deserialize, Serialize};
 
@@ -63,13 +63,14 @@ pub const MIN_OPACITY: f32 = 0.005;
 const SCHEDULE: f64 = 30_000.0;
 /// Factor of the population at each refinement of the papers' schedule, until the budget is spent.
 const GROWTH: f64 = 1.05;
-/// Relocations in a round of all photos, at most: a copy starts without moments, and until photos show it the holds on opacity and
-/// size fade it. Relocated too often, the living thin out sooner than photos can strengthen them (docs/reference/training.md).
+/// Relocations in an epoch (a pass over all photos), at most: a copy starts without moments, and until photos show it the
+/// regularisers of opacity and size fade it. Relocated too often, live Gaussians fade sooner than photos can strengthen them
+/// (docs/reference/training.md).
 const RELOCATIONS_A_ROUND: usize = 5;
-/// Relocations that stay in a run for however many photos, if it had as many.
+/// Relocations that remain in a run for any number of photos, if it had as many.
 const FEWEST_RELOCATIONS: u32 = 20;
 
-/// When what happens, in iterations from zero.
+/// The schedule of a run, in iterations from zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Schedule {
     /// A degree of harmonics more every so often.
@@ -104,13 +105,13 @@ impl Config {
         }
     }
 
-    /// The same with another strategy and what that starts with, at `points` or at random places.
+    /// The same with another strategy and its start values, at `points` or at random places.
     pub fn with_strategy(self, strategy: Strategy, points: bool) -> Self {
         let (init_opacity, init_scale) = beginning(strategy, self.iterations, points);
         Self { strategy, init_opacity, init_scale, ..self }
     }
 
-    /// Refuses what makes no sense.
+    /// Rejects invalid settings.
     ///
     /// # Errors
     /// In a line that names the option.
@@ -142,9 +143,9 @@ impl Config {
         }
     }
 
-    /// The schedule of a run on so many photos: that of the papers, compressed for runs of fewer than 30,000 iterations. Where MCMC
-    /// would relocate more than five times in a round of photos, relocations are farther apart, as far as twenty of them remain,
-    /// and the population grows by more at each.
+    /// The schedule of a run on so many photos: that of the papers, compressed for runs of fewer than 30,000 iterations. Where
+    /// MCMC would relocate more than five times per epoch, relocations are rarer, as long as twenty of them remain, and the
+    /// population grows by more at each.
     pub fn schedule(&self, photos: usize) -> Schedule {
         let share = (f64::from(self.iterations) / SCHEDULE).min(1.0);
         let scaled = |iterations: f64| ((iterations * share).round() as u32).max(1);
@@ -207,8 +208,8 @@ mod tests {
         Config::new(iterations, 100_000).schedule(photos)
     }
 
-    /// By hand. If this failed, rooms of hundreds of photos would be relocated more often than photos show their splats, which
-    /// made trainings diverge; or all that few photos are trained with would change.
+    /// Computed directly. If this failed, rooms of hundreds of photos would be relocated more often than photos show their
+    /// splats, which made training diverge; or the schedule for few photos would change.
     #[test]
     fn relocations_are_as_in_the_papers_or_five_in_a_round_of_photos() {
         for (iterations, photos, every) in [

@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 
 /// A position in the bytes of a file. Nothing is ever read past the end: a cut-off file becomes an error that names the
-/// byte offset, and counts are held against the bytes that are left before anything is allocated for them.
+/// byte offset, and counts are checked against the bytes that are left before anything is allocated for them.
 pub(crate) struct Cursor<'a> {
     path: &'a Path,
     bytes: &'a [u8],
@@ -23,7 +23,7 @@ impl<'a> Cursor<'a> {
         &self.bytes[self.at..]
     }
 
-    /// An error about the place the cursor stands at.
+    /// An error about the cursor's position.
     pub fn error(&self, what: impl std::fmt::Display) -> Error {
         Error::input(self.path, format!("byte {}: {what}", self.at))
     }

@@ -1,4 +1,4 @@
-//! What every surface and every set of cameras must hold to, whichever file it came from.
+//! What every surface and every set of cameras must satisfy, whichever file it came from.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -117,7 +117,7 @@ mod tests {
         surface(Path::new("a"), Surface::Points(Points { positions, ..Points::default() }))
     }
 
-    /// If this failed, a NaN would travel into the planner and poison every camera without a word.
+    /// If this failed, a NaN would reach the planner and silently corrupt every camera.
     #[test]
     fn positions_that_are_not_finite_are_counted() {
         let mut positions = vec![DVec3::ZERO; 10];

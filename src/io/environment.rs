@@ -14,10 +14,10 @@ use crate::scene::model::Environment;
 const MAX_TEXELS: u64 = 1 << 22;
 /// Pixels of the largest file that is decoded.
 const MAX_PIXELS: u64 = 1 << 28;
-/// Radiance above this is no light that a file could mean.
+/// Radiance above this is taken for damage.
 const BRIGHTEST: f32 = 1e9;
 
-/// Reads an environment map. One with more than 2^22 pixels is halved until it has fewer, which the notes say.
+/// Reads an environment map. One with more than 2^22 pixels is halved until it has fewer, which the notes report.
 ///
 /// # Errors
 /// [`Error::Input`] where the file is no Radiance picture, damaged, not twice as wide as high, or black.
@@ -90,18 +90,18 @@ mod tests {
         read_environment(&path, &mut Vec::new())
     }
 
-    /// If this failed, light would come from elsewhere, or with another strength, than the map says.
+    /// If this failed, light would come from elsewhere, or with another strength, than the map specifies.
     #[test]
     fn radiance_is_what_the_file_says() {
         let mut pixels = [[0, 0, 0, 0]; 8];
         pixels[1] = [128, 64, 0, 130];
         let read = read(&map("-Y 2 +X 4", &pixels)).unwrap();
-        // The exponent 130 stands for 4 = 2^(130 - 128), in units of 256.
+        // The exponent 130 means 4 = 2^(130 - 128), in units of 256.
         assert_eq!((read.width, read.height, read.radiance[0]), (4, 2, Vec3::ZERO));
         assert!((read.radiance[1] - Vec3::new(2.0, 1.0, 0.0)).length() < 0.02, "{:?}", read.radiance[1]);
     }
 
-    /// If this failed, a photo, or a broken file, would light a scene somehow.
+    /// If this failed, a photo, or a broken file, would silently light a scene.
     #[test]
     fn what_is_no_environment_map_is_refused() {
         let says = |bytes: &[u8]| read(bytes).unwrap_err().to_string();

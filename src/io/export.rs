@@ -70,7 +70,7 @@ pub fn coverage_ply(positions: &[DVec3], values: &[f32], range: (f32, f32)) -> V
 
 /// Writes everything a trainer needs besides the photos, and what a user looks at first: `sparse/0/{cameras,images,
 /// points3D}.bin`, `transforms.json`, `points.ply` and `cameras.csv`. Trainers start from the coloured `points`, and
-/// several break without any. `tracks` tells which cameras see each point, as indices into `cameras`; empty where that
+/// several break without any. `tracks` lists which cameras see each point, as indices into `cameras`; empty where that
 /// is not known.
 ///
 /// # Errors

@@ -73,7 +73,7 @@ impl OutputFolder {
         fs::write(&file, contents).map_err(|source| Error::io(file, source))
     }
 
-    /// The path to write one file to for who writes it himself, with its parent folders made; `name` as in
+    /// The path to write one file to for callers that write it themselves, with its parent folders made; `name` as in
     /// [`OutputFolder::write`].
     ///
     /// # Errors
@@ -93,7 +93,7 @@ impl OutputFolder {
     /// are moved one by one; when one fails, those before it are put back.
     ///
     /// # Errors
-    /// When the folder has been filled since by someone else and `force` was not given, or the system refuses.
+    /// When the folder has been filled since by another process and `force` was not given, or the system refuses.
     pub fn commit(self) -> Result<()> {
         check_free(&self.path, self.force)?;
         if !self.path.exists() {
@@ -181,7 +181,7 @@ pub(crate) fn write_files(files: &[(&Path, &[u8])]) -> Result<()> {
 }
 
 /// Writes a file that may be too large to hold twice in memory: `write` fills it beside its place, under a hidden name that
-/// the next attempt takes as well, then it is moved there. Until then what stood there stays.
+/// the next attempt takes as well, then it is moved there. Until then the old file stays.
 ///
 /// # Errors
 /// When the system refuses, a full disk among others; the unfinished file is removed.
@@ -193,8 +193,8 @@ pub(crate) fn replace_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> st
     })
 }
 
-/// As [`replace_file`] for one of many small files: it is not forced to the disk, which takes longer than writing it. Whoever
-/// relies on all of them forces them there after the last.
+/// As [`replace_file`] for one of many small files: it is not forced to the disk, which takes longer than writing it. A caller
+/// that relies on them forces them after the last.
 ///
 /// # Errors
 /// As [`replace_file`].
@@ -283,12 +283,12 @@ fn list(root: &Path, below: &Path, names: &mut Vec<PathBuf>) -> Result<()> {
 struct Moves {
     /// Folder that replaced files are kept in meanwhile.
     replaced: PathBuf,
-    /// New places, and where the file that stood there is kept.
+    /// New places, and where the file that was there is kept.
     done: Vec<(PathBuf, Option<PathBuf>)>,
 }
 
 impl Moves {
-    /// Moves `from` to `to`, and what stood there aside.
+    /// Moves `from` to `to`, and the file that was there aside.
     fn replace(&mut self, from: &Path, to: &Path) -> std::io::Result<()> {
         if to.is_dir() {
             return Err(std::io::Error::new(ErrorKind::IsADirectory, "a folder is where a file is to be written"));
@@ -304,7 +304,7 @@ impl Moves {
             aside = Some(kept);
         }
         if let Err(e) = fs::rename(from, to) {
-            // What stood there goes back first; the error that counts is the one above.
+            // The old file goes back first; the error that counts is the one above.
             if let Some(kept) = &aside {
                 let _ = fs::rename(kept, to);
             }
@@ -314,7 +314,7 @@ impl Moves {
         Ok(())
     }
 
-    /// Puts everything back as far as the system lets it: there is nobody left to tell.
+    /// Puts everything back as far as the system lets it: further errors cannot be reported.
     fn undo(self) {
         for (to, aside) in self.done.into_iter().rev() {
             let _ = match aside {
@@ -395,7 +395,7 @@ mod tests {
         assert!(entries(parent.path()).is_empty());
     }
 
-    /// If this failed, a finished plan would not be where the user asked for it.
+    /// If this failed, a finished plan would not be where the user requested it.
     #[test]
     fn a_committed_folder_is_whole() {
         let parent = tempfile::tempdir().unwrap();
@@ -410,7 +410,7 @@ mod tests {
         assert_eq!(fs::read(path.join("sparse/0/cameras.bin")).unwrap(), b"x");
     }
 
-    /// If this failed, a user's own files could be lost, or be overwritten unasked.
+    /// If this failed, a user's own files could be lost, or be overwritten without `--force`.
     #[test]
     fn a_full_folder_needs_force_and_keeps_the_users_files() {
         let parent = tempfile::tempdir().unwrap();

@@ -19,7 +19,7 @@ pub(crate) enum Axes {
 /// The world-from-camera pose of a camera-to-world matrix, of three rows or four; its axes may have any one length.
 ///
 /// # Errors
-/// What is wrong with it, in words that go on from its name.
+/// What is wrong with it, as a continuation of its name.
 pub(crate) fn pose(rows: &[[f64; 4]], axes: Axes) -> Result<Pose, String> {
     let last_is_sound = rows.len() == 3 || rows.len() == 4 && rows[3] == [0.0, 0.0, 0.0, 1.0];
     if !last_is_sound {

@@ -57,7 +57,7 @@ pub fn read_surface(path: &Path) -> Result<Surface> {
     Ok(read_surface_with_notes(path)?.0)
 }
 
-/// Reads a surface as [`read_surface`] does, and says in a few lines what was understood or left out on the way, for the
+/// Reads a surface as [`read_surface`] does, and reports in a few lines what was understood or left out, for the
 /// user to check.
 ///
 /// # Errors
@@ -80,7 +80,7 @@ pub fn read_surface_with_notes(path: &Path) -> Result<(Surface, Vec<String>)> {
     }
     let bytes = read_file(path)?;
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    // What the first bytes say is surer than the name.
+    // The first bytes are more reliable than the name.
     let surface = if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") || extension == "ply" {
         ply::parse(path, &bytes, &mut notes)?
     } else if bytes.starts_with(b"glTF") || extension == "gltf" || extension == "glb" {
@@ -96,8 +96,8 @@ pub fn read_surface_with_notes(path: &Path) -> Result<(Surface, Vec<String>)> {
     Ok((surface, notes))
 }
 
-/// Reads trained splats for rendering: a .ply file of the usual 3DGS layout, or packed. Says in a few lines what was understood
-/// on the way, for the user to check. Frame and units are the file's.
+/// Reads trained splats for rendering: a .ply file of the usual 3DGS layout, or packed. Reports in a few lines what was
+/// understood, for the user to check. Frame and units are the file's.
 ///
 /// # Errors
 /// [`Error::Io`] where the system refuses; [`Error::Input`] where the file is no PLY file, damaged or cut short, or where
@@ -123,7 +123,7 @@ pub fn read_cameras(path: &Path) -> Result<Vec<Camera>> {
     Ok(read_cameras_with_notes(path)?.0)
 }
 
-/// Reads cameras as [`read_cameras`] does, and says in a few lines what was understood or left out on the way, for the
+/// Reads cameras as [`read_cameras`] does, and reports in a few lines what was understood or left out, for the
 /// user to check.
 ///
 /// # Errors
@@ -143,7 +143,7 @@ pub fn read_cameras_with_notes(path: &Path) -> Result<(Vec<Camera>, Vec<String>)
     }
     let file = json_file(path)?;
     let bytes = read_file(&file)?;
-    /// The entry that tells the kinds apart.
+    /// The entry that distinguishes the kinds.
     #[derive(Deserialize)]
     struct Kind {
         frames: Option<IgnoredAny>,
@@ -199,7 +199,7 @@ pub(crate) fn json<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T> 
 mod tests {
     use super::*;
 
-    /// If this failed, a wrong path or file would be met with a message that leaves the user no way on.
+    /// If this failed, a wrong path or file would produce a message without a remedy.
     #[test]
     fn what_cannot_be_read_is_refused_with_a_way_out() {
         let folder = tempfile::tempdir().unwrap();

@@ -109,7 +109,7 @@ impl Reading {
         Ok(())
     }
 
-    /// Takes in the materials of a library; one that is not there costs the colours only.
+    /// Takes in the materials of a library; where it is missing, only the colours are lost.
     fn library(&mut self, path: &Path, name: &str, notes: &mut Vec<String>) {
         let file = path.parent().map_or_else(|| PathBuf::from(name), |folder| folder.join(name));
         // Only a plain file is opened: a name can lead to a device that never ends.
@@ -145,7 +145,7 @@ impl Reading {
     }
 }
 
-/// The diffuse colours of a material library by name; lines that make no sense are passed over.
+/// The diffuse colours of a material library by name; invalid lines are skipped.
 fn materials(bytes: &[u8]) -> HashMap<String, [u8; 3]> {
     let mut materials = HashMap::new();
     let mut name = None;
@@ -198,7 +198,7 @@ mod tests {
         assert!(matches!(read("v 0 0 0\nv 1 0 0\n").unwrap(), Surface::Points(_)));
     }
 
-    /// If this failed, a fault would be found by nobody in a file of a million lines.
+    /// If this failed, a fault could not be found in a file of a million lines.
     #[test]
     fn faults_name_their_line() {
         let message = |text: &str| read(text).unwrap_err().to_string();

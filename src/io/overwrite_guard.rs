@@ -21,8 +21,8 @@ const TEXTS: [&str; 2] = ["txt", "log"];
 /// Endings of files that are read and never written where a user names a file.
 const READ: [&str; 9] = ["png", "jpg", "jpeg", "exr", "hdr", "bin", "glb", "gltf", "obj"];
 
-/// Refuses a file to write that is an input or a known part of an input folder, or in whose place something of another kind
-/// stands.
+/// Refuses a file to write that is an input or a known part of an input folder, or at whose path something of another kind
+/// exists.
 ///
 /// # Errors
 /// In a line that names the file.
@@ -40,7 +40,7 @@ pub(crate) fn check_output_file<'a>(file: &Path, inputs: impl IntoIterator<Item 
     if READ.contains(&kind) { refuse("a file of another kind is already here,") } else { Ok(()) }
 }
 
-/// Refuses a folder to write in which an input stands, or which is a part of an input that is a capture.
+/// Refuses a folder to write that contains an input, or which is a part of an input that is a capture.
 ///
 /// # Errors
 /// In a line that names the folder and the input.
@@ -60,7 +60,7 @@ pub(crate) fn check_output_folder<'a>(folder: &Path, inputs: impl IntoIterator<I
     Ok(())
 }
 
-/// Where a path leads, links followed; none where nothing stands there.
+/// Where a path leads, links followed; none where nothing exists there.
 fn real(path: &Path) -> Option<PathBuf> {
     path.canonicalize().ok()
 }

@@ -32,7 +32,7 @@ impl Format {
 }
 
 /// A file of a picture whose pixels, in rows of `width` from the top left, are sRGB colours, not multiplied by alpha, and
-/// alpha. Alpha is left out unless it is asked for; colours are then taken as opaque.
+/// alpha. Alpha is left out unless it is requested; colours are then taken as opaque.
 ///
 /// # Errors
 /// Where the pixels make no whole rows.
@@ -125,7 +125,7 @@ fn exr(width: u32, channels: Vec<(&str, Vec<f32>)>) -> Result<Vec<u8>> {
     let channel = |(name, values)| AnyChannel::new(name, FlatSamples::F32(values));
     let channels = AnyChannels::sort(channels.into_iter().map(channel).collect());
     let mut file = Cursor::new(Vec::new());
-    // Lines deflated sixteen at a time: what every reader of the format knows.
+    // Lines deflated sixteen at a time: which every reader of the format supports.
     Image::from_encoded_channels((size[0], size[1]), Encoding::SMALL_LOSSLESS, channels)
         .write()
         .non_parallel()
@@ -157,7 +157,7 @@ pub fn stem(name: &str) -> Option<String> {
     (!stem.is_empty()).then_some(stem)
 }
 
-/// Says which cameras have names that lead out of a folder, and are called otherwise where pictures of them are written.
+/// Reports which cameras have names that lead out of a folder, and are called otherwise where pictures of them are written.
 pub(crate) fn renamed(cameras: &[Camera]) -> Option<String> {
     let leads_out = |part: Component<'_>| !matches!(part, Component::Normal(_) | Component::CurDir);
     let odd = |camera: &&Camera| Path::new(&camera.name).components().any(leads_out);

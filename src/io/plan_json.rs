@@ -24,7 +24,7 @@ struct Plan {
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<Camera>> {
     let Plan { mut cameras } = super::json(path, bytes)?;
     checks::cameras(path, cameras.iter())?;
-    // The checks allow for few digits; whoever turns vectors with the rotation relies on its unit length. One that was written
+    // The checks allow for few digits; code that rotates vectors relies on its unit length. One that was written
     // in full stays as it is, so that a plan's cameras are the same when it is read.
     for camera in &mut cameras {
         let rotation = &mut camera.pose.rotation;

@@ -1,4 +1,4 @@
-//! Volumes that nobody stands in: closed meshes, or boxes.
+//! Volumes that cameras and viewers keep out of: closed meshes, or boxes.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ struct Boxes {
 /// Part of a mesh's area that may be open: scans have small holes.
 const MAX_OPENING: f64 = 0.1;
 
-/// What a mesh lacks to be closed, as a part of its area: vectors of the areas of a closed mesh add up to nothing.
+/// What a mesh lacks to be closed, as a part of its area: area vectors of a closed mesh add up to zero.
 fn opening(triangles: &[Triangle]) -> f64 {
     let areas = triangles.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a));
     let (sum, all) = areas.fold((DVec3::ZERO, 0.0), |(sum, all), area| (sum + area, all + area.length()));

@@ -26,7 +26,7 @@ fn table(of: impl Fn(f32, f32) -> f32 + Sync) -> Vec<f32> {
     in_parallel(&mut values, SIDE, |row, values| {
         let alpha = (row as f32 / (SIDE - 1) as f32).powi(2);
         for (column, value) in values.iter_mut().enumerate() {
-            // The last table entry before grazing stands in for grazing itself, where lobes have no value.
+            // The last table entry before grazing is used for grazing itself, where lobes have no value.
             let z = (column as f32 / (SIDE - 1) as f32).powi(2).max(1e-4);
             *value = of(z, alpha);
         }

@@ -144,7 +144,7 @@ impl Assembly {
         })
     }
 
-    /// Sources of light that are looked for, the environment apart.
+    /// Sources of light that are looked for, without the environment.
     pub fn lights(&self) -> usize {
         self.lights.len()
     }

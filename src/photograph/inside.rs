@@ -1,4 +1,4 @@
-//! Cameras that stand inside of things: they see nothing but backs.
+//! Cameras inside objects: they see nothing but backs.
 
 use glam::DVec3;
 

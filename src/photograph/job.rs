@@ -20,7 +20,7 @@ const MIN_POINTS: u32 = 200;
 /// Stream of the pixels whose surface they are.
 const POINT_STREAM: u32 = 0x706f_696e;
 
-/// What came of a capture.
+/// The result of a capture.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Outcome {
     /// Photographs that are there.
@@ -37,8 +37,8 @@ pub struct Outcome {
     pub points: usize,
 }
 
-/// Takes the photographs that are not there yet, and writes everything into `folder`; `observe` hears how many there are, or
-/// nothing new, and says whether to go on. Stopped early, what is finished stays, and the same call goes on from there.
+/// Takes the photographs that are not there yet, and writes everything into `folder`; `observe` receives their number, changed or
+/// not, and returns whether to continue. Stopped early, what is finished stays, and the same call continues from there.
 ///
 /// # Errors
 /// Where the device fails or the system refuses a file; finished photographs stay.
@@ -93,7 +93,7 @@ pub fn run(
     Ok(outcome)
 }
 
-/// What a thread that writes has to say.
+/// The result of a writer thread.
 fn joined(writing: Option<thread::ScopedJoinHandle<'_, Result<()>>>) -> Result<()> {
     let wait = |writer: thread::ScopedJoinHandle<'_, Result<()>>| {
         writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))

@@ -16,7 +16,7 @@ pub(crate) const UNLIT: u32 = appearance::UNLIT;
 /// The surface bounds a body that refracts.
 pub(crate) const VOLUME: u32 = appearance::VOLUME;
 
-/// Flags of [`Map`]; two bits each from 2 and from 4 on say how it goes on in u and v.
+/// Flags of [`Map`]; two bits each from 2 and from 4 on are the wrap modes in u and v.
 pub(crate) const SECOND_SET: u32 = appearance::SECOND_SET;
 /// Colours are sRGB.
 pub(crate) const SRGB: u32 = appearance::SRGB;
@@ -193,7 +193,7 @@ crate::gpu_struct! {
 }
 
 crate::gpu_struct! {
-    /// What holds of the whole scene.
+    /// Constants of the whole scene.
     pub struct Setting {
         /// Columns of the environment, 0 for none.
         pub sky_width: u32,

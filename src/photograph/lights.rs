@@ -185,7 +185,7 @@ mod tests {
         }
     }
 
-    /// If this failed, parts of the sky would be drawn more often than their density says, and light with them.
+    /// If this failed, parts of the sky would be drawn more often than their density implies, and light with them.
     #[test]
     fn the_alias_table_draws_texels_by_their_density() {
         let (width, height) = (16, 8);

@@ -1,7 +1,8 @@
 //! Photographs of a scene of triangles with materials and lights, by path tracing on the hierarchy that occlusion uses.
 //!
-//! [`assembly`] lays a model out for the device, [`lights`] says where lights are looked for, [`albedo`] has the tables that
-//! keep lobes from losing light, [`tracer`] takes the photographs, [`job`] makes a whole capture of them. `docs/reference/capture.md` says what is modelled.
+//! [`assembly`] lays a model out for the device, [`lights`] decides where lights are sampled, [`albedo`] has the tables that
+//! keep lobes from losing light, [`tracer`] takes the photographs, [`job`] makes a whole capture of them.
+//! `docs/reference/capture.md` lists what is modelled.
 
 pub mod albedo;
 pub mod assembly;

@@ -15,12 +15,12 @@ use crate::scene::camera::Camera;
 use crate::scene::colour::encoded;
 use crate::{Error, Result};
 
-/// The file that says what a folder's capture is of.
+/// The file that records what a folder's capture shows.
 pub(crate) const RECORD: &str = "capture.json";
 /// The file that is written last.
 pub(crate) const LAST: &str = "transforms.json";
 
-/// What a capture is of, and how: two captures of the same record have the same bits on the same device.
+/// What a capture shows, and its settings: two captures of the same record have the same bits on the same device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     /// Version of the program.
@@ -74,7 +74,7 @@ pub fn named(cameras: &[Camera]) -> Result<Vec<Camera>> {
         named.push(Camera { name, ..camera.clone() });
     }
     for name in owners.keys() {
-        // A folder of that name would stand in the way of the picture, or of its mask.
+        // A folder of that name would be in the way of the picture, or of its mask.
         let folder = named.iter().find_map(|camera| {
             let mut above = camera.name.match_indices('/').map(|(end, _)| &camera.name[..end]);
             above.find(|above| above == name || above.strip_suffix(".png") == Some(name))
@@ -106,7 +106,7 @@ pub struct Outputs {
 }
 
 impl Outputs {
-    /// Looks at the folder: a capture of the same record is taken up where it stopped, unless `force` is given.
+    /// Looks at the folder: a capture of the same record is resumed where it stopped, unless `force` is given.
     ///
     /// # Errors
     /// Where it holds something else and `force` is not given, or cannot be written.
@@ -131,9 +131,9 @@ impl Outputs {
         Ok(Self { folder: folder.to_owned(), resumes })
     }
 
-    /// Makes the folder and says in it what it holds. Where pictures are to be taken, what an earlier capture left as its last is
+    /// Makes the folder and records in it what it holds. Where pictures are to be taken, what an earlier capture left as its last is
     /// taken away first, so that the folder is never taken for complete; then what has the names of this one's pictures, which
-    /// would be taken for its own where it is stopped and taken up.
+    /// would be taken for its own where it is stopped and resumed.
     ///
     /// # Errors
     /// Where the system refuses.
@@ -222,7 +222,7 @@ impl Outputs {
         self.write(&format!("images/{name}"), &picture::colours(Format::Png, *width, &shown, with_alpha)?)
     }
 
-    /// The photograph of a camera as it stands in the folder.
+    /// The photograph of a camera as it is in the folder.
     ///
     /// # Errors
     /// Where it cannot be read any more.

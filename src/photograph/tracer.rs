@@ -19,13 +19,13 @@ use crate::{Error, Result};
 /// Stream of the seeds of photographs.
 const SEED_STREAM: u32 = 0x7068_6f74;
 /// Paths of the first submission of a picture, and pixels of a part of it at most: on a CPU they should end within a second, so
-/// that a run can be stopped, on a GPU long before a watchdog looks.
+/// that a run can be stopped, on a GPU long before a watchdog interferes.
 const CPU_PATHS: u64 = 1 << 17;
 const GPU_PATHS: u64 = 1 << 20;
 /// How long a submission should take: it has twice as many samples while it takes less than half of that.
 const SUBMISSION: Duration = Duration::from_millis(200);
 /// Paths of one dispatch on a GPU: the more samples a thread takes, the less it waits for others in the end. On CPU devices
-/// it takes one, since the loops of a thread must stay short there: past 65,535 turns they end silently.
+/// it takes one, since the loops of a thread must stay short there: past 65,535 iterations they end silently.
 const GPU_DISPATCH: u64 = 1 << 23;
 /// Bytes of a pixel: its sum, and what lies in its middle.
 const PIXEL: u64 = 16;
@@ -85,7 +85,7 @@ struct SceneBuffers {
 
 impl SceneBuffers {
     fn new(context: &Arc<Context>, a: &Assembly) -> Result<Self> {
-        // A shader may not be bound to nothing: where there is nothing, one element stands that no index leads to.
+        // A shader may not be bound to nothing: where there is nothing, one element is bound that no index refers to.
         Ok(Self {
             nodes: Buffer::from_slice(context, "nodes", &a.bvh.nodes)?,
             primitives: Buffer::from_slice(context, "primitives", &a.primitives)?,
@@ -107,7 +107,7 @@ impl Tracer {
     /// Uploads a scene; photographs have `pixels` pixels at most.
     ///
     /// # Errors
-    /// Where the device has no room for it, or fails.
+    /// Where the device has too little memory for it, or fails.
     pub fn new(context: &Arc<Context>, assembly: Assembly, pixels: u64) -> Result<Self> {
         Self::with(context, assembly, pixels, Strategy::Both, false)
     }
@@ -151,7 +151,7 @@ impl Tracer {
     /// Takes a photograph; `number` is that of the camera among its own, and keys its random numbers.
     ///
     /// # Errors
-    /// Where the picture is larger than announced, the device fails, or `go_on`, which is asked between submissions, says to stop.
+    /// Where the picture is larger than announced, the device fails, or `go_on`, which is called between submissions, requests a stop.
     pub fn photograph(
         &self,
         camera: &Camera,
@@ -194,7 +194,7 @@ impl Tracer {
         Ok(Photograph { width: camera.intrinsics.width, pixels })
     }
 
-    /// Records `samples` of a part of a picture, each a first one and a count, for who submits and times it himself.
+    /// Records `samples` of a part of a picture, each a first one and a count, for callers that submit and time it themselves.
     ///
     /// # Errors
     /// Where the picture is larger than announced.
@@ -286,7 +286,7 @@ impl Tracer {
         self.found.download(count as usize)
     }
 
-    /// Pixels of a picture, which must have room.
+    /// Number of pixels of a picture, which must fit.
     fn check(&self, intrinsics: &Intrinsics) -> Result<u32> {
         let pixels = u64::from(intrinsics.width) * u64::from(intrinsics.height);
         if pixels > self.pixels || pixels > u64::from(u32::MAX) {

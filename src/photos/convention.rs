@@ -44,7 +44,7 @@ const NONE: Mistake = Mistake { inverse: false, turned: false };
 const MISTAKES: [Mistake; 3] =
     [Mistake { turned: true, ..NONE }, Mistake { inverse: true, ..NONE }, Mistake { inverse: true, turned: true }];
 
-/// Most cameras and most points that are looked at; evenly chosen, they tell as much as all.
+/// Most cameras and most points that are looked at; evenly chosen, they suffice.
 const CAMERAS: usize = 200;
 const POINTS: usize = 1000;
 
@@ -83,8 +83,8 @@ impl Mistake {
 }
 
 /// Checks that the cameras look at the points: for each camera those of its tracks, or where there are no tracks all of
-/// them. Without points, the point nearest to all viewing axes stands for them where cameras stand all around it; that
-/// cameras look away from it is a warning and no error, for they may stand in the middle of a room and look out.
+/// them. Without points, the point nearest to all viewing axes replaces them where cameras are all around it; that
+/// cameras look away from it is a warning and no error, since they may be in the middle of a room and look out.
 ///
 /// # Errors
 /// When photos show little of the points and another convention explains them far better, or they show nothing. The line
@@ -175,7 +175,7 @@ impl<'a> Sample<'a> {
     }
 }
 
-/// The share of cameras that look towards the point nearest to all viewing axes; none where they stand around nothing: the
+/// The share of cameras that look towards the point nearest to all viewing axes; none where they surround nothing: the
 /// axes do not meet there to within a tenth of their distance (a walk through a room), or all point much the same way (a
 /// flight over land).
 fn shown_of_axes(cameras: &[Camera]) -> Option<f64> {

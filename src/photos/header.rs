@@ -1,4 +1,4 @@
-//! What the first bytes of an image file say.
+//! The header of an image file.
 
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek};
@@ -29,7 +29,7 @@ impl Header {
     pub fn read(path: &Path) -> Result<Self, ImageError> {
         let reader = ImageReader::open(path)?.with_guessed_format()?;
         if reader.format() == Some(ImageFormat::Jpeg) {
-            // The decoder reads a whole JPEG before it tells anything.
+            // The decoder reads a whole JPEG before it reports anything.
             return Ok(Self::of_jpeg(&mut BufReader::new(File::open(path)?))?);
         }
         let decoder = reader.into_decoder()?;
@@ -48,7 +48,7 @@ impl Header {
         loop {
             let mut marker = [0; 2];
             file.read_exact(&mut marker)?;
-            // Any number of 0xff may stand before a marker.
+            // Any number of 0xff may precede a marker.
             while marker == [0xff, 0xff] {
                 file.read_exact(&mut marker[1..])?;
             }
@@ -112,7 +112,7 @@ mod tests {
         assert_eq!(read(&jpeg(0xc0, 1, 1)).unwrap(), Header { scratch_bytes: 6, ..whole });
     }
 
-    /// If this failed, a damaged header would be read as some size, or for ever.
+    /// If this failed, a damaged header would be read as some size, or loop forever.
     #[test]
     fn damaged_headers_are_refused() {
         let bytes = jpeg(0xc0, 3, 1);

@@ -82,7 +82,7 @@ impl PhotoSet {
         self
     }
 
-    /// The set with only the photos that `keep` says. All points stay; tracks lose the photos that are gone.
+    /// The set with only the photos in `keep`. All points stay; tracks lose the photos that are gone.
     pub fn filtered(mut self, keep: impl Fn(&Photo) -> bool) -> Self {
         let kept: Vec<bool> = self.photos.iter().map(keep).collect();
         let mut next = 0;

@@ -193,7 +193,7 @@ impl Binned {
     /// Records the pass: partials, slots and tallies come out as those of the dense pass do.
     ///
     /// # Errors
-    /// Where a sort or scan is asked for more than it was made for, which the settings rule out.
+    /// Where a sort or scan exceeds its capacity, which the settings rule out.
     pub(super) fn record<'a>(
         &'a self,
         commands: &mut Recorder<'a>,

@@ -1,4 +1,4 @@
-//! What can be chosen about a plan.
+//! The configuration of the planner.
 
 use serde::{Deserialize, Serialize};
 
@@ -72,7 +72,7 @@ pub enum Preset {
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "snake_case")]
 pub enum Start {
-    /// At random, as the preset says.
+    /// At random, as the preset specifies.
     Random,
     /// All in one place, but for a seeded jitter.
     Identical,
@@ -140,7 +140,7 @@ pub struct Config {
     pub lambda_bound: f32,
     /// Pressure on s squared.
     pub lambda_scale: f32,
-    /// From where people will look at what is trained.
+    /// Where viewers will look from at the trained model.
     pub viewers: Viewers,
     /// Learning rate of positions, in radii of the region.
     pub lr_position: f32,

@@ -15,7 +15,7 @@ use crate::{Error, Result};
 
 /// Numbers of views that are tried.
 pub(crate) const BUDGETS: [u32; 11] = [5, 8, 12, 20, 30, 45, 70, 100, 150, 200, 300];
-/// What ten further views must gain to be worth a word, in decibels.
+/// What ten further views must gain to be recommended, in decibels.
 const WORTH: f64 = 0.1;
 
 /// A point of the curve.
@@ -29,11 +29,11 @@ pub struct Point {
     pub unseen: f64,
 }
 
-/// Plans with each of [`BUDGETS`] and says what is expected of it; all are judged by the same looks. `observe` hears of every
-/// number of views before it is planned, and may break it off.
+/// Plans with each of [`BUDGETS`] and predicts its quality; all are judged by the same looks. `observe` receives every
+/// number of views before it is planned, and may stop the run.
 ///
 /// # Errors
-/// As [`job::run`]; also where it was broken off.
+/// As [`job::run`]; also where it was stopped.
 pub fn curve(
     context: &Arc<Context>,
     target: &Target,
@@ -109,7 +109,7 @@ pub fn svg(points: &[Point]) -> String {
 mod tests {
     use super::*;
 
-    /// If this failed, the sentence would tell people to take more photos than help, or to stop too soon.
+    /// If this failed, the sentence would advise more photos than help, or to stop too soon.
     #[test]
     fn the_sentence_names_the_last_gain_that_counts() {
         let of = |db: [f64; 4]| {

@@ -33,7 +33,7 @@ pub struct Batch<'a> {
     pub occlusion: bool,
     /// Centres and unit viewing directions.
     pub splats: &'a [(DVec3, DVec3)],
-    /// Tangents of half the fields of view (horizontal, vertical) of each splat; the last counts for all that follow.
+    /// Tangents of half the fields of view (horizontal, vertical) of each splat; the last applies to all that follow.
     pub tangents: &'a [[f64; 2]],
     /// Position and score of each probe.
     pub probes: &'a [(DVec3, f64)],

@@ -17,7 +17,7 @@ use crate::vulkan::physical::Physical;
 
 /// What the metrics need beside everything else: depth maps of the held-out points, and lists of directions.
 const HELD_OUT: &str = "held-out metrics";
-/// Entries that stand for several buffers, none of which is the whole.
+/// Entries that cover several buffers, none of which is the whole.
 const SEVERAL: [&str; 4] = ["surface and region", "sort", "scan", HELD_OUT];
 /// Depth maps of the pool take at most this much, and no more than an eighth of the device.
 const POOL_BYTES: u64 = 256 << 20;
@@ -88,7 +88,7 @@ pub fn check(footprint: &Footprint, context: &Context) -> Result<()> {
 
 /// Iterations of a block of commands: snapshots and relocations both fall on the start of one.
 pub(super) fn block(s: &Settings, config: &Config) -> u32 {
-    // What is further apart than the run is long never comes, but for the start.
+    // Intervals longer than the run never occur, except at the start.
     let within = |every: u32| if every > s.iterations { 0 } else { every };
     let (mut a, mut b) = (within(config.checkpoint_every.max(1)), within(s.relocate_every));
     while b > 0 {
@@ -119,7 +119,7 @@ pub(super) fn check_counts(config: &Config, kept: usize, context: &Context) -> R
     check(&footprint(context, &settings, config, 16, 0, false), context)
 }
 
-/// How many of `points` probes have room for their depth maps; never fewer than one step needs.
+/// How many of `points` probes' depth maps fit; never fewer than one step needs.
 pub(super) fn pool(points: usize, probes: u32, resolution: u32, physical: &Physical) -> usize {
     let bytes = POOL_BYTES.min(physical.storage_range).min(physical.heap / 8) / (4 * (resolution * resolution) as u64);
     points.min((bytes as usize).max(probes as usize))
@@ -135,7 +135,7 @@ pub fn largest(physical: &Physical, probes: u32) -> u64 {
     most.min(limit / a_view).min(physical.heap * 2 / 3 / (a_view + a_visible_view + 2000))
 }
 
-/// What a run has room for.
+/// The capacities of a run.
 pub(super) struct Room {
     /// Visible splats of a probe (dense), or pairs of probe and visible splat in all (binned).
     pub capacity: u32,
@@ -144,9 +144,9 @@ pub(super) struct Room {
 }
 
 impl Room {
-    /// Room for all splats, or as many as one buffer of partials can hold; in the binned pass for twice the pairs that
-    /// pass the gate at the start, and the tiles that kernels half again as wide as at the start reach into. A run that
-    /// needs more says so and is begun again with more.
+    /// Capacity for all splats, or as many as one buffer of partials can hold; in the binned pass for twice the pairs that
+    /// pass the gate at the start, and the tiles that kernels half again as wide as at the start reach into. A run that needs
+    /// more reports it and is restarted with more.
     pub fn new(
         splats: u32,
         probes: u32,

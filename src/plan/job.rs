@@ -49,9 +49,9 @@ pub struct Plan {
     pub geometry: Arc<SceneGeometry>,
 }
 
-/// What goes on while a plan is made.
+/// Progress events.
 pub enum Event {
-    /// Iterations done, of all.
+    /// Iterations done, and the total.
     Iterations(u32, u32),
     /// A capture was taken and lies here.
     Captured(PathBuf),
@@ -59,7 +59,7 @@ pub enum Event {
     Scoring,
 }
 
-/// What a run is watched with.
+/// How a run is observed.
 #[derive(Default)]
 pub struct Tools<'t> {
     /// Times every stage.
@@ -68,7 +68,7 @@ pub struct Tools<'t> {
     pub capture: Option<(&'t RenderDoc, PathBuf)>,
 }
 
-/// Makes a plan. `observe` hears of the progress and may break the optimisation off; the plan so far is scored then.
+/// Makes a plan. `observe` receives the progress and may stop the optimisation; the plan so far is then scored.
 ///
 /// # Errors
 /// A request that makes no sense, a plan that does not fit the device, or a device that fails.
@@ -109,7 +109,7 @@ pub fn run(
         observe(Event::Iterations(done, all))
     })?;
 
-    // A stop that comes now stops nothing any more.
+    // A stop at this point has no effect.
     let _ = observe(Event::Scoring);
     let start = Instant::now();
     let config = planner.config().clone();
@@ -264,8 +264,8 @@ fn mark(profile: &mut Option<&mut Profile>, name: &str, start: Instant) {
     }
 }
 
-/// Runs the planner of a preparation; again with more room where the binned pass turns out to need it. `observe` hears of
-/// iterations done, of all, and may break the run off.
+/// Runs the planner of a preparation; again with more capacity where the binned pass needs it. `observe` receives the iterations
+/// done and the total, and may stop the run.
 ///
 /// # Errors
 /// A plan that does not fit the device, or a device that fails.
@@ -367,7 +367,7 @@ fn voronoi_by_score(points: &[SurfacePoint], scores: &[PointMetrics]) -> [Option
 }
 
 impl Plan {
-    /// Whether the user broke the run off.
+    /// Whether the user stopped the run.
     pub fn interrupted(&self) -> bool {
         self.record.status == Status::Interrupted
     }

@@ -20,7 +20,7 @@ use crate::visibility::device_scene::DeviceScene;
 use crate::visibility::probe_depth::ProbeMaps;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
-/// A plan in the making: all device state of one run.
+/// All device state of one run.
 pub struct Planner {
     pub(super) context: Arc<Context>,
     pub(super) scene: Arc<DeviceScene>,
@@ -129,7 +129,7 @@ impl Planner {
         commands.submit_and_wait()
     }
 
-    /// What the run is set to.
+    /// The settings of the run.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -170,7 +170,7 @@ impl Planner {
         footprint::block(&self.settings, &self.config)
     }
 
-    /// Records one block: a snapshot, a relocation where it is time, then [`Planner::block`] iterations. The device
+    /// Records one block: a snapshot, a relocation where one is due, then [`Planner::block`] iterations. The device
     /// counts the iterations, so a block can be submitted again and again; once the run is over it does nothing.
     ///
     /// # Errors

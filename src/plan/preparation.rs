@@ -1,4 +1,4 @@
-//! What is settled of a run before the device has allocated anything.
+//! What is fixed of a run before the device has allocated anything.
 
 use super::config::{Config, MAX_DENSE, MAX_VIEWS, Objective, Pass, Preset};
 use super::footprint::{self, Room};
@@ -20,14 +20,14 @@ use crate::{Error, Result};
 /// Pairs of texel and visible splat an iteration from which on binning pays; see docs/results/2026-11/benchmarks.md.
 const DENSE_WORK: f64 = 3e7;
 
-/// Points that tell whether the region sees the surface at all, where no point cameras are drawn from it.
+/// Points that test whether the region sees the surface at all, where no point cameras are drawn from it.
 const REACHABLE: u32 = 256;
 /// Sums over looks stay within lavapipe's bound on loops.
 const MAX_VIEWERS_A_STEP: u32 = 16_384;
-/// What sets the viewers of a run apart from those that judge it.
+/// Key that separates the viewers of a run from those that judge it.
 const VIEWER_SEED: u64 = 0x6c6f_6f6b;
 
-/// Stream of the surface's samples that probes stand on; held-out points take another.
+/// Stream of the surface's samples for probes; held-out points take another.
 pub(crate) const PROBE_STREAM: u32 = 0;
 
 /// Everything about a run that is known before the device has allocated anything.
@@ -70,7 +70,7 @@ impl Preparation {
             true => viewers(&config, geometry, intrinsics)?,
             false => Vec::new(),
         };
-        // Looks take the place of point cameras; what is left for these is to tell a surface that no camera can see.
+        // Looks replace point cameras; these only detect a surface that no camera can see.
         let pool = if quality { REACHABLE } else { config.pool };
         let mut points = proxy.sample(pool as usize, config.seed, PROBE_STREAM);
         random::shuffle(&mut points, config.seed, PROBE_STREAM);
@@ -164,7 +164,7 @@ impl Preparation {
         })
     }
 
-    /// The same run with room for so many pairs and instances in the binned pass, and a quarter more.
+    /// The same run with capacity for so many pairs and instances in the binned pass, and a quarter more.
     pub(super) fn with_room(mut self, context: &Context, [pairs, instances]: [u32; 2]) -> Self {
         self.settings.capacity = self.settings.capacity.max(pairs.saturating_add(pairs / 4));
         self.settings.instances = self.settings.instances.max(instances.saturating_add(instances / 4));
@@ -202,7 +202,7 @@ pub(super) fn splat(camera: &Camera, geometry: &SceneGeometry) -> Splat {
 }
 
 impl Splat {
-    /// Puts it where a camera of the planner's frame stands and looks.
+    /// Gives it the pose of a camera in the planner's frame.
     pub(super) fn place(&mut self, pose: &Pose) {
         self.centre = pose.position.as_vec3().to_array();
         self.direction = pose.forward().as_vec3().normalize().to_array();

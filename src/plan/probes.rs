@@ -9,10 +9,10 @@ use crate::visibility::probe_depth::{Probe, ProbeMaps};
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
-/// Texels along a side of the maps that tell which points can be seen.
+/// Texels along a side of the maps that test which points can be seen.
 const COARSE: u32 = 16;
 
-/// Maps, with `resolution` texels along a side, of the points that some feasible position sees, as far as a coarse map can tell;
+/// Maps, with `resolution` texels along a side, of the points that some feasible position sees, as far as a coarse map shows;
 /// the others would only dilute a batch.
 pub(super) fn reachable(
     context: &Arc<Context>,
@@ -28,7 +28,7 @@ pub(super) fn reachable(
     if points.is_empty() {
         return Err(unseen(preset));
     }
-    // Few views ask for no finer ones.
+    // Few views need no finer ones.
     match resolution {
         COARSE => maps.with(context, seen),
         _ => {
@@ -38,7 +38,7 @@ pub(super) fn reachable(
     }
 }
 
-/// What is said where the region sees nothing of the surface.
+/// The error where the region sees nothing of the surface.
 pub(super) fn unseen(preset: Preset) -> Error {
     let outside = match preset {
         Preset::Object => "",

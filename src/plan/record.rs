@@ -117,9 +117,9 @@ pub struct PlanRecord {
     pub seed: u64,
     /// The configuration of the planner or the baseline, as it ran.
     pub config: serde_json::Value,
-    /// Where cameras may stand.
+    /// The region of the cameras.
     pub region: Region,
-    /// What limits that.
+    /// Further limits on camera positions.
     #[serde(default, skip_serializing_if = "Limits::is_empty")]
     pub limits: Limits,
     /// The planned cameras, then the kept ones.
@@ -138,7 +138,7 @@ pub struct PlanRecord {
     /// The layout that the plan began from, and where the plan is that layout itself, since nothing better was found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub began_from: Option<String>,
-    /// Controls on the same points.
+    /// Baselines on the same points.
     #[serde(alias = "controls")]
     pub baselines: Vec<BaselineRecord>,
     /// Wall time of the optimisation or the choice, seconds.

@@ -19,11 +19,11 @@ use crate::visibility::device_scene::DeviceScene;
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
-/// Viewers that layouts are judged by; none of them is one of the optimiser's.
+/// Viewers that layouts are judged by; none of the optimiser's is among them.
 const VIEWERS: u32 = 512;
-/// Of these the first so many tell rotations of a layout apart.
+/// The first so many of these compare rotations of a layout.
 const FEWER: usize = 128;
-/// What sets them apart.
+/// Key that separates them.
 const JUDGE_SEED: u64 = 0x6a75_6467;
 
 /// What is expected of a set of cameras, and where they leave error.
@@ -138,9 +138,9 @@ impl<'a> Reference<'a> {
         best.expect("there is a simple layout in every region")
     }
 
-    /// What is expected of a run, which takes the poses of the best layout and was not broken off unless more is expected of its
-    /// own by a standard deviation of what the law tells of layouts that are alike, less where cameras are kept: smaller gains are not
-    /// seen in trained splats, and no plan is to be worse than a layout that is simpler.
+    /// What is expected of a run. A complete run takes the poses of the best layout unless its own are expected to be better by
+    /// the law's standard deviation for layouts that are alike, less where cameras are kept: smaller gains are not seen in
+    /// trained splats, and no plan is to be worse than a layout that is simpler.
     ///
     /// # Errors
     /// Where the device fails.

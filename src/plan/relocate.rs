@@ -1,4 +1,4 @@
-//! Relocation of splats that do little (`rank.comp`, `relocate.comp`; docs/reference/method.md, Optimisation).
+//! Relocation of splats of low utility (`rank.comp`, `relocate.comp`; docs/reference/method.md, Optimisation).
 
 use super::shared::{Control, Moments, PlanConstants, Settings, Splat, Tally};
 use crate::visibility::device_scene::DeviceRegion;

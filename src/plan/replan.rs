@@ -48,7 +48,7 @@ impl Planner {
         self.reset()
     }
 
-    /// Lets others look, in the user's world, each about as often as the others, and puts everything back to the start of the run.
+    /// Replaces the viewers, in the user's world, each used about equally often, and puts everything back to the start of the run.
     ///
     /// # Errors
     /// Where there are none, the objective has no viewers, or the device fails.
@@ -75,7 +75,7 @@ impl Planner {
         &self.buffers.splats
     }
 
-    /// Cameras to keep that there is room for.
+    /// Capacity for kept cameras.
     fn most_kept(&self) -> usize {
         let room = self.buffers.splats.size() / size_of::<Splat>() as u64;
         room as usize - (self.settings.splats - self.settings.kept) as usize

@@ -1,4 +1,4 @@
-//! The library's front door: a plan in one expression.
+//! The library's entry point: a plan in one expression.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -45,7 +45,7 @@ pub fn plan(surface: &Surface, views: u32) -> PlanRequest<'_> {
     }
 }
 
-/// What [`plan()`] is asked for. What is left out follows from the surface.
+/// The request for [`plan()`]. What is left out follows from the surface.
 #[derive(Clone, Debug)]
 #[must_use = "a request plans nothing until it is run"]
 pub struct PlanRequest<'s> {
@@ -60,14 +60,14 @@ pub struct PlanRequest<'s> {
 }
 
 impl PlanRequest<'_> {
-    /// The cameras stand inside a room, not around an object.
+    /// The cameras are inside a room, not around an object.
     pub fn room(mut self) -> Self {
         let Config { seed, views, viewers, .. } = self.config;
         self.config = Config { seed, viewers, ..Config::new(Preset::Room, views) };
         self
     }
 
-    /// The region where cameras may stand: a shell or a box.
+    /// The region of the cameras: a shell or a box.
     pub fn region(mut self, shape: Shape) -> Self {
         self.choice.shape = Some(shape);
         self
@@ -109,7 +109,7 @@ impl PlanRequest<'_> {
         self
     }
 
-    /// From where people will look at what is trained.
+    /// Where viewers will look from at the trained model.
     pub fn viewers(mut self, viewers: Viewers) -> Self {
         self.config.viewers = viewers;
         self

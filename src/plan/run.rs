@@ -15,8 +15,8 @@ use crate::vulkan::Recorder;
 use crate::vulkan::profile::Profile;
 use crate::{Error, Result};
 
-/// About how many iterations are submitted ahead: enough that the device never waits for the host, and few enough that a
-/// run that is broken off soon ends, for what is submitted must still pass through the device, empty as it is.
+/// About how many iterations are submitted ahead: enough that the device never waits for the host, and few enough that a stopped
+/// run soon ends, since submitted blocks must still pass through the device, though empty.
 const AHEAD: u32 = 800;
 
 /// What a run leaves.
@@ -34,16 +34,16 @@ pub struct Outcome {
 }
 
 impl Planner {
-    /// Iterations done so far; may be called while a run goes on.
+    /// Iterations done so far; may be called during a run.
     pub fn done(&self) -> u32 {
         self.buffers.mailbox.peek(mailbox::DONE).unwrap_or(0)
     }
 
-    /// Runs all iterations. `observe` is called every few milliseconds with the number of iterations done and may break
-    /// the run off after the one that is running. With a profile every stage is timed.
+    /// Runs all iterations. `observe` is called every few milliseconds with the number of iterations done and may stop the run
+    /// after the current one. With a profile every stage is timed.
     ///
     /// # Errors
-    /// Where the device fails, or a probe saw more splats than there was room for.
+    /// Where the device fails, or a probe saw more splats than the capacity.
     pub fn run(
         &self,
         mut profile: Option<&mut Profile>,
@@ -76,7 +76,7 @@ impl Planner {
             let ahead = (AHEAD / self.block()).max(2) as usize;
             let mut left = blocks;
             loop {
-                // The device goes on meanwhile: asked twice, it may say two things.
+                // The device continues meanwhile: two reads may differ.
                 let due = due(commands.pending(), left, ahead);
                 for _ in 0..due {
                     commands.submit()?;
@@ -121,7 +121,7 @@ impl Planner {
         1 + (splat + 3) * self.block()
     }
 
-    /// Pairs and instances that an iteration had (a probe's splats in the dense pass), where that was more than there was room for.
+    /// Pairs and instances that an iteration had (a probe's splats in the dense pass), where that exceeded the capacity.
     pub(super) fn overflow(&self) -> Option<[u32; 2]> {
         let needed = |word| self.buffers.mailbox.peek(word).unwrap_or(0);
         let [pairs, instances] = match self.pipelines.splat {
@@ -132,11 +132,11 @@ impl Planner {
         (pairs > self.settings.capacity || instances > self.settings.instances).then_some([pairs, instances])
     }
 
-    /// What the blocks that were recorded with [`Planner::record_block`] and have been waited for leave, whoever
-    /// submitted them. The time they took is the submitter's to measure and zero here.
+    /// What the blocks that were recorded with [`Planner::record_block`] and have been waited for leave, by whichever submitter.
+    /// The time they took is the submitter's to measure and zero here.
     ///
     /// # Errors
-    /// Where the device fails, or a probe saw more splats than there was room for.
+    /// Where the device fails, or a probe saw more splats than the capacity.
     pub fn outcome(&self) -> Result<Outcome> {
         if let Some([pairs, instances]) = self.overflow() {
             return Err(Error::request(format!(
@@ -207,7 +207,7 @@ mod tests {
     #[test]
     fn every_block_is_submitted_whatever_the_device_has_done() {
         assert_eq!((due(0, 5, 16), due(0, 40, 16), due(10, 40, 16), due(16, 40, 16), due(0, 0, 16)), (5, 16, 6, 0, 0));
-        // A device that takes any number of blocks between two looks.
+        // A device that takes any number of blocks between two polls.
         let (mut left, mut pending, mut submitted) = (200, 0, 0);
         for look in 0..1000 {
             let now = due(pending, left, 16);

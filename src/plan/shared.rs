@@ -35,11 +35,11 @@ gpu_struct! {
         pub probes: u32,
         /// Point cameras in all.
         pub pool: u32,
-        /// Visible splats that a probe has room for (dense), or pairs in all (binned).
+        /// Capacity in visible splats of a probe (dense), or pairs in all (binned).
         pub capacity: u32,
         /// Partials from one block of a probe to the next (dense: the capacity; binned: 0).
         pub row: u32,
-        /// (tile, splat) instances that there is room for (binned).
+        /// Capacity in (tile, splat) instances (binned).
         pub instances: u32,
         /// Iterations of the run.
         pub iterations: u32,
@@ -107,7 +107,7 @@ gpu_struct! {
 }
 
 gpu_struct! {
-    /// A camera splat: where it stands and looks (unit length).
+    /// A camera splat: its centre and viewing direction (unit length).
     pub struct Splat {
         /// Centre.
         pub centre: [f32; 3],

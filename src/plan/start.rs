@@ -22,7 +22,7 @@ const TRIES: u32 = 64;
 /// Most probes that the mean number of visible splats is taken over.
 pub(crate) const PROBES: usize = 256;
 
-/// Jitter of an identical start, in radii of the region: enough to tell the splats apart.
+/// Jitter of an identical start, in radii of the region: enough to separate the splats.
 const SPREAD: f64 = 0.01;
 
 /// Tangents of half the horizontal and vertical fields of view.

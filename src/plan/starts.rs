@@ -10,8 +10,8 @@ use crate::scene::layouts;
 use crate::scene::region::Shape;
 use crate::visibility::device_scene::SceneGeometry;
 
-/// Cameras in all the turned even spheres together. Two rotations of 20 views train 0.2 dB apart, which expected quality tells in
-/// part, and the more views there are the less a rotation matters (docs/results/2026-11/quality.md).
+/// Cameras in all the turned even spheres together. Two rotations of 20 views differ by 0.2 dB when trained, which expected
+/// quality predicts in part, and the more views there are the less a rotation matters (docs/results/2026-11/quality.md).
 const TURNED: u32 = 640;
 /// Fewest and most rotations.
 const ROTATIONS: [u32; 2] = [8, 32];
@@ -20,9 +20,10 @@ const ROTATIONS: [u32; 2] = [8, 32];
 pub(crate) type Family = (String, Vec<Vec<Pose>>);
 
 /// Simple layouts of `config.views` cameras in the planner's frame, at free places: around an object the even sphere in the middle of
-/// the shell, as much of it as cameras can stand on, in several rotations, and where people look from one side only, as much of that;
-/// in a room a grid at eye height and rings along the walls; cameras at random in both. Beside cameras that are kept, which are given
-/// in the user's world, also what is left of an even sphere for all when each of them has taken the place that is nearest to it.
+/// the shell, as much of it as is feasible for cameras, in several rotations, and where people look from one side only, as much
+/// of that; in a room a grid at eye height and rings along the walls; cameras at random in both. Beside cameras that are kept,
+/// which are given in the user's world, also what is left of an even sphere for all when each of them has taken the place that is
+/// nearest to it.
 pub fn layouts(config: &Config, geometry: &SceneGeometry, kept: &[Camera]) -> Vec<Family> {
     let (views, seed) = (config.views as usize, config.seed);
     let inward = config.preset == Preset::Object;
@@ -64,7 +65,7 @@ pub fn layouts(config: &Config, geometry: &SceneGeometry, kept: &[Camera]) -> Ve
     layouts
 }
 
-/// Cameras even over the part of the sphere in the middle of the shell where they can stand and viewers look from.
+/// Cameras even over the part of the sphere in the middle of the shell where positions are feasible and viewers look from.
 ///
 /// # Errors
 /// Where the region is no shell, or leaves hardly any of that sphere.

@@ -3,7 +3,7 @@
 
 use super::shared::Settings;
 
-/// Words of the mailbox, the buffer that host and device share while a run goes on.
+/// Words of the mailbox, the buffer that host and device share during a run.
 pub mod mailbox {
     /// The host sets it to stop after the running iteration.
     pub const STOP: usize = 0;
@@ -19,7 +19,7 @@ pub mod mailbox {
     pub const WORDS: usize = 5;
 }
 
-/// Factor on the learning rates at Adam step `step` (from 1) of a run or round of `length` iterations.
+/// Factor on the learning rates at Adam step `step` (from 1) of a run, or of one view's part of it, of `length` iterations.
 pub fn rate(decay: f64, step: u32, length: u32) -> f64 {
     decay.powf((step - 1) as f64 / length as f64)
 }

@@ -1,4 +1,4 @@
-//! What is planned for: a surface with the region around or within it, and what limits that.
+//! What is planned for: a surface with the region around or within it, and its limits.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ use crate::visibility::device_scene::SceneGeometry;
 use crate::visibility::{closing, exposure};
 use crate::{Error, Result};
 
-/// What the user says of the region; what is left out follows from the surface.
+/// The user's settings of the region; what is left out follows from the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RegionChoice {
     /// The shape itself.
@@ -34,13 +34,13 @@ impl From<Region> for RegionChoice {
 
 /// A surface, ready to plan for.
 pub struct Target {
-    /// What blocks rays and where probes stand.
+    /// What blocks rays and where probes lie.
     pub proxy: Proxy,
-    /// Where cameras may stand.
+    /// The region of the cameras.
     pub region: Region,
-    /// What limits that.
+    /// Further limits on camera positions.
     pub limits: Limits,
-    /// The surface as the record tells of it.
+    /// The surface as the record describes it.
     pub record: SurfaceRecord,
 }
 
@@ -118,7 +118,7 @@ impl Target {
     /// The same within limits.
     ///
     /// # Errors
-    /// Where the limits make no sense, or heights are asked for in a box that is aslant to them.
+    /// Where the limits make no sense, or heights are limited in a box that is aslant to them.
     pub fn within(self, limits: Limits) -> Result<Self> {
         let oblique = self.region.up.abs().max_element() < 1.0 - 1e-9;
         if limits.narrows() && oblique && matches!(self.region.shape, Shape::Box { .. }) {

@@ -1,4 +1,4 @@
-//! The pass of expected quality: looks of fresh viewers each iteration (`look.comp`), and what they ask of the splats nearest to
+//! The pass of expected quality: looks of fresh viewers each iteration (`look.comp`), and the gradients of the splats nearest to
 //! them (`viewed.comp`).
 
 use std::sync::Arc;
@@ -56,9 +56,9 @@ pub(super) fn lanes(physical: &Physical) -> u32 {
 
 /// Radians that a splat counts as off for each sine by which a point lies outside of its picture.
 const TURN: f64 = glsl::TURN;
-/// A gate that lets less than this through is closed: its logarithm says nothing in single precision.
+/// A gate that lets less than this through is closed: its logarithm is meaningless in single precision.
 const MIN_OPEN: f64 = 1e-30;
-/// Viewers that show the surface in fewer looks than this say nothing.
+/// Viewers that show the surface in fewer looks than this are ignored.
 const MIN_SHOWN: usize = crate::quality::expected::MIN_SHOWN as usize;
 
 /// Expected loss and its gradient.
@@ -171,7 +171,7 @@ impl Viewed {
         self.looks.download((self.push.count * LOOKS) as usize)
     }
 
-    /// Records the looks of an iteration and what they ask for.
+    /// Records the looks of an iteration and their gradients.
     pub(super) fn record<'a>(&'a self, commands: &mut Recorder<'a>, scene: &'a DeviceScene, b: &'a Buffers) {
         commands
             .stage(

@@ -6,7 +6,7 @@ use crate::{Error, Result};
 /// How many elements there are.
 #[derive(Clone, Copy)]
 pub enum Count<'a> {
-    /// As many as the host says.
+    /// The host's number.
     Host(u32),
     /// As many as the device finds in this buffer, at this `u32` index, when the stages run; at most as many as the
     /// primitive was made for and its buffers hold. Workgroups without elements end at once.

@@ -121,10 +121,10 @@ impl RadixSort {
         bits.div_ceil(8)
     }
 
-    /// Sorts `keys` by their low `bits` bits (1 to 32) and says where they then are; their old place is overwritten.
+    /// Sorts `keys` by their low `bits` bits (1 to 32) and returns where they then are; their old place is overwritten.
     ///
     /// # Errors
-    /// Where there are more elements than there is room for, or `bits` is out of range.
+    /// Where there are more elements than the capacity, or `bits` is out of range.
     pub fn keys<'a>(
         &'a self,
         recorder: &mut Recorder<'a>,
@@ -139,11 +139,11 @@ impl RadixSort {
         Ok(self.record(recorder, &self.scatter_keys, [here, there], bound, bits)?.keys)
     }
 
-    /// Sorts `keys` by their low `bits` bits (1 to 32), takes `values` along, and says where both then are; their old
+    /// Sorts `keys` by their low `bits` bits (1 to 32), takes `values` along, and returns where both then are; their old
     /// places are overwritten.
     ///
     /// # Errors
-    /// Where there are more elements than there is room for, or `bits` is out of range.
+    /// Where there are more elements than the capacity, or `bits` is out of range.
     pub fn pairs<'a>(
         &'a self,
         recorder: &mut Recorder<'a>,

@@ -45,9 +45,9 @@ pub(super) const BLOCK: u32 = 4096;
 pub enum Operation {
     /// Sum of `f32`, in an order that depends on their number alone; 0 of none.
     SumF32 = glsl::SUM_F32,
-    /// Least `f32`; infinity of none. Which zero is less is not said.
+    /// Least `f32`; infinity of none. Which zero is less is unspecified.
     MinF32 = glsl::MIN_F32,
-    /// Greatest `f32`; minus infinity of none. Which zero is greater is not said.
+    /// Greatest `f32`; minus infinity of none. Which zero is greater is unspecified.
     MaxF32 = glsl::MAX_F32,
     /// Sum of `u32`, modulo 2³²; 0 of none.
     SumU32 = glsl::SUM_U32,
@@ -83,7 +83,7 @@ impl Reduce {
     /// Reduces the counted elements of `input` and writes the result to `output`, at the `u32` index `index`.
     ///
     /// # Errors
-    /// Where there are more elements than there is room for, or `output` has no such index.
+    /// Where there are more elements than the capacity, or `output` has no such index.
     pub fn record<'a>(
         &'a self,
         recorder: &mut Recorder<'a>,

@@ -75,11 +75,11 @@ impl Scan {
     }
 
     /// Writes to `output[i]` the sum of the elements of `input` before `i`, for each counted element, and the sum of
-    /// all to `total.0` at the `u32` index `total.1`. The total may follow the sums in `output`, as rows of sparse
-    /// matrices want it; it must not replace the counter. `input` and `output` must be two buffers.
+    /// all to `total.0` at the `u32` index `total.1`. The total may follow the sums in `output`, as rows of sparse matrices need
+    /// it; it must not replace the counter. `input` and `output` must be two buffers.
     ///
     /// # Errors
-    /// Where there are more elements than there is room for, or the total has no such place.
+    /// Where there are more elements than the capacity, or the total has no such place.
     pub fn record<'a>(
         &'a self,
         recorder: &mut Recorder<'a>,

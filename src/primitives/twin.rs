@@ -1,4 +1,4 @@
-//! The primitives in plain Rust: what the shaders are held against.
+//! The primitives in plain Rust: what the shaders are tested against.
 
 use super::Operation;
 use super::reduce::BLOCK;

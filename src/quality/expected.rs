@@ -60,10 +60,10 @@ pub const LOOKS: u32 = SIDE * SIDE;
 /// Cameras that the walks over them can take before lavapipe would end them: 65,535 iterations an invocation, of which the rays of
 /// a look take up to a third.
 pub(crate) const MAX_ON_CPU: u32 = 2500;
-/// Viewers that show the surface in fewer looks than this say nothing.
+/// Viewers that show the surface in fewer looks than this are ignored.
 pub(crate) const MIN_SHOWN: u32 = 4;
 
-/// What viewers are expected to see of what a set of cameras trains.
+/// The quality that viewers are expected to see of the model trained on a set of cameras.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Expectation {
     /// Mean over viewers of ten times the decimal logarithm of the mean expected squared error of their looks, in the law's own

@@ -126,7 +126,7 @@ impl Fitted {
         Ok(text + "\n")
     }
 
-    /// Refuses a law by which more views could be worse than fewer: plans would move away from what viewers look at.
+    /// Rejects a law by which more views could be worse than fewer: plans would move away from what viewers look at.
     ///
     /// # Errors
     /// In a line that names the coefficient.

@@ -16,7 +16,7 @@ crate::gpu_struct! {
     /// A viewer's pinhole camera in the planner's frame: the ray through image position (u, v), each in [0, 1] from the
     /// top left corner, runs along `corner + u across + v along`.
     pub(crate) struct Viewer {
-        /// Where it stands.
+        /// Camera centre.
         pub position: [f32; 3],
         /// Unused.
         pub spare0: f32,
@@ -37,7 +37,7 @@ crate::gpu_struct! {
 
 crate::gpu_struct! {
     /// What a viewer's pixel shows, in the planner's frame: a point of the surface, or, beside an object, the empty place where
-    /// its ray passes the object's middle, for there trained splats must leave nothing.
+    /// its ray passes the object's middle, since trained splats must leave nothing there.
     pub struct Look {
         /// The surface point, lifted off the surface on the viewer's side.
         pub position: [f32; 3],
@@ -65,7 +65,7 @@ crate::gpu_struct! {
         pub pool: u32,
         /// Viewers of this draw, which are those from `first` on.
         pub count: u32,
-        /// The first of them, unless the draw goes on with each iteration.
+        /// The first of them, unless the draw advances with each iteration.
         pub first: u32,
         /// Pixels of a viewer along a side of its picture.
         pub side: u32,

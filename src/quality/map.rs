@@ -26,7 +26,7 @@ const RANGE_DB: f64 = 6.0;
 /// Expected error on the surface, against its median over all that viewers look at there.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ErrorMap {
-    /// By point in decibels, as it was asked for.
+    /// By point in decibels, in the order of the points.
     pub points: Vec<f32>,
     /// The viewers who see the greatest error on the surface, greatest first.
     pub worst: Vec<Worst>,

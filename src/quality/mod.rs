@@ -1,4 +1,4 @@
-//! Expected quality: what splats trained on the photographs of a set of cameras will show, told before anything is
+//! Expected quality: the predicted quality of splats trained on photographs from a set of cameras, before anything is
 //! photographed.
 
 pub mod expected;

@@ -10,7 +10,7 @@ use crate::visibility::bvh::Bvh;
 use crate::visibility::raycast::Ray;
 use crate::vulkan::shaders::glsl::shared::nearest_views;
 
-/// Of those that are nearest but for what hides them so many are looked at, as on the device.
+/// So many of the nearest views, occlusion ignored, are tested, as on the device.
 const LISTED: usize = nearest_views::LISTED as usize * nearest_views::WALKS as usize;
 
 /// The point of a look, the unit direction to the viewer, and the normal.

@@ -1,4 +1,4 @@
-//! Viewers: from where people will look at what is trained.
+//! Viewers: the poses from which the trained model will be viewed.
 
 use std::f64::consts::{PI, TAU};
 
@@ -18,7 +18,7 @@ const DIRECTIONS: u32 = 0x7669_7500;
 /// Tries for each viewer.
 const TRIES: u32 = 2000;
 
-/// A distribution of poses from which people look, in the user's world.
+/// A distribution of viewers' poses, in the user's world.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Viewers {
@@ -62,13 +62,13 @@ pub enum Viewers {
 }
 
 impl Viewers {
-    /// Whether the user has said nothing.
+    /// Whether it is the default.
     pub fn is_default(&self) -> bool {
         matches!(self, Self::Region)
     }
 
-    /// Whether people look from the direction of a place in the planner's frame as far as they say one: of the whole sphere, a cone or
-    /// heights.
+    /// Whether viewers look from the direction of a position in the planner's frame, as far as they define one: of the whole
+    /// sphere, a cone or heights.
     pub fn face(&self, geometry: &SceneGeometry, place: DVec3) -> bool {
         let up = geometry.to_internal.inverse().direction(geometry.region.up);
         match *self {
@@ -88,7 +88,7 @@ impl Viewers {
     /// from around it. The same seed gives the same viewers, the first of a larger count among them.
     ///
     /// # Errors
-    /// Where no place fits what is asked for.
+    /// Where no position fits the request.
     pub fn sample(
         &self,
         geometry: &SceneGeometry,
@@ -101,7 +101,7 @@ impl Viewers {
             if cameras.is_empty() {
                 return Err(Error::request("viewers: there are no cameras; name a file with some"));
             }
-            // Each as often as the others; of more than are wanted every so manieth.
+            // Each as often as the others; of more than requested, evenly spaced ones.
             let (count, all) = (count as usize, cameras.len());
             let drawn = if all > count { count } else { all * (count / all) };
             return Ok((0..drawn)
@@ -118,8 +118,8 @@ impl Viewers {
         };
         let up = back.direction(geometry.region.up);
         let floor = geometry.region.floor.map(|floor| back.point(floor * geometry.region.up).dot(up));
-        // Nobody looks from within the object: a wide lens lets the region be that near. Where floor, walls or other things reach into
-        // the region, the surface does not tell where the object ends, and whoever is in the open is not in it.
+        // No viewer is inside the object: with a wide lens the region can be that near. Where floor, walls or other things reach
+        // into the region, the surface does not show where the object ends, and a viewer in free space is not in it.
         let reach = reach(geometry);
         let alone = match geometry.region.shape {
             Shape::Shell { r_min, .. } => reach <= r_min,
@@ -196,7 +196,7 @@ impl Viewers {
             let pose = match around {
                 Some(_) if i % 3 < 2 => Pose::looking(position, centre - position, up),
                 Some(_) => aside(position, centre - position, up, &intrinsics, [u, v]),
-                // Around an object in a box everybody has it in the picture.
+                // Around an object in a box every viewer has it in the picture.
                 None if inward => aside(position, middle - position, up, &intrinsics, [u, v]),
                 None => Pose::looking(position, random::direction(u, v), up),
             };

@@ -200,7 +200,7 @@ function barChart(id, { start, step, counts }, { x: xName, unit }) {
   const width = innerWidth(figure);
   const x = (v) => MARGIN.left + ((v - start) / (end - start)) * (width - MARGIN.left - MARGIN.right);
   const y = (v) => HEIGHT - MARGIN.bottom - (v / high) * (HEIGHT - MARGIN.top - MARGIN.bottom);
-  // A whole number stands in the middle of its bar, a limit between two.
+  // A whole number is in the middle of its bar, a limit between two.
   const whole = unit === "" && step === 1;
   const keys = html("div", "keys", "", figure);
   const svg = frame(figure, width, (v) => x(whole ? v + 0.5 : v), y, ticks(start, whole ? end - 1 : end, width / 60).filter((v) => !whole || Number.isInteger(v)),

@@ -26,7 +26,7 @@ pub(crate) fn decimate(corners: &[[DVec3; 3]], colours: &[[u8; 3]], most: usize)
 
 fn merge(corners: &[[DVec3; 3]], colours: &[[u8; 3]], min: DVec3, cell: f64) -> (Vec<[DVec3; 3]>, Vec<[u8; 3]>) {
     let cell_of = |corner: DVec3| ((corner - min) / cell).floor().as_ivec3();
-    // The first vertex of a cell stands for all of them: it lies on the surface.
+    // The first vertex of a cell represents all of them: it lies on the surface.
     let mut first: HashMap<IVec3, DVec3> = HashMap::new();
     for &corner in corners.iter().flatten() {
         first.entry(cell_of(corner)).or_insert(corner);

@@ -1,4 +1,4 @@
-//! The page of a demo: what came out in a sentence, the photographs of all methods side by side, what was trained on them, and the plan.
+//! The page of a demo: the result in a sentence, the photographs of all methods side by side, what was trained on them, and the plan.
 //!
 //! Pictures are not embedded: the page lies in the demo's folder and shows the files that the steps left there.
 

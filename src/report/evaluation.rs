@@ -1,4 +1,4 @@
-//! The page of an evaluation: tables, charts, where cameras stand, test views side by side.
+//! The page of an evaluation: tables, charts, camera positions, test views side by side.
 //!
 //! Pictures are not embedded: the page lies in the evaluation's folder and shows the files that the runs left there.
 
@@ -17,11 +17,11 @@ use crate::evaluate::table::{DECIMALS, apart, cell, description};
 const CHART: [f64; 2] = [300.0, 220.0];
 const MARGIN: f64 = 40.0;
 const NAMES: f64 = 170.0;
-/// Characters of a name that have room there.
+/// Characters of a name that fit there.
 const LABEL: usize = 26;
 /// Height of a method's line.
 const LINE: f64 = 18.0;
-/// Colours of the methods, told apart by most people with colour vision deficiencies (Okabe and Ito, 2008).
+/// Colours of the methods, distinguishable by most people with colour vision deficiencies (Okabe and Ito, 2008).
 const COLOURS: [&str; 8] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#888888", "#000000"];
 
 /// How pages with tables and rows of pictures look.
@@ -105,7 +105,7 @@ fn with_code(text: &str) -> String {
     parts.map(|(i, part)| if i % 2 == 1 { format!("<code>{part}</code>") } else { part.into() }).collect()
 }
 
-/// A method's name in a chart: of a long one the end, which tells files apart.
+/// A method's name in a chart: of a long one the end, which distinguishes files.
 fn label_of(method: &Competitor) -> String {
     let name = method.name();
     match name.chars().count().checked_sub(LABEL) {
@@ -121,7 +121,7 @@ fn ends(interval: Interval) -> [f64; 2] {
     [-1.0, 1.0].map(|side| interval.mean + side * interval.half.unwrap_or(0.0))
 }
 
-/// The least and the greatest; around one value alone, some room.
+/// The least and the greatest; around one value alone, some margin.
 fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
     if high > low { (low, high) } else { (low - 0.5, high + 0.5) }
@@ -223,7 +223,7 @@ fn first_runs<'e>(entries: &[&'e Entry]) -> Option<(u32, Vec<&'e Entry>)> {
     Some((most, of_most().filter(|entry| entry.seed == first).collect()))
 }
 
-/// Where the cameras of each method's first run at the largest budget stand, from above and from the side of a scene that is Y up.
+/// Cameras of each method's first run at the largest budget, from above and from the side of a scene that is Y up.
 fn layouts(entries: &[&Entry]) -> String {
     let Some((most, shown)) = first_runs(entries) else { return String::new() };
     let places = || shown.iter().flat_map(|entry| &entry.places);
@@ -276,7 +276,7 @@ mod tests {
     use crate::quality::viewers::Viewers;
     use crate::scene::limits::Limits;
 
-    /// If this failed, the name of a file could break the page or run what it likes, or could not be read in a chart.
+    /// If this failed, the name of a file could break the page or inject scripts, or could not be read in a chart.
     #[test]
     fn names_of_files_are_text() {
         let name = "cameras:a folder with a long name/<img src=x>.json";

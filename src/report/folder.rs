@@ -1,4 +1,4 @@
-//! The folder that a plan leaves: poses in every format, what to look at, and the record.
+//! The folder that a plan leaves: poses in every format, visualisations, and the record.
 
 use glam::DVec3;
 

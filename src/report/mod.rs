@@ -1,5 +1,5 @@
-//! One self-contained HTML page per plan: what was planned, how good it is beside the baselines, how the optimiser got
-//! there, and a 3D view of the cameras around the surface. The page asks nothing of any network.
+//! One self-contained HTML page per plan: what was planned, how good it is beside the baselines, the optimiser's progress, and a
+//! 3D view of the cameras around the surface. The page makes no network requests.
 //!
 //! A training run has a page of the same make ([`training`]).
 //!
@@ -60,11 +60,11 @@ pub struct ReportScene<'a> {
     pub points: &'a [SurfacePoint],
     /// The surface, if it is a mesh.
     pub triangles: Option<Triangles<'a>>,
-    /// Viewers who see most error, the worst first.
+    /// Viewers that see most error, the worst first.
     pub worst: &'a [Worst],
 }
 
-/// What the page is about, which settles its words.
+/// The subject of the page, which decides its wording.
 #[derive(Clone, Copy, Debug)]
 enum Kind<'a> {
     /// Cameras planned, beside those kept.

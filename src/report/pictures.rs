@@ -47,7 +47,7 @@ pub struct Shown {
 /// Shrinks and encodes all comparisons, in one quality.
 ///
 /// # Errors
-/// [`Error::Request`] where a picture has no pixels or not as many as its size says.
+/// [`Error::Request`] where a picture has no pixels or not as many as its size implies.
 pub fn shown(comparisons: &[Comparison]) -> Result<Vec<Shown>> {
     let triples = comparisons.iter().map(triple).collect::<Result<Vec<_>>>()?;
     let mut encoded = Vec::new();
@@ -68,7 +68,7 @@ pub fn shown(comparisons: &[Comparison]) -> Result<Vec<Shown>> {
     Ok(shown.collect())
 }
 
-/// The section of the page that shows what the worst viewers look at; nothing where there are none.
+/// The section of the page that shows what the worst viewers see; nothing where there are none.
 ///
 /// # Errors
 /// As [`shown`].

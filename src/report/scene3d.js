@@ -1,10 +1,10 @@
-// The 3D view: WebGL2 by hand. Positions are relative to the plan's origin; a frame is drawn only when something changed.
+// The 3D view: plain WebGL2, no library. Positions are relative to the plan's origin; a frame is drawn only when something changed.
 
 const NO_CAMERA = "Choose a camera here or click one to see where it stands.";
 const FIELD_OF_VIEW = (40 * Math.PI) / 180;
 
-// What stands between the eye and the bulk of the surface is left out, so that a room shows its inside from any side,
-// whichever way its triangles are wound; a cut along the up axis does the same by hand.
+// What lies between the eye and the bulk of the surface is left out, so that a room shows its inside from any side,
+// whichever way its triangles are wound; a cut along the up axis does the same under user control.
 const VISIBLE = `
 uniform vec3 eye, up, low, high;
 uniform float cut, open;
@@ -55,7 +55,7 @@ void main() {
   pixel = vec4(tint * (1.0 - 0.15 * dot(p, p)), 1.0);
 }`];
 
-// A line is a thin rectangle that faces the screen, for WebGL draws lines of one pixel only.
+// A line is a thin rectangle that faces the screen, since WebGL draws lines of one pixel only.
 const LINE_SHADERS = [`
 uniform mat4 clipFromWorld;
 uniform vec2 pixels;
@@ -166,7 +166,7 @@ function drawScene(plan) {
     orbit = { target: scale(add(low, high), 0.5), distance: 1, yaw: room ? 1.0 : 0.6, pitch: room ? 0.8 : 0.3 };
     const { axes: [right, down, forward] } = currentView();
     const half = Math.tan(FIELD_OF_VIEW / 2), aspect = canvas.clientWidth / canvas.clientHeight || 1;
-    // Perspective draws what is near larger, so the middle of the picture is found in a few rounds.
+    // Perspective draws what is near larger, so the middle of the picture is found in a few iterations.
     for (let round = 0; round < 6; round++) {
       const seen = extremes.map((p) => sub(p, orbit.target)).map((at) => [dot(at, right), dot(at, down), dot(at, forward)]);
       orbit.distance = 1.06 * seen.reduce((d, [x, y, z]) => Math.max(d, Math.max(Math.abs(x) / aspect, Math.abs(y)) / half - z), 0.01 * radius);
@@ -309,7 +309,7 @@ function drawScene(plan) {
       meshArray.bind();
       gl.drawArrays(gl.TRIANGLES, 0, 3 * mesh.count);
     } else {
-      // As wide as the points are apart, about.
+      // About as wide as the points' spacing.
       const diameter = (1.7 * bulkSize) / Math.sqrt(points.count + 1);
       surface.set("diameter", "1f", 0.5 * diameter * view.focal * height);
       pointArray.bind();
@@ -497,7 +497,7 @@ function drawScene(plan) {
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", restyle);
   new ResizeObserver(redraw).observe(canvas);
 
-  // The first frame at once, and how much of it is not background, for whoever checks the page without eyes.
+  // The first frame at once, and how much of it is not background, for automated checks of the page.
   draw();
   const pixels = new Uint8Array(4 * canvas.width * canvas.height);
   gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);

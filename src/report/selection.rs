@@ -39,9 +39,9 @@ pub struct Written<'a> {
     pub set: &'a PhotoSet,
     /// Its surface.
     pub target: &'a Target,
-    /// What was asked for.
+    /// The request.
     pub request: &'a Request,
-    /// What came out.
+    /// The result.
     pub selection: &'a Selection,
     /// Poses worth adding.
     pub suggested: &'a [Suggested],
@@ -78,7 +78,7 @@ struct ChosenRecord<'a> {
     sharpness: Option<f64>,
 }
 
-/// Writes everything and commits the folder; says what of the lenses could not be written.
+/// Writes everything and commits the folder; returns what of the lenses could not be written.
 ///
 /// # Errors
 /// When the folder cannot be written, an image cannot be linked, or the capture's model cannot be read again.

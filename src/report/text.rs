@@ -70,7 +70,7 @@ fn surface_name(record: &PlanRecord) -> &str {
     telling_name(&record.surface.path)
 }
 
-/// The name in a path that tells a reader most: a COLMAP model's folder is `capture/sparse/0`, and the capture has a name.
+/// The most informative name in a path: a COLMAP model's folder is `capture/sparse/0`, and the capture has a name.
 pub(crate) fn telling_name(path: &str) -> &str {
     let names = Path::new(path).iter().rev().filter_map(|name| name.to_str());
     let mut telling = names.filter(|name| !matches!(*name, "0" | "sparse" | "." | ".." | "/"));
@@ -282,7 +282,7 @@ impl Row {
     }
 }
 
-/// The four numbers that say most: the expected quality, where there is one, and geometry, each with the best baseline's.
+/// The four most important numbers: the expected quality, where there is one, and geometry, each with the best baseline's.
 fn figures(record: &PlanRecord) -> String {
     let expected = record.expected.iter().map(|expected| {
         format!(

@@ -1,5 +1,5 @@
-//! The page of a training run: how far it is, how good the test views are and which are worst, how it got there, and what
-//! it costs in time and memory. While the run goes on, the page reloads itself.
+//! The page of a training run: how far it is, how good the test views are and which are worst, its training curves, and its cost
+//! in time and memory. During the run, the page reloads itself.
 
 use std::fmt::Write as _;
 
@@ -39,7 +39,7 @@ impl Shown {
     /// views the page stays under 4 MB.
     ///
     /// # Errors
-    /// [`Error::Request`] if a picture has not the bytes that its size says.
+    /// [`Error::Request`] if a picture has not the bytes that its size implies.
     pub fn new(record: &TrainRecord, views: &[Comparison]) -> Result<Self> {
         match views {
             [] => Ok(Self(nothing(untested(record, "No test view was rendered yet.")))),
@@ -113,7 +113,7 @@ fn spent(seconds: f64) -> String {
     duration(if seconds < 10.0 { seconds } else { seconds.round() })
 }
 
-/// Iterations a second on the wall clock; none before there is something to go by.
+/// Iterations a second on the wall clock; none before there is data.
 fn rate(record: &TrainRecord) -> Option<f64> {
     Some(f64::from(record.seconds_for) / record.seconds).filter(|rate| rate.is_finite() && *rate > 0.0)
 }
@@ -203,7 +203,7 @@ fn untested<'a>(record: &TrainRecord, so_far: &'a str) -> &'a str {
     if record.photos.test == 0 { "No photos were kept back to test with." } else { so_far }
 }
 
-/// The numbers that say most.
+/// The most important numbers.
 fn figures(record: &TrainRecord) -> String {
     let last = record.evaluations.last();
     let quality = last.map(|evaluation| evaluation.quality);

@@ -85,7 +85,7 @@ mod tests {
             .collect()
     }
 
-    /// A point outside would let cameras of a default shell stand inside the object.
+    /// A point outside would let cameras of a default shell be inside the object.
     #[test]
     fn every_point_is_inside_and_the_sphere_is_tight() {
         for seed in 0..20 {

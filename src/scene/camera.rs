@@ -39,7 +39,7 @@ impl Intrinsics {
         })
     }
 
-    /// The same lens where each pixel stands for a square of `factor` x `factor` pixels; what is left over at the right and at
+    /// The same lens where each pixel represents a square of `factor` x `factor` pixels; what is left over at the right and at
     /// the bottom is cut off, unless nothing would remain.
     pub fn shrunk(&self, factor: u32) -> Self {
         let size = |size: u32| (size / factor).max(1);
@@ -124,7 +124,7 @@ pub(crate) fn common_up(poses: &[Pose]) -> Option<DVec3> {
 pub struct Camera {
     /// Name, unique in its set.
     pub name: String,
-    /// Where it stands and looks.
+    /// Its position and orientation.
     pub pose: Pose,
     /// How it maps directions to pixels.
     pub intrinsics: Intrinsics,

@@ -74,7 +74,7 @@ pub(crate) fn viridis(t: f32) -> [u8; 3] {
 mod tests {
     use super::*;
 
-    /// If this failed, colours would drift with every trip through a file.
+    /// If this failed, colours would drift with every round trip through a file.
     #[test]
     fn the_srgb_curve_and_its_inverse_agree_on_every_byte() {
         for v in 0..=255 {
@@ -82,7 +82,7 @@ mod tests {
         }
     }
 
-    /// If this failed, the map would not rise in brightness, and a reader could not tell high from low.
+    /// If this failed, the map would not rise in brightness, and high and low values would be indistinguishable.
     #[test]
     fn viridis_grows_brighter() {
         let luma = |c: [u8; 3]| 0.2126 * linear(c[0]) + 0.7152 * linear(c[1]) + 0.0722 * linear(c[2]);

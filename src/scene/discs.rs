@@ -11,7 +11,7 @@ use super::stray::Reach;
 use super::surface::Points;
 use crate::{Error, Result};
 
-/// A flat disc that stands for the surface around a point.
+/// A flat disc that represents the surface around a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disc {
     /// Centre.
@@ -36,7 +36,7 @@ const LARGEST_RADIUS: f64 = 4.0;
 pub(super) struct Cloud {
     /// The discs.
     pub discs: Vec<Disc>,
-    /// Index of the point that each disc stands for.
+    /// Index of the point that each disc represents.
     pub source: Vec<usize>,
     /// Points dropped as outliers of their neighbourhood.
     pub outliers: usize,
@@ -47,7 +47,7 @@ pub(super) struct Cloud {
 /// Turns points into discs. Positions must be finite.
 ///
 /// Normals: the given one, else the direction of least variance of the neighbours. Their sign: toward the cameras
-/// that saw the point, else as given where the cloud is oriented, else as `orientation` says; a sign that nothing
+/// that saw the point, else as given where the cloud is oriented, else as `orientation` specifies; a sign that nothing
 /// decides points away from the cloud's centroid. Radii: the given one, else the mean distance to the six nearest.
 pub(super) fn from_points(points: &Points, orientation: Orientation) -> Result<Cloud> {
     let n = points.positions.len();
@@ -204,7 +204,7 @@ fn direction_of_least_variance(matrix: DMat3) -> DVec3 {
     for _ in 0..12 {
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
             let off = a.col(q)[p];
-            // Converged (always so after a few rounds), or zero to begin with.
+            // Converged (always so after a few sweeps), or zero to begin with.
             if off.abs() <= 1e-16 * trace {
                 continue;
             }
@@ -270,7 +270,7 @@ mod tests {
         }
     }
 
-    /// The cameras that saw a point know its visible side better than any centre does.
+    /// The cameras that saw a point determine its visible side better than any centre does.
     #[test]
     fn cameras_and_trusted_normals_come_before_the_orientation() {
         let positions = sphere(500);
@@ -323,7 +323,7 @@ mod tests {
         assert!(cloud.discs.iter().all(|d| d.radius > 0.03));
     }
 
-    /// Three points, or one point a thousand times, make no surface; the user must hear that.
+    /// Three points, or one point a thousand times, make no surface; the user must be told so.
     #[test]
     fn too_few_points_are_refused() {
         for positions in [vec![], vec![DVec3::ONE; 1000], vec![DVec3::ZERO, DVec3::X, DVec3::Y]] {

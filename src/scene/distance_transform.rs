@@ -94,8 +94,8 @@ mod tests {
         (0..3).map(|k| (a[k] - b[k]).pow(2)).sum()
     }
 
-    /// A site that is not the nearest makes the distance too large: cameras would be told they are too far from where
-    /// they may stand, and surfaces that they are farther than they are.
+    /// A site that is not the nearest makes the distance too large: cameras would be reported too far from the feasible region,
+    /// and surfaces farther than they are.
     #[test]
     fn every_cell_finds_its_nearest_site() {
         for (seed, dims, density) in [

@@ -1,4 +1,4 @@
-//! Free space: where a camera can stand without touching anything, as a field of distances on a voxel grid.
+//! Free space: where a camera can be without touching anything, as a field of distances on a voxel grid.
 
 use glam::{DVec3, Vec3};
 
@@ -21,7 +21,7 @@ const PROJECTIONS: u32 = 16;
 /// Most voxels of a grid: a gigabyte of scratch.
 const MAX_VOXELS: f64 = 6.4e7;
 
-/// The voxels where a camera may stand, and the distance of every voxel to them, in the frame of the occluder it was made
+/// The voxels where a camera may be, and the distance of every voxel to them, in the frame of the occluder it was made
 /// from.
 ///
 /// A voxel is free where it may hold a point of the region above the floor, the surface does not touch it, its
@@ -71,7 +71,7 @@ impl FreeSpace {
         Self::with_everybody(occluder, region, limits, resolution).map(|(own, _)| own)
     }
 
-    /// The free space within all limits, and the one within those that hold for everybody where there are others. The second is
+    /// The free space within all limits, and the one within those that apply to viewers too, where others exist. The second is
     /// connected, and the first a part of it: of several unconnected spaces the one of which most is left.
     ///
     /// # Errors
@@ -354,8 +354,8 @@ mod tests {
         (p.abs() - 0.5).max(DVec3::ZERO).length()
     }
 
-    /// Cameras must keep the clearance, to the promised rule, must not stand inside a closed piece, and must not be kept
-    /// from where there is room.
+    /// Cameras must keep the clearance, to the promised rule, must not be inside a closed piece, and must not be kept from free
+    /// space.
     #[test]
     fn free_space_keeps_the_clearance_and_no_more() {
         let space = around_cube(48);
@@ -381,7 +381,7 @@ mod tests {
             let (value, gradient) = space.violation(p.as_vec3());
             let truth = (p.abs() - 1.5).max(DVec3::ZERO).length();
             let inside = if truth > 0.0 { truth } else { (0.7 - p.abs().max_element()).max(0.0) };
-            // Rounded corners of the clearance apart, the distance is known.
+            // Except at the rounded corners of the clearance, the distance is known.
             if to_cube(p) == 0.0 || truth > 0.0 {
                 assert!((f64::from(value) - inside).abs() < 2.0 * space.grid.cell, "{value} for {inside} at {p}");
             }
@@ -427,7 +427,7 @@ mod tests {
         assert!(mean.length() < 0.1, "samples lean toward {mean}");
     }
 
-    /// The sealed inside of a larger piece of furniture is no place to stand, and neither is outside the walls.
+    /// The sealed inside of a larger piece of furniture is not feasible, and neither is outside the walls.
     #[test]
     fn sealed_rooms_are_left_out() {
         let Occluder::Triangles(cube) = Proxy::new(&samples::cube(), Orientation::Trusted).unwrap().occluder else {

@@ -34,7 +34,7 @@ impl Gaussians {
         self.centres.is_empty()
     }
 
-    /// Those of which `keep` says so, by their number.
+    /// Those that `keep` accepts, by their number.
     pub fn filtered(&self, keep: impl Fn(usize) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.len()).filter(|&i| keep(i)).collect();
         let row = 3 * self.coefficients();

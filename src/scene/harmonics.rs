@@ -84,7 +84,7 @@ mod tests {
         }
     }
 
-    /// If this failed, colours would turn the wrong way: constants and signs as they stand in the published code.
+    /// If this failed, colours would turn the wrong way: constants and signs as in the published code.
     #[test]
     fn the_basis_is_that_of_the_published_code() {
         let d = DVec3::new(0.48, -0.6, 0.64);

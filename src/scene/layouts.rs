@@ -1,4 +1,4 @@
-//! Controls: simple ways to place cameras, against which a plan is measured.
+//! Baselines: simple ways to place cameras, against which a plan is measured.
 
 use std::f64::consts::TAU;
 
@@ -10,7 +10,7 @@ use super::random;
 use super::region::{Region, Shape};
 use crate::{Error, Result};
 
-/// Apart from the streams of positions, so that where a camera stands says nothing about where it looks.
+/// Separate from the streams of positions, so that a camera's position and direction are independent.
 const DIRECTIONS: u32 = 0x8000_0000;
 
 /// Least share of a sphere that an even layout is made of, one of so many.
@@ -83,8 +83,8 @@ pub(crate) fn even_shell(region: &Region, count: usize, part: f64, turn: DQuat) 
     Ok((0..count).map(pose).collect())
 }
 
-/// As [`even_shell`], but only where cameras are `allowed`: of an even layout of more, whose points there are as many as are wanted,
-/// or, where none has exactly as many, without every so manieth.
+/// As [`even_shell`], but only where cameras are `allowed`: of an even layout of more, whose points there are as many as
+/// requested, or, where none has exactly as many, with evenly spaced ones left out.
 ///
 /// # Errors
 /// As [`even_shell`]; also where hardly any of the sphere is allowed.
@@ -103,7 +103,7 @@ pub(crate) fn even_where(
             let found = poses.len();
             return Ok((0..count).map(|i| poses[i * found / count]).collect());
         }
-        // Towards as many as the share that is allowed asks for, from below.
+        // Towards the number that the allowed share requires, from below.
         all = (all * count / poses.len().max(1)).clamp(all + 1, 2 * all);
     }
     Err(Error::request(
@@ -122,7 +122,7 @@ pub(crate) fn left_beside(mut poses: Vec<Pose>, taken: &[DVec3]) -> Vec<Pose> {
 }
 
 /// Poses on three level rings along the walls of a room, a fifth of the way to the middle, at a third, six tenths and five sixths of its
-/// height, looking across: how a room is photographed by who walks around in it. In the frame of `space`, at its free places.
+/// height, looking across: how a person walking around photographs a room. In the frame of `space`, at its free places.
 pub fn rings(space: &FreeSpace, count: usize) -> Vec<Pose> {
     let up = space.region.up;
     let (low, high) = space.region.bounds();
@@ -177,7 +177,7 @@ mod tests {
         Region::around_object((DVec3::ONE, 1.0), 0.5, up, floor).unwrap()
     }
 
-    /// A control with cameras outside the region, inside the object or looking away would flatter every plan.
+    /// A baseline with cameras outside the region, inside the object or looking away would flatter every plan.
     #[test]
     fn random_cameras_are_free_and_look_in_or_anywhere() {
         let proxy = Proxy::new(&samples::sphere(1.0, 12), Orientation::Trusted).unwrap();
@@ -197,7 +197,7 @@ mod tests {
         assert!(mean.length() < 0.1, "cameras in a room prefer {mean}");
     }
 
-    /// Fibonacci points are the strongest simple control: on the sphere, above the floor, evenly spread.
+    /// Fibonacci points are the strongest simple baseline: on the sphere, above the floor, evenly spread.
     #[test]
     fn fibonacci_cameras_are_even_on_the_sphere_above_the_floor() {
         for floor in [None, Some(1.4)] {
@@ -219,7 +219,7 @@ mod tests {
     }
 
     /// If this failed, the simple layout that a plan is measured against in a corner would be uneven, short of cameras, or partly
-    /// where none can stand.
+    /// at infeasible positions.
     #[test]
     fn even_layouts_of_a_part_are_even_and_whole() {
         let region = shell(None);
@@ -244,7 +244,7 @@ mod tests {
         assert!(left.len() == 28 && !left.contains(&all[3]) && !left.contains(&all[17]));
     }
 
-    /// If this failed, who walks around in a room would look at the wall at hand, or stand in it.
+    /// If this failed, cameras of the walk around a room would look at the nearest wall, or be inside it.
     #[test]
     fn rings_look_across_the_room() {
         let proxy = Proxy::new(&samples::cube(), Orientation::Trusted).unwrap();
@@ -263,7 +263,7 @@ mod tests {
         }
     }
 
-    /// In a room there is no sphere, and under a floor none of it is left: both are the user's to mend.
+    /// In a room there is no sphere, and under a floor none of it is left: both are for the user to fix.
     #[test]
     fn fibonacci_needs_a_shell_above_the_floor() {
         let room = Region::inside_room((DVec3::ZERO, DVec3::ONE), None, DVec3::Z).unwrap();

@@ -212,7 +212,7 @@ mod tests {
         assert!(lens.unproject(DVec2::new(5000.0, 240.0)).is_none());
     }
 
-    /// By hand: OpenCV's formulae at (0.5, 0.25). A swapped coefficient would shift every photo by pixels.
+    /// Computed directly: OpenCV's formulae at (0.5, 0.25). A swapped coefficient would shift every photo by pixels.
     #[test]
     fn opencv_by_hand() {
         let lens = lens(Distortion {

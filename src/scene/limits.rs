@@ -1,4 +1,4 @@
-//! What limits where cameras stand beside the region and the surface: walls, volumes to keep out of, heights that a tripod
+//! Limits on camera positions beside the region and the surface: walls, volumes to keep out of, heights that a tripod
 //! reaches, ground that can be walked on.
 
 use std::f64::consts::TAU;
@@ -17,7 +17,7 @@ pub(crate) const FARTHEST: f64 = 1e18;
 /// Corners of a triangle.
 pub type Triangle = [DVec3; 3];
 
-/// A closed volume that nobody stands in.
+/// A closed volume that cameras and viewers keep out of.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Volume {
     /// The file that it is from; empty where it is from none.
@@ -28,39 +28,39 @@ pub struct Volume {
     pub triangles: Vec<Triangle>,
 }
 
-/// Limits in the frame of the surface. Walls and volumes hold for everybody, heights and ground for who takes the photos only.
+/// Limits in the frame of the surface. Walls and volumes apply to cameras and viewers, heights and ground to cameras only.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {
-    /// Nobody stands behind one.
+    /// No camera or viewer is behind one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub walls: Vec<Wall>,
-    /// Nobody stands in one, whether it hides anything or not.
+    /// No camera or viewer is inside one, whether it occludes or not.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub keep_out: Vec<Volume>,
     /// Lowest and greatest height of a camera along up.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heights: Option<[f64; 2]>,
-    /// Cameras stand above ground that somebody can walk to.
+    /// Cameras are above ground that a photographer can walk to.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub walk: Option<Walk>,
 }
 
-/// A plane that nobody stands behind.
+/// A plane with no camera or viewer behind it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Wall {
     /// A point of it.
     pub point: DVec3,
-    /// Unit normal, to the side where cameras stand.
+    /// Unit normal, to the side of the cameras.
     pub normal: DVec3,
 }
 
-/// Who walks, and from where.
+/// The walker's size and start.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Walk {
     /// Where the feet are at first. The ground is level: stairs are not climbed.
     pub start: DVec3,
-    /// Distance kept from whatever stands between the knees and the head.
+    /// Distance kept from obstacles between the knees and the head.
     pub radius: f64,
     /// From the feet to the top of the head, or of the robot.
     pub height: f64,
@@ -72,12 +72,12 @@ impl Limits {
         *self == Self::default()
     }
 
-    /// Whether some hold for who takes photos, but not for who looks at what is trained.
+    /// Whether some apply to cameras, but not to viewers.
     pub fn narrows(&self) -> bool {
         self.heights.is_some() || self.walk.is_some()
     }
 
-    /// Those that hold for everybody.
+    /// Those that apply to cameras and viewers alike.
     pub fn of_everybody(&self) -> Self {
         Self { heights: None, walk: None, ..self.clone() }
     }
@@ -102,7 +102,7 @@ impl Limits {
     /// The limits themselves, checked, with normals of unit length.
     ///
     /// # Errors
-    /// [`Error::Request`] with what makes no sense and what to give.
+    /// [`Error::Request`] with what is invalid and what to give.
     pub fn validated(mut self) -> Result<Self> {
         let wrong = |what: String| Err(Error::request(what));
         for Wall { point, normal } in &mut self.walls {
@@ -160,7 +160,7 @@ impl Limits {
         }
     }
 
-    /// Whether nobody stands at `p` for a wall.
+    /// Whether `p` is excluded by a wall.
     pub fn behind_a_wall(&self, p: DVec3) -> bool {
         self.walls.iter().any(|wall| (p - wall.point).dot(wall.normal) < 0.0)
     }
@@ -190,7 +190,7 @@ impl Limits {
         })
     }
 
-    /// For every voxel, whether nobody may stand in it; empty where there is no such limit. A voxel that a wall or a volume to keep out
+    /// For every voxel, whether it is excluded; empty where there is no such limit. A voxel that a wall or a volume to keep out
     /// of cuts is barred.
     pub(super) fn barred_for_everybody(&self, grid: &Grid) -> Vec<bool> {
         if self.of_everybody().is_empty() {
@@ -267,7 +267,7 @@ mod tests {
             assert!((p - DVec3::new(-1.5, 0.0, 0.0)).dot(normal) >= 0.0, "{p} is behind the wall");
             assert!(!(1.0..=2.5).contains(&p.x) || p.y >= 0.0, "{p} is in a volume to keep out of");
         }
-        // What is projected is free too, and there is room beyond the volumes.
+        // What is projected is free too, and there is free space beyond the volumes.
         for i in 0..500 {
             let p = space.project(6.0 * DVec3::new(f64::from(i % 7), f64::from(i % 11), f64::from(i % 5)) / 7.0 - 3.0);
             assert!(space.is_free(p));
@@ -276,7 +276,7 @@ mod tests {
         assert!(!space.is_free(DVec3::new(1.75, -1.0, 0.0)));
     }
 
-    /// If this failed, a tripod would be asked for heights that it does not reach, even within one voxel.
+    /// If this failed, cameras would be planned at heights that a tripod does not reach, even within one voxel.
     #[test]
     fn heights_hold_exactly() {
         let limits = Limits { heights: Some([0.62, 0.65]), ..Limits::default() };
@@ -322,7 +322,7 @@ mod tests {
         let (cameras, viewers) = spaces(high, false);
         assert!(sides(&cameras).0 > 500 && sides(&cameras).1 > 500, "{:?}", sides(&cameras));
         assert!(sides(&viewers.unwrap()).0 > 500);
-        // Whoever walks is in the smaller room, which is closed.
+        // The walker is in the smaller room, which is closed.
         let walk = Walk { start: DVec3::new(2.0, 0.0, -1.5), radius: 0.2, height: 1.5 };
         let (cameras, viewers) = spaces(Limits { walk: Some(walk), ..Limits::default() }, true);
         assert_eq!((sides(&cameras).1, sides(&viewers.unwrap()).1), (0, 0));
@@ -340,7 +340,7 @@ mod tests {
         assert!(within([-0.03, -0.01]).unwrap_err().to_string().contains("`heights`"));
         let space = within([0.0, 0.02]).unwrap();
         assert!(places(&space).iter().all(|p| (0.0..=0.02).contains(&p.z) && region.contains(*p)));
-        // A ceiling below the head stops whoever walks.
+        // A ceiling below the head stops the walker.
         let ceiling = Wall { point: DVec3::new(0.0, 0.0, 1.2), normal: -DVec3::Z };
         let walk = |height| {
             let walk = Some(Walk { start: DVec3::new(2.5, 0.0, 0.0), radius: 0.2, height });
@@ -349,8 +349,8 @@ mod tests {
         assert!(walk(1.0).is_ok() && walk(1.7).unwrap_err().to_string().contains("`walk`"));
     }
 
-    /// Two rooms with a door: who walks gets through a door that is wide and high enough, and a camera never stands where
-    /// nobody can get to.
+    /// Two rooms with a door: the walker gets through a door that is wide and high enough, and no camera is where the walker
+    /// cannot get to.
     #[test]
     fn cameras_stand_above_ground_that_can_be_walked_to() {
         // A partition across x = 0.8 with a door 0.8 wide and 2 high, and a table that is walked around.
@@ -372,7 +372,7 @@ mod tests {
         assert!(beyond(&space(0.25, 1.7).unwrap()) > 500, "the door is wide enough");
         assert_eq!(beyond(&space(0.6, 1.7).unwrap()), 0, "nobody so wide gets through");
         assert_eq!(beyond(&space(0.25, 2.4).unwrap()), 0, "nobody so tall gets through");
-        // Nobody stands on the table, so that no camera is above it.
+        // The walker does not climb the table, so no camera is above it.
         let above = |p: &&DVec3| (-2.4..-1.6).contains(&p.x) && (-1.4..-0.6).contains(&p.y);
         assert_eq!(places(&space(0.25, 1.7).unwrap()).iter().filter(above).count(), 0);
         let blocked = Walk { start: DVec3::new(0.85, -1.0, -1.5), radius: 0.25, height: 1.7 };
@@ -381,7 +381,7 @@ mod tests {
         assert!(error.contains("`walk`") && !error.contains('\n'), "{error}");
     }
 
-    /// If this failed, limits would hold in one frame and not in another.
+    /// If this failed, limits would apply in one frame and not in another.
     #[test]
     fn limits_follow_the_frame() {
         let limits = Limits {

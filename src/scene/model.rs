@@ -1,4 +1,4 @@
-//! A scene as a photographer finds it: triangles with materials, textures and lamps, and the light from far around.
+//! A scene to be photographed: triangles with materials, textures and lamps, and the light from far around.
 
 use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 
@@ -58,7 +58,7 @@ pub struct Face {
 /// What becomes of light where alpha is below 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Alpha {
-    /// Alpha is not looked at.
+    /// Alpha is ignored.
     #[default]
     Opaque,
     /// There is nothing where alpha is below this.
@@ -204,7 +204,7 @@ impl Default for Material {
     }
 }
 
-/// How texture coordinates go on past an image.
+/// How texture coordinates wrap past an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Wrap {
     /// From the start.

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-/// Which side of a surface is the visible one, where the surface itself does not say.
+/// Which side of a surface is the visible one, where the surface itself does not show it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Orientation {
     /// Winding and normals are right as they are.
@@ -119,7 +119,7 @@ mod tests {
         assert!(inside_out(&wrong, Orientation::Trusted).is_empty());
     }
 
-    /// Walls must face in and furniture out, whatever the file says about either, and even with a window missing.
+    /// Walls must face in and furniture out, whatever the file's winding, and even with a window missing.
     #[test]
     fn walls_face_in_and_furniture_faces_out() {
         let furniture: Vec<[DVec3; 3]> =
@@ -134,7 +134,7 @@ mod tests {
         assert_eq!(wrong, (0..n).collect::<Vec<_>>());
     }
 
-    /// A sheet is open: there is no telling its sides apart, so the file's word stands.
+    /// A sheet is open: its sides cannot be distinguished, so the file's winding is kept.
     #[test]
     fn an_open_sheet_keeps_its_winding() {
         let sheet = corners(&samples::plane(1.0, 4));

@@ -68,7 +68,7 @@ impl Occluder {
     }
 }
 
-/// A point of the proxy surface: where a point camera stands.
+/// A point of the proxy surface: the place of a point camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
     /// Position in the proxy's frame.
@@ -282,7 +282,7 @@ mod tests {
         assert_eq!((proxy.occluder.len(), proxy.dropped), (whole, 2));
     }
 
-    /// What a user can get wrong must be said in one line, not end in a panic deep inside.
+    /// User errors must be reported in one line, not end in a panic deep inside.
     #[test]
     fn broken_surfaces_are_refused_in_one_line() {
         let mut nan = mesh();

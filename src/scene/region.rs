@@ -1,4 +1,4 @@
-//! Feasible regions: where a camera may stand.
+//! Feasible regions: where cameras may be placed.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -33,7 +33,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// The shell in which cameras that look in from around something stand: its centre is the point nearest to all
+    /// The shell that holds cameras which look in from around something: its centre is the point nearest to all
     /// viewing axes in the sense of least squares, its radii are the least and greatest distance from there with a tenth
     /// to spare; stray poses apart. None for fewer than three cameras, or where they do not look at one place.
     pub fn around_cameras(poses: &[Pose]) -> Option<Self> {
@@ -63,7 +63,7 @@ pub struct Region {
     pub up: DVec3,
     /// Cameras stay at or above this height along `up`, where given.
     pub floor: Option<f64>,
-    /// No camera stands closer than this to the surface.
+    /// No camera is closer than this to the surface.
     pub clearance: f64,
 }
 
@@ -289,7 +289,7 @@ mod tests {
     use super::*;
     use crate::scene::random;
 
-    /// Cameras planned for a reconstruction must stand where the photographer could: not where the bounds of some stray
+    /// Cameras planned for a reconstruction must be where the photographer could be: not where the bounds of some stray
     /// points would put them.
     #[test]
     fn a_shell_holds_the_cameras_that_look_in() {
@@ -364,7 +364,7 @@ mod tests {
         assert!(room().transformed(&turned).is_err());
     }
 
-    /// Cameras of the default shell must stand outside the object and see most of it.
+    /// Cameras of the default shell must be outside the object and see most of it.
     #[test]
     fn the_default_shell_is_outside_the_object_and_frames_it() {
         for degrees in [10.0f64, 30.0, 60.0, 89.0] {
@@ -390,7 +390,7 @@ mod tests {
         assert!(message.contains("`clearance`"), "{message}");
     }
 
-    /// Nonsense must be refused in one line before anything is computed from it.
+    /// Invalid input must be refused in one line before anything is computed from it.
     #[test]
     fn nonsense_is_refused_in_one_line() {
         let good = shell();

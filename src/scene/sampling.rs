@@ -92,7 +92,7 @@ fn systematic(weights: &[f64], count: usize, offset: f64) -> Vec<usize> {
     if count == weights.len() {
         return (0..count).collect();
     }
-    // Raise the common factor until the capped probabilities sum to `count`: each round caps at least one more.
+    // Raise the common factor until the capped probabilities sum to `count`: each pass caps at least one more.
     let (mut certain, mut factor) = (0, 0.0);
     while certain < count {
         let open: f64 = weights.iter().filter(|w| factor * **w < 1.0).sum();

@@ -31,7 +31,7 @@ pub struct Points {
     pub positions: Vec<DVec3>,
     /// Unit normals (zero where a file gives none for that point).
     pub normals: Vec<DVec3>,
-    /// Radius of the disc that stands for the point, in the file's units.
+    /// Radius of the disc that represents the point, in the file's units.
     pub radii: Vec<f32>,
     /// 8-bit sRGB colours.
     pub colours: Vec<[u8; 3]>,
@@ -47,7 +47,7 @@ pub struct Points {
 }
 
 impl Points {
-    /// The points for which `keep`, which is as long, says so.
+    /// The points that `keep`, which is as long, selects.
     pub fn filtered(self, keep: &[bool]) -> Self {
         fn kept<T>(values: Vec<T>, keep: &[bool]) -> Vec<T> {
             values.into_iter().zip(keep).filter(|(_, keep)| **keep).map(|(value, _)| value).collect()

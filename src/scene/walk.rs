@@ -1,4 +1,4 @@
-//! Ground that somebody can walk to.
+//! Ground that the photographer can walk to.
 
 use glam::DVec3;
 
@@ -10,7 +10,7 @@ use crate::{Error, Result};
 
 /// Most voxels between the feet and the head.
 const MAX_LAYERS: f64 = 1000.0;
-/// Part of the walker's height that feet are lifted over: thresholds, carpets and cables do not stop anybody.
+/// Part of the walker's height that feet are lifted over: thresholds, carpets and cables do not stop the walker.
 const STEP: f64 = 0.15;
 
 /// The places on level ground that are connected with the start of a walk, from above.
@@ -25,11 +25,11 @@ pub(super) struct Ground {
 }
 
 impl Ground {
-    /// Of the columns of a grid, up along +Z, those whose ground can be walked to. Whoever walks is an upright cylinder; what it may
-    /// not touch are the surface, walls and the volumes of `limits`, between a step's height and the head.
+    /// Of the columns of a grid, up along +Z, those whose ground can be walked to. The walker is an upright cylinder that may not
+    /// touch the surface, walls and the volumes of `limits`, between a step's height and the head.
     ///
     /// # Errors
-    /// [`Error::Request`] where the start is outside of the region, or there is no room at it or no ground under it.
+    /// [`Error::Request`] where the start is outside of the region, or it is blocked or has no ground under it.
     pub(super) fn new(
         around: &Grid,
         (surface, occupied, floor): (&Occluder, &[bool], Option<f64>),
@@ -54,7 +54,7 @@ impl Ground {
         let columns = grid.voxels();
         let blocked = |column: usize| {
             let foot = grid.centre(grid.coordinates(column));
-            // A wall is a plane: what is before it at both ends is so all the way.
+            // A wall is a plane: what is in front of it at both ends is so all along.
             limits.behind_a_wall(foot)
                 || limits.behind_a_wall(foot.with_z(head))
                 || (0..layers as usize).any(|layer| taken[layer * columns + column])
@@ -123,12 +123,11 @@ impl Ground {
 }
 
 impl Limits {
-    /// For every voxel, whether the limits of cameras alone bar it, where the surface touches the `occupied` ones and nobody is below the
-    /// floor; empty where there are none. A voxel that only reaches into the
-    /// heights is not barred. Up is +Z.
+    /// For every voxel, whether the limits of cameras alone bar it, where the surface touches the `occupied` ones and none are
+    /// below the floor; empty where there are none. A voxel that only reaches into the heights is not barred. Up is +Z.
     ///
     /// # Errors
-    /// [`Error::Request`] where nobody can stand at the start of the walk.
+    /// [`Error::Request`] where the start of the walk is blocked.
     pub(super) fn barred_for_cameras(
         &self,
         grid: &Grid,

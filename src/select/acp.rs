@@ -26,12 +26,12 @@ const AZIMUTH: usize = 10;
 const BINS: usize = POLAR * AZIMUTH;
 /// Power that the part of the views that see a node is raised to.
 const POWER: f64 = 0.05;
-/// Pairs of node and view that are worth looking at: as many words in all where every view sees every node.
+/// Pairs of node and view that are supported: as many words in all where every view sees every node.
 const MAX_PAIRS: u64 = 1 << 29;
 /// How much wider than the views' bounds the grid is, over all.
 const WIDER: f64 = 1.2;
 
-/// What can be chosen about the method.
+/// Settings of the method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Settings {
     /// Nodes along each side of the grid, at most 64.
@@ -273,7 +273,7 @@ mod tests {
         }
     }
 
-    /// If this failed, nodes behind a wall would draw cameras to it although occlusion was asked for.
+    /// If this failed, nodes behind a wall would draw cameras to it although occlusion was requested.
     #[test]
     fn a_wall_hides_nodes_where_occlusion_is_asked_for() {
         use crate::scene::proxy::{Orientation, Proxy};

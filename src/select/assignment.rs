@@ -1,4 +1,4 @@
-//! One-to-one assignment: which photo stands for which planned camera, so that the sum of distances is least.
+//! One-to-one assignment: which photo replaces which planned camera, so that the sum of distances is least.
 
 /// For each row the column that it gets, all different, with the least sum of `cost(row, column)`: the Hungarian method by
 /// shortest augmenting paths (Jonker and Volgenant, "A shortest augmenting path algorithm for dense and sparse linear
@@ -8,7 +8,7 @@ pub(crate) fn assign(rows: usize, columns: usize, cost: impl Fn(usize, usize) ->
     let (mut row_price, mut column_price) = (vec![0.0; rows], vec![0.0; columns]);
     let mut owner = vec![NONE; columns];
     for row in 0..rows {
-        // Dijkstra over columns, from `row` to the nearest column that nobody owns.
+        // Dijkstra over columns, from `row` to the nearest unassigned column.
         let mut shortest = vec![f64::INFINITY; columns];
         let mut reached_from = vec![NONE; columns];
         let mut settled = vec![false; columns];
@@ -41,7 +41,7 @@ pub(crate) fn assign(rows: usize, columns: usize, cost: impl Fn(usize, usize) ->
             row_price[owner[column]] += slack;
             column_price[column] -= slack;
         }
-        // Hand every column on the path to who reached it.
+        // Assign every column on the path to the row that reached it.
         loop {
             let before = reached_from[at_column];
             owner[at_column] = if before == NONE { row } else { owner[before] };

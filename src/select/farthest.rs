@@ -18,7 +18,7 @@ pub enum Distance {
     Shared,
 }
 
-/// Places and what is known of them; a view is its place in the list.
+/// Views, by their index in the list, with their positions and points.
 pub struct Metric {
     places: Vec<DVec3>,
     shared: Option<Shared>,
@@ -35,7 +35,7 @@ impl Metric {
         Self { shared: Some(Shared::new(saw)), ..self }
     }
 
-    /// Goes on from `chosen`, which must not be empty, until `count` are chosen. Of equally far ones the first.
+    /// Continues from `chosen`, which must not be empty, until `count` are chosen. Of equally far ones the first.
     pub fn farthest(&self, mut chosen: Vec<usize>, count: usize) -> Vec<usize> {
         let mut apart = vec![f64::INFINITY; self.places.len()];
         let most = self.shared.as_ref().map_or(1, Shared::most);
@@ -54,7 +54,7 @@ impl Metric {
                     }
                 }
             }
-            // Out of the running.
+            // No longer a candidate.
             apart[view] = f64::NEG_INFINITY;
             let first =
                 |best: (usize, f64), (view, apart): (usize, &f64)| if *apart > best.1 { (view, *apart) } else { best };

@@ -1,4 +1,4 @@
-//! Choosing views by what they tell beyond what is known, the most telling first.
+//! Greedy choice of views by the information they add to what is known, the most informative first.
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
@@ -42,7 +42,7 @@ impl Knowledge for Cover {
     }
 }
 
-/// A number that is none counts as least.
+/// NaN counts as least.
 #[derive(Clone, Copy, Debug)]
 struct Worth(f64);
 
@@ -68,7 +68,7 @@ impl PartialEq for Worth {
 impl Eq for Worth {}
 
 /// Takes the views `chosen`, and then of `free` the one that is worth most, of equals the first, until `count` are chosen. What
-/// a view was worth is a bound on what it is worth later, so that most need not be looked at again (Minoux 1978).
+/// a view was worth is a bound on what it is worth later, so that most need not be evaluated again (Minoux 1978).
 ///
 /// # Errors
 /// Where the device fails.
@@ -94,7 +94,7 @@ pub fn grow(
             continue;
         }
         chosen.push(view);
-        // What the last view tells nobody asks.
+        // The last view's information is not needed.
         if chosen.len() < count {
             knowledge.learn(view)?;
         }
@@ -107,7 +107,7 @@ mod tests {
     use super::*;
     use crate::scene::random;
 
-    /// Every view tells a little of some of 40 things.
+    /// Every view adds a little information about some of 40 items.
     struct Things {
         told: Vec<Vec<f64>>,
         known: Vec<f64>,

@@ -25,7 +25,7 @@ pub struct Model {
     pub antialiased: bool,
 }
 
-/// What can be chosen about FisherRF and COVER.
+/// Settings of FisherRF and COVER.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// Added to what is known of each parameter, by FisherRF.

@@ -2,16 +2,16 @@
 
 use super::objective::{Choice, Swap};
 
-/// What a swap must gain, in decibels: less is not seen, and rounding cannot make two swaps take turns for ever.
+/// What a swap must gain, in decibels: less is invisible, and rounding cannot make two swaps alternate forever.
 const MIN_GAIN: f64 = 1e-4;
-/// Part of what a swap promised before others were made that it must still be worth to be made in the same round.
+/// Part of what a swap promised before others were made that it must still be worth to be made in the same pass.
 const STILL_WORTH: f64 = 0.5;
 
-/// Candidates that are looked at again together, so that threads have something to share.
+/// Candidates that are evaluated again together, so that threads have work to share.
 const TOGETHER: usize = 32;
 
 /// Swaps photos of `candidates` into slots that are not `fixed` while that lowers the cost; returns the cost at first and
-/// after every swap. Every round evaluates all candidates, then makes the best swap, and after it those of the others that
+/// after every swap. Every pass evaluates all candidates, then makes the best swap, and after it those of the others that
 /// are still worth half of what they promised. The cost falls with every swap.
 pub fn refine(choice: &mut Choice<'_>, candidates: &[usize], fixed: &[bool]) -> Vec<f64> {
     let mut costs = vec![choice.cost()];

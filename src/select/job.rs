@@ -45,7 +45,7 @@ const SIMPLE: [Method; 5] = [Method::Assigned, Method::Fvs, Method::FvsChord, Me
 /// Viewers that a choice is made for, and others that it is judged by.
 const VIEWERS: u32 = 256;
 const JUDGES: u32 = 512;
-/// What sets these apart.
+/// Key that separates these.
 const JUDGE_SEED: u64 = 0x6a75_6467;
 /// What all of a choice's photos are worth if they are the sharpest and not the least sharp, in decibels: more error than that
 /// no swaps take on for sharpness.
@@ -58,7 +58,7 @@ pub struct Chosen {
     pub photo: usize,
     /// Decibels of expected quality that would be lost without it.
     pub contribution_db: f64,
-    /// Its sharpness, where asked for.
+    /// Its sharpness, where requested.
     pub sharpness: Option<f64>,
 }
 
@@ -104,7 +104,7 @@ pub struct Selection {
     pub bytes: usize,
 }
 
-/// A capture and its surface, looked at from all photos.
+/// A capture, its surface, and what all photos see of it.
 pub struct SelectionContext<'a> {
     context: Arc<Context>,
     set: &'a PhotoSet,
@@ -118,7 +118,7 @@ pub struct SelectionContext<'a> {
 }
 
 impl<'a> SelectionContext<'a> {
-    /// Finds out which photos see which points.
+    /// Computes which photos see which points.
     ///
     /// # Errors
     /// A request that does not fit the pool, a surface of which no photo pair sees any point, or a device that fails.
@@ -158,11 +158,11 @@ impl<'a> SelectionContext<'a> {
         Ok(poses)
     }
 
-    /// From where people look at what is trained on a choice, for making it and for judging it: of a pool every other photo each.
+    /// Viewers of a choice, for making it and for judging it: of a pool every other photo each.
     fn viewers(&self) -> [Viewers; 2] {
         let photos = self.set.photos.len();
         let pool = |half: usize| match photos {
-            // Too few to be parted.
+            // Too few to be split.
             0..8 => Viewers::Cameras(self.cameras(&(0..photos).collect::<Vec<_>>())),
             _ => Viewers::Cameras(self.cameras(&(half..photos).step_by(2).collect::<Vec<_>>())),
         };
@@ -177,7 +177,7 @@ impl<'a> SelectionContext<'a> {
     fn judge(&self, viewers: &Viewers, seed: u64, count: u32) -> Result<Judge<'_>> {
         let inward = self.request.preset == Preset::Object;
         let (geometry, law) = (&self.scene.geometry, Law::embedded());
-        // A pool that is asked for a choice has photos.
+        // A pool to choose from has photos.
         let intrinsics = self.set.photos[0].camera.intrinsics;
         let viewers = viewers.sample(geometry, intrinsics, inward, seed, count)?;
         Judge::new(&self.context, &self.scene, self.surroundings(&law), viewers, &law, seed)
@@ -196,7 +196,7 @@ impl<'a> SelectionContext<'a> {
     pub fn suggest(&self, chosen: &[Chosen], count: usize) -> Result<Vec<Suggested>> {
         let kept = self.cameras(&chosen.iter().map(|chosen| chosen.photo).collect::<Vec<_>>());
         let Some(first) = self.set.photos.first() else { return Ok(Vec::new()) };
-        // What no photo of the pool looks at is what is worth a photo.
+        // A photo is worth taking where no photo of the pool looks.
         let viewers = self.request.viewers.clone().unwrap_or_default();
         let judge = self.judge(&viewers, self.request.seed ^ JUDGE_SEED, JUDGES)?;
         let without = judge.expect(&kept)?.error_db;
@@ -316,7 +316,7 @@ impl<'a> SelectionContext<'a> {
         })
     }
 
-    /// Simple choices of as many photos as are asked for, the best of them by expected quality first.
+    /// Simple choices of as many photos as requested, the best of them by expected quality first.
     fn simple(&self, pool: &Pool<'_>, planned: &[Pose], judge: &Judge<'_>) -> Result<Vec<Simple>> {
         let plans = planned.len() + pool.include.len() == pool.count;
         let mut simple = Vec::new();
@@ -405,7 +405,7 @@ fn half(proxy: &Proxy) -> usize {
     open(0).min(open(1))
 }
 
-/// Rank of each photo by its want of sharpness: 0 for the sharpest, 1 for the least sharp. Ranks, since the variance of the
+/// Rank of each photo by its lack of sharpness: 0 for the sharpest, 1 for the least sharp. Ranks, since the variance of the
 /// Laplacian depends on what is in the image as much as on its focus.
 fn blur(sharpness: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..sharpness.len()).collect();

@@ -41,7 +41,7 @@ pub struct Objective {
     seen: Vec<Vec<u32>>,
     centres: Vec<Vec3>,
     law: Law,
-    /// Per photo: what choosing it costs by itself (its want of sharpness), in decibels.
+    /// Per photo: what choosing it costs by itself (its lack of sharpness), in decibels.
     price: Vec<f64>,
 }
 
@@ -94,7 +94,7 @@ pub struct Swap {
 const NONE: Near = Near { slot: u32::MAX, angle: FARTHEST, log_ratio: 0.0 };
 
 impl Objective {
-    /// Finds out which photos see what `viewers` viewers look at, whose looks stand one after the other, as many of each.
+    /// Computes which photos see what `viewers` viewers look at, whose looks are consecutive, as many of each.
     ///
     /// # Errors
     /// Where device memory runs out or the device fails.
@@ -131,13 +131,13 @@ impl Objective {
         self.looks.len()
     }
 
-    /// Bytes that the looks and who sees them take.
+    /// Bytes of the looks and their visibility.
     pub fn bytes(&self) -> usize {
         let lists: usize = self.seen.iter().map(|list| 4 * list.len()).sum();
         size_of_val(&self.looks[..]) + self.sight.bytes() + lists
     }
 
-    /// A photo that sees a look, and where it stands; none where it is too far off to count.
+    /// A photo that sees a look, with its angle and distance; none where it is too far off to count.
     fn near(&self, look: usize, photo: usize, slot: u32) -> Option<Near> {
         let of = &self.looks[look];
         let [point, to_viewer, _] = vectors(of);
@@ -261,7 +261,7 @@ impl Choice<'_> {
         self.removals.take();
     }
 
-    /// The best swap that brings `photo` in, among slots that may change; ties go to the first slot. `scratch` has room for
+    /// The best swap that brings `photo` in, among slots that may change; ties go to the first slot. `scratch` has capacity for
     /// as many slots.
     pub fn best_swap(&self, photo: usize, fixed: &[bool], scratch: &mut Scratch) -> Swap {
         let (objective, slots) = (self.objective, self.chosen.len());
@@ -332,7 +332,7 @@ fn fold(change: &mut [f64], product: &mut [f64]) {
     }
 }
 
-/// Room for [`Choice::best_swap`].
+/// Scratch memory of [`Choice::best_swap`].
 pub struct Scratch {
     change: Vec<f64>,
     moved: Vec<f64>,

@@ -14,7 +14,7 @@ use crate::scene::camera::Pose;
 use crate::scene::random;
 use crate::scene::region::Region;
 
-/// Stream of the random control, and of the first photo of farthest view sampling.
+/// Stream of the random baseline, and of the first photo of farthest view sampling.
 const CONTROL_STREAM: u32 = 0x5e1e_0000;
 /// Photos up to which all pairs are worth counting shared points of.
 pub(crate) const MAX_SHARED: usize = 4000;
@@ -23,7 +23,7 @@ pub(crate) const MAX_SHARED: usize = 4000;
 pub struct Pool<'a> {
     /// The capture.
     pub set: &'a PhotoSet,
-    /// Where cameras could stand: its centre and radius are the measure of directions and distances.
+    /// The region of the cameras: its centre and radius are the measure of directions and distances.
     pub region: &'a Region,
     /// What each photo sees of the optimisation's points.
     pub sight: &'a Sight,
@@ -70,8 +70,8 @@ impl Pool<'_> {
         self.include.iter().copied().chain(columns.into_iter().map(|column| free[column])).collect()
     }
 
-    /// `include`, and for each planned camera the nearest photo, as in the paper: a photo that is nearest to two stands for
-    /// both, so that there may be fewer than were asked for.
+    /// `include`, and for each planned camera the nearest photo, as in the paper: a photo that is nearest to two serves both, so
+    /// that there may be fewer than requested.
     pub fn nearest(&self, planned: &[Pose]) -> Vec<usize> {
         let mut chosen = self.include.to_vec();
         for pose in planned {

@@ -1,4 +1,4 @@
-//! What is asked of a pool: how many photos, how they are chosen, which ones in any case.
+//! The request for a choice from a pool: how many photos, how they are chosen, which ones in any case.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,7 @@ use crate::plan::config::Preset;
 use crate::quality::viewers::Viewers;
 use crate::{Error, Result};
 
-/// What is asked for. Photos by index into the set, ascending.
+/// The request for a choice. Photos by index into the set, ascending.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Request {
     /// Photos to select.
@@ -26,7 +26,7 @@ pub struct Request {
     pub points: u32,
     /// Kind of scene, for the planned cameras.
     pub preset: Preset,
-    /// From where people will look; else from where the pool's photos were taken.
+    /// Where viewers will look from; else the positions of the pool's photos.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub viewers: Option<Viewers>,
     /// How [`Method::FisherRetrain`] trains.
@@ -50,10 +50,10 @@ impl Request {
         }
     }
 
-    /// Refuses what cannot be had from a pool of `photos`.
+    /// Rejects a request that a pool of `photos` cannot meet.
     ///
     /// # Errors
-    /// One line that says which number does not fit.
+    /// One line with the number that does not fit.
     pub fn validate(&self, photos: usize) -> Result<()> {
         let wrong = |what: String| Err(Error::request(what));
         if !self.method.entry().chooses {

@@ -1,5 +1,5 @@
-//! FisherRF as published (Jiang, Lei and Daniilidis 2024): the model is trained on the views that have been chosen, and on
-//! with each that is. On one fixed model it is [`super::information::fisher`].
+//! FisherRF as published (Jiang, Lei and Daniilidis 2024): the model is trained on the views that have been chosen, and further
+//! with each new one. On one fixed model it is [`super::information::fisher`].
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -28,7 +28,7 @@ const POINT_STREAM: u32 = 0x5045_0002;
 /// Most iterations, as in any training.
 const MAX_ITERATIONS: u32 = 10_000_000;
 
-/// Takes a photograph: the photo that is given, with an image; [`Error::Interrupted`] where the user wants to stop.
+/// Takes a photograph: the photo that is given, with an image; [`Error::Interrupted`] where the user stops.
 pub type Photograph<'p> = &'p mut dyn FnMut(&Photo) -> Result<Photo>;
 
 /// How to train and to choose.
@@ -46,7 +46,7 @@ pub struct Settings {
     pub shrink: u32,
     /// What lies behind everything.
     pub background: Background,
-    /// Whether the model is trained and looked at with the filter against aliasing.
+    /// Whether the model is trained and rendered with the antialiasing filter.
     pub antialiased: bool,
 }
 
@@ -78,7 +78,7 @@ impl Settings {
         Self { every: (iterations / once).clamp(1, self.every.max(1)), ..self }
     }
 
-    /// Refuses what makes no sense.
+    /// Rejects invalid settings.
     ///
     /// # Errors
     /// In a line that names the option.
@@ -136,7 +136,7 @@ pub fn fisher(
         }
         let mut best: Option<(usize, f64)> = None;
         for view in pool.allowed.iter().copied().filter(|view| !chosen.contains(view)) {
-            // What is no number counts as least.
+            // NaN counts as least.
             let worth = fisher.worth(view)?.max(f64::NEG_INFINITY);
             if best.is_none_or(|(_, most)| worth > most) {
                 best = Some((view, worth));
@@ -151,7 +151,7 @@ pub fn fisher(
     }
 }
 
-/// A trainer that may look from all photos of the pool and has no picture of any.
+/// A trainer with the views of all photos of the pool and no picture of any.
 fn trainer(context: &Arc<Context>, pool: &Pool<'_>, proxy: &Proxy, config: Config, shrink: u32) -> Result<Trainer> {
     let cameras = pictures::cameras(&pool.set.photos, shrink);
     let count = POINTS.min(config.max_splats) as usize;
@@ -179,7 +179,7 @@ fn add(trainer: &mut Trainer, pool: &Pool<'_>, view: usize, shrink: u32, photogr
 mod tests {
     use super::*;
 
-    /// By hand. If this failed, a run would train longer than was asked for, or not as published.
+    /// Computed directly. If this failed, a run would train longer than requested, or not as published.
     #[test]
     fn iterations_are_a_hundred_for_each_view_or_what_the_limit_leaves() {
         let published = Settings::default();

@@ -34,7 +34,7 @@ fn of_photo(photo: &Decoded) -> f64 {
     let eight_bit = |luma: f32| (255.0 * luma.clamp(0.0, 1.0).sqrt()).round() as u8;
     let pixels = photo.width as usize * photo.height as usize;
     let bytes: Vec<u8> = (0..pixels).map(|i| eight_bit(photo.values.linear(i))).collect();
-    // One value a pixel: the image is as large as it says.
+    // One value a pixel: the image has its declared size.
     let grey = GrayImage::from_raw(photo.width, photo.height, bytes).unwrap_or_default();
     let longer = grey.width().max(grey.height()).max(1);
     let side = |length: u32| (u64::from(length) * u64::from(SIDE) / u64::from(longer)).max(1) as u32;

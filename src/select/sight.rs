@@ -37,7 +37,7 @@ crate::stage!(
     } with [Node, Probe]
 );
 
-/// Rays of one dispatch: short enough that no watchdog minds.
+/// Rays of one dispatch: short enough for any watchdog.
 const RAYS: usize = 1 << 20;
 
 /// Which photos see which points: a bit each.
@@ -59,7 +59,7 @@ pub struct Survey {
     pub probes: Vec<Probe>,
     /// Where the photos were taken from, in the planner's frame.
     pub centres: Vec<Vec3>,
-    /// Who sees whom.
+    /// The visibility matrix.
     pub sight: Sight,
 }
 
@@ -110,7 +110,7 @@ impl Sight {
 }
 
 impl Survey {
-    /// Finds out what `photos` see of `points`, both in the user's world: inside the image through the real lens, on the
+    /// Computes what `photos` see of `points`, both in the user's world: inside the image through the real lens, on the
     /// side that faces the photo, and nothing in between.
     ///
     /// # Errors

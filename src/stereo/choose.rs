@@ -39,7 +39,7 @@ pub fn spread(directions: &[DVec3], count: usize, seed: u64) -> Vec<usize> {
 }
 
 /// Up to [`MAX_PAIRS`] neighbours of each view, best first: those that see much of what it sees, at an angle between
-/// viewing directions that is wide enough to tell depths and narrow enough for pictures to be alike. `ranges` are the
+/// viewing directions that is wide enough to resolve depths and narrow enough for pictures to be alike. `ranges` are the
 /// depths that each view is searched in.
 pub fn neighbours(cameras: &[Camera], ranges: &[[f64; 2]]) -> Vec<Vec<usize>> {
     let of = |reference: usize| {

@@ -23,7 +23,7 @@ crate::stage!(
     pub(crate) CheckDepthStage = check_depth(CheckPush) { read views, read depths, write support } with [StereoView]
 );
 
-/// What other views say of a depth.
+/// Other views' evidence about a depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Support {
     /// Views whose own depth there is the same.

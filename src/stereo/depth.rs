@@ -52,7 +52,7 @@ crate::gpu_struct! {
         pub cells_z: u32,
         /// The view that is refined.
         pub reference: u32,
-        /// The round.
+        /// The iteration.
         pub iteration: u32,
         /// Seed of the random moves.
         pub seed: u32,
@@ -66,13 +66,13 @@ crate::gpu_struct! {
 }
 
 crate::stage!(
-    /// A round of refinement: planes of the pixels beside one, and random changes of its own.
+    /// An iteration of refinement: planes of neighbouring pixels, and random changes of its own.
     pub(crate) RefineDepthStage = refine_depth(RefinePush) {
         read views, read pictures, read pairs, read hull, read planes, write refined,
     } with [StereoView, StereoPair]
 );
 
-/// Rounds of refinement: how far planes are taken over from, and the largest move and change of slope.
+/// Iterations of refinement: how far planes are taken over from, and the largest move and change of slope.
 const ROUNDS: [(i32, f32, f32); 4] = [(1, 0.01, 2.0), (4, 0.005, 1.0), (2, 0.0025, 0.5), (1, 0.00125, 0.25)];
 
 /// Largest change of inverse depth from a pixel to the next within a patch, as a fraction.
@@ -93,8 +93,8 @@ impl DepthMap {
         if self.costs[pixel] < NO_MATCH { 1.0 / self.planes[pixel].inverse_depth } else { 0.0 }
     }
 
-    /// Takes away the depths that stand in patches of fewer than `least` pixels; a patch goes on from a pixel to the next
-    /// where inverse depth changes by at most `PATCH_STEP`. Chance matches seldom have neighbours that agree.
+    /// Removes depths in patches of fewer than `least` pixels; a patch continues from a pixel to the next where inverse depth
+    /// changes by at most `PATCH_STEP`. Chance matches seldom have neighbours that agree.
     pub fn drop_specks(&mut self, width: usize, least: usize) {
         let found = |costs: &[f32], i: usize| costs[i] < NO_MATCH;
         let mut seen = vec![false; self.costs.len()];
@@ -192,7 +192,7 @@ impl Sweeper {
         })
     }
 
-    /// Depth of view `reference` from so many planes, after `rounds` rounds of refinement at most.
+    /// Depth of view `reference` from so many planes, after at most `rounds` iterations of refinement.
     ///
     /// # Errors
     /// Where the device fails.

@@ -42,7 +42,7 @@ crate::gpu_struct! {
         pub corner: [f32; 3],
         /// Place of its first pixel in the buffers of all views.
         pub first: u32,
-        /// Where the camera stands.
+        /// Camera centre.
         pub centre: [f32; 3],
         /// Neighbours that it is compared with.
         pub pairs: u32,
@@ -203,10 +203,10 @@ pub fn device_pairs(cameras: &[Camera], neighbours: &[Vec<usize>]) -> Vec<Stereo
 impl Frame {
     /// Photos at the size that stereo works at: their longer side is at most `longest` pixels, what their lenses bend is
     /// straightened, and `to_internal` maps their poses. Decoding takes at most `memory` bytes at once, or a photo's own. A photo
-    /// that cannot be decoded is handed to `unreadable`, which lets it pass or not.
+    /// that cannot be decoded is passed to `unreadable`, which skips it or fails.
     ///
     /// # Errors
-    /// Where a photo cannot be decoded and `unreadable` says so; see [`Decoder`].
+    /// Where a photo cannot be decoded and `unreadable` fails; see [`Decoder`].
     pub fn read(
         photos: &[Photo],
         longest: u32,
@@ -214,7 +214,7 @@ impl Frame {
         to_internal: &Similarity,
         mut unreadable: impl FnMut(Error) -> Result<()>,
     ) -> Result<Vec<Self>> {
-        // Whole steps while decoding; the rest of the way each photo goes on its own.
+        // Integer factors while decoding; the remaining factor is applied to each photo.
         let shrink = photos.iter().map(|photo| longer(&photo.camera.intrinsics) / longest).min().unwrap_or(1).max(1);
         let settings = Settings { shrink, memory, ..Settings::default() };
         let decoder = Decoder::new(photos, settings)?;
@@ -268,7 +268,7 @@ impl Frame {
         for (y, x) in (0..h).flat_map(|y| (0..w).map(move |x| (y, x))) {
             let mean = offsets.iter().map(|offset| {
                 let pixel = DVec2::new(f64::from(x), f64::from(y)) + offset;
-                // Where the lens shows nothing, the picture goes on without its distortion.
+                // Where the lens shows nothing, the picture continues without its distortion.
                 sample(straight.unproject(pixel).and_then(|ray| lens.project(ray)).unwrap_or(pixel / sides))
             });
             let mean = mean.sum::<DVec4>() / offsets.len() as f64;
@@ -301,7 +301,7 @@ fn longer(intrinsics: &Intrinsics) -> u32 {
     intrinsics.width.max(intrinsics.height)
 }
 
-/// Bilinear value between pixel centres, of what pixels with an index hold; the rim goes on beyond it.
+/// Bilinear value between pixel centres, of what pixels with an index hold; clamped at the edge.
 fn between(w: u32, h: u32, at: DVec2, value: impl Fn(usize) -> DVec4) -> DVec4 {
     let at = (at - 0.5).clamp(DVec2::ZERO, DVec2::new(f64::from(w - 1), f64::from(h - 1)));
     let (x, y) = (at.x as u32, at.y as u32);

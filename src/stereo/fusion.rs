@@ -1,4 +1,4 @@
-//! Many depth maps to one cloud: means over the cells of a grid, less what stands alone.
+//! Many depth maps to one cloud: means over the cells of a grid, less isolated cells.
 
 use std::collections::BTreeMap;
 
@@ -152,7 +152,7 @@ mod tests {
         assert_eq!(holes(&fused, &fill, 0.1), [fill[1]]);
     }
 
-    /// If this failed, points would not stand in the middle of what fell into their cell.
+    /// If this failed, points would not be at the mean of what fell into their cell.
     #[test]
     fn means_are_of_cells() {
         let at = |x: f64| Sample { position: DVec3::new(x, 0.5, 0.5), normal: DVec3::X, colour: DVec3::splat(x) };

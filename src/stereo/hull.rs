@@ -174,7 +174,7 @@ impl Hull {
             let slope =
                 |axis: usize| 0.5 * f64::from(beside(FACES[2 * axis + 1], &smooth) - beside(FACES[2 * axis], &smooth));
             let gradient = DVec3::new(slope(0), slope(1), slope(2));
-            // A sheet of one voxel has no outside of its own: no way to tell which side faces the cameras.
+            // A sheet of one voxel has no outside of its own: which side faces the cameras is unknown.
             let Some(normal) = (-gradient).try_normalize() else { continue };
             let off = ((f64::from(smooth[index]) - 0.5) / gradient.length()).clamp(-1.0, 1.0);
             points.push((self.grid.centre(voxel) + self.grid.cell * off * normal, normal));

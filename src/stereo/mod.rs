@@ -1,11 +1,10 @@
 //! A coarse surface from posed photos alone: plane-sweep stereo and visual hull.
 //!
 //! Photos are shrunk and taken as pinholes ([`frame`]), those that spread best are chosen and paired ([`choose`]), the cameras
-//! say where to look ([`volume`]), masks carve a hull ([`hull`]), planes are swept through it and refined for each view
-//! ([`depth`]), depths that no other view agrees with go ([`consistency`]), gaps between the others
-//! are closed where a wall is too smooth to be matched ([`smooth`]), and the rest is fused into oriented points, with
-//! the hull's own surface where stereo sees nothing ([`fusion`]). All of it happens in a frame in which the scene's ball is the
-//! unit ball.
+//! determine where to look ([`volume`]), masks carve a hull ([`hull`]), planes are swept through it and refined for each view
+//! ([`depth`]), depths that no other view agrees with go ([`consistency`]), gaps between the others are closed where a wall is
+//! too smooth to be matched ([`smooth`]), and the rest is fused into oriented points, with the hull's own surface where stereo
+//! sees nothing ([`fusion`]). All of it happens in a frame in which the scene's ball is the unit ball.
 
 pub mod choose;
 pub mod consistency;
@@ -56,7 +55,7 @@ pub struct Options {
     pub hypotheses: u32,
     /// Whether masks carve a hull.
     pub hull: bool,
-    /// Whether the set's sparse points say where the scene is; else the cameras do.
+    /// Whether the set's sparse points determine where the scene is; else the cameras do.
     pub use_points: bool,
     /// Smallest and largest depth, in the capture's units, where they are known.
     pub depths: Option<[f64; 2]>,
@@ -84,7 +83,7 @@ impl Default for Options {
     }
 }
 
-/// A surface and how it came about.
+/// A surface and how it was made.
 #[derive(Clone, Debug)]
 pub struct Reconstruction {
     /// Oriented points in the capture's frame, with normals, radii and colours: first those from stereo.
@@ -108,8 +107,8 @@ pub struct Reconstruction {
 /// Makes a surface from photos.
 ///
 /// # Errors
-/// Where there are fewer than [`MIN_PHOTOS`] with images, where images cannot be read, where the cameras do not tell where to
-/// look, where no two photos overlap, where nothing was found, and where the device fails.
+/// Where there are fewer than [`MIN_PHOTOS`] with images, where images cannot be read, where the cameras do not determine where
+/// to look, where no two photos overlap, where nothing was found, and where the device fails.
 pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) -> Result<Reconstruction> {
     let mut clock = Clock { last: Instant::now(), seconds: Vec::new() };
     let chosen = choose_photos(set, options)?;
@@ -304,7 +303,7 @@ const COVER: f64 = 1.25;
 /// Fewest points that are a surface.
 const MIN_POINTS: usize = 100;
 
-/// Takes the time of stages.
+/// Times the stages.
 struct Clock {
     last: Instant,
     seconds: Vec<(&'static str, f64)>,
@@ -407,7 +406,7 @@ fn samples(
     (samples, widths.get(widths.len() / 2).copied().unwrap_or(1.0))
 }
 
-/// The hull's surface, each point with its colour in the view that sees it most squarely, as far as depths tell.
+/// The hull's surface, each point with its colour in the view that sees it most squarely, as far as depths show.
 fn coloured(hull: &Hull, frames: &[Frame], views: &[StereoView], depths: &[f32]) -> Vec<Sample> {
     let slack = 2.0 * hull.grid().cell as f32;
     let colour = |p: Vec3, normal: Vec3| {

@@ -2,8 +2,8 @@
 //!
 //! Photo k shows point p with intensity `I = g_k R_p + o_k`. The reference R_p is the median over the photos of what
 //! they would show at gain one and offset zero, gains and offsets are robust regressions onto the references, in turn.
-//! Points weigh by the inverse of how much their looks vary, so that what does not change with the view decides. A
-//! common factor and offset cannot be told from the scene: the mean gain is one, the mean offset zero.
+//! Points weigh by the inverse of how much their looks vary, so that what does not change with the view decides. A common factor
+//! and offset cannot be separated from the scene: the mean gain is one, the mean offset zero.
 
 use super::observe::Observations;
 use super::variance::median;
@@ -16,19 +16,19 @@ const MIN_OBSERVATIONS: usize = 20;
 const ENOUGH: usize = 1500;
 /// Brighter intensities may be clipped.
 const CLIPPED: f32 = 0.95;
-/// Rounds that weigh residuals by Huber, whose answer depends on no start; then Tukey's weights leave highlights out
+/// Iterations that weigh residuals by Huber, whose answer depends on no start; then Tukey's weights leave highlights out
 /// altogether.
 const FIRST: u32 = 10;
-/// Rounds at most, and the change of a gain or offset that ends them.
+/// Iterations at most, and the change of a gain or offset that ends them.
 const ROUNDS: u32 = 100;
 const SETTLED: f64 = 1e-5;
 /// Deviation of a point's looks, in luma, below which it weighs no more: were it much less, a few dark points would
 /// weigh more than all others, and gains could shrink until nothing varies. A point that varies more, by gloss or by
-/// being badly placed, tells less of the exposures.
+/// being badly placed, says less about the exposures.
 const NOISE: f64 = 0.02;
-/// How much gain one and offset zero are preferred, in parts of what the observations say. Photos of one side of an
+/// How much gain one and offset zero are preferred, as a fraction of the observations' weight. Photos of one side of an
 /// object share points with their neighbours only, so that a drift of gains and offsets all around it costs them
-/// little: the preference holds it down, and takes about a hundredth off what the observations tell otherwise.
+/// little: the preference holds it down, and otherwise reduces the observations' estimate by about a hundredth.
 const PRIOR: [f64; 2] = [0.001, 0.004];
 /// Bounds of what is taken for an exposure.
 const MIN_GAIN: f64 = 0.1;
@@ -127,8 +127,8 @@ fn biweight(residual: f64) -> f64 {
     (1.0 - (residual / 4.685).min(1.0).powi(2)).powi(2)
 }
 
-/// Gain and offset of the line through triples of reference, intensity and weight, by two rounds of reweighted least
-/// squares from the line before; `robust` weighs residuals.
+/// Gain and offset of the line through triples of reference, intensity and weight, by two iterations of reweighted least squares
+/// from the line before; `robust` weighs residuals.
 fn regression(pairs: &[[f64; 3]], mut line: [f64; 2], robust: fn(f64) -> f64) -> [f64; 2] {
     for _ in 0..2 {
         let residual = |[reference, intensity, _]: &[f64; 3]| (intensity - line[0] * reference - line[1]).abs();
@@ -213,7 +213,7 @@ mod tests {
         assert_eq!(Gains::fit(&Observations::default(), 2), Gains::none(2));
     }
 
-    /// On a grey wall gain and offset explain the same: whichever is taken must stay small.
+    /// On a grey wall gain and offset explain the same: whatever is chosen must stay small.
     #[test]
     fn a_wall_of_one_grey_gives_no_wild_lines() {
         let photos = 8;

@@ -18,13 +18,13 @@ use crate::visibility::exposure;
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
-/// Points drawn on triangles where none are asked for.
+/// Points drawn on triangles where no number is given.
 pub const DEFAULT_POINTS: usize = 100_000;
 
 /// How to score.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Points; where none are asked for all of a cloud, [`DEFAULT_POINTS`] on triangles.
+    /// Points; where no number is given, all of a cloud, [`DEFAULT_POINTS`] on triangles.
     pub points: Option<usize>,
     /// Seed of the points.
     pub seed: u64,
@@ -34,11 +34,11 @@ pub struct Settings {
     pub memory: u64,
     /// Whether a photo that cannot be decoded is left out; else it is an error.
     pub skip_unreadable: bool,
-    /// Which side of the surface is photographed, where that is known; else the cameras tell.
+    /// Which side of the surface is photographed, where that is known; else the cameras determine it.
     pub orientation: Option<Orientation>,
 }
 
-/// What is heard of a run while it goes on.
+/// Progress events.
 pub enum Event<'e> {
     /// Photos done.
     Done(usize),
@@ -60,10 +60,10 @@ impl Default for Settings {
 }
 
 /// Scores points of `surface`, which is in the frame of `capture`, from the photos of the capture that have an image.
-/// `observe` hears how it goes on.
+/// `observe` receives progress events.
 ///
 /// # Errors
-/// A surface that makes no sense; an image that cannot be read; no point that two photos see; a device that fails.
+/// An invalid surface; an image that cannot be read; no point that two photos see; a device that fails.
 pub fn run(
     context: &Arc<Context>,
     capture: &PhotoSet,
@@ -108,7 +108,7 @@ pub fn run(
     Ok(estimate)
 }
 
-/// Points where none are asked for.
+/// Points where no number is given.
 fn standard(proxy: &Proxy) -> usize {
     match &proxy.occluder {
         Occluder::Triangles(_) => DEFAULT_POINTS,
@@ -122,7 +122,7 @@ fn pyramid(photo: Decoded) -> (usize, Pyramid) {
     (photo.index, Pyramid::new(photo.width, photo.height, &luma, photo.mask.as_deref()))
 }
 
-/// The proxy of a surface that photos look at. Where nothing is said: from outside where they stand around it, else from inside.
+/// The proxy of a surface that photos look at. By default: from outside where they surround it, else from inside.
 fn proxy(capture: &PhotoSet, surface: &Surface, orientation: Option<Orientation>) -> Result<Proxy> {
     let poses: Vec<Pose> = capture.photos.iter().map(|photo| photo.camera.pose).collect();
     let positions = surface.positions();

@@ -29,7 +29,7 @@ use crate::scene::surface::Points;
 /// an edge that no photo registers well would otherwise set the scale of all.
 const ENDS: [f64; 2] = [0.01, 0.99];
 
-/// What the photos tell of points.
+/// Scores of points from photos.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// The points with scores in [1, 2], in the photos' world frame.
@@ -51,8 +51,8 @@ pub struct Estimate {
 const POINTS_AT_ONCE: usize = 256;
 
 impl Estimate {
-    /// `cloud` with what is told of its points, which are found by where they are: the same cloud else, so that a plan for it
-    /// has the surface that anybody has who reads the file. Points that nothing is told of have the score 1.
+    /// `cloud` with the scores of its points, which are matched by position; otherwise unchanged, so that a plan for it has the
+    /// same surface as a reader of the file. Points without a match have the score 1.
     pub fn onto(&self, cloud: &Points) -> Points {
         let key = |p: &DVec3| p.to_array().map(f64::to_bits);
         let told: HashMap<[u64; 3], usize> =
@@ -65,7 +65,7 @@ impl Estimate {
 /// Luma that the points are brought to: middle grey, what the photos are exposed for that the VDSF is made from.
 pub(crate) const GREY: f64 = 0.18;
 
-/// What a point's views tell of it: variance and mean of its intensity; none where they are too few.
+/// Statistics of a point's views: variance and mean of its intensity; none where they are too few.
 type Told = Option<(f64, f64)>;
 
 /// Scores points from what photos show of them; `observations` are those of `points`, photo by photo of `photos`.
@@ -122,7 +122,7 @@ pub fn scores(variances: &[Option<f64>], vdsf: impl Fn(f64) -> f64) -> (Vec<f32>
     (raw.iter().map(score).collect(), ends)
 }
 
-/// Scores points that tell how much they vary but have no scores: trained splats with harmonics. Whether there are any.
+/// Scores points that have variances but no scores: trained splats with harmonics. Whether there are any.
 pub(crate) fn score_by_variances(points: &mut Points) -> bool {
     if points.variances.is_empty() || !points.scores.is_empty() {
         return false;
@@ -133,7 +133,7 @@ pub(crate) fn score_by_variances(points: &mut Points) -> bool {
     true
 }
 
-/// What a point at `position` is told to be.
+/// The scored data of a point at `position`.
 fn tell(position: DVec3, photos: &[Photo], (seen_in, intensities): (&[u32], &[f32]), gains: &Gains) -> Told {
     let toward: Vec<DVec3> =
         seen_in.iter().map(|k| (photos[*k as usize].camera.pose.position - position).normalize_or_zero()).collect();

@@ -86,7 +86,7 @@ pub struct Observations {
     pub intensities: Vec<f32>,
 }
 
-/// Room for a photo on its way through the device.
+/// Buffers for a photo on its way through the device.
 struct Slot {
     staging: Buffer,
     photo: Buffer,
@@ -97,7 +97,7 @@ impl Scene {
     /// Maps points and photos into the frame in which the proxy's bounding sphere is the unit sphere.
     ///
     /// A point's intensity is averaged over a patch as wide as the radius of its disc, or as a pixel of the usual
-    /// photo at the proxy's centre where that is more: every photo then tells of the same patch, be it near or far.
+    /// photo at the proxy's centre where that is more: every photo then measures the same patch, be it near or far.
     ///
     /// # Errors
     /// Where the proxy is too large or too far out for the hierarchy.
@@ -120,10 +120,9 @@ impl Scene {
         })
     }
 
-    /// Takes over from the tracks of a capture which photos see a point: those it was found in. Discs stand for too
-    /// much of a sparse cloud for rays to tell: they block from a tenth to a half of the matches that the cloud was
-    /// made from. `points` are those that the scene was made of; ones that are none of the capture's are left to the
-    /// rays.
+    /// Takes over from the tracks of a capture which photos see a point: those it was found in. Discs cover too much of a sparse
+    /// cloud for rays to be reliable: they block from a tenth to a half of the matches that the cloud was made from. `points` are
+    /// those that the scene was made of; ones that are none of the capture's are left to the rays.
     pub fn with_tracks(mut self, points: &[SurfacePoint], capture: &PhotoSet) -> Self {
         let key = |p: DVec3| p.to_array().map(f64::to_bits);
         let tracks: HashMap<_, _> =
@@ -148,7 +147,7 @@ impl Scene {
     /// until it gives none. Photos follow one another on the device without waiting for the host.
     ///
     /// # Errors
-    /// Those of `next`; a photo larger than its camera says; a device that fails or has no room.
+    /// Those of `next`; a photo larger than its camera; a device that fails or has too little memory.
     pub fn observe(
         &self,
         context: &Arc<Context>,
@@ -183,7 +182,7 @@ impl Scene {
                 commands.wait()?;
                 let intensities: &[f32] = bytemuck::cast_slice(slot.intensities.mapped());
                 let shown = || (0..).zip(&intensities[..self.points.len()]).filter(|(_, v)| **v >= 0.0);
-                // Counted first: room to spare in thousands of lists would add up.
+                // Counted first: spare capacity in thousands of lists would add up.
                 seen[view].reserve_exact(shown().count());
                 seen[view].extend(shown().map(|(point, v)| (point, *v)));
                 free.push(slot);

@@ -42,7 +42,7 @@ fn zoom(photo: &Photo) -> f64 {
     f64::from(WIDTH) / f64::from(photo.camera.intrinsics.width)
 }
 
-/// A place in the middle of the points, whatever stray ones do.
+/// A place in the middle of the points, robust to stray ones.
 fn median_position(points: &Points) -> DVec3 {
     let along = |axis: usize| super::quantile(points.positions.iter().map(|p| p[axis]).collect(), 0.5);
     DVec3::new(along(0), along(1), along(2))

@@ -1,17 +1,17 @@
-//! How much the intensity of one point varies over the views that see it, whatever a few of them got wrong.
+//! How much the intensity of one point varies over the views that see it, robust to a few outliers.
 
 use glam::DVec3;
 
-/// Views below which no view can be told to be an outlier.
+/// Least number of views for which outliers can be detected.
 const MIN_VIEWS: usize = 5;
 /// Standard deviations, as the median absolute deviation has them, past which a view is an outlier.
 const FENCE: f64 = 3.0;
 /// What that deviation is at least: the noise of a photo.
 const NOISE: f64 = 0.005;
-/// Nearest views that may bear witness to a highlight, and the cosine within which they must look from (30 degrees).
+/// Nearest views that may confirm a highlight, and the cosine of the greatest angle to them (30 degrees).
 const WITNESSES: usize = 2;
 const BESIDE: f64 = 0.866;
-/// Part of a highlight's height above the median that a witness sees at least.
+/// Part of a highlight's height above the median that a confirming view sees at least.
 const WITNESSED: f64 = 0.25;
 
 /// Variance of the intensities of a point (squared differences from the mean summed, over their number less one), and the mean. None
@@ -26,14 +26,14 @@ pub fn moments(intensities: &[f64]) -> Option<(f64, f64)> {
     Some((squares / (count - 1) as f64, mean))
 }
 
-/// Which views of a point are believed; `toward` are the unit directions to the cameras.
+/// Which views of a point are inliers; `toward` are the unit directions to the cameras.
 ///
 /// From five views on, a view that is more than three robust standard deviations off the median is left out: a shadow
 /// that moved, a photo that was blurred or lit otherwise. Of three ways tried on normal deviates with a tenth of gross
 /// outliers (winsorised, trimmed, squared median absolute deviation) trimming comes closest to the true variance. A
 /// highlight is off the median too, but it adds light, and where it is seen from one direction it shows in the next
 /// ones: a brighter view stays if one of the two views beside it (within 30 degrees) is at least a quarter as far above
-/// the median. What that gives up: a highlight so sharp that a single view sees it, and dark reflections that only a
+/// the median. What is lost: a highlight so sharp that a single view sees it, and dark reflections that only a
 /// few views see.
 pub fn believed(intensities: &[f64], toward: &[DVec3]) -> Vec<bool> {
     if intensities.len() < MIN_VIEWS {
@@ -80,7 +80,7 @@ mod tests {
     use super::*;
     use crate::scene::{octahedral, random};
 
-    /// Variance and mean over the views that are believed.
+    /// Variance and mean over the inliers.
     fn variance(intensities: &[f64], toward: &[DVec3]) -> Option<(f64, f64)> {
         let believed = believed(intensities, toward);
         let kept = intensities.iter().zip(&believed).filter(|(_, believed)| **believed);
@@ -116,14 +116,14 @@ mod tests {
                 let values: Vec<f64> = (0..toward.len() as u32).map(value).collect();
                 mean += variance(&values, &toward).unwrap().0 / f64::from(trials) / 0.0025;
             }
-            // Some bright outliers have another beside them by chance, and are believed: 1.6 of the true variance is
+            // Some bright outliers have another beside them by chance, and are kept: 1.6 of the true variance is
             // left, where all of it would be eleven times as much.
             let most = if part > 0.0 { 1.8 } else { 1.02 };
             assert!((0.93..most).contains(&mean), "{part} outliers: {mean} of the true variance");
         }
     }
 
-    /// A highlight is what is looked for: if this failed, gloss would be swept out with the shadows.
+    /// A highlight is what is looked for: if this failed, gloss would be removed with the shadows.
     #[test]
     fn a_highlight_that_neighbours_see_stays_and_a_lone_one_goes() {
         let toward = above();

@@ -26,7 +26,7 @@ pub struct Vdsf {
     pub coefficients: [f64; 4],
     /// Variances the fit holds for; those outside count as the nearer end.
     pub range: [f64; 2],
-    /// Root mean square error, in luma, that the density is asked to keep.
+    /// Root mean square error, in luma, that the density must keep.
     pub epsilon: f64,
     /// Seed of the population.
     pub seed: u64,
@@ -129,7 +129,7 @@ mod tests {
         assert_eq!(vdsf.apply(high + 1.0), vdsf.apply(high));
     }
 
-    /// A hand-edited file with a dent would break the order of scores without a word.
+    /// A hand-edited file with a dent would silently break the order of scores.
     #[test]
     fn a_cubic_that_falls_is_refused() {
         let mut vdsf = Vdsf::embedded();

@@ -1,4 +1,4 @@
-//! Walls that photos of a room did not show: plain ones, which stereo does not find, and those that nobody photographed.
+//! Walls that photos of a room did not show: plain ones, which stereo does not find, and unphotographed ones.
 
 use glam::DVec3;
 
@@ -11,7 +11,7 @@ use crate::scene::proxy::{Disc, Occluder, Proxy};
 use crate::scene::random;
 use crate::scene::region::Region;
 
-/// Places in the region that are looked from, and rays from each.
+/// Viewpoints in the region, and rays from each.
 const PLACES: u32 = 256;
 const RAYS: u32 = 512;
 /// What both are drawn with.
@@ -23,10 +23,10 @@ const ALONG: f64 = 48.0;
 const MIN_RAYS: i32 = 2;
 const NEAR: f64 = 3.0;
 
-/// Puts discs on the bounds of a room made from photos wherever one sees out of it from the region: whatever is there, a room ends
-/// somewhere, and cameras that look where nothing is known are better than none. The discs block rays, and no point is drawn from
-/// them. The bounds are those of the proxy, stray points aside, and of the region with its clearance. Returns how many discs there are;
-/// triangles stay as they are.
+/// Puts discs on the bounds of a room made from photos wherever rays from the region leave it: a room has an end, and cameras
+/// that look towards unknown space are better than none. The discs block rays, and no point is drawn from them. The bounds are
+/// those of the proxy, without stray points, and of the region with its clearance. Returns how many discs there are; triangles stay
+/// as they are.
 ///
 /// # Errors
 /// Where the region leaves no free space, or the surface cannot be represented.
@@ -112,7 +112,7 @@ mod tests {
     use crate::scene::samples;
     use crate::scene::surface::{Points, Surface};
 
-    /// The sample room, which is 6 x 4 x 2.8, as points, without those that `missing` says.
+    /// The sample room, which is 6 x 4 x 2.8, as points, without those that `missing` selects.
     fn points(missing: impl Fn(DVec3) -> bool) -> (Proxy, Region) {
         let mesh = Proxy::new(&samples::room(), Orientation::Trusted).unwrap();
         let drawn = mesh.sample(30_000, 1, 0).into_iter().filter(|point| !missing(point.position));
@@ -122,8 +122,8 @@ mod tests {
         (Proxy::new(&surface, Orientation::Trusted).unwrap(), region)
     }
 
-    /// If this failed, plans from few photos would look away from walls that photos did not show, since nobody is taken to look at
-    /// what is not there; or a room that is known would get walls that it has not.
+    /// If this failed, plans from few photos would look away from walls that photos did not show, since viewers do not look at
+    /// empty space; or a known room would get walls that do not exist.
     #[test]
     fn a_wall_that_is_missing_is_put_where_the_room_ends() {
         let (mut whole, region) = points(|_| false);
@@ -140,7 +140,7 @@ mod tests {
         let Occluder::Discs(discs) = &open.occluder else { unreachable!() };
         let on_it = discs[before..].iter().filter(|disc| disc.centre.x > high.x - 0.2 && disc.normal.x < -0.9).count();
         assert!(on_it as f64 > 0.9 * found as f64, "{on_it} of {found}");
-        // Nobody sees out any more, and no point is drawn from what is only assumed.
+        // No ray leaves any more, and no point is drawn from what is only assumed.
         let bvh = Bvh::new(&open.occluder, &region.to_planner_frame()).unwrap();
         let origin = region.to_planner_frame().point(0.5 * (low + high)).as_vec3();
         let out = (0..500).filter(|i| {

@@ -1,5 +1,4 @@
-//! The surface and the region on the device, in the planner's frame: what rays are cast against and where cameras may
-//! stand.
+//! The surface and the region on the device, in the planner's frame: what rays are cast against and where cameras may be placed.
 
 use std::sync::Arc;
 
@@ -14,12 +13,12 @@ use crate::visibility::bvh::{Bvh, Primitives, TraversalConstants};
 use crate::vulkan::{Buffer, Context};
 use crate::{Error, Result};
 
-/// How far a surface may lie from the middle of the region, over its size: its points are told apart by less than a
-/// hundredth of it.
+/// How far a surface may lie from the middle of the region, over its size: its points are resolved to less than a hundredth of
+/// it.
 const FARTHEST: f64 = 1e5;
 
 crate::gpu_struct! {
-    /// Where cameras may stand, in the planner's frame (`shared/region_types.glsl`).
+    /// The region of the cameras, in the planner's frame (`shared/region_types.glsl`).
     pub struct DeviceRegion {
         /// Lowest corner of the box.
         pub box_min: [f32; 3],
@@ -54,11 +53,11 @@ pub struct SceneGeometry {
     pub to_internal: Similarity,
     /// The region in the planner's frame.
     pub region: Region,
-    /// Where in it cameras can stand.
+    /// The free space of cameras in it.
     pub free: FreeSpace,
-    /// What limits that, in the planner's frame.
+    /// Further limits, in the planner's frame.
     pub limits: Limits,
-    /// Where people can stand who look at what is trained, if some limits are not theirs.
+    /// The free space of viewers, if some limits do not apply to them.
     everywhere: Option<FreeSpace>,
     /// The hierarchy over the surface.
     pub bvh: Bvh,
@@ -96,12 +95,12 @@ impl SceneGeometry {
         Ok(Self { to_internal, region: internal, free, limits, everywhere, bvh })
     }
 
-    /// Where people can stand who look at what is trained.
+    /// The free space of viewers.
     pub fn open(&self) -> &FreeSpace {
         self.everywhere.as_ref().unwrap_or(&self.free)
     }
 
-    /// Whether somebody can look from `p` in the planner's frame, as far as limits tell.
+    /// Whether limits allow a viewer at `p` in the planner's frame.
     pub fn is_allowed(&self, p: DVec3) -> bool {
         let held = if self.open().grid.holds(p) { self.open().is_barred(p) } else { self.limits.in_a_volume(p) };
         !held && !self.limits.behind_a_wall(p)
@@ -117,7 +116,7 @@ impl SceneGeometry {
             && (walk.is_none() || !self.free.is_barred(p))
     }
 
-    /// The feasible place nearest to `position` in the planner's frame, as far as the voxels of the free space can tell:
+    /// The feasible place nearest to `position` in the planner's frame, to the resolution of the free space's voxels:
     /// `position` itself where it is feasible.
     pub fn settle(&self, position: DVec3) -> DVec3 {
         let mut place = self.region.nearest(position);
@@ -222,7 +221,7 @@ mod tests {
     use crate::scene::samples::textured::two_rooms_model;
     use crate::scene::{random, samples};
 
-    /// If this failed, a planned camera would stand nearer to things than the clearance, and move when it is photographed.
+    /// If this failed, a planned camera would be nearer to surfaces than the clearance, and move when it is photographed.
     #[test]
     fn every_place_settles_where_cameras_can_stand() {
         let proxy = Proxy::new(&two_rooms_model().surface(), Orientation::Trusted).unwrap();
@@ -237,7 +236,7 @@ mod tests {
     }
 
     /// If this failed, a camera beside a volume to keep out of would be pushed into it by the sphere that it must not leave; or viewers
-    /// would look from within one that stands outside of the region.
+    /// would look from within one that lies outside of the region.
     #[test]
     fn nobody_is_pushed_into_a_volume() {
         let proxy = Proxy::new(&samples::sphere(1.0, 24), Orientation::Trusted).unwrap();

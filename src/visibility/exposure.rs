@@ -1,4 +1,4 @@
-//! Which side of a disc is the outer one, and which discs lie buried inside, where the cloud itself does not say: a
+//! Which side of a disc is the outer one, and which discs lie buried inside, where the cloud itself does not define it: a
 //! trained splat has centres under the surface, and the shortest axis of a splat has no sign.
 
 use glam::Vec3;
@@ -16,8 +16,8 @@ const RESOLUTION: u32 = 5;
 /// A disc of whose rays fewer than this part escapes on either side is buried.
 const MIN_OPEN: f32 = 0.125;
 
-/// Turns each disc of an object to the side from which more rays escape, and marks the buried ones: they go on blocking
-/// rays, but no point is drawn from them. Triangles stay as they are. Returns how many are buried.
+/// Turns each disc of an object to the side from which more rays escape, and marks the buried ones: they still block rays, but no
+/// point is drawn from them. Triangles stay as they are. Returns how many are buried.
 ///
 /// # Errors
 /// Where the discs are too many or too far out for the hierarchy.

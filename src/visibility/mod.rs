@@ -1,4 +1,4 @@
-//! Who sees what: the bounding volume hierarchy over the proxy's primitives and rays through it.
+//! Visibility: the bounding volume hierarchy over the proxy's primitives and rays through it.
 
 pub mod bvh;
 pub(crate) mod closing;

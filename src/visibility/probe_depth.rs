@@ -85,7 +85,7 @@ crate::stage!(
 
 /// Depth of the directions behind a disc: everything there is hidden.
 const BEHIND: f32 = glsl::BEHIND as f32;
-/// Rays of one dispatch: short enough that no watchdog minds.
+/// Rays of one dispatch: short enough for any watchdog.
 const RAYS: u32 = 1 << 20;
 
 /// Probes and what each sees of the surface.
@@ -232,7 +232,7 @@ fn meets_region(geometry: &SceneGeometry, origin: Vec3, direction: Vec3, reach: 
     false
 }
 
-/// Whether a camera may stand at `p`: the twin of `region_contains` in `shaders/glsl/shared/region.glsl`.
+/// Whether a camera may be placed at `p`: the twin of `region_contains` in `shaders/glsl/shared/region.glsl`.
 fn feasible(geometry: &SceneGeometry, region: &DeviceRegion, p: Vec3) -> bool {
     contains(region, p) && geometry.free.clamped_violation(p).0 < 0.5 * region.cell
 }

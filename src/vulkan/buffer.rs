@@ -26,7 +26,7 @@ impl Buffer {
     /// A buffer of `size` bytes in device memory, contents undefined.
     ///
     /// # Errors
-    /// Where the device has not that much memory left, or no shader could see so large a buffer.
+    /// Where the device has too little memory left, or no shader could see so large a buffer.
     pub fn device(context: &Arc<Context>, name: &str, size: u64) -> Result<Self> {
         Self::new(context, name, size, MemoryLocation::GpuOnly)
     }
@@ -168,7 +168,7 @@ impl Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        // SAFETY: recorders wait for their submissions before they let go of the buffers that they use.
+        // SAFETY: recorders wait for their submissions before they release the buffers that they use.
         unsafe { self.context.device.destroy_buffer(self.raw, None) };
         if let Some(allocation) = self.allocation.take() {
             self.count(Context::count_freed);

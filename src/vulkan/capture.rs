@@ -1,5 +1,5 @@
-//! RenderDoc captures through its in-application API. In headless compute a capture tool never sees a frame, so the
-//! capture is started and ended by hand.
+//! RenderDoc captures through its in-application API. In headless compute a capture tool never sees a frame, so the capture is
+//! started and ended explicitly.
 
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::path::{Path, PathBuf};
@@ -45,7 +45,7 @@ impl RenderDoc {
     /// # Errors
     /// Where RenderDoc is not installed.
     pub fn load() -> Result<Self> {
-        // SAFETY: the caller is told to call this first thing, while no other thread reads the environment; the
+        // SAFETY: the caller must call this first, while no other thread reads the environment; the
         // library is RenderDoc's, its entry point has this signature, and it is never unloaded, so that the table it
         // hands out stays valid.
         unsafe {
@@ -75,7 +75,7 @@ impl RenderDoc {
     /// Starts a capture whose file name starts with `template`.
     ///
     /// # Errors
-    /// Where the path cannot be told to RenderDoc.
+    /// Where the path cannot be passed to RenderDoc.
     pub fn start(&self, template: &Path) -> Result<()> {
         let template = CString::new(template.to_string_lossy().as_bytes())
             .map_err(|_| Error::input(template, "a capture's path holds no NUL"))?;
@@ -87,7 +87,7 @@ impl RenderDoc {
         Ok(())
     }
 
-    /// Ends the capture and says where it lies.
+    /// Ends the capture and returns its path.
     ///
     /// # Errors
     /// Where RenderDoc could not write it.
@@ -101,7 +101,7 @@ impl RenderDoc {
         };
         let mut path = [0 as c_char; 4096];
         let mut length = path.len() as u32;
-        // SAFETY: as in `start`; `path` is as long as `length` says.
+        // SAFETY: as in `start`; `path` has the length `length`.
         unsafe {
             if (self.table.end_frame_capture)(std::ptr::null_mut(), std::ptr::null_mut()) != 1 {
                 return Err(failed());

@@ -17,7 +17,7 @@ pub struct Timing {
     pub end: f64,
 }
 
-/// Pairs of timestamps, one for each name. Whoever makes one gives its queries back.
+/// Pairs of timestamps, one for each name. Its maker returns its queries.
 pub(super) struct Clock {
     queries: Queries,
     capacity: u32,
@@ -27,7 +27,7 @@ pub(super) struct Clock {
 }
 
 impl Clock {
-    /// Room for `capacity` pairs, reset by `commands`, which must be recording.
+    /// Capacity for `capacity` pairs, reset by `commands`, which must be recording.
     pub(super) fn new(context: &Context, commands: vk::CommandBuffer, capacity: u32, whole: bool) -> Result<Self> {
         let capacity = capacity.max(1);
         let queries = context.take_queries(2 * capacity)?;

@@ -33,7 +33,7 @@ pub struct Context {
     pub(super) debug_utils: Option<ash::ext::debug_utils::Device>,
     pub(super) checkpoints: Option<ash::nv::device_diagnostic_checkpoints::Device>,
     pub(super) debug_sync: bool,
-    /// What was compiled once is found again.
+    /// Cache of compiled pipelines.
     pub(super) pipeline_cache: vk::PipelineCache,
     pub(super) reusable: Reusable,
     queue: vk::Queue,
@@ -209,13 +209,13 @@ impl Context {
             submit = submit.push_next(&mut values);
         }
         let _guard = lock(&self.queue_lock);
-        // SAFETY: the command buffer is recorded and of this device, the semaphores as the caller of `submit_between` says; the
+        // SAFETY: the command buffer is recorded and of this device, the semaphores as the caller of `submit_between` guarantees; the
         // lock makes the queue ours for the call.
         unsafe { self.device.queue_submit(self.queue, &[submit], fence) }
             .map_err(|code| self.failure("vkQueueSubmit", code))
     }
 
-    /// The error for a failed call; a lost device names the last stage that started, where the driver can tell.
+    /// The error for a failed call; a lost device names the last stage that started, where the driver reports it.
     pub(super) fn failure(&self, what: &'static str, code: vk::Result) -> Error {
         match code {
             vk::Result::ERROR_DEVICE_LOST => Error::DeviceLost { stage: self.last_checkpoint() },
@@ -267,7 +267,7 @@ impl Drop for Context {
 }
 
 impl Context {
-    /// A command buffer that nobody uses and that is not recording.
+    /// An unused command buffer that is not recording.
     pub(super) fn take_commands(&self) -> Result<Commands> {
         if let Some(commands) = lock(&self.reusable.commands).pop() {
             return Ok(commands);
@@ -296,7 +296,7 @@ impl Context {
 
     /// Takes a command buffer back, no submission of which is pending.
     pub(super) fn give_commands(&self, commands: Commands) {
-        // SAFETY: by the caller's word nothing of the pool is pending.
+        // SAFETY: the caller guarantees that nothing of the pool is pending.
         let reset = unsafe { self.device.reset_command_pool(commands.pool, vk::CommandPoolResetFlags::empty()) };
         let left = if reset.is_ok() { keep(&self.reusable.commands, commands) } else { Some(commands) };
         if let Some(Commands { pool, .. }) = left {
@@ -317,7 +317,7 @@ impl Context {
 
     /// Takes a fence back that nothing will signal.
     pub(super) fn give_fence(&self, fence: vk::Fence) {
-        // SAFETY: by the caller's word no submission that would signal it is pending.
+        // SAFETY: the caller guarantees that no submission that would signal it is pending.
         let reset = unsafe { self.device.reset_fences(&[fence]) };
         let left = if reset.is_ok() { keep(&self.reusable.fences, fence) } else { Some(fence) };
         if let Some(fence) = left {
@@ -326,7 +326,7 @@ impl Context {
         }
     }
 
-    /// Room for `count` timestamps; what it holds is to be reset.
+    /// Queries for `count` timestamps; what it holds is to be reset.
     pub(super) fn take_queries(&self, count: u32) -> Result<Queries> {
         let mut reusable = lock(&self.reusable.queries);
         if let Some(at) = reusable.iter().position(|queries| queries.count == count) {
@@ -343,7 +343,7 @@ impl Context {
     /// Takes queries back that no pending submission writes.
     pub(super) fn give_queries(&self, queries: Queries) {
         if let Some(Queries { pool, .. }) = keep(&self.reusable.queries, queries) {
-            // SAFETY: by the caller's word no submission uses it any more, nor one that is kept.
+            // SAFETY: the caller guarantees that no submission uses it any more, nor one that is kept.
             unsafe { self.device.destroy_query_pool(pool, None) };
         }
     }
@@ -351,7 +351,7 @@ impl Context {
     /// Destroys what is kept.
     pub(super) fn destroy_reusable(&self) {
         let Reusable { commands, fences, queries } = &self.reusable;
-        // SAFETY: nobody uses what is kept.
+        // SAFETY: what is kept is unused.
         unsafe {
             lock(commands).drain(..).for_each(|Commands { pool, .. }| self.device.destroy_command_pool(pool, None));
             lock(fences).drain(..).for_each(|fence| self.device.destroy_fence(fence, None));

@@ -24,7 +24,7 @@ fn bytes_of(list: &[(&'static str, u64)], name: &str) -> Result<u64> {
 pub struct Footprint {
     /// Name and bytes of every buffer.
     pub buffers: Vec<(&'static str, u64)>,
-    /// Names of entries that stand for several buffers, none of which is the whole.
+    /// Names of entries that cover several buffers, none of which is the whole.
     pub several: &'static [&'static str],
 }
 
@@ -42,8 +42,7 @@ impl Footprint {
         self.buffers.iter().map(|buffer| buffer.1).sum()
     }
 
-    /// Checks the footprint of `what` ("the plan") against the device; `remedy` says what to do about the buffer of that
-    /// name.
+    /// Checks the footprint of `what` ("the plan") against the device; `remedy` gives the remedy for the buffer of that name.
     ///
     /// # Errors
     /// Where the whole does not fit the memory that is free, or one buffer is larger than the device allows.

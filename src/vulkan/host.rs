@@ -56,7 +56,7 @@ impl HostDevice {
     /// The handles must be valid and of one another, and `get_instance_proc_addr` that of the loader that made the instance.
     pub unsafe fn from_raw(host: RawHost) -> Self {
         let RawHost { get_instance_proc_addr, instance, physical, device, queue, queue_family } = host;
-        // SAFETY: as the caller says.
+        // SAFETY: as the caller guarantees.
         unsafe {
             let functions = ash::StaticFn { get_instance_proc_addr };
             let instance = ash::Instance::load(&functions, vk::Instance::from_raw(instance));

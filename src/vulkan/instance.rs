@@ -24,10 +24,10 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// Loads Vulkan and makes an instance, with the validation layers (core and synchronisation) if asked.
+    /// Loads Vulkan and makes an instance, with the validation layers (core and synchronisation) if requested.
     ///
     /// # Errors
-    /// Where there is no loader, or the layers were asked for and are not installed; the message says what to install.
+    /// Where there is no loader, or the layers were requested and are not installed; the message names what to install.
     pub fn new(validation: bool) -> Result<Self> {
         // SAFETY: loading the system's Vulkan loader runs its initialisers; it has no other preconditions.
         let entry = unsafe { ash::Entry::load() }.map_err(|_| {

@@ -1,8 +1,8 @@
 //! The Vulkan layer: context, memory, stages, commands, timestamps, capture. All of the crate's `unsafe` is here.
 //!
-//! A stage is one compute shader and one host declaration of the same name ([`stage`]); the build holds the two against
-//! each other. A [`recorder::Recorder`] writes stages into a command buffer, its own or a host application's, and is the
-//! one place where barriers are inserted.
+//! A stage is one compute shader and one host declaration of the same name ([`stage`]); the build checks the two against each
+//! other. A [`recorder::Recorder`] writes stages into a command buffer, its own or a host application's, and is the one place
+//! where barriers are inserted.
 
 pub(crate) mod buffer;
 pub mod capture;

@@ -53,7 +53,7 @@ impl Physical {
     /// Reads a device's properties.
     pub(super) fn read(instance: &Instance, raw: vk::PhysicalDevice) -> Self {
         let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
-        // Left at zero by drivers that do not know it.
+        // Left at zero by drivers that do not support it.
         let mut subgroup_range = vk::PhysicalDeviceSubgroupSizeControlProperties::default();
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
         let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
@@ -155,7 +155,7 @@ impl Physical {
         Ok(instance.physical_devices()?.into_iter().map(|raw| Self::read(instance, raw)).collect())
     }
 
-    /// The device asked for by index or by a part of its name; where none is asked for, the best that can be used
+    /// The device selected by index or by a part of its name; by default, the best that can be used
     /// (discrete before integrated before virtual before CPU).
     ///
     /// # Errors

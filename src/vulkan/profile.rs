@@ -110,7 +110,7 @@ impl Profile {
 mod tests {
     use super::*;
 
-    /// By hand. If this failed, the benches would lay the host's gaps to the device, or leave out the device's own.
+    /// Computed directly. If this failed, the benchmarks would attribute the host's gaps to the device, or leave out the device's own.
     #[test]
     fn gpu_time_has_the_gaps_within_submissions_only() {
         let mut profile = Profile::default();

@@ -1,4 +1,4 @@
-//! Recording: stages into a command buffer, with the barriers that their buffers call for.
+//! Recording: stages into a command buffer, with the barriers that their buffers need.
 
 use std::sync::Arc;
 
@@ -247,7 +247,7 @@ impl<'a> Recorder<'a> {
     /// Waits for every submission so far. Where that fails but the device is not lost, they may still run: it can be called again.
     ///
     /// # Errors
-    /// Where the device is lost; the error names the last stage that started, where the driver can tell.
+    /// Where the device is lost; the error names the last stage that started, where the driver reports it.
     pub fn wait(&mut self) -> Result<()> {
         if self.fences.is_empty() {
             return Ok(());
@@ -263,7 +263,7 @@ impl<'a> Recorder<'a> {
 
     /// Submissions that have not ended yet.
     pub fn pending(&self) -> usize {
-        // Of a lost device nothing runs any more: waiting says so.
+        // Of a lost device nothing runs any more: waiting reports it.
         // SAFETY: the fences are live.
         let running =
             |fence: &&vk::Fence| matches!(unsafe { self.context.device.get_fence_status(**fence) }, Ok(false));
@@ -302,7 +302,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Under `--debug-sync`: runs what was recorded so far, so that a failure can be laid to `stage`.
+    /// Under `--debug-sync`: runs what was recorded so far, so that a failure can be attributed to `stage`.
     fn run_now(&mut self, stage: &'static str) -> Result<()> {
         self.submit()?;
         self.wait().map_err(|error| match error {
@@ -346,7 +346,7 @@ impl<'a, P: Pod> StageRecord<'_, 'a, P> {
         self.groups([x, y, 1]);
     }
 
-    /// Dispatches as many workgroups as the three `u32` at byte `offset` of `buffer` say.
+    /// Dispatches as many workgroups as the three `u32` at byte `offset` of `buffer` give.
     pub fn indirect(self, buffer: &'a Buffer, offset: u64) {
         self.dispatch(&Size::Indirect(buffer, offset));
     }

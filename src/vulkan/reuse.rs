@@ -10,7 +10,7 @@ use crate::parallel::lock;
 /// Of each kind so many are kept.
 const MAX_REUSABLE: usize = 16;
 
-/// What nobody uses.
+/// Unused objects.
 #[derive(Default)]
 pub(super) struct Reusable {
     pub commands: Mutex<Vec<Commands>>,
@@ -25,7 +25,7 @@ pub(super) struct Commands {
     pub raw: vk::CommandBuffer,
 }
 
-/// Room for so many timestamps.
+/// Capacity in timestamps.
 #[derive(Clone, Copy)]
 pub(super) struct Queries {
     pub pool: vk::QueryPool,

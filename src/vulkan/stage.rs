@@ -1,4 +1,4 @@
-//! Stages: what the host declares of a compute shader, held against the compiled SPIR-V while the crate compiles.
+//! Stages: what the host declares of a compute shader, checked against the compiled SPIR-V while the crate compiles.
 
 use super::buffer::Buffer;
 
@@ -22,7 +22,7 @@ pub struct Layout {
     pub members: &'static [Member],
 }
 
-/// What a compiled shader says of itself.
+/// Reflection data of a compiled shader.
 pub struct Reflected {
     /// Threads per workgroup.
     pub local_size: [u32; 3],
@@ -124,7 +124,7 @@ macro_rules! gpu_struct {
 }
 
 /// Declares the specialisation constants of one or several shaders, named as in GLSL but in lower case: integers,
-/// booleans or enumerations. `local_size_x` stands for `local_size_x_id`.
+/// booleans or enumerations. `local_size_x` sets `local_size_x_id`.
 #[macro_export]
 macro_rules! specialisation {
     ($(#[$meta:meta])* $vis:vis struct $name:ident { $($(#[$field_meta:meta])* $field:ident: $kind:ty,)* }) => {

@@ -13,7 +13,7 @@ fn cameras(place: &Place, folder: &str) -> Vec<Camera> {
     io::read_cameras(&place.path(&format!("{folder}/plan.json"))).unwrap()
 }
 
-/// If this failed, a table could not be made of the baselines' plans, a baseline's cameras would stand where ours may not, or two runs
+/// If this failed, a table could not be made of the baselines' plans, a baseline's cameras would be where ours may not, or two runs
 /// would give two tables.
 #[test]
 fn every_peer_leaves_a_plan_in_its_region_and_the_same_twice() {
@@ -71,7 +71,7 @@ fn variants_of_the_planner_are_methods_too() {
     );
 }
 
-/// If this failed, Ctrl-C would end a choice by a signal and not say what became of it, or leave half of a folder.
+/// If this failed, Ctrl-C would end a choice by a signal without reporting the outcome, or leave half of a folder.
 #[test]
 fn a_stopped_choice_writes_nothing_and_says_so() {
     let place = Place::new();
@@ -85,7 +85,7 @@ fn a_stopped_choice_writes_nothing_and_says_so() {
     assert_eq!(place.files(""), before);
 }
 
-/// If this failed, baselines would look at the middle of a room, stand in its furniture, or forget the cameras that are there.
+/// If this failed, baselines would look at the middle of a room, be inside its furniture, or ignore existing cameras.
 #[test]
 fn peers_stand_in_rooms_and_beside_kept_cameras() {
     let place = Place::new();
@@ -120,7 +120,7 @@ fn model() -> Gaussians {
     gaussians
 }
 
-/// If this failed, what chooses by a model would not see it, would take views that tell nothing, or need another try.
+/// If this failed, methods that choose by a model would not see it, would take uninformative views, or need another try.
 #[test]
 fn peers_that_look_at_a_model_choose_by_it() {
     let place = Place::new();
@@ -163,7 +163,7 @@ fn peers_that_look_at_a_model_choose_by_it() {
     }
 }
 
-/// If this failed, cameras would leave the middle of the shell, forget the views that are there, or differ between two runs.
+/// If this failed, cameras would leave the middle of the shell, ignore existing views, or differ between two runs.
 #[test]
 fn cameras_climb_to_where_a_model_is_least_certain() {
     let place = Place::new();
@@ -183,7 +183,7 @@ fn cameras_climb_to_where_a_model_is_least_certain() {
     }
     place.done(&format!("plan ball.ply --views 6 --out again {run} {shell}"));
     assert_eq!(place.read("again/transforms.json"), place.read("o/transforms.json"));
-    // With views that are there, no first four are taken.
+    // With existing views, no initial four are taken.
     place.done(&format!("plan ball.ply --views 2 --out more --keep o {run} {shell}"));
     let more = cameras(&place, "more");
     assert_eq!(more.len(), 8);

@@ -46,7 +46,7 @@ fn succeeded(output: Output) -> String {
     ran.out
 }
 
-/// If this failed, whoever looks for a fault on a GPU would get a capture that is empty, that no tool opens, or in which
+/// If this failed, debugging a fault on a GPU would start from a capture that is empty, that no tool opens, or in which
 /// nothing has a name.
 #[test]
 fn a_capture_of_one_iteration_opens_again_with_its_names() {
@@ -108,7 +108,7 @@ fn a_capture_can_be_parsed_without_replaying_it() {
     parsed(&place, out.lines().find_map(|line| line.strip_prefix("capture  ")).expect(&out));
 }
 
-/// If this failed, looking at an iteration would change the plan that follows it.
+/// If this failed, capturing an iteration would change the plan that follows.
 #[test]
 fn a_capture_does_not_change_the_plan() {
     let Some(place) = place() else { return };

@@ -1,4 +1,4 @@
-//! `camsplat capture`: what it writes, going on after a stop, and what it refuses.
+//! `camsplat capture`: what it writes, how it resumes after a stop, and what it refuses.
 
 use crate::support::command::gltf::{cube, sky};
 use crate::support::command::{Place, assert_refused, read_until, stop};
@@ -77,7 +77,7 @@ fn the_folder_is_a_capture_as_it_is() {
     }
 }
 
-/// If this failed, a capture of hours would begin anew after a stop, or go on with other pictures than it would have made.
+/// If this failed, a capture of hours would start over after a stop, or continue with other pictures than it would have made.
 #[test]
 fn a_stopped_capture_goes_on_at_the_first_missing_picture() {
     let place = place(6, 48);
@@ -123,7 +123,7 @@ fn a_stopped_capture_takes_no_pictures_of_an_earlier_one() {
     assert_same(&place, "o", "whole");
 }
 
-/// If this failed, bad input would end in a black picture, a panic, or a message that leaves the user alone.
+/// If this failed, bad input would end in a black picture, a panic, or a message without a remedy.
 #[test]
 fn bad_input_is_refused_and_nothing_is_written() {
     let place = place(1, 16);
@@ -167,7 +167,7 @@ fn what_is_doubtful_is_said() {
     let ran = place.done("capture veil.gltf cameras.json --out veil --env sky.hdr --spp 2");
     assert!(ran.out.contains("12 triangles, 1 materials"), "{}", ran.out);
     assert!(ran.out.contains("the model has no points") && ran.out.contains("with 0 points"), "{}", ran.out);
-    // Backs that are meant to be seen tell nothing; that nothing is seen does.
+    // Backs of double-sided triangles are no evidence; seeing nothing is.
     let with = |more: &str| cube(&ORANGE.replace(r#""pbr"#, &format!(r#"{more}, "pbr"#)));
     place.write("closed.gltf", with(r#""doubleSided": true"#));
     let ran = place.done("capture closed.gltf cameras.json --out closed --env sky.hdr --spp 2");
@@ -182,7 +182,7 @@ fn what_is_doubtful_is_said() {
     assert!(dark.code == Some(2) && dark.err.contains("no light"), "{}", dark.err);
 }
 
-/// If this failed, a scene of which a part is unlit could come out black elsewhere, without a word.
+/// If this failed, a scene of which a part is unlit could silently come out black elsewhere.
 #[test]
 fn lit_things_without_a_light_are_told_of() {
     let place = place(1, 8);

@@ -52,7 +52,7 @@ fn a_plan_leaves_every_file_and_they_agree() {
     }
 }
 
-/// If this failed, `score` would judge a plan by another measure than `plan` did, or an export would have moved the
+/// If this failed, `score` would score a plan by another measure than `plan` did, or an export would have moved the
 /// cameras.
 #[test]
 fn score_of_our_own_files_gives_the_metrics_of_the_plan() {
@@ -169,7 +169,7 @@ fn every_option_of_the_help_is_accepted() {
     place.write("small.json", r#"{"boxes": [[-0.9, -0.9, 0.2, -0.6, -0.6, 0.4]]}"#);
     place.done(&format!("score ball.ply first/plan.json {given}"));
     place.done("score ball.ply first/plan.json --shell 0,0,0,2,3");
-    // A plan's own region is taken, from its folder as from its file; one that cannot be read is told.
+    // A plan's own region is taken, from its folder as from its file; one that cannot be read is reported.
     place.done(&format!("plan ball.ply --out own {SHORT} --shell 0,0,0,2.25,3"));
     for cameras in ["own", "own/plan.json"] {
         let scored = place.done(&format!("score ball.ply {cameras}"));
@@ -208,7 +208,7 @@ fn every_option_of_the_help_is_accepted() {
     }
 }
 
-/// As above, for training: what is asked for must be what runs, too.
+/// As above, for training: the options given must take effect, too.
 #[test]
 fn every_option_of_train_is_accepted_and_counts() {
     let place = Place::new();
@@ -279,7 +279,7 @@ fn what_is_asked_for_is_what_runs() {
     assert!(plan.history.windows(2).all(|pair| pair[0].scale == pair[1].scale), "a rate of 0 holds the scale");
 }
 
-/// If this failed, a run could not be repeated: the determinism that the tool promises would end at its command line.
+/// If this failed, a run could not be repeated: the promised determinism would end at the command line.
 #[test]
 fn the_same_command_gives_the_same_plan() {
     let place = Place::new();
@@ -294,8 +294,8 @@ fn the_same_command_gives_the_same_plan() {
     assert_ne!(first.cameras, other.cameras);
 }
 
-/// If this failed, waiting after every stage, or timing every stage, would change what is computed: a missing barrier
-/// would hide from the very tools that are to find it.
+/// If this failed, waiting after every stage, or timing every stage, would change what is computed: a missing barrier would stay
+/// hidden from the tools meant to find it.
 #[test]
 fn watching_a_run_does_not_change_it() {
     let place = Place::new();
@@ -313,7 +313,7 @@ fn watching_a_run_does_not_change_it() {
     }
 }
 
-/// If this failed, nobody could tell from the curve how many photos to take: more views must be expected to give more, by ever less.
+/// If this failed, the curve would not show how many photos to take: more views must be expected to give more, by ever less.
 #[test]
 fn the_curve_rises_with_the_views_and_flattens() {
     let place = Place::new();
@@ -369,7 +369,7 @@ fn profile_and_trace_name_every_stage() {
     assert!(events.iter().any(|event| event["ph"] == "M" && event["args"]["name"] == "device"));
 }
 
-/// If this failed, `--dry-run` would not warn of what a plan takes, or would touch the disk.
+/// If this failed, `--dry-run` would not report what a plan takes, or would touch the disk.
 #[test]
 fn a_dry_run_prints_the_footprint_and_writes_nothing() {
     let place = Place::new();
@@ -415,7 +415,7 @@ fn validation_is_refused_where_the_layers_are_missing() {
     assert!(ran.err.contains("vulkan-validationlayers"), "{}", ran.err);
 }
 
-/// If this failed, a user could not find out what there is to run on.
+/// If this failed, a user could not list the available devices.
 #[test]
 fn devices_are_listed_with_what_they_have() {
     let place = Place::new();
@@ -435,7 +435,7 @@ fn devices_are_listed_with_what_they_have() {
     }
 }
 
-/// If this failed, `camsplat plan ... | head -1` would lose the plan: writing to nobody fails.
+/// If this failed, `camsplat plan ... | head -1` would lose the plan: writing to a closed pipe fails.
 #[test]
 fn a_reader_that_goes_away_costs_nothing() {
     let place = Place::new();
@@ -449,7 +449,7 @@ fn a_reader_that_goes_away_costs_nothing() {
     assert_eq!(child.wait().unwrap().code(), Some(2));
 }
 
-/// If this failed, stopping a run would throw its work away, pass half a plan off as a whole one, or go unheard.
+/// If this failed, stopping a run would throw its work away, pass half a plan off as a whole one, or have no effect.
 #[test]
 #[cfg(unix)]
 fn an_interrupted_run_leaves_the_plan_so_far() {
@@ -481,7 +481,7 @@ fn a_stop_at_any_time_leaves_all_or_nothing() {
         let mut child =
             place.command(&format!("plan ball.ply --out {out} {SMALL} --iterations 50000")).spawn().unwrap();
         let output = read_until(&mut child, line);
-        // Not -INT, which shells tell what they run in the background to ignore.
+        // Not -INT, which shells make background processes ignore.
         let ran = stop(child, output, "-TERM");
         // Before the work begins the signal itself ends the process, and there is no exit code.
         assert!([None, Some(130)].contains(&ran.code), "{line}: {:?} {}", ran.code, ran.err);

@@ -1,4 +1,4 @@
-//! What bad input gets: one line that says what is wrong, where, and what to do; exit code 2; nothing written.
+//! What bad input gets: one line with what is wrong, where, and what to do; exit code 2; nothing written.
 
 use crate::support::command::{Place, SHORT, assert_refused, ball, ended, names, points};
 use std::fs;
@@ -17,8 +17,7 @@ fn assert_options_refused(cases: &[(&str, &[&str])]) {
     assert_refused(&place, &cases);
 }
 
-/// If this failed, a damaged file would end in a panic, in a plan for what was left of it, or in a message that leaves
-/// the user alone.
+/// If this failed, a damaged file would end in a panic, in a plan for what was left of it, or in a message without a remedy.
 #[test]
 fn surfaces_that_are_none() {
     let place = Place::new();
@@ -69,7 +68,7 @@ fn surfaces_that_are_none() {
     }
 }
 
-/// If this failed, cameras would be planned where there is no room for them, or see nothing, and the user would learn it
+/// If this failed, cameras would be planned where they do not fit, or see nothing, and the user would learn it
 /// from the photos.
 #[test]
 fn regions_that_are_none() {
@@ -105,7 +104,7 @@ fn regions_that_are_none() {
     ]);
 }
 
-/// If this failed, a slip of the keyboard would be planned with, or be answered with a page of usage.
+/// If this failed, a typing error would be planned with, or produce a page of usage.
 #[test]
 fn numbers_that_are_none() {
     assert_options_refused(&[
@@ -181,7 +180,7 @@ fn what_is_read_is_not_written_over_and_poses_are_numbers() {
     place.done("score ball.ply p --json p/score.json");
 }
 
-/// If this failed, a plan that cannot fit would eat the host's memory first, or die long after it could have been known.
+/// If this failed, a plan that cannot fit would exhaust the host's memory first, or fail long after that could have been known.
 #[test]
 fn counts_beyond_the_device() {
     let place = Place::new();
@@ -268,7 +267,7 @@ fn places_that_cannot_be_written() {
     // With --force the user's own files stay.
     place.done(&format!("plan ball.ply --out full {SHORT} --force"));
     assert_eq!(place.read("full/mine.txt"), "mine");
-    // Where nobody may write, whoever runs the tests.
+    // A folder that no user may write to, root included.
     if cfg!(target_os = "linux") {
         assert_refused(
             &place,
@@ -277,7 +276,7 @@ fn places_that_cannot_be_written() {
     }
 }
 
-/// If this failed, a user without a driver, or with a typing error in --device, would not be told what to do about it.
+/// If this failed, a user without a driver, or with a typing error in --device, would get no remedy.
 #[test]
 fn devices_that_are_not_there() {
     let place = Place::new();
@@ -300,7 +299,7 @@ fn devices_that_are_not_there() {
     }
 }
 
-/// If this failed, renders would be held against the wrong photos, or a slip in a path end in a panic or half a table.
+/// If this failed, renders would be compared with the wrong photos, or a typing error in a path end in a panic or half a table.
 #[test]
 fn images_that_cannot_be_compared() {
     let place = Place::new();

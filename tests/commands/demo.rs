@@ -1,4 +1,4 @@
-//! The demo's whole way, from photographs of its own scene to scores and the page, and what a stop leaves.
+//! The whole demo pipeline, from photographs of its own scene to scores and the page, and what a stop leaves.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -35,7 +35,7 @@ fn subject() -> Scene {
     Scene::new(Path::new("rooms"), &setting, (model, None), surface, &SMALL.settings.intrinsics()).unwrap()
 }
 
-/// If this failed, the demo would end without scores, with a page whose pictures and links lead nowhere, or begin anew after a
+/// If this failed, the demo would end without scores, with a page whose pictures and links lead nowhere, or start over after a
 /// stop.
 #[test]
 fn the_whole_way_is_gone_and_the_page_shows_what_is_there() {
@@ -63,7 +63,7 @@ fn the_whole_way_is_gone_and_the_page_shows_what_is_there() {
         sentence.contains("5 photographs from planned places") && sentence.matches(" dB").count() == 3,
         "{sentence}"
     );
-    // Nobody asked for LPIPS of VGG16.
+    // LPIPS of VGG16 was not requested.
     for interval in demo.outcome.rows.iter().flat_map(|row| row.measured[..3].iter().flatten()) {
         assert!(interval.is_some_and(|interval| interval.mean.is_finite()), "{:?}", demo.outcome.rows);
     }
@@ -95,7 +95,7 @@ fn a_stopped_demo_says_so() {
     assert!(!place.path("o/report.html").exists());
 }
 
-/// If this failed, the demo would write over somebody's files.
+/// If this failed, the demo would overwrite a user's files.
 #[test]
 fn a_demo_does_not_write_into_a_folder_of_others() {
     let place = Place::new();

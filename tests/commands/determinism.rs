@@ -15,7 +15,7 @@ const WAYS: [&str; 3] = [
     "--objective splat --pass binned --relocate-every 5",
 ];
 
-/// What a plan says, apart from the time it took.
+/// What a plan records, except the time it took.
 struct Planned {
     /// The bytes of transforms.json.
     transforms: String,
@@ -35,7 +35,7 @@ fn planned(place: &Place, way: &str, environment: &[(&str, &str)]) -> Planned {
     Planned { transforms: place.read("o/transforms.json"), history: plan.history, cameras, device: plan.device }
 }
 
-/// If this failed, nobody could repeat a plan, and no difference between two plans could be put down to an option. A sum
+/// If this failed, no plan could be repeated, and no difference between two plans could be attributed to an option. A sum
 /// in the order in which threads happen to end would do it. (On other drivers than lavapipe the variable is not read,
 /// and this is six times the same run.)
 #[test]
@@ -62,7 +62,7 @@ fn a_plan_does_not_depend_on_the_subgroup_size() {
     let place = Place::new();
     for way in WAYS {
         let [narrow, wide] = ["128", "256"].map(|bits| planned(&place, way, &[("LP_NATIVE_VECTOR_WIDTH", bits)]));
-        // The driver's name tells the width, and so that the variable was read; other drivers do not know it.
+        // The driver's name contains the width, which shows that the variable was read; other drivers ignore it.
         if narrow.device.contains("llvmpipe") {
             assert_ne!(narrow.device, wide.device, "both runs were on vectors of one width");
         }

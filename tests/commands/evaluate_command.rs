@@ -1,4 +1,4 @@
-//! `camsplat evaluate`: from a scene to tables, going on after a stop, and what it refuses.
+//! `camsplat evaluate`: from a scene to tables, how it resumes after a stop, and what it refuses.
 
 use std::fs;
 
@@ -85,7 +85,7 @@ fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
     assert!(lost.err.contains(&training) && lost.err.contains("missing: reference/full_0000.png"), "{}", lost.err);
     fs::write(&picture, bytes).unwrap();
 
-    // A photograph of the inputs that is lost is told of, with what to do about it, and nothing is made of the others.
+    // A lost input photograph is reported with a remedy, and nothing is made from the others.
     let inputs = place.files("o/cube").into_iter().find(|name| name.ends_with("images/input_0000.png")).unwrap();
     fs::remove_file(place.path(&format!("o/cube/{inputs}"))).unwrap();
     let inputs = inputs.split('/').next().unwrap();
@@ -94,15 +94,15 @@ fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
     }
     let damaged = place.run(&format!("{TINY} --out o"));
     assert_eq!(damaged.code, Some(2), "{}{}", damaged.out, damaged.err);
-    let told = [inputs, "input_0000.png", "remove the folder"].iter().all(|part| damaged.err.contains(part));
-    assert!(told && damaged.err.lines().count() == 1, "{}", damaged.err);
+    let reported = [inputs, "input_0000.png", "remove the folder"].iter().all(|part| damaged.err.contains(part));
+    assert!(reported && damaged.err.lines().count() == 1, "{}", damaged.err);
     fs::remove_dir_all(place.path(&format!("o/cube/{inputs}"))).unwrap();
     place.done(&format!("{TINY} --out o"));
     assert_eq!(qualities(&results(&place, "o")), qualities(&results(&place, "whole")));
 }
 
-/// If this failed, what trains while it chooses would have no photographs to train on, take them again after a stop, not
-/// say how long it trained, or train otherwise than all others.
+/// If this failed, what trains while it chooses would have no photographs to train on, take them again after a stop, not record
+/// how long it trained, or train otherwise than all others.
 #[test]
 fn a_method_that_trains_while_it_chooses_photographs_its_choices() {
     let place = lit_cube();
@@ -122,7 +122,7 @@ fn a_method_that_trains_while_it_chooses_photographs_its_choices() {
 }
 
 /// If this failed, some of the splats that are compared, or that methods choose by, would be trained without the filter, the
-/// table would not say so, or what has nothing to do with training would be made again.
+/// table would not record it, or what has nothing to do with training would be made again.
 #[test]
 fn the_filter_against_aliasing_is_of_all_training_and_of_nothing_else() {
     let place = lit_cube();
@@ -174,8 +174,8 @@ fn seeds_that_were_made_apart_are_put_together() {
     assert_eq!(qualities(&results(&place, "here")), qualities(&results(&place, "both")));
 }
 
-/// If this failed, LPIPS of VGG16 would stand beside other views than those that it is of, training would be done again for it, or it
-/// would be in tables that it was not asked for.
+/// If this failed, LPIPS of VGG16 would be listed beside other views than its own, training would be done again for it, or it
+/// would be in tables without being requested.
 #[test]
 fn lpips_of_vgg_is_measured_of_what_is_trained() {
     let place = lit_cube();
@@ -208,12 +208,12 @@ fn lpips_of_vgg_is_measured_of_what_is_trained() {
     assert_eq!(damaged.code, Some(2), "{}{}", damaged.out, damaged.err);
     assert!(damaged.err.contains(&folder) && damaged.err.contains("remove the folder"), "{}", damaged.err);
 
-    // What is not asked for any more goes with the next tables.
+    // What is no longer requested is dropped from the next tables.
     place.done(&format!("{} --out o", tiny.replace("ours", "ours,fvs")));
     assert!(!place.read("o/table.md").contains("VGG16") && !place.read("o/report.html").contains("VGG16"));
 }
 
-/// If this failed, input photos would be taken from all around whatever was asked for, or the table would not say where from.
+/// If this failed, input photos would be taken from all around whatever the request, or the table would not record from where.
 #[test]
 fn inputs_can_be_taken_from_one_side() {
     let place = lit_cube();
@@ -234,7 +234,7 @@ fn inputs_can_be_taken_from_one_side() {
     assert!(places.len() == 8 && sum > 0.55 * far, "{places:?}");
 }
 
-/// If this failed, manifold sampling would have no model in an evaluation, or not say how far its cameras went.
+/// If this failed, manifold sampling would have no model in an evaluation, or not record how far its cameras went.
 #[test]
 fn manifold_sampling_takes_steps_in_proportion() {
     let place = lit_cube();
@@ -246,7 +246,7 @@ fn manifold_sampling_takes_steps_in_proportion() {
     assert!(place.read("o/table.md").contains("| cube | manifold | 5 |"));
 }
 
-/// If this failed, bad input would be found out after hours, or leave something behind.
+/// If this failed, bad input would be detected after hours, or leave something behind.
 #[test]
 fn bad_input_is_refused_and_nothing_is_written() {
     let place = lit_cube();
@@ -326,7 +326,7 @@ fn cameras_of_a_file_are_a_method() {
     assert_eq!((qualities[1].0, qualities[0].1), (&Value::from("cameras:mine.json"), qualities[1].1));
     assert!(place.read("o/report.html").contains("cameras:mine.json"));
     assert!(place.read("o/table.md").contains("cameras:FILE are where the file has them"));
-    // As many as they are alone, whatever else is asked for, and chosen once for all seeds.
+    // As many as they are alone, whatever else is requested, and chosen once for all seeds.
     let budgets = tiny("cameras:mine.json", "o").replace("--budgets 4 --seeds 1", "--budgets 4,5 --seeds 2");
     let given = place.done(&budgets);
     assert_eq!(given.out.matches("complete cube").count(), 2, "{}", given.out);
@@ -358,7 +358,7 @@ fn cameras_of_a_file_are_a_method() {
     assert_refused(&place, &cases);
 }
 
-/// If this failed, the quick evaluation would tell nothing: a plan must be worth more than views at random even there.
+/// If this failed, the quick evaluation would be meaningless: a plan must be worth more than views at random even there.
 #[test]
 #[ignore = "takes minutes"]
 fn the_quick_evaluation_ranks_random_below_ours() {

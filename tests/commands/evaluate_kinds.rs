@@ -93,7 +93,7 @@ fn a_room_is_evaluated_from_inside() {
     assert!(again.out.contains("results  0 made"), "{}", again.out);
 }
 
-/// If this failed, cameras or tests would stand in what lies around a room, whose mesh says nothing of where it ends.
+/// If this failed, cameras or tests would be inside what surrounds a room, whose mesh does not define where it ends.
 #[test]
 fn a_box_holds_the_cameras_of_a_room_and_its_tests() {
     let place = room();
@@ -102,11 +102,11 @@ fn a_box_holds_the_cameras_of_a_room_and_its_tests() {
         let records: Vec<Record> = named(&place, &format!("{out}/room"), "capture.json");
         records.iter().flat_map(|record| &record.cameras).map(|camera| camera.pose.position).collect()
     };
-    // The walls are at 1; free space is told to a voxel.
+    // The walls are at 1; free space is resolved to a voxel.
     place.done(&format!("{tiny} --box -0.4,-0.5,0.1,0.4,0.6,0.95 --clearance 0.2 --out o"));
     let table = place.read("o/table.md");
-    let told = "in the box from [-0.4, -0.5, 0.1] to [0.4, 0.6, 0.95], no camera nearer to things than 0.2";
-    assert!(table.contains(told), "{table}");
+    let described = "in the box from [-0.4, -0.5, 0.1] to [0.4, 0.6, 0.95], no camera nearer to things than 0.2";
+    assert!(table.contains(described), "{table}");
     let first = places("o");
     assert_eq!(first.len(), 16 + 3 + 2 * 4);
     for place in first {
@@ -159,7 +159,7 @@ fn a_room_without_light_is_refused_when_it_is_seen() {
     assert!(ran.err.contains("room.gltf") && ran.err.contains("--box") && ran.err.lines().count() == 1, "{}", ran.err);
 }
 
-/// If this failed, a user would learn from a stack of errors, or never, that photos of a smooth room give no surface.
+/// If this failed, a user would learn late, or never, that photos of a smooth room give no surface.
 #[test]
 fn a_room_without_a_surface_from_photos_offers_its_own() {
     let place = room();
@@ -213,7 +213,7 @@ fn every_eighth_photo_of_a_pool_is_held_out() {
     assert_eq!(after.iter().filter(|key| key.starts_with("choice-")).count(), 4, "{}", changed.out);
 }
 
-/// If this failed, what cannot be evaluated would be found out after hours.
+/// If this failed, what cannot be evaluated would be detected after hours.
 #[test]
 fn what_does_not_fit_is_refused_and_nothing_is_written() {
     let place = pool();

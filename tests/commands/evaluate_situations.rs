@@ -20,7 +20,7 @@ fn photographs(place: &Place, folder: &str, name: &str) -> usize {
     place.files(folder).iter().filter(|file| file.contains("/images/") && file.contains(name)).count()
 }
 
-/// If this failed, methods would be compared on other scenes than the command says: cameras behind the walls of a corner, or tests all
+/// If this failed, methods would be compared on other scenes than the command names: cameras behind the walls of a corner, or tests all
 /// around an object that is seen from the front.
 #[test]
 fn a_corner_has_walls_for_everybody() {
@@ -72,7 +72,7 @@ fn two_rooms_are_a_scene_by_themselves() {
     assert!(place.read("o/table.md").contains("two rooms with a door"));
 }
 
-/// If this failed, the second pass would not go by the photographs of the first, or not have as many views as asked for.
+/// If this failed, the second pass would not go by the photographs of the first, or not have as many views as requested.
 #[test]
 fn the_second_pass_stands_beside_the_first() {
     let place = lit_cube();
@@ -87,7 +87,7 @@ fn the_second_pass_stands_beside_the_first() {
     assert!(!again.out.contains("making"), "{}", again.out);
 }
 
-/// If this failed, a request that makes no sense would be found out after hours.
+/// If this failed, an invalid request would be detected after hours.
 #[test]
 fn what_does_not_fit_is_refused() {
     let place = lit_cube();

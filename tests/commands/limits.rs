@@ -1,4 +1,4 @@
-//! Where cameras may not stand: what plans, other methods and scores make of walls, volumes to keep out of, heights and ground.
+//! Where cameras may not be: how plans, other methods and scores treat walls, volumes to keep out of, heights and ground.
 
 use crate::support::command::{Place, SHORT, assert_refused};
 use glam::DVec3;
@@ -10,7 +10,7 @@ fn in_boxes(p: DVec3) -> bool {
     p.z > 1.0 && p.y < -0.5 || p.x > 0.5 && p.y > 0.5
 }
 
-/// If this failed, somebody would be sent behind a wall, into a cabinet, or up a ladder: by our plan or by a method that it is
+/// If this failed, a photographer would be sent behind a wall, into a cabinet, or up a ladder: by our plan or by a method that it is
 /// compared with, which would flatter one of them.
 #[test]
 fn whoever_places_cameras_keeps_the_limits() {
@@ -43,7 +43,7 @@ fn whoever_places_cameras_keeps_the_limits() {
     assert_eq!(again, scored.out);
 }
 
-/// If this failed, nobody would learn that a wall of boxes had cut off half of where cameras could have stood.
+/// If this failed, a user would not learn that a wall of boxes had cut off half of the feasible positions.
 #[test]
 fn space_that_is_cut_off_is_reported() {
     let place = Place::new();
@@ -72,7 +72,7 @@ fn what_no_camera_can_see_is_reported() {
     assert!(plan("above", "--heights 2.2,2.6").contains(warning));
 }
 
-/// If this failed, cameras of a room that are scored as if around an object would get a bad score and nobody would know why.
+/// If this failed, cameras of a room that are scored as if around an object would get a bad score without explanation.
 #[test]
 fn cameras_outside_of_the_region_are_reported() {
     let place = Place::new();
@@ -82,7 +82,7 @@ fn cameras_outside_of_the_region_are_reported() {
     assert!(!score("0,0,0,2,3").contains("outside of the region"));
 }
 
-/// If this failed, the simple layouts of a room would stand below its floor or outside of its limits, where a plan may not.
+/// If this failed, the simple layouts of a room would be below its floor or outside of its limits, where a plan may not.
 #[test]
 fn layouts_of_a_room_keep_the_limits() {
     let place = Place::new();
@@ -113,7 +113,7 @@ fn cameras_stand_where_somebody_can_walk() {
     }
 }
 
-/// If this failed, a barrier around an exhibit would leave nobody to look at it, since some of the usual viewers stand within.
+/// If this failed, a barrier around an exhibit would leave no viewers, since some of the usual ones are within.
 #[test]
 fn a_barrier_within_the_region_is_planned_with() {
     let place = Place::new();

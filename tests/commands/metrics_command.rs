@@ -31,7 +31,7 @@ fn json(place: &Place, name: &str) -> Value {
     serde_json::from_str(&place.read(name)).unwrap()
 }
 
-/// If this failed, an image would be held against another one's reference, or left out without a word; or the command would
+/// If this failed, an image would be compared with another one's reference, or silently left out; or the command would
 /// measure otherwise than the library.
 #[test]
 fn folders_are_paired_by_name_and_measured() {
@@ -67,7 +67,7 @@ fn folders_are_paired_by_name_and_measured() {
     assert!(ran.out.lines().last().unwrap().starts_with("mean "), "{}", ran.out);
 }
 
-/// If this failed, a script that keeps the table on a full disk would take what is left of it for all.
+/// If this failed, a script that saves the table on a full disk would take a part of it for the whole.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_full_disk_under_the_table_is_an_error() {
@@ -96,7 +96,7 @@ fn what_is_compared_is_not_written_over() {
     }
 }
 
-/// If this failed, an image that is perfect would make a file that is no JSON, or a device be asked for without need.
+/// If this failed, an image that is perfect would make a file that is no JSON, or a device be requested without need.
 #[test]
 fn the_same_image_twice() {
     let (place, _) = place();
@@ -110,7 +110,7 @@ fn the_same_image_twice() {
     assert_eq!(last, ["mean", "inf", "1.0000", "0.0000"]);
 }
 
-/// If this failed, renders with an alpha channel would be judged by colours that nobody sees.
+/// If this failed, renders with an alpha channel would be judged by invisible colours.
 #[test]
 fn transparent_pixels_are_laid_over_the_background() {
     let place = Place::new();

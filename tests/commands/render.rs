@@ -165,7 +165,7 @@ fn every_kind_of_picture_agrees_with_the_twin() {
     }
 }
 
-/// If this failed, a lone camera, or one that stands among the splats, would see nothing, or another scene.
+/// If this failed, a lone camera, or one among the splats, would see nothing, or another scene.
 #[test]
 fn one_camera_among_the_splats_sees_them() {
     let gaussians = scene(6, 300, 1);
@@ -202,7 +202,7 @@ fn splats_that_fill_pictures_of_several_sizes_are_all_drawn() {
     }
 }
 
-/// If this failed, --size would show another part of the scene, or --near would cut elsewhere than it says.
+/// If this failed, --size would show another part of the scene, or --near would cut at another depth than specified.
 #[test]
 fn size_and_near_are_what_they_say() {
     let (gaussians, mut cameras) = (small(7, 200, 0), around(DVec3::ZERO, 6.0, 2, (96, 72)));
@@ -222,7 +222,7 @@ fn size_and_near_are_what_they_say() {
     }
 }
 
-/// If this failed, cameras of another frame than the model's would give a folder of black pictures without a word.
+/// If this failed, cameras of another frame than the model's would silently give a folder of black pictures.
 #[test]
 fn pictures_that_show_nothing_are_counted() {
     let mut cameras = around(DVec3::ZERO, 6.0, 3, (32, 24));
@@ -282,7 +282,7 @@ fn a_far_away_scene_looks_as_the_near_one() {
     }
 }
 
-/// If this failed, bad input would end in a panic, in half a folder, or in a message that leaves the user alone.
+/// If this failed, bad input would end in a panic, in half a folder, or in a message without a remedy.
 #[test]
 fn bad_input_is_refused_and_nothing_is_written() {
     let gaussians = scene(9, 20, 0);

@@ -1,4 +1,4 @@
-//! `camsplat select` as a user meets it: what it leaves, and what bad input gets.
+//! `camsplat select` as a user runs it: what it leaves, and what bad input gets.
 
 use std::fs;
 use std::path::Path;
@@ -103,7 +103,7 @@ fn the_folder_is_a_capture_of_the_chosen_photos() {
     assert!(!Path::new(&place.path("poses/images")).exists());
 }
 
-/// If this failed, the model would not be trained on the photos while they are chosen, or the record would not say for how long.
+/// If this failed, the model would not be trained on the photos while they are chosen, or the record would not contain for how long.
 #[test]
 fn photos_are_chosen_by_a_model_that_is_trained_on_them() {
     let place = place();
@@ -157,7 +157,7 @@ fn the_choice_is_the_same_for_any_number_of_threads() {
     }
 }
 
-/// One line that says what is wrong, exit code 2, nothing written.
+/// One line with what is wrong, exit code 2, nothing written.
 #[test]
 fn what_cannot_be_chosen_is_refused() {
     let place = place();

@@ -443,7 +443,7 @@ fn photos_without_overlap_are_refused() {
     assert!(message.contains("no two of the photos"), "{message}");
 }
 
-/// By hand: a point on the axis, one pixel beside it, and back. Were projection off by half a pixel, all depths would be.
+/// Computed directly: a point on the axis, one pixel beside it, and back. Were projection off by half a pixel, all depths would be.
 #[test]
 fn views_project_as_cameras_do() {
     let camera = cameras(3).remove(1);

@@ -79,7 +79,7 @@ fn a_run_leaves_every_product_and_they_agree() {
     }
 }
 
-/// If this failed, nobody could repeat a training run, and no difference between two could be put down to an option: a sum in
+/// If this failed, no training run could be repeated, and no difference between two could be attributed to an option: a sum in
 /// the order in which threads happen to end, or one by subgroups, would do it. (Other drivers than lavapipe do not read the
 /// variables, and this is four times the same run.)
 #[test]

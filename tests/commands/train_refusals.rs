@@ -1,4 +1,4 @@
-//! What bad input gets from `camsplat train`: one line that says what is wrong, where, and what to do; nothing written, nothing
+//! What bad input gets from `camsplat train`: one line with what is wrong, where, and what to do; nothing written, nothing
 //! lost.
 
 use crate::support::command::{Place, assert_refused};
@@ -24,7 +24,7 @@ fn assert_training_refused(place: &Place, capture: &str, cases: &[(&str, &[&str]
     }
 }
 
-/// If this failed, a slip of the keyboard would be trained with, or end in a panic after the photos have been decoded.
+/// If this failed, a typing error would be trained with, or end in a panic after the photos have been decoded.
 #[test]
 fn numbers_that_are_none() {
     assert_training_refused(
@@ -77,7 +77,7 @@ fn places_that_cannot_be_written() {
     assert_eq!(place.read("full/mine.txt"), "mine");
 }
 
-/// If this failed, a model would be trained on half a capture, on rubbish, or on nothing; or the line would leave the user alone.
+/// If this failed, a model would be trained on half a capture, on rubbish, or on nothing; or the line would have no remedy.
 #[test]
 fn captures_that_are_none() {
     let place = place();
@@ -103,7 +103,7 @@ fn captures_that_are_none() {
     assert_training_refused(&place, "odd", &[(SMALL, &["odd/points.ply: ", "cut short"])]);
 }
 
-/// If this failed, a damaged photo would pass for a black one, or cost the run that stood in the folder.
+/// If this failed, a damaged photo would pass for a black one, or cost the run that was in the folder.
 #[test]
 fn photos_that_are_damaged() {
     let place = place();
@@ -115,7 +115,7 @@ fn photos_that_are_damaged() {
     let new = SMALL.replace("--out o", "--out new");
     let anew = format!("{SMALL} --force");
 
-    // Damaged inside: that is seen when it is decoded. Leaving it out is for who knows of it.
+    // Damaged inside: that is seen when it is decoded. Leaving it out is for users who know of it.
     place.write("odd/images/003.png", &whole[..whole.len() / 2]);
     let what: [&str; 3] = ["odd/images/003.png: ", "cannot be decoded", "bring back a whole one"];
     let skipping = format!("{new} --skip-missing");

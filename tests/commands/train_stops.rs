@@ -82,8 +82,8 @@ fn kill(mut child: Child) {
     child.wait().unwrap();
 }
 
-/// If this failed, a power cut would cost hours of training, leave half a file under a product's name, or end in another
-/// model than the one that the seed stands for.
+/// If this failed, a power cut would cost hours of training, leave half a file under a product's name, or end in another model
+/// than the seed's.
 #[test]
 fn a_run_that_is_killed_again_and_again_ends_as_if_it_had_not_been() {
     let place = place();
@@ -122,7 +122,7 @@ fn a_run_that_is_killed_again_and_again_ends_as_if_it_had_not_been() {
     assert_eq!((killed.test_views, killed.status), (whole.test_views, Status::Complete));
 }
 
-/// If this failed, Ctrl-C would throw work away, pass half a model off as a whole one, or change what comes out in the end.
+/// If this failed, Ctrl-C would throw work away, pass half a model off as a whole one, or change the final result.
 #[test]
 fn a_stopped_run_can_be_resumed_to_the_bit() {
     let place = place();
@@ -148,7 +148,7 @@ fn a_stopped_run_can_be_resumed_to_the_bit() {
     }
 }
 
-/// If this failed, there would be a moment at which Ctrl-C leaves an empty folder, or harms the run that stood there.
+/// If this failed, there would be a moment at which Ctrl-C leaves an empty folder, or harms the run that was there.
 #[test]
 fn a_stop_before_training_writes_nothing() {
     let place = place();
@@ -173,7 +173,7 @@ fn a_stop_before_training_writes_nothing() {
     }
 }
 
-/// If this failed, a resumed run would go on with other options than it began with, and nobody could say what its model is;
+/// If this failed, a resumed run would continue with other options than it began with, and its model would be of unknown origin;
 /// or a refusal would cost the checkpoint.
 #[test]
 fn resuming_as_another_run_is_refused_and_changes_nothing() {
@@ -238,7 +238,7 @@ fn resuming_as_another_run_is_refused_and_changes_nothing() {
 }
 
 /// If this failed, a disk that fills up would cost the checkpoint that was there, or the run. A limit on the size of files
-/// stands for the full disk: the first checkpoint is below it, later ones, of more splats, are above.
+/// simulates the full disk: the first checkpoint is below it, later ones, of more splats, are above.
 #[test]
 fn a_checkpoint_that_cannot_be_written_costs_nothing() {
     let place = place();

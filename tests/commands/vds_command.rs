@@ -27,7 +27,7 @@ fn capture() -> Place {
     place
 }
 
-/// If this failed, what `vds` writes could not be planned with, or would not say what it is made of.
+/// If this failed, what `vds` writes could not be planned with, or would not record what it is made of.
 #[test]
 fn scored_points_can_be_planned_for() {
     let place = capture();
@@ -66,7 +66,7 @@ fn a_plan_for_a_capture_scores_its_points_first() {
     place.write("shots/transforms.json", transforms);
     let ran = place.done(&format!("plan shots --keep shots {} --objective splat --out plan", command::SHORT));
     assert!(ran.out.contains("8 photos in") && ran.out.contains("5 views, 8 kept"), "{}", ran.out);
-    // Scores change what is aimed at, not the surface: whoever scores the plan on the capture sees the same.
+    // Scores change what is aimed at, not the surface: scoring the plan on the capture sees the same.
     let row = |text: &str, name: &str| {
         let line = text.lines().find(|line| line.starts_with(name) && line.contains('%')).unwrap();
         line.split_whitespace().skip(1).map(str::to_owned).collect::<Vec<_>>()
@@ -97,7 +97,7 @@ fn a_photo_that_is_cut_short_is_left_out_on_demand() {
     assert!(ran.out.contains("left out") && ran.out.contains("3.png"), "{}", ran.out);
 }
 
-/// If this failed, a user would wait for photos to be decoded, or look at half a result, before hearing what is wrong.
+/// If this failed, a user would wait for photos to be decoded, or look at half a result, before learning what is wrong.
 #[test]
 fn what_cannot_be_scored_is_refused_in_one_line() {
     let place = capture();

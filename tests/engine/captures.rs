@@ -20,7 +20,7 @@ fn data() -> Option<PathBuf> {
     folder
 }
 
-/// If this failed, a capture as people have them would not be read, or not whole.
+/// If this failed, typical captures would not be read, or not whole.
 #[test]
 fn every_capture_reads() {
     let Some(data) = data() else { return };
@@ -114,7 +114,7 @@ fn both_files_of_the_fox_agree() {
     }
 }
 
-/// If this failed, a trajectory would be inverted, or its guess of a lens be taken for knowledge.
+/// If this failed, a trajectory would be inverted, or its default lens be taken for measured.
 #[test]
 fn the_barn_is_read_as_poses_only() {
     let Some(data) = data() else { return };

@@ -28,7 +28,7 @@ struct Host {
     queue_lock: Arc<Mutex<()>>,
     pool: vk::CommandPool,
     messenger: vk::DebugUtilsMessengerEXT,
-    /// What the validation layers said.
+    /// Messages of the validation layers.
     messages: Box<Mutex<Vec<String>>>,
 }
 
@@ -161,7 +161,7 @@ impl Drop for Host {
     }
 }
 
-/// Who runs the iterations.
+/// What runs the iterations.
 enum Driver<'h> {
     /// The planner, on its own context.
     Planner,
@@ -211,7 +211,7 @@ fn plan(driver: &Driver<'_>, pass: Pass, own: &Arc<Context>) -> Outcome {
 /// Poses, history, iterations of the snapshots, poses of the snapshots.
 type Bits = (Vec<[u64; 7]>, Vec<[u32; 6]>, Vec<u32>, Vec<[u64; 7]>);
 
-/// Everything in an outcome that must not depend on who ran it, as bits.
+/// Everything in an outcome that must not depend on what ran it, as bits.
 fn bits(outcome: &Outcome) -> Bits {
     let pose = |pose: &Pose| {
         let (p, q) = (pose.position, pose.rotation);
@@ -289,7 +289,7 @@ fn a_planner_used_again_is_as_good_as_new() {
     let refused = planner.keep(&[&given[..], &given[..1]].concat()).unwrap_err().to_string();
     assert!(refused.contains("made for 3"), "{refused}");
 
-    // It begins where it is told to; with one pose short it does not.
+    // It begins at the given poses; with one pose short it does not.
     planner.begin_from(&three.poses).unwrap();
     let (iteration, begun) = &run(&planner).snapshots[0];
     let apart = |(a, b): (&Pose, &Pose)| a.position.distance(b.position).max(a.forward().distance(b.forward()));
@@ -353,7 +353,7 @@ fn a_host_takes_the_cameras_from_the_device() {
     assert_eq!(*host.messages.lock().unwrap(), [""; 0]);
 }
 
-/// If this failed, the silence above could be that of layers that were never heard.
+/// If this failed, the absence of messages above could mean that none are ever received.
 #[test]
 fn the_host_hears_the_validation_layers() {
     let own = Context::new(&Options::default()).unwrap();

@@ -1,4 +1,4 @@
-//! Expected quality on the device against its twin, and against what is known by hand.
+//! Expected quality on the device against its twin, and against known values.
 
 use std::ops::ControlFlow;
 
@@ -206,7 +206,7 @@ fn a_plan_is_never_worse_than_a_simple_layout() {
         for (name, ways) in starts::layouts(&config, &scene.geometry, &[]) {
             let errors: Vec<f64> =
                 ways.iter().map(|poses| reference.expect(poses).expect("an expectation").error_db).collect();
-            // Turned at random, as whoever does without a plan turns it.
+            // Turned at random, as it would be without a plan.
             let simple = errors.iter().sum::<f64>() / errors.len() as f64;
             assert!(planned <= simple, "scene {seed}: {planned}, where {name} has {simple}");
         }

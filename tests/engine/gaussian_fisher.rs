@@ -1,4 +1,4 @@
-//! What views tell of a model, on the device, against the twin in double precision: Fisher information, coverage.
+//! Information of views about a model, on the device, against the twin in double precision: Fisher information, coverage.
 
 use crate::support::splats::{Draws, context, scene, silent, twin_view};
 use camsplat::Result;
@@ -69,7 +69,7 @@ fn the_information_of_a_view_agrees_with_the_twin() -> Result<()> {
     Ok(())
 }
 
-/// If this failed, the view that is chosen would not be the one that tells most beside what is known.
+/// If this failed, the view that is chosen would not be the one that adds most to what is known.
 #[test]
 fn what_a_view_is_worth_is_its_information_over_what_is_known() -> Result<()> {
     let context = context()?;

@@ -32,7 +32,7 @@ fn flat(splat: &twin::Splat) -> Vec<f64> {
     values
 }
 
-/// Holds a pass on the device against the twin: picture, depth, loss, gradients.
+/// Compares a pass on the device with the twin: picture, depth, loss, gradients.
 fn compare(name: &str, gaussians: &Gaussians, view: View, antialiased: bool, pass: &Pass, photo: &[u32]) {
     let rules = twin::Rules { antialiased, ..twin::Rules::default() };
     let background = DVec3::from(BACKGROUND.map(f64::from));
@@ -118,7 +118,7 @@ fn stages_agree_with_the_twin_over_odd_scenes() -> Result<()> {
     Ok(())
 }
 
-/// If this failed, a number of threads that a stage was not written for would give wrong gradients in silence.
+/// If this failed, a number of threads that a stage was not written for would silently give wrong gradients.
 #[test]
 fn a_tile_is_divided_only_as_stages_were_written() {
     let wrong = [
@@ -131,7 +131,7 @@ fn a_tile_is_divided_only_as_stages_were_written() {
     assert!([Threads::WIDE, Threads::NARROW].iter().all(|threads| threads.check().is_ok()));
 }
 
-/// The fast way must differ in the order of its sums alone.
+/// The fast mode must differ in the order of its sums alone.
 #[test]
 fn the_fast_way_sums_the_same() -> Result<()> {
     let context = context()?;
@@ -150,7 +150,7 @@ fn the_fast_way_sums_the_same() -> Result<()> {
     Ok(())
 }
 
-/// On lavapipe all loops of one invocation together end silently after 65,535 rounds, and lists of tiles are cut into blocks:
+/// On lavapipe all loops of one invocation together end silently after 65,535 iterations, and lists of tiles are cut into blocks:
 /// what lies behind either bound must count like the rest.
 #[test]
 fn a_tile_takes_more_splats_than_a_loop_may_have_rounds() -> Result<()> {
@@ -161,7 +161,7 @@ fn a_tile_takes_more_splats_than_a_loop_may_have_rounds() -> Result<()> {
         centres: (0..count).map(|i| DVec3::new(0.0, 0.0, f64::from(i) * 1e-5)).collect(),
         log_scales: (0..count).map(|i| if i + 1 == count { [-0.5; 3] } else { [-3.0; 3] }).collect(),
         rotations: vec![[1.0, 0.0, 0.0, 0.0]; count as usize],
-        // Between four pixels, too faint to reach one of their centres: the tile is reached, the light goes on.
+        // Between four pixels, too faint to reach one of their centres: the tile is reached, the light continues.
         opacities: (0..count).map(|i| if i + 1 == count { 4.0 } else { -5.52 }).collect(),
         degree: 0,
         harmonics: (0..count).flat_map(|i| if i + 1 == count { [1.7, -1.7, -1.7] } else { [0.0; 3] }).collect(),
@@ -191,7 +191,7 @@ fn a_tile_takes_more_splats_than_a_loop_may_have_rounds() -> Result<()> {
     Ok(())
 }
 
-/// If this failed, a model that dies on the way, or a view into nothing, would end in rubbish.
+/// If this failed, a model that dies during training, or a view into nothing, would end in rubbish.
 #[test]
 fn nothing_to_see_is_the_background() -> Result<()> {
     let context = context()?;

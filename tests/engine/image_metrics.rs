@@ -1,4 +1,4 @@
-//! PSNR, SSIM and LPIPS against what other programs say, and every stage against its twin with the validation layers on.
+//! PSNR, SSIM and LPIPS against other programs, and every stage against its twin with the validation layers on.
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
@@ -23,7 +23,7 @@ fn values(seed: u64, count: usize) -> Vec<f32> {
     random(seed, count).into_iter().map(|word| (f64::from(word) / f64::from(1u32 << 31) - 1.0) as f32).collect()
 }
 
-/// If this failed, our figures could not stand beside those of other programs. The expected ones are scikit-image's (0.26):
+/// If this failed, our figures could not be compared with those of other programs. The expected ones are scikit-image's (0.26):
 ///
 /// ```python
 /// import numpy as np
@@ -54,7 +54,7 @@ fn psnr_and_ssim_are_those_of_scikit_image() {
     }
 }
 
-/// If this failed, an image that is right in every pixel would not be told from one that nearly is.
+/// If this failed, an image that is right in every pixel would not be distinguished from one that nearly is.
 #[test]
 fn the_same_image_is_infinitely_like_itself() {
     let image = Image::new(20, 30, 7, 40);
@@ -96,7 +96,7 @@ fn convolve_matches_its_twin() -> Result<()> {
         (64, 3, 7, 3, 0, 20, 31),
         (6, 10, 2, 5, 4, 1, 1),
         (512, 65, 3, 1, 1, 9, 8),
-        // As many taps as there may be: the most rounds of its loops.
+        // As many taps as there may be: the most iterations of its loops.
         (32_768, 2, 1, 1, 0, 3, 2),
     ] {
         let convolution = Convolution { from, to, kernel, stride, padding };
@@ -317,7 +317,7 @@ fn load(path: &Path) -> Image {
     Image { width: image.width(), height: image.height(), pixels: image.into_raw() }
 }
 
-/// If this failed, our LPIPS would be another metric than the one that papers quote.
+/// If this failed, our LPIPS would differ from the metric that papers report.
 #[test]
 fn lpips_is_that_of_the_reference() -> Result<()> {
     let Some(folder) = data() else { return Ok(()) };

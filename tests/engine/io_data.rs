@@ -193,8 +193,8 @@ fn splats_become_discs() {
     }
 }
 
-/// If this failed, the component order of packed rotations would be wrong: on a smooth body the shortest axis of a splat
-/// stands across the plane of its neighbours.
+/// If this failed, the component order of packed rotations would be wrong: on a smooth body the shortest axis of a splat is
+/// normal to the plane of its neighbours.
 #[test]
 fn packed_splats_lie_in_the_surface() {
     let Some(data) = data() else { return };
@@ -213,11 +213,11 @@ fn packed_splats_lie_in_the_surface() {
         aligned += usize::from(spread(n) < in_plane);
     }
     println!("{aligned} of {tried} splats lie in the plane of their neighbours");
-    // Chance is a half, give or take 0.025; many splats of this file are blobs or needles and say little.
+    // Chance is a half, give or take 0.025; many splats of this file are blobs or needles and are poor evidence.
     assert!(aligned as f64 > 0.57 * tried as f64, "{aligned} of {tried}");
 }
 
-/// If this failed, somebody else's splats would be rendered with another shape, place or colour than they were trained with.
+/// If this failed, other programs' splats would be rendered with another shape, place or colour than they were trained with.
 #[test]
 fn splats_are_read_as_gaussians() {
     let Some(data) = data() else { return };

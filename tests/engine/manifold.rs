@@ -1,4 +1,4 @@
-//! Manifold sampling on the device: perturbed pictures and the noise's steps against the twin, and what comes of it.
+//! Manifold sampling on the device: perturbed pictures and the noise's steps against the twin, and the resulting cameras.
 
 use std::ops::ControlFlow;
 
@@ -79,7 +79,7 @@ fn the_spread_is_the_variance_of_perturbed_pictures() -> Result<()> {
     Ok(())
 }
 
-/// If this failed, noise would grow where pictures suffer from it, and nothing but worse plans would show it.
+/// If this failed, noise would grow where pictures suffer from it, and only worse plans would show it.
 #[test]
 fn noise_takes_the_steps_of_the_twin() -> Result<()> {
     let context = context()?;

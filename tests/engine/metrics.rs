@@ -1,4 +1,4 @@
-//! Held-out metrics: the device against the twin, and both against what is known by hand.
+//! Held-out metrics: the device against the twin, and both against known values.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;

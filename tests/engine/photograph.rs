@@ -44,8 +44,8 @@ fn lossless() -> Vec<(String, Material)> {
     all
 }
 
-/// If this failed, a material would make light or swallow it: under a sky that is as bright everywhere, a lossless ball cannot
-/// be told from the sky.
+/// If this failed, a material would make light or swallow it: under a sky that is as bright everywhere, a lossless ball cannot be
+/// distinguished from the sky.
 #[test]
 fn lossless_balls_vanish_in_a_white_furnace() {
     let sky = Environment::uniform(Vec3::ONE);
@@ -122,7 +122,7 @@ fn a_plane_under_a_rectangle_of_light_is_as_bright_as_lambert_says() {
     }
 }
 
-/// If this failed, lamps without extent would be of another strength or direction than they say.
+/// If this failed, lamps without extent would be of another strength or direction than specified.
 #[test]
 fn lamps_light_a_plane_as_their_definition_says() {
     let place = DVec3::new(1.0, 2.0, 0.0);
@@ -146,7 +146,7 @@ fn lamps_light_a_plane_as_their_definition_says() {
     }
 }
 
-/// If this failed, rays would start so far off a large triangle that they pass over what stands on it: half of what the camera
+/// If this failed, rays would start so far off a large triangle that they pass over objects on it: half of what the camera
 /// looks at lies in the shadow of a wall a twenty-thousandth as high as the floor's half side.
 #[test]
 fn what_stands_on_a_huge_floor_throws_its_whole_shadow() {
@@ -373,7 +373,7 @@ fn the_middle_of_a_pixel_is_where_the_surface_is() {
     assert_eq!(some, [middle, [0.0; 4]]);
 }
 
-/// If this failed, a scene in the dark would come out black after hours, without a word.
+/// If this failed, a scene in the dark would silently come out black after hours.
 #[test]
 fn a_scene_without_light_is_refused() {
     let refusal = Assembly::new(&ball(lambert(0.5)), None).err().unwrap().to_string();

@@ -19,7 +19,7 @@ fn data() -> Option<PathBuf> {
     data
 }
 
-/// If this failed, a scene that other programs show would be refused here, or lose its looks without a word.
+/// If this failed, a scene that other programs show would be refused here, or silently lose its looks.
 #[test]
 fn scenes_of_others_are_read() {
     let Some(data) = data() else { return };

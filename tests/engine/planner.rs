@@ -35,7 +35,7 @@ fn run(context: &Arc<Context>, scene: &Scene, config: Config) -> Outcome {
     planner(context, scene, config).run(None, |_| ControlFlow::Continue(())).expect("a run")
 }
 
-/// The shaders are only as right as what they are held against: here every formula of the loss, its gradient, the
+/// The shaders are only as correct as what they are tested against: here every formula of the loss, its gradient, the
 /// coverage weights and the utilities, with each gate and kernel, with and without occlusion.
 #[test]
 fn one_iteration_is_that_of_the_twin() {
@@ -144,7 +144,7 @@ fn scored(context: &Arc<Context>) -> Scene {
     scene(context, &Surface::Points(points), &Region { shape, up: DVec3::Y, floor: None, clearance: 0.05 })
 }
 
-/// If this failed, points would be asked for as if all were as matt, or with the scores of others.
+/// If this failed, points would be planned for as if all were equally matt, or with the scores of others.
 #[test]
 fn targets_by_score_are_those_of_the_twin() {
     let context = context();
@@ -283,7 +283,7 @@ fn a_scaled_moved_and_turned_scene_gives_the_plan_scaled_moved_and_turned() {
 }
 
 /// What the whole is for: held-out gaps must come out well below those of the random start, without losing coverage, and
-/// every camera must stand where it may.
+/// every camera must be feasible.
 #[test]
 fn a_plan_is_better_than_its_start() {
     let context = context();

@@ -5,7 +5,7 @@ use camsplat::Result;
 use camsplat::primitives::Copy;
 use camsplat::vulkan::{Buffer, Recorder};
 
-/// If this failed, the bandwidth in the benchmarks would be that of a stage that copies less than it says, or more.
+/// If this failed, the bandwidth in the benchmarks would be that of a stage that copies less than it reports, or more.
 #[test]
 fn whole_vectors_are_copied_and_nothing_behind_them() -> Result<()> {
     let context = context()?;

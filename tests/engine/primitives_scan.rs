@@ -33,7 +33,7 @@ fn sums_match_the_twin_at_every_size() -> Result<()> {
     Ok(())
 }
 
-/// Were the counter read from elsewhere, or not held against the capacity, elements behind it would be touched.
+/// Were the counter read from elsewhere, or not checked against the capacity, elements behind it would be touched.
 #[test]
 fn a_counter_on_the_device_says_how_many() -> Result<()> {
     let context = context()?;

@@ -33,7 +33,7 @@ fn fill(context: &Arc<Context>, values: std::ops::Range<u32>) -> Result<Vec<u32>
 }
 
 /// If this failed, a recorder would run what an earlier one recorded, end before its work is done, or take times of another,
-/// and results would differ from run to run without a word.
+/// and results would silently differ from run to run.
 #[test]
 fn recorders_after_others_do_their_own_work() -> Result<()> {
     let context = context()?;

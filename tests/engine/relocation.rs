@@ -1,4 +1,4 @@
-//! Relocation: which splats go, where to, and what it is good for.
+//! Relocation: which splats move, where to, and what it achieves.
 
 use std::ops::ControlFlow;
 
@@ -13,7 +13,7 @@ use camsplat::visibility::raycast::Ray;
 use camsplat::vulkan::Recorder;
 use glam::Vec3;
 
-/// Cameras whose loss would not be felt are to go, none else, and to where a camera may stand: were the order upside down,
+/// Only cameras whose removal costs little may move, and only to feasible poses: were the order upside down,
 /// the best cameras would be thrown away every fifty iterations. With rates of zero nothing moves but what is relocated.
 #[test]
 fn the_least_useful_are_relocated_and_only_into_the_region() {
@@ -69,7 +69,7 @@ fn the_least_useful_are_relocated_and_only_into_the_region() {
     silent(&context);
 }
 
-/// A relocated splat stands in the region, to rounding, free, and looks at the surface.
+/// A relocated splat is in the region, to rounding, free, and looks at the surface.
 fn may_stand(scene: &Scene, splat: &Splat) {
     let geometry = &scene.device.geometry;
     let at = Vec3::from(splat.centre);

@@ -10,7 +10,7 @@ use camsplat::scene::limits::Limits;
 use camsplat::scene::region::{Region, Shape};
 use glam::DVec3;
 
-/// A stage set: a record, and geometry to draw it with.
+/// A test scene: a record, and geometry to draw it with.
 struct Stage {
     record: PlanRecord,
     points: Vec<SurfacePoint>,
@@ -313,7 +313,7 @@ fn without_webgl_the_page_says_so_and_keeps_the_rest() {
     }
 }
 
-/// Without history, baselines, cameras or points there is little to say, but the page still stands.
+/// Without history, baselines, cameras or points there is little to show, but the page must still work.
 #[test]
 fn an_empty_plan_still_gives_a_page() {
     let mut stage = ball();

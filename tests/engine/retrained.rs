@@ -53,20 +53,20 @@ fn every_view_is_photographed_once_before_the_next_is_chosen() -> Result<()> {
     let (_folder, set, target) = captured();
     let (chosen, taken) = choose(&set, &target, &[], (7, 4))?;
     assert_eq!(chosen.len(), 7);
-    // The last is trained on by whoever asked.
+    // The last is trained on by the caller.
     assert_eq!(taken, chosen[..6]);
     let mut sorted = chosen.clone();
     sorted.sort_unstable();
     sorted.dedup();
     assert_eq!(sorted.len(), 7, "{chosen:?}");
     assert_eq!(choose(&set, &target, &[], (7, 4))?.0, chosen);
-    // The first four are there before anything is trained; asked for no more, nothing is.
+    // The first four are there before anything is trained; if no more are requested, nothing is.
     let (few, taken) = choose(&set, &target, &[], (4, 4))?;
     assert_eq!((&few[..], &taken[..]), (&chosen[..4], &[][..]));
     Ok(())
 }
 
-/// If this failed, the choice would not be by what the views so far do not tell.
+/// If this failed, the choice would not be by what the views so far do not show.
 #[test]
 fn the_next_view_is_from_the_side_that_has_not_been_seen() -> Result<()> {
     let (_folder, set, target) = captured();
@@ -88,7 +88,7 @@ fn the_next_view_is_from_the_side_that_has_not_been_seen() -> Result<()> {
     Ok(())
 }
 
-/// If this failed, a stop would be heard after hours.
+/// If this failed, a stop would take effect after hours.
 #[test]
 fn a_photograph_that_is_not_taken_ends_the_choice() -> Result<()> {
     let (_folder, set, target) = captured();

@@ -92,7 +92,7 @@ fn samples_move_with_the_scene() {
     }
 }
 
-/// Cameras of the room's default region stand in the room, clear of its furniture and walls.
+/// Cameras of the room's default region are in the room, clear of its furniture and walls.
 #[test]
 fn the_room_has_free_space_around_its_furniture() {
     let proxy = Proxy::new(&samples::room(), Orientation::Trusted).unwrap();
@@ -111,7 +111,7 @@ fn the_room_has_free_space_around_its_furniture() {
     }
 }
 
-/// The object's default shell is all free, and both baselines stand in it, looking in, once mapped back to the world.
+/// The object's default shell is all free, and both baselines are in it, looking in, once mapped back to the world.
 #[test]
 fn controls_of_the_object_stand_in_its_shell() {
     let proxy = Proxy::new(&samples::object(), Orientation::Trusted).unwrap();

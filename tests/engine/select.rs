@@ -1,5 +1,4 @@
-//! Choosing from a pool: the device against the twin, swaps against brute force, and what is asked for against what comes
-//! out.
+//! Choosing from a pool: the device against the twin, swaps against brute force, and the request against the result.
 
 use std::sync::Arc;
 
@@ -90,7 +89,7 @@ fn survey(context: &Arc<Context>, set: &PhotoSet, points: usize) -> Survey {
     Survey::new(context, &scene, &set.photos, target.proxy.sample(points, 3, 0)).expect("a survey")
 }
 
-/// Everything that is chosen rests on who sees whom. A ray along the very rim of a triangle may fall on either side: one bit
+/// Every choice depends on visibility. A ray along the very rim of a triangle may fall on either side: one bit
 /// in two thousand may differ.
 #[test]
 fn the_device_sees_what_the_twin_sees() {
@@ -224,7 +223,7 @@ fn swaps_find_the_best_subset_of_a_tiny_pool() {
     }
 }
 
-/// What the user rules in or out must be in or out, whatever the method; no photo twice, and as many as asked for.
+/// What the user rules in or out must be in or out, whatever the method; no photo twice, and as many as requested.
 #[test]
 fn must_and_never_hold_for_every_method() {
     let context = context();
@@ -290,7 +289,7 @@ fn the_same_request_gives_the_same_choice() {
     silent(&context);
 }
 
-/// Of two photos from the same place the sharper one must be taken, where the user asks for it.
+/// Of two photos from the same place the sharper one must be taken, where the user requests it.
 #[test]
 fn of_two_photos_alike_the_sharper_is_taken() {
     let context = context();
@@ -310,7 +309,7 @@ fn of_two_photos_alike_the_sharper_is_taken() {
     assert_eq!(odd(Some(&sharpness)), 10);
 }
 
-/// Suggested poses must go where the choice leaves most to see, the most useful first, and say truly what they would gain.
+/// Suggested poses must go where the choice leaves most to see, the most useful first, and state correctly what they would gain.
 #[test]
 fn suggested_poses_are_worth_adding() {
     let context = context();

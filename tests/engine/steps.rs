@@ -38,7 +38,7 @@ struct Twin<'a> {
     moments: Vec<[Adam; 2]>,
     clock: Clock,
     /// Splats of which a component of the gradient has been so small that rounding may have chosen its sign, and so the
-    /// direction of Adam's step: what they do from then on says nothing.
+    /// direction of Adam's step: what they do from then on is meaningless.
     noise: Vec<bool>,
     /// Terms of the loss in the last iteration: image, regulariser, region.
     terms: [f64; 3],
@@ -144,7 +144,7 @@ fn five_iterations_are_those_of_the_twin() {
     let cases = [
         ("splat", joint.clone()),
         ("in space", Config { gate: Gate::Pinhole, kernel: Kernel::Metric, ..joint.clone() }),
-        // Rounds of two iterations: the third round has begun by the end.
+        // Two iterations per view: the third view has begun by the end.
         ("iterative", Config { iterative: true, iterations: 10, views: 3, ..joint }),
     ];
     for (name, config) in cases {
@@ -177,7 +177,7 @@ fn five_iterations_are_those_of_the_twin() {
         assert!(moved > 2.0, "{name}: the splats hardly moved, by {moved} steps");
         let pulled = terms.iter().any(|terms| terms[2] > 1e-6);
         assert!(pulled || name == "iterative", "{name}: no splat left the region, so that its pull is not tested");
-        // What a record says is of before its iteration.
+        // A record holds the state before its iteration.
         let history = planner.outcome().expect("an outcome").history;
         assert_eq!(history.len(), 5);
         for (record, scale) in history.iter().zip(&scales) {
@@ -198,8 +198,8 @@ fn five_iterations_are_those_of_the_twin() {
 }
 
 /// The pull of the region must be that of the loss which is reported, and lead back in, also from where a splat has left
-/// the shell, outward or inward, and sunk below the floor at once. Steps so wide above a floor so high lead there; at such a weight, what the
-/// points say drowns in the pull.
+/// the shell, outward or inward, and sunk below the floor at once. Steps so wide above a floor so high lead there; at such a
+/// weight, the gradient of the points is lost in the pull.
 #[test]
 fn the_pull_of_the_region_is_that_of_the_twin() {
     let context = context();

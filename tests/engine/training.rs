@@ -1,4 +1,4 @@
-//! Training on the device: it learns, it repeats, it can be stopped and taken up again.
+//! Training on the device: it learns, it repeats, it can be stopped and resumed.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -81,7 +81,7 @@ fn a_small_scene_is_learnt() -> Result<()> {
     Ok(())
 }
 
-/// If this failed, a run that was stopped would end in another model than one that was not, and nobody could tell why.
+/// If this failed, a run that was stopped would end in another model than one that was not, without explanation.
 #[test]
 fn a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> Result<()> {
     let (context, folder) = (context()?, folder());
@@ -89,7 +89,7 @@ fn a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> Result<()> {
         let config = short(strategy);
         let mut whole = trainer(&context, folder.path(), &config, 1)?;
         whole.run(70, None, go_on)?;
-        // Neither at the end of a block nor of a round of photos, and between refinements.
+        // Neither at the end of a block nor of an epoch, and between refinements.
         let mut first = trainer(&context, folder.path(), &config, 1)?;
         first.run(43, None, go_on)?;
         let (state, history) = (first.state()?, first.history());
@@ -104,7 +104,7 @@ fn a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> Result<()> {
 }
 
 /// If this failed, a run on many photos would relocate as often as one on few, or the device would count otherwise than the host,
-/// also where the run is taken up again.
+/// also where the run is resumed.
 #[test]
 fn many_photos_set_the_schedule_and_the_population() -> Result<()> {
     const PHOTOS: usize = 60;
@@ -173,7 +173,7 @@ fn a_loss_that_is_no_number_ends_the_run() -> Result<()> {
     Ok(())
 }
 
-/// Relocation must leave the picture as it was: a Gaussian that becomes n has the opacity and the size that the paper says.
+/// Relocation must leave the picture as it was: a Gaussian that becomes n has the opacity and the size that the paper gives.
 #[test]
 fn relocated_splats_look_as_their_source_did() -> Result<()> {
     let (context, folder) = (context()?, folder());

@@ -102,7 +102,7 @@ fn fresh() -> TrainRecord {
     }
 }
 
-/// A landscape with as much grain as a photo has, and what a run makes of it: softer, and with a haze in the air.
+/// A landscape with as much grain as a photo has, and a run's rendering of it: softer, and with a haze in the air.
 fn pictures(width: u32, height: u32, seed: u32) -> [Vec<u8>; 2] {
     let pixel = |x: u32, y: u32, grain: f64, haze: f64| {
         let (u, v) = (f64::from(x) / f64::from(width), f64::from(y) / f64::from(height));
@@ -144,7 +144,7 @@ fn draws(dom: &str, plot: &str) -> bool {
     number_after(figure(dom, plot), "viewBox", "data-values").unwrap_or(0) > 0
 }
 
-/// A number that is not the record's, or one that is left out, would tell a user of another run.
+/// A number that is not the record's, or one that is left out, would describe another run.
 #[test]
 fn the_page_tells_the_numbers_of_the_record() {
     let record = run(30_000, Status::Complete);
@@ -185,7 +185,7 @@ fn the_page_tells_the_numbers_of_the_record() {
     }
 }
 
-/// Lines and points have iterations of their own: under the pointer, each must tell the value that is nearest.
+/// Lines and points have iterations of their own: under the pointer, each must show the nearest value.
 #[test]
 fn the_pointer_reads_lines_and_points() {
     let record = run(30_000, Status::Complete);
@@ -206,7 +206,7 @@ fn the_pointer_reads_lines_and_points() {
     }
 }
 
-/// Without the reload a user would watch a page that stands still; with it a finished page would flicker for ever.
+/// Without the reload a user would watch a page that never changes; with it a finished page would flicker for ever.
 #[test]
 fn only_the_page_of_a_running_run_reloads_itself() {
     let reload = r#"<meta http-equiv="refresh" content="30">"#;
@@ -262,8 +262,8 @@ fn values_that_are_not_finite_do_not_break_the_page() {
     }
 }
 
-/// If this failed, a model that fell apart would look like a good one on its page, one that was stopped would be called so, or a
-/// photo that is drawn to the bit would make the record unreadable.
+/// If this failed, a model that diverged would look like a good one on its page, one that was stopped would be reported as
+/// diverged, or a photo that is rendered exactly would make the record unreadable.
 #[test]
 fn a_training_that_diverged_says_so() {
     let warns = |record: &TrainRecord| page_with(record, 1).contains("Warning: training diverged");

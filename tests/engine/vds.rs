@@ -126,7 +126,7 @@ fn points(proxy: &Proxy) -> Vec<SurfacePoint> {
 }
 
 /// Were the device's lens another than the host's, every photo with distortion would be read in the wrong place; were
-/// its visibility another, points would be given what lies before them. Rays within a millionth of an edge may differ,
+/// its visibility another, points would be given the colours of occluders. Rays within a millionth of an edge may differ,
 /// as may points at the rim of an image.
 #[test]
 fn the_device_observes_what_the_twin_does() {
@@ -158,7 +158,7 @@ fn the_device_observes_what_the_twin_does() {
     assert!(worst < 2e-3, "intensities differ by {worst}");
 }
 
-/// The lens of the device by itself: a point's intensity tells its pixel where the photo is a ramp. A term that is
+/// The lens of the device by itself: a point's intensity encodes its pixel where the photo is a ramp. A term that is
 /// wrong in one model would move what is read by a part of a pixel or by many.
 #[test]
 fn the_devices_lens_is_the_hosts() {

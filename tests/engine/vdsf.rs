@@ -1,4 +1,4 @@
-//! Does the view dependency score follow what it stands for, on surfaces that the fit has not seen?
+//! Does the view dependency score follow what it measures, on surfaces that the fit has not seen?
 
 use std::process::Command;
 
@@ -16,9 +16,9 @@ fn correlation(observations: &[Observation], variance: impl Fn(&Observation) -> 
     spearman(&pairs)
 }
 
-/// If this failed, the score would not say how densely an unseen surface must be photographed. Materials, lightings and
+/// If this failed, the score would not show how densely an unseen surface must be photographed. Materials, lightings and
 /// neighbourhoods are other draws than those of the fit. The claim is for the variance as expected, to which that of many
-/// views comes close; a single draw of few views is noisy, and must be no noisier than the documentation says.
+/// views comes close; a single draw of few views is noisy, and must be no noisier than the documentation states.
 #[test]
 fn the_score_ranks_unseen_surfaces_by_the_density_they_need() {
     assert_ne!(HELD_OUT, Vdsf::embedded().seed);
@@ -78,7 +78,7 @@ fn scene(material: Material, lighting: Lighting) -> Scene {
     Scene { material, neighbourhood: Neighbourhood::FLAT, lighting, key: 0.2 }
 }
 
-/// The same for materials and lightings made by hand: a population that resembles the fit's only by chance would show
+/// The same for materials and lightings written out: a population that resembles the fit's only by chance would show
 /// whether the fit has learnt surfaces or its own generator.
 #[test]
 fn the_score_ranks_named_materials_under_known_light() {
@@ -145,7 +145,7 @@ fn two_fits_are_equal_bytes_and_another_seed_is_another_fit() {
     assert_eq!(fit::observe(&scenes[..1], Sparse::FITTED, 3), all[..1]);
 }
 
-/// If this failed, the command would write something else than the library fits, or half of what was asked for.
+/// If this failed, the command would write something else than the library fits, or half of the request.
 #[test]
 fn the_command_writes_the_fit_and_its_plot() {
     let folder = tempfile::tempdir().unwrap();

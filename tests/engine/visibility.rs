@@ -42,10 +42,10 @@ fn cloud(surface: &Surface) -> Surface {
     })
 }
 
-/// Were a map wrong, a camera would count as seeing through a wall, or light would be asked for from where no camera may
-/// stand. Device and twin take directions that differ in the last bits, so that a ray within about a millionth of a radian
-/// of the rim of a triangle, a disc or the region may come out on the other side of it. A map of an object has a few dozen
-/// radians of rims, one in a hundred thousand texels that near to them; discs have more rims. One in a thousand may differ.
+/// Were a map wrong, a camera would count as seeing through a wall, or light would be required from where no camera may be.
+/// Device and twin take directions that differ in the last bits, so that a ray within about a millionth of a radian of the rim of
+/// a triangle, a disc or the region may come out on the other side of it. A map of an object has a few dozen radians of rims, one
+/// in a hundred thousand texels that near to them; discs have more rims. One in a thousand may differ.
 #[test]
 fn maps_are_those_of_the_twin() {
     let context = context();

@@ -1,11 +1,11 @@
 // The gradient of the loss by what each instance brings to its tile. A workgroup takes BLOCK instances of the sorted list,
-// whatever tiles they belong to, so that no tile is longer work than another; within a tile it goes on from the checkpoint that
+// whatever tiles they belong to, so that no tile is longer work than another; within a tile it continues from the checkpoint that
 // the forward pass left.
 //
-// SPLATS instances at a time: what each pixel says to each instance, front to back, and the sums over the pixels of a lane, strip
-// by strip; then the sums over lanes, in fixed order. On a GPU a thread has a pixel, and what pixels say goes through shared
-// memory to the threads that have lanes. On a CPU, where each access to shared memory takes longer than what it brings, few
-// threads have many pixels (NARROW), all those of a lane of their own.
+// SPLATS instances at a time: what each pixel contributes to each instance, front to back, and the sums over the pixels of a
+// lane, strip by strip; then the sums over lanes, in fixed order. On a GPU a thread has a pixel, and pixels' contributions go
+// through shared memory to the threads that have lanes. On a CPU, where each access to shared memory takes longer than what it
+// brings, few threads have many pixels (NARROW), all those of a lane of their own.
 //
 // With x = sum_j c_j a_j T_j + T_end * background and g = dL/dx:
 // dL/da_k = T_k c_k.g - (x.g - sum_{j <= k} c_j.g a_j T_j)/(1 - a_k).
@@ -45,12 +45,12 @@ const uint ROWS = SUMS * SPLATS;
 // Lanes of a row in shared memory, with what keeps rows out of one another's banks.
 const uint ROW = LANES + 1;
 
-// No vec3, which some devices give the room of a vec4.
+// No vec3, which some devices pad to a vec4.
 shared vec4 means[STAGED];  // mean, opacity, conic xx
 shared vec4 conics[STAGED];  // conic xy and yy, red, green
 shared float blues[STAGED];
 shared uint strips[STAGED];
-// What each pixel says to each instance.
+// What each pixel contributes to each instance.
 shared vec2 said[NARROW ? 1 : SPLATS * TILE_PIXELS];
 shared float by_lane[ROWS * ROW];
 shared float by_part[ROWS * PARTS];
@@ -75,9 +75,9 @@ void stage(uint from, uint end, uvec2 corner) {
     }
 }
 
-// What a pixel says to an instance: the weight of its colour, and dL/da * a. `d` is from the instance's mean to the pixel;
-// `counts` says whether the pixel's light gets as far. What is `left` of the light, and `behind`, the gradient by what is still
-// to come, go on.
+// What a pixel contributes to an instance: the weight of its colour, and dL/da * a. `d` is from the instance's mean to the pixel;
+// `counts`: whether the pixel's light gets this far. Updates `left`, the remaining light, and `behind`, the gradient by what is
+// still to come.
 vec2 say(vec2 d, vec4 mean, vec4 other, float blue, bool counts, vec3 gradient, inout float left, inout float behind) {
     vec3 conic = vec3(mean.w, other.xy), colour = vec3(other.zw, blue);
     float sigma = 0.5 * (conic.x * d.x * d.x + conic.z * d.y * d.y) + conic.y * d.x * d.y;
@@ -115,7 +115,7 @@ void keep(uint s, uint lane, float sums[SUMS]) {
     [[unroll]] for (uint value = 0; value < SUMS; ++value) by_lane[(value * SPLATS + s) * ROW + lane] = sums[value];
 }
 
-// Sums over a lane's pixels of what they have said to the `s`-th instance worked on, which is the `k`-th in shared memory. `centre`
+// Sums over a lane's pixels of what they contribute to the `s`-th instance worked on, which is the `k`-th in shared memory. `centre`
 // is that of the lane's first pixel.
 void sum_lane(uint k, uint s, uint lane, vec2 centre, vec3 gradients[STRIPS]) {
     Column sum = Column(vec3(0.0), vec3(0.0));

@@ -11,7 +11,7 @@ layout(local_size_x = 64) in;
 layout(push_constant) uniform Push {
     uint stride;
     uint view;
-    // Room for instances: where there were more, nothing is learnt.
+    // Capacity for instances: where there were more, nothing is learnt.
     uint room;
     // Whether to remember the directions.
     uint learn;

@@ -46,7 +46,7 @@ vec3 drawn(uint i, uint which) {
 void main() {
     uint i = group_index() * 64 + gl_LocalInvocationIndex, before = totals[2];
     if (control[0] != 0 || i >= before) return;
-    // Children that find no free slot go behind the others, while there is room.
+    // Children that find no free slot go behind the others, while there is capacity.
     uint behind = totals[0] - min(totals[0], totals[1]);
     if (i == 0) population[0] = min(before + behind, stride);
     if (holes[i] != 0) {

@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 // Fisher information, 2: squares, pixel by pixel, of what red + green + blue answers to each instance's parameters. A workgroup
-// takes BLOCK instances of the sorted list, whatever tiles they belong to, and goes on from the checkpoint that the forward
+// takes BLOCK instances of the sorted list, whatever tiles they belong to, and continues from the checkpoint that the forward
 // pass left, as the backward pass does.
 //
 // SPLATS instances at a time: first pixel by pixel, front to back, w and q into shared memory; then column by column of the tile

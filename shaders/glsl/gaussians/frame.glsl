@@ -5,7 +5,7 @@ layout(push_constant) uniform Push {
     uint view;
     // Degree of the harmonics that take part.
     uint degree;
-    // Room for instances.
+    // Capacity for instances.
     uint room;
     vec3 background;
     uint iteration;

@@ -25,7 +25,7 @@ void main() {
         return;
     }
     if (total[0] == 0) {
-        // Nothing lives: nothing moves, and what is new is as dead as the rest.
+        // No live Gaussian: nothing moves, and new ones are dead like the rest.
         sources[i] = i < before ? NONE : 0;
         return;
     }

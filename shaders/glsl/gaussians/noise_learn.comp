@@ -1,7 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 // Manifold sampling, 3: a step of Adam for the noise of every parameter: less where the perturbed picture suffers from it, more
-// by the reward, never less than none.
+// by the reward, never negative.
 #include "shared/adam.glsl"
 #include "shared/group.glsl"
 #include "shared/random.glsl"

@@ -25,7 +25,7 @@ const uint FEW = 32;
 shared uint large[64];
 shared uint large_count;
 
-// Writes a row's instances from `at` on, not past `end`; says where the next row's begin.
+// Writes a row's instances from `at` on, not past `end`; returns where the next row's begin.
 uint emit_row(Reach reach, int row, uvec2 tiles, uint splat, uint at, uint end) {
     ivec2 run = tiles_in_row(reach, row, tiles);
     for (int x = run.x; x < run.y && at < end; ++x, ++at) {

@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 // Gaussian splatting, 5: a workgroup composites the pixels of a tile, front to back. At every BLOCK-th instance it leaves a
-// checkpoint, from which the backward pass goes on.
+// checkpoint, from which the backward pass continues.
 #include "shared/group.glsl"
 #include "gaussians/gaussian.glsl"
 #include "gaussians/frame.glsl"
@@ -26,7 +26,7 @@ layout(binding = 8, std430) writeonly buffer Checkpoints { vec4 checkpoints[]; }
 layout(binding = 9, std430) writeonly buffer Depths { float depths[]; };
 
 const uint THREADS = gl_WorkGroupSize.x;
-// Pixels of a thread; they lie THREADS apart.
+// Pixels of a thread; their stride is THREADS.
 const uint PIXELS = TILE_PIXELS / THREADS;
 
 shared vec4 means[BLOCK];  // mean, opacity, depth
@@ -84,7 +84,7 @@ void main() {
         for (uint b = 0; mine && b < next - base; b += 4) {
             [[unroll]] for (uint i = 0; i < 4; ++i) {
                 uint k = b + i;
-                // What does not reach a strip is not even looked at.
+                // What does not reach a strip is skipped.
                 uint reached = strips[k];
                 if (PIXELS == 1 && (reached >> thread / STRIP & 1) == 0) continue;
                 vec4 mean = means[k], conic = conics[k];

@@ -1,7 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
-// Gaussian splatting, 7: every Gaussian sums what its instances say, in order, carries it back through the projection to its
+// Gaussian splatting, 7: every Gaussian sums its instances' gradients, in order, carries it back through the projection to its
 // parameters, and takes a step of Adam. The exploration noise of 3DGS-MCMC (Kheradmand et al. 2024) follows at once.
 #include "shared/adam.glsl"
 #include "shared/fold.glsl"
@@ -226,7 +226,7 @@ void main() {
         }
     }
 
-    // The colour, four functions at a time; what it says of the direction goes to the centre.
+    // The colour, four functions at a time; its gradient by the direction goes to the centre.
     float far = max(length(towards), 1e-12);
     vec3 direction = towards / far, by_direction = vec3(0.0);
     float basis[16];

@@ -1,8 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Loss, 3: the sums of all tiles, in fixed order, into the history that the host reads. Where the iteration had less room than
-// its instances needed, or its loss is no number, nothing that outlives an iteration is written from here on: the host
-// finds everything as it was before.
+// Loss, 3: the sums of all tiles, in fixed order, into the history that the host reads. Where the iteration had less capacity
+// than its instances needed, or its loss is no number, nothing that outlives an iteration is written from here on: the host finds
+// everything as it was before.
 #include "shared/fold.glsl"
 #include "gaussians/gaussian.glsl"
 #include "gaussians/frame.glsl"
@@ -24,7 +24,7 @@ layout(binding = 2, std430) readonly buffer TileLosses { vec4 tile_losses[]; };
 layout(binding = 3, std430) buffer Control { uint control[]; };
 // Host-visible.
 layout(binding = 4, std430) writeonly buffer History { Record history[]; };
-// Host-visible: [0] iterations done, [1] instances that an iteration needed where there was less room, [2] a loss that is no number.
+// Host-visible: [0] iterations done, [1] instances that an iteration needed where capacity was lower, [2] a loss that is no number.
 layout(binding = 5, std430) writeonly buffer Mailbox { uint mailbox[]; };
 
 layout(binding = 6, std430) readonly buffer Population { uint population[]; };

@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// How far apart two pictures' features are at each pixel (Zhang et al. 2018, "The Unreasonable Effectiveness of Deep
+// Distance between two pictures' features at each pixel (Zhang et al. 2018, "The Unreasonable Effectiveness of Deep
 // Features as a Perceptual Metric", equation 1): the vectors over channels are brought to length 1, and their squared
 // differences summed by the weights that were learnt. A thread per pixel. Twin: src/metrics/image/lpips_distance.rs.
 #include "shared/group.glsl"

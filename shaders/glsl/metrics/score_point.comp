@@ -154,7 +154,7 @@ void main() {
     for (uint k = thread; k < count; k += 256) {
         float off = float(cells[row + k]) * texel_area - mean;
         square += off * off;
-        // Pairs grow as the square: past 1024 views that see the point the first 1024 stand for all.
+        // Pairs grow as the square: past 1024 views that see the point the first 1024 represent all.
         for (uint l = 0; l < (k < 1024 ? k : 0); ++l) widest = max(widest, angle(rays[row + k].xyz, rays[row + l].xyz));
     }
     square = total_of(vec2(square, 0.0)).x;

@@ -45,7 +45,7 @@ Hit closest(vec3 origin, vec3 direction, uint own, uvec3 key, bool keyed) {
     uint size = 0, child = 0;
     Hit best = Hit(MISS, NONE, vec2(0.0));
     while (true) {
-        // Down to the next leaf: rays beside one another do the same thing then.
+        // Down to the next leaf: neighbouring rays then do the same thing.
         while ((child & LEAF) == 0) {
             uvec2 entered = children_entered(nodes[child], origin, inverse, 0.0, best.t);
             if (entered.y != NO_CHILD) stack[size++] = entered.y;
@@ -80,7 +80,7 @@ float passing(vec3 origin, vec3 direction, float t_max, uint own, uint lit) {
     uint size = 0, child = 0;
     float left = 1.0;
     while (true) {
-        // Down to the next leaf: rays beside one another do the same thing then.
+        // Down to the next leaf: neighbouring rays then do the same thing.
         while ((child & LEAF) == 0) {
             uvec2 entered = children_entered(nodes[child], origin, inverse, 0.0, t_max);
             if (entered.y != NO_CHILD) stack[size++] = entered.y;
@@ -104,8 +104,8 @@ float passing(vec3 origin, vec3 direction, float t_max, uint own, uint lit) {
 
 // A place beside a hit on the side that `normal` points to, farther off its triangle's plane than rounding may have left the
 // place and a neighbour in that plane (but for slivers): by eight units in the last place of the terms that it is the sum of,
-// along the normal (Pharr, Jakob and Humphreys 2023, "Physically Based Rendering", 6.8), and at least by what the scene's
-// coordinates can tell apart. The triangle itself is left out by its slot.
+// along the normal (Pharr, Jakob and Humphreys 2023, "Physically Based Rendering", 6.8), and at least by the resolution of the
+// scene's coordinates. The triangle itself is left out by its slot.
 vec3 beside(Hit hit, vec3 place, vec3 normal) {
     vec3 v0 = primitives[3 * hit.slot].xyz, e1 = primitives[3 * hit.slot + 1].xyz, e2 = primitives[3 * hit.slot + 2].xyz;
     vec3 terms = abs(v0) + abs(hit.at.x * e1) + abs(hit.at.y * e2);

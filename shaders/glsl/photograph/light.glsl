@@ -38,12 +38,12 @@ float tent(float u) {
 struct Lit {
     vec3 towards;
     float reach;   // how far the ray must pass
-    vec3 light;    // radiance, or what stands for it of lamps, over the chance
+    vec3 light;    // radiance, or a lamp's equivalent, over the chance
     float density; // by solid angle; 0 for lamps, which no ray meets
     uint slot;     // the triangle that gives it, or NONE
 };
 
-// Light at a place from one source, drawn from the words `a` and `b`. A reach of 0 says that there is none.
+// Light at a place from one source, drawn from the words `a` and `b`. A reach of 0 means that there is none.
 Lit light_towards(vec3 from, uvec4 a, uvec4 b) {
     Lit lit = Lit(vec3(0.0, 1.0, 0.0), 0.0, vec3(0.0), 0.0, NONE);
     float sky_share = setting[0].sky_share;
@@ -91,7 +91,7 @@ Lit light_towards(vec3 from, uvec4 a, uvec4 b) {
         if (has_alpha(light.slot)) emitted *= opacity(light.slot, at);
         lit.density = light_density(chosen, light.slot, distance, abs(cosine));
         lit.light = emitted / lit.density;
-        // What lies on the very same place stops no light.
+        // A light at the same place is not blocked.
         lit.reach = distance * (1.0 - 4e-6);
         lit.slot = light.slot;
     } else if (light.kind == LIGHT_DIRECTIONAL) {

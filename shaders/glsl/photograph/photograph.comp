@@ -163,7 +163,7 @@ void main() {
     vec4 sum = first_sample == 0 ? vec4(0.0) : exposure[pixel];
     uint number = first_sample, last = first_sample + samples;
     Path path = camera_path(pixel, number);
-    // One loop over the hits of all samples: a thread whose path has ended begins the next beside others that go on.
+    // One loop over the hits of all samples: a thread whose path has ended begins the next while others continue.
     while (number < last) {
         if (extend(path, pixel, number)) continue;
         sum += found_by(path);

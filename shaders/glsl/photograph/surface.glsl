@@ -1,5 +1,5 @@
 // What a surface does with light at a hit: lobes, their values and samples. The formulas are those of glTF 2.0 and its
-// extensions (Khronos, appendix B and KHR_materials_*); what these leave open is settled so that no lobe gains or loses
+// extensions (Khronos, appendix B and KHR_materials_*); where these leave a choice, it is made so that no lobe gains or loses
 // light: reflection is raised by what is scattered between microfacets (Turquin 2019, "Practical multiple scattering
 // compensation for microfacet models"), and what lies below a layer is dimmed by the layer's albedo.
 
@@ -76,7 +76,7 @@ vec3 bumped(uint map, float scale, vec2 uv0, vec2 uv1, vec3 n, vec4 tangent) {
     return normalize(m.x * t + m.y * tangent.w * cross(n, t) + m.z * n);
 }
 
-// The surface at a hit of a ray against `wo`, and what it emits towards it. `front` tells the side.
+// The surface at a hit of a ray against `wo`, and what it emits towards it. `front` is the side.
 Surface surface_at(Hit hit, vec3 wo, out vec3 emission, out bool front) {
     Surface s;
     Face face = faces[hit.slot];

@@ -23,7 +23,7 @@ void main() {
     Settings s = settings[0];
     if (control[0].halt != 0) return;
     uint probe = gl_WorkGroupID.x, thread = gl_LocalInvocationIndex;
-    // Host memory is far away: asked for first, needed last.
+    // Host memory is slow to read: requested first, needed last.
     uvec2 most = probe == 0 && thread == 0 ? uvec2(mailbox[3], mailbox[4]) : uvec2(0);
     vec4 sum = vec4(0.0);
     for (uint tile = thread; tile < TILES; tile += 256) sum.xyz += tile_sums[probe * TILES + tile].xyz;

@@ -1,7 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 // The splat pass without binning: a workgroup per block of texels of a point camera. It lists the camera splats that the
-// probe can see, forms the picture texel by texel over that list, then turns round and sums, splat by splat, over the
+// probe can see, forms the picture texel by texel over that list, then goes back and sums, splat by splat, over the
 // texels' residuals.
 // No atomics on floats and a fixed order everywhere: the same bits on every run. Twin: src/plan/dense.rs.
 //
@@ -61,7 +61,7 @@ uint list_visible(uint probe, vec3 position, Settings s) {
             all += bits;
         }
         rank += bitCount(words[thread >> 5] & ((1u << (thread & 31u)) - 1u));
-        // Every block of the probe makes the same list; the first one's slots stand for all.
+        // Every block of the probe makes the same list; the first one's slots represent all.
         bool kept = seen && rank < s.capacity;
         if (j < s.splats && gl_WorkGroupID.y == 0) slots[probe * s.splats + j] = kept ? rank : NONE;
         if (seen && rank < THREADS) listed[rank] = j;

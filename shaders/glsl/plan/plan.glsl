@@ -21,9 +21,9 @@ struct Settings {
     uint kept;            // the first so many never move
     uint probes;          // point cameras a step
     uint pool;            // point cameras in all
-    uint capacity;        // visible splats that a probe has room for (dense), or pairs in all (binned)
+    uint capacity;        // capacity in visible splats of a probe (dense), or pairs in all (binned)
     uint row;             // partials from one block of a probe to the next (dense: capacity; binned: 0)
-    uint instances;       // (tile, splat) instances that there is room for (binned)
+    uint instances;       // capacity in (tile, splat) instances (binned)
     uint iterations;
     uint round_length;    // iterations a view in the iterative variant, 0 in the joint one
     uint seed;
@@ -102,7 +102,7 @@ struct Terms {
     float bound;
 };
 
-// Sums over the texels of one tile for one splat: what `splat_gradient` wants.
+// Sums over the texels of one tile for one splat: the input of `splat_gradient`.
 struct InstanceSum {
     vec3 moment;
     float total;

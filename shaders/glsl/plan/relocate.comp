@@ -1,8 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 // Relocation: a workgroup for each of the tenth of splats with the least utility. One under a fifth of the median is put
-// where light is missing: a probe and a direction are drawn with probability proportional to the squared deficit, the
-// camera stands at a uniform distance on the feasible, unblocked part of that ray and looks back.
+// where light is missing: a probe and a direction are drawn with probability proportional to the squared deficit, the camera is
+// placed at a uniform distance on the feasible, unblocked part of that ray and looks back.
 #include "plan/plan.glsl"
 #include "shared/random.glsl"
 layout(local_size_x = 256) in;
@@ -32,7 +32,7 @@ float missing(uint probe, Settings s) {
     return sum * texel_weight(probes[index], s);
 }
 
-// Distance from `from` along unit `w` at which a camera may stand, uniform over the feasible part of the ray before `reach` as
+// Distance from `from` along unit `w` at which a camera may be placed, uniform over the feasible part of the ray before `reach` as
 // 32 steps find it; negative where they find none. `pick` and `jitter` are uniform in [0, 1).
 float stand_along(vec3 from, vec3 w, float reach, float pick, float jitter) {
     // The region lies within the unit ball.

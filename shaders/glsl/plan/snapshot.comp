@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Keeps the splats as they are every `interval` iterations, so that held-out metrics can be had by iteration afterwards
+// Keeps the splats as they are every `interval` iterations, so that held-out metrics can be computed by iteration afterwards
 // without stopping the run.
 #include "shared/group.glsl"
 #include "plan/plan.glsl"

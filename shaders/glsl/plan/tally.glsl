@@ -12,9 +12,9 @@ struct Record {
 };
 
 layout(binding = 11, std430) writeonly buffer History { Record history[]; };
-// Host-visible: [0] the host asks to stop; [1] iterations done; [2] most splats that a probe saw.
+// Host-visible: [0] the host requests a stop; [1] iterations done; [2] most splats that a probe saw.
 layout(binding = 12, std430) buffer Mailbox { uint mailbox[]; };
-// [0] workgroups that are done with this iteration; [1] the host asks to stop. Apart from `control`, which every thread
+// [0] workgroups that are done with this iteration; [1] the host requests a stop. Separate from `control`, which every thread
 // reads: coherent loads of one word by all of them would queue up.
 layout(binding = 13, std430) coherent buffer Arrivals { uint arrivals[]; };
 

@@ -1,4 +1,4 @@
-// The end of an iteration, a workgroup per camera splat: sums what was said of it in fixed order (`gather`, of the objective's
+// The end of an iteration, a workgroup per camera splat: sums its partials in fixed order (`gather`, of the objective's
 // own stage), adds the region's pull, and takes one Adam step (Kingma and Ba 2015). The last workgroup ends the iteration
 // (plan/tally.glsl).
 // Twins: src/plan/update.rs (the step) and src/visibility/device_scene.rs (the region).
@@ -37,10 +37,10 @@ vec3 adam(vec3 gradient, inout vec3 mean, inout vec3 square, uint steps) {
 // Adds to `sum` what this thread has to add of splat j, and to `reg` its part of the regulariser.
 void gather(uint j, Splat splat, Settings s, Control c, uint thread, inout Gradient sum, inout float reg);
 
-// Sums what was said of splat j, by all threads; the first one moves it.
+// Sums the partials of splat j, by all threads; the first one moves it.
 void update(uint j, Settings s, Control c, uint thread) {
     Splat splat = splats[j];
-    // Asked for before the sums, needed after them.
+    // Loaded before the sums, needed after them.
     Moments m = moments[j];
     vec3 outward = vec3(0.0);
     float bound = 0.0;
@@ -74,7 +74,7 @@ void main() {
     Control c = control[0];
     uint j = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x, thread = gl_LocalInvocationIndex;
     if (c.halt != 0 || j >= s.splats) return;
-    // Host memory is far away: one workgroup asks for all, in the shadow of its sums.
+    // Host memory is slow to read: one workgroup reads for all, hidden behind its sums.
     uint stop = j == 0 && thread == 0 ? mailbox[0] : 0;
     update(j, s, c, thread);
     if (stop != 0) arrivals[1] = stop;

@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// The end of an iteration where the expected error of viewers is to come out small: each look left three partials (viewed.comp),
+// The end of an iteration where the expected error of viewers is minimised: each look left three partials (viewed.comp),
 // each of the splat that its slot names.
 #include "plan/update.glsl"
 

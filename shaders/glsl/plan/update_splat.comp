@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// The end of an iteration where the pictures of point cameras are to come out evenly bright: sums over probes, and the coverage
+// The end of an iteration where point cameras' pictures should be evenly bright: sums over probes, and the coverage
 // regulariser.
 // Twins: src/plan/update.rs (regulariser) and src/plan/dense.rs (the sums).
 #include "plan/update.glsl"

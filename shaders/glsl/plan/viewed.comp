@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Expected quality and its gradient: a workgroup per viewer of the iteration, one thread or several per look. Each look finds the camera
 // splats nearest to it that see its point; the law gives its expected error; the loss is the mean over viewers of the logarithm
-// of the mean error of their looks. Every look writes what it asks of the three splats it depends on to places of its own.
+// of the mean error of their looks. Every look writes the gradients of the three splats it depends on to places of its own.
 // Twin: src/plan/viewed.rs.
 #include "shared/fold.glsl"
 #include "shared/bvh.glsl"
@@ -23,8 +23,8 @@ layout(binding = 8, std430) writeonly buffer Partials { Gradient partials[]; };
 layout(binding = 9, std430) writeonly buffer Tallies { Tally tallies[]; };
 #include "shared/traverse.glsl"
 
-// Radians that a splat counts as off for each sine by which the point lies outside of its picture: steep enough that it turns
-// to what is judged by yes and no.
+// Radians that a splat counts as off for each sine by which the point lies outside of its picture: steep enough that cameras turn
+// towards what the hard test counts.
 const float TURN = 8.0;
 
 // The angle at the point between viewer and splat, and how far the splat would have to turn to have the point in its picture.
@@ -37,7 +37,7 @@ float view_cost(uint view, Look look, float bound, out vec3 n, out float d) {
     float angle = angle_between(look.direction, n);
     if (angle >= bound) return FARTHEST;
     float open = gate(-n, splat, settings[0]).open;
-    // What is closed has no logarithm in single precision.
+    // A closed gate has no logarithm in single precision.
     return open > 1e-30 ? angle - TURN * settings[0].gate_softness * log(open) : FARTHEST;
 }
 #include "shared/nearest_views.glsl"

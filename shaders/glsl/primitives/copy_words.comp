@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Reads and writes as fast as the device can: what other stages' bandwidth is held against.
+// Reads and writes as fast as the device can: the reference for other stages' bandwidth.
 #include "shared/group.glsl"
 layout(local_size_x = 256) in;
 layout(push_constant) uniform Push { uint count; };

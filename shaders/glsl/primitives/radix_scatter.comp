@@ -1,8 +1,8 @@
 // Moves each key of a tile (and its value) to its place in the order of one digit; equal digits keep their order.
 //
-// Ranking. A subgroup takes consecutive keys, row after row. In a row, ballots over the digit's bits tell each key who
-// has the same digit: those before it are its rank in the row, and the subgroup's own histogram holds the rows before.
-// Nothing but the order of the keys enters a rank, so the result does not depend on how wide a subgroup is.
+// Ranking. A subgroup takes consecutive keys, row after row. In a row, ballots over the digit's bits find the keys with the same
+// digit: those before it are its rank in the row, and the subgroup's own histogram holds the rows before. Nothing but the order
+// of the keys enters a rank, so the result does not depend on how wide a subgroup is.
 //
 // Writing. Keys go to shared memory in their order within the tile and from there to the output, so that neighbouring
 // threads write neighbouring addresses; values follow the same way.
@@ -54,8 +54,8 @@ void main() {
     if (tile * TILE >= available) {
         return;
     }
-    // The only place that asks how wide a subgroup is. Drivers may run narrower ones than they report; how many of them
-    // make up the workgroup tells the truth.
+    // The only use of the subgroup's width. Drivers may run narrower ones than they report; the number of subgroups in the
+    // workgroup is reliable.
     uint width = gl_WorkGroupSize.x / gl_NumSubgroups;
     uint lane = gl_SubgroupInvocationID;
     uint thread = gl_SubgroupID * width + lane;

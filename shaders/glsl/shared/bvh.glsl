@@ -33,7 +33,7 @@ float enter_box(vec3 origin, vec3 inverse, float t_min, float t_max, vec3 lo, ve
     return enter <= leave ? enter : MISS;
 }
 
-const uint NO_CHILD = 0xffffffffu;  // has the bit of a leaf, and is none: leaves hold four at most
+const uint NO_CHILD = 0xffffffffu;  // has the leaf bit set, but is no leaf: leaves hold four at most
 
 // The child of a node that a ray enters first, and the one that it enters later.
 uvec2 children_entered(Node node, vec3 origin, vec3 inverse, float t_min, float t_max) {

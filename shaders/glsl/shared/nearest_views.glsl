@@ -1,4 +1,4 @@
-// The views that see the point of a look, nearest to the viewer's direction first. Needs `trace` and, of whoever includes it,
+// The views that see the point of a look, nearest to the viewer's direction first. Needs `trace` and, defined by the includer,
 //   float view_cost(uint view, Look look, float bound, out vec3 n, out float d)
 // the angle by which a view is ordered, FARTHEST or more where it is none or it is certain to reach `bound`, with the unit
 // direction to it and its distance.
@@ -7,7 +7,7 @@
 // Threads of a look, a power of two: each walks over some of the views and casts some of the rays.
 layout(constant_id = 8) const uint LANES = 1;
 
-const uint LISTED = 8;       // views that are looked at between two walks over all
+const uint LISTED = 8;       // views that are examined between two passes over all
 const uint WALKS = 16;       // of a look; what 128 nearer views do not see counts as unseen
 
 struct Near {
@@ -21,7 +21,7 @@ struct List {
     uint views[LISTED];
 };
 
-// Puts a view into its place: the larger ones move on, the last falls out.
+// Puts a view into its place: the larger ones shift, the last is dropped.
 void put(inout List list, float cost, uint view) {
     for (uint k = 0; k < LISTED; ++k) {
         if (cost < list.costs[k] || (cost == list.costs[k] && view < list.views[k])) {

@@ -1,4 +1,4 @@
-// Where cameras may stand (region_types.glsl) and the free space of the voxel field. Needs the bindings `region` and
+// Where cameras may be placed (region_types.glsl) and the free space of the voxel field. Needs the bindings `region` and
 // `free_distance`. Twins: src/scene/region.rs (shape and floor) and src/scene/free_space.rs (the field), put together in
 // src/visibility/device_scene.rs.
 

@@ -1,4 +1,4 @@
-// Where cameras may stand: a shell about the origin or a box, above a floor.
+// Where cameras may be placed: a shell about the origin or a box, above a floor.
 struct DeviceRegion {
     vec3 box_min;
     uint is_box;

@@ -28,7 +28,7 @@ float trace_slot(vec3 origin, vec3 direction, float t_min, float t_max, bool any
     uint size = 0, child = 0;
     float best = MISS;
     while (true) {
-        // Down to the next leaf: rays beside one another do the same thing then.
+        // Down to the next leaf: neighbouring rays then do the same thing.
         while ((child & LEAF) == 0) {
             uvec2 entered = children_entered(nodes[child], origin, inverse, t_min, t_max);
             if (entered.y != NO_CHILD) stack[size++] = entered.y;

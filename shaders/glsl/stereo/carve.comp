@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Which voxels may be the object: those in no view beside its mask (Laurentini 1994, "The Visual Hull Concept for
 // Silhouette-Based Image Understanding") that few views' depths see through: fewer than two, or no more than have their
-// own depth there. What a picture does not hold it says nothing of. Twin: src/stereo/hull.rs.
+// own depth there. A picture gives no evidence about what lies outside it. Twin: src/stereo/hull.rs.
 #include "shared/group.glsl"
 #include "stereo/stereo.glsl"
 layout(local_size_x = 64) in;

@@ -3,7 +3,7 @@
 bool in_hull(vec3 p) {
     if (cells_x == 0) return true;
     vec3 at = floor((p - origin) / cell);
-    // Asked so that what is not a number is outside.
+    // Written so that NaN is outside.
     if (!(all(greaterThanEqual(at, vec3(0.0))) && all(lessThan(at, vec3(cells_x, cells_y, cells_z))))) return false;
     uvec3 voxel = uvec3(at);
     return hull[(voxel.z * cells_y + voxel.y) * cells_x + voxel.x] != 0;

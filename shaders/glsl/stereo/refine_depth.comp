@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// One round of refinement of a view's depth: a pixel takes over the plane of a pixel beside it, or its own moved or turned a
+// One iteration of refinement of a view's depth: a pixel takes over the plane of a pixel beside it, or its own moved or turned a
 // little at random, where that matches better (Bleyer, Rhemann and Rother 2011, "PatchMatch Stereo - Stereo Matching with
-// Slanted Support Windows"). A plane is inverse depth, which is linear in the picture, and its slope. All pixels read the
-// planes of the round before. Twin: src/stereo/cost.rs.
+// Slanted Support Windows"). A plane is inverse depth, which is linear in the picture, and its slope. All pixels read the planes
+// of the iteration before. Twin: src/stereo/cost.rs.
 #include "stereo/stereo.glsl"
 #include "shared/random.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;

@@ -11,7 +11,7 @@ const float NOISE = 3e-4;
 // Cost of what cannot be compared; matches cost 0 to 2.
 const float NO_MATCH = 4.0;
 
-// Brightness of a pixel; the picture's rim goes on beyond it.
+// Brightness of a pixel; the picture is clamped at its edge.
 float brightness(uint first, uint width, uint height, ivec2 pixel) {
     ivec2 p = clamp(pixel, ivec2(0), ivec2(width, height) - 1);
     return pictures[first + uint(p.y) * width + uint(p.x)];

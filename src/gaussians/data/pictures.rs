@@ -81,7 +81,7 @@ fn map(last: &Mutex<Option<Arc<Map>>>, lens: Lens) -> Arc<Map> {
     if let Some(map) = lock(last).as_ref().filter(|map| map.is_of(&lens)) {
         return Arc::clone(map);
     }
-    // Not under the lock: where every photo has its own lens, threads shall not wait for each other.
+    // Not under the lock: where every photo has its own lens, threads must not wait for each other.
     let map = Arc::new(Map::new(lens));
     *lock(last) = Some(Arc::clone(&map));
     map
@@ -144,8 +144,8 @@ mod tests {
         picture.pixels.into_iter().map(u32::to_le_bytes).collect()
     }
 
-    /// By hand. If this failed, training would fit other colours than the photos have, or learn the colour that a program left
-    /// under transparent pixels.
+    /// Computed directly. If this failed, training would fit other colours than the photos have, or learn the colour that a
+    /// program left under transparent pixels.
     #[test]
     fn pixels_are_the_stored_bytes_with_alpha() {
         let folder = tempfile::tempdir().unwrap();
@@ -170,7 +170,7 @@ mod tests {
         assert_eq!(one(&photo(path("b.png"), 3, 2), 2), [[188, 188, 188, 255]]);
     }
 
-    /// The same JPEG with an EXIF segment that asks for a quarter turn (TIFF, one entry: tag 0x112, orientation 6).
+    /// The same JPEG with an EXIF segment that specifies a quarter turn (TIFF, one entry: tag 0x112, orientation 6).
     fn turned(jpeg: &[u8]) -> Vec<u8> {
         let tiff = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
         let segment = [&b"Exif\0\0"[..], tiff].concat();
@@ -198,7 +198,7 @@ mod tests {
         RgbImage::from_fn(width, height, pixel).save(path).unwrap();
     }
 
-    /// If this failed, one damaged photo would take others along or pass unseen, or photos be mistaken for each other.
+    /// If this failed, one damaged photo would spoil others or pass unnoticed, or photos be mistaken for each other.
     #[test]
     fn a_damaged_photo_is_an_error_at_its_place() {
         let folder = tempfile::tempdir().unwrap();

@@ -30,7 +30,7 @@ pub enum Test {
     Capture(PathBuf),
 }
 
-/// A capture taken apart.
+/// A capture split into training and test photos.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Split {
     /// The capture with the photos to train on only; its points are all there.
@@ -42,7 +42,7 @@ pub struct Split {
 }
 
 impl Split {
-    /// Takes `set` apart. Another capture is read as `options` say.
+    /// Splits `set`. Another capture is read with `options`.
     ///
     /// # Errors
     /// Where fewer than two photos are left to train on, or the other capture cannot be read.
@@ -66,7 +66,7 @@ impl Split {
         Ok(split)
     }
 
-    /// What lies behind everything where nothing is said: white where photos say what belongs to the object, else black.
+    /// The default background: white where photos mark what belongs to the object, else black.
     pub fn usual_background(&self) -> Background {
         let masked = self.train.photos.iter().any(|photo| {
             let alpha = photo.image.as_deref().and_then(|file| Header::read(file).ok());
@@ -107,7 +107,7 @@ fn test_file(set: &PhotoSet) -> Option<PathBuf> {
     const TRAIN: &str = "transforms_train.json";
     let is_folder = set.path.is_dir();
     let is_train = match is_folder {
-        // A transforms.json goes before it.
+        // A transforms.json takes precedence.
         true => set.path.join(TRAIN).is_file() && !set.path.join("transforms.json").is_file(),
         false => set.path.ends_with(TRAIN),
     };
@@ -161,7 +161,7 @@ mod tests {
         assert_eq!(names(&split(5, Test::Every(2)).train.photos), ["01.png", "03.png"]);
     }
 
-    /// If this failed, a run would begin that has nothing to learn from.
+    /// If this failed, a run would start without training photos.
     #[test]
     fn too_few_photos_are_refused() {
         for (count, test) in [(2, Test::Usual), (20, Test::Every(1)), (1, Test::Every(0)), (0, Test::Usual)] {
@@ -170,7 +170,7 @@ mod tests {
         }
     }
 
-    /// A capture of transforms that stand `offset` away from the origin.
+    /// A capture of transforms, `offset` away from the origin.
     fn write(folder: &Path, file: &str, offset: f64) {
         let frames: Vec<String> = (0..4)
             .map(|i| {

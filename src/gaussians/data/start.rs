@@ -27,7 +27,7 @@ const COLOUR_STREAM: u32 = 0x6a05_0002;
 const NEIGHBOURS: usize = 3;
 const SCALES: [f64; 2] = [1e-4, 0.1];
 
-/// Half the side of the cube in the training frame in which Gaussians lie where cameras look at no one place, as in gsplat.
+/// Half the side of the cube in the training frame in which Gaussians lie where cameras have no common focus, as in gsplat.
 const REACH: f64 = 3.0;
 
 /// Points to a chunk of work.
@@ -81,7 +81,7 @@ pub fn start(set: &PhotoSet, frame: &Frame, settings: &Settings) -> Result<Gauss
     }
 }
 
-/// Gaussians at points of the world, of their colours (grey where they have none), as wide as the points are apart.
+/// Gaussians at points of the world, of their colours (grey where they have none), as wide as the points' spacing.
 fn at_points(points: &Points, frame: &Frame, settings: &Settings) -> Result<Gaussians> {
     let chosen = chosen(points.positions.len(), settings);
     let centres = chosen.iter().map(|i| frame.to_training.point(points.positions[*i as usize])).collect();
@@ -196,7 +196,7 @@ mod tests {
         start.log_scales.iter().map(|[x, ..]| f64::from(*x).exp()).collect()
     }
 
-    /// By hand. If this failed, the start would be a fog or a dust, and training slow.
+    /// Computed directly. If this failed, the start would be a fog or a dust, and training slow.
     #[test]
     fn scales_are_mean_distances_to_three_neighbours() {
         let line: Vec<DVec3> = [0.0, 1.0, 3.0, 7.0, 20.0].iter().map(|x| 0.001 * *x * DVec3::X).collect();
@@ -244,7 +244,8 @@ mod tests {
         }
     }
 
-    /// By hand. If this failed, the first picture would have other colours than the points, or training begin in the wrong frame.
+    /// Computed directly. If this failed, the first picture would have other colours than the points, or training begin in the
+    /// wrong frame.
     #[test]
     fn points_become_round_gaussians_of_their_colours() {
         let mut set = cloud(scattered(10));

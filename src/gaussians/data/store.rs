@@ -21,7 +21,7 @@ pub struct PhotoStore {
 }
 
 impl PhotoStore {
-    /// An empty store that takes at most `most` bytes of the device's own memory.
+    /// An empty store that uses at most `most` bytes of the device's own memory.
     pub fn new(context: &Arc<Context>, most: u64) -> Self {
         Self {
             context: context.clone(),

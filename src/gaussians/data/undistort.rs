@@ -48,7 +48,7 @@ impl Map {
     }
 }
 
-/// The value at a place in a picture, whose pixels' centres are at whole numbers; the rim goes on beyond the outermost.
+/// The value at a place in a picture, whose pixels' centres are at whole numbers; outside, the nearest border pixel counts.
 fn between(width: u32, height: u32, pixels: &[u32], at: Vec2) -> u32 {
     let at = at.clamp(Vec2::ZERO, Vec2::new((width - 1) as f32, (height - 1) as f32));
     let (x, y) = (at.x as u32, at.y as u32);
@@ -136,7 +136,7 @@ mod tests {
         }
     }
 
-    /// By hand: the pinhole's direction u is at `u (1 + k u^2)` in the photo. If this failed, black rims would be learnt, or
+    /// Computed directly: the pinhole's direction u is at `u (1 + k u^2)` in the photo. If this failed, black rims would be learnt, or
     /// much of the photos thrown away.
     #[test]
     fn pixels_past_the_photos_rim_are_unknown() {

@@ -15,7 +15,7 @@ pub const NEAR: f32 = 0.01;
 const MARGIN: f64 = 1.1;
 
 /// The frame in which Gaussians are trained: the world moved and scaled, so that the mean of the training cameras' positions is
-/// the origin and their extent is 1. It is not turned: rotations and harmonics stay as they are.
+/// the origin and their extent is 1. It is not rotated: rotations and harmonics stay as they are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
     /// From the world to the training frame.
@@ -23,9 +23,9 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// The frame of training cameras. The extent is 1.1 times the largest distance of a camera from their mean, strays apart (see
-    /// [`Reach::of_cameras`]); of cameras that stand in one place it is the distance to the middle of the points, or the points' radius where that is larger, and 1
-    /// where there are none either.
+    /// The frame of training cameras. The extent is 1.1 times the largest distance of a camera from their mean, without stray cameras (see
+    /// [`Reach::of_cameras`]); of cameras at one position it is the distance to the middle of the points, or the points' radius where that
+    /// is larger, and 1 where there are none either.
     pub fn new(cameras: &[Camera], points: &[DVec3]) -> Self {
         let all: Vec<DVec3> = cameras.iter().map(|camera| camera.pose.position).collect();
         let reach = Reach::of_cameras(&all, points);
@@ -34,7 +34,7 @@ impl Frame {
         let widest = positions().map(|position| position.distance(centre)).fold(0.0, f64::max);
         let away = volume::around_points(points).map_or(0.0, |ball| ball.centre.distance(centre).max(ball.radius));
         let zero = 1e-9 * centre.length();
-        // Of a smaller extent, the points would lie where the device's numbers are too coarse.
+        // With a smaller extent, the points' coordinates would be too large for single precision.
         let extent = match (widest > zero.max(1e-6 * away), away > zero) {
             (true, _) => MARGIN * widest,
             (false, true) => away,
@@ -100,7 +100,7 @@ crate::gpu_struct! {
         pub row_y: [f32; 4],
         /// See `row_x`; this is the depth.
         pub row_z: [f32; 4],
-        /// Where the camera stands.
+        /// Camera centre.
         pub position: [f32; 3],
         /// Smallest depth that is drawn.
         pub near: f32,
@@ -166,7 +166,7 @@ mod tests {
         }
     }
 
-    /// By hand. If this failed, learning rates would not fit the scene, and a scene in millimetres would train otherwise than
+    /// Computed directly. If this failed, learning rates would not fit the scene, and a scene in millimetres would train otherwise than
     /// the same in metres.
     #[test]
     fn the_extent_is_one_whatever_the_unit() {
@@ -199,7 +199,7 @@ mod tests {
         }
     }
 
-    /// If this failed, photos from a tripod, or a single one, would divide by nothing.
+    /// If this failed, photos from a tripod, or a single one, would divide by zero.
     #[test]
     fn cameras_in_one_place_take_their_extent_from_the_points() {
         let place = DVec3::new(1e3, 2e3, -3e3) / 7.0;
@@ -220,7 +220,7 @@ mod tests {
         assert_eq!(Frame::new(&[], &[]).to_training, Similarity::IDENTITY);
     }
 
-    /// If this failed, a trained file would be of another size than the scene, or drift with every trip.
+    /// If this failed, a trained file would be of another size than the scene, or drift with every round trip.
     #[test]
     fn gaussians_go_there_and_back() {
         let frame = Frame::new(&cameras(7.0, DVec3::ONE), &[]);

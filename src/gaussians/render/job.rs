@@ -59,7 +59,7 @@ pub fn resize(cameras: &mut [Camera], width: u32, height: u32) -> Result<()> {
     Ok(())
 }
 
-/// What came of a job.
+/// The result of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Outcome {
     /// Pictures that were rendered and written.
@@ -79,7 +79,7 @@ pub struct Job<'a> {
 }
 
 impl<'a> Job<'a> {
-    /// Checks all that can be before a device is opened.
+    /// Checks all that can be checked before a device is opened.
     ///
     /// # Errors
     /// Where two pictures would have the same file, a name is none, a picture is too large, or `near` is no depth.
@@ -103,7 +103,7 @@ impl<'a> Job<'a> {
     }
 
     /// Renders the Gaussians, which are in the cameras' world, and writes every picture as soon as it is there; `observe`
-    /// hears how many there are and says whether to go on.
+    /// receives their number and returns whether to continue.
     ///
     /// # Errors
     /// Where the device fails or has not enough memory, or the system refuses a file.
@@ -122,7 +122,7 @@ impl<'a> Job<'a> {
             let (sender, receiver) = mpsc::sync_channel::<Task>(0);
             let receiver = Arc::new(Mutex::new(receiver));
             let write = |receiver: Arc<Mutex<Receiver<Task>>>| -> Result<()> {
-                // A poisoned lock means that another writer panicked, which is passed on below.
+                // A poisoned lock means that another writer panicked, which is propagated below.
                 let next = || receiver.lock().ok().and_then(|tasks| tasks.recv().ok());
                 while let Some(task) = next() {
                     self.write(&task, frame.extent())?;
@@ -164,7 +164,7 @@ impl<'a> Job<'a> {
             let rendering = renderer.picture(&view, background)?;
             let empty = rendering.pixels.iter().all(|pixel| pixel[3] == 1.0);
             if tasks.send(Task { rendering, files }).is_err() {
-                // All writers have failed, and say why.
+                // All writers have failed, and return their errors.
                 break;
             }
             outcome.pictures += 1;
@@ -265,7 +265,7 @@ mod tests {
         Job::new(&cameras(names), settings).err().unwrap().to_string()
     }
 
-    /// If this failed, a picture could not be told from its photo's name, or be written anywhere on the disk.
+    /// If this failed, a picture could not be matched to its photo's name, or be written anywhere on the disk.
     #[test]
     fn pictures_are_named_as_their_cameras_and_stay_inside() {
         let cases = [
@@ -309,7 +309,7 @@ mod tests {
         }
     }
 
-    /// If this failed, --size would squeeze pictures, or turn away the size that fits.
+    /// If this failed, --size would squeeze pictures, or reject a size that fits.
     #[test]
     fn cameras_are_resized_in_their_shape() {
         let mut resized = cameras(&["a", "b"]);

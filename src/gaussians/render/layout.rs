@@ -1,4 +1,4 @@
-//! How Gaussians lie in device memory, and what stages are told.
+//! How Gaussians lie in device memory, and the constants of stages.
 
 use glam::DVec3;
 
@@ -55,7 +55,7 @@ crate::gpu_struct! {
         pub view: u32,
         /// Degree of the harmonics that take part.
         pub degree: u32,
-        /// Room for instances.
+        /// Capacity for instances.
         pub room: u32,
         /// sRGB colour behind everything.
         pub background: [f32; 3],

@@ -71,7 +71,7 @@ pub struct Sizes {
     pub tiles: u32,
 }
 
-/// What is wanted of the pictures.
+/// What pictures need.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Wanted {
     /// Opacities reduced by what the low-pass widens (Mip-Splatting's 2D filter).
@@ -121,7 +121,7 @@ impl Threads {
         if context.physical().kind == "CPU" { Self::NARROW } else { Self::WIDE }
     }
 
-    /// Refuses numbers for which stages were not written.
+    /// Rejects numbers that no stage supports.
     ///
     /// # Errors
     /// In a line with the numbers.
@@ -199,11 +199,11 @@ pub struct Rasterizer {
     pub projected: Buffer,
     /// First instance and number of instances of each Gaussian.
     pub runs: Buffer,
-    /// One word: the instances of the picture, also where there was room for fewer.
+    /// One word: the instances of the picture, also where there was capacity for fewer.
     pub counts: Buffer,
     /// Colour over the background and the light that is left, per pixel.
     pub picture: Buffer,
-    /// Sums of depths per pixel, where they are wanted.
+    /// Sums of depths per pixel, where they are requested.
     pub depths: Buffer,
 }
 
@@ -213,7 +213,7 @@ struct Lists {
     tile_instances: Buffer,
     instance_splats: Buffer,
     checkpoints: Buffer,
-    /// Sums of each instance in the order of emission, or of each Gaussian in the fast way, where gradients are wanted.
+    /// Sums of each instance in the order of emission, or of each Gaussian in the fast way, where gradients are requested.
     partials: Buffer,
     sort: RadixSort,
 }
@@ -276,10 +276,10 @@ pub(crate) struct Composited<'a> {
 }
 
 impl Rasterizer {
-    /// Makes room for `sizes`.
+    /// Allocates for `sizes`.
     ///
     /// # Errors
-    /// Where the device has not that much memory, or fails.
+    /// Where the device has too little memory, or fails.
     pub fn new(context: &Arc<Context>, sizes: Sizes, wanted: Wanted) -> Result<Self> {
         let plan = buffers(context, &sizes, wanted);
         let buffer = |name: &str| footprint::buffer(context, &plan, name);
@@ -346,12 +346,12 @@ impl Rasterizer {
         }
     }
 
-    /// Makes room for so many instances, in place of what there was.
+    /// Allocates for so many instances, in place of the old lists.
     ///
     /// # Errors
-    /// Where the device has not that much memory; there is room for one instance then.
+    /// Where the device has too little memory; the capacity is one instance then.
     pub fn set_room(&mut self, room: u32) -> Result<()> {
-        // The old lists go first: there may be no room for both.
+        // The old lists go first: both may not fit.
         for room in [1, room] {
             let sizes = Sizes { room, ..self.sizes };
             self.lists = Lists::new(&self.context, &sizes, self.wanted)?;
@@ -360,7 +360,7 @@ impl Rasterizer {
         Ok(())
     }
 
-    /// Makes room for so many instances and an eighth more, or else for few more.
+    /// Allocates for so many instances and an eighth more, or else for few more.
     ///
     /// # Errors
     /// Where the device has not even memory for those, or none of its lists can be so long.
@@ -383,13 +383,13 @@ impl Rasterizer {
         }
     }
 
-    /// What there is room for.
+    /// The capacity.
     pub fn sizes(&self) -> &Sizes {
         &self.sizes
     }
 
-    /// Records the way from the model to the picture of view `push.view`, which is of size `size`. Where `counts` then says
-    /// more than `push.room`, instances are missing and the picture is wrong.
+    /// Records the way from the model to the picture of view `push.view`, which is of size `size`. Where `counts` then exceeds
+    /// `push.room`, instances are missing and the picture is wrong.
     ///
     /// # Errors
     /// None that the sizes do not rule out.
@@ -484,8 +484,8 @@ impl Rasterizer {
         Ok(Instances { keys: by_tile.keys, values: by_tile.values })
     }
 
-    /// Makes the picture of view `push.view` in [`Rasterizer::picture`] and waits for it; there is room for whatever it takes
-    /// then, and `push.room` is not looked at.
+    /// Makes the picture of view `push.view` in [`Rasterizer::picture`] and waits for it; it allocates as needed, and `push.room`
+    /// is ignored.
     ///
     /// # Errors
     /// Where the device fails or has not enough memory.

@@ -19,8 +19,8 @@ pub struct Rendering {
     pub height: u32,
     /// sRGB colour over the background, and what is left of the light behind (1 - alpha).
     pub pixels: Vec<[f32; 4]>,
-    /// Sum of depths as the colours are summed, in the frame's units; the expected depth is this over alpha. Empty where it
-    /// was not asked for.
+    /// Sum of depths as the colours are summed, in the frame's units; the expected depth is this over alpha. Empty where it was
+    /// not requested.
     pub depths: Vec<f32>,
 }
 
@@ -70,7 +70,7 @@ impl Renderer {
         Ok(renderer)
     }
 
-    /// Room for so many Gaussians with harmonics up to `degree`. How many there are is not said yet.
+    /// Capacity for so many Gaussians with harmonics up to `degree`. Their number is not set yet.
     ///
     /// # Errors
     /// Where the device has not enough memory.
@@ -123,7 +123,7 @@ impl Renderer {
 /// Checks that the device has the memory for pictures, beside `more` buffers.
 fn check(context: &Context, sizes: Sizes, wanted: Wanted, more: &[(&'static str, u64)]) -> Result<()> {
     let buffers = [rasterizer::buffers(context, &sizes, wanted).as_slice(), more].concat();
-    // Both stand for what a sort and a scan take in all.
+    // Both entries represent all that a sort and a scan take.
     let footprint = Footprint { buffers, several: &["sort", "scan"] };
     footprint.check(context, "the picture", |name| match name {
         "picture" | "ends" | "tile_ends" | "ranges" | "depths" => "make smaller pictures or take a larger device",

@@ -24,7 +24,7 @@ const FIRST: [&str; 4] = ["strategy", "shrink", "photos", "tests"];
 /// Most bytes of a header: it holds an entry per evaluation and nothing longer.
 const MAX_HEADER: usize = 64 << 20;
 
-/// What a run was given beside its configuration.
+/// The inputs of a run beside its configuration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Input {
     /// Photos that are trained on.
@@ -50,7 +50,7 @@ pub struct Input {
 pub struct Header {
     /// Configuration.
     pub config: Config,
-    /// What else the run was given.
+    /// The run's other inputs.
     pub input: Input,
     /// Iterations done.
     pub done: u32,
@@ -65,7 +65,7 @@ pub struct Header {
 pub struct Checkpoint {
     /// Configuration and counters.
     pub header: Header,
-    /// What the iterations came to.
+    /// Losses of the iterations.
     pub history: Vec<Record>,
     /// Parameters and moments.
     pub state: State,
@@ -158,7 +158,7 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
     Ok(Checkpoint { header, history, state })
 }
 
-/// Holds a run against the checkpoint that it is to be resumed from.
+/// Checks a run against the checkpoint that it is to be resumed from.
 ///
 /// # Errors
 /// In a line that names a key that differs, and its two values.
@@ -225,7 +225,7 @@ mod tests {
         }
     }
 
-    /// If this failed, a resumed run would go another way than one that was never stopped.
+    /// If this failed, a resumed run would differ from one that was never stopped.
     #[test]
     fn a_checkpoint_comes_back_to_the_bit() {
         let folder = tempfile::tempdir().unwrap();
@@ -252,7 +252,7 @@ mod tests {
         }
     }
 
-    /// A full disk: what stood there must stay. A folder in the way of the hidden file is refused as a full disk is.
+    /// A full disk: the existing file must stay. A folder in the way of the hidden file is refused as a full disk is.
     #[test]
     fn a_failed_write_keeps_the_older_one() {
         let folder = tempfile::tempdir().unwrap();

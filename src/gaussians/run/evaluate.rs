@@ -1,4 +1,4 @@
-//! How good pictures of the model are where no photo was trained on.
+//! Quality of the model's pictures on held-out test views.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use crate::{Error, Result};
 /// Makes the picture of a view, over the background of the tests.
 pub type Camera<'c> = &'c mut dyn FnMut(usize) -> Result<Vec<[f32; 4]>>;
 
-/// Test views that are looked at on the way.
+/// Test views that are evaluated during training.
 const FEW: usize = 16;
 /// Pictures that are measured at once, and bytes of these as they are drawn, 16 a pixel.
 const AT_ONCE: usize = 16;
@@ -49,7 +49,7 @@ pub struct Pair {
 
 impl Tests {
     /// Photos to test with, over a background; their views are those from `first` on. All are decoded once, to find those that
-    /// are damaged. `observe` is told how many have been, and may break that off.
+    /// are damaged. `observe` receives how many have been, and may stop it.
     ///
     /// # Errors
     /// Where a photo cannot be decoded.
@@ -134,7 +134,7 @@ impl Tests {
         }
     }
 
-    /// Measures test views, as many at a time as memory has room for; LPIPS where its network is there.
+    /// Measures test views, as many at a time as fit in memory; LPIPS where its network is loaded.
     fn measure(
         &mut self,
         camera: Camera,
@@ -162,7 +162,7 @@ impl Tests {
                     && pair.width.min(pair.height) >= network.network().least()
                 {
                     quality.lpips = match network.distance(&pair.of(&pair.rendered)?, &pair.of(&pair.reference)?) {
-                        // No reason to lose a model.
+                        // No reason to discard a model.
                         Err(Error::OutOfMemory { .. }) => None,
                         distance => Some(distance?),
                     };

@@ -1,4 +1,4 @@
-//! What a training run is asked for, prepared and checked before anything is on the device.
+//! The request for a training run, prepared and checked before anything is on the device.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,15 +15,15 @@ use crate::vulkan::Context;
 use crate::vulkan::footprint::Footprint;
 use crate::{Error, Result};
 
-/// Entries of the footprint that stand for several buffers.
+/// Entries of the footprint that cover several buffers.
 const SEVERAL: [&str; 3] = ["sort", "scan", "photos"];
 
-/// What is wanted.
+/// The request.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Request {
     /// Path of the capture as the user gave it.
     pub capture: String,
-    /// The capture, taken apart.
+    /// The capture, split into training and test photos.
     pub split: Split,
     /// Configuration.
     pub config: Config,
@@ -37,15 +37,15 @@ pub struct Request {
     pub evaluate_every: u32,
 }
 
-/// What happens on the way.
+/// Progress events.
 pub enum Event<'a> {
     /// So many photos of so many have been decoded.
     Photos(usize, usize),
     /// So many iterations are done.
     Iterations(u32),
-    /// The test views have been looked at.
+    /// The test views have been evaluated.
     Evaluated(&'a Evaluation),
-    /// Something could not be written; the run goes on with what was there before.
+    /// Something could not be written; the run continues with the previous file.
     NotSaved(&'a Error),
     /// The record has changed, and with it the pictures of the worst test views (worst first).
     Report(&'a TrainRecord, &'a [(String, Pair)]),
@@ -84,12 +84,12 @@ impl Run {
         Ok(Self { context: context.clone(), request, frame, views, footprint })
     }
 
-    /// Device memory that the run takes. Photos that find no place there stay on the host.
+    /// Device memory that the run takes. Photos that do not fit stay on the host.
     pub fn footprint(&self) -> &Footprint {
         &self.footprint
     }
 
-    /// Instances (pairs of a splat and a tile) that there is room for at first.
+    /// Instances (pairs of a splat and a tile) in the initial capacity.
     pub fn room(&self) -> u32 {
         memory::first_room(self.request.config.max_splats)
     }

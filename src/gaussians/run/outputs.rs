@@ -17,7 +17,7 @@ pub(crate) const CHECKPOINT: &str = "checkpoint.bin";
 pub(crate) const MODEL: &str = "point_cloud.ply";
 /// The record of the run.
 pub(crate) const RECORD: &str = "train.json";
-/// The page to look at.
+/// The HTML report.
 pub(crate) const REPORT: &str = "report.html";
 /// Folders of the test views: as they are rendered, and the photos as they are compared with.
 pub(crate) const PICTURES: [&str; 2] = ["test", "reference"];
@@ -46,7 +46,7 @@ pub(crate) fn picture_names(names: &[String]) -> Vec<PathBuf> {
     short.iter().zip(names).map(|(path, name)| named(path, format!("{}_", place(name)))).collect()
 }
 
-/// Refuses a run that would replace what it reads: whose folder is the capture's own, or one of whose files is a photo or mask.
+/// Rejects a run that would replace what it reads: whose folder is the capture's own, or one of whose files is a photo or mask.
 ///
 /// # Errors
 /// In a line that names the file.
@@ -68,7 +68,7 @@ pub fn check(folder: &Path, capture: &Path, photos: &[&Photo], names: &[PathBuf]
     }
 }
 
-/// Removes what an earlier run left in the folder, so that nothing of it is taken for this one's.
+/// Removes what an earlier run left in the folder, so that nothing of it is mistaken for this one's.
 ///
 /// # Errors
 /// When the system refuses.
@@ -84,8 +84,8 @@ pub fn clear(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Forces pictures of test views that have been written to the disk. One by one as they are written that would take longer
-/// than everything else about them.
+/// Forces pictures of test views that have been written to the disk. Forcing each as it is written would take longer than
+/// everything else.
 ///
 /// # Errors
 /// When the system refuses.
@@ -120,7 +120,7 @@ mod tests {
         picture_names(&names).iter().map(|path| path.to_string_lossy().into_owned()).collect()
     }
 
-    /// If this failed, pictures of one test view would replace those of another, or hide in folders that say nothing.
+    /// If this failed, pictures of one test view would replace those of another, or be hidden in folders with meaningless names.
     #[test]
     fn every_test_view_has_a_file_of_its_own() {
         assert_eq!(names(&["test/r_0.png", "test/r_1.jpg"]), ["r_0.png", "r_1.png"]);
@@ -132,7 +132,7 @@ mod tests {
         assert!(names(&[]).is_empty());
     }
 
-    /// Test photos have been lost to the pictures of a run that was told to write beside them.
+    /// Test photos were once overwritten by the pictures of a run that wrote beside them.
     #[test]
     fn what_is_read_is_not_replaced() {
         let folder = tempfile::tempdir().unwrap();

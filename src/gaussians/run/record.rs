@@ -44,7 +44,7 @@ pub struct CurvePoint {
     pub iteration: u32,
     /// Loss, without the regularisers of parameters.
     pub loss: f64,
-    /// PSNR of the training pictures in decibels, without rounding, in the mean of those that were not drawn to the bit; infinite,
+    /// PSNR of the training pictures in decibels, without rounding, in the mean of those that were not rendered exactly; infinite,
     /// `null` in JSON, where all were.
     #[serde(deserialize_with = "or_infinite")]
     pub psnr: f64,
@@ -151,19 +151,20 @@ pub struct TrainRecord {
     pub memory: MemoryRecord,
 }
 
-/// Iterations below which a training does not tell whether a training diverged.
+/// Iterations below which the training curve does not show whether training diverged.
 const TELLING: u32 = 1000;
 
-/// Decibels by which a training that diverged is worse in the end than it was.
+/// Least drop in decibels by which training counts as diverged.
 pub(crate) const APART: f64 = 1.0;
 
 impl TrainRecord {
-    /// Mean PSNR of the training pictures in decibels, in the best fifth of the run and in the last, where the last is worse by more
-    /// than [`APART`]: under MCMC most likely by relocation (docs/reference/training.md, What can go wrong). None of runs that are not complete
-    /// or have fewer than 1000 iterations, nor of a model that falls within the first fifth or recovers.
+    /// Mean PSNR of the training pictures in decibels, in the best fifth of the run and in the last, where the last is worse by
+    /// more than [`APART`]: with MCMC most likely because of relocation (docs/reference/training.md, What can go wrong). None of
+    /// runs that are not complete or have fewer than 1000 iterations, nor of a model that falls within the first fifth or
+    /// recovers.
     pub fn diverged(&self) -> Option<[f64; 2]> {
-        let told = self.status == Status::Complete && self.config.iterations >= TELLING;
-        told.then(|| fallen(&self.curve)).flatten()
+        let judged = self.status == Status::Complete && self.config.iterations >= TELLING;
+        judged.then(|| fallen(&self.curve)).flatten()
     }
 
     /// [`Self::diverged`] in a sentence.
@@ -195,7 +196,7 @@ fn fallen(curve: &[CurvePoint]) -> Option<[f64; 2]> {
 mod tests {
     use super::*;
 
-    /// If this failed, a training that fell apart would pass for one, or one that did not would be called so. The second training is
+    /// If this failed, a training that diverged would not be reported, or one that did not would be. The second training is
     /// that of a room which diverged, a point of sixteen; the third has a reset of the opacities.
     #[test]
     fn a_fall_is_one_that_lasts() {
@@ -211,7 +212,7 @@ mod tests {
         assert!((best - 20.12).abs() < 0.01 && (last - 15.84).abs() < 0.01, "{best} and {last}");
         assert_eq!(fallen(&training(&[15.0, 20.0, 9.0, 21.0, 22.0])), None);
         assert_eq!(fallen(&[]), None);
-        // Dark photos that are drawn to the bit.
+        // Dark photos that are rendered exactly.
         let endless = f64::INFINITY;
         assert_eq!(fallen(&training(&[endless, 20.0, 20.5, 21.0, 21.0])), None);
         assert_eq!(

@@ -1,4 +1,4 @@
-//! A training run while it runs: from a capture to a folder with the trained file, test pictures, metrics, checkpoint and report.
+//! The training loop: from a capture to a folder with the trained file, test pictures, metrics, checkpoint and report.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ use crate::photos::Photo;
 use crate::vulkan::profile::{Profile, Row};
 use crate::{Error, Result};
 
-/// Time between two looks at a run by its report.
+/// Time between two updates of a run's report.
 const BETWEEN_REPORTS: Duration = Duration::from_secs(15);
 /// Iterations whose stages are timed before each report.
 const SAMPLED: u32 = 10;
@@ -33,14 +33,14 @@ const CURVE: usize = 400;
 /// Test views whose pictures go into the report.
 pub(crate) const WORST: usize = 8;
 
-/// A run while it runs.
+/// A run in progress.
 pub(super) struct TrainingLoop<'a> {
     run: &'a Run,
     input: Input,
     tests: Tests,
-    /// What the run has come to.
+    /// The record so far.
     pub record: TrainRecord,
-    /// The worst test views of the last look at them.
+    /// The worst test views of the last evaluation.
     pub worst: Vec<(String, Pair)>,
     sampled: Profile,
     sampled_iterations: u32,
@@ -97,8 +97,8 @@ impl<'a> TrainingLoop<'a> {
         }
     }
 
-    /// Trains to the end or until `observe` breaks it off, and writes the products. Whatever fails but the device itself leaves
-    /// the trainer as it was after its last iteration: that much is saved.
+    /// Trains to the end or until `observe` stops it, and writes the outputs. Any failure except of the device itself leaves the
+    /// trainer as it was after its last iteration, which is saved.
     ///
     /// # Errors
     /// As for [`Run::run`].
@@ -135,7 +135,7 @@ impl<'a> TrainingLoop<'a> {
         let mut flow = ControlFlow::Continue(());
         self.first = trainer.done();
         self.started = Instant::now();
-        // Checkpoints are written before test views are looked at: one that was taken up there lacks that look.
+        // Checkpoints are written before test views are evaluated: a run resumed there lacks that evaluation.
         let looked = self.record.evaluations.last().is_some_and(|last| last.iteration == self.first);
         if self.first > 0 && self.first < config.iterations && due(*evaluate_every, self.first) && !looked {
             self.evaluate(&mut |view| trainer.picture(view), self.first, false, observe)?;
@@ -158,7 +158,7 @@ impl<'a> TrainingLoop<'a> {
         Ok(())
     }
 
-    /// Trains until `stop` iterations are done, or it is time for a report.
+    /// Trains until `stop` iterations are done, or a report is due.
     fn stretch(
         &mut self,
         trainer: &mut Trainer,
@@ -188,7 +188,7 @@ impl<'a> TrainingLoop<'a> {
         Ok(flow)
     }
 
-    /// Looks at test views: some of them on the way, all of them, with LPIPS, at the end.
+    /// Evaluates test views: some of them during training, all of them, with LPIPS, at the end.
     fn evaluate(
         &mut self,
         camera: Camera,
@@ -228,7 +228,7 @@ impl<'a> TrainingLoop<'a> {
         Ok(())
     }
 
-    /// Has the checkpoint written while training goes on. What cannot be written is told, and the run goes on.
+    /// Writes the checkpoint while training continues. A failure to write is reported, and the run continues.
     fn save(&mut self, trainer: &Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<()> {
         let state = trainer.state()?;
         let header = Header {
@@ -240,7 +240,7 @@ impl<'a> TrainingLoop<'a> {
         };
         let checkpoint = Checkpoint { header, history: trainer.history(), state };
         let file = self.run.request.folder.join(CHECKPOINT);
-        // The one before goes first: two would write one file.
+        // The previous one finishes first: two would write one file.
         self.join(observe);
         self.saving = Some(std::thread::spawn(move || checkpoint::write(&file, &checkpoint)));
         Ok(())
@@ -283,7 +283,7 @@ impl<'a> TrainingLoop<'a> {
         let _ = observe(Event::Report(&self.record, &self.worst));
     }
 
-    /// The products. Test views are looked at once the trainer's memory is free again.
+    /// The outputs. Test views are evaluated once the trainer's memory is free again.
     fn finish(&mut self, trainer: Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<()> {
         let Run { context, request, frame, views, .. } = self.run;
         let (done, trained) = (trainer.done(), trainer.gaussians()?);
@@ -333,9 +333,9 @@ fn largest(views: &[View]) -> [u32; 2] {
 }
 
 impl Run {
-    /// Trains, from the checkpoint in the folder where `resume` says so. `profile` takes the time of every stage. `observe`
-    /// may break the run off; what there is is written then as well. Before training begins the folder is not touched, and
-    /// a run that was broken off by then is [`Error::Interrupted`].
+    /// Trains, from the checkpoint in the folder where `resume` is set. `profile` times every stage. `observe` may stop the run;
+    /// the outputs so far are then written as well. Before training begins the folder is not touched, and a run that was stopped
+    /// by then is [`Error::Interrupted`].
     ///
     /// # Errors
     /// Where a photo cannot be read, the checkpoint is of another run, the device fails or has not enough memory, or the

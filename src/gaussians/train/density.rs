@@ -103,7 +103,7 @@ impl AdaptiveDensity {
         }
     }
 
-    /// Records a refinement; overlarge Gaussians are removed where `removes_wide` says so.
+    /// Records a refinement; overlarge Gaussians are removed where `removes_wide` is set.
     ///
     /// # Errors
     /// None that the budget does not rule out.

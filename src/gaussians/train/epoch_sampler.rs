@@ -4,7 +4,7 @@ use crate::scene::random;
 
 const VIEW_STREAM: u32 = 0x4600_0000;
 
-/// Which photo an iteration looks at: every photo once, in another order in each round.
+/// Which photo an iteration looks at: every photo once, in another order in each epoch.
 pub(super) struct EpochSampler {
     seed: u64,
     photos: u32,
@@ -13,7 +13,7 @@ pub(super) struct EpochSampler {
 }
 
 impl EpochSampler {
-    /// EpochSampler over so many photos.
+    /// A sampler over so many photos.
     pub fn new(seed: u64, photos: u32) -> Self {
         Self { seed, photos, round: None, order: Vec::new() }
     }

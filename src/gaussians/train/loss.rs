@@ -29,7 +29,7 @@ crate::stage!(
 );
 
 crate::gpu_struct! {
-    /// What an iteration came to: means over pixels and channels.
+    /// Loss terms of an iteration: means over pixels and channels.
     pub struct Record {
         /// Mean |x - y|.
         pub l1: f32,
@@ -78,7 +78,7 @@ pub struct Ledger {
     pub control: Buffer,
     /// A [`Record`] per iteration, in host memory.
     pub history: Buffer,
-    /// In host memory: iterations done; instances that an iteration lacked room for; whether a loss was no number.
+    /// In host memory: iterations done; instances that an iteration lacked capacity for; whether a loss was NaN.
     pub mailbox: Buffer,
 }
 
@@ -86,7 +86,7 @@ pub struct Ledger {
 pub mod mailbox {
     /// Iterations done.
     pub const DONE: usize = 0;
-    /// Instances that an iteration needed where there was less room.
+    /// Instances that an iteration needed where capacity was lower.
     pub const NEEDED: usize = 1;
     /// A loss that is no number.
     pub const BROKEN: usize = 2;
@@ -99,10 +99,10 @@ pub fn buffers(sizes: &Sizes) -> Vec<(&'static str, u64)> {
 }
 
 impl Loss {
-    /// Makes room for pictures of these sizes.
+    /// Allocates for pictures of these sizes.
     ///
     /// # Errors
-    /// Where the device has not that much memory, or fails.
+    /// Where the device has too little memory, or fails.
     pub fn new(context: &Arc<Context>, sizes: &Sizes, threads: Threads) -> Result<Self> {
         let plan = buffers(sizes);
         let buffer = |name: &str| footprint::buffer(context, &plan, name);

@@ -7,7 +7,7 @@ use crate::gaussians::render::layout;
 use crate::gaussians::render::rasterizer::{self, Size, Sizes, Wanted};
 use crate::vulkan::Context;
 
-/// Room for instances that a run starts with: three tiles for every Gaussian that there may be, and enough for few large ones.
+/// Capacity for instances that a run starts with: three tiles for every Gaussian that there may be, and enough for few large ones.
 pub fn first_room(max_splats: u32) -> u32 {
     max_splats.saturating_mul(3).clamp(1 << 18, 1 << 28)
 }
@@ -48,7 +48,7 @@ pub(super) fn statistics(config: &Config) -> u64 {
     if config.strategy == Strategy::Adc { 8 * u64::from(config.max_splats) } else { 0 }
 }
 
-/// What a run wants of its pictures.
+/// What a run needs of its pictures.
 pub(super) fn wanted(config: &Config) -> Wanted {
     Wanted { antialiased: config.antialiased, depths: false, gradients: true, fast: config.fast, threads: None }
 }

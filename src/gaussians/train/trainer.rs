@@ -1,8 +1,8 @@
 //! A training run on the device: iterations recorded ahead of it, block by block, and nothing read back between them.
 //!
 //! Everything that outlives an iteration (parameters, moments, population, statistics) is a function of the start, the
-//! configuration and the photos. Where an iteration needs more room for instances than there is, the stages leave all of
-//! that as it was, and the run goes on from that iteration with more room.
+//! configuration and the photos. Where an iteration needs more capacity for instances than there is, the stages leave all of that
+//! as it was, and the run continues from that iteration with more.
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -76,8 +76,8 @@ pub struct Trainer {
 }
 
 impl Trainer {
-    /// Prepares a run from `start`, which is in the training frame; `views` are those of `photos`, in their order, and
-    /// may be followed by others that are only looked from.
+    /// Prepares a run from `start`, which is in the training frame; `views` are those of `photos`, in their order, and may be
+    /// followed by others that are only rendered.
     ///
     /// # Errors
     /// Where there is nothing to start from or more than the budget, or the device has not enough memory.
@@ -148,7 +148,7 @@ impl Trainer {
         })
     }
 
-    /// Takes up a run where it was left: the trainer must have been made of the same configuration, start and photos.
+    /// Resumes a run where it was stopped: the trainer must have been made of the same configuration, start and photos.
     ///
     /// # Errors
     /// Where there are more Gaussians than the budget, or the device fails.
@@ -233,14 +233,14 @@ impl Trainer {
         self.gpu_ms
     }
 
-    /// What the iterations so far came to.
+    /// Losses of the iterations so far.
     pub fn history(&self) -> Vec<Record> {
         let bytes = self.done as usize * size_of::<Record>();
         bytemuck::pod_collect_to_vec(&self.ledger.history.mapped()[..bytes])
     }
 
-    /// Trains until `until` iterations are done. `observe` is called now and then with the number of iterations done and
-    /// may break the run off after the block that is running. With a profile every stage is timed.
+    /// Trains until `until` iterations are done. `observe` is called regularly with the number of iterations done and may stop
+    /// the run after the block that is running. With a profile every stage is timed.
     ///
     /// # Errors
     /// Where the device fails or has not enough memory, or the loss is no number any more.
@@ -268,8 +268,8 @@ impl Trainer {
         }
     }
 
-    /// Submits blocks until `until` iterations are done, the run is halted or `observe` breaks it off; waits for all of them.
-    /// Says how long they took, see [`Trainer::gpu_ms`].
+    /// Submits blocks until `until` iterations are done, the run is halted or `observe` stops it; waits for all of them. Returns
+    /// how long they took, see [`Trainer::gpu_ms`].
     fn advance(
         &self,
         until: u32,
@@ -322,7 +322,7 @@ impl Trainer {
         }
     }
 
-    /// Makes room for so many instances. A run sees to that by itself, and no result depends on it.
+    /// Reserves capacity for so many instances. A run does so by itself, and no result depends on it.
     ///
     /// # Errors
     /// Where the device has not enough memory.
@@ -330,7 +330,7 @@ impl Trainer {
         self.rasterizer.set_room(room)
     }
 
-    /// Takes a halt back.
+    /// Clears a halt.
     fn unhalt(&self) -> Result<()> {
         self.ledger.mailbox.write(&[self.done, 0, 0, 0])?;
         let mut commands = Recorder::new(&self.context)?;
@@ -406,7 +406,7 @@ impl Trainer {
         }
     }
 
-    /// Refines now, whatever the schedule says: for tests, since a run would then grow otherwise than it counts on.
+    /// Refines now, regardless of the schedule: for tests, since the population would no longer follow the schedule.
     ///
     /// # Errors
     /// Where the device fails.
@@ -493,7 +493,7 @@ impl Trainer {
         let population = self.model.population.download::<u32>(1)?[0];
         let parameters = self.packed(&self.model.parameters, population)?;
         let all = layout::from_planes(&parameters, self.config.degree, population as usize, population as usize);
-        // Free slots, and whatever is no number, are never drawn.
+        // Free slots and NaN are never drawn.
         Ok(all.filtered(|i| all.opacities[i] >= 0.5 * density::FREE && all.is_finite(i)))
     }
 }

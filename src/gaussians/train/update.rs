@@ -52,7 +52,7 @@ crate::specialisation! {
     pub(crate) struct UpdateConstants {
         /// Whether the low-pass filter is compensated for.
         antialiased: bool,
-        /// Whether what densification asks for is gathered.
+        /// Whether the statistics for densification are gathered.
         statistics: bool,
         /// Whether partials are summed by Gaussian already (`--fast`).
         summed: bool,
@@ -73,7 +73,7 @@ pub struct Moments {
     pub first: Buffer,
     /// Running means of their squares.
     pub second: Buffer,
-    /// Sum of lengths of gradients by the mean and number of views, two floats a Gaussian, where they are wanted.
+    /// Sum of lengths of gradients by the mean and number of views, two floats a Gaussian, where they are requested.
     pub statistics: Buffer,
 }
 

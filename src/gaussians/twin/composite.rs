@@ -28,7 +28,7 @@ struct Pixel {
 
 /// A splat's part in a pixel.
 struct Part {
-    /// Place in the tile's list.
+    /// Index in the tile's list.
     place: usize,
     /// From the splat's mean to the pixel's centre.
     offset: DVec2,

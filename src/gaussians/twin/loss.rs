@@ -100,7 +100,7 @@ mod tests {
     }
 
     /// SSIM as it is defined: all weights of the window in two dimensions, covariances as means of products of deviations.
-    /// If this failed, the trainer would chase, and report, another measure than everybody else's.
+    /// If this failed, the trainer would chase, and report, another measure than other trainers.
     #[test]
     fn similarity_is_what_its_definition_says() {
         for (width, height) in [(14, 13), (5, 3), (1, 1), (12, 2)] {
@@ -181,7 +181,7 @@ mod tests {
         }
     }
 
-    /// If this failed, pixels that a mask leaves out would still teach the splats.
+    /// If this failed, pixels that a mask leaves out would still be trained on.
     #[test]
     fn unknown_pixels_have_no_say() {
         let mut image = picture(6, 35);

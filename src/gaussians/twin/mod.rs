@@ -1,4 +1,4 @@
-//! Rendering and training in plain Rust and double precision: what the shaders are held against.
+//! Rendering and training in plain Rust and double precision: what the shaders are tested against.
 //!
 //! Every formula is here once more, written for exactness, not for speed. Frames: the world of the splats; cameras with
 //! OpenCV axes; pixels with the centre of the first at (0.5, 0.5).
@@ -38,7 +38,7 @@ pub struct View {
 }
 
 impl View {
-    /// Where the camera stands in the world.
+    /// Camera centre in the world.
     pub fn centre(&self) -> DVec3 {
         -(self.rotation.transpose() * self.translation)
     }
@@ -97,8 +97,8 @@ impl Default for Rules {
 }
 
 impl Rules {
-    /// No hard decision by alpha: pictures are smooth in all parameters while the order of depths stays, so that differences
-    /// tell their gradients.
+    /// No hard decision by alpha: pictures are smooth in all parameters while the order of depths stays, so that differences give
+    /// their gradients.
     pub fn smooth() -> Self {
         Self { least_alpha: 0.0, most_alpha: 1.0, least_transmittance: 0.0, antialiased: false }
     }

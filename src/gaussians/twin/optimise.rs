@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     /// If this failed, rates would mean something else than in every other trainer. The first step is the rate along the
-    /// sign, whatever the gradient's size; the second is by hand.
+    /// sign, whatever the gradient's size; the second is computed directly.
     #[test]
     fn steps_are_those_of_the_published_method() {
         for gradient in [1e-9, -0.02, 300.0] {
@@ -102,7 +102,7 @@ mod tests {
         (-12_000..=12_000).map(|i| step * at(step * f64::from(i))).sum()
     }
 
-    /// If this failed, relocating splats would change the picture, by more the oftener it is done.
+    /// If this failed, relocating splats would change the picture, by more with every relocation.
     #[test]
     fn parts_look_like_the_whole() {
         for logit in [-4.0f64, 0.0, 3.0, 9.0] {
@@ -130,7 +130,7 @@ mod tests {
         }
     }
 
-    /// If this failed, the short sum would not be the published one, binomials and all, which it stands for.
+    /// If this failed, the short sum would not be the published one, binomials and all, which it replaces.
     #[test]
     fn the_denominator_is_the_published_sum() {
         for (o, n) in [(0.3f64, 5u32), (0.9, 9), (0.01, 30)] {

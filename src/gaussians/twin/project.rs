@@ -21,7 +21,7 @@ pub struct Projected {
     pub covariance: [f64; 3],
     /// Inverse of the covariance: A, B, C of `0.5 (A dx^2 + C dy^2) + B dx dy`.
     pub conic: [f64; 3],
-    /// Opacity, made up for the filter where the rules say so.
+    /// Opacity, made up for the filter where the rules require it.
     pub opacity: f64,
     /// sRGB, not below zero.
     pub colour: DVec3,
@@ -156,7 +156,7 @@ impl Shape {
     fn by_factor(&self, by_conic: [f64; 3], by_compensation: f64) -> [DVec3; 2] {
         let [a, b, c] = self.conic();
         let conic = DMat2::from_cols_array(&[a, b, b, c]);
-        // B stands for two entries of the symmetric matrix.
+        // B represents two entries of the symmetric matrix.
         let by_inverse = DMat2::from_cols_array(&[by_conic[0], 0.5 * by_conic[1], 0.5 * by_conic[1], by_conic[2]]);
         let by_covariance = -conic * by_inverse * conic - 0.5 * by_compensation * self.compensation() * conic;
         let [first, second] = self.factor;

@@ -39,7 +39,7 @@ fn seen_at(view: &View, pixel: [f64; 2], depth: f64) -> DVec3 {
     view.rotation.transpose() * (depth * DVec3::new(ray(0), ray(1), 1.0) - view.translation)
 }
 
-/// What a scene is made to try: the range of each value that is drawn.
+/// What a scene covers: the range of each value that is drawn.
 #[derive(Clone, Copy)]
 struct Kind {
     /// Means in the picture, in parts of its size.
@@ -125,7 +125,7 @@ fn each_value(
     }
 }
 
-/// Holds all gradients of a scene against differences of fourth order.
+/// Compares all gradients of a scene with differences of fourth order.
 fn hold(name: &str, splats: &[Splat], view: &View, rules: &Rules) {
     let mut largest = 0.0f64;
     // The function is about 100, of which 1e-14 is rounding, and is divided by h.
@@ -142,7 +142,7 @@ fn hold(name: &str, splats: &[Splat], view: &View, rules: &Rules) {
     assert!(largest > 1e-3, "{name}: nothing was seen");
 }
 
-/// If this failed, training would walk another way than down; every case is one that trainers are known to get wrong.
+/// If this failed, training would not descend; every case is one that trainers are known to get wrong.
 #[test]
 fn gradients_are_those_of_differences() {
     let (thin, wide) = ([-14.0, -12.0], [-1.5, -0.5]);
@@ -165,7 +165,7 @@ fn gradients_are_those_of_differences() {
     for (seed, (name, kind)) in kinds.into_iter().enumerate() {
         for antialiased in [false, true] {
             let rules = Rules { antialiased, ..Rules::smooth() };
-            // What is all but clear shows next to nothing, whatever its gradients are.
+            // Nearly transparent splats show next to nothing, whatever their gradients.
             let mut splats = scene(seed as u64, 8, kind, &view());
             if name == "all but clear" {
                 splats.extend(scene(50, 2, KIND, &view()));
@@ -199,7 +199,7 @@ fn gradients_keep_to_the_hard_decisions_of_the_picture() {
             let picture = |rules| render(&splats, &view(), &rules, BACKGROUND);
             picture(rules) != picture(Rules::default())
         };
-        // Each rule must have had a say where it was meant to.
+        // Each rule must have taken effect where it was meant to.
         match seed {
             1 => assert!(differs(Rules { least_alpha: 0.0, ..Rules::default() })),
             _ => {
@@ -241,7 +241,7 @@ fn ball(centre: DVec3, colour: DVec3, opacity: f64) -> Splat {
     }
 }
 
-/// If this failed, a single splat would have another size, place, colour or opacity than the formulas say.
+/// If this failed, a single splat would have another size, place, colour or opacity than the formulas give.
 #[test]
 fn one_splat_is_what_its_closed_form_says() {
     let view = plain_view(9);

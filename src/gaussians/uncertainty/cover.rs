@@ -27,7 +27,7 @@ crate::gpu_struct! {
         pub stride: u32,
         /// The view's index.
         pub view: u32,
-        /// Room for instances.
+        /// Capacity for instances.
         pub room: u32,
         /// Whether to remember the directions.
         pub learn: u32,
@@ -56,7 +56,7 @@ pub fn bins() -> [DVec3; BINS] {
     })
 }
 
-/// A model, the views that could be taken of it, and from where those that have been saw it.
+/// A model, its candidate views, and the directions from which it has been seen.
 pub struct Cover {
     context: Arc<Context>,
     renderer: Renderer,

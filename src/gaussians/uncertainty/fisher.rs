@@ -1,4 +1,4 @@
-//! What a view tells of a model: the diagonal of its Fisher information, by parameter (FisherRF, Jiang et al. 2024).
+//! What a view reveals about a model: the diagonal of its Fisher information, by parameter (FisherRF, Jiang et al. 2024).
 //!
 //! `H_k = sum over pixels of (d(R + G + B) / d theta_k)^2` over a black background; rotations are left out. The derivatives are
 //! squared pixel by pixel, so that they cannot be summed first and carried back through the projection: the derivatives of the
@@ -85,7 +85,7 @@ const FORMS: u64 = glsl::FORMS as u64;
 /// Values of a Gaussian that a view leaves.
 const VALUES: u64 = 9;
 
-/// A model, the views that could be taken of it, and what is known of it from those that have been.
+/// A model, its candidate views, and the information from views already taken.
 pub struct Fisher {
     context: Arc<Context>,
     renderer: Renderer,
@@ -97,7 +97,7 @@ pub struct Fisher {
     views: Buffer,
     sizes: Vec<Size>,
     forms: Buffer,
-    /// What the views leave, in planes; where one is missing it is looked at again.
+    /// What the views leave, in planes; where one is missing it is rendered again.
     seen: Vec<Option<Buffer>>,
     known: Buffer,
     scores: Buffer,
@@ -139,7 +139,7 @@ impl Fisher {
     }
 
     /// For the model of a trainer as it is whenever [`Fisher::renew`] is called, from all of the trainer's views. Sums are not
-    /// kept: of each state of the model, a view is looked at once.
+    /// kept: for each state of the model, a view is rendered once.
     ///
     /// # Errors
     /// As [`Fisher::new`].
@@ -207,7 +207,7 @@ impl Fisher {
         self.look(view, false)
     }
 
-    /// Adds what the view tells to what is known.
+    /// Adds the view's information to what is known.
     ///
     /// # Errors
     /// As [`Fisher::worth`].
@@ -259,7 +259,7 @@ impl Fisher {
         Ok(f64::from(bytemuck::pod_read_unaligned::<f32>(&self.results.mapped()[..4])))
     }
 
-    /// Looks at the model from a view: sums of squares of each Gaussian.
+    /// Renders the model from a view: sums of squares of each Gaussian.
     fn observe(&mut self, view: usize) -> Result<Buffer> {
         let size = self.sizes[view];
         let out = Buffer::device(&self.context, "squares", 4 * VALUES * u64::from(self.renderer.model.stride))?;

@@ -108,7 +108,7 @@ crate::stage!(
     pub(crate) NoiseSpreadStage = noise_spread(SpreadPush) { read picture, write pivot, write sums, write spread }
 );
 
-/// Views that are looked from at once, and pictures of each at most.
+/// Views that are rendered at once, and pictures of each at most.
 pub(crate) const MAX_VIEWS: usize = 4;
 /// See [`MAX_VIEWS`].
 pub(crate) const MAX_PICTURES: u32 = 64;
@@ -118,7 +118,7 @@ const MAX_NOISE: f32 = 100.0;
 const RATES: [f32; 6] = [1.6e-4, 5e-3, 1e-3, 5e-2, 2.5e-3, 1.25e-4];
 const STREAM: u32 = noise::PERTURBATION_STREAM;
 
-/// What is summed up of a view.
+/// Accumulators of a view.
 struct Look {
     pivot: Buffer,
     sums: Buffer,
@@ -298,7 +298,7 @@ impl Manifold {
     }
 
     /// How much pictures of each view (at most [`MAX_VIEWS`]) differ under the noise: the mean over pixels of the variance over
-    /// perturbed models, summed over the colours, over black. `draws` says which perturbations, at most [`MAX_PICTURES`], the same
+    /// perturbed models, summed over the colours, over black. `draws` selects the perturbations, at most [`MAX_PICTURES`], the same
     /// for all views.
     ///
     /// # Errors
@@ -348,7 +348,7 @@ impl Manifold {
     /// Sets the noise of every parameter.
     ///
     /// # Errors
-    /// Where these are not as many values, or the device fails.
+    /// Where the number of values differs, or the device fails.
     pub fn set_scales(&mut self, scales: &[f32]) -> Result<()> {
         if scales.len() != self.count as usize {
             return Err(Error::request(format!("{} values for {} parameters", scales.len(), self.count)));
@@ -367,7 +367,7 @@ impl Manifold {
         self.views.write(&all)
     }
 
-    /// Submits what `record` records, again with more room while one of its pictures lacks it.
+    /// Submits what `record` records, again with more capacity while one of its pictures lacks it.
     fn with_room(
         &mut self,
         pictures: usize,
@@ -476,8 +476,8 @@ pub fn rate(plane: usize) -> f32 {
 mod tests {
     use super::*;
 
-    /// If this failed, few pictures would tell less of the spread than they could: every sequence must fall evenly, and no two
-    /// parameters may move together.
+    /// If this failed, few pictures would estimate the spread worse than they could: every sequence must be even, and no two
+    /// parameters may be correlated.
     #[test]
     fn every_parameter_has_an_even_sequence_of_its_own() {
         for parameter in [0, 1, 77, u32::MAX] {

@@ -147,9 +147,9 @@ pub struct Image {
     pub pose: Pose,
     /// File name, relative to the image folder.
     pub name: String,
-    /// Camera-from-world quaternion (w, x, y, z) and translation, as they stand in the file.
+    /// Camera-from-world quaternion (w, x, y, z) and translation, as they are in the file.
     pub stored: ([f64; 4], [f64; 3]),
-    /// What was observed in it, in the order of the file; empty where the reader was not asked for it.
+    /// What was observed in it, in the order of the file; empty where it was not requested.
     pub observations: Vec<Observation>,
 }
 
@@ -162,7 +162,7 @@ pub struct Observation {
     pub point: u64,
 }
 
-/// The number that stands for no point.
+/// The number that means no point.
 pub const NO_POINT: u64 = u64::MAX;
 
 /// A reconstructed point.
@@ -222,7 +222,7 @@ fn read<T>(
     Ok((path, value))
 }
 
-/// Reads the cameras of a model folder, ordered by name, for COLMAP's own order changes from run to run.
+/// Reads the cameras of a model folder, ordered by name, since COLMAP's own order changes from run to run.
 pub fn cameras(folder: &Path, notes: &mut Vec<String>) -> Result<Vec<Camera>> {
     let (_, lenses) = read(folder, "cameras", binary::cameras, text::cameras)?;
     let (path, images) = read(folder, "images", binary::images, text::images)?;
@@ -237,7 +237,7 @@ pub struct Model {
     pub images: Vec<Image>,
     /// Their cameras, in the same order.
     pub cameras: Vec<Camera>,
-    /// The points as a surface and as they stand in the file; none where there is no file of points or it is empty.
+    /// The points as a surface and as they are in the file; none where there is no file of points or it is empty.
     pub points: Option<(Surface, Vec<Point>)>,
 }
 

@@ -168,7 +168,7 @@ mod tests {
         assert_eq!(points, [known]);
     }
 
-    /// If this failed, a subset would hold cameras that nothing was taken with, or less than was asked for without a word.
+    /// If this failed, a subset would hold cameras that nothing was taken with, or silently less than was requested.
     #[test]
     fn only_what_is_used_is_kept_and_names_must_be_there() {
         let folder = model(POINTS);
@@ -186,7 +186,7 @@ mod tests {
         assert!(subset_of(&["b.jpg", "B.jpg"]).unwrap_err().to_string().contains("no image \"B.jpg\""));
     }
 
-    /// If this failed, a contradiction in a model would be passed on to whoever reads the subset, and crash it.
+    /// If this failed, a contradiction in a model would be passed on to programs that read the subset, and crash them.
     #[test]
     fn a_track_that_leads_nowhere_is_refused() {
         let folder = model("5 0 0 5 10 20 30 0.5 8 3\n");

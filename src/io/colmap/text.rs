@@ -54,7 +54,7 @@ fn lines<'a>(path: &'a Path, text: &'a str) -> impl Iterator<Item = Line<'a>> {
     })
 }
 
-/// Whether a line says something outside of an image's second line.
+/// Whether a line outside of an image's second line has content.
 fn speaks(line: &Line) -> bool {
     line.words.first().is_some_and(|word| !word.starts_with('#'))
 }
@@ -160,7 +160,7 @@ mod tests {
 
     const CAMERAS: &str = "# Camera list\n# Number of cameras: 2\n\
                            1 SIMPLE_RADIAL 640 480 500 320 240 0.1\n2 OPENCV 100 200 90 91 50 100 1 2 3 4\n";
-    /// The second camera stands at (0, 0, -2) turned by 180 degrees about y, and its name holds a blank.
+    /// The second camera is at (0, 0, -2) turned by 180 degrees about y, and its name holds a blank.
     const IMAGES: &str = "# Image list\n\n\
                           7 1 0 0 0 1 2 3 1 b.jpg\n10 20 -1 30 40 5\n\
                           8 0 0 2 0 0 0 -2 2 a 1.jpg\n\n";

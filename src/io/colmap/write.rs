@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use crate::scene::camera::{Camera, Intrinsics};
 
-/// Which cameras see each point: indices into the cameras of the model, one list per point, or no lists at all. Entries
-/// beyond the cameras or points there are stand for nothing and are left out.
+/// Which cameras see each point: indices into the cameras of the model, one list per point, or no lists at all. Entries beyond
+/// the existing cameras or points are left out.
 pub(crate) type Tracks<'a> = &'a [Vec<u32>];
 
 /// Number of the PINHOLE model.

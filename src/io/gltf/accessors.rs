@@ -7,12 +7,12 @@ use json::validation::Checked;
 use super::buffers::Buffers;
 use crate::error::{Error, Result};
 
-/// Values in bytes, evenly apart; checked to lie inside.
+/// Values in bytes, evenly spaced; checked to lie inside.
 struct Strided<'a> {
     bytes: &'a [u8],
     stride: usize,
     kind: ComponentType,
-    /// Whether integers stand for fractions of their largest value.
+    /// Whether integers represent fractions of their largest value.
     normalized: bool,
 }
 
@@ -35,7 +35,7 @@ impl Strided<'_> {
 
 impl Buffers<'_> {
     /// The values of an accessor with `N` components, or more of which the first `N` are taken; `what` names the part
-    /// for messages. Integers are as they stand, or fractions where the accessor is normalised.
+    /// for messages. Integers are as stored, or fractions where the accessor is normalised.
     pub fn vectors<const N: usize>(&self, index: usize, what: &str) -> Result<Vec<[f64; N]>> {
         let (accessor, kind, components) = self.accessor(index, what)?;
         if components < N || components > 4 {

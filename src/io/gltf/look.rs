@@ -109,7 +109,7 @@ impl<'a> Look<'a> {
         Err(Error::input(self.buffers.path, what))
     }
 
-    /// The map that a reference to a texture stands for.
+    /// The map that a reference to a texture denotes.
     fn map(&mut self, info: &Option<TextureInfo>) -> Result<Option<Map>> {
         let Some(info) = info else { return Ok(None) };
         let texture = self.document.textures.get(info.index);
@@ -171,7 +171,7 @@ impl<'a> Look<'a> {
         }
     }
 
-    /// Says where images were halved.
+    /// Reports which images were halved.
     pub fn note(&self, notes: &mut Vec<String>) {
         if self.halved > 0 {
             notes.push(format!("textures were halved {} times, to have {MAX_TEXELS} texels at most", self.halved));

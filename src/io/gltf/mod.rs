@@ -82,7 +82,7 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
     checks::surface(path, Surface::Mesh(scene.mesh))
 }
 
-/// Refuses other versions, and files that require extensions of which `readable` does not say that they can be read or do no harm.
+/// Refuses other versions, and files that require extensions that `readable` does not accept as readable or harmless.
 fn refuse_unreadable(
     path: &Path,
     root: &json::Root,

@@ -35,7 +35,7 @@ const KNOWN: [&str; 13] = [
 
 /// Reads the default scene of a .glb or .gltf file with its materials, textures and lamps. Node transforms are applied,
 /// instanced meshes repeated; skins and morph targets are at rest, of variants the first look is taken. The frame is the
-/// file's: right-handed, Y up. The notes say what was left out.
+/// file's: right-handed, Y up. The notes report what was left out.
 ///
 /// # Errors
 /// [`Error::Input`] where the file is damaged, buffers or images are missing, it requires an extension that is not modelled,
@@ -44,7 +44,7 @@ pub fn read_model(path: &Path, notes: &mut Vec<String>) -> Result<Model> {
     parse_model(path, &crate::io::read_file(path)?, notes)
 }
 
-/// As [`read_model`], of the bytes of a file; `path` is where it says that other files lie beside it.
+/// As [`read_model`], of the bytes of a file; other files are looked for beside `path`.
 ///
 /// # Errors
 /// As [`read_model`]'s.

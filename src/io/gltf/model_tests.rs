@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use super::*;
 use crate::scene::model::{Alpha, Wrap};
 
-/// A folder with the file `scene.gltf`, whose quad of 2 x 2 has normals and texture coordinates; `more` stands beside its
+/// A folder with the file `scene.gltf`, whose quad of 2 x 2 has normals and texture coordinates; `more` is inserted beside its
 /// meshes.
 struct Place {
     folder: tempfile::TempDir,
@@ -124,7 +124,7 @@ fn triangles_that_are_not_finite_are_dropped_and_counted() {
     assert!(notes.iter().any(|note| note.contains("1 triangles with a corner that is not finite")), "{notes:?}");
 }
 
-/// If this failed, lamps would hang elsewhere, or shine another way, than the scene says.
+/// If this failed, lamps would hang elsewhere, or shine another way, than the scene specifies.
 #[test]
 fn lamps_hang_on_their_nodes() {
     let node = r#"{"mesh": 0, "translation": [1, 2, 3], "rotation": [0.70710678, 0, 0, 0.70710678],
@@ -168,7 +168,7 @@ fn what_is_missing_or_not_modelled_is_named() {
     assert_eq!(model.unwrap().materials[0], Material::grey());
 }
 
-/// If this failed, a shape that other programs show would come out as another without a word, or a texture as one colour.
+/// If this failed, a shape that other programs show would silently come out as another, or a texture as one colour.
 #[test]
 fn weights_and_missing_coordinates_are_told() {
     let place = Place::new(r#"{"mesh": 0, "weights": [0, 0.5]}"#, r#", "material": 0"#, MATERIAL);

@@ -1,4 +1,4 @@
-//! The parts of glTF's schema that say how a scene looks: materials with their extensions, and lamps. The crate
+//! The parts of glTF's schema that define how a scene looks: materials with their extensions, and lamps. The crate
 //! `gltf-json` knows some of the extensions only, so these parts are read a second time, as they are needed here.
 
 use serde::Deserialize;

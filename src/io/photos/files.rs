@@ -96,7 +96,7 @@ pub(crate) fn size(path: &Path) -> Option<(u32, u32)> {
     Some((header.width, header.height))
 }
 
-/// What to say where an image is of another shape than its camera.
+/// The message where an image is of another shape than its camera.
 pub(crate) fn disagreement(camera: &Intrinsics, width: u32, height: u32) -> String {
     let turned = camera.resized(height, width).is_some();
     let remedy = match turned {
@@ -106,7 +106,7 @@ pub(crate) fn disagreement(camera: &Intrinsics, width: u32, height: u32) -> Stri
     format!("the image is {width} x {height} pixels and its camera {} x {}; {remedy}", camera.width, camera.height)
 }
 
-/// What looking at the files of photos brought to light.
+/// What the check of the files of photos found.
 #[derive(Default)]
 pub(crate) struct Settled {
     /// What is missing or unreadable: files, or names of images that were not found.
@@ -115,7 +115,7 @@ pub(crate) struct Settled {
     pub rescaled: usize,
 }
 
-/// Looks at the header of every image and mask. Images that cannot be read are taken from their photos; intrinsics are
+/// Reads the header of every image and mask. Images that cannot be read are taken from their photos; intrinsics are
 /// rescaled to the stored images.
 ///
 /// # Errors

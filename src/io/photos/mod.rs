@@ -38,7 +38,7 @@ pub enum Images {
 pub struct Options {
     /// Images that are missing or cannot be read.
     pub images: Images,
-    /// The lens of a file of poses only; a guess, which the notes state, where none is given.
+    /// The lens of a file of poses only; a default, which the notes state, where none is given.
     pub intrinsics: Option<Intrinsics>,
     /// Whether files that a transforms.json names outside its own folder are read too.
     pub outside_paths: bool,
@@ -50,7 +50,7 @@ impl From<Images> for Options {
     }
 }
 
-/// What a format's reader hands over, before the files of images have been looked at.
+/// What a format's reader hands over, before the files of images have been read.
 #[derive(Default)]
 struct Found {
     photos: Vec<Photo>,
@@ -67,12 +67,12 @@ struct Found {
 
 /// Reads a capture: a COLMAP model folder or the folder around one, a transforms.json or a folder with one (of
 /// transforms_{train,val,test}.json the first), an NSVF folder, or a `.log` trajectory. Photos are ordered by name, poses are
-/// world-from-camera in OpenCV axes in the file's world frame, and lenses are those of the stored images. The notes tell a user
-/// what was understood.
+/// world-from-camera in OpenCV axes in the file's world frame, and lenses are those of the stored images. The notes report what
+/// was understood.
 ///
 /// # Errors
 /// As [`super::read_cameras`]; where the path is no capture; where an image or mask is of another shape than its camera; where
-/// images are missing or unreadable, unless `options` bears it; where [`photos::check_convention`] finds the poses wrong.
+/// images are missing or unreadable, unless `options` allows it; where [`photos::check_convention`] finds the poses wrong.
 pub fn read(path: &Path, options: &Options) -> Result<PhotoSet> {
     let mut found = find(path, options)?;
     if !found.unposed.is_empty() {

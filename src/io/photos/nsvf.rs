@@ -62,7 +62,7 @@ pub fn pose(path: &Path, bytes: &[u8]) -> Result<crate::scene::camera::Pose> {
     matrix::pose(&rows, Axes::OpenCv).map_err(|what| Error::input(path, format!("the matrix {what}")))
 }
 
-/// Reads a folder: the views for training where the names tell them apart, else all.
+/// Reads a folder: the views for training where the names mark them, else all.
 pub(super) fn read(folder: &Path) -> Result<Found> {
     let file = folder.join("intrinsics.txt");
     let Pinhole { focal, principal, size } = intrinsics(&file, &read_file(&file)?)?;
@@ -123,7 +123,7 @@ pub(super) fn read(folder: &Path) -> Result<Found> {
 mod tests {
     use super::*;
 
-    /// Both dialects by hand. If this failed, a focal length would be taken for a principal point.
+    /// Both dialects, with values written out. If this failed, a focal length would be taken for a principal point.
     #[test]
     fn both_dialects_of_intrinsics() {
         let read = |text: &str| intrinsics(Path::new("intrinsics.txt"), text.as_bytes());

@@ -6,7 +6,7 @@ use tempfile::TempDir;
 
 use super::*;
 
-/// A capture by hand: cameras a.jpg and sub/b.jpg of 40 x 20 pixels look along z at two points.
+/// A hand-written capture: cameras a.jpg and sub/b.jpg of 40 x 20 pixels look along z at two points.
 const CAMERAS: &str = "1 OPENCV 40 20 30 30 20 10 0.1 0 0 0\n";
 const IMAGES: &str = "7 1 0 0 0 0 0 0 1 sub/b.jpg\n\n3 1 0 0 0 -1 0 0 1 a.jpg\n\n";
 const POINTS: &str = "5 0 0 5 10 20 30 0.5 7 0 3 0\n6 1 0 5 10 20 30 1.5 3 1\n";
@@ -83,7 +83,7 @@ fn a_capture_by_hand() {
     assert_eq!(inner.photos, set.photos);
 }
 
-/// If this failed, shrunk copies of photos would be looked at through the lens of the originals.
+/// If this failed, shrunk copies of photos would get the lens of the originals.
 #[test]
 fn shrunk_copies_rescale_the_lens() {
     let place = Place::colmap();
@@ -98,7 +98,7 @@ fn shrunk_copies_rescale_the_lens() {
     assert!(set.notes.iter().any(|note| note.contains("of 2 cameras were rescaled")), "{:?}", set.notes);
 }
 
-/// If this failed, a capture would be used as if it were whole, or a user not be told what to bring back.
+/// If this failed, a capture would be used as if it were whole, or a user would not learn which files are missing.
 #[test]
 fn missing_images_are_listed_skipped_or_borne() {
     let place = Place::colmap();
@@ -135,7 +135,7 @@ fn images_of_another_shape_are_refused() {
     assert!(place.refusal(Images::Optional).contains("the mask is 20 x 20"));
 }
 
-/// If this failed, mistaken poses would be found out by empty renders only.
+/// If this failed, mistaken poses would be noticed only by empty renders.
 #[test]
 fn cameras_that_look_away_are_refused() {
     let place = Place::colmap();

@@ -1,5 +1,5 @@
 //! Trajectories of Tanks and Temples (`.log`): for each view a line of three numbers (its index twice and a 0) and a 4x4
-//! camera-to-world matrix in OpenCV axes. Nothing is said of lenses or images.
+//! camera-to-world matrix in OpenCV axes. Lenses and images are not given.
 
 use std::path::Path;
 
@@ -38,7 +38,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<Pose>> {
     Ok(poses)
 }
 
-/// Reads poses, with `intrinsics` for all or a guess, and the images beside the file where there are as many.
+/// Reads poses, with `intrinsics` for all or a default lens, and the images beside the file where there are as many.
 pub(super) fn read(path: &Path, bytes: &[u8], intrinsics: Option<Intrinsics>) -> Result<Found> {
     let poses = parse(path, bytes)?;
     let root = path.parent().unwrap_or(Path::new(""));

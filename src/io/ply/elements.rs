@@ -27,7 +27,7 @@ impl Lists {
     }
 }
 
-/// The wanted columns of a file by element and property; every PLY type is exact in f64.
+/// The requested columns of a file by element and property; every PLY type is exact in f64.
 #[derive(Debug, Default)]
 pub(super) struct Columns {
     scalars: HashMap<(String, String), Vec<f64>>,
@@ -53,7 +53,7 @@ enum Column {
     Lists(Lists),
 }
 
-/// Reads the columns that `wanted(element, property)` asks for. Nothing is allocated for rows that are not in the file.
+/// Reads the columns that `wanted(element, property)` accepts. Nothing is allocated for rows that are not in the file.
 pub(super) fn read(path: &Path, bytes: &[u8], header: &Header, wanted: impl Fn(&str, &str) -> bool) -> Result<Columns> {
     let mut columns = Columns::default();
     let mut values = Values { bytes, at: header.end, encoding: header.encoding };
@@ -111,7 +111,7 @@ struct Values<'a> {
 }
 
 impl Values<'_> {
-    /// Fewest bytes that a value of that type takes: in ascii, a digit and what parts it from the next.
+    /// Fewest bytes that a value of that type takes: in ascii, a digit and a separator.
     fn least(&self, kind: Kind) -> usize {
         if self.encoding == Encoding::Ascii { 2 } else { kind.size() }
     }

@@ -9,7 +9,7 @@ use crate::io::checks;
 use crate::scene::gaussians::{Gaussians, MAX_DEGREE, coefficients};
 
 /// Reads Gaussians from the bytes of a PLY file, of the usual 3DGS layout or packed; `path` is for messages only, `notes`
-/// takes what a user should know about what was read. Properties may stand in any order, others are left out, and values
+/// takes what a user should know about what was read. Properties may be in any order, others are left out, and values
 /// are as the file has them. Packed opacities of 0 and 1 count as a thousandth away from it.
 ///
 /// # Errors
@@ -172,7 +172,7 @@ mod tests {
         format!("ply\nformat {format} 1.0\nelement vertex {count}\n{properties}end_header\n")
     }
 
-    /// If this failed, files of other programs would be read wrongly for how they are written alone.
+    /// If this failed, files of other programs would be read wrongly just because of their layout.
     #[test]
     fn any_encoding_and_order_is_read_the_same() {
         let expected = Gaussians {
@@ -200,7 +200,7 @@ mod tests {
         (header("ascii", names, rows.len()) + &text).into_bytes()
     }
 
-    /// If this failed, a file that is no set of Gaussians would be rendered as one, or be refused without a way on.
+    /// If this failed, a file that is no set of Gaussians would be rendered as one, or be refused without a remedy.
     #[test]
     fn files_that_are_no_gaussians_are_refused() {
         let with = |more: &[&str]| {

@@ -157,7 +157,7 @@ mod tests {
         parse(Path::new("a.ply"), bytes, &mut Vec::new())
     }
 
-    /// A quad and its byte-swapped and ascii twins, with colours, scores and a property nobody knows.
+    /// A quad and its byte-swapped and ascii twins, with colours, scores and an unknown property.
     fn quad(format: &str) -> Vec<u8> {
         let mut bytes = format!(
             "ply\nformat {format} 1.0\ncomment by hand\nelement vertex 4\nproperty float x\nproperty double y\n\

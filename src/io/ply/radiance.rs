@@ -1,4 +1,4 @@
-//! What the spherical harmonics of trained splats say of view dependency.
+//! View dependency from the spherical harmonics of trained splats.
 
 use glam::DVec3;
 

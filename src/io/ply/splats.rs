@@ -3,8 +3,8 @@
 //! Each splat becomes a point with a disc: its centre; the shortest axis as the normal, of unknown sign; as the radius
 //! twice the geometric mean of the standard deviations along the two longer axes, so that the disc has the area of the
 //! splat's two-sigma ellipse: neighbours overlap there, and what lies behind is hidden as it is in a render. The colour is that of the constant harmonic. Splats with an opacity under
-//! [`MIN_OPACITY`] are left out: most of them are haze around the surface. The higher harmonics, where there are any, say
-//! how much the splat's radiance varies.
+//! [`MIN_OPACITY`] are left out: most of them are haze around the surface. The higher harmonics, where there are any, give how
+//! much the splat's radiance varies.
 
 use std::path::Path;
 
@@ -87,7 +87,7 @@ fn split_axes(scales: DVec3) -> (DVec3, [f64; 2]) {
 mod tests {
     use super::*;
 
-    /// Three splats in the layout of 3DGS; the second is faint. `rest` stands for harmonics that nobody needs here.
+    /// Three splats in the layout of 3DGS; the second is faint. `rest` adds harmonics that are not needed here.
     fn file(rotation: [f32; 4]) -> Vec<u8> {
         let names = "x y z f_dc_0 f_dc_1 f_dc_2 f_rest_0 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
         let properties: String = names.split(' ').map(|n| format!("property float {n}\n")).collect();

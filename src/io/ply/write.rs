@@ -165,7 +165,7 @@ mod tests {
         assert_eq!((points.positions, points.colours, points.scores), (positions, colours, vec![1.0, 1.5]));
     }
 
-    /// If this failed, what photos tell of a surface would not reach the plan that is made from the file.
+    /// If this failed, what photos reveal about a surface would not reach the plan that is made from the file.
     #[test]
     fn all_that_is_known_of_points_survives_a_round_trip() {
         let surface = Points {

@@ -3,7 +3,7 @@
 //!
 //! Poses in these files are camera-to-world matrices in OpenGL camera axes (X right, Y up, -Z forward); here cameras
 //! have OpenCV axes, so Y and Z of the camera change sign. The world frame is left untouched on both ways: where a file
-//! has an `applied_transform`, its poses are already transformed by it and are taken as they stand, and instant-ngp's
+//! has an `applied_transform`, its poses are already transformed by it and are taken as they are, and instant-ngp's
 //! own scale and offset are not applied.
 
 mod write;
@@ -25,7 +25,7 @@ use crate::scene::lens::Distortion;
 /// Extensions that stored images have, in the order they are looked for.
 const IMAGE_EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
 
-/// Camera models that are no pinhole with the distortion that k1 to k4, p1 and p2 stand for.
+/// Camera models that are no pinhole with the distortion of k1 to k4, p1 and p2.
 const NO_PINHOLES: [&str; 5] = ["EQUIRECTANGULAR", "OMNIDIRECTIONAL", "VR180", "ORTHOPHOTO", "FISHEYE624"];
 
 /// Camera models that are a pinhole with that distortion, or a fisheye of k1 to k4.
@@ -95,7 +95,7 @@ pub struct Transforms {
     pub outside: Vec<String>,
 }
 
-/// Reads cameras as [`photos`] does, without their distortion; `notes` says so, and of all else that a user should know.
+/// Reads cameras as [`photos`] does, without their distortion; `notes` reports this, and all else that a user should know.
 ///
 /// # Errors
 /// See [`photos`].
@@ -112,7 +112,7 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<C
 }
 
 /// Reads photos from the bytes of a transforms.json. Images are looked for beside `path`: their headers give the size
-/// where the file does not, and the intrinsics are rescaled where a stored image has another size than w and h say.
+/// where the file does not, and the intrinsics are rescaled where a stored image has another size than w and h specify.
 /// A camera is named by its `file_path` after the folder `images`, which is how COLMAP names the same image. Files outside the folder
 /// of `path` are looked at only where `outside` is set.
 ///
@@ -338,7 +338,7 @@ mod tests {
         assert_eq!(notes, ["the intrinsics of 1 cameras were rescaled to the size of their stored images"]);
     }
 
-    /// If this failed, photos of a lens that nobody here knows would be taken for a pinhole's without a word, or every
+    /// If this failed, photos of an unknown lens would silently be taken for a pinhole's, or every
     /// usual file would come with a warning.
     #[test]
     fn a_camera_model_that_is_not_known_is_told() {
@@ -355,7 +355,7 @@ mod tests {
         assert!(noted("OPENCV").is_empty() && noted("PINHOLE").is_empty());
     }
 
-    /// If this failed, a file with a fault would be read as something else, or its message would not say where it is.
+    /// If this failed, a file with a fault would be read as something else, or its message would not give its place.
     #[test]
     fn faults_name_their_frame() {
         let with = |lens: &str, matrix: &str| {

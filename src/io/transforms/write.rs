@@ -18,7 +18,7 @@ type View<'a> = (&'a Camera, Distortion, bool);
 /// The text of a transforms.json in nerfstudio's dialect, which instant-ngp reads as well: OpenGL camera-to-world
 /// matrices in the untouched world frame, `camera_model` OPENCV without distortion (some loaders refuse PINHOLE), and
 /// both camera angles (some need them where images are not square). Images are named `images/` and
-/// [`Camera::image_name`]. Intrinsics stand at the top where all cameras share them, else in each frame.
+/// [`Camera::image_name`]. Intrinsics are at the top where all cameras share them, else in each frame.
 /// `ply_file_path` is the seed cloud, relative to the file, where there is one.
 pub fn write(cameras: &[Camera], ply_file_path: Option<&str>) -> String {
     let views: Vec<View> = cameras.iter().map(|camera| (camera, Distortion::default(), false)).collect();
@@ -26,7 +26,7 @@ pub fn write(cameras: &[Camera], ply_file_path: Option<&str>) -> String {
 }
 
 /// As [`write()`], for photos: with their distortion, as OPENCV or OPENCV_FISHEYE, and with `masks/NAME.png` for those that
-/// have a mask. The second value is what must be said: how many lenses the format cannot express, which are written
+/// have a mask. The second value is for the notes: how many lenses the format cannot express, which are written
 /// as pinholes, and whether fisheyes and others are mixed.
 pub fn write_photos(photos: &[&Photo], ply_file_path: Option<&str>) -> (String, Vec<String>) {
     let mut beyond = 0;
@@ -91,7 +91,7 @@ fn text(views: &[View], ply_file_path: Option<&str>) -> String {
         })
         .collect();
     let mut file = shared.map(|(k, distortion)| lens_entries(&k, &distortion)).unwrap_or_default();
-    // Loaders look for the model at the top of the file, whatever the frames say.
+    // Loaders look for the model at the top of the file, whatever the frames contain.
     let all_fisheye = !views.is_empty() && views.iter().all(|view| view.1.fisheye);
     file.insert("camera_model", json!(model(all_fisheye)));
     if let Some(points) = ply_file_path {
@@ -181,7 +181,7 @@ mod tests {
         for lenses in [[perspective; 2], [fisheye; 2], [perspective, none], [fisheye, perspective]] {
             let written = [photo("a.png", lenses[0]), photo("b.png", lenses[1])];
             let (text, notes) = write_photos(&[&written[0], &written[1]], None);
-            // Loaders that ask the top of the file alone take the fisheye for the other.
+            // Loaders that read only the top of the file take the fisheye for the other model.
             assert_eq!(notes.len(), usize::from(lenses[0].fisheye != lenses[1].fisheye), "{notes:?}");
             let read = photos(Path::new(PATH), text.as_bytes(), false, &mut Vec::new()).unwrap().photos;
             for (a, b) in written.iter().zip(&read) {

@@ -1,4 +1,4 @@
-//! LPIPS on the device: how far apart two pictures look (Zhang et al. 2018, "The Unreasonable Effectiveness of Deep
+//! LPIPS on the device: how different two pictures look (Zhang et al. 2018, "The Unreasonable Effectiveness of Deep
 //! Features as a Perceptual Metric"), version 0.1 with its learnt weights.
 
 use std::sync::Arc;
@@ -54,8 +54,7 @@ impl Lpips {
     /// Where device memory runs out or the device fails.
     pub fn new(context: &Arc<Context>, weights: &Weights) -> Result<Self> {
         let (mut layers, mut linear) = (weights.layers.iter(), weights.linear.iter());
-        // Weights have a layer for each convolution and a list of what channels count for each comparison: none is left
-        // out.
+        // Weights have a layer for each convolution and a list of what channels count for each comparison: so none is skipped.
         let parts = weights.network.steps().iter().filter_map(|step| match step {
             Step::Convolve(_) => layers.next().map(|layer| Ok(Part::Convolve(Box::new(Kernels::new(context, layer)?)))),
             Step::Pool(pool) => Some(Ok(Part::Pool(*pool))),
@@ -102,7 +101,7 @@ impl Lpips {
     pub fn per_layer(&mut self, a: &Rgb8, b: &Rgb8) -> Result<[f64; TAPS]> {
         a.check_size(b)?;
         let size = Size { channels: 3, width: a.width(), height: a.height() };
-        // What is kept goes first: there may not be room for both.
+        // The old buffers go first: both may not fit.
         let kept = self.room.take().filter(|room| room.sizes.first() == Some(&size));
         let room = match kept {
             Some(room) => room,

@@ -1,4 +1,4 @@
-//! How far apart the features of two pictures are (`lpips_distance.comp`).
+//! Distance between the features of two pictures (`lpips_distance.comp`).
 
 use crate::vulkan::shaders::glsl::metrics::lpips_distance as glsl;
 

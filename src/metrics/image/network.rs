@@ -49,7 +49,7 @@ pub struct Convolution {
 
 impl Convolution {
     /// Weights of one channel of the output. The stage takes at most 32,768: it loops over them, and some drivers end an
-    /// invocation's loops after 65,535 rounds.
+    /// invocation's loops after 65,535 iterations.
     pub fn taps(&self) -> u32 {
         self.from * self.kernel * self.kernel
     }

@@ -64,7 +64,7 @@ impl Weights {
     }
 
     /// Reads a safetensors file: `conv{i}.weight` (out, in, rows, columns), `conv{i}.bias` (out) and `lin{i}.weight`
-    /// (channels), each in f16 or f32. Other tensors are left alone.
+    /// (channels), each in f16 or f32. Other tensors are ignored.
     ///
     /// # Errors
     /// [`Error::Io`] where the system refuses; [`Error::Input`] where the file is damaged or cut short, or a tensor is
@@ -138,7 +138,7 @@ fn tensor(path: &Path, file: &SafeTensors, name: &str, shape: &[u32], network: N
     if view.shape() != wanted {
         return Err(refuse(format!("`{name}` has the shape {:?}, not {wanted:?}", view.shape())));
     }
-    // The reader has held shape and type against the bytes that are there.
+    // The reader has checked shape and type against the available bytes.
     let values: Vec<f32> = match view.dtype() {
         Dtype::F32 => view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect(),
         Dtype::F16 => view.data().chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32()).collect(),

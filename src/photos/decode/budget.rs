@@ -1,4 +1,4 @@
-//! The queue between the threads that decode and whoever takes the photos, and the budget of bytes in flight.
+//! The queue between the decoding threads and the consumer of the photos, and the budget of bytes in flight.
 
 use std::collections::BTreeMap;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -6,8 +6,8 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use crate::error::Result;
 use crate::parallel::lock;
 
-/// Photos are reserved memory for in their order, so that those that are waited for next always have theirs: nothing can
-/// hang, whatever the budget.
+/// Memory is reserved for photos in their order, so that the next one waited for always has its memory: no deadlock under any
+/// budget.
 pub(super) struct Queue<T> {
     count: usize,
     memory: u64,
@@ -57,7 +57,7 @@ impl<T> Queue<T> {
         Some(index)
     }
 
-    /// Waits until those before it have their memory and there is room for `bytes` more, or none is in use; false where
+    /// Waits until those before it have their memory and `bytes` more fit, or none is in use; false where
     /// decoding has been stopped meanwhile.
     pub fn reserve(&self, index: usize, bytes: u64) -> bool {
         let mut state = self.lock();
@@ -113,7 +113,7 @@ impl<T> Queue<T> {
         self.lock().most
     }
 
-    /// Lets nobody take up another photo.
+    /// Lets no thread start another photo.
     pub fn stop(&self) {
         self.lock().stopped = true;
         self.changed.notify_all();

@@ -183,7 +183,7 @@ impl Decoder {
 }
 
 impl<T: Send + 'static> Decoder<T> {
-    /// Starts to decode `photos` and to make of each what `make` says, on the same threads. What is made takes no more bytes
+    /// Starts to decode `photos` and to apply `make` to each, on the same threads. What is made takes no more bytes
     /// than the decoded photo, and making it no more than `copies` times as many, the photo itself included.
     ///
     /// # Errors
@@ -261,7 +261,7 @@ impl<M> Work<M> {
             let photo = &self.photos[index];
             let Intrinsics { width, height, .. } = photo.camera.intrinsics;
             let result = self.settings.result_bytes(width, height);
-            // A header that cannot be read costs nothing; decoding it says why.
+            // A header that cannot be read costs nothing; decoding it reports why.
             let bytes = pixels::estimate(photo).map_or(0, |bytes| bytes + self.copies * result);
             if !queue.reserve(index, bytes) {
                 return;

@@ -24,7 +24,7 @@ struct Stored {
     bytes: Vec<u8>,
 }
 
-/// Bytes that decoding a photo takes at its height besides the result; none where that cannot be told.
+/// Bytes that decoding a photo takes at its height besides the result; none where that is unknown.
 pub(super) fn estimate(photo: &Photo) -> Option<u64> {
     let file = |path: &Path| -> Option<u64> {
         let header = Header::read(path).ok()?;
@@ -245,10 +245,10 @@ fn undecodable(path: &Path, what: &str) -> Error {
     Error::input(path, format!("the image cannot be decoded ({what}); bring back a whole one"))
 }
 
-/// Whether a JPEG's scan is followed by its end mark: decoders fill what a cut file lacks with grey, without a word.
+/// Whether a JPEG's scan is followed by its end mark: decoders fill what a cut file lacks with grey, silently.
 fn is_whole_jpeg(bytes: &[u8]) -> bool {
     let mut at = 2;
-    // Segments before the scan, which may hold a whole thumbnail, are passed over by their length.
+    // Segments before the scan, which may hold a whole thumbnail, are skipped by their length.
     while let Some(&[0xff, marker, high, low]) = bytes.get(at..at + 4) {
         match marker {
             0xff => at += 1,

@@ -130,7 +130,7 @@ fn dropping_ends_the_threads() {
     }
 }
 
-/// If this failed, a damaged photo would be decoded to grey without a word, or take the photos behind it along.
+/// If this failed, a damaged photo would be silently decoded to grey, or spoil the photos after it.
 #[test]
 fn faults_name_their_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -153,7 +153,7 @@ fn faults_name_their_file() {
     assert!(all[5].is_ok());
 }
 
-/// If this failed, a header that announces more than memory holds would end the program where a mask is stretched to its size.
+/// If this failed, a header that announces more than memory holds would crash the program where a mask is stretched to its size.
 #[test]
 fn a_header_that_announces_too_much_is_refused_before_its_mask() {
     let folder = tempfile::tempdir().unwrap();
@@ -173,7 +173,7 @@ fn a_header_that_announces_too_much_is_refused_before_its_mask() {
     assert!(error.contains("a.png") && error.contains("200000 x 200000 pixels are too many"), "{error}");
 }
 
-/// By hand. If this failed, intensities would be compared that are not proportional to light.
+/// Computed directly. If this failed, intensities would be compared that are not proportional to light.
 #[test]
 fn values_are_linear() {
     let folder = tempfile::tempdir().unwrap();
@@ -229,7 +229,7 @@ fn alpha_and_mask_files_cover_the_object() {
     // (255 + 128) / 4 covered; the part that is covered is white.
     assert_eq!(small.mask.as_deref(), Some(&[96, 0][..]));
     assert_eq!(single(&small), [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
-    // A mask file goes before alpha; it may be of half the size, and of 16 bits.
+    // A mask file takes precedence over alpha; it may be of half the size, and of 16 bits.
     let mask = folder.path().join("mask.png");
     image::ImageBuffer::<image::Luma<u16>, _>::from_raw(2, 1, vec![0u16, 65_535])
         .unwrap()

@@ -15,7 +15,7 @@ pub use observation::{Layout, Observations};
 use super::law::Fitted;
 use crate::{Error, Result};
 
-/// Fewest layouts of a scene, situation and budget that tell anything of each other.
+/// Fewest layouts of a scene, situation and budget that can be compared.
 const MIN_LAYOUTS: usize = 3;
 /// Where the search begins.
 const START: [f64; solver::N] = [1.0, 0.5, 0.5, -3.0];
@@ -57,10 +57,10 @@ pub struct Agreement {
 /// A layout's expected and trained quality, in decibels.
 type Pair = (f64, f64);
 
-/// Fits the law to all `scenes` but those called as one of `held_out`, which it is only compared with.
+/// Fits the law to all `scenes` except those named in `held_out`, which it is only compared with.
 ///
 /// # Errors
-/// Where no scene is left with layouts enough, or the layouts do not tell the coefficients apart.
+/// Where no scene is left with layouts enough, or the layouts do not determine the coefficients.
 pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
     let (held, fitted): (Vec<_>, Vec<_>) = scenes.iter().partition(|scene| held_out.contains(&scene.name));
     let too_few = || {
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
     use crate::scene::random;
 
-    /// Layouts whose looks have these angles and distances at random, trained as the law `theta` says, with noise of `noise` dB.
+    /// Layouts whose looks have these angles and distances at random, trained by the law `theta`, with noise of `noise` dB.
     fn scene(name: &str, theta: [f64; solver::N], noise: f64, seed: u64) -> Observations {
         let (views, looks) = (6, 40);
         let beside: Vec<bool> = (0..views * looks).map(|i| i % 4 == 3).collect();
@@ -205,7 +205,7 @@ mod tests {
         }
         assert!(found.held_out.unwrap().pearson > 1.0 - 1e-9);
         assert_eq!((found.law.scenes.len(), found.law.held_out), (4, vec!["s4".to_string()]));
-        // With noise it is found within what the jackknife says.
+        // With noise it is found within the jackknife's deviations.
         let noisy: Vec<_> = (0..5).map(|i| scene(&format!("s{i}"), theta, 0.05, 80 + i)).collect();
         let found = fit(&noisy, &[]).unwrap();
         let deviation = found.law.deviation.unwrap();

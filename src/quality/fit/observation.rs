@@ -1,4 +1,4 @@
-//! What the law is fitted to: trained layouts and where their nearest views stand for each pixel of the test views.
+//! What the law is fitted to: trained layouts and their nearest views for each pixel of the test views.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use crate::visibility::device_scene::SceneGeometry;
 
 /// Pixels of a test view along each side of its picture, evenly.
 const SIDE: u32 = 16;
-/// Test views that show the surface in fewer pixels than this say nothing.
+/// Test views that show the surface in fewer pixels than this are ignored.
 const MIN_SHOWN: usize = 16;
 
 /// A layout of cameras that was trained.

@@ -69,11 +69,11 @@ fn normal(scenes: &[&Observations], theta: &[f64; N]) -> Normal {
     all
 }
 
-/// The parameters of least squares; none where the layouts do not tell them.
+/// The parameters of least squares; none where the layouts do not determine them.
 pub(crate) fn solve(scenes: &[&Observations], start: [f64; N]) -> Option<[f64; N]> {
     let (mut theta, mut damping) = (start, 1e-3);
     let mut at = normal(scenes, &theta);
-    // Layouts that say nothing of a parameter say nothing of it where the search begins.
+    // Layouts that do not determine a parameter do not do so where the search begins either.
     eliminate(at.matrix, at.gradient)?;
     for _ in 0..STEPS {
         let mut damped = at.matrix;

@@ -20,7 +20,7 @@ const CHALK: Finish = Finish::matt([226, 222, 212]);
 const SLATE: Finish = Finish::matt([74, 82, 92]);
 const LEAF: Finish = Finish::matt([88, 132, 70]);
 
-/// An object of about unit size whose parts hide one another: on a disc stand a pedestal with a steel sphere inside a
+/// An object of about unit size whose parts hide one another: on a disc are a pedestal with a steel sphere inside a
 /// tilted ring, six fins, and three small spheres between the fins. Scores are above 1 where it shines.
 pub fn object() -> Surface {
     object_parts().surface()
@@ -186,7 +186,7 @@ mod tests {
         }
     }
 
-    /// Demos must run in seconds, and be refused by no check of ours.
+    /// Demos must run in seconds, and pass all of our checks.
     #[test]
     fn demo_scenes_are_of_a_sensible_size_and_whole() {
         for scene in [object(), room()] {
@@ -240,7 +240,7 @@ mod tests {
         assert!((0.1..0.6).contains(&fraction), "{fraction} of what faces a view is hidden");
     }
 
-    /// A plane that faces down, or off its place, would break every test that stands on it.
+    /// A plane that faces down, or off its place, would break every test that uses it.
     #[test]
     fn the_plane_faces_up() {
         let proxy = Proxy::new(&plane(2.0, 3), Orientation::Trusted).unwrap();

@@ -142,7 +142,7 @@ impl Parts {
         self.patch(cells, position, |_, _| finish);
     }
 
-    /// An upright cylinder with both caps, standing on `foot`.
+    /// An upright cylinder with both caps, with its base at `foot`.
     pub fn cylinder(&mut self, foot: DVec3, radius: f64, height: f64, segments: u32, finish: Finish) {
         let at = |u: f64, ring: f64, z: f64| {
             let (sin, cos) = circle(u);

@@ -1,4 +1,4 @@
-//! The sample object as a photographer finds it, and a studio around it.
+//! The sample object with materials, for photographs, and a studio around it.
 
 use std::f64::consts::{PI, TAU};
 

@@ -97,7 +97,7 @@ fn texture(cover: Cover) -> Image {
         Cover::Squares(number) => 4 + number,
     };
     let random = |i: u32| random::uniforms(SEED, stream, i);
-    // Smooth noise that goes on past the edges.
+    // Smooth noise that tiles past the edges.
     let noise = |x: f64, y: f64| {
         let at = |i: u32, j: u32| random(1000 + (j % CELLS) * CELLS + i % CELLS)[0];
         let (x, y) = (x * f64::from(CELLS), y * f64::from(CELLS));

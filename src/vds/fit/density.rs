@@ -59,7 +59,7 @@ impl Views {
         Self { directions, sets }
     }
 
-    /// Root mean square error of interpolating `values` (one for each direction, `open` says which can be seen) from
+    /// Root mean square error of interpolating `values` (one for each direction, `open` marks those that can be seen) from
     /// each of [`SIZES`] views: inverse squared distances over the nearest [`NEAREST`] that are open.
     fn errors(&self, values: &[f64], open: &[bool]) -> Vec<f64> {
         let error = |sets: &Vec<Set>| {
@@ -201,8 +201,8 @@ mod tests {
         views.directions.iter().map(|v| 0.8 * libm::exp(sharpness * (axis.dot(*v) - 1.0))).collect()
     }
 
-    /// Density is what all is fitted to: a narrower highlight and a smaller error must ask for more views, and what does
-    /// not change for one.
+    /// Density is what all is fitted to: a narrower highlight and a smaller error must need more views, and a constant radiance
+    /// one.
     #[test]
     fn narrower_highlights_need_more_views() {
         let views = Views::new(5);
@@ -214,7 +214,7 @@ mod tests {
         assert!(needed(2.0, 0.02) > broad[2]);
     }
 
-    /// Hidden directions hold no radiance: whatever stands there must not change what is measured.
+    /// Hidden directions hold no radiance: the values there must not change what is measured.
     #[test]
     fn hidden_directions_do_not_matter() {
         let views = Views::new(5);
@@ -230,7 +230,7 @@ mod tests {
         assert_eq!(before, measure(&values));
     }
 
-    /// The variance of few views must be, on average, what it is said to be, whatever their number.
+    /// The variance of few views must have, on average, the documented value, whatever their number.
     #[test]
     fn random_draws_see_the_expected_variance_on_average() {
         let views = Views::new(5);

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use super::draws::Draws;
 use crate::scene::colour::LUMA;
 
-/// What a surface is made of.
+/// The material of a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Material {
     /// Luma that the body reflects diffusely, without what the coat takes.

@@ -48,11 +48,11 @@ const COVERED: f64 = 0.90;
 /// A surface in its surroundings.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// What it is made of.
+    /// Its material.
     pub material: Material,
-    /// What lies around the point.
+    /// Its neighbourhood.
     pub neighbourhood: Neighbourhood,
-    /// What shines on it.
+    /// Its lighting.
     pub lighting: Lighting,
     /// Mean luma of the photos: the exposure is such that a white-balanced scene which reflects half of the mean
     /// incoming radiance has it. What is brighter than 1 is clipped.

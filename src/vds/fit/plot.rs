@@ -12,7 +12,7 @@ const FRAME: [f64; 4] = [90.0, 60.0, 850.0, 620.0];
 /// Colours of roughness 0, 1/2 and 1.
 const COLOURS: [[f64; 3]; 3] = [[0.0, 60.0, 190.0], [20.0, 160.0, 110.0], [240.0, 150.0, 20.0]];
 
-/// The axis of deviations ends at this many times that of the fitted range; points beyond stand at its end.
+/// The axis of deviations ends at this many times that of the fitted range; points beyond are drawn at its end.
 const BEYOND: f64 = 1.4;
 
 /// An SVG picture: across the standard deviation of the luma, with variances written at the ticks; upwards the views over

@@ -42,7 +42,7 @@ pub struct Sample<'a> {
 }
 
 impl<'a> Sample<'a> {
-    /// Integrates the diffuse part and chooses the way of each light.
+    /// Integrates the diffuse part and chooses the quadrature of each light.
     pub fn new(material: Material, neighbourhood: Neighbourhood, lighting: &'a Lighting) -> Self {
         let ggx = Ggx { alpha: neighbourhood.alpha(material.roughness) };
         let turned = |[height, turn]: [f64; 2]| (height, DVec2::new(libm::cos(TAU * turn), libm::sin(TAU * turn)));
@@ -205,7 +205,7 @@ mod tests {
         gain * mean(coat) + material.diffuse * sample.transmitted(v.z) * mean(body) / std::f64::consts::PI
     }
 
-    /// A quadrature that misses a light or counts it twice would teach the fit a world that does not exist.
+    /// A quadrature that misses a light or counts it twice would fit the law to wrong radiance.
     #[test]
     fn radiance_is_that_of_brute_force() {
         let lighting = lighting();
@@ -258,7 +258,7 @@ mod tests {
         }
     }
 
-    /// A bumpy footprint is folded into the roughness. Held against the mean over facets of the footprint, each a flat
+    /// A bumpy footprint is folded into the roughness. Compared with the mean over facets of the footprint, each a flat
     /// mirror-like surface of its own, the radiance must agree, or the blur by neighbourhoods would be a fiction.
     #[test]
     fn a_footprint_blurs_as_its_facets_do() {

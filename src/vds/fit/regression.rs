@@ -89,7 +89,7 @@ impl Problem {
     }
 
     /// The best constant plus weighted sum of the cubics in `basis`, without bounds: weights, cubic, mean squared error.
-    /// None where the basis cannot be told apart on the points.
+    /// None where the points do not determine the weights.
     fn solve(&self, basis: &[[f64; 4]]) -> Option<(Vec<f64>, [f64; 4], f64)> {
         let all: Vec<[f64; 4]> = std::iter::once([1.0, 0.0, 0.0, 0.0]).chain(basis.iter().copied()).collect();
         let inner = |a: &[f64; 4], b: &[f64; 4]| -> f64 {

@@ -16,8 +16,7 @@ pub fn write(name: &str, page: &str) -> PathBuf {
     path
 }
 
-/// The page's document after its scripts have run, or `None` (and a word on it) without a browser. Nothing may have been
-/// said on the console.
+/// The page's document after its scripts have run, or `None` (and a word on it) without a browser. The console must be empty.
 pub fn rendered(page: &Path, flags: &[&str]) -> Option<String> {
     let profile = tempfile::tempdir().unwrap();
     for browser in ["chromium", "chromium-browser", "google-chrome"] {
@@ -35,8 +34,8 @@ pub fn rendered(page: &Path, flags: &[&str]) -> Option<String> {
             let said = String::from_utf8_lossy(&output.stderr);
             assert!(dom.contains("</html>"), "{browser} gave no document: {said}");
             // A software driver complains of the 3D view's speed there.
-            let told = |line: &&str| line.contains(":CONSOLE") && !line.contains("GL Driver Message");
-            let console: Vec<&str> = said.lines().filter(told).collect();
+            let logged = |line: &&str| line.contains(":CONSOLE") && !line.contains("GL Driver Message");
+            let console: Vec<&str> = said.lines().filter(logged).collect();
             assert!(console.is_empty(), "{}: {console:#?}", page.display());
             return Some(dom);
         }

@@ -10,12 +10,12 @@ use camsplat::vulkan::{Context, Options};
 pub const SIZES: [usize; 16] =
     [0, 1, 2, 255, 256, 257, 2047, 2049, 4095, 4096, 4097, 65_535, 65_536, 65_537, 1_000_003, (1 << 22) + 3];
 
-/// A context whose validation messages [`silent`] looks at.
+/// A context whose validation messages [`silent`] checks.
 pub fn context() -> Result<Arc<Context>> {
     Context::new(&Options { validation: true, ..Options::default() })
 }
 
-/// Fails the test if the validation layers said anything.
+/// Fails the test if the validation layers reported anything.
 pub fn silent(context: &Context) {
     assert_eq!(context.messages(), [""; 0]);
 }

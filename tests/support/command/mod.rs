@@ -97,7 +97,7 @@ impl Place {
         command
     }
 
-    /// Runs `camsplat` with arguments that are parted by spaces.
+    /// Runs `camsplat` with arguments separated by spaces.
     pub fn run(&self, arguments: &str) -> Ran {
         ended(self.command(arguments).output().unwrap())
     }

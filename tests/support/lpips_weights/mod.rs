@@ -6,7 +6,7 @@ use camsplat::metrics::image::network::Convolution;
 use half::f16;
 use safetensors::{Dtype, serialize, tensor::TensorView};
 
-/// A safetensors file in f16 with every tensor of a network. `value` is told the tensor's name, the index of the value
+/// A safetensors file in f16 with every tensor of a network. `value` gets the tensor's name, the index of the value
 /// and how many values make one channel.
 pub fn file(network: Network, value: impl Fn(&str, usize, usize) -> f32) -> Vec<u8> {
     let mut tensors = Vec::new();

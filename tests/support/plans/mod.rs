@@ -21,13 +21,13 @@ pub struct Scene {
     pub device: Arc<DeviceScene>,
 }
 
-/// A context whose validation messages [`silent`] looks at.
+/// A context whose validation messages [`silent`] checks.
 pub fn context() -> Arc<Context> {
     let options = Options { validation: true, ..Options::default() };
     Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
 }
 
-/// Fails the test if the validation layers said anything.
+/// Fails the test if the validation layers reported anything.
 pub fn silent(context: &Context) {
     assert_eq!(context.messages(), [""; 0], "the validation layers found fault");
 }

@@ -17,17 +17,17 @@ use camsplat::scene::random;
 use camsplat::vulkan::{Buffer, Context, Options, Recorder};
 use glam::{DMat3, DVec3};
 
-/// A context whose validation messages [`silent`] looks at.
+/// A context whose validation messages [`silent`] checks.
 pub fn context() -> Result<Arc<Context>> {
     Context::new(&Options { validation: true, ..Options::default() })
 }
 
-/// Fails the test if the validation layers said anything.
+/// Fails the test if the validation layers reported anything.
 pub fn silent(context: &Context) {
     assert_eq!(context.messages(), [""; 0]);
 }
 
-/// Uniform numbers in [-1, 1) that go on for ever.
+/// Uniform numbers in [-1, 1) without end.
 pub struct Draws {
     seed: u64,
     next: u32,
@@ -118,13 +118,13 @@ pub fn twin_view(view: &View) -> twin::View {
     }
 }
 
-/// What one pass on the device came to.
+/// The results of one pass on the device.
 pub struct Pass {
     /// Colour over the background and transmittance of each pixel.
     pub picture: Vec<[f32; 4]>,
     /// Sum of depths of each pixel.
     pub depths: Vec<f32>,
-    /// What the iteration came to.
+    /// The loss terms of the iteration.
     pub record: Record,
     /// Gradient of the loss by each pixel.
     pub by_pixel: Vec<[f32; 4]>,
