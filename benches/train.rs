@@ -68,14 +68,14 @@ fn main() -> Result<()> {
 }
 
 /// A run that can be repeatedly resumed from the same state.
-struct Course {
+struct Timed {
     trainer: Trainer,
     state: State,
     history: Vec<Record>,
     warm: u32,
 }
 
-impl Course {
+impl Timed {
     /// With `start` in the training frame.
     fn new(trainer: Trainer, start: &Gaussians, warm: u32) -> Self {
         let parameters = layout::to_planes(start, MAX_DEGREE, start.len());
@@ -104,7 +104,7 @@ impl Course {
         Ok(Sample { ns: each(profile.gpu_ms()), stages })
     }
 
-    /// Mean number of instances of the iterations that [`Course::run`] timed last.
+    /// Mean number of instances of the iterations that [`Timed::run`] timed last.
     fn instances(&self) -> u64 {
         let history = self.trainer.history();
         let timed = &history[(DONE + self.warm) as usize..];
@@ -131,15 +131,15 @@ fn training(context: &Arc<Context>, report: &mut Report, extent: &Extent, splats
     photos.flush()?;
     let start = frame.gaussians_to_training(scene(splats));
     let trainer = Trainer::new(context, config, &start, views, photos)?;
-    let mut course = Course::new(trainer, &start, extent.warm);
+    let mut timed = Timed::new(trainer, &start, extent.warm);
 
     // The first run finds how much capacity the instances of all others need.
-    course.run(extent.whole.max(extent.sample), None)?;
+    timed.run(extent.whole.max(extent.sample), None)?;
     let pixels = u64::from(sizes.pixels);
-    let traffic = Traffic { splats: u64::from(splats), instances: course.instances(), pixels, tiles: sizes.tiles };
+    let traffic = Traffic { splats: u64::from(splats), instances: timed.instances(), pixels, tiles: sizes.tiles };
     let amount = |bytes| Amount { count: u64::from(splats), bytes, operations: 0 };
     let whole = amount(STAGES.iter().map(|stage| traffic.bytes(stage)).sum());
-    let Some(medians) = report.sampled("train", whole, || course.sample(extent.sample))? else { return Ok(()) };
+    let Some(medians) = report.sampled("train", whole, || timed.sample(extent.sample))? else { return Ok(()) };
     let all: f64 = medians.stages.values().sum();
     let mut stages: Vec<(&str, f64)> = medians.stages.into_iter().collect();
     stages.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -147,9 +147,9 @@ fn training(context: &Arc<Context>, report: &mut Report, extent: &Extent, splats
         report.stage("train", stage, amount(traffic.bytes(stage)), ns, ns / all);
     }
 
-    let [gpu, wall] = course.run(extent.whole, None)?;
+    let [gpu, wall] = timed.run(extent.whole, None)?;
     report.total("train_run", u64::from(splats), &mut [gpu * 1e6], wall * 1e-3);
-    let each = course.instances() as f64 / f64::from(splats);
+    let each = timed.instances() as f64 / f64::from(splats);
     let gap = wall / gpu - 1.0;
     let [announced, peak] = [footprint.total(), context.peak_allocated()];
     let mebi = |bytes: u64| bytes as f64 / f64::from(1 << 20);

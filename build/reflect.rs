@@ -3,7 +3,8 @@
 
 use std::collections::HashMap;
 
-/// A scalar, vector, matrix or array member of a struct.
+/// A scalar, vector, struct or array member of a struct.
+#[derive(PartialEq)]
 pub struct Member {
     pub name: String,
     pub offset: u32,
@@ -11,7 +12,7 @@ pub struct Member {
 }
 
 /// A struct with explicit offsets; `size` is its stride in an array where it is used in one.
-#[derive(Default)]
+#[derive(Default, PartialEq)]
 pub struct Layout {
     pub name: String,
     pub size: u32,
@@ -38,7 +39,7 @@ pub struct Module {
 enum Type {
     Scalar(u32),
     Vector(u32, u32),
-    Matrix(u32, u32),
+    Matrix,
     Array(u32, u32),
     RuntimeArray(u32),
     Struct(Vec<u32>),
@@ -98,8 +99,21 @@ pub fn reflect(words: &[u32]) -> Result<Module, String> {
             if let Some(Type::Struct(_)) = tables.types.get(&element) {
                 let mut layout = tables.layout(element)?;
                 layout.size = tables.strides.get(&member).copied().unwrap_or(layout.size);
-                if !module.structs.iter().any(|known| known.name == layout.name) {
-                    module.structs.push(layout);
+                match module.structs.iter().find(|known| known.name == layout.name) {
+                    Some(known) if *known != layout => {
+                        return Err(format!("two layouts of the struct {}", layout.name));
+                    }
+                    Some(_) => {}
+                    None => module.structs.push(layout),
+                }
+            } else if let Some(stride) = tables.strides.get(&member) {
+                let size = tables.size(element)?;
+                // Three words are aligned as four.
+                let expected = if size == 12 { 16 } else { size };
+                if *stride != expected {
+                    return Err(format!(
+                        "an array of stride {stride} where std430 has {expected}; declare the block std430"
+                    ));
                 }
             }
         }
@@ -136,7 +150,7 @@ impl Tables {
             // OpTypeInt, OpTypeFloat
             (21 | 22, [id, bits, ..]) => drop(self.types.insert(*id, Type::Scalar(bits / 8))),
             (23, [id, element, count]) => drop(self.types.insert(*id, Type::Vector(*element, *count))),
-            (24, [id, column, count]) => drop(self.types.insert(*id, Type::Matrix(*column, *count))),
+            (24, [id, ..]) => drop(self.types.insert(*id, Type::Matrix)),
             (28, [id, element, count]) => drop(self.types.insert(*id, Type::Array(*element, *count))),
             (29, [id, element]) => drop(self.types.insert(*id, Type::RuntimeArray(*element))),
             (30, [id, members @ ..]) => drop(self.types.insert(*id, Type::Struct(members.to_vec()))),
@@ -198,7 +212,8 @@ impl Tables {
     fn size(&self, id: u32) -> Result<u32, String> {
         Ok(match self.types.get(&id) {
             Some(Type::Scalar(bytes)) => *bytes,
-            Some(Type::Vector(element, count) | Type::Matrix(element, count)) => self.size(*element)? * count,
+            Some(Type::Vector(element, count)) => self.size(*element)? * count,
+            Some(Type::Matrix) => return Err("matrices in blocks are not supported; declare their columns".into()),
             Some(Type::Array(element, count)) => {
                 let count = self.constants.get(count).ok_or("an array length that is no constant")?;
                 self.strides.get(&id).copied().map_or_else(|| self.size(*element), Ok)? * count

@@ -9,14 +9,16 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-// A Vulkan device that plans are made on.
+// A Vulkan device that plans are made on. Every function of this library may be called from any thread, none throws or aborts on bad
+// input; a device must not be closed while a plan is being made on it.
 typedef struct CamsplatDevice CamsplatDevice;
 
 // A finished plan.
 typedef struct CamsplatPlan CamsplatPlan;
 
 // Vulkan objects of the application's own. All stay the application's, and must outlive the `CamsplatDevice` that is made with them.
-// While a function of this library runs with that device, nothing else may submit to `queue`.
+// While a function of this library runs with that device, nothing else may use `queue`: submit to it, present, or wait for it or the
+// whole device. Adopt a queue once, since two `CamsplatDevice`s on one queue do not know of each other.
 typedef struct CamsplatHost {
   // The loader's `vkGetInstanceProcAddr`.
   void *(*get_instance_proc_addr)(void*, const char*);
@@ -34,9 +36,9 @@ typedef struct CamsplatHost {
 
 // A camera: right-handed, world from camera, axes of the camera as in OpenCV (X right, Y down, Z forward).
 typedef struct CamsplatCamera {
-  // Where it stands, in the surface's frame and units.
+  // Position, in the surface's frame and units.
   double position[3];
-  // How it is turned: a unit quaternion, w first.
+  // Rotation: a unit quaternion, w first.
   double rotation[4];
   // Width of the image in pixels.
   uint32_t width;
@@ -64,13 +66,13 @@ typedef struct CamsplatRequest {
   bool room;
   // Which way is up.
   double up[3];
-  // The lower corner of the box of the cameras; not a number: it follows from the surface.
+  // The lower corner of the cameras' box; NaN: derived from the surface.
   double box_min[3];
   // The upper corner.
   double box_max[3];
-  // Cameras and viewers stay above this height along up; not a number: there is no floor.
+  // Cameras and viewers stay above this height along up; NaN: no floor.
   double floor;
-  // No camera is closer to the surface than this; not a number: it follows from the surface.
+  // Minimum distance between cameras and the surface; NaN: derived from the surface.
   double clearance;
   // Width of the cameras' images in pixels.
   uint32_t width;
@@ -84,10 +86,10 @@ typedef struct CamsplatRequest {
   size_t kept_count;
   // Another seed gives another plan; the same seed the same one on the same device and driver.
   uint64_t seed;
-  // Iterations; 0: as many as do for the surface.
+  // Iterations; 0: the default for objects or rooms.
   uint32_t iterations;
-  // Called now and then with `user`, the iterations that are done and all of them, or null; where it gives back false the plan ends
-  // early, and is what there is by then.
+  // Called now and then, on the thread of `camsplat_plan`, with `user`, the iterations done and their total; or null. Returning false
+  // ends the plan early with what there is by then. It must return normally (no exception, no longjmp), and must not close the device.
   bool (*progress)(void *user, uint32_t done, uint32_t all);
   // What `progress` is called with.
   void *user;
@@ -109,7 +111,7 @@ struct CamsplatDevice *camsplat_open(const char *name);
 // Uses a Vulkan device of the application's own; null where that fails.
 //
 // # Safety
-// `host` points at one, whose handles are valid and of one another.
+// `host` points at one, whose handles are valid and belong together.
 struct CamsplatDevice *camsplat_adopt(const struct CamsplatHost *host);
 
 // Closes a device. Plans that were made on it stay.
@@ -137,11 +139,11 @@ size_t camsplat_camera_count(const struct CamsplatPlan *plan);
 // Writes one of them to `camera`; false, with nothing written, where there is none of that number.
 //
 // # Safety
-// `plan` is one of this library's that is not freed, and `camera` points at room for one.
+// `plan` is one of this library's that is not freed, and `camera` points at memory for one.
 bool camsplat_camera(const struct CamsplatPlan *plan, size_t index, struct CamsplatCamera *camera);
 
 // Decibels by which trained splats are expected to show the surface better than from the best simple layout: 0 where the plan is that
-// layout.
+// layout, NaN where `plan` is null or nothing was expected.
 //
 // # Safety
 // `plan` is one of this library's that is not freed.

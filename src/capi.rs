@@ -22,7 +22,8 @@ use crate::vulkan::host::{HostDevice, RawHost};
 use crate::vulkan::{Context, Options};
 use crate::{Error, Result};
 
-/// A Vulkan device that plans are made on.
+/// A Vulkan device that plans are made on. Every function of this library may be called from any thread, none throws or aborts on bad
+/// input; a device must not be closed while a plan is being made on it.
 pub struct CamsplatDevice {
     context: Arc<Context>,
 }
@@ -33,7 +34,8 @@ pub struct CamsplatPlan {
 }
 
 /// Vulkan objects of the application's own. All stay the application's, and must outlive the `CamsplatDevice` that is made with them.
-/// While a function of this library runs with that device, nothing else may submit to `queue`.
+/// While a function of this library runs with that device, nothing else may use `queue`: submit to it, present, or wait for it or the
+/// whole device. Adopt a queue once, since two `CamsplatDevice`s on one queue do not know of each other.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct CamsplatHost {
@@ -55,9 +57,9 @@ pub struct CamsplatHost {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CamsplatCamera {
-    /// Where it stands, in the surface's frame and units.
+    /// Position, in the surface's frame and units.
     pub position: [f64; 3],
-    /// How it is turned: a unit quaternion, w first.
+    /// Rotation: a unit quaternion, w first.
     pub rotation: [f64; 4],
     /// Width of the image in pixels.
     pub width: u32,
@@ -87,13 +89,13 @@ pub struct CamsplatRequest {
     pub room: bool,
     /// Which way is up.
     pub up: [f64; 3],
-    /// The lower corner of the box of the cameras; not a number: it follows from the surface.
+    /// The lower corner of the cameras' box; NaN: derived from the surface.
     pub box_min: [f64; 3],
     /// The upper corner.
     pub box_max: [f64; 3],
-    /// Cameras and viewers stay above this height along up; not a number: there is no floor.
+    /// Cameras and viewers stay above this height along up; NaN: no floor.
     pub floor: f64,
-    /// No camera is closer to the surface than this; not a number: it follows from the surface.
+    /// Minimum distance between cameras and the surface; NaN: derived from the surface.
     pub clearance: f64,
     /// Width of the cameras' images in pixels.
     pub width: u32,
@@ -107,10 +109,10 @@ pub struct CamsplatRequest {
     pub kept_count: usize,
     /// Another seed gives another plan; the same seed the same one on the same device and driver.
     pub seed: u64,
-    /// Iterations; 0: as many as do for the surface.
+    /// Iterations; 0: the default for objects or rooms.
     pub iterations: u32,
-    /// Called now and then with `user`, the iterations that are done and all of them, or null; where it gives back false the plan ends
-    /// early, and is what there is by then.
+    /// Called now and then, on the thread of `camsplat_plan`, with `user`, the iterations done and their total; or null. Returning false
+    /// ends the plan early with what there is by then. It must return normally (no exception, no longjmp), and must not close the device.
     pub progress: Option<extern "C" fn(user: *mut c_void, done: u32, all: u32) -> bool>,
     /// What `progress` is called with.
     pub user: *mut c_void,
@@ -144,7 +146,7 @@ pub unsafe extern "C" fn camsplat_open(name: *const c_char) -> *mut CamsplatDevi
 /// Uses a Vulkan device of the application's own; null where that fails.
 ///
 /// # Safety
-/// `host` points at one, whose handles are valid and of one another.
+/// `host` points at one, whose handles are valid and belong together.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn camsplat_adopt(host: *const CamsplatHost) -> *mut CamsplatDevice {
     boxed(|| {
@@ -223,6 +225,10 @@ pub unsafe extern "C" fn camsplat_plan(
         let request = request.ok_or_else(|| Error::request("`request` is null"))?;
         // SAFETY: as the caller guarantees.
         let (surface, kept) = unsafe { (surface(request)?, slice(request.kept, request.kept_count, "kept")?) };
+        if !(request.fov_degrees > 1.0 && request.fov_degrees < 170.0) {
+            let what = format!("`fov_degrees` is {}; give degrees between 1 and 170", request.fov_degrees);
+            return Err(Error::request(what));
+        }
         let lens = Intrinsics::from_fov(request.width, request.height, request.fov_degrees.to_radians());
         let mut asked = plan(&surface, request.views).up(DVec3::from(request.up)).lens(lens).seed(request.seed);
         if request.room {
@@ -263,7 +269,7 @@ pub unsafe extern "C" fn camsplat_camera_count(plan: *const CamsplatPlan) -> usi
 /// Writes one of them to `camera`; false, with nothing written, where there is none of that number.
 ///
 /// # Safety
-/// `plan` is one of this library's that is not freed, and `camera` points at room for one.
+/// `plan` is one of this library's that is not freed, and `camera` points at memory for one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn camsplat_camera(plan: *const CamsplatPlan, index: usize, camera: *mut CamsplatCamera) -> bool {
     // SAFETY: as the caller guarantees.
@@ -275,7 +281,7 @@ pub unsafe extern "C" fn camsplat_camera(plan: *const CamsplatPlan, index: usize
 }
 
 /// Decibels by which trained splats are expected to show the surface better than from the best simple layout: 0 where the plan is that
-/// layout.
+/// layout, NaN where `plan` is null or nothing was expected.
 ///
 /// # Safety
 /// `plan` is one of this library's that is not freed.

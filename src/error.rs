@@ -40,7 +40,7 @@ pub enum Error {
     #[error("{0}")]
     NoDevice(String),
     /// A plan or a buffer does not fit the device.
-    #[error("{what} needs {wanted} bytes of device memory and there is room for {available}; {remedy}")]
+    #[error("{what} needs {wanted} bytes of device memory and {available} are available; {remedy}")]
     OutOfMemory {
         /// What was to be allocated.
         what: String,
@@ -55,7 +55,7 @@ pub enum Error {
     #[error("stopped, as it was asked to; what is finished stays")]
     Interrupted,
     /// The device was lost while running a stage.
-    #[error("the device was lost; the last stage that started was `{stage}`")]
+    #[error("the device was lost; the last stage that started was {stage}")]
     DeviceLost {
         /// The stage's name, as in `--profile`.
         stage: String,
@@ -133,7 +133,8 @@ pub(crate) fn bounded(message: String) -> String {
         }
         escaped = c == '\\' && !escaped;
     }
-    middle_cut(short, MAX_MESSAGE)
+    // A name with a lone quotation mark in it leaves a quotation open: what follows is no name.
+    middle_cut(if quoted.is_some() { message } else { short }, MAX_MESSAGE)
 }
 
 /// A path as messages show it.
@@ -164,6 +165,7 @@ mod tests {
             format!("line 1: {long:?} is not `ply`; this is not a PLY file"),
             format!("images {long} are missing; this is not a PLY file"),
             format!("{long:?} and {long:?} differ: {long}; this is not a PLY file"),
+            format!("shelf of 12\" {}; this is not a PLY file", "with a long name ".repeat(30)),
         ] {
             let message = Error::input(Path::new(&long), &what).to_string();
             assert!(message.chars().count() < 1600 && message.ends_with("; this is not a PLY file"), "{message}");

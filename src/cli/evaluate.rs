@@ -309,13 +309,13 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let mut written = None;
     let outcome = job::run(&contexts, &request, &subjects, &arguments.out, weights.as_ref(), &mut |event| {
         match event {
-            job::Event::Product(Event::Begins(product)) => {
+            job::Event::Artifact(Event::Begins(product)) => {
                 made += 1;
                 say!("making   {product}, after {:.0} s", start.elapsed().as_secs_f64());
             }
-            job::Event::Product(Event::Kept) => kept += 1,
-            job::Event::Product(Event::Note(note)) => say!("note     {note}"),
-            job::Event::Product(Event::Working) => {}
+            job::Event::Artifact(Event::Kept) => kept += 1,
+            job::Event::Artifact(Event::Note(note)) => say!("note     {note}"),
+            job::Event::Artifact(Event::Working) => {}
             job::Event::Complete(entry, [done, all]) => {
                 let Entry { scene, method, views, seed, folder, .. } = entry;
                 say!("complete {scene}, {method}, {views} views, seed {seed}: {folder} ({done} of {all})");

@@ -225,7 +225,7 @@ fn images_in(folder: &Path) -> Result<BTreeMap<String, PathBuf>> {
         }
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         if images.contains_key(&name) {
-            return Err(Error::input(folder, format!("two images are called `{name}`; leave one of them here")));
+            return Err(Error::input(folder, format!("two images are called {name:?}; leave one of them here")));
         }
         images.insert(name, path);
     }

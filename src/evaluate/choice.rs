@@ -79,10 +79,10 @@ impl SceneArtifacts<'_> {
                 let model = model.map(training::model).transpose()?;
                 let (cameras, model) = ((intrinsics, &kept[..]), model.as_ref());
                 let observe = Mutex::new(observe);
-                let hear = |event: Event<'_>| lock(&observe)(event);
+                let observe = |event: Event<'_>| lock(&observe)(event);
                 let outside = Outside {
-                    photograph: &mut |photo| self.photograph(artifact.folder(), photo, &mut |event| hear(event)),
-                    go_on: &mut || hear(Event::Working),
+                    photograph: &mut |photo| self.photograph(artifact.folder(), photo, &mut |event| observe(event)),
+                    go_on: &mut || observe(Event::Working),
                 };
                 baselines::job::photographing(&self.context, &target, cameras, &request, model, outside)?
             }

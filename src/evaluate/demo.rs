@@ -154,7 +154,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     let expected = plan.record.expected.as_ref().map(|expected| format!("; expected {}", expected.line()));
     walk.done("plan", format!("{views} views{}", expected.unwrap_or_default()));
 
-    let tests = artifacts.test_photographs(&tests, &mut |event| walk.hear(&event))?;
+    let tests = artifacts.test_photographs(&tests, &mut |event| walk.observe(&event))?;
     walk.done("tests", format!("{} photographs of held-out views", settings.tests));
 
     let (mut entries, mut photos) = (Vec::new(), Vec::new());
@@ -168,9 +168,10 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
         };
         let record = &other.as_ref().unwrap_or(&plan).record;
         let of = placing.name();
-        let artifact = artifacts.photographs(&record.cameras, &mut |event| walk.hear(&event))?;
+        let artifact = artifacts.photographs(&record.cameras, &mut |event| walk.observe(&event))?;
         walk.done("photos", format!("{views} photographs, {of}"));
-        let (trained, training) = artifacts.training(&artifact, Some(&tests), seed, &mut |event| walk.hear(&event))?;
+        let (trained, training) =
+            artifacts.training(&artifact, Some(&tests), seed, &mut |event| walk.observe(&event))?;
         walk.done(
             "training",
             format!("{} splats in {} iterations, tested, {of}", training.splats, training.iterations),
@@ -203,7 +204,7 @@ struct Walk<'o> {
 }
 
 impl Walk<'_> {
-    fn hear(&mut self, event: &artifact::Event<'_>) -> ControlFlow<()> {
+    fn observe(&mut self, event: &artifact::Event<'_>) -> ControlFlow<()> {
         match event {
             artifact::Event::Begins(_) => self.kept = false,
             artifact::Event::Kept => self.kept = true,

@@ -59,7 +59,7 @@ impl Outcome {
 /// Progress events.
 pub enum Event<'e> {
     /// An event of an artifact.
-    Product(artifact::Event<'e>),
+    Artifact(artifact::Event<'e>),
     /// A run is complete, with the number complete and the total.
     Complete(&'e Entry, [usize; 2]),
     /// The tables of the complete runs have been written.
@@ -67,7 +67,7 @@ pub enum Event<'e> {
 }
 
 /// Receives progress events and returns whether to continue.
-pub(crate) type Hear<'h> = &'h mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send + 'h);
+pub(crate) type Observer<'h> = &'h mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send + 'h);
 
 /// Checks, before anything is computed, that an evaluation can be written into `folder`, which is empty, new or an earlier
 /// evaluation's; that no two subjects would share a folder there; and that methods and box fit so many
@@ -100,14 +100,14 @@ pub fn check(folder: &Path, request: &Request, subjects: &[Subject]) -> Result<(
 /// depend on the number of devices where these are alike, except for the seconds that selection takes.
 ///
 /// # Errors
-/// Where an artifact fails, or `hear` stopped it; what is finished stays, and the same call continues from there.
+/// Where an artifact fails, or `observe` stopped it; what is finished stays, and the same call continues from there.
 pub fn run(
     contexts: &[Arc<Context>],
     request: &Request,
     subjects: &[Subject],
     folder: &Path,
     weights: Option<&Weights>,
-    hear: Hear<'_>,
+    observe: Observer<'_>,
 ) -> Result<Outcome> {
     if let Some(weights) = weights {
         subjects.iter().try_for_each(|subject| perceptual::check(contexts, weights, subject, &request.settings))?;
@@ -126,7 +126,7 @@ pub fn run(
         weights,
         asked,
         all: subjects.len() * request.runs().count(),
-        hear: Mutex::new(hear),
+        observe: Mutex::new(observe),
         stopped: AtomicBool::new(false),
         made: AtomicBool::new(false),
         entries: Mutex::default(),
@@ -146,7 +146,7 @@ struct Board<'b> {
     asked: String,
     /// Runs in all.
     all: usize,
-    hear: Mutex<Hear<'b>>,
+    observe: Mutex<Observer<'b>>,
     /// Whether a stop has been requested.
     stopped: AtomicBool,
     /// Whether anything has been made since the tables were written.
@@ -157,11 +157,11 @@ struct Board<'b> {
 
 impl Board<'_> {
     /// Reports an event; once a stop was requested, every call returns it.
-    fn hear(&self, event: Event<'_>) -> ControlFlow<()> {
-        if matches!(event, Event::Product(artifact::Event::Begins(_))) {
+    fn report(&self, event: Event<'_>) -> ControlFlow<()> {
+        if matches!(event, Event::Artifact(artifact::Event::Begins(_))) {
             self.made.store(true, Ordering::Relaxed);
         }
-        if lock(&self.hear)(event).is_break() {
+        if lock(&self.observe)(event).is_break() {
             self.stopped.store(true, Ordering::Relaxed);
         }
         if self.stopped.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -173,7 +173,7 @@ impl Board<'_> {
         let at = entries.partition_point(|(other, _)| *other < place);
         entries.insert(at, (place, entry));
         // A stop requested here takes effect before the next run.
-        let _ = self.hear(Event::Complete(&entries[at].1, [entries.len(), self.all]));
+        let _ = self.report(Event::Complete(&entries[at].1, [entries.len(), self.all]));
         if self.made.swap(false, Ordering::Relaxed) {
             self.write(&entries)?;
         }
@@ -193,7 +193,7 @@ impl Board<'_> {
             (&folder.join("table.csv"), table::csv(request, rows).as_bytes()),
             (&folder.join("results.json"), format!("{written:#}\n").as_bytes()),
         ])?;
-        let _ = self.hear(Event::Written(&outcome));
+        let _ = self.report(Event::Written(&outcome));
         Ok(outcome)
     }
 }
@@ -353,16 +353,16 @@ fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) ->
     let work = |first: usize, context: &Arc<Context>| {
         let _end = EndOfAll(&over);
         let (mut asked, mut product) = (false, String::new());
-        let mut hear = |event: artifact::Event<'_>| {
+        let mut observe = |event: artifact::Event<'_>| {
             if let artifact::Event::Begins(key) = event {
                 product = key.to_owned();
             }
-            let flow = board.hear(Event::Product(event));
+            let flow = board.report(Event::Artifact(event));
             asked |= flow.is_break() || over.load(Ordering::Relaxed);
             if asked { ControlFlow::Break(()) } else { flow }
         };
         for runs in runs.iter().cycle().skip(first).take(runs.len()) {
-            if let Err(error) = runs.work(context, &mut hear) {
+            if let Err(error) = runs.work(context, &mut observe) {
                 over.store(true, Ordering::Relaxed);
                 return Err(match error {
                     Error::Interrupted if !asked => ended_early(&product),
@@ -423,7 +423,7 @@ mod tests {
             situation: Situation::Free,
             limits: Limits::default(),
         };
-        let mut hear = |event: Event<'_>| match event {
+        let mut observe = |event: Event<'_>| match event {
             Event::Complete(..) => ControlFlow::Break(()),
             _ => ControlFlow::Continue(()),
         };
@@ -433,12 +433,12 @@ mod tests {
             weights: None,
             asked: "{}".into(),
             all: 2,
-            hear: Mutex::new(&mut hear),
+            observe: Mutex::new(&mut observe),
             stopped: AtomicBool::new(false),
             made: AtomicBool::new(false),
             entries: Mutex::default(),
         };
-        let product = |event| board.hear(Event::Product(event));
+        let product = |event| board.report(Event::Artifact(event));
         assert!(product(artifact::Event::Kept).is_continue());
         board.add([0, 1], entry(Competitor::Method(Method::OursNoVds))).unwrap();
         assert_eq!(fs::read_to_string(&table).unwrap(), "of an earlier run");

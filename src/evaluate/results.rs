@@ -214,9 +214,12 @@ mod tests {
         ];
         let rows = rows(&entries);
         let means = |row: &Row| row.measured[0].iter().map(|i| i.unwrap().mean).collect::<Vec<_>>();
-        let told = |row: &Row| (row.method.clone(), row.views, [row.seeds, row.diverged], means(row));
-        assert_eq!(told(&rows[0]), (Competitor::Method(Method::Ours), 20, [2, 1], vec![21.0, 24.0, 27.0, 24.0]));
-        assert_eq!(told(&rows[1]), (Competitor::Method(Method::OursNoVds), 20, [1, 0], vec![10.0, 13.0, 16.0, 13.0]));
+        let summary = |row: &Row| (row.method.clone(), row.views, [row.seeds, row.diverged], means(row));
+        assert_eq!(summary(&rows[0]), (Competitor::Method(Method::Ours), 20, [2, 1], vec![21.0, 24.0, 27.0, 24.0]));
+        assert_eq!(
+            summary(&rows[1]),
+            (Competitor::Method(Method::OursNoVds), 20, [1, 0], vec![10.0, 13.0, 16.0, 13.0])
+        );
         assert_eq!((rows.len(), rows[2].views), (3, 40));
         assert_eq!(rows[0].measured[2], [None; 4]);
         assert_eq!(measured(&rows).collect::<Vec<_>>(), [(0, "PSNR"), (1, "SSIM"), (2, "LPIPS")]);

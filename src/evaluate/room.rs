@@ -114,7 +114,7 @@ impl EmptySpace {
     }
 
     /// Share of the scene's own surface, also of what no camera in the region sees, that has one of `positions` within the clearance.
-    pub fn told(&self, positions: &[DVec3]) -> f64 {
+    pub fn covered(&self, positions: &[DVec3]) -> f64 {
         let near = self.target.region.clearance;
         let points = self.target.proxy.sample(POINTS, TEST_SEED, 0);
         let is_told = |place: DVec3| positions.iter().any(|position| position.distance_squared(place) < near * near);

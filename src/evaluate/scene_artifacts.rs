@@ -223,11 +223,11 @@ impl<'a> SceneArtifacts<'a> {
             Shown::Proxy => {
                 let points = self.reconstructed(&set)?;
                 if let Around::Room(space) = &self.scene.views {
-                    let told = 100.0 * space.told(&points.positions);
+                    let covered = 100.0 * space.covered(&points.positions);
                     let hidden =
                         if self.settings.region.shape.is_some() { " (a part of it not seen from the box)" } else { "" };
                     let note = format!(
-                        "the surface made from the input photos lies along {told:.0}% of the scene's own{hidden}, which \
+                        "the surface made from the input photos lies along {covered:.0}% of the scene's own{hidden}, which \
                          --surface true shows"
                     );
                     let _ = observe(Event::Note(note));

@@ -7,7 +7,7 @@ use super::kind::Kind;
 use super::request::Request;
 use super::results::{Interval, METRICS, Row, measured};
 use super::settings::{BaselinesFrom, InputsFrom, Shown};
-use crate::gaussians::run::record::APART;
+use crate::gaussians::run::record::DIVERGED_DB;
 use crate::plan::target::RegionChoice;
 use crate::quality::viewers::Viewers;
 use crate::scene::region::Shape;
@@ -76,8 +76,8 @@ pub fn apart(rows: &[Row]) -> Option<String> {
     };
     let rows: Vec<String> = rows.iter().filter(|row| row.diverged > 0).map(of).collect();
     (!rows.is_empty()).then(|| {
-        let told = rows.join("; ");
-        format!("Trainings that diverged (PSNR on the training photos fell by more than {APART} dB): {told}.")
+        let listed = rows.join("; ");
+        format!("Trainings that diverged (PSNR on the training photos fell by more than {DIVERGED_DB} dB): {listed}.")
     })
 }
 

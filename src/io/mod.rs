@@ -154,7 +154,8 @@ pub fn read_cameras_with_notes(path: &Path) -> Result<(Vec<Camera>, Vec<String>)
         Kind { frames: Some(_), .. } => transforms::parse(&file, &bytes, &mut notes)?,
         Kind { cameras: Some(_), .. } => plan_json::parse(&file, &bytes)?,
         _ => {
-            let what = "it has neither `frames`, as transforms.json, nor `cameras`, as plan.json; give one of these";
+            let what =
+                "it has neither \"frames\", as transforms.json, nor \"cameras\", as plan.json; give one of these";
             return Err(Error::input(file, what));
         }
     };
@@ -214,7 +215,7 @@ mod tests {
         assert!(surface(&folder.path().join("none.ply")).contains("none.ply"));
         assert!(surface(&file("a.txt", "hello")).contains("give a .ply, .obj"));
         assert!(surface(&file("a.ply", "")).contains("the file is empty"));
-        assert!(cameras(&file("a.json", "{}")).contains("neither `frames`"));
+        assert!(cameras(&file("a.json", "{}")).contains("neither \"frames\""));
         assert!(cameras(&file("b.json", "{\n  oops")).contains("line 2"));
         let empty = folder.path().join("empty");
         std::fs::create_dir(&empty).unwrap();

@@ -284,8 +284,9 @@ pub fn optimise(
         let all = planner.settings().iterations;
         let outcome = planner.run(profile.as_deref_mut(), |done| observe(done, all));
         mark(&mut profile, "optimisation", start);
+        let lost = matches!(outcome, Err(Error::DeviceLost { .. } | Error::Vulkan { .. }));
         match planner.overflow() {
-            Some(needed) if preparation.binned() => preparation = preparation.with_room(context, needed),
+            Some(needed) if preparation.binned() && !lost => preparation = preparation.with_capacity(context, needed),
             _ => return Ok((planner, outcome?)),
         }
     }

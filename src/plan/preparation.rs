@@ -165,7 +165,7 @@ impl Preparation {
     }
 
     /// The same run with capacity for so many pairs and instances in the binned pass, and a quarter more.
-    pub(super) fn with_room(mut self, context: &Context, [pairs, instances]: [u32; 2]) -> Self {
+    pub(super) fn with_capacity(mut self, context: &Context, [pairs, instances]: [u32; 2]) -> Self {
         self.settings.capacity = self.settings.capacity.max(pairs.saturating_add(pairs / 4));
         self.settings.instances = self.settings.instances.max(instances.saturating_add(instances / 4));
         let (settings, config) = (&self.settings, &self.config);

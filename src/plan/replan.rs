@@ -1,20 +1,24 @@
 //! A planner used again: other cameras to keep, other places to begin from, other viewers, without anything being made anew. Command
-//! buffers that were recorded before stay valid.
+//! buffers that were recorded before stay valid after [`Planner::begin_from`] and [`Planner::look_from`]; after [`Planner::keep`] blocks are
+//! to be recorded again, since their dispatches are sized by the number of cameras.
 
 use super::planner::{Planner, Way};
 use super::preparation::splat;
 use super::shared::Splat;
+use crate::io::checks;
 use crate::quality::look::Viewer;
 use crate::scene::camera::{Camera, Pose};
 use crate::vulkan::Buffer;
 use crate::{Error, Result};
 
 impl Planner {
-    /// Keeps other cameras, as many as before or fewer, and puts everything else back to the start of the run. `kept` are in the
-    /// user's world. Nothing of this planner may be running on the device.
+    /// Keeps other cameras, as many as the planner was made for or fewer, and puts everything else back to the start of the run. `kept`
+    /// are in the user's world. Nothing of this planner may be running on the device, and blocks that were recorded before must not be
+    /// submitted again. Of objective splat, start scale, resolution and the implementation of the pass stay as they were chosen for the
+    /// cameras of [`Planner::new`].
     ///
     /// # Errors
-    /// Where these are more cameras than the planner was made for, or the device fails.
+    /// Where these are more cameras than the planner was made for, a camera is unusable, or the device fails.
     pub fn keep(&mut self, kept: &[Camera]) -> Result<()> {
         let most = self.most_kept();
         if kept.len() > most {
@@ -23,6 +27,7 @@ impl Planner {
                 kept.len()
             )));
         }
+        usable("kept cameras", kept)?;
         let planned = self.start.split_off(self.settings.kept as usize);
         self.start = kept.iter().map(|camera| splat(camera, &self.scene.geometry)).chain(planned).collect();
         self.settings.kept = kept.len() as u32;
@@ -30,10 +35,11 @@ impl Planner {
         self.reset()
     }
 
-    /// Begins from other poses, one a planned camera and in the user's world, such as those of an earlier plan.
+    /// Begins from other poses, one a planned camera and in the user's world, such as those of an earlier plan. Nothing of this planner may
+    /// be running on the device.
     ///
     /// # Errors
-    /// Where their number is not that of the planned cameras, or the device fails.
+    /// Where their number is not that of the planned cameras, a pose is not finite, or the device fails.
     pub fn begin_from(&mut self, poses: &[Pose]) -> Result<()> {
         let planned = &mut self.start[self.settings.kept as usize..];
         if poses.len() != planned.len() {
@@ -42,6 +48,9 @@ impl Planner {
                 "{given} poses to begin from, and {wanted} cameras are planned; give one each"
             )));
         }
+        if let Some(bad) = poses.iter().position(|pose| !(pose.position.is_finite() && pose.rotation.is_normalized())) {
+            return Err(Error::request(format!("pose {bad} to begin from is not finite or no rotation; remove it")));
+        }
         for (splat, pose) in planned.iter_mut().zip(poses) {
             splat.place(&self.scene.geometry.to_internal.pose(pose));
         }
@@ -49,9 +58,10 @@ impl Planner {
     }
 
     /// Replaces the viewers, in the user's world, each used about equally often, and puts everything back to the start of the run.
+    /// Nothing of this planner may be running on the device.
     ///
     /// # Errors
-    /// Where there are none, the objective has no viewers, or the device fails.
+    /// Where there are none, one is unusable, the objective has no viewers, or the device fails.
     pub fn look_from(&mut self, viewers: &[Camera]) -> Result<()> {
         let Way::Viewed(viewed) = &self.pipelines.splat else {
             return Err(Error::request("only `objective` quality has viewers"));
@@ -59,6 +69,7 @@ impl Planner {
         if viewers.is_empty() {
             return Err(Error::request("there are no viewers; give at least one"));
         }
+        usable("viewers", viewers)?;
         // Every iteration draws from a pool of this size.
         let pool = viewed.pool();
         let drawn = (0..pool)
@@ -77,7 +88,12 @@ impl Planner {
 
     /// Capacity for kept cameras.
     fn most_kept(&self) -> usize {
-        let room = self.buffers.splats.size() / size_of::<Splat>() as u64;
-        room as usize - (self.settings.splats - self.settings.kept) as usize
+        let capacity = self.buffers.splats.size() / size_of::<Splat>() as u64;
+        capacity as usize - (self.settings.splats - self.settings.kept) as usize
     }
+}
+
+/// Refuses cameras that no frame of the device can hold; their names may be the same.
+fn usable(what: &str, cameras: &[Camera]) -> Result<()> {
+    cameras.iter().try_for_each(|camera| checks::cameras(what.as_ref(), std::iter::once(camera)))
 }

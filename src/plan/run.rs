@@ -97,7 +97,7 @@ impl Planner {
         if outcome.status == Status::Interrupted && !asked {
             let (done, all) = (self.done(), self.settings.iterations);
             return Err(Error::request(format!(
-                "the plan ended after {done} of {all} iterations, and nobody stopped it"
+                "the plan ended after {done} of {all} iterations without a request to stop; reset the planner before it runs again"
             )));
         }
         Ok(outcome)
@@ -140,7 +140,7 @@ impl Planner {
     pub fn outcome(&self) -> Result<Outcome> {
         if let Some([pairs, instances]) = self.overflow() {
             return Err(Error::request(format!(
-                "the plan needs room for {pairs} visible pairs and {instances} tile instances and had less; use fewer `probes` or a \
+                "the plan needs capacity for {pairs} visible pairs and {instances} tile instances and had less; use fewer `probes` or a \
                  larger device"
             )));
         }

@@ -30,7 +30,7 @@ impl<'a> Count<'a> {
         let held = buffers.iter().map(|buffer| buffer.size() / 4).fold(most as u64, u64::min) as u32;
         match self {
             Self::Host(count) if count > held => {
-                Err(Error::request(format!("{count} elements in `{}`, room for {held}", buffers[0].name())))
+                Err(Error::request(format!("{count} elements in {:?}, which holds {held}", buffers[0].name())))
             }
             Self::Host(count) => Ok(Bound { count, index: u32::MAX, buffer: buffers[0] }),
             Self::Device(buffer, index) => {
@@ -52,7 +52,7 @@ pub(super) fn check_most(most: u32) -> Result<()> {
 /// A `u32` index must lie inside its buffer.
 pub(super) fn check_index(buffer: &Buffer, index: u32) -> Result<()> {
     if index as u64 >= buffer.size() / 4 {
-        return Err(Error::request(format!("the buffer `{}` has no element {index}", buffer.name())));
+        return Err(Error::request(format!("the buffer {:?} has no element {index}", buffer.name())));
     }
     Ok(())
 }

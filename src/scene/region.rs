@@ -152,9 +152,9 @@ impl Region {
         }
         if let Some(floor) = self.floor {
             let top = valid.top();
-            if floor.is_nan() || floor >= top {
+            if !floor.is_finite() || floor >= top {
                 return wrong(format!(
-                    "floor at height {floor} leaves no room below the top at {top}; lower the floor"
+                    "floor at height {floor} leaves no space below the top at {top}; lower the floor"
                 ));
             }
         }

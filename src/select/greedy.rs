@@ -109,19 +109,19 @@ mod tests {
 
     /// Every view adds a little information about some of 40 items.
     struct Things {
-        told: Vec<Vec<f64>>,
+        gains: Vec<Vec<f64>>,
         known: Vec<f64>,
         asked: usize,
     }
 
     impl Things {
         fn new() -> Self {
-            let told = |view: u32| (0..40).map(|k| random::uniforms(3, view, k)[0].powi(8)).collect();
-            Self { told: (0..60).map(told).collect(), known: vec![0.0; 40], asked: 0 }
+            let gains = |view: u32| (0..40).map(|k| random::uniforms(3, view, k)[0].powi(8)).collect();
+            Self { gains: (0..60).map(gains).collect(), known: vec![0.0; 40], asked: 0 }
         }
 
         fn value(&self, view: usize) -> f64 {
-            self.told[view].iter().zip(&self.known).map(|(told, known)| told / (known + 0.1)).sum()
+            self.gains[view].iter().zip(&self.known).map(|(gains, known)| gains / (known + 0.1)).sum()
         }
     }
 
@@ -132,7 +132,7 @@ mod tests {
         }
 
         fn learn(&mut self, view: usize) -> Result<()> {
-            self.known.iter_mut().zip(&self.told[view]).for_each(|(known, told)| *known += told);
+            self.known.iter_mut().zip(&self.gains[view]).for_each(|(known, gains)| *known += gains);
             Ok(())
         }
     }

@@ -55,9 +55,9 @@ impl Estimate {
     /// same surface as a reader of the file. Points without a match have the score 1.
     pub fn onto(&self, cloud: &Points) -> Points {
         let key = |p: &DVec3| p.to_array().map(f64::to_bits);
-        let told: HashMap<[u64; 3], usize> =
+        let numbers: HashMap<[u64; 3], usize> =
             self.points.positions.iter().enumerate().map(|(i, position)| (key(position), i)).collect();
-        let found: Vec<Option<usize>> = cloud.positions.iter().map(|p| told.get(&key(p)).copied()).collect();
+        let found: Vec<Option<usize>> = cloud.positions.iter().map(|p| numbers.get(&key(p)).copied()).collect();
         Points { scores: found.iter().map(|i| i.map_or(1.0, |i| self.points.scores[i])).collect(), ..cloud.clone() }
     }
 }
@@ -66,7 +66,7 @@ impl Estimate {
 pub(crate) const GREY: f64 = 0.18;
 
 /// Statistics of a point's views: variance and mean of its intensity; none where they are too few.
-type Told = Option<(f64, f64)>;
+type Statistics = Option<(f64, f64)>;
 
 /// Scores points from what photos show of them; `observations` are those of `points`, photo by photo of `photos`.
 /// `vdsf` makes a score of a variance.
@@ -81,16 +81,17 @@ pub fn estimate(
     vdsf: impl Fn(f64) -> f64,
 ) -> Estimate {
     let gains = if exposure { Gains::fit(observations, photos.len()) } else { Gains::none(photos.len()) };
-    let mut told: Vec<Told> = vec![None; points.len()];
-    in_parallel(&mut told, POINTS_AT_ONCE, |chunk, told| {
-        for (i, told) in (chunk * POINTS_AT_ONCE..).zip(told) {
-            *told = tell(points[i].position, photos, observations.of(i), &gains);
+    let mut statistics: Vec<Statistics> = vec![None; points.len()];
+    in_parallel(&mut statistics, POINTS_AT_ONCE, |chunk, statistics| {
+        for (i, statistics) in (chunk * POINTS_AT_ONCE..).zip(statistics) {
+            *statistics = point_statistics(points[i].position, photos, observations.of(i), &gains);
         }
     });
-    let means = || told.iter().flatten().map(|(_, mean)| *mean).collect::<Vec<_>>();
+    let means = || statistics.iter().flatten().map(|(_, mean)| *mean).collect::<Vec<_>>();
     let level = exposure.then(|| quantile(means(), 0.5)).filter(|level| *level > 0.0);
     let factor = level.map_or(1.0, |level| (GREY / level).powi(2));
-    let variances: Vec<Option<f64>> = told.iter().map(|told| told.map(|(variance, _)| factor * variance)).collect();
+    let variances: Vec<Option<f64>> =
+        statistics.iter().map(|statistics| statistics.map(|(variance, _)| factor * variance)).collect();
     let (scores, ends) = scores(&variances, vdsf);
     Estimate {
         points: Points {
@@ -134,7 +135,12 @@ pub(crate) fn score_by_variances(points: &mut Points) -> bool {
 }
 
 /// The scored data of a point at `position`.
-fn tell(position: DVec3, photos: &[Photo], (seen_in, intensities): (&[u32], &[f32]), gains: &Gains) -> Told {
+fn point_statistics(
+    position: DVec3,
+    photos: &[Photo],
+    (seen_in, intensities): (&[u32], &[f32]),
+    gains: &Gains,
+) -> Statistics {
     let toward: Vec<DVec3> =
         seen_in.iter().map(|k| (photos[*k as usize].camera.pose.position - position).normalize_or_zero()).collect();
     let corrected: Vec<f64> =

@@ -45,7 +45,7 @@ impl Buffer {
         let physical = context.physical();
         let limit = physical.storage_range.min(physical.allocation);
         let out_of_memory = |available| Error::OutOfMemory {
-            what: format!("the buffer `{name}`"),
+            what: format!("the buffer {name:?}"),
             wanted: size,
             available,
             remedy: "ask for less, or take a larger device".into(),
@@ -148,7 +148,7 @@ impl Buffer {
         let mapped = self.allocation.as_ref().and_then(Allocation::mapped_ptr);
         let Some(target) = mapped.filter(|_| bytes.len() as u64 <= self.size) else {
             return Err(Error::Request(format!(
-                "{} bytes cannot be written to the buffer `{}`",
+                "{} bytes cannot be written to the buffer {:?}",
                 bytes.len(),
                 self.name
             )));

@@ -225,7 +225,7 @@ impl Context {
 
     fn last_checkpoint(&self) -> String {
         let Some(functions) = &self.checkpoints else {
-            return "unknown; run again with `debug_sync`".into();
+            return "unknown (`debug_sync` finds it out)".into();
         };
         // SAFETY: the extension is enabled; every marker set by the recorder points at a stage's static label.
         unsafe {

@@ -16,7 +16,7 @@ pub fn buffer(context: &Arc<Context>, list: &[(&'static str, u64)], name: &str) 
 
 fn bytes_of(list: &[(&'static str, u64)], name: &str) -> Result<u64> {
     let found = list.iter().find(|buffer| buffer.0 == name);
-    found.map(|buffer| buffer.1).ok_or_else(|| Error::request(format!("the footprint knows no buffer `{name}`")))
+    found.map(|buffer| buffer.1).ok_or_else(|| Error::request(format!("the footprint knows no buffer {name:?}")))
 }
 
 /// Buffers by name and size, in bytes.
@@ -59,7 +59,7 @@ impl Footprint {
         };
         let (what, wanted, available) = if *bytes > limit && !self.several.contains(name) {
             (
-                format!("{what}'s buffer `{name}` (this device shows a shader {limit} bytes of one at most)"),
+                format!("{what}'s buffer {name:?} (this device shows a shader {limit} bytes of one at most)"),
                 *bytes,
                 limit,
             )

@@ -87,9 +87,27 @@ impl Context {
     pub unsafe fn adopt(host: HostDevice) -> Result<Arc<Self>> {
         let HostDevice { entry, instance, physical, device, queue_family, queue, queue_lock, debug_utils } = host;
         let instance = Instance::adopt(entry, instance, debug_utils);
-        let mut physical = Physical::read(&instance, physical);
+        let handle = physical;
+        let mut physical = Physical::read(&instance, handle);
         if !physical.lacks.is_empty() {
             return Err(Error::NoDevice(format!("{} lacks {}", physical.name, physical.lacks.join(", "))));
+        }
+        // Without the extension the function is missing, and a call of it would end the process.
+        // SAFETY: the device is the caller's, of this instance, and alive.
+        let push = unsafe { instance.raw.get_device_proc_addr(device.handle(), c"vkCmdPushDescriptorSetKHR".as_ptr()) };
+        if push.is_none() {
+            return Err(Error::NoDevice(format!(
+                "the device on {} was made without VK_KHR_push_descriptor; enable it when you create the device",
+                physical.name
+            )));
+        }
+        // SAFETY: as above.
+        let families = unsafe { instance.raw.get_physical_device_queue_family_properties(handle) };
+        if !families
+            .get(queue_family as usize)
+            .is_some_and(|family| family.queue_flags.contains(vk::QueueFlags::COMPUTE))
+        {
+            return Err(Error::NoDevice(format!("queue family {queue_family} of {} cannot compute", physical.name)));
         }
         physical.queue_family = queue_family;
         physical.memory_budget = false;

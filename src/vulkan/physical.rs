@@ -174,7 +174,7 @@ impl Physical {
                     Err(_) => devices.iter().find(|device| device.name.to_lowercase().contains(&lower)),
                 };
                 found.ok_or_else(|| {
-                    Error::NoDevice(format!("no device `{wanted}`; there is {} (see `camsplat devices`)", names()))
+                    Error::NoDevice(format!("no device {wanted:?}; there is {} (see `camsplat devices`)", names()))
                 })?
             }
             None => {

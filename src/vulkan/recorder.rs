@@ -142,7 +142,7 @@ impl<'a> Recorder<'a> {
     pub fn copy_region(&mut self, from: &'a Buffer, from_offset: u64, to: &'a Buffer, to_offset: u64, bytes: u64) {
         if from_offset.saturating_add(bytes) > from.size() || to_offset.saturating_add(bytes) > to.size() {
             let (from, to) = (from.name(), to.name());
-            self.failure = Some(Error::Request(format!("a copy from `{from}` to `{to}` passes the end of a buffer")));
+            self.failure = Some(Error::Request(format!("a copy from {from:?} to {to:?} passes the end of a buffer")));
             return;
         }
         self.touch(&[from.handle()], &[to.handle()]);

@@ -32,7 +32,7 @@ impl Buffer {
     pub fn upload<T: NoUninit>(&self, data: &[T]) -> Result<()> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         if bytes.len() as u64 > self.size {
-            return Err(Error::Request(format!("{} bytes do not fit the buffer `{}`", bytes.len(), self.name)));
+            return Err(Error::Request(format!("{} bytes do not fit the buffer {:?}", bytes.len(), self.name)));
         }
         if bytes.is_empty() {
             return Ok(());
@@ -65,7 +65,7 @@ impl Buffer {
     pub fn download_from<T: AnyBitPattern + NoUninit>(&self, first: usize, count: usize) -> Result<Vec<T>> {
         let [begin, bytes] = [first, count].map(|n| (n * size_of::<T>()) as u64);
         if begin + bytes > self.size {
-            return Err(Error::Request(format!("{bytes} bytes are more than the buffer `{}` holds", self.name)));
+            return Err(Error::Request(format!("{bytes} bytes are more than the buffer {:?} holds", self.name)));
         }
         if count == 0 {
             return Ok(Vec::new());

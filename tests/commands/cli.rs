@@ -145,12 +145,12 @@ fn every_option_of_the_help_is_accepted() {
     place.write("boxes.json", r#"{"boxes": [[-4, -4, 1, 4, -0.5, 4]]}"#);
     let known = options(&place, "plan");
     let mut tried: BTreeSet<String> = BTreeSet::new();
-    // Capturing and the baselines have their own tests, and help ends every run.
+    // Capturing, the baselines and --surface have their own tests, and help ends every run.
     tried.extend(
-        ["renderdoc", "curve", "help", "method", "candidates", "nodes", "hidden-nodes", "model", "antialiased"]
+        ["renderdoc", "curve", "help", "method", "candidates", "nodes", "hidden-nodes", "model", "surface"]
             .map(str::to_owned),
     );
-    tried.extend(["renders", "steps", "look-size", "noise-steps"].map(str::to_owned));
+    tried.extend(["renders", "steps", "look-size", "noise-steps", "antialiased"].map(str::to_owned));
     let mut try_with = |given: &str| {
         let arguments = format!("plan ball.ply --out o --force {SHORT} {given}");
         place.done(&arguments);
@@ -242,7 +242,7 @@ fn every_option_of_train_is_accepted_and_counts() {
         }
     }
     let untried: Vec<&String> = known.keys().filter(|name| !given.contains(&format!("--{name} "))).collect();
-    assert_eq!(untried, ["dry-run", "fast", "force", "help", "resume", "test", "test-every"]);
+    assert_eq!(untried, ["dry-run", "fast", "force", "help", "outside-paths", "resume", "test", "test-every"]);
     assert!(known["strategy"].len() == 2 && known["background"].len() == 3, "the help was misread: {known:?}");
 }
 

@@ -46,7 +46,7 @@ fn surfaces_that_are_none() {
         ("empty.ply", &["the file is empty", "export it again"]),
         ("empty.obj", &["the file is empty", "export it again"]),
         ("empty.glb", &["the file is empty", "export it again"]),
-        ("header.ply", &["line 4", "no `end_header`"]),
+        ("header.ply", &["line 4", "no \"end_header\""]),
         ("cut.ply", &["vertex ", "byte ", "cut short", "export it again"]),
         ("nan.ply", &["2 of 4 positions are not finite", "point 1", "remove them"]),
         ("one.ply", &["only one point", "needs four"]),
@@ -95,7 +95,7 @@ fn regions_that_are_none() {
         ("--shell 0,0,0,2", &["--shell takes 5 numbers CX,CY,CZ,RMIN,RMAX, not 4"]),
         ("--shell 0,0,0,2,3 --box 0,0,0,1,1,1", &["--shell", "cannot be used with", "--box"]),
         ("--floor 100", &["floor at height 100", "lower the floor"]),
-        ("--floor nan", &["floor", "NaN"]),
+        ("--floor nan", &["--floor", "give a height, auto or none"]),
         ("--clearance -1", &["clearance -1", "zero or more"]),
         ("--clearance inf", &["clearance inf"]),
         ("--clearance 10", &["smaller clearance"]),
@@ -338,7 +338,7 @@ fn images_that_cannot_be_compared() {
             ("metrics d.png d.png --lpips none", &["d.png: ", "30 x 10", "SSIM needs 11", "larger images"]),
             ("metrics one two", &["one: ", "no image here has the name of one in two", "without extension"]),
             ("metrics one none", &["none: ", "holds no PNG or JPEG"]),
-            ("metrics both one", &["both: ", "two images are called `a`", "leave one"]),
+            ("metrics both one", &["both: ", "two images are called \"a\"", "leave one"]),
             ("metrics a.png a.png --lpips vgg", &["needs its weights", "make_lpips_weights.py", "--lpips-vgg"]),
             ("metrics a.png a.png --lpips both", &["needs its weights", "CAMSPLAT_LPIPS_VGG"]),
             (
@@ -349,11 +349,13 @@ fn images_that_cannot_be_compared() {
             ("metrics a.png a.png --lpips-alex cut.safetensors", &["cut.safetensors: ", "no whole safetensors file"]),
             (
                 "metrics a.png a.png --lpips vgg --lpips-vgg alex.safetensors",
-                &["alex.safetensors: ", "`conv0.weight` has the shape", "weights of VGG16"],
+                &["alex.safetensors: ", "\"conv0.weight\" has the shape", "weights of VGG16"],
             ),
             ("metrics a.png a.png --lpips squeeze", &["'squeeze' for '--lpips", "possible values"]),
             ("metrics a.png a.png --json none/m/m.json", &["m.json: ", "create it first"]),
-            ("metrics a.png a.png --device abacus", &["no device `abacus`", "camsplat devices"]),
+            ("metrics a.png a.png --device abacus", &["no device \"abacus\"", "camsplat devices"]),
+            // The name of an option is not an option where a user gives it.
+            ("metrics a.png a.png --device lpips", &["no device \"lpips\""]),
             ("metrics a.png", &["not provided", "<REFERENCE>"]),
         ],
     );

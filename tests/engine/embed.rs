@@ -1,10 +1,11 @@
 //! The planner inside a host application: the host's device, the host's command buffer, the host's submissions.
 
-use std::ffi::{CStr, c_void};
+use std::ffi::{CStr, c_char, c_void};
 use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex};
 
 use ash::vk::{self, Handle};
+use camsplat::Result;
 use camsplat::plan::config::{Config, Objective, Pass, Preset};
 use camsplat::plan::planner::Planner;
 use camsplat::plan::preparation::Preparation;
@@ -49,6 +50,11 @@ unsafe extern "system" fn on_message(
 impl Host {
     /// A device like the one that the engine takes: the one called `name`.
     fn new(name: &str) -> Self {
+        Self::with(name, &[ash::khr::push_descriptor::NAME.as_ptr()])
+    }
+
+    /// A device with these extensions enabled.
+    fn with(name: &str, extensions_of_device: &[*const c_char]) -> Self {
         const FAMILY: u32 = 0;
         let messages = Box::<Mutex<Vec<String>>>::default();
         // SAFETY: every create-info lives to the end of its call, and every handle comes from the call before it.
@@ -80,11 +86,10 @@ impl Host {
             };
             let physical = instance.enumerate_physical_devices().unwrap().into_iter().find(named).unwrap();
             let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(FAMILY).queue_priorities(&[1.0])];
-            let extensions = [ash::khr::push_descriptor::NAME.as_ptr()];
             let mut timelines = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);
             let info = vk::DeviceCreateInfo::default()
                 .queue_create_infos(&queues)
-                .enabled_extension_names(&extensions)
+                .enabled_extension_names(extensions_of_device)
                 .push_next(&mut timelines);
             let device = instance.create_device(physical, &info, None).unwrap();
             let queue = device.get_device_queue(FAMILY, 0);
@@ -96,18 +101,22 @@ impl Host {
     }
 
     fn adopted(&self) -> Arc<Context> {
+        self.adopted_on(0).unwrap()
+    }
+
+    fn adopted_on(&self, queue_family: u32) -> Result<Arc<Context>> {
         let host = HostDevice {
             entry: self.entry.clone(),
             instance: self.instance.clone(),
             physical: self.physical,
             device: self.device.clone(),
-            queue_family: 0,
+            queue_family,
             queue: self.queue,
             queue_lock: self.queue_lock.clone(),
             debug_utils: true,
         };
         // SAFETY: the host outlives every context of these tests.
-        unsafe { Context::adopt(host) }.unwrap()
+        unsafe { Context::adopt(host) }
     }
 
     /// As [`Host::adopted`], by handles without types and with a lock of the engine's own.
@@ -124,11 +133,11 @@ impl Host {
         unsafe { Context::adopt(HostDevice::from_raw(host)) }.unwrap()
     }
 
-    /// Records into a command buffer of the host's, submits it `times` times and waits.
-    fn run<'a>(&self, context: &Arc<Context>, times: usize, record: impl FnOnce(&mut Recorder<'a>)) {
+    /// Records into a command buffer of the host's.
+    fn record<'a>(&self, context: &Arc<Context>, record: impl FnOnce(&mut Recorder<'a>)) -> vk::CommandBuffer {
         let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::SIMULTANEOUS_USE);
-        // SAFETY: the command buffer is recorded between begin and end and waited for before this returns.
+        // SAFETY: the command buffer is recorded between begin and end.
         unsafe {
             let commands = self.device.allocate_command_buffers(&info).unwrap();
             self.device.begin_command_buffer(commands[0], &begin).unwrap();
@@ -136,6 +145,15 @@ impl Host {
             record(&mut recorder);
             recorder.finish();
             self.device.end_command_buffer(commands[0]).unwrap();
+            commands[0]
+        }
+    }
+
+    /// Submits what was recorded `times` times and waits.
+    fn submit(&self, commands: vk::CommandBuffer, times: usize) {
+        let commands = [commands];
+        // SAFETY: what was recorded is alive in these tests, and waited for before this returns; the pool frees the command buffer.
+        unsafe {
             let fence = self.device.create_fence(&vk::FenceCreateInfo::default(), None).unwrap();
             let submit = vec![vk::SubmitInfo::default().command_buffers(&commands); times];
             let queue = self.queue_lock.lock().unwrap();
@@ -143,7 +161,6 @@ impl Host {
             drop(queue);
             self.device.wait_for_fences(&[fence], true, u64::MAX).unwrap();
             self.device.destroy_fence(fence, None);
-            self.device.free_command_buffers(self.pool, &commands);
         }
     }
 }
@@ -202,7 +219,8 @@ fn plan(driver: &Driver<'_>, pass: Pass, own: &Arc<Context>) -> Outcome {
         Driver::Blocks(host) => {
             // One submission more than there are iterations for: it must do nothing.
             let blocks = planner.settings().iterations.div_ceil(planner.block());
-            host.run(&context, blocks as usize + 1, |recorder| planner.record_block(recorder).unwrap());
+            let recorded = host.record(&context, |recorder| planner.record_block(recorder).unwrap());
+            host.submit(recorded, blocks as usize + 1);
             planner.outcome().unwrap()
         }
     }
@@ -296,6 +314,10 @@ fn a_planner_used_again_is_as_good_as_new() {
     assert_eq!((*iteration, begun.len()), (0, three.poses.len()));
     assert!(begun.iter().zip(&three.poses).all(|pair| apart(pair) < 1e-5), "{begun:?}, not {:?}", three.poses);
     assert!(planner.begin_from(&three.poses[1..]).is_err());
+    let mut lost = looking_in(DVec3::X);
+    lost.pose.position.x = f64::NAN;
+    assert!(planner.keep(&[lost.clone()]).is_err() && planner.look_from(&[lost.clone()]).is_err());
+    assert!(planner.begin_from(&vec![lost.pose; three.poses.len()]).is_err());
 
     // Viewers on one side draw the cameras there.
     planner.look_from(&[looking_in(DVec3::NEG_Y), looking_in(DVec3::new(0.3, -1.0, 0.2))]).unwrap();
@@ -304,6 +326,43 @@ fn a_planner_used_again_is_as_good_as_new() {
     assert!(mean(&aside) < mean(&three) - 1.0, "{} and {}", mean(&aside), mean(&three));
     assert!(planner.look_from(&[]).is_err());
     assert_eq!(context.messages(), [""; 0]);
+}
+
+/// If this failed, a host that records its blocks once would go on with the old start or viewers, or get a broken plan.
+#[test]
+fn recorded_blocks_serve_other_starts_and_viewers() {
+    let own = Context::new(&Options::default()).unwrap();
+    let host = Host::new(&own.physical().name);
+    let context = host.adopted();
+    let given = [DVec3::X, DVec3::Y].map(looking_in);
+    let viewers = [looking_in(DVec3::NEG_Y), looking_in(DVec3::new(0.3, -1.0, 0.2))];
+    let mut planner = quality_planner(&context, &given);
+    let blocks = planner.settings().iterations.div_ceil(planner.block()) as usize;
+    let recorded = host.record(&context, |recorder| planner.record_block(recorder).unwrap());
+    host.submit(recorded, blocks);
+    let first = planner.outcome().unwrap();
+    let mut fresh = quality_planner(&own, &given);
+    let run = |planner: &Planner| planner.run(None, |_| ControlFlow::Continue(())).unwrap();
+    assert!(bits(&first) == bits(&run(&fresh)));
+    for planner in [&mut planner, &mut fresh] {
+        planner.begin_from(&first.poses).unwrap();
+        planner.look_from(&viewers).unwrap();
+    }
+    host.submit(recorded, blocks);
+    assert!(bits(&planner.outcome().unwrap()) == bits(&run(&fresh)));
+    assert_eq!(*host.messages.lock().unwrap(), [""; 0]);
+}
+
+/// If this failed, a host that forgot an extension, or named a queue that cannot compute, would end in the first plan.
+#[test]
+fn devices_that_cannot_serve_are_refused() {
+    let own = Context::new(&Options::default()).unwrap();
+    let refusal =
+        |host: &Host, family: u32| host.adopted_on(family).err().map(|error| error.to_string()).unwrap_or_default();
+    let bare = Host::with(&own.physical().name, &[]);
+    assert!(refusal(&bare, 0).contains("made without VK_KHR_push_descriptor"), "{}", refusal(&bare, 0));
+    let whole = Host::new(&own.physical().name);
+    assert!(refusal(&whole, 9).contains("queue family 9"), "{}", refusal(&whole, 9));
 }
 
 /// If this failed, a host's own stages could not follow the engine's on the device: they would read cameras that are not there yet.
@@ -318,6 +377,7 @@ fn a_host_takes_the_cameras_from_the_device() {
     planner.record_block(&mut block).unwrap();
     let info = vk::CommandBufferAllocateInfo::default().command_pool(host.pool).command_buffer_count(1);
     let region = [vk::BufferCopy::default().size(target.size())];
+    let before;
     let (after_block, waits) = ([2u64], [vk::PipelineStageFlags::TRANSFER]);
     // SAFETY: the semaphore is of the host's device, which has timelines enabled; all that was made is waited for before it goes.
     unsafe {
@@ -339,13 +399,14 @@ fn a_host_takes_the_cameras_from_the_device() {
             .wait_dst_stage_mask(&waits)
             .push_next(&mut values);
         host.device.queue_submit(host.queue, &[copy], vk::Fence::null()).unwrap();
-        assert_eq!((planner.done(), block.pending()), (0, 1), "the engine did not wait for the host");
+        before = (planner.done(), block.pending());
         host.device.signal_semaphore(&vk::SemaphoreSignalInfo::default().semaphore(semaphore).value(1)).unwrap();
         host.device.device_wait_idle().unwrap();
         host.device.free_command_buffers(host.pool, &commands);
         host.device.destroy_semaphore(semaphore, None);
     }
     block.wait().unwrap();
+    assert_eq!(before, (0, 1), "the engine did not wait for the host");
     assert_eq!(planner.done(), planner.block());
     let found: &[u8] = target.mapped();
     assert_eq!(found, bytemuck::cast_slice::<_, u8>(&planner.splats().unwrap()));

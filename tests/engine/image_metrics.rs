@@ -272,7 +272,7 @@ fn weights_that_are_none() {
         let at = whole.windows(from.len()).position(|window| window == from.as_bytes()).unwrap();
         [&whole[..at], to.as_bytes(), &whole[at + to.len()..]].concat()
     };
-    refused(&with("conv3.bias", "conv3.bios"), &["no tensor `conv3.bias`", "AlexNet", "make_lpips_weights.py"]);
+    refused(&with("conv3.bias", "conv3.bios"), &["no tensor \"conv3.bias\"", "AlexNet", "make_lpips_weights.py"]);
     refused(
         &with("[64,3,11,11]", "[3,64,11,11]"),
         &["`conv0.weight` has the shape [3, 64, 11, 11], not [64, 3, 11, 11]"],

@@ -273,7 +273,7 @@ fn a_training_that_diverged_says_so() {
     record.curve[4].psnr = f64::INFINITY;
     assert!(
         warns(&record)
-            && page_with(&record, 1).contains("dB; retry with another `seed`")
+            && page_with(&record, 1).contains("dB; retry with another seed")
             && page_with(&record, 1).contains("to 15.0 dB")
     );
     let stopped = TrainRecord { status: Status::Interrupted, ..record.clone() };

@@ -152,18 +152,18 @@ pub struct TrainRecord {
 }
 
 /// Iterations below which the training curve does not show whether training diverged.
-const TELLING: u32 = 1000;
+const MIN_JUDGED: u32 = 1000;
 
 /// Least drop in decibels by which training counts as diverged.
-pub(crate) const APART: f64 = 1.0;
+pub(crate) const DIVERGED_DB: f64 = 1.0;
 
 impl TrainRecord {
     /// Mean PSNR of the training pictures in decibels, in the best fifth of the run and in the last, where the last is worse by
-    /// more than [`APART`]: with MCMC most likely because of relocation (docs/reference/training.md, What can go wrong). None of
+    /// more than [`DIVERGED_DB`]: with MCMC most likely because of relocation (docs/reference/training.md, What can go wrong). None of
     /// runs that are not complete or have fewer than 1000 iterations, nor of a model that falls within the first fifth or
     /// recovers.
     pub fn diverged(&self) -> Option<[f64; 2]> {
-        let judged = self.status == Status::Complete && self.config.iterations >= TELLING;
+        let judged = self.status == Status::Complete && self.config.iterations >= MIN_JUDGED;
         judged.then(|| fallen(&self.curve)).flatten()
     }
 
@@ -171,7 +171,7 @@ impl TrainRecord {
     pub fn diverged_line(&self) -> Option<String> {
         self.diverged().map(|[best, last]| {
             format!(
-                "training diverged: PSNR on the training photos fell from {best:.1} to {last:.1} dB; retry with another `seed`"
+                "training diverged: PSNR on the training photos fell from {best:.1} to {last:.1} dB; retry with another seed"
             )
         })
     }
@@ -183,13 +183,13 @@ pub(super) fn finite_mean(values: impl Iterator<Item = f64>) -> f64 {
     if count > 0.0 { sum / count } else { f64::INFINITY }
 }
 
-/// PSNR in the best and in the last fifth of a training, where the last is worse by more than [`APART`].
+/// PSNR in the best and in the last fifth of a training, where the last is worse by more than [`DIVERGED_DB`].
 fn fallen(curve: &[CurvePoint]) -> Option<[f64; 2]> {
     let fifths = curve.chunks(curve.len().div_ceil(5).max(1));
     let means: Vec<f64> = fifths.map(|part| finite_mean(part.iter().map(|point| point.psnr))).collect();
     let best = means.iter().copied().filter(|mean| mean.is_finite()).fold(f64::NEG_INFINITY, f64::max);
     let last = *means.last()?;
-    (best - last > APART).then_some([best, last])
+    (best - last > DIVERGED_DB).then_some([best, last])
 }
 
 #[cfg(test)]

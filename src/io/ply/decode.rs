@@ -108,7 +108,7 @@ fn packed(path: &Path, columns: &mut Columns) -> Result<Decoded> {
     ]));
     let colours = corner(["min_r", "min_g", "min_b"]).zip(corner(["max_r", "max_g", "max_b"]));
     let (Some(centres), Some(scales)) = (centres, scales) else {
-        let what = "the element `chunk` lacks bounds of positions or scales; export the splat again";
+        let what = "the element \"chunk\" lacks bounds of positions or scales; export the splat again";
         return Err(Error::input(path, what));
     };
     if centres.0.len() < centre.len().div_ceil(CHUNK) {
@@ -127,7 +127,7 @@ fn packed(path: &Path, columns: &mut Columns) -> Result<Decoded> {
         && column.len() != centre.len()
     {
         let what =
-            format!("{} splats have {} rows of the element `sh`; export the splat again", centre.len(), column.len());
+            format!("{} splats have {} rows of the element \"sh\"; export the splat again", centre.len(), column.len());
         return Err(Error::input(path, what));
     }
     rest.iter_mut().flatten().for_each(|value| *value = unpack_harmonic(*value));
@@ -165,7 +165,8 @@ fn required<const N: usize>(path: &Path, columns: &mut Columns, names: [&str; N]
         // None is missing, so that every default is replaced.
         return Ok(found.map(Option::unwrap_or_default));
     }
-    let what = format!("the element `vertex` has no property {}, as splats must; export it again", missing.join(", "));
+    let what =
+        format!("the element \"vertex\" has no property {}, as splats must; export it again", missing.join(", "));
     Err(Error::input(path, what))
 }
 

@@ -66,7 +66,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], header: &Header, wanted: impl Fn(&
             return Err(Error::input(
                 path,
                 format!(
-                    "byte {}: the file is cut short: it announces {} of the element `{}`, {least} bytes each or more, \
+                    "byte {}: the file is cut short: it announces {} of the element {:?}, {least} bytes each or more, \
                      and {} bytes are left; copy or export it again",
                     values.at,
                     element.count,
@@ -86,7 +86,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], header: &Header, wanted: impl Fn(&
                 values.cell(property, column).map_err(|what| {
                     Error::input(
                         path,
-                        format!("byte {}: {} {row}, property `{}`: {what}", values.at, element.name, property.name),
+                        format!("byte {}: {} {row}, property {:?}: {what}", values.at, element.name, property.name),
                     )
                 })?;
             }

@@ -19,7 +19,7 @@ pub fn gaussians(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<G
     let refuse = |what: String| Err(Error::input(path, what));
     let header = Header::parse(path, bytes)?;
     let Some(vertices) = header.element("vertex") else {
-        return refuse("the file has no element `vertex`; give a .ply file of trained splats".into());
+        return refuse("the file has no element \"vertex\"; give a .ply file of trained splats".into());
     };
     let of_harmonics = header.element(if decode::is_packed(&header) { "sh" } else { "vertex" });
     let rest = of_harmonics.map_or(0, |e| e.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count());
@@ -217,7 +217,7 @@ mod tests {
         assert!(lacking.contains("has no property opacity, rot_2,"), "{lacking}");
         assert!(refusal(&ascii(&ORDER.replace("scale_2", "a"), &[&ROW])).contains("flat splats"));
         assert!(refusal(&ascii(ORDER, &[])).contains("holds no splats"));
-        assert!(refusal(b"ply\nformat ascii 1.0\nend_header\n").contains("no element `vertex`"));
+        assert!(refusal(b"ply\nformat ascii 1.0\nend_header\n").contains("no element \"vertex\""));
         let points = refusal(&ascii("x y z", &[&[0.0; 3]]));
         assert!(points.contains("has no property f_dc_0, f_dc_1, f_dc_2, opacity"), "{points}");
         let whole = write::gaussians(&three(2));
@@ -310,6 +310,6 @@ mod tests {
         // By channel in the file; the lowest, the step above the middle, the highest; then the step below it for green.
         assert_eq!([h[3], h[6], h[9], h[4]], [-4.0, 1.0 / 64.0, 4.0, -1.0 / 64.0]);
         assert_eq!(h[11], 8.0 * (1.5 / 256.0 - 0.5));
-        assert!(refusal(&packed(&[[128; 9]])).contains("2 splats have 1 rows of the element `sh`"));
+        assert!(refusal(&packed(&[[128; 9]])).contains("2 splats have 1 rows of the element \"sh\""));
     }
 }

@@ -95,7 +95,7 @@ impl Header {
         let mut end = 0;
         for number in 1.. {
             let Some(length) = bytes[end..].iter().position(|&b| b == b'\n') else {
-                let what = format!("line {number}: the header has no `end_header`; this is not a whole PLY file");
+                let what = format!("line {number}: the header has no \"end_header\"; this is not a whole PLY file");
                 return Err(Error::input(path, what));
             };
             let text = String::from_utf8_lossy(&bytes[end..end + length]);
@@ -104,7 +104,7 @@ impl Header {
             let words: Vec<&str> = text.split_whitespace().collect();
             match words[..] {
                 ["ply"] if number == 1 => {}
-                _ if number == 1 => return refuse("is not `ply`; this is not a PLY file"),
+                _ if number == 1 => return refuse("is not \"ply\"; this is not a PLY file"),
                 ["end_header"] => break,
                 ["comment", "camsplat", "offset", x, y, z] => {
                     let [Ok(x), Ok(y), Ok(z)] = [x, y, z].map(str::parse::<f64>) else {
@@ -149,7 +149,7 @@ impl Header {
         }
         match encoding {
             Some(encoding) => Ok(Self { encoding, elements, origin, end }),
-            None => Err(Error::input(path, "the header has no `format` line; export the file again")),
+            None => Err(Error::input(path, "the header has no \"format\" line; export the file again")),
         }
     }
 

@@ -47,7 +47,7 @@ fn plain(path: &Path, bytes: &[u8], header: &Header, notes: &mut Vec<String>) ->
         && let Some(strips) = header.element("tristrips")
         && strips.count > 0
     {
-        return Err(Error::input(path, "its triangles are stored as `tristrips`; export it with plain faces"));
+        return Err(Error::input(path, "its triangles are stored as \"tristrips\"; export it with plain faces"));
     }
     let mut columns = elements::read(path, bytes, header, |element, property| match element {
         "vertex" => !property.starts_with("f_rest_"),
@@ -83,7 +83,7 @@ fn plain(path: &Path, bytes: &[u8], header: &Header, notes: &mut Vec<String>) ->
 /// The properties x, y and z of all vertices.
 fn positions(path: &Path, columns: &mut Columns) -> Result<Vec<DVec3>> {
     vectors(columns, ["x", "y", "z"]).ok_or_else(|| {
-        Error::input(path, "the element `vertex` has no properties x, y and z; export it with vertex positions")
+        Error::input(path, "the element \"vertex\" has no properties x, y and z; export it with vertex positions")
     })
 }
 
@@ -120,7 +120,7 @@ fn colours(header: &Header, columns: &mut Columns) -> Vec<[u8; 3]> {
 fn triangles(path: &Path, columns: &mut Columns, vertices: usize, notes: &mut Vec<String>) -> Result<Vec<[u32; 3]>> {
     let faces = columns.lists("face", "vertex_indices").or_else(|| columns.lists("face", "vertex_index"));
     let Some(faces) = faces else {
-        let what = "the element `face` has no list vertex_indices; export it with faces as vertex index lists";
+        let what = "the element \"face\" has no list vertex_indices; export it with faces as vertex index lists";
         return Err(Error::input(path, what));
     };
     let mut triangles = Vec::with_capacity(faces.len());
@@ -231,7 +231,7 @@ mod tests {
                 "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n";
             read(format!("{head}end_header\n{rows}").as_bytes()).unwrap_err().to_string()
         };
-        assert!(ascii("0 0 0\n1 abc 0\n").contains("vertex 1, property `y`"), "{}", ascii("0 0 0\n1 abc 0\n"));
+        assert!(ascii("0 0 0\n1 abc 0\n").contains("vertex 1, property \"y\""), "{}", ascii("0 0 0\n1 abc 0\n"));
         assert!(ascii("0 0 0\n1 nan 0\n").contains("1 of 2 positions are not finite"));
         let mut mesh = quad("binary_little_endian");
         let end = mesh.len();

@@ -133,19 +133,19 @@ fn tensor(path: &Path, file: &SafeTensors, name: &str, shape: &[u32], network: N
         let remedy = format!("give weights of {} as scripts/make_lpips_weights.py writes them", network.name());
         Error::input(path, format!("{what}; {remedy}"))
     };
-    let Ok(view) = file.tensor(name) else { return Err(refuse(format!("it has no tensor `{name}`"))) };
+    let Ok(view) = file.tensor(name) else { return Err(refuse(format!("it has no tensor {name:?}"))) };
     let wanted: Vec<usize> = shape.iter().map(|side| *side as usize).collect();
     if view.shape() != wanted {
-        return Err(refuse(format!("`{name}` has the shape {:?}, not {wanted:?}", view.shape())));
+        return Err(refuse(format!("{name:?} has the shape {:?}, not {wanted:?}", view.shape())));
     }
     // The reader has checked shape and type against the available bytes.
     let values: Vec<f32> = match view.dtype() {
         Dtype::F32 => view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect(),
         Dtype::F16 => view.data().chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32()).collect(),
-        other => return Err(refuse(format!("`{name}` is of type {other:?}, not F16 or F32"))),
+        other => return Err(refuse(format!("{name:?} is of type {other:?}, not F16 or F32"))),
     };
     match values.iter().all(|value| value.is_finite()) {
         true => Ok(values),
-        false => Err(refuse(format!("`{name}` holds values that are not finite"))),
+        false => Err(refuse(format!("{name:?} holds values that are not finite"))),
     }
 }
