@@ -283,7 +283,7 @@ fn devices_that_are_not_there() {
     assert_refused(
         &place,
         &[
-            (&plan("ball.ply", "--device abacus"), &["no device `abacus`", "0: ", "camsplat devices"]),
+            (&plan("ball.ply", "--device abacus"), &["no device \"abacus\"", "0: ", "camsplat devices"]),
             (&plan("ball.ply", "--device 99"), &["no device `99`", "0: ", "camsplat devices"]),
         ],
     );

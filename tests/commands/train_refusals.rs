@@ -49,7 +49,7 @@ fn numbers_that_are_none() {
             ("--out o --background red", &["'red' for '--background", "possible values"]),
             ("--out o --test-every 1", &["0 of 6 photos are left to train on", "--test-every"]),
             ("--out o --test-every 2 --test odd", &["--test", "cannot be used with"]),
-            ("--out o --device abacus", &["no device `abacus`", "camsplat devices"]),
+            ("--out o --device abacus", &["no device \"abacus\"", "camsplat devices"]),
             ("", &["not provided", "--out"]),
         ],
     );

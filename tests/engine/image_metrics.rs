@@ -275,7 +275,7 @@ fn weights_that_are_none() {
     refused(&with("conv3.bias", "conv3.bios"), &["no tensor \"conv3.bias\"", "AlexNet", "make_lpips_weights.py"]);
     refused(
         &with("[64,3,11,11]", "[3,64,11,11]"),
-        &["`conv0.weight` has the shape [3, 64, 11, 11], not [64, 3, 11, 11]"],
+        &["\"conv0.weight\" has the shape [3, 64, 11, 11], not [64, 3, 11, 11]"],
     );
     refused(&with("\"F16\"", "\"I16\""), &["is of type I16, not F16 or F32"]);
     // A name with a line break in it does not break the message.
@@ -285,7 +285,7 @@ fn weights_that_are_none() {
     infinite[last..].copy_from_slice(&f16::INFINITY.to_le_bytes());
     refused(&infinite, &["not finite"]);
     let other = Weights::parse(path, &whole, Network::Vgg).unwrap_err().to_string();
-    assert!(other.contains("`conv0.weight` has the shape [64, 3, 11, 11], not [64, 3, 3, 3]"), "{other}");
+    assert!(other.contains("\"conv0.weight\" has the shape [64, 3, 11, 11], not [64, 3, 3, 3]"), "{other}");
     assert!(
         Weights::read(Path::new("none.safetensors"), Network::Vgg).unwrap_err().to_string().contains("no such file")
     );
