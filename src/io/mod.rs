@@ -7,11 +7,11 @@
 //! | file | surface | cameras |
 //! |---|---|---|
 //! | PLY points, meshes, trained and packed splats | [`ply`] | |
-//! | OBJ | [`obj`] | |
+//! | OBJ, STL | [`obj`], [`stl`] | |
 //! | glTF 2.0 (.glb, .gltf) | [`gltf`] | |
 //! | COLMAP model, text or binary | [`colmap`] | [`colmap`] |
 //! | transforms.json of nerfstudio, instant-ngp, Blender | | [`transforms`] |
-//! | NSVF folder, `.log` trajectory | | [`photos`] |
+//! | NSVF, LLFF, Polycam and Record3D folders, `.log` trajectory | | [`photos`] |
 //! | plan.json | | [`plan_json`] |
 //! | boxes (.json), as a volume to keep out of | [`volume`] | |
 //!
@@ -34,6 +34,7 @@ pub mod photos;
 pub mod picture;
 pub mod plan_json;
 pub mod ply;
+pub mod stl;
 pub mod transforms;
 pub mod volume;
 
@@ -48,7 +49,7 @@ use crate::scene::camera::Camera;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::surface::Surface;
 
-/// Reads a surface: a .ply, .obj, .glb or .gltf file, a COLMAP model folder, or the points of a capture (a folder with a model
+/// Reads a surface: a .ply, .obj, .stl, .glb or .gltf file, a COLMAP model folder, or the points of a capture (a folder with a model
 /// under `sparse/0`, a transforms.json with a cloud). Frame and units are the file's.
 ///
 /// # Errors
@@ -87,10 +88,12 @@ pub fn read_surface_with_notes(path: &Path) -> Result<(Surface, Vec<String>)> {
         gltf::parse(path, &bytes, &mut notes)?
     } else if extension == "obj" {
         obj::parse(path, &bytes, &mut notes)?
+    } else if extension == "stl" {
+        stl::parse(path, &bytes)?
     } else {
         return Err(Error::input(
             path,
-            "this is no surface that can be read; give a .ply, .obj, .glb or .gltf file or a COLMAP folder",
+            "this is no surface that can be read; give a .ply, .obj, .stl, .glb or .gltf file or a COLMAP folder",
         ));
     };
     Ok((surface, notes))
@@ -137,7 +140,7 @@ pub fn read_cameras_with_notes(path: &Path) -> Result<(Vec<Camera>, Vec<String>)
         let cameras = colmap::cameras(&folder, &mut notes)?;
         return Ok((cameras, notes));
     }
-    if photos::nsvf::is_layout(path) || path.extension().is_some_and(|extension| extension == "log") {
+    if photos::is_layout(path) || path.extension().is_some_and(|extension| extension == "log") {
         let set = photos::read(path, &photos::Options::default())?;
         return Ok((set.cameras(), set.notes));
     }

@@ -20,6 +20,17 @@ pub enum Convention {
     Nsvf,
     /// A `.log` trajectory: world-from-camera, OpenCV axes.
     Trajectory,
+    /// LLFF's poses_bounds.npy: world-from-camera, axes down, right and backwards.
+    Llff,
+    /// ARKit's, of Polycam or Record3D: world-from-camera, OpenGL axes.
+    Phone,
+}
+
+impl Convention {
+    /// Whether cameras look along -Z in the file.
+    fn is_opengl(self) -> bool {
+        matches!(self, Self::Transforms | Self::Llff | Self::Phone)
+    }
 }
 
 impl fmt::Display for Convention {
@@ -29,6 +40,8 @@ impl fmt::Display for Convention {
             Self::Transforms => "transforms.json (world-from-camera, X right, Y up, -Z forward)",
             Self::Nsvf => "NSVF (world-from-camera, X right, Y down, Z forward)",
             Self::Trajectory => ".log trajectory (world-from-camera, X right, Y down, Z forward)",
+            Self::Llff => "LLFF (world-from-camera, X down, Y right, -Z forward)",
+            Self::Phone => "ARKit (world-from-camera, X right, Y up, -Z forward)",
         })
     }
 }
@@ -57,7 +70,7 @@ impl Mistake {
             Pose { position: -(rotation * pose.position), rotation }
         };
         // The matrix in the file, which may be the wrong way about, has the axes that the reader turned from.
-        let is_opengl = convention == Convention::Transforms;
+        let is_opengl = convention.is_opengl();
         let mut pose = *pose;
         if self.inverse {
             pose = if is_opengl { turn(inverse(turn(pose))) } else { inverse(pose) };
@@ -248,7 +261,7 @@ mod tests {
     #[test]
     fn mistaken_conventions_are_named() {
         for convention in [Convention::Colmap, Convention::Transforms, Convention::Nsvf] {
-            let is_opengl = convention == Convention::Transforms;
+            let is_opengl = convention.is_opengl();
             let axes = if is_opengl { "to be in OpenCV" } else { "to be in OpenGL" };
             for with_points in [true, false] {
                 let text = message(convention, with_points, MISTAKES[0]);

@@ -225,3 +225,67 @@ fn names_stay_inside_a_capture_and_errors_stay_short() {
         );
     }
 }
+
+/// If this failed, who has photos or a video and no poses yet would learn that a model is missing, and not what to do.
+#[test]
+fn captures_without_poses_are_given_the_next_step() {
+    let place = Place::new();
+    let image = image::RgbImage::new(8, 6);
+    for folder in ["photos", "set/images", "film", "half/sparse/0", "half/images", "empty"] {
+        fs::create_dir_all(place.path(folder)).unwrap();
+    }
+    for file in ["photos/a.jpg", "photos/b.jpg", "set/images/a.png", "half/images/a.png"] {
+        image.save(place.path(file)).unwrap();
+    }
+    place.write("film/walk.MP4", "film");
+    place.write("walk.mov", "film");
+    place.write("half/sparse/0/cameras.bin", [0; 8]);
+    assert_refused(
+        &place,
+        &[
+            ("train photos --out o", &["photos: found 2 images but no camera poses", "--image_path photos"]),
+            (
+                "select set --count 3 --out o",
+                &["set: found 1 images", "colmap automatic_reconstructor", "--image_path set/images"],
+            ),
+            (
+                "vds film --out o.ply",
+                &["film: found the video \"walk.MP4\"", "ffmpeg -i film/walk.MP4", "--image_path film/images"],
+            ),
+            ("proxy walk.mov --out o.ply", &["walk.mov: this is a video", "COLMAP"]),
+            (
+                "plan half --views 5 --out o",
+                &["half: its COLMAP model has cameras.bin or cameras.txt and no images.bin"],
+            ),
+            ("train empty --out o", &["empty: the folder is no capture", "Polycam", "give the folder"]),
+        ],
+    );
+}
+
+/// If this failed, captures of LLFF and of phones could not be planned for, though their readers work.
+#[test]
+fn captures_of_other_programs_are_read_by_commands() {
+    let place = Place::new();
+    fs::create_dir_all(place.path("scan/keyframes/cameras")).unwrap();
+    for (i, camera) in above().iter().enumerate() {
+        let (r, p) = (glam::DMat3::from_quat(camera.pose.rotation), camera.pose.position);
+        let (x, y, z) = (r.x_axis, -r.y_axis, -r.z_axis);
+        let row = |k: usize| {
+            format!("\"t_{k}0\": {}, \"t_{k}1\": {}, \"t_{k}2\": {}, \"t_{k}3\": {}", x[k], y[k], z[k], p[k])
+        };
+        let lens = "\"fx\": 900, \"fy\": 910, \"cx\": 600, \"cy\": 400, \"width\": 1200, \"height\": 800";
+        let text = format!("{{{lens}, {}, {}, {}}}", row(0), row(1), row(2));
+        place.write(&format!("scan/keyframes/cameras/{i:03}.json"), text);
+    }
+    place.write("ball_only.ply", doubles(&ball()));
+    for command in ["plan scan --surface ball_only.ply --keep scan --out o", "plan ball_only.ply --keep scan --out p"] {
+        let ran = place.done(&format!("{command} {SHORT}"));
+        assert!(ran.out.contains("lens     67."), "{}", ran.out);
+    }
+    let plan = place.plan("o");
+    let kept = &plan.cameras[5..];
+    for (found, expected) in kept.iter().zip(above()) {
+        assert!(found.pose.position.distance(expected.pose.position) < 1e-9);
+        assert!(found.pose.forward().distance(expected.pose.forward()) < 1e-9);
+    }
+}

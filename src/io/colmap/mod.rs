@@ -193,12 +193,25 @@ fn pose([w, x, y, z]: [f64; 4], translation: [f64; 3]) -> Option<Pose> {
     position.is_finite().then_some(Pose { position, rotation })
 }
 
+/// Where a model lies in a capture.
+const MODEL_FOLDERS: [&str; 4] = ["", "sparse/0", "sparse", "colmap/sparse/0"];
+
 /// The folder in or under `path` that holds a model: itself, `sparse/0`, `sparse` or `colmap/sparse/0`.
 pub(crate) fn model_folder(path: &Path) -> Option<PathBuf> {
-    ["", "sparse/0", "sparse", "colmap/sparse/0"]
+    MODEL_FOLDERS
         .iter()
         .map(|below| path.join(below))
         .find(|folder| file(folder, "cameras").is_some() && file(folder, "images").is_some())
+}
+
+/// What a folder in or under `path` that holds only one half of a model has, and what it lacks.
+pub(crate) fn half_model(path: &Path) -> Option<(&'static str, &'static str)> {
+    let has = |name: &str| MODEL_FOLDERS.iter().any(|below| file(&path.join(below), name).is_some());
+    match (has("cameras"), has("images")) {
+        (true, false) => Some(("cameras.bin or cameras.txt", "images.bin or images.txt")),
+        (false, true) => Some(("images.bin or images.txt", "cameras.bin or cameras.txt")),
+        _ => None,
+    }
 }
 
 /// The binary or text file of that name in a model folder; the binary one where there are both, as COLMAP does.

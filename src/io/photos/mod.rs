@@ -6,9 +6,13 @@
 //! | transforms.json of nerfstudio, instant-ngp, Blender | world-from-camera, OpenGL axes |
 //! | NSVF ([`nsvf`]) | world-from-camera, OpenCV axes |
 //! | Tanks and Temples `.log` ([`trajectory`]) | world-from-camera, OpenCV axes |
+//! | LLFF's poses_bounds.npy ([`llff`]) | world-from-camera, axes down, right, backwards |
+//! | raw export of Polycam, folder of Record3D (`phone`) | world-from-camera, OpenGL axes |
 
 pub(crate) mod files;
+pub mod llff;
 pub mod nsvf;
+pub(crate) mod phone;
 pub mod trajectory;
 
 use std::collections::HashMap;
@@ -66,7 +70,7 @@ struct Found {
 }
 
 /// Reads a capture: a COLMAP model folder or the folder around one, a transforms.json or a folder with one (of
-/// transforms_{train,val,test}.json the first), an NSVF folder, or a `.log` trajectory. Photos are ordered by name, poses are
+/// transforms_{train,val,test}.json the first), an NSVF or LLFF folder, one of Polycam or Record3D, or a `.log` trajectory. Photos are ordered by name, poses are
 /// world-from-camera in OpenCV axes in the file's world frame, and lenses are those of the stored images. The notes report what
 /// was understood.
 ///
@@ -115,9 +119,18 @@ fn some(names: &[String]) -> String {
     format!("{}{more} ({} in all)", names[..names.len() - rest].join(", "), names.len())
 }
 
+/// Whether a folder is a capture in a layout of its own, and not by a COLMAP model or a transforms.json.
+pub(crate) fn is_layout(folder: &Path) -> bool {
+    nsvf::is_layout(folder) || folder.join(llff::FILE).is_file() || phone::is_layout(folder)
+}
+
 /// Reads whatever format lies at `path`.
 fn find(path: &Path, options: &Options) -> Result<Found> {
     if !path.is_dir() {
+        if path.file_name().is_some_and(|name| is_video(&name.to_string_lossy())) && path.is_file() {
+            let what = "this is a video; take frames of it into a folder, run COLMAP on that, and give the folder";
+            return Err(Error::input(path, what));
+        }
         let bytes = super::read_file(path)?;
         return match path.extension().is_some_and(|extension| extension == "log") {
             true => trajectory::read(path, &bytes, options.intrinsics),
@@ -139,11 +152,50 @@ fn find(path: &Path, options: &Options) -> Result<Found> {
     if nsvf::is_layout(path) {
         return nsvf::read(path);
     }
-    Err(Error::input(
-        path,
-        "the folder is no capture: it holds no COLMAP model (cameras and images as .bin or .txt, here or in sparse/0), no \
-         transforms.json, and no poses in the layout of NSVF; give the folder of one, or a surface's file",
-    ))
+    if path.join(llff::FILE).is_file() {
+        return llff::read(path);
+    }
+    if phone::is_layout(path) {
+        return phone::read(path);
+    }
+    Err(Error::input(path, unposed(path)))
+}
+
+/// Whether a file is a video, by its name.
+fn is_video(name: &str) -> bool {
+    const VIDEOS: [&str; 6] = ["mp4", "mov", "avi", "mkv", "webm", "m4v"];
+    let extension = name.rsplit_once('.').map(|(_, extension)| extension.to_lowercase());
+    extension.is_some_and(|extension| VIDEOS.contains(&extension.as_str()))
+}
+
+/// What a folder without poses holds, and what to do next.
+fn unposed(folder: &Path) -> String {
+    let mut images = files::image_folders(folder);
+    images.push(folder.to_owned());
+    let found = images.iter().map(|images| (files::images_in(images).len(), images)).find(|(count, _)| *count > 0);
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let video = entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).find(|name| is_video(name));
+    let colmap = |images: &Path| {
+        let (workspace, images) = (folder.display(), images.display());
+        format!("colmap automatic_reconstructor --workspace_path {workspace} --image_path {images}")
+    };
+    match (colmap::half_model(folder), found, video) {
+        (Some((part, missing)), ..) => {
+            format!("its COLMAP model has {part} and no {missing}, so that no camera has a pose; export the whole model")
+        }
+        (None, Some((count, images)), _) => {
+            format!("found {count} images but no camera poses; run COLMAP first: {}", colmap(images))
+        }
+        (None, None, Some(video)) => {
+            let frames = folder.join("images");
+            let ffmpeg = format!("ffmpeg -i {} -vf fps=2 {}/%05d.jpg", folder.join(&video).display(), frames.display());
+            format!("found the video {video:?} and no images; take frames of it ({ffmpeg}), then run {}", colmap(&frames))
+        }
+        (None, None, None) => "the folder is no capture: it holds no COLMAP model (cameras and images as .bin or .txt, here or in \
+             sparse/0), no transforms.json, nothing of NSVF, LLFF, Polycam or Record3D, and no images; give the folder of a capture, or a \
+             surface's file"
+            .into(),
+    }
 }
 
 fn from_transforms(path: &Path, bytes: &[u8], options: &Options) -> Result<Found> {
