@@ -216,7 +216,9 @@ fn the_library_names_no_options() {
                 before.is_none_or(|c| !c.is_alphanumeric())
                     && line[at + 2..].starts_with(|c: char| c.is_ascii_lowercase())
             });
-            assert!(option.is_none(), "{}: {line:?} names an option", module.join("::"));
+            // A command line of COLMAP has options of its own.
+            let other = line.contains("colmap ");
+            assert!(option.is_none() || other, "{}: {line:?} names an option", module.join("::"));
         }
     }
 }

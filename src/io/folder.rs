@@ -47,6 +47,7 @@ impl OutputFolder {
     /// eyes only, and one made inside has the permissions a user expects.
     fn hidden(&self) -> Result<&Path> {
         if self.hidden.get().is_none() {
+            make_parent(&self.path)?;
             let parent = parent(&self.path);
             let name = self.path.file_name().unwrap_or_default().to_string_lossy();
             let hidden = tempfile::Builder::new()
@@ -116,7 +117,7 @@ impl OutputFolder {
 }
 
 /// Checks, before anything has been computed, that files can be written one by one into the folder `path`, and leaves nothing
-/// there. A folder that is there must be empty, unless `force` is given; one that is not must have a parent.
+/// there. A folder that is there must be empty, unless `force` is given; the folders that one lies in which is not are made on writing.
 ///
 /// # Errors
 /// When it is a file, not empty, or cannot be written.
@@ -146,7 +147,7 @@ pub(crate) fn check_no_links(folder: &Path, file: &Path) -> Result<()> {
 /// Checks, before anything has been computed, that a file can be written at `path`, and leaves nothing there.
 ///
 /// # Errors
-/// When the path is a folder or a device, lies in no folder, or in one that cannot be written to.
+/// When the path is a folder or a device, or lies where nothing can be written.
 pub(crate) fn check_file(path: &Path) -> Result<()> {
     if path.is_dir() {
         return Err(Error::input(path, "a folder is already here; name a file"));
@@ -167,6 +168,7 @@ pub(crate) fn write_files(files: &[(&Path, &[u8])]) -> Result<()> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         parent(path).join(format!(".{name}-{}", std::process::id()))
     };
+    files.iter().try_for_each(|(path, _)| make_parent(path))?;
     let written = files
         .iter()
         .try_for_each(|(path, bytes)| fs::write(hidden(path), bytes).map_err(|source| Error::io(path, source)));
@@ -203,6 +205,7 @@ pub(crate) fn replace_unforced(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 fn replace(path: &Path, fill: impl FnOnce(fs::File) -> std::io::Result<()>) -> Result<()> {
+    make_parent(path)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let hidden = parent(path).join(format!(".{name}.part"));
     let moved = fs::File::create(&hidden).and_then(fill).and_then(|()| fs::rename(&hidden, path));
@@ -218,13 +221,22 @@ fn parent(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Refuses a path whose parent is missing or cannot be written to.
+/// Refuses a path whose parents are no folders, cannot be made, or cannot be written to.
 fn check_parent(path: &Path) -> Result<()> {
-    let parent = parent(path);
-    if !parent.is_dir() {
-        return Err(Error::input(path, format!("the folder {} does not exist; create it first", parent.display())));
+    let there = parent(path).ancestors().find(|folder| folder.symlink_metadata().is_ok());
+    let there = there.filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if !there.is_dir() {
+        return Err(Error::input(path, format!("{} is no folder; name another place", there.display())));
     }
-    check_writable(parent)
+    check_writable(there)
+}
+
+/// Makes the folders that `path` is to lie in.
+///
+/// # Errors
+/// Where the system refuses.
+pub(crate) fn make_parent(path: &Path) -> Result<()> {
+    fs::create_dir_all(parent(path)).map_err(|source| Error::io(path, source))
 }
 
 /// Refuses a folder without a name of its own.
@@ -252,7 +264,12 @@ fn check_free(path: &Path, force: bool) -> Result<()> {
         Ok(entries) => entries,
         Err(e) if e.kind() == ErrorKind::NotFound => return Ok(()),
         Err(e) if e.kind() == ErrorKind::NotADirectory => {
-            return Err(Error::input(path, "a file is already here; name a folder"));
+            // Where a file is among its parents, `check_parent` says so.
+            return if path.exists() {
+                Err(Error::input(path, "a file is already here; name a folder"))
+            } else {
+                Ok(())
+            };
         }
         Err(e) => return Err(Error::io(path, e)),
     };
@@ -359,9 +376,11 @@ mod tests {
     fn files_are_written_all_or_none() {
         let folder = tempfile::tempdir().unwrap();
         let [a, b] = ["a", "b"].map(|name| folder.path().join(name));
-        let lost = folder.path().join("none").join("c");
-        assert!(write_files(&[(&a, b"1"), (&lost, b"2")]).is_err());
-        assert_eq!(entries(folder.path()), [""; 0]);
+        let file = folder.path().join("file");
+        fs::write(&file, "").unwrap();
+        assert!(write_files(&[(&a, b"1"), (&file.join("c"), b"2")]).is_err());
+        assert_eq!(entries(folder.path()), ["file"]);
+        fs::remove_file(&file).unwrap();
         write_files(&[(&a, b"1"), (&b, b"2")]).unwrap();
         assert_eq!(entries(folder.path()), ["a", "b"]);
     }
@@ -379,7 +398,7 @@ mod tests {
     fn files_are_checked_up_front_and_not_made() {
         let parent = tempfile::tempdir().unwrap();
         assert!(check_file(parent.path()).unwrap_err().to_string().contains("name a file"));
-        assert!(check_file(&parent.path().join("a/b")).unwrap_err().to_string().contains("create it"));
+        assert!(check_file(&parent.path().join("a/b")).is_ok() && !parent.path().join("a").exists());
         check_file(&parent.path().join("b")).unwrap();
         assert!(entries(parent.path()).is_empty());
     }
@@ -451,7 +470,9 @@ mod tests {
         let file = parent.path().join("file");
         fs::write(&file, "").unwrap();
         assert!(OutputFolder::create(&file, true).is_err());
-        assert!(OutputFolder::create(&parent.path().join("a/b"), false).unwrap_err().to_string().contains("create it"));
+        assert!(
+            OutputFolder::create(&parent.path().join("new/b"), false).is_ok() && !parent.path().join("new").exists()
+        );
         assert!(OutputFolder::create(Path::new("/"), true).is_err());
         let folder = OutputFolder::create(&parent.path().join("out"), false).unwrap();
         assert!(folder.write("../escape", "x").is_err() && folder.write("", "x").is_err());

@@ -19,7 +19,7 @@ const NAMES: [&str; 8] = [
 ];
 const TEXTS: [&str; 2] = ["txt", "log"];
 /// Endings of files that are read and never written where a user names a file.
-const READ: [&str; 9] = ["png", "jpg", "jpeg", "exr", "hdr", "bin", "glb", "gltf", "obj"];
+const READ: [&str; 11] = ["png", "jpg", "jpeg", "exr", "hdr", "bin", "glb", "gltf", "obj", "stl", "npy"];
 
 /// Refuses a file to write that is an input or a known part of an input folder, or at whose path something of another kind
 /// exists.

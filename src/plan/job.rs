@@ -15,6 +15,7 @@ use super::reference::{Outlook, Reference};
 use super::run::Outcome;
 use super::starts::even_layout;
 use super::target::Target;
+use crate::io::folder::make_parent;
 use crate::metrics::score_point::{Field, Scorer, aggregate};
 use crate::metrics::{Metrics, PointMetrics};
 use crate::quality::expected::Expectation;
@@ -89,6 +90,7 @@ pub fn run(
     let scene = Arc::new(DeviceScene::new(context, geometry)?);
     if let Some((renderdoc, template)) = capture {
         let planner = Planner::new(context, &scene, preparation.clone())?;
+        make_parent(&template)?;
         renderdoc.start(&template)?;
         let mut commands = Recorder::new(context)?;
         planner.record_iteration(&mut commands)?;

@@ -56,7 +56,7 @@ fn surfaces_that_are_none() {
         ("three.obj", &["3 distinct points", "at least 4"]),
         ("line.obj", &["no triangle has an area", "give a surface"]),
         ("cut.glb", &["cut.glb"]),
-        ("notes.txt", &["give a .ply, .obj, .glb"]),
+        ("notes.txt", &["give a .ply, .obj, .stl, .glb"]),
         ("folder", &["no COLMAP model", "give the"]),
         ("missing.ply", &["no such file", "check the path"]),
     ];
@@ -189,13 +189,13 @@ fn counts_beyond_the_device() {
         &[
             (
                 "plan ball.ply --out o --views 4294967295",
-                &["bytes of device memory", "there is room for", "plan fewer views"],
+                &["bytes of device memory", "are available", "plan fewer views"],
             ),
             ("plan ball.ply --out o --views 4294967295 --dry-run", &["bytes of device memory", "plan fewer views"]),
             ("plan ball.ply --out o --views 400000000 --probes 1", &["bytes of device memory", "plan fewer views"]),
             (
                 "plan ball.ply --out o --views 3 --iterations 4294967295",
-                &["`history`", "bytes of device memory", "fewer iterations"],
+                &["\"history\"", "bytes of device memory", "fewer iterations"],
             ),
             ("plan ball.ply --out o --views 3 --pool 4294967295", &["--pool", "at most"]),
             ("plan ball.ply --out o --views 3 --held-out 4294967295", &["--held-out", "at most"]),
@@ -225,7 +225,7 @@ fn cameras_that_are_none() {
     let cases: [(&str, &[&str]); 9] = [
         ("cut.json", &["cut.json: ", "line ", "export the file again"]),
         ("empty.json", &["empty.json: ", "the file is empty"]),
-        ("other.json", &["other.json: ", "neither `frames`", "give one of these"]),
+        ("other.json", &["other.json: ", "neither \"frames\"", "give one of these"]),
         ("none.json", &["none.json: ", "holds no cameras"]),
         ("focal.json", &["focal.json: ", "camera 2", "focal lengths [-700"]),
         ("ball.ply", &["ball.ply: ", "line 1"]),
@@ -252,13 +252,13 @@ fn places_that_cannot_be_written() {
         &[
             (&format!("plan ball.ply --out full {SHORT}"), &["full: ", "not empty", "--force"]),
             (&format!("plan ball.ply --out file {SHORT}"), &["file: ", "a file is already here", "name a folder"]),
-            (&format!("plan ball.ply --out none/o {SHORT}"), &["none/o: ", "none does not exist", "create it first"]),
+            (&format!("plan ball.ply --out file/o {SHORT}"), &["file/o: ", "file is no folder", "name another place"]),
             (&format!("plan ball.ply --out / {SHORT}"), &["/: ", "name of its own"]),
             (&format!("plan ball.ply --out .. {SHORT}"), &["..: ", "name of its own"]),
-            (&plan("ball.ply", "--trace none/t.json"), &["none/t.json: ", "create it first"]),
+            (&plan("ball.ply", "--trace file/a/t.json"), &["file/a/t.json: ", "file is no folder"]),
             (&plan("ball.ply", "--trace full"), &["full: ", "name a file"]),
-            (&plan("ball.ply", "--renderdoc none/c"), &["none/c: ", "create it first"]),
-            ("score ball.ply first --json none/m.json", &["none/m.json: ", "create it first"]),
+            (&plan("ball.ply", "--renderdoc file/c"), &["file/c: ", "file is no folder"]),
+            ("score ball.ply first --json file/m.json", &["file/m.json: ", "file is no folder"]),
             ("score ball.ply first --json full", &["full: ", "name a file"]),
             ("score ball.ply first --held-out 0", &["--held-out is 0"]),
         ],
@@ -284,7 +284,7 @@ fn devices_that_are_not_there() {
         &place,
         &[
             (&plan("ball.ply", "--device abacus"), &["no device \"abacus\"", "0: ", "camsplat devices"]),
-            (&plan("ball.ply", "--device 99"), &["no device `99`", "0: ", "camsplat devices"]),
+            (&plan("ball.ply", "--device 99"), &["no device \"99\"", "0: ", "camsplat devices"]),
         ],
     );
     place.write("none.json", r#"{"file_format_version": "1.0.0"}"#);
@@ -352,7 +352,7 @@ fn images_that_cannot_be_compared() {
                 &["alex.safetensors: ", "\"conv0.weight\" has the shape", "weights of VGG16"],
             ),
             ("metrics a.png a.png --lpips squeeze", &["'squeeze' for '--lpips", "possible values"]),
-            ("metrics a.png a.png --json none/m/m.json", &["m.json: ", "create it first"]),
+            ("metrics a.png a.png --json a.png/m/m.json", &["m.json: ", "a.png is no folder"]),
             ("metrics a.png a.png --device abacus", &["no device \"abacus\"", "camsplat devices"]),
             // The name of an option is not an option where a user gives it.
             ("metrics a.png a.png --device lpips", &["no device \"lpips\""]),

@@ -289,3 +289,14 @@ fn captures_of_other_programs_are_read_by_commands() {
         assert!(found.pose.forward().distance(expected.pose.forward()) < 1e-9);
     }
 }
+
+/// If this failed, an hour of planning would end because a folder was not made beforehand, or a refused command would leave folders.
+#[test]
+fn outputs_make_the_folders_they_lie_in() {
+    let place = Place::new();
+    place.done(&format!("plan ball.ply {SHORT} --out new/deep/plan --trace other/t.json"));
+    assert!(place.path("new/deep/plan/plan.json").is_file() && place.path("other/t.json").is_file());
+    place.done("score ball.ply new/deep/plan --json third/m.json");
+    assert!(place.path("third/m.json").is_file());
+    assert_refused(&place, &[("plan ball.ply --views 0 --out fourth/a/plan", &["--views is 0"])]);
+}

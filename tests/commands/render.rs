@@ -326,7 +326,7 @@ fn bad_input_is_refused_and_nothing_is_written() {
         ("splats.ply large.json --out o", &["the picture", "bytes of device memory", "smaller pictures"]),
         ("splats.ply long.json --out o", &["xxx.png: File name too long"]),
         ("splats.ply cameras.json --out full", &["not empty", "--force"]),
-        ("splats.ply cameras.json --out a/b", &["create it first"]),
+        ("splats.ply cameras.json --out ball.ply/b", &["ball.ply is no folder"]),
         ("splats.ply cameras.json --out o --size 32x16", &["another shape", "take 32x32"]),
         ("splats.ply cameras.json --out o --near 0", &["--near is 0"]),
         ("splats.ply cameras.json --out o --near NaN", &["--near is NaN"]),
