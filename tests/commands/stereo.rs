@@ -407,7 +407,7 @@ fn captures_that_give_no_surface_are_refused() {
         ("proxy set --out p.ply --near 2 --far 1", &["--near 2", "0 < near < far"]),
         ("proxy set --out p.ply --hypotheses 3", &["--hypotheses is 3", "16 to 256"]),
         ("proxy set --out p.ply --use-points", &["no points", "--use-points"]),
-        ("proxy set --out none/p.ply", &["does not exist"]),
+        ("proxy set --out ball.ply/p.ply", &["ball.ply is no folder"]),
         ("proxy nothing --out p.ply", &["nothing"]),
     ];
     for (arguments, fragments) in cases {
