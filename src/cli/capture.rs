@@ -17,7 +17,8 @@ use crate::io::picture::renamed;
 use crate::photograph::assembly::Assembly;
 use crate::photograph::inside::cameras_inside;
 use crate::photograph::job::{self, Outcome};
-use crate::photograph::outputs::{Outputs, Record, named};
+use crate::photograph::metering::metered;
+use crate::photograph::outputs::{Outputs, Record, named, recorded_exposure};
 use crate::photograph::tracer::Tracer;
 use crate::{Error, Result, io};
 
@@ -46,9 +47,10 @@ pub struct Arguments {
     /// Seed of every random number
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Exposure of the 8-bit pictures, in stops: each doubles the light. One for all, so that views agree
-    #[arg(long, default_value_t = 0.0, value_parser = parse_stops, value_name = "STOPS")]
-    exposure: f32,
+    /// Exposure of the 8-bit pictures, in stops: each doubles the light; `auto` meters so that a hundredth of the pixels is brighter
+    /// than white. One for all, so that views agree
+    #[arg(long, value_name = "STOPS", default_value = "0", allow_hyphen_values = true, value_parser = parse_stops)]
+    exposure: Stops,
     /// Background behind the scene
     #[arg(long, value_enum, default_value = "auto")]
     background: Background,
@@ -65,6 +67,13 @@ pub struct Arguments {
     device: DeviceOptions,
 }
 
+/// An exposure in stops, or metered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stops {
+    Auto,
+    At(f32),
+}
+
 /// What is behind the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Background {
@@ -75,6 +84,9 @@ enum Background {
     /// The environment, or black: pictures are opaque
     Env,
 }
+
+/// Percentage of pixels brighter than white from which a line says so.
+const CLIPPED: f64 = 2.0;
 
 /// Photographs and writes.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
@@ -92,12 +104,18 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         Error::Request(what) => Error::input(&arguments.scene, what),
         other => other,
     })?;
-    let record = Record {
+    // A metered capture that was stopped continues as it was metered.
+    let recorded =
+        (arguments.exposure == Stops::Auto && !arguments.force).then(|| recorded_exposure(&arguments.out)).flatten();
+    let mut record = Record {
         version: env!("CARGO_PKG_VERSION").into(),
         scene: assembly.checksum(),
         samples: arguments.spp,
         seed: arguments.seed,
-        exposure: arguments.exposure,
+        exposure: match arguments.exposure {
+            Stops::At(stops) => stops,
+            Stops::Auto => recorded.unwrap_or_default(),
+        },
         show_sky: match arguments.background {
             Background::Auto => cameras.iter().all(|camera| assembly.contains(camera.pose.position)),
             Background::Alpha => false,
@@ -142,6 +160,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let tracer = Tracer::new(&context, assembly, most)?;
 
     stop_on_interrupt()?;
+    if arguments.exposure == Stops::Auto {
+        if recorded.is_none() {
+            record.exposure = metered(&tracer, &record.cameras, record.show_sky, record.seed, go_on)?;
+        }
+        say!("exposure {:+.2} stops, metered", record.exposure);
+    }
     let start = Instant::now();
     let all = record.cameras.len() as u32;
     let progress = Progress::over("photographing", all, "pictures");
@@ -149,7 +173,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         done.map_or_else(go_on, |done| progress.advance(done, all))
     });
     progress.finish();
-    let Outcome { pictures, kept, mended, empty, mut dark, points } = outcome?;
+    let Outcome { pictures, kept, mended, empty, mut dark, brighter, points } = outcome?;
     print_messages(&context);
     if kept > 0 {
         say!("kept     {kept} pictures of an earlier run");
@@ -171,6 +195,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         let what = "are black: no light reaches what they see, or their cameras stand inside of something";
         say!("warning  {} pictures {what}: {}", dark.len(), dark.join(", "));
     }
+    let clipped = 100.0 * brighter[0] as f64 / brighter[1].max(1) as f64;
+    if clipped > CLIPPED {
+        let lower =
+            if arguments.exposure == Stops::Auto { "a lower --exposure keeps" } else { "--exposure auto keeps" };
+        say!("warning  {clipped:.1}% of the pixels are brighter than white and lose their colour; {lower} them");
+    }
     if points == 0 {
         say!(
             "warning  no opaque pixel that was looked at shows the surface: the model has no points, and most trainers \
@@ -182,7 +212,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 }
 
 /// Reads an exposure in stops.
-fn parse_stops(text: &str) -> Result<f32, String> {
+fn parse_stops(text: &str) -> Result<Stops, String> {
+    if text == "auto" {
+        return Ok(Stops::Auto);
+    }
     let stops = text.parse().ok().filter(|stops: &f32| (-20.0..=20.0).contains(stops));
-    stops.ok_or_else(|| "give stops from -20 to 20".into())
+    stops.map(Stops::At).ok_or_else(|| "give stops from -20 to 20, or auto".into())
 }

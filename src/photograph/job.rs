@@ -6,6 +6,7 @@ use std::thread;
 
 use glam::DVec3;
 
+use super::metering;
 use super::outputs::{Found, Outputs, Record};
 use super::tracer::{Exposure, Tracer};
 use crate::io::export;
@@ -33,6 +34,8 @@ pub struct Outcome {
     pub empty: u32,
     /// Cameras whose photographs of this run show something that no light comes from, in any pixel.
     pub dark: Vec<String>,
+    /// Pixels of this run that are brighter than white, and all that show something.
+    pub brighter: [u64; 2],
     /// Points of the surface that were written.
     pub points: usize,
 }
@@ -72,6 +75,8 @@ pub fn run(
                 if !is_empty && taken.pixels.iter().all(|pixel| pixel[..3] == [0.0; 3]) {
                     outcome.dark.push(camera.name.clone());
                 }
+                let brighter = metering::brighter(&taken, record.exposure, !record.show_sky);
+                outcome.brighter = [0, 1].map(|i| outcome.brighter[i] + brighter[i]);
                 joined(writing.take())?;
                 writing = Some(scope.spawn(move || outputs.picture(record, camera, &taken, hits.as_ref())));
                 outcome.pictures += 1;

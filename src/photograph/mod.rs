@@ -1,7 +1,7 @@
 //! Photographs of a scene of triangles with materials and lights, by path tracing on the hierarchy that occlusion uses.
 //!
 //! [`assembly`] lays a model out for the device, [`lights`] decides where lights are sampled, [`albedo`] has the tables that
-//! keep lobes from losing light, [`tracer`] takes the photographs, [`job`] makes a whole capture of them.
+//! keep lobes from losing light, [`tracer`] takes the photographs, `metering` exposes them, [`job`] makes a whole capture of them.
 //! `docs/reference/capture.md` lists what is modelled.
 
 pub mod albedo;
@@ -10,5 +10,6 @@ pub(crate) mod inside;
 pub mod job;
 pub(crate) mod layout;
 pub(crate) mod lights;
+pub(crate) mod metering;
 pub mod outputs;
 pub mod tracer;

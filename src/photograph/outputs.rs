@@ -51,6 +51,12 @@ const FOLDERS: [&str; 6] = ["images", "masks", "depth", "normals", "linear", "sp
 /// Bytes of a file's name before `.png.png`, which masks have.
 const LONGEST_NAME: usize = 255 - 8;
 
+/// The exposure of the capture that a folder holds, where it holds one.
+pub(crate) fn recorded_exposure(folder: &Path) -> Option<f32> {
+    let record: Record = serde_json::from_slice(&fs::read(folder.join(RECORD)).ok()?).ok()?;
+    Some(record.exposure)
+}
+
 /// Cameras under the names of their photographs, which are PNG files.
 ///
 /// # Errors

@@ -164,7 +164,7 @@ fn heading(record: &TrainRecord) -> String {
     );
     let (class, notice) = match record.status {
         Status::Complete => {
-            if let Some(line) = record.diverged_line() {
+            for line in [record.diverged_line(), record.short_line()].into_iter().flatten() {
                 let _ = writeln!(html, "<p class=\"notice\" role=\"status\">Warning: {}.</p>", escape(&line));
             }
             return html;

@@ -217,6 +217,34 @@ fn background_exposure_and_size_are_what_they_say() {
     place.done("capture cube.gltf cameras.json --out o --env sky.hdr --spp 4 --background alpha --force");
 }
 
+/// If this failed, photographs under a bright sky would be white without a word, or metering would give every view another exposure.
+#[test]
+fn a_bright_sky_is_metered_or_warned_of() {
+    let place = place(3, 16);
+    let run = |options: &str| {
+        place
+            .done(&format!(
+                "capture cube.gltf cameras.json --out o --force --env sky.hdr --spp 4 --background env {options}"
+            ))
+            .out
+    };
+    let bright = run("--exposure 3");
+    assert!(bright.contains("of the pixels are brighter than white") && bright.contains("--exposure auto"), "{bright}");
+    let metered = run("--exposure auto");
+    assert!(!metered.contains("brighter than white") && metered.contains("stops, metered"), "{metered}");
+    // The sky, of radiance 1, is the brightest thing there is: it is as bright as a third of a stop allows.
+    let brightest = |name: &str| {
+        let image = image::open(place.path(&format!("o/images/{name}"))).unwrap().into_rgb8();
+        image.as_raw().iter().copied().max().unwrap()
+    };
+    let levels = ["view 0.png", "view 1.png", "view 2.png"].map(brightest);
+    assert!(levels.iter().all(|level| *level >= 228), "{levels:?}");
+    // What was stopped continues with the same exposure.
+    std::fs::remove_file(place.path("o/images/view 1.png")).unwrap();
+    let again = "capture cube.gltf cameras.json --out o --env sky.hdr --spp 4 --background env --exposure auto";
+    assert!(place.done(again).out.contains("kept     2 pictures"));
+}
+
 /// If this failed, a capture with a damaged picture or a lost mask would count as complete, or would have to be made anew as a
 /// whole.
 #[test]

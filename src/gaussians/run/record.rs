@@ -157,6 +157,9 @@ const MIN_JUDGED: u32 = 1000;
 /// Least drop in decibels by which training counts as diverged.
 pub(crate) const DIVERGED_DB: f64 = 1.0;
 
+/// Rise in decibels in the last fifth of a training from which it counts as too short.
+const RISING_DB: f64 = 0.3;
+
 impl TrainRecord {
     /// Mean PSNR of the training pictures in decibels, in the best fifth of the run and in the last, where the last is worse by
     /// more than [`DIVERGED_DB`]: with MCMC most likely because of relocation (docs/reference/training.md, What can go wrong). None of
@@ -165,6 +168,14 @@ impl TrainRecord {
     pub fn diverged(&self) -> Option<[f64; 2]> {
         let judged = self.status == Status::Complete && self.config.iterations >= MIN_JUDGED;
         judged.then(|| fallen(&self.curve)).flatten()
+    }
+
+    /// What to do where a complete training was too short to show what its photos can: its pictures still improved when it ended.
+    pub fn short_line(&self) -> Option<String> {
+        let rise = rising(&self.curve).filter(|_| self.status == Status::Complete)?;
+        Some(format!(
+            "training was too short: PSNR on the training photos still rose by {rise:.1} dB in its last fifth; train for more iterations"
+        ))
     }
 
     /// [`Self::diverged`] in a sentence.
@@ -177,16 +188,28 @@ impl TrainRecord {
     }
 }
 
+/// By how much the last fifth of a training is better than the one before it, where that is more than [`RISING_DB`].
+fn rising(curve: &[CurvePoint]) -> Option<f64> {
+    let means = fifths(curve);
+    let [.., before, last] = means[..] else { return None };
+    Some(last - before).filter(|rise| rise.is_finite() && *rise > RISING_DB)
+}
+
 /// The mean of those that are finite; infinite where none is.
 pub(super) fn finite_mean(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.filter(|value| value.is_finite()).fold((0.0, 0.0), |(s, n), value| (s + value, n + 1.0));
     if count > 0.0 { sum / count } else { f64::INFINITY }
 }
 
+/// Means of the finite PSNR of the fifths of a training.
+fn fifths(curve: &[CurvePoint]) -> Vec<f64> {
+    let fifths = curve.chunks(curve.len().div_ceil(5).max(1));
+    fifths.map(|part| finite_mean(part.iter().map(|point| point.psnr))).collect()
+}
+
 /// PSNR in the best and in the last fifth of a training, where the last is worse by more than [`DIVERGED_DB`].
 fn fallen(curve: &[CurvePoint]) -> Option<[f64; 2]> {
-    let fifths = curve.chunks(curve.len().div_ceil(5).max(1));
-    let means: Vec<f64> = fifths.map(|part| finite_mean(part.iter().map(|point| point.psnr))).collect();
+    let means = fifths(curve);
     let best = means.iter().copied().filter(|mean| mean.is_finite()).fold(f64::NEG_INFINITY, f64::max);
     let last = *means.last()?;
     (best - last > DIVERGED_DB).then_some([best, last])
@@ -212,6 +235,11 @@ mod tests {
         assert!((best - 20.12).abs() < 0.01 && (last - 15.84).abs() < 0.01, "{best} and {last}");
         assert_eq!(fallen(&training(&[15.0, 20.0, 9.0, 21.0, 22.0])), None);
         assert_eq!(fallen(&[]), None);
+        // Of 300 iterations, and of 30,000.
+        let short = [10.1, 11.0, 12.4, 13.1, 14.0, 14.6, 15.2, 15.6, 16.1, 16.4];
+        assert!(rising(&training(&short)).is_some_and(|rise| (rise - 0.85).abs() < 1e-9));
+        assert_eq!(rising(&training(&[20.0, 25.0, 27.0, 28.0, 28.1])), None);
+        assert_eq!(rising(&training(&[20.0])), None);
         // Dark photos that are rendered exactly.
         let endless = f64::INFINITY;
         assert_eq!(fallen(&training(&[endless, 20.0, 20.5, 21.0, 21.0])), None);
