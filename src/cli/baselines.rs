@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::options::{ModelOptions, method_parser, print_messages};
 use super::outcome::print_plan;
+use super::plan::Order;
 use super::progress::stop_on_interrupt;
 use crate::baselines::job;
 use crate::baselines::request::Request;
@@ -99,9 +100,11 @@ pub fn run(
     (request, model): &(Request, Option<Model>),
     target: &Target,
     (intrinsics, kept): (Intrinsics, &[Camera]),
+    order: Order,
     folder: OutputFolder,
 ) -> Result<ExitCode> {
-    let plan = job::run(context, target, intrinsics, kept, request, model.as_ref())?;
+    let mut plan = job::run(context, target, intrinsics, kept, request, model.as_ref())?;
+    order.apply(&mut plan);
     print_messages(context);
     // From here on the first Ctrl-C is not heard, so that no half of a folder is left.
     stop_on_interrupt()?;

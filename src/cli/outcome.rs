@@ -22,6 +22,9 @@ pub fn print_plan(plan: &Plan) {
         say!("note     {part:.0}% of the free space is not connected with the rest, and no camera is placed there");
     }
     say!("plan     {} views, {} kept, {how}", record.cameras.len() - record.kept, record.kept);
+    if let Some(tour) = &record.tour {
+        say!("tour     {}", tour.line());
+    }
     let mut rows = vec![("plan", &record.metrics)];
     rows.extend(record.baselines.iter().map(|baseline| (baseline.name.as_str(), &baseline.metrics)));
     say!("{}", table(&rows).trim_end());

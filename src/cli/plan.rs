@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::baselines::{self, BaselineOptions};
 use super::options::{CameraOptions, DeviceOptions, RegionOptions, ViewerOptions, print_messages, read_surface};
@@ -16,7 +16,7 @@ use crate::io;
 use crate::io::folder::{OutputFolder, check_file, write_files};
 use crate::io::overwrite_guard::{check_output_file, check_output_folder};
 use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Preset, Start};
-use crate::plan::job::{self, Tools};
+use crate::plan::job::{self, Plan, Tools};
 use crate::plan::preparation::Preparation;
 use crate::plan::target::Target;
 use crate::plan::{curve, footprint};
@@ -60,6 +60,10 @@ pub struct Arguments {
     /// Existing cameras (COLMAP or NSVF folder, transforms.json, plan.json or .log): they count and are never moved
     #[arg(long)]
     keep: Option<PathBuf>,
+    /// Order of the planned cameras: a short tour that keeps the clearance, or as the method leaves them [default: tour; with --iterative
+    /// none, each camera after those that it was planned beside]
+    #[arg(long, value_enum)]
+    order: Option<Order>,
     #[command(flatten)]
     device: DeviceOptions,
     /// Print the device memory that the plan takes, and stop
@@ -79,6 +83,24 @@ pub struct Arguments {
     baselines: BaselineOptions,
     #[command(flatten)]
     tuning: Tuning,
+}
+
+/// In which order planned cameras are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Order {
+    /// A short tour that keeps the clearance.
+    Tour,
+    /// As the method leaves them.
+    None,
+}
+
+impl Order {
+    /// Puts the planned cameras into this order.
+    pub fn apply(self, plan: &mut Plan) {
+        if self == Self::Tour {
+            plan.sort_for_a_tour();
+        }
+    }
 }
 
 /// The optimisation and its ablations. What is left out is the preset's default.
@@ -250,6 +272,7 @@ impl Tuning {
 /// Plans, writes the folder and prints what came out.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let views = arguments.views.unwrap_or(1);
+    let order = arguments.order.unwrap_or(if arguments.tuning.iterative { Order::None } else { Order::Tour });
     arguments.tuning.check(arguments.baselines.method.objective())?;
     let config = arguments.tuning.config(arguments.region.preset(), views, arguments.baselines.method.objective());
     let config = Config { viewers: arguments.viewers.viewers()?, ..config };
@@ -320,7 +343,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         return draw_curve(&context, &target, (intrinsics, &kept), &config, folder);
     }
     if let Some(request) = &baseline {
-        return baselines::run(&context, request, &target, (intrinsics, &kept), folder);
+        return baselines::run(&context, request, &target, (intrinsics, &kept), order, folder);
     }
 
     stop_on_interrupt()?;
@@ -329,7 +352,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let tools = Tools { profile: profile.as_mut(), capture: renderdoc.as_ref().zip(arguments.renderdoc.clone()) };
     let plan = job::run(&context, &target, intrinsics, &kept, config, tools, |event| progress.observe(event));
     progress.finish();
-    let plan = plan?;
+    let mut plan = plan?;
+    order.apply(&mut plan);
     print_messages(&context);
     let path = folder.path().to_owned();
     report::folder::write(&plan, &target, folder)?;

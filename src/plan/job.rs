@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 use super::config::{Config, Objective, Preset};
 use super::planner::Planner;
 use super::preparation::Preparation;
-use super::record::{BaselineRecord, CheckpointRecord, Expected, PlanRecord, Status};
+use super::record::{BaselineRecord, CheckpointRecord, Expected, PlanRecord, Status, TourRecord};
 use super::reference::{Outlook, Reference};
 use super::run::Outcome;
 use super::starts::even_layout;
@@ -23,6 +23,7 @@ use crate::quality::map::ErrorMap;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::layouts;
 use crate::scene::proxy::SurfacePoint;
+use crate::scene::tour::Tour;
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::vulkan::capture::RenderDoc;
 use crate::vulkan::profile::Profile;
@@ -244,6 +245,7 @@ pub fn conclude(
         metrics: aggregate(&scores),
         expected: Some(expected),
         began_from: None,
+        tour: None,
         baselines,
         seconds: outcome.seconds,
     };
@@ -370,6 +372,23 @@ fn voronoi_by_score(points: &[SurfacePoint], scores: &[PointMetrics]) -> [Option
 }
 
 impl Plan {
+    /// Puts the planned cameras in the order of a short tour that keeps the clearance, and names them by it.
+    pub fn sort_for_a_tour(&mut self) {
+        let PlanRecord { cameras, kept, .. } = &mut self.record;
+        let planned = cameras.len() - *kept;
+        let map = self.geometry.to_internal;
+        let places: Vec<DVec3> = cameras[..planned].iter().map(|camera| map.point(camera.pose.position)).collect();
+        let tour = Tour::new(&self.geometry.free, &places);
+        let poses: Vec<Pose> = tour.order.iter().map(|i| cameras[*i].pose).collect();
+        cameras.iter_mut().zip(poses).for_each(|(camera, pose)| camera.pose = pose);
+        let back = map.inverse();
+        self.record.tour = Some(TourRecord {
+            length: back.length(tour.length()),
+            path: tour.path.iter().map(|corner| back.point(*corner)).collect(),
+            blocked: tour.blocked,
+        });
+    }
+
     /// Whether the user stopped the run.
     pub fn interrupted(&self) -> bool {
         self.record.status == Status::Interrupted

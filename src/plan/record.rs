@@ -90,6 +90,33 @@ impl Expected {
     }
 }
 
+/// The way along the planned cameras in their order.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TourRecord {
+    /// Length of the way.
+    pub length: f64,
+    /// Corners of the way: every planned camera, and what lies between where there is something to go around.
+    pub path: Vec<DVec3>,
+    /// Legs for which no way was found that keeps the clearance; they are straight.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub blocked: usize,
+}
+
+impl TourRecord {
+    /// In words, on one line.
+    pub fn line(&self) -> String {
+        let blocked = match self.blocked {
+            0 => String::new(),
+            legs => format!("; {legs} of its legs lead through the surface or a limit"),
+        };
+        format!("{:.3} long from the first camera to the last{blocked}", self.length)
+    }
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
+}
+
 /// A baseline: another way to place the same number of cameras, scored on the same points.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BaselineRecord {
@@ -138,6 +165,9 @@ pub struct PlanRecord {
     /// The layout that the plan began from, and where the plan is that layout itself, since nothing better was found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub began_from: Option<String>,
+    /// The way from the first planned camera to the last, where they are in the order of a tour.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tour: Option<TourRecord>,
     /// Baselines on the same points.
     #[serde(alias = "controls")]
     pub baselines: Vec<BaselineRecord>,

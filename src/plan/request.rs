@@ -174,7 +174,9 @@ impl PlanRequest<'_> {
             Event::Iterations(done, all) => observe(done, all),
             Event::Captured(_) | Event::Scoring => ControlFlow::Continue(()),
         };
-        job::run(context, &target, lens, &kept, config, Tools::default(), observe)
+        let mut plan = job::run(context, &target, lens, &kept, config, Tools::default(), observe)?;
+        plan.sort_for_a_tour();
+        Ok(plan)
     }
 }
 

@@ -29,6 +29,8 @@ struct Data<'a> {
     /// Bounds of the bulk of the surface.
     bulk: [DVec3; 2],
     cameras: Vec<CameraData<'a>>,
+    /// Corners of the way along the cameras; empty where they are in no order.
+    tour: Vec<DVec3>,
     points: PointData,
     triangles: Option<TriangleData>,
 }
@@ -150,6 +152,7 @@ pub fn json(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<
         region: shape,
         bulk: [bulk.0 - origin, bulk.1 - origin],
         cameras: record.cameras.iter().enumerate().map(|(i, c)| camera(c, origin, i >= planned)).collect(),
+        tour: record.tour.iter().flat_map(|tour| &tour.path).map(|corner| *corner - origin).collect(),
         triangles: scene.triangles.and_then(|triangles| triangle_data(&triangles, &points, origin)),
         points: point_data(&points, origin),
     };

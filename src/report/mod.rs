@@ -108,6 +108,7 @@ fn html_of(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<S
         "charts" => include_str!("charts.js").into(),
         "plan" => include_str!("plan.js").into(),
         "vectors" => include_str!("vectors.js").into(),
+        "webgl" => include_str!("webgl.js").into(),
         "scene3d" => include_str!("scene3d.js").into(),
         "data" => data.as_str().into(),
         "worst" => worst.as_str().into(),

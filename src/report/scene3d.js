@@ -2,128 +2,13 @@
 
 const NO_CAMERA = "Choose a camera here or click one to see where it stands.";
 const FIELD_OF_VIEW = (40 * Math.PI) / 180;
-
-// What lies between the eye and the bulk of the surface is left out, so that a room shows its inside from any side,
-// whichever way its triangles are wound; a cut along the up axis does the same under user control.
-const VISIBLE = `
-uniform vec3 eye, up, low, high;
-uniform float cut, open;
-bool hidden(vec3 p) {
-  bvec3 before = bvec3(uvec3(lessThan(p, low)) & uvec3(lessThan(eye, low)));
-  bvec3 behind = bvec3(uvec3(greaterThan(p, high)) & uvec3(greaterThan(eye, high)));
-  return dot(p, up) > cut || (open > 0.5 && (any(before) || any(behind)));
-}`;
-
-const TRIANGLE_SHADERS = [`
-uniform mat4 clipFromWorld;
-uniform vec3 origin, extent;
-layout(location = 0) in vec3 position;
-layout(location = 1) in vec3 colour;
-out vec3 world, tint;
-void main() {
-  world = origin + extent * position;
-  tint = colour;
-  gl_Position = clipFromWorld * vec4(world, 1.0);
-}`, `${VISIBLE}
-in vec3 world, tint;
-out vec4 pixel;
-void main() {
-  if (hidden(world)) discard;
-  // The normal of the flat triangle, turned to the eye: a lamp on the viewer's head and some light from above.
-  vec3 toEye = normalize(eye - world);
-  vec3 normal = normalize(cross(dFdx(world), dFdy(world)));
-  if (dot(normal, toEye) < 0.0) normal = -normal;
-  pixel = vec4(tint * (0.6 + 0.32 * dot(normal, toEye) + 0.08 * dot(normal, up)), 1.0);
-}`];
-
-const POINT_SHADERS = [`
-uniform mat4 clipFromWorld;
-uniform float diameter;${VISIBLE}
-layout(location = 0) in vec3 position;
-layout(location = 1) in vec3 colour;
-out vec3 tint;
-void main() {
-  tint = colour;
-  gl_Position = hidden(position) ? vec4(2.0, 2.0, 2.0, 1.0) : clipFromWorld * vec4(position, 1.0);
-  gl_PointSize = clamp(diameter / gl_Position.w, 2.0, 48.0);
-}`, `
-in vec3 tint;
-out vec4 pixel;
-void main() {
-  vec2 p = 2.0 * gl_PointCoord - 1.0;
-  if (dot(p, p) > 1.0) discard;
-  pixel = vec4(tint * (1.0 - 0.15 * dot(p, p)), 1.0);
-}`];
-
-// A line is a thin rectangle that faces the screen, since WebGL draws lines of one pixel only.
-const LINE_SHADERS = [`
-uniform mat4 clipFromWorld;
-uniform vec2 pixels;
-uniform float width, near;
-layout(location = 0) in vec3 from;
-layout(location = 1) in vec3 to;
-layout(location = 2) in vec4 colour;
-out vec4 tint;
-void main() {
-  tint = colour;
-  vec4 a = clipFromWorld * vec4(from, 1.0), b = clipFromWorld * vec4(to, 1.0);
-  if (a.w < near && b.w < near) { gl_Position = vec4(2.0, 2.0, 2.0, 1.0); return; }
-  if (a.w < near) a = mix(a, b, (near - a.w) / (b.w - a.w));
-  if (b.w < near) b = mix(b, a, (near - b.w) / (a.w - b.w));
-  vec2 along = (b.xy / b.w - a.xy / a.w) * pixels;
-  along = length(along) > 0.0 ? normalize(along) : vec2(1.0, 0.0);
-  vec4 at = gl_VertexID < 2 ? a : b;
-  float side = (gl_VertexID & 1) == 0 ? 1.0 : -1.0;
-  at.xy += side * width * vec2(-along.y, along.x) / pixels * at.w;
-  gl_Position = at;
-}`, `
-in vec4 tint;
-out vec4 pixel;
-void main() { pixel = tint; }`];
-
-function program(gl, [vertex, fragment]) {
-  const linked = gl.createProgram();
-  for (const [type, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
-    const shader = gl.createShader(type);
-    gl.shaderSource(shader, `#version 300 es\nprecision highp float;\n${source}`);
-    gl.compileShader(shader);
-    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(`shader: ${gl.getShaderInfoLog(shader)}`);
-    gl.attachShader(linked, shader);
-  }
-  gl.linkProgram(linked);
-  if (!gl.getProgramParameter(linked, gl.LINK_STATUS)) throw new Error(`shader: ${gl.getProgramInfoLog(linked)}`);
-  const places = {};
-  const set = (name, kind, ...value) => gl[`uniform${kind}`]((places[name] ??= gl.getUniformLocation(linked, name)), ...value);
-  return { use: () => gl.useProgram(linked), set };
-}
-
-/** A vertex array of buffers: each attribute has data, components, and how many instances share a value. */
-function vertexArray(gl, attributes) {
-  const array = gl.createVertexArray();
-  gl.bindVertexArray(array);
-  const types = new Map([[Float32Array, gl.FLOAT], [Uint16Array, gl.UNSIGNED_SHORT], [Uint8Array, gl.UNSIGNED_BYTE]]);
-  const buffers = attributes.map(({ data, size, divisor = 0 }, index) => {
-    const buffer = gl.createBuffer();
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-    gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW);
-    gl.enableVertexAttribArray(index);
-    gl.vertexAttribPointer(index, size, types.get(data.constructor), true, 0, 0);
-    gl.vertexAttribDivisor(index, divisor);
-    return buffer;
-  });
-  return {
-    bind: () => gl.bindVertexArray(array),
-    update: (index, data) => {
-      gl.bindBuffer(gl.ARRAY_BUFFER, buffers[index]);
-      gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW);
-    },
-  };
-}
+// Cameras up to which their numbers are shown at first.
+const FEW = 120;
 
 function drawScene(plan) {
   const root = document.getElementById("scene");
   const stage = root.querySelector(".stage"), canvas = root.querySelector("canvas"), form = root.querySelector("form");
-  const [tip, outline, box] = [".tip", ".frame", ".legend"].map((name) => stage.querySelector(name));
+  const [tip, outline, box, overlay] = [".tip", ".frame", ".legend", ".overlay"].map((name) => stage.querySelector(name));
   // The buffer is kept so that the picture is there when the page is printed.
   const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
   const unavailable = (text) => {
@@ -134,7 +19,7 @@ function drawScene(plan) {
   if (!gl) return unavailable("The 3D view needs WebGL 2, which this browser does not offer. All else on this page works without it.");
   canvas.addEventListener("webglcontextlost", () => unavailable("The browser dropped the 3D view; reload the page to get it back."));
 
-  const { origin, region, cameras, up, bulk, words: [planned, kept] } = plan;
+  const { origin, region, cameras, up, bulk, tour, words: [planned, kept] } = plan;
   const points = {
     count: plan.points.count,
     positions: unpack(plan.points.positions, Float32Array),
@@ -157,7 +42,7 @@ function drawScene(plan) {
   const bulkSize = length(sub(bulk[1], bulk[0]));
   const radius = room ? 0.5 * Math.max(bulkSize, length(sub(region.max, region.min))) : region.r_max;
   const [east, north] = horizontal(up);
-  const regionOutline = regionLines(region, up);
+  const regionOutline = regionLines(region, up), floorGrid = floorLines(region, up);
   const corners = [...Array(8).keys()].map((i) => [0, 1, 2].map((k) => bulk[(i >> k) & 1][k]));
   const extremes = [...corners, ...regionOutline.flat(), ...cameras.map((c) => c.position)];
   /** A view from above and aside, as near as it can be with everything in the picture. */
@@ -227,6 +112,7 @@ function drawScene(plan) {
       if (cameras.some((c) => !c.kept)) swatches.push([planned, styleColour("--camera")]);
       if (cameras.some((c) => c.kept)) swatches.push([kept, styleColour("--kept")]);
     }
+    if (form.tour.checked && tour.length > 1) swatches.push(["tour", styleColour("--tour")]);
     const keys = html("div", "keys", "", box);
     for (const [text, colour] of swatches) {
       const key = html("span", "", "", keys);
@@ -244,7 +130,11 @@ function drawScene(plan) {
         colours.push(...colour, alpha);
       }
     };
-    if (form.region.checked) push(regionOutline, styleColour("--region"), 150);
+    if (form.region.checked) {
+      push(floorGrid, styleColour("--region"), 70);
+      push(regionOutline, styleColour("--region"), 150);
+    }
+    if (form.tour.checked) push(tour.slice(1).map((to, i) => [tour[i], to]), styleColour("--tour"), 230);
     if (form.cameras.checked) {
       const [own, other, marked] = ["--camera", "--kept", "--chosen"].map(styleColour);
       cameras.forEach((camera, i) => {
@@ -318,6 +208,7 @@ function drawScene(plan) {
 
     // Through a camera one sees what its photo would show: the surface alone.
     if (through === null) drawLines(view, width, height, ratio);
+    drawOverlay(view, width, height, ratio);
 
     outline.hidden = !view.part;
     if (view.part) {
@@ -339,6 +230,29 @@ function drawScene(plan) {
     gl.disable(gl.BLEND);
   }
 
+  /** The cameras' numbers, and an arrow that shows where up is. */
+  function drawOverlay(view, width, height, ratio) {
+    [overlay.width, overlay.height] = [width, height];
+    const pen = overlay.getContext("2d");
+    pen.scale(ratio, ratio);
+    if (through !== null) return;
+    const css = (name) => `rgb(${styleColour(name)})`;
+    if (form.cameras.checked && form.numbers.checked) {
+      pen.font = "600 11px system-ui, sans-serif";
+      pen.textAlign = "center";
+      pen.lineWidth = 3;
+      pen.strokeStyle = css("--stage");
+      cameras.forEach((camera, i) => {
+        const at = camera.kept ? null : onCanvas(view.clip, camera.position);
+        if (!at) return;
+        pen.fillStyle = css(i === chosen || i === hovered ? "--chosen" : "--ink");
+        pen.strokeText(shortName(camera.name), at[0], at[1] - 6);
+        pen.fillText(shortName(camera.name), at[0], at[1] - 6);
+      });
+    }
+    drawUp(pen, css("--region"), [dot(up, view.axes[0]), dot(up, view.axes[1])], [width / ratio - 34, height / ratio - 30]);
+  }
+
   let pending = false;
   function redraw() {
     if (pending) return;
@@ -348,6 +262,12 @@ function drawScene(plan) {
 
   /* ---- cameras under the pointer ---- */
 
+  /** Where a point is on the canvas, in CSS pixels; none behind the eye. */
+  function onCanvas(clip, p) {
+    const [x, y, , w] = [0, 1, 2, 3].map((r) => clip[r] * p[0] + clip[4 + r] * p[1] + clip[8 + r] * p[2] + clip[12 + r]);
+    return w > 0 ? [(0.5 + (0.5 * x) / w) * canvas.clientWidth, (0.5 - (0.5 * y) / w) * canvas.clientHeight] : null;
+  }
+
   /** Index of the camera drawn nearest to a place on the canvas, within a finger's breadth. */
   function pick(x, y, within) {
     if (!form.cameras.checked || through !== null) return null;
@@ -355,9 +275,9 @@ function drawScene(plan) {
     let best = null, nearest = within;
     cameras.forEach((camera, i) => {
       const p = add(camera.position, scale(camera.axes[2], 0.5 * cameraDepth()));
-      const [cx, cy, , cw] = [0, 1, 2, 3].map((r) => clip[r] * p[0] + clip[4 + r] * p[1] + clip[8 + r] * p[2] + clip[12 + r]);
-      if (cw <= 0) return;
-      const away = Math.hypot((0.5 + (0.5 * cx) / cw) * canvas.clientWidth - x, (0.5 - (0.5 * cy) / cw) * canvas.clientHeight - y);
+      const at = onCanvas(clip, p);
+      if (!at) return;
+      const away = Math.hypot(at[0] - x, at[1] - y);
       if (away < nearest) [best, nearest] = [i, away];
     });
     return best;
@@ -477,8 +397,8 @@ function drawScene(plan) {
   form.elements.namedItem("reset").addEventListener("click", () => move(home));
   form.addEventListener("submit", (event) => event.preventDefault());
   form.addEventListener("input", (event) => {
-    if (["colour", "cameras"].includes(event.target.name)) recolour();
-    if (["cameras", "region", "size"].includes(event.target.name)) rebuildLines();
+    if (["colour", "cameras", "tour"].includes(event.target.name)) recolour();
+    if (["cameras", "region", "size", "tour"].includes(event.target.name)) rebuildLines();
     showCut();
     redraw();
   });
@@ -488,6 +408,8 @@ function drawScene(plan) {
   }
 
   form.open.checked = room;
+  form.numbers.checked = cameras.length <= FEW;
+  form.tour.closest("label").hidden = tour.length < 2;
   document.getElementById("surface-choice").hidden = !mesh;
   home();
   choose(null);

@@ -142,6 +142,7 @@ fn summary(record: &PlanRecord, kind: Kind<'_>) -> String {
         ("Region", region(record)),
     ];
     rows.extend(record.began_from.iter().map(|layout| ("Began from", layout.clone())));
+    rows.extend(record.tour.iter().map(|tour| ("Tour", tour.line())));
     if let Some(first) = record.cameras.first() {
         let same = record.cameras.iter().all(|c| c.intrinsics == first.intrinsics);
         let [x, y] = first.intrinsics.fov().map(f64::to_degrees);

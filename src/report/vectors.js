@@ -151,3 +151,42 @@ function regionLines(region, up) {
   }
   return lines.concat(floor);
 }
+
+/** A grid on the floor, as wide as the region. */
+function floorLines(region, up) {
+  if (region.floor === null) return [];
+  const [east, north] = horizontal(up), shell = region.kind === "shell";
+  const middle = shell ? region.centre : scale(add(region.min, region.max), 0.5);
+  const half = shell ? region.r_max : 0.5 * length(sub(region.max, region.min));
+  const at = (x, y) => add(add(middle, scale(up, region.floor - dot(middle, up))), add(scale(east, x * half), scale(north, y * half)));
+  const steps = [...Array(11).keys()].map((i) => i / 5 - 1);
+  return steps.flatMap((t) => [[at(t, -1), at(t, 1)], [at(-1, t), at(1, t)]]);
+}
+
+/** What a camera is called in the picture: its number, or its name where that is short. */
+function shortName(name) {
+  const stem = name.replace(/^.*\//, "").replace(/\.[A-Za-z]+$/, "");
+  return /^\d+$/.test(stem) ? String(Number(stem)) : stem.length <= 8 ? stem : "";
+}
+
+/** An arrow from `at` along the up direction, whose part across the view is `along` (right, down). */
+function drawUp(pen, colour, [x, y], at) {
+  const size = 24, tip = [at[0] + size * x, at[1] + size * y], across = Math.hypot(x, y);
+  pen.strokeStyle = pen.fillStyle = colour;
+  pen.lineWidth = 2;
+  pen.beginPath();
+  pen.moveTo(...at);
+  pen.lineTo(...tip);
+  pen.stroke();
+  if (across > 0.2) {
+    const [u, v] = [x / across, y / across];
+    pen.beginPath();
+    pen.moveTo(tip[0] + 6 * u, tip[1] + 6 * v);
+    pen.lineTo(tip[0] - 4 * v, tip[1] + 4 * u);
+    pen.lineTo(tip[0] + 4 * v, tip[1] - 4 * u);
+    pen.fill();
+  }
+  pen.font = "12px system-ui, sans-serif";
+  pen.textAlign = "center";
+  pen.fillText("up", at[0], at[1] + 16);
+}

@@ -213,6 +213,29 @@ impl FreeSpace {
         Air::new(self.grid, self.free.iter().map(|i| *i as usize), open)
     }
 
+    /// For every voxel, whether a camera may pass it on its way: as far from the surface as the clearance, not barred, and neither below
+    /// the floor nor wholly beyond the heights. The shape of the region does not count, which is where photos are taken.
+    pub(super) fn passable(&self) -> Vec<bool> {
+        let surface = nearest_sites(self.grid.dims, |i| self.touched[i]);
+        let clearance = self.region.clearance / self.grid.cell;
+        let ([low, high], half) = (self.height_range(), 0.5 * self.grid.cell);
+        let passable = |(i, site): (usize, &u32)| {
+            let voxel = self.grid.coordinates(i);
+            let height = self.grid.centre(voxel).z;
+            let far = *site == u32::MAX || offset(voxel, self.grid.coordinates(*site as usize)).length() >= clearance;
+            let barred = self.barred.get(i).is_some_and(|barred| *barred);
+            self.nearest[i] as usize == i
+                || (far && !self.touched[i] && !barred && height + half > low && height - half < high)
+        };
+        surface.iter().enumerate().map(passable).collect()
+    }
+
+    /// Least and greatest height that floor and limits allow.
+    pub(super) fn height_range(&self) -> [f64; 2] {
+        let [low, high] = self.heights.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        [self.region.floor.map_or(low, |floor| low.max(floor)), high]
+    }
+
     /// Whether limits bar the voxel that `p` lies in; never outside of the grid.
     pub fn is_barred(&self, p: DVec3) -> bool {
         self.grid.holds(p) && self.barred.get(self.grid.index(self.grid.voxel(p))).is_some_and(|barred| *barred)

@@ -17,6 +17,7 @@ mod real_captures;
 mod render;
 mod select_command;
 mod stereo;
+mod tour;
 mod train_command;
 mod train_refusals;
 mod train_stops;
