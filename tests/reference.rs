@@ -106,8 +106,10 @@ fn every_link_between_pages_leads_somewhere() {
 #[test]
 fn the_readme_stays_short_and_lines_stay_narrow() {
     let words = |name: &str| fs::read_to_string(root().join(name)).unwrap().split_whitespace().count();
-    assert!(words("README.md") <= 900, "README.md has {} words", words("README.md"));
-    assert!(words("ARCHITECTURE.md") <= 3000, "ARCHITECTURE.md has {} words", words("ARCHITECTURE.md"));
+    for (page, most) in [("README.md", 900), ("ARCHITECTURE.md", 3000)] {
+        let words = words(page);
+        assert!(words <= most, "{page} has {words} words of {most} at most; move what few readers need to docs");
+    }
     for page in pages().iter().filter(|page| !page.starts_with(root().join("docs/results"))) {
         for (number, line) in (1..).zip(fs::read_to_string(page).unwrap().lines()) {
             assert!(line.chars().count() <= 140, "{}:{number} has {} characters", page.display(), line.chars().count());
@@ -163,65 +165,88 @@ fn guides_and_help_use_the_words_of_the_field() {
     }
 }
 
-/// Stages whose twin in plain Rust has another name: how their names begin, the twin's file, and its name there.
-const TWINS: [(&str, &str, &str); 24] = [
-    ("bin_", "src/plan/dense.rs", "fn dense("),
-    ("check_depth", "src/stereo/consistency.rs", "fn check("),
-    ("copy_words", "tests/engine/primitives_copy.rs", "fn whole_vectors_are_copied_and_nothing_behind_them"),
-    ("cover_weigh", "tests/engine/gaussian_fisher.rs", "fn what_is_not_covered_agrees_with_the_definition"),
-    ("density_", "tests/engine/training.rs", "fn a_small_scene_is_learnt"),
-    ("first_hit", "tests/engine/photograph.rs", "fn the_middle_of_a_pixel_is_where_the_surface_is"),
-    ("fisher_", "src/gaussians/twin/fisher.rs", "fn information("),
-    ("mcmc_split", "src/gaussians/twin/optimise.rs", "fn split("),
-    ("mcmc_copy", "tests/engine/training.rs", "fn relocated_splats_look_as_their_source_did"),
-    ("mcmc_", "src/gaussians/twin/optimise.rs", "fn draws("),
-    ("noise_spread", "tests/engine/manifold.rs", "fn the_spread_is_the_variance_of_perturbed_pictures"),
-    ("noise_", "src/gaussians/uncertainty/manifold.rs", "fn perturbation("),
-    ("photo_", "src/gaussians/twin/loss.rs", "fn ssim("),
-    ("plane_sweep", "src/stereo/cost.rs", "fn cost("),
-    ("radix_", "src/primitives/twin.rs", "fn radix_sort("),
-    ("refine_depth", "src/stereo/cost.rs", "fn cost("),
-    ("relocate", "tests/engine/relocation.rs", "fn the_least_useful_are_relocated_and_only_into_the_region"),
-    ("scan_", "src/primitives/twin.rs", "fn scan("),
-    ("snapshot", "tests/engine/planner.rs", "fn a_plan_is_better_than_its_start"),
-    ("splat_update", "src/gaussians/twin/optimise.rs", "fn adam("),
-    ("splat_project", "src/gaussians/twin/project.rs", "fn project("),
-    ("splat_", "src/gaussians/twin/composite.rs", "fn forward("),
-    ("update_", "src/plan/update.rs", "fn update("),
-    ("train_tally", "tests/engine/training.rs", "fn a_loss_that_is_no_number_ends_the_run"),
-];
+/// The page that says which plain Rust holds each stage.
+const FORMULAS: &str = "docs/internals/formulas.md";
 
-/// If this failed, a stage would have been added that nothing compares with what it should compute.
-#[test]
-fn every_stage_is_held_against_plain_rust() {
-    let rust = |folder: &str| {
-        let mut text = String::new();
-        let mut folders = vec![root().join(folder)];
-        while let Some(folder) = folders.pop() {
-            for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
-                match path.extension() {
-                    _ if path.is_dir() => folders.push(path),
-                    Some(extension) if extension == "rs" => text += &fs::read_to_string(&path).unwrap(),
-                    _ => {}
-                }
+/// What stands in backquotes in a part of a table's row.
+fn quoted(cell: &str) -> Vec<String> {
+    cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
+/// All Rust text under a folder.
+fn rust(folder: &str) -> String {
+    let mut text = String::new();
+    let mut folders = vec![root().join(folder)];
+    while let Some(folder) = folders.pop() {
+        for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+            match path.extension() {
+                _ if path.is_dir() => folders.push(path),
+                Some(extension) if extension == "rs" => text += &fs::read_to_string(&path).unwrap(),
+                _ => {}
             }
         }
-        text
+    }
+    text
+}
+
+/// Whether a text has a function of a name that takes something else than an object: a stage's twin, not a test or what records it.
+fn has_twin(text: &str, name: &str) -> bool {
+    let starts = |end: &str| {
+        text.split(&format!("fn {name}{end}")).skip(1).map(|rest| rest.trim_start().to_owned()).collect::<Vec<_>>()
     };
-    let text = rust("src") + &rust("tests");
-    let mut stages = Vec::new();
+    let own = starts("(")
+        .iter()
+        .any(|rest| !rest.starts_with(')') && !rest.starts_with("&self") && !rest.starts_with("&mut self"));
+    own || !starts("<").is_empty()
+}
+
+/// If this failed, a stage would have been added that nothing compares with what it should compute, or that no host records.
+#[test]
+fn every_stage_is_held_against_plain_rust() {
+    let source = rust("src");
+    let page = fs::read_to_string(root().join(FORMULAS)).unwrap();
+    let rows = page
+        .split("## Stages without")
+        .nth(1)
+        .expect("the table of stages")
+        .lines()
+        .filter(|line| line.starts_with("| `"));
+    let mut elsewhere = Vec::new();
+    for row in rows {
+        let cells: Vec<_> = row.trim_matches('|').split('|').map(quoted).collect();
+        let (stages, function, file) = (&cells[0], &cells[1][0], &cells[2][0]);
+        let text = fs::read_to_string(root().join(file)).unwrap_or_default();
+        assert!(text.contains(&format!("fn {function}")), "{FORMULAS}: there is no function {function} in {file}");
+        elsewhere.extend(stages.iter().cloned());
+    }
+    let mut found = Vec::new();
     for layer in fs::read_dir(root().join("shaders/glsl")).unwrap().map(|entry| entry.unwrap().path()) {
         let files = fs::read_dir(&layer).unwrap().map(|entry| entry.unwrap().path());
-        stages.extend(files.filter(|path| path.extension().is_some_and(|extension| extension == "comp")));
+        found.extend(files.filter(|path| path.extension().is_some_and(|extension| extension == "comp")));
     }
-    assert!(stages.len() > 50, "only {} stages were found", stages.len());
-    for stage in stages {
-        let name = stage.file_stem().unwrap().to_str().unwrap();
-        let own = ["(", "<"].iter().any(|end| text.contains(&format!("fn {name}{end}")));
-        let elsewhere = TWINS.iter().find(|(start, ..)| name.starts_with(start));
-        let holds =
-            |file: &str, what: &str| fs::read_to_string(root().join(file)).is_ok_and(|text| text.contains(what));
-        let held = elsewhere.is_some_and(|(_, file, what)| holds(file, what));
-        assert!(own || held, "{name}: write its twin, a function of its name, or say in TWINS what holds it");
+    assert!(found.len() > 50, "only {} stages were found", found.len());
+    let names: Vec<_> = found.iter().map(|path| path.file_stem().unwrap().to_str().unwrap()).collect();
+    for name in &names {
+        let declared = ["(", "<", " {", " with"].iter().any(|end| source.contains(&format!("Stage = {name}{end}")));
+        assert!(declared, "{name}: no stage! has it");
+        let held = elsewhere.iter().any(|stage| stage == name) || has_twin(&source, name);
+        assert!(held, "{name}: write its twin, a function of its name, or say in {FORMULAS} what holds it");
     }
+    let gone: Vec<_> = elsewhere.iter().filter(|stage| !names.contains(&stage.as_str())).collect();
+    assert!(gone.is_empty(), "{FORMULAS} has stages that are not there: {gone:?}");
+}
+
+/// If this failed, a newcomer would look for a formula in a file that is not there.
+#[test]
+fn the_table_of_formulas_names_files_that_exist() {
+    let page = fs::read_to_string(root().join(FORMULAS)).unwrap();
+    let mut checked = 0;
+    for row in page.lines().filter(|line| line.starts_with("| ")) {
+        for name in quoted(row).iter().filter(|name| [".rs", ".comp", ".glsl"].iter().any(|end| name.ends_with(end))) {
+            let places = [root().join(name), root().join("src").join(name), root().join("shaders/glsl").join(name)];
+            assert!(places.iter().any(|place| place.exists()), "{FORMULAS}: there is no {name}");
+            checked += 1;
+        }
+    }
+    assert!(checked > 100, "only {checked} files were named");
 }
