@@ -82,7 +82,7 @@ pub const METHODS: [Entry; 19] = [
             Method::Ours,
             "ours",
             BOTH,
-            "The planner; of photos: swaps that lower the expected error on the real frusta, from the best of simple choices",
+            "The planner; among photos, swaps that lower the expected error, starting from the best simple choice",
         )
     },
     entry(Method::OursNoVds, "ours-no-vds", PLACES, "The paper's objective without scores"),
@@ -96,7 +96,7 @@ pub const METHODS: [Entry; 19] = [
         Method::OursTwoPasses,
         "ours-two-passes",
         PLACES,
-        "The planner in two passes, the second on what the photographs of the first show too; of `evaluate` only",
+        "The planner in two passes, the second on what the photographs of the first show too; only in `evaluate`",
     ),
     entry(
         Method::Assigned,
@@ -115,7 +115,7 @@ pub const METHODS: [Entry; 19] = [
         Method::Fibonacci,
         "fibonacci",
         BOTH,
-        "Spherical Fibonacci points in a random rotation: as much of the sphere around an object as cameras can stand on; of photos: one of its own for each point",
+        "Spherical Fibonacci points in a random rotation, where cameras can stand around an object; among photos, the nearest to each point",
     ),
     entry(Method::Grid, "grid", PLACES, "In a room on an even grid at eye height, in four level directions a place"),
     entry(Method::Rings, "rings", PLACES, "In a room on three level rings along the walls, looking across"),
@@ -147,7 +147,7 @@ pub const METHODS: [Entry; 19] = [
         Method::FisherRetrain,
         "fisherrf-retrain",
         BOTH,
-        "The same, with the model trained on photographs of the views chosen so far, and on with each; of `evaluate` and `select` only",
+        "As fisherrf, with a model trained on the views chosen so far; only in `evaluate` and `select`",
     ),
     entry(Method::Cover, "cover", BOTH, "Greedy on what a trained model shows from directions not seen yet (COVER)"),
     entry(

@@ -27,8 +27,8 @@ pub struct BaselineOptions {
     /// How to place the cameras
     #[arg(long, value_parser = method_parser(|entry| entry.places), default_value = "ours")]
     pub method: Method,
-    /// Random poses that a method chooses from [default: 10000 fvs and fvs-chord, 2000 fvs-shared and coverage, 1000 acp,
-    /// 300 or three for each view fisherrf and cover]
+    /// Random poses that a method chooses from [default: fvs, fvs-chord: 10000; fvs-shared, coverage: 2000; acp: 1000; fisherrf, cover:
+    /// 300, or three per view]
     #[arg(long, value_name = "N")]
     pub candidates: Option<u32>,
     /// Nodes of the grid along a side [acp; default: 32]

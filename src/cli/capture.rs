@@ -152,7 +152,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     drop(model);
     let context = arguments.device.open()?;
-    say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+    say!("device   {}", context.physical().title());
     let pixels = |camera: &crate::scene::camera::Camera| {
         u64::from(camera.intrinsics.width) * u64::from(camera.intrinsics.height)
     };

@@ -58,7 +58,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     })?;
     write_files(&[(&mark, env!("CARGO_PKG_VERSION").as_bytes())])?;
     let context = device.open()?;
-    say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+    say!("device   {}", context.physical().title());
     let scenes = [("object", samples::object(), Preset::Object, 50), ("room", samples::room(), Preset::Room, 300)];
     for (name, surface, preset, views) in scenes {
         say!("");

@@ -300,7 +300,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         names => arguments.device.open_each(names)?,
     };
     for context in &contexts {
-        say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+        say!("device   {}", context.physical().title());
     }
     stop_on_interrupt()?;
     let start = Instant::now();

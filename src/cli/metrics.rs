@@ -111,7 +111,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let context = if weights.is_empty() { None } else { Some(arguments.device.open()?) };
     let mut lpips = Vec::new();
     if let Some(context) = &context {
-        say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+        say!("device   {}", context.physical().title());
         lpips = weights.iter().map(|weights| Lpips::new(context, weights)).collect::<Result<Vec<_>>>()?;
     }
     let width = pairs.iter().map(|pair| pair.name.chars().count()).max().unwrap_or(0).max(8);

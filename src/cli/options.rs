@@ -38,10 +38,10 @@ pub struct RegionOptions {
     /// Kind of scene: an object seen from around it, or a room seen from inside [default: room with --box, else object]
     #[arg(long, value_enum)]
     pub preset: Option<Preset>,
-    /// Place cameras between two spheres: centre and radii CX,CY,CZ,RMIN,RMAX
+    /// Region of the cameras between two spheres: centre and radii CX,CY,CZ,RMIN,RMAX
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_name = "NUMBERS", conflicts_with = "box_")]
     pub shell: Option<Vec<f64>>,
-    /// Place cameras in a box: corners X0,Y0,Z0,X1,Y1,Z1
+    /// Region of the cameras in a box: corners X0,Y0,Z0,X1,Y1,Z1
     #[arg(long = "box", value_delimiter = ',', allow_hyphen_values = true, value_name = "NUMBERS")]
     pub box_: Option<Vec<f64>>,
     /// Cameras stay at or above this height along --up; `auto` finds what an object stands on below all photos of a capture, `none` is
@@ -73,7 +73,7 @@ pub enum FloorOption {
 /// What limits where cameras stand beside the region.
 #[derive(Args, Clone, Debug)]
 pub struct LimitOptions {
-    /// Keep cameras and viewers out of a closed mesh or boxes, which do not block views by themselves: .obj, .glb, .gltf, .ply, or .json with
+    /// Keep cameras and viewers out of a volume, which itself blocks no view: a closed mesh (.obj, .glb, .gltf, .ply) or boxes, .json with
     /// {"boxes": [[X0,Y0,Z0,X1,Y1,Z1], ...]}; repeatable
     #[arg(long, value_name = "FILE")]
     pub keep_out: Vec<PathBuf>,
@@ -83,7 +83,8 @@ pub struct LimitOptions {
     /// Restrict cameras to heights along --up that a tripod or drone reaches
     #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true, value_parser = parse_heights)]
     pub heights: Option<[f64; 2]>,
-    /// Restrict cameras to level ground that a person or robot of this radius and height can walk to from this start, at the feet
+    /// Restrict cameras to level ground that a person or robot of this radius and height can walk to from a start: coordinates of the
+    /// feet on open floor, in the frame of the surface
     #[arg(long, value_name = "X,Y,Z,RADIUS,HEIGHT", allow_hyphen_values = true, value_parser = parse_walk)]
     pub walk: Option<Walk>,
 }
@@ -165,10 +166,10 @@ pub struct CameraOptions {
 /// From where people will look.
 #[derive(Args, Clone, Debug, Default)]
 pub struct ViewerOptions {
-    /// Where the trained model will be viewed from: shell:CX,CY,CZ,RMIN,RMAX, box:X0,Y0,Z0,X1,Y1,Z1, cone:DEGREES,X,Y,Z (as by
-    /// default, but in a cone along this direction from the middle), heights:LOW,HIGH, or cameras (COLMAP or NSVF folder,
-    /// transforms.json, ...), such as the tests of an evaluation [default: around an object from half of the region's outer
-    /// radius to the whole of it, in rooms anywhere; with `select` where the pool's photos were taken]
+    /// Where the trained model will be viewed from: shell:CX,CY,CZ,RMIN,RMAX; box:X0,Y0,Z0,X1,Y1,Z1; cone:DEGREES,X,Y,Z, the default
+    /// within a cone around this direction; heights:LOW,HIGH, the default between these; or a file or folder of cameras [default:
+    /// around an object, between half of the region's outer radius and all of it; in rooms, anywhere; with `select`, where the photos
+    /// were taken]
     #[arg(long, value_name = "VIEWERS", allow_hyphen_values = true)]
     viewers: Option<String>,
 }

@@ -3,9 +3,13 @@
 use crate::metrics::Metrics;
 use crate::plan::job::Plan;
 use crate::quality::law::Fitted;
+use crate::scene::region::Shape;
 
 /// Unconnected part of the free space from which on it is mentioned: insides of furniture are less.
 const NOTEWORTHY: f64 = 0.2;
+
+/// Part of the cameras around an object that see a point of it at least, in the mean. Of a room they see the outside of its walls.
+const INSIDE: f64 = 0.1;
 
 /// Unseen part of what viewers look at from which on the user is warned.
 const BLIND: f64 = 0.25;
@@ -21,13 +25,22 @@ pub fn print_plan(plan: &Plan) {
         let part = 100.0 * plan.geometry.free.unconnected;
         say!("note     {part:.0}% of the free space is not connected with the rest, and no camera is placed there");
     }
-    say!("plan     {} views, {} kept, {how}", record.cameras.len() - record.kept, record.kept);
+    let kept = if record.kept > 0 { format!(", {} kept", record.kept) } else { String::new() };
+    say!("plan     {} views{kept}, {how}", record.cameras.len() - record.kept);
     if let Some(tour) = &record.tour {
         say!("tour     {}", tour.line());
     }
     let mut rows = vec![("plan", &record.metrics)];
     rows.extend(record.baselines.iter().map(|baseline| (baseline.name.as_str(), &baseline.metrics)));
     say!("{}", table(&rows).trim_end());
+    let around = matches!(record.region.shape, Shape::Shell { .. });
+    let seeing = record.metrics.views_mean / record.cameras.len().max(1) as f64;
+    if around && seeing < INSIDE {
+        say!(
+            "note     a point of the surface is seen by {:.0}% of the cameras only; if this is a room, give --preset room or --box",
+            100.0 * seeing
+        );
+    }
     if let Some(expected) = &record.expected {
         say!("expected {}", expected.line());
         if expected.unseen > BLIND {
@@ -45,24 +58,27 @@ pub fn print_plan(plan: &Plan) {
     }
 }
 
+/// What the columns of [`table`] mean.
+const LEGEND: &str = "limit: what any camera in the region could see; gap: angle to the nearest view that sees a point, 180° where none does";
+
 /// Metrics, a row per camera set.
 pub fn table(rows: &[(&str, &Metrics)]) -> String {
     let mut text = format!(
         "{:<10} {:>8} {:>8} {:>8} {:>9} {:>9} {:>11} {:>10}\n",
-        "", "seen >=1", "seen >=3", "(limit)", "gap mean", "gap p95", "views/point", "variation"
+        "", "seen >=1", "(limit)", "seen >=3", "gap mean", "gap p95", "views/point", "variation"
     );
     for (name, m) in rows {
         text += &format!(
             "{:<10} {:>7.1}% {:>7.1}% {:>7.1}% {:>8.2}° {:>8.2}° {:>11.1} {:>10.2}\n",
             name,
             100.0 * m.coverage_1,
-            100.0 * m.coverage_3,
             100.0 * m.reachable,
+            100.0 * m.coverage_3,
             m.gap_mean_deg,
             m.gap_p95_deg,
             m.views_mean,
             m.views_variation
         );
     }
-    text
+    text + LEGEND
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use clap::{Args, ValueEnum};
+use clap::{ArgGroup, Args, ValueEnum};
 
 use super::baselines::{self, BaselineOptions};
 use super::options::{CameraOptions, DeviceOptions, RegionOptions, ViewerOptions, print_messages, read_surface};
@@ -31,19 +31,20 @@ use crate::{Error, Result};
 
 /// Arguments of `camsplat plan`.
 #[derive(Args, Debug)]
+#[command(group(ArgGroup::new("budget").required(true).args(["views", "curve"])))]
 pub struct Arguments {
-    /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model folder; capture folder, whose photos give up, lens, image
-    /// size, region and scores
+    /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model folder; capture folder, whose photos define the up direction,
+    /// lens, image size and region
     #[arg(value_name = "SURFACE")]
     scene: PathBuf,
     /// Surface to plan for instead of the capture's own points, in its frame, such as one that `camsplat proxy` made
     #[arg(long, value_name = "FILE")]
     surface: Option<PathBuf>,
     /// Cameras to place
-    #[arg(long, required_unless_present = "curve")]
+    #[arg(long)]
     views: Option<u32>,
     /// Report how many views are worth taking: plan with 5 to 300 views and write the expected quality of each (curve.svg, curve.json)
-    #[arg(long, conflicts_with_all = ["views", "method", "dry_run", "profile", "trace", "renderdoc"])]
+    #[arg(long, conflicts_with_all = ["method", "dry_run", "profile", "trace", "renderdoc"])]
     curve: bool,
     /// Folder to write
     #[arg(long)]
@@ -143,7 +144,7 @@ pub struct Tuning {
     /// Ignore occlusion
     #[arg(long)]
     no_occlusion: bool,
-    /// Weight every direction equally in the image term, as the paper does, instead of every probe
+    /// Weight every direction of a point camera equally in the image term, as the paper does, instead of every point camera
     #[arg(long)]
     equal_directions: bool,
     /// Disable the coverage regulariser
@@ -179,16 +180,16 @@ pub struct Tuning {
     /// Learning rate of directions [default: 0.05; with the paper's objective 0.02]
     #[arg(long)]
     lr_direction: Option<f32>,
-    /// Point cameras per iteration, or viewers with the quality objective [default: 20]
+    /// Viewers per iteration; with the paper's objective point cameras [default: 20]
     #[arg(long)]
     probes: Option<u32>,
-    /// Point cameras in total [default: 2048]
+    /// Point cameras in total, for the paper's objective [default: 2048]
     #[arg(long)]
     pool: Option<u32>,
     /// Texels per side of a point camera's picture, a multiple of 8
     #[arg(long)]
     resolution: Option<u32>,
-    /// Held-out points for the metrics [default: 1000]
+    /// Surface points for the geometric metrics, apart from those that are planned for [default: 1000]
     #[arg(long)]
     held_out: Option<u32>,
     /// Iterations between checkpoints of the metrics [default: 50]
@@ -330,7 +331,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         leave_on_interrupt()?;
     }
     let context = opened.map_or_else(|| arguments.device.open(), Ok)?;
-    say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+    say!("device   {}", context.physical().title());
     let Some(folder) = folder else {
         let geometry = target.geometry()?;
         let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &kept, config)?;

@@ -85,7 +85,10 @@ impl Progress {
         self.bar.set_position(u64::from(done));
         let due = self.told.get().is_none_or(|told| told.elapsed() >= BETWEEN_LINES);
         if self.bar.is_hidden() && done > 0 && done < all && due {
-            say!("running  {done} of {all} {}", self.unit);
+            match self.told.get() {
+                None => say!("running  {all} {}; a line every {} s", self.unit, BETWEEN_LINES.as_secs()),
+                Some(_) => say!("running  {done} of {all} {}", self.unit),
+            }
             self.told.set(Some(Instant::now()));
         }
         go_on()

@@ -91,7 +91,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         say!("{note}");
     }
     let context = arguments.device.open()?;
-    say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+    say!("device   {}", context.physical().title());
     let found = stereo::reconstruct(&context, &set, &options)?;
     print_messages(&context);
     write_files(&[(&arguments.out, &write::surface_points(&found.points))])?;

@@ -78,7 +78,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         say!("{note}");
     }
     let context = arguments.device.open()?;
-    say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+    say!("device   {}", context.physical().title());
 
     stop_on_interrupt()?;
     let start = Instant::now();

@@ -11,8 +11,8 @@ use crate::{Error, Result};
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Training while choosing (fisherrf-retrain)")]
 pub struct RetrainingOptions {
-    /// Iterations per photo chosen so far before the next is chosen; the published 100 take 495,000 for 100 photos
-    /// [default: 100]
+    /// Training iterations before each choice, for each photo chosen so far; 100, as published, are 495,000 iterations in total for 100
+    /// photos [default: 100]
     #[arg(long, value_name = "N")]
     train_every: Option<u32>,
     /// Maximum number of splats [default: 200000]

@@ -36,7 +36,7 @@ pub struct Arguments {
     /// Print the geometric metrics too: coverage, angular gaps, Voronoi cells, triangulation, ground sampling
     #[arg(long)]
     all: bool,
-    /// Held-out points of the geometric metrics
+    /// Surface points for the geometric metrics
     #[arg(long, default_value_t = 1000)]
     held_out: u32,
     /// Seed of viewers, layouts and held-out points

@@ -124,7 +124,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         request: &request,
         selection: &selection,
         suggested: &suggested,
-        device: format!("{} ({})", physical.name, physical.driver.trim()),
+        device: physical.title(),
         copy: arguments.copy,
     };
     // From here on the first Ctrl-C is not heard, so that no half of a folder is left.

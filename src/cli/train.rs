@@ -135,7 +135,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let mut config = configuration(arguments, !split.train.points.positions.is_empty());
     config.background = arguments.background.unwrap_or_else(|| split.usual_background());
     let context = arguments.device.open()?;
-    say!("device   {} ({})", context.physical().name, context.physical().driver.trim());
+    say!("device   {}", context.physical().title());
     config.max_splats = arguments.max_splats.unwrap_or_else(|| usual_splats(&context, config.degree));
     let request = Request {
         capture: arguments.capture.display().to_string(),

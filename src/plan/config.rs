@@ -60,10 +60,10 @@ pub enum Kernel {
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "snake_case")]
 pub enum Preset {
-    /// Something seen from around it: cameras start on a sphere and look in.
+    /// Something seen from around it, in a shell; cameras look in at first.
     #[default]
     Object,
-    /// A space seen from inside: cameras start anywhere and look anywhere.
+    /// A space seen from inside, in a box; cameras look anywhere.
     Room,
 }
 

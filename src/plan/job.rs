@@ -233,7 +233,7 @@ pub fn conclude(
         status: outcome.status,
         method: method.into(),
         surface: target.record.clone(),
-        device: format!("{} ({})", physical.name, physical.driver.trim()),
+        device: physical.title(),
         seed: config.seed,
         config: described,
         region: target.region,

@@ -74,10 +74,15 @@ impl Ground {
         let start = DVec3::new(walk.start.x, walk.start.y, grid.origin.z + 0.5 * cell);
         let at = grid.index(grid.voxel(start));
         let within = (start - grid.centre(grid.coordinates(at))).abs().max_element() <= cell;
-        if !within || !free[at] {
+        if !within {
             return Err(Error::request(
-                "`walk`: there is no room at its start for somebody of this radius and height, or it is outside of the region; give a \
-                 place in the open, with the feet on the ground",
+                "`walk`: its start is outside of the region; give a place on the floor within it",
+            ));
+        }
+        if !free[at] {
+            return Err(Error::request(
+                "`walk`: there is no room at its start for somebody of this radius and height: something stands there, or the feet are \
+                 below the floor; give a place on open floor",
             ));
         }
         let height_of = |layer: u32| around.origin.z + f64::from(layer) * cell;

@@ -50,6 +50,15 @@ pub struct Physical {
 }
 
 impl Physical {
+    /// Name and driver, for the user.
+    pub fn title(&self) -> String {
+        // Drivers that repeat the name say only their version beside it.
+        let model = self.name.split(['(', ' ']).next().unwrap_or_default();
+        let driver = self.driver.trim();
+        let version = driver.strip_prefix(model).map_or(driver, str::trim);
+        format!("{}; {version}", self.name)
+    }
+
     /// Reads a device's properties.
     pub(super) fn read(instance: &Instance, raw: vk::PhysicalDevice) -> Self {
         let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
