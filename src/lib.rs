@@ -35,6 +35,8 @@ pub mod capi;
 mod error;
 #[cfg(feature = "cli")]
 pub mod evaluate;
+#[cfg(feature = "cli")]
+mod export;
 pub mod gaussians;
 pub mod io;
 pub mod methods;

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use clap::Args;
 
 use super::options::{ModelOptions, method_parser, print_messages};
+use super::order::Order;
 use super::outcome::print_plan;
-use super::plan::Order;
 use super::progress::stop_on_interrupt;
 use crate::baselines::job;
 use crate::baselines::request::Request;

@@ -25,9 +25,11 @@ mod completions;
 mod demo;
 mod devices;
 mod evaluate;
+mod export;
 mod manual;
 mod metrics;
 mod options;
+mod order;
 mod outcome;
 mod plan;
 mod progress;
@@ -76,6 +78,8 @@ enum Command {
     Render(render::Arguments),
     /// Render photos of a glTF scene from given cameras by path tracing
     Capture(Box<capture::Arguments>),
+    /// Write cameras for robots (ROS), artists (glTF, Blender, USD) and drones (DJI, QGroundControl, Litchi, KML, GeoJSON)
+    Export(export::Arguments),
     /// Compare methods of view selection by the splats trained on their photos
     Evaluate(Box<evaluate::Arguments>),
     /// List every Vulkan device, its features and what it lacks
@@ -155,6 +159,7 @@ pub fn main() -> ExitCode {
         Command::Proxy(arguments) => proxy::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Capture(arguments) => capture::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),

@@ -120,7 +120,7 @@ impl LimitOptions {
 }
 
 /// So many numbers with commas between them.
-fn numbers<const N: usize>(text: &str, form: &str) -> Result<[f64; N], String> {
+pub fn numbers<const N: usize>(text: &str, form: &str) -> Result<[f64; N], String> {
     let read: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
     let numbers = read.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
     numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite())).ok_or_else(|| format!("give {form}"))
@@ -494,7 +494,7 @@ fn default_up(path: &Path, photographed: &[Pose]) -> DVec3 {
     common_up(photographed).unwrap_or(usual)
 }
 
-fn parse_up(text: &str) -> Result<DVec3, String> {
+pub fn parse_up(text: &str) -> Result<DVec3, String> {
     let (sign, axis) = match text.strip_prefix('-') {
         Some(axis) => (-1.0, axis),
         None => (1.0, text.strip_prefix('+').unwrap_or(text)),

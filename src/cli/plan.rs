@@ -5,10 +5,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use clap::{ArgGroup, Args, ValueEnum};
+use clap::{ArgGroup, Args};
 
 use super::baselines::{self, BaselineOptions};
 use super::options::{CameraOptions, DeviceOptions, RegionOptions, ViewerOptions, print_messages, read_surface};
+use super::order::Order;
 use super::outcome::print_plan;
 use super::progress::{Progress, leave_on_interrupt, stop_on_interrupt};
 use super::vds;
@@ -16,7 +17,7 @@ use crate::io;
 use crate::io::folder::{OutputFolder, check_file, write_files};
 use crate::io::overwrite_guard::{check_output_file, check_output_folder};
 use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Preset, Start};
-use crate::plan::job::{self, Plan, Tools};
+use crate::plan::job::{self, Tools};
 use crate::plan::preparation::Preparation;
 use crate::plan::target::Target;
 use crate::plan::{curve, footprint};
@@ -84,24 +85,6 @@ pub struct Arguments {
     baselines: BaselineOptions,
     #[command(flatten)]
     tuning: Tuning,
-}
-
-/// In which order planned cameras are written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Order {
-    /// A short tour that keeps the clearance.
-    Tour,
-    /// As the method leaves them.
-    None,
-}
-
-impl Order {
-    /// Puts the planned cameras into this order.
-    pub fn apply(self, plan: &mut Plan) {
-        if self == Self::Tour {
-            plan.sort_for_a_tour();
-        }
-    }
 }
 
 /// The optimisation and its ablations. What is left out is the preset's default.

@@ -68,13 +68,14 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         let inputs = [&arguments.surface, &arguments.cameras];
         check_output_file(file, inputs.into_iter().chain(&arguments.region.limits.keep_out))?;
     }
-    let (cameras, notes) = io::read_cameras_with_notes(&arguments.cameras)?;
+    let file = io::plan_file(&arguments.cameras);
+    let (cameras, notes) = io::read_cameras_with_notes(&file)?;
     for note in notes {
         say!("{note}");
     }
     // A default region follows from the cameras that are there, as far as they agree.
     let first = cameras.first().ok_or_else(|| Error::input(&arguments.cameras, "it holds no cameras"))?;
-    let (stored, kept) = stored(&arguments.cameras).unwrap_or_else(|note| {
+    let (stored, kept) = stored(&file).unwrap_or_else(|note| {
         say!("{note}");
         (None, 0)
     });

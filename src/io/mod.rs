@@ -165,6 +165,12 @@ pub fn read_cameras_with_notes(path: &Path) -> Result<(Vec<Camera>, Vec<String>)
     Ok((cameras, notes))
 }
 
+/// The plan.json of a plan's folder, which has the planned cameras first and the kept ones last, and `path` itself where there is none.
+pub(crate) fn plan_file(path: &Path) -> PathBuf {
+    let plan = path.join("plan.json");
+    if plan.is_file() { plan } else { path.to_owned() }
+}
+
 /// `path` itself, or the file with cameras in the folder `path`.
 pub(crate) fn json_file(path: &Path) -> Result<PathBuf> {
     if !path.is_dir() {

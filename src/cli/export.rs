@@ -1,0 +1,277 @@
+//! `camsplat export`.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Args, ValueEnum as _};
+use glam::DVec3;
+use serde::Deserialize;
+
+use super::options::parse_up;
+use crate::export::georeference::{Fit, Geodetic, Georeference};
+use crate::export::mission::{Flight, Mission, Rules};
+use crate::export::{Format, blender, dji, geojson, gltf, gps, kml, litchi, qgc, ros, usd};
+use crate::io::folder::OutputFolder;
+use crate::io::overwrite_guard::check_output_folder;
+use crate::io::photos;
+use crate::scene::camera::{Camera, Pose, common_up};
+use crate::scene::region::Region;
+use crate::{Error, Result, io};
+
+/// Arguments of `camsplat export`.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    /// Cameras, of a plan those that were planned: folder of a plan, plan.json, transforms.json, COLMAP or NSVF folder, or .log
+    cameras: PathBuf,
+    /// Formats to write [default: ros, glb, blender and usd; with --geo all]
+    #[arg(long, value_enum, value_delimiter = ',')]
+    to: Vec<Format>,
+    /// Folder to write
+    #[arg(long)]
+    out: PathBuf,
+    /// Write into a folder that is not empty; files of the same names are replaced, all others stay
+    #[arg(long)]
+    force: bool,
+    /// Up direction: x, -x, +y, ... [default: the plan's, else what the cameras hold up]
+    #[arg(long, value_parser = parse_up, allow_hyphen_values = true)]
+    up: Option<DVec3>,
+    /// Name of the frame that ROS poses are in
+    #[arg(long, default_value = "map")]
+    frame: String,
+    /// Where the scene lies on Earth: LAT,LON,ALT[,HEADING] of its origin, in metres, its +Y (-Z where Y is up) pointing to HEADING degrees
+    /// from north; utm:ZONE[,EAST,NORTH[,ALT]], such as utm:33N, for coordinates in UTM, with what is to be added; ecef for geocentric
+    /// ones; or a capture in the same frame whose photos have GPS positions
+    #[arg(long, value_name = "PLACE", allow_hyphen_values = true)]
+    geo: Option<String>,
+    /// Altitude of the place that the drone takes off from, in metres as those of --geo [default: that of the plan's floor, or of the
+    /// lowest point of its surface]
+    #[arg(long, value_name = "ALTITUDE", allow_hyphen_values = true)]
+    takeoff: Option<f64>,
+    /// Lowest height of a drone above the take-off, in metres: missions with a lower waypoint are refused
+    #[arg(long, value_name = "METRES", default_value_t = 2.0, allow_hyphen_values = true)]
+    lowest: f64,
+    /// Pitch of the drone's gimbal, in degrees above the horizon
+    #[arg(long, value_name = "LOW,HIGH", default_value = "-90,30", value_parser = parse_gimbal, allow_hyphen_values = true)]
+    gimbal: [f64; 2],
+    /// Speed of the drone in metres per second
+    #[arg(long, default_value_t = 3.0)]
+    speed: f64,
+}
+
+/// What a plan says beside its cameras.
+#[derive(Deserialize)]
+struct Plan {
+    region: Region,
+    #[serde(default)]
+    kept: usize,
+    #[serde(default)]
+    tour: Option<Tour>,
+    surface: Option<Bounds>,
+}
+
+#[derive(Deserialize)]
+struct Tour {
+    path: Vec<DVec3>,
+}
+
+#[derive(Deserialize)]
+struct Bounds {
+    min: DVec3,
+    max: DVec3,
+}
+
+/// Writes the cameras in the formats and prints what came out.
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let folder = OutputFolder::create(&arguments.out, arguments.force)?;
+    check_output_folder(&arguments.out, [&arguments.cameras])?;
+    check(arguments)?;
+    let file = io::plan_file(&arguments.cameras);
+    let mut cameras = io::read_cameras(&file)?;
+    let plan = plan(&file);
+    if let Some(kept) = plan.as_ref().map(|plan| plan.kept).filter(|kept| (1..cameras.len()).contains(kept)) {
+        cameras.truncate(cameras.len() - kept);
+        say!("note     the {kept} kept cameras are left out: their photos are there");
+    }
+    say!("cameras  {} from {}", cameras.len(), arguments.cameras.display());
+    let poses: Vec<Pose> = cameras.iter().map(|camera| camera.pose).collect();
+    let up = arguments.up.or(plan.as_ref().map(|plan| plan.region.up)).or(common_up(&poses)).unwrap_or(DVec3::Z);
+    let wanted = formats(arguments)?;
+    for format in wanted.iter().filter(|format| !format.is_geographic()) {
+        write(&folder, *format, &cameras, up, &arguments.frame)?;
+    }
+    if let Some(place) = &arguments.geo {
+        let middle = poses.iter().map(|pose| pose.position).sum::<DVec3>() / poses.len() as f64;
+        let earth = georeference(place, middle, up)?;
+        let rules = Rules {
+            takeoff: takeoff(arguments, plan.as_ref(), &earth, middle, up)?,
+            lowest: arguments.lowest,
+            gimbal: arguments.gimbal,
+            speed: arguments.speed,
+        };
+        let path = plan.and_then(|plan| plan.tour).map_or_else(Vec::new, |tour| tour.path);
+        let flight = Flight::new(&cameras, &path, &earth, &rules)?;
+        for format in wanted.iter().filter(|format| format.is_geographic()) {
+            write_flight(&folder, *format, &flight)?;
+        }
+        print(&flight);
+    }
+    let path = folder.path().to_owned();
+    folder.commit()?;
+    say!("written  {}", path.display());
+    Ok(ExitCode::SUCCESS)
+}
+
+fn check(arguments: &Arguments) -> Result<()> {
+    let numbers = [Some(arguments.lowest), Some(arguments.speed), arguments.takeoff];
+    if numbers.into_iter().flatten().any(|number| !number.is_finite()) || arguments.speed <= 0.0 {
+        return Err(Error::request("--takeoff, --lowest and --speed take numbers, and --speed one above zero"));
+    }
+    if arguments.geo.is_none() && arguments.takeoff.is_some() {
+        return Err(Error::request("--takeoff is for missions, which need a place on Earth; give one with --geo"));
+    }
+    Ok(())
+}
+
+fn formats(arguments: &Arguments) -> Result<Vec<Format>> {
+    let all = Format::value_variants().iter().copied();
+    if arguments.to.is_empty() {
+        return Ok(all.filter(|format| arguments.geo.is_some() || !format.is_geographic()).collect());
+    }
+    if arguments.geo.is_none()
+        && let Some(format) = arguments.to.iter().find(|format| format.is_geographic())
+    {
+        let name = format.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
+        return Err(Error::request(format!("--to {name} needs a place on Earth; give one with --geo")));
+    }
+    Ok(all.filter(|format| arguments.to.contains(format)).collect())
+}
+
+/// The plan beside the cameras, where there is one.
+fn plan(cameras: &Path) -> Option<Plan> {
+    let file = io::json_file(cameras).ok()?;
+    io::json(&file, &std::fs::read(&file).ok()?).ok()
+}
+
+fn parse_gimbal(text: &str) -> Result<[f64; 2], String> {
+    let [low, high] = super::options::numbers::<2>(text, "the lowest and the highest pitch, LOW,HIGH")?;
+    let valid = -90.0 <= low && low < high && high <= 90.0;
+    if valid { Ok([low, high]) } else { Err("give degrees from -90 (down) to 90 (up), the lower one first".into()) }
+}
+
+/// Where the scene is on Earth, as --geo says it.
+fn georeference(text: &str, middle: DVec3, up: DVec3) -> Result<Georeference> {
+    let wrong = |what: &str| Error::request(format!("--geo {text}: {what}"));
+    let read = |text: &str| -> Option<Vec<f64>> { text.split(',').map(|number| number.trim().parse().ok()).collect() };
+    if text == "ecef" {
+        return Georeference::geocentric(middle);
+    }
+    if let Some(rest) = text.strip_prefix("utm:") {
+        let (zone, offset) = rest.split_once(',').map_or((rest, Some(Vec::new())), |(zone, rest)| (zone, read(rest)));
+        let offset = match offset.as_deref() {
+            Some([]) => DVec3::ZERO,
+            Some(&[east, north]) => DVec3::new(east, north, 0.0),
+            Some(&[east, north, altitude]) => DVec3::new(east, north, altitude),
+            _ => return Err(wrong("give utm:ZONE[,EAST,NORTH[,ALT]]")),
+        };
+        if up.dot(DVec3::Z) < 0.99 {
+            return Err(wrong("coordinates in UTM have +z up; give --up z"));
+        }
+        return Georeference::utm(zone, offset, middle);
+    }
+    if let Some(numbers) = read(text) {
+        let (latitude, longitude, altitude, heading) = match numbers[..] {
+            [latitude, longitude, altitude] => (latitude, longitude, altitude, 0.0),
+            [latitude, longitude, altitude, heading] => (latitude, longitude, altitude, heading),
+            _ => return Err(wrong("give LAT,LON,ALT or LAT,LON,ALT,HEADING")),
+        };
+        return Georeference::anchored(Geodetic { latitude, longitude, altitude }, heading, up);
+    }
+    if !Path::new(text).exists() {
+        return Err(wrong("give LAT,LON,ALT[,HEADING], utm:ZONE, ecef, or a capture, which this is not"));
+    }
+    let capture = photos::read(Path::new(text), &photos::Options::from(photos::Images::SkipMissing))?;
+    let (mut positions, mut places) = (Vec::new(), Vec::new());
+    for photo in &capture.photos {
+        if let Some(image) = &photo.image
+            && let Some(place) = gps::of_photo(image)?
+        {
+            positions.push(photo.camera.pose.position);
+            places.push(place);
+        }
+    }
+    let (earth, Fit { used, photos, rms }) = Georeference::fitted(&positions, &places)?;
+    say!(
+        "place    by {used} of {photos} photos with GPS, which are {rms:.2} m off (root mean square); a unit is {:.4} m",
+        earth.scale()
+    );
+    Ok(earth)
+}
+
+/// Altitude of the take-off.
+fn takeoff(arguments: &Arguments, plan: Option<&Plan>, earth: &Georeference, middle: DVec3, up: DVec3) -> Result<f64> {
+    let lowest = |bounds: &Bounds| (bounds.min * up).min(bounds.max * up).element_sum();
+    let height = plan.and_then(|plan| plan.region.floor.or(plan.surface.as_ref().map(lowest)));
+    match (arguments.takeoff, height) {
+        (Some(altitude), _) => Ok(altitude),
+        (None, Some(height)) => Ok(earth.place(middle + (height - middle.dot(up)) * up)?.altitude),
+        (None, None) => Err(Error::request(
+            "nothing says how high the drone takes off: give --takeoff ALTITUDE, or cameras of a plan, whose floor or surface says it",
+        )),
+    }
+}
+
+fn write(folder: &OutputFolder, format: Format, cameras: &[Camera], up: DVec3, frame: &str) -> Result<()> {
+    match format {
+        Format::Ros => {
+            folder.write("pose_array.yaml", ros::yaml(cameras, frame))?;
+            folder.write("pose_array.json", ros::json(cameras, frame)?)
+        }
+        Format::Glb => folder.write("cameras.glb", gltf::glb(cameras, up)?),
+        Format::Blender => folder.write("blender_cameras.py", blender::script(cameras, up)),
+        Format::Usd => folder.write("cameras.usda", usd::usda(cameras, up)),
+        Format::Dji | Format::Qgc | Format::Litchi | Format::Kml | Format::Geojson => Ok(()),
+    }
+}
+
+fn write_flight(folder: &OutputFolder, format: Format, flight: &Flight) -> Result<()> {
+    let each = |extension: &str, bytes: &dyn Fn(&Mission) -> Result<Vec<u8>>| {
+        for (i, mission) in flight.missions.iter().enumerate() {
+            let name = match flight.missions.len() {
+                1 => format!("mission.{extension}"),
+                _ => format!("mission-{}.{extension}", i + 1),
+            };
+            folder.write(&name, bytes(mission)?)?;
+        }
+        Ok(())
+    };
+    match format {
+        Format::Dji => each("kmz", &dji::kmz),
+        Format::Qgc => each("plan", &|mission| Ok(qgc::plan(mission).into_bytes())),
+        Format::Litchi => each("csv", &|mission| Ok(litchi::csv(mission).into_bytes())),
+        Format::Kml => folder.write("mission.kml", kml::kml(&flight.missions)),
+        Format::Geojson => folder.write("mission.geojson", geojson::geojson(&flight.missions)),
+        Format::Ros | Format::Glb | Format::Blender | Format::Usd => Ok(()),
+    }
+}
+
+fn print(flight: &Flight) {
+    let waypoints = || flight.missions.iter().flat_map(|mission| &mission.waypoints);
+    let photos = waypoints().filter(|waypoint| waypoint.photo.is_some()).count();
+    let heights = |fold: fn(f64, f64) -> f64| waypoints().map(|waypoint| waypoint.height).reduce(fold).unwrap_or(0.0);
+    if let Some(first) = waypoints().next() {
+        say!("flight   from {} looking to {:.0} degrees", first.place, first.heading);
+    }
+    say!(
+        "         {} missions, {photos} photos, {:.0} m, about {:.0} min; {:.1} to {:.1} m above the take-off at {:.1} m",
+        flight.missions.len(),
+        flight.length,
+        (flight.seconds() / 60.0).ceil(),
+        heights(f64::min),
+        heights(f64::max),
+        flight.missions.first().map_or(0.0, |mission| mission.takeoff)
+    );
+    for note in &flight.notes {
+        say!("note     {note}");
+    }
+    say!("warning  missions were never flown: check each in your app, and what stands in its way, before you fly");
+}

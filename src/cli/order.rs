@@ -1,0 +1,23 @@
+//! The order that planned cameras are written in.
+
+use clap::ValueEnum;
+
+use crate::plan::job::Plan;
+
+/// In which order planned cameras are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Order {
+    /// A short tour that keeps the clearance.
+    Tour,
+    /// As the method leaves them.
+    None,
+}
+
+impl Order {
+    /// Puts the planned cameras into this order.
+    pub fn apply(self, plan: &mut Plan) {
+        if self == Self::Tour {
+            plan.sort_for_a_tour();
+        }
+    }
+}

@@ -1,0 +1,54 @@
+//! KML 2.2: the way, and for every photo the view that it will have. Altitudes are given as they are.
+
+use std::fmt::Write;
+
+use super::georeference::Geodetic;
+use super::mission::{Mission, Waypoint};
+
+/// Text of the document.
+pub fn kml(missions: &[Mission]) -> String {
+    let waypoints: Vec<&Waypoint> = missions.iter().flat_map(|mission| &mission.waypoints).collect();
+    let mut text = String::from(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<kml xmlns=\"http://www.opengis.net/kml/2.2\">\n<Document>\n\
+         <name>camsplat</name>\n",
+    );
+    let at = |place: &Geodetic| format!("{:.8},{:.8},{:.3}", place.longitude, place.latitude, place.altitude);
+    if waypoints.len() > 1 {
+        let way: Vec<String> = waypoints.iter().map(|waypoint| at(&waypoint.place)).collect();
+        // Writing to a string cannot fail.
+        let _ = write!(
+            text,
+            "<Placemark>\n<name>way</name>\n<LineString>\n<altitudeMode>absolute</altitudeMode>\n\
+             <coordinates>{}</coordinates>\n</LineString>\n</Placemark>\n",
+            way.join(" ")
+        );
+    }
+    for waypoint in waypoints {
+        let Some(name) = &waypoint.photo else { continue };
+        let Geodetic { latitude, longitude, altitude } = waypoint.place;
+        let _ = write!(
+            text,
+            "<Placemark>\n<name>{}</name>\n<Camera>\n<longitude>{longitude:.8}</longitude>\n<latitude>{latitude:.8}</latitude>\n\
+             <altitude>{altitude:.3}</altitude>\n<heading>{:.2}</heading>\n<tilt>{:.2}</tilt>\n<roll>0</roll>\n\
+             <altitudeMode>absolute</altitudeMode>\n</Camera>\n\
+             <Point>\n<altitudeMode>absolute</altitudeMode>\n<coordinates>{}</coordinates>\n</Point>\n</Placemark>\n",
+            escaped(name),
+            waypoint.heading,
+            waypoint.pitch + 90.0,
+            at(&waypoint.place)
+        );
+    }
+    text + "</Document>\n</kml>\n"
+}
+
+/// Text for an XML element; what XML does not know at all becomes a question mark.
+fn escaped(text: &str) -> String {
+    let escape = |c: char| match c {
+        '&' => "&amp;".to_owned(),
+        '<' => "&lt;".to_owned(),
+        '>' => "&gt;".to_owned(),
+        c if c.is_control() => "?".to_owned(),
+        c => c.to_string(),
+    };
+    text.chars().map(escape).collect()
+}
