@@ -207,8 +207,14 @@ fn refuse(error: &clap::Error) -> ExitCode {
     ExitCode::from(2)
 }
 
-/// The message of the argument parser without tips and usage: everything up to its first empty line.
+/// The message of the argument parser without usage, on one line: everything up to its first empty line, and what it takes a misspelt word
+/// for.
 fn one_line(message: &str) -> String {
     let lines: Vec<&str> = message.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
-    format!("{}; see --help", lines.join(" "))
+    let meant =
+        message.lines().find_map(|line| line.trim().strip_prefix("tip: ").filter(|tip| tip.contains("similar")));
+    match meant {
+        Some(meant) => format!("{}; {meant}", lines.join(" ")),
+        None => format!("{}; see --help", lines.join(" ")),
+    }
 }

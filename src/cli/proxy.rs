@@ -36,10 +36,10 @@ pub struct Arguments {
     /// Take the depth range from the capture's sparse points, not from its cameras
     #[arg(long)]
     use_points: bool,
-    /// Smallest depth, in the capture's units [default: from the cameras]
+    /// Smallest depth, in the capture's units [default: from where the cameras look, in a walk from the capture's points or by stereo]
     #[arg(long, requires = "far")]
     near: Option<f64>,
-    /// Largest depth, in the capture's units [default: from the cameras]
+    /// Largest depth, in the capture's units [default: as --near]
     #[arg(long, requires = "near")]
     far: Option<f64>,
     #[command(flatten)]

@@ -13,6 +13,7 @@ pub mod depth;
 pub mod frame;
 pub(crate) mod fusion;
 pub mod hull;
+mod range;
 pub(crate) mod smooth;
 
 use std::sync::Arc;
@@ -113,7 +114,15 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
     let mut clock = Clock { last: Instant::now(), seconds: Vec::new() };
     let chosen = choose_photos(set, options)?;
     let cameras: Vec<Camera> = chosen.iter().map(|photo| photo.camera.clone()).collect();
-    let volume = find_volume(set, &cameras, options)?;
+    let walked;
+    let (options, volume) = match find_volume(set, &cameras, options) {
+        Some(volume) => (options, volume),
+        None if options.use_points => return Err(no_points()),
+        None => {
+            walked = Options { depths: Some(range::of_walk(context, set, options)?), ..options.clone() };
+            (&walked, around_cameras(&cameras, walked.depths))
+        }
+    };
     let to_internal = Similarity::to_unit_sphere(volume.centre, volume.radius);
     let mut skipped = Vec::new();
     let frames = Frame::read(&chosen, options.resolution, options.memory, &to_internal, |error| {
@@ -256,7 +265,7 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
 pub fn hull_of(context: &Arc<Context>, set: &PhotoSet, options: &Options) -> Result<Points> {
     let chosen = choose_photos(set, options)?;
     let cameras: Vec<Camera> = chosen.iter().map(|photo| photo.camera.clone()).collect();
-    let volume = find_volume(set, &cameras, options)?;
+    let volume = find_volume(set, &cameras, options).ok_or_else(no_points)?;
     let to_internal = Similarity::to_unit_sphere(volume.centre, volume.radius);
     let frames = Frame::read(&chosen, options.resolution, options.memory, &to_internal, Err)?;
     let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera.clone()).collect();
@@ -334,16 +343,21 @@ fn choose_photos(set: &PhotoSet, options: &Options) -> Result<Vec<Photo>> {
     Ok(choose::spread(&directions, count, options.seed).into_iter().map(|i| usable[i].clone()).collect())
 }
 
-fn find_volume(set: &PhotoSet, cameras: &[Camera], options: &Options) -> Result<Volume> {
+/// The ball that the scene is in; none where the cameras look at no one place and no depths are given.
+fn find_volume(set: &PhotoSet, cameras: &[Camera], options: &Options) -> Option<Volume> {
     let found =
         if options.use_points { volume::around_points(&set.points.positions) } else { volume::around_focus(cameras) };
-    let centre = || cameras.iter().map(|camera| camera.pose.position).sum::<DVec3>() / cameras.len() as f64;
-    found.or_else(|| options.depths.map(|[_, far]| Volume { centre: centre(), radius: far })).ok_or_else(|| {
-        Error::request(match options.use_points {
-            true => "the capture has no points to use; leave `use_points` out",
-            false => "the cameras do not look at one place, so that nothing says how far the scene is; give `near` and `far` in the capture's units",
-        })
-    })
+    found.or_else(|| options.depths.map(|depths| around_cameras(cameras, Some(depths))))
+}
+
+fn no_points() -> Error {
+    Error::request("the capture has no points to use; leave `use_points` out")
+}
+
+/// The ball about all cameras that reaches as far as they see.
+fn around_cameras(cameras: &[Camera], depths: Option<[f64; 2]>) -> Volume {
+    let centre = cameras.iter().map(|camera| camera.pose.position).sum::<DVec3>() / cameras.len() as f64;
+    Volume { centre, radius: depths.map_or(1.0, |[_, far]| far) }
 }
 
 /// The grid of cubes over a box, [`HULL_CELLS`] along its longest side.

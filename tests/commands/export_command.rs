@@ -93,7 +93,10 @@ fn robots_and_renderers_get_the_same_views() {
     assert!(yaml.matches("- position: {x: ").count() == 5 && yaml.contains("frame_id: \"odom\""), "{yaml}");
 
     let glb = fs::read(place.path("out/cameras.glb")).unwrap();
-    assert!(glb.len() % 4 == 0 && glb[8..12] == (glb.len() as u32).to_le_bytes(), "the .glb's own length is wrong");
+    assert!(
+        glb.len().is_multiple_of(4) && glb[8..12] == (glb.len() as u32).to_le_bytes(),
+        "the .glb's own length is wrong"
+    );
     let document: Value = serde_json::from_slice(&glb[20..]).unwrap();
     let nodes = document["nodes"].as_array().unwrap();
     let root = rotation(&nodes[5]["rotation"]);

@@ -10,7 +10,7 @@ use camsplat::photos::volume::{Volume, around_focus};
 use camsplat::photos::{Photo, PhotoSet};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::lens::Distortion;
-use camsplat::scene::surface::Surface;
+use camsplat::scene::surface::{Points, Surface};
 use camsplat::scene::voxels::Grid;
 use camsplat::stereo::choose::neighbours;
 use camsplat::stereo::consistency::{check, support};
@@ -425,6 +425,61 @@ fn captures_that_give_no_surface_are_refused() {
     assert!(missing.code == Some(2) && missing.err.contains("--skip-missing"), "{}", missing.err);
     let few = place.run("proxy set --out p.ply --skip-missing");
     assert!(few.code == Some(2) && few.err.contains("at least 5"), "{}", few.err);
+}
+
+/// If this failed, users would have to guess depths for photos of a walk, whose cameras look at no one place: stereo finds the range itself,
+/// and points of the capture say it where there are any.
+#[test]
+fn the_depths_of_a_walk_are_found() {
+    let context = context();
+    let folder = tempfile::tempdir().unwrap();
+    let along: Vec<Camera> = (0..8)
+        .map(|i| {
+            let position = DVec3::new(0.2 * f64::from(i) - 0.7, -2.2, 1.5);
+            let pose = Pose::looking(position, DVec3::new(0.0, 0.85, -0.55), DVec3::Z);
+            Camera { pose, ..cameras(12).remove(i as usize) }
+        })
+        .collect();
+    assert_eq!(around_focus(&along), None, "these cameras look at one place");
+    let photos = photograph(folder.path(), &along, false);
+    let depths = along.iter().flat_map(|camera| {
+        (0..WIDTH * HEIGHT).step_by(7).map(move |i| true_depth(camera, i % WIDTH, i / WIDTH, false))
+    });
+    let mut truth: Vec<f64> = depths.filter(|depth| *depth > 0.0).collect();
+    truth.sort_unstable_by(f64::total_cmp);
+    let (low, high) = (truth[truth.len() / 10], truth[truth.len() * 9 / 10]);
+    let seen = along.iter().flat_map(|camera| {
+        let of = move |i: u32| (i, true_depth(camera, 8 * (i % 16), 8 * (i / 16), false));
+        let places = (0..192).map(of).filter(|(_, depth)| *depth > 0.0);
+        places.map(|(i, depth)| {
+            let pixel = DVec2::new(f64::from(8 * (i % 16)) + 0.5, f64::from(8 * (i / 16)) + 0.5);
+            camera.pose.position + depth * ray(camera, pixel)
+        })
+    });
+    let positions: Vec<DVec3> = seen.collect();
+    for points in [Points::default(), Points { positions, ..Points::default() }] {
+        let set = PhotoSet { photos: photos.clone(), points, ..PhotoSet::default() };
+        let found = reconstruct(&context, &set, &Options { hull: false, ..Options::default() }).unwrap();
+        let [near, far] = found.depths;
+        assert!(near < low && 0.3 * low < near, "near {near} for {low}");
+        assert!(far > high && far < 3.0 * high, "far {far} for {high}");
+        let off = |p: &&DVec3| ((**p - BALL.0).length() - BALL.1).abs().min((p.z - TABLE).abs()) > 0.06;
+        let astray = found.points.positions.iter().filter(off).count();
+        assert!(20 * astray < found.points.positions.len(), "{astray} of {} points off", found.points.positions.len());
+    }
+    // Looking into the distance, where nothing can be matched, asks for the depths.
+    let away: Vec<Photo> = photos
+        .iter()
+        .map(|photo| {
+            let pose = Pose::looking(photo.camera.pose.position, DVec3::Z, DVec3::Y);
+            Photo { camera: Camera { pose, ..photo.camera.clone() }, ..photo.clone() }
+        })
+        .collect();
+    let empty = tempfile::tempdir().unwrap();
+    let photos = photograph(empty.path(), &away.into_iter().map(|photo| photo.camera).collect::<Vec<_>>(), false);
+    let set = PhotoSet { photos, ..PhotoSet::default() };
+    let message = reconstruct(&context, &set, &Options { hull: false, ..Options::default() }).unwrap_err().to_string();
+    assert!(message.contains("`near` and `far`"), "{message}");
 }
 
 /// If this failed, photos at right angles to one another, which show no surface alike, would be taken for a match.
