@@ -162,7 +162,7 @@ fn find(path: &Path, options: &Options) -> Result<Found> {
 }
 
 /// Whether a file is a video, by its name.
-fn is_video(name: &str) -> bool {
+pub(crate) fn is_video(name: &str) -> bool {
     const VIDEOS: [&str; 6] = ["mp4", "mov", "avi", "mkv", "webm", "m4v"];
     let extension = name.rsplit_once('.').map(|(_, extension)| extension.to_lowercase());
     extension.is_some_and(|extension| VIDEOS.contains(&extension.as_str()))
