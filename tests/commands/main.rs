@@ -10,6 +10,7 @@ mod determinism;
 mod evaluate_command;
 mod evaluate_kinds;
 mod evaluate_situations;
+mod frames;
 mod limits;
 mod metrics_command;
 mod quality_fit;
