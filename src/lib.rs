@@ -21,8 +21,8 @@
 //! [`plan()`] is the front door, and [`PlanRequest`] has its options; [`vulkan::host`] is for applications that own the Vulkan device.
 //!
 //! The layers look down only: the command line and [`report`] sit on `evaluate`, that on [`baselines`], [`select`] and [`mod@plan`], these on
-//! [`vds`], [`photograph`], [`gaussians`], [`stereo`] and [`quality`], then [`metrics`], [`visibility`], [`io`], [`photos`], [`scene`] with
-//! [`methods`], [`primitives`] and [`vulkan`].
+//! [`vds`], [`photograph`], [`gaussians`], [`stereo`] and [`quality`], then [`metrics`], [`visibility`], [`frames`], [`io`], [`photos`],
+//! [`scene`] with [`methods`], [`primitives`] and [`vulkan`].
 
 // What is private is read with `cargo doc --document-private-items`.
 #![allow(rustdoc::private_intra_doc_links)]
@@ -37,6 +37,7 @@ mod error;
 pub mod evaluate;
 #[cfg(feature = "cli")]
 mod export;
+pub mod frames;
 pub mod gaussians;
 pub mod io;
 pub mod methods;

@@ -26,6 +26,7 @@ mod demo;
 mod devices;
 mod evaluate;
 mod export;
+mod frames;
 mod manual;
 mod metrics;
 mod options;
@@ -66,6 +67,8 @@ enum Command {
     Score(Box<score::Arguments>),
     /// Score how much each part of a surface changes with the view, from photos
     Vds(vds::Arguments),
+    /// Choose frames of a video for structure from motion: sharp, evenly spread, none twice
+    Frames(frames::Arguments),
     /// Select the best K photos of a capture
     Select(Box<select::Arguments>),
     /// Compare images with their references: PSNR, SSIM, LPIPS
@@ -138,7 +141,7 @@ fn unsaid(error: &std::io::Error) {
 }
 
 /// Runs the command line. Exit codes: 0 done, 2 bad input or request, 130 stopped by the user (what there was is
-/// written; `select` and `plan --method` leave nothing), 1 anything else, such as a standard output that takes no more.
+/// written; `select`, `frames` and `plan --method` leave nothing), 1 anything else, such as a standard output that takes no more.
 pub fn main() -> ExitCode {
     let command = command();
     let parse = |matches: clap::ArgMatches| {
@@ -153,6 +156,7 @@ pub fn main() -> ExitCode {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Score(arguments) => score::run(&arguments),
         Command::Vds(arguments) => vds::run(&arguments),
+        Command::Frames(arguments) => frames::run(&arguments),
         Command::Select(arguments) => select::run(&arguments),
         Command::Metrics(arguments) => metrics::run(&arguments),
         Command::Train(arguments) => train::run(&arguments),

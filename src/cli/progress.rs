@@ -14,15 +14,34 @@ use crate::{Error, Result};
 
 /// Set once the user has asked to stop.
 static STOP: AtomicBool = AtomicBool::new(false);
-/// Whether Ctrl-C ends the process at once. The handler holds it while it ends, so that nothing begins to be written then.
-static LEAVES: Mutex<bool> = Mutex::new(false);
+/// What Ctrl-C does. The handler holds it while it ends the process, so that nothing begins to be written then.
+static ON_INTERRUPT: Mutex<OnInterrupt> = Mutex::new(OnInterrupt::Finish);
+
+/// What the first Ctrl-C does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum OnInterrupt {
+    /// What is running ends and is written.
+    Finish,
+    /// What is running ends, and nothing is written.
+    Withdraw,
+    /// The process ends at once.
+    Leave,
+}
 
 /// Lets Ctrl-C (and SIGTERM) stop a run after the iteration that is running; a second one ends the process at once.
 ///
 /// # Errors
 /// Where the system refuses a signal handler.
 pub fn stop_on_interrupt() -> Result<()> {
-    hear_interrupts(false)
+    hear_interrupts(OnInterrupt::Finish)
+}
+
+/// Lets Ctrl-C (and SIGTERM) stop a run that takes back what it has written so far; a second one ends the process at once.
+///
+/// # Errors
+/// Where the system refuses a signal handler.
+pub fn withdraw_on_interrupt() -> Result<()> {
+    hear_interrupts(OnInterrupt::Withdraw)
 }
 
 /// Lets Ctrl-C (and SIGTERM) end the process at once, with the exit code of a stopped run, while nothing has been written; until
@@ -31,25 +50,30 @@ pub fn stop_on_interrupt() -> Result<()> {
 /// # Errors
 /// Where the system refuses a signal handler.
 pub fn leave_on_interrupt() -> Result<()> {
-    hear_interrupts(true)
+    hear_interrupts(OnInterrupt::Leave)
 }
 
-fn hear_interrupts(leave: bool) -> Result<()> {
+fn hear_interrupts(what: OnInterrupt) -> Result<()> {
     static SET: OnceLock<()> = OnceLock::new();
-    *lock(&LEAVES) = leave;
+    *lock(&ON_INTERRUPT) = what;
     if SET.set(()).is_err() {
         return Ok(());
     }
     ctrlc::set_handler(|| {
-        let leaves = lock(&LEAVES);
-        if *leaves {
+        let what = lock(&ON_INTERRUPT);
+        if *what == OnInterrupt::Leave {
             say!("stopped; nothing is written");
             std::process::exit(i32::from(super::INTERRUPTED));
         }
         if STOP.swap(true, Ordering::SeqCst) {
             std::process::exit(i32::from(super::INTERRUPTED));
         }
-        say!("stopping once what is running has ended and is written; another Ctrl-C ends at once and loses it");
+        match *what {
+            OnInterrupt::Withdraw => say!("stopping"),
+            _ => {
+                say!("stopping once what is running has ended and is written; another Ctrl-C ends at once and loses it")
+            }
+        }
     })
     .map_err(|e| Error::request(format!("Ctrl-C cannot be watched for: {e}")))
 }

@@ -11,6 +11,7 @@ mod evaluate_command;
 mod evaluate_kinds;
 mod evaluate_situations;
 mod export_command;
+mod frames;
 mod limits;
 mod metrics_command;
 mod quality_fit;

@@ -240,9 +240,12 @@ fn captures_without_poses_are_given_the_next_step() {
     place.write("film/walk.MP4", "film");
     place.write("walk.mov", "film");
     place.write("half/sparse/0/cameras.bin", [0; 8]);
+    fs::create_dir(place.path("many")).unwrap();
+    (0..500).for_each(|i| place.write(&format!("many/{i}.jpg"), ""));
     assert_refused(
         &place,
         &[
+            ("train many --out o", &["many: found 500 images but no camera poses", "`camsplat frames`"]),
             ("train photos --out o", &["photos: found 2 images but no camera poses", "--image_path photos"]),
             (
                 "select set --count 3 --out o",
@@ -250,9 +253,9 @@ fn captures_without_poses_are_given_the_next_step() {
             ),
             (
                 "vds film --out o.ply",
-                &["film: found the video \"walk.MP4\"", "ffmpeg -i film/walk.MP4", "--image_path film/images"],
+                &["film: found a video and no images", "`camsplat frames film/walk.MP4`", "COLMAP"],
             ),
-            ("proxy walk.mov --out o.ply", &["walk.mov: this is a video", "COLMAP"]),
+            ("proxy walk.mov --out o.ply", &["walk.mov: this is a video", "`camsplat frames`", "COLMAP"]),
             (
                 "plan half --views 5 --out o",
                 &["half: its COLMAP model has cameras.bin or cameras.txt and no images.bin"],

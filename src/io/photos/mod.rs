@@ -128,7 +128,7 @@ pub(crate) fn is_layout(folder: &Path) -> bool {
 fn find(path: &Path, options: &Options) -> Result<Found> {
     if !path.is_dir() {
         if path.file_name().is_some_and(|name| is_video(&name.to_string_lossy())) && path.is_file() {
-            let what = "this is a video; take frames of it into a folder, run COLMAP on that, and give the folder";
+            let what = "this is a video; choose frames of it with `camsplat frames`, run COLMAP on them as that prints, and give their folder";
             return Err(Error::input(path, what));
         }
         let bytes = super::read_file(path)?;
@@ -162,11 +162,14 @@ fn find(path: &Path, options: &Options) -> Result<Found> {
 }
 
 /// Whether a file is a video, by its name.
-fn is_video(name: &str) -> bool {
+pub(crate) fn is_video(name: &str) -> bool {
     const VIDEOS: [&str; 6] = ["mp4", "mov", "avi", "mkv", "webm", "m4v"];
     let extension = name.rsplit_once('.').map(|(_, extension)| extension.to_lowercase());
     extension.is_some_and(|extension| VIDEOS.contains(&extension.as_str()))
 }
+
+/// Images above which a folder without poses is likely to hold the frames of a video, all of which COLMAP would be slow to match.
+const MANY: usize = 400;
 
 /// What a folder without poses holds, and what to do next.
 fn unposed(folder: &Path) -> String {
@@ -184,12 +187,15 @@ fn unposed(folder: &Path) -> String {
             format!("its COLMAP model has {part} and no {missing}, so that no camera has a pose; export the whole model")
         }
         (None, Some((count, images)), _) => {
-            format!("found {count} images but no camera poses; run COLMAP first: {}", colmap(images))
+            let fewer = match count > MANY {
+                true => "; of the frames of a walk, choose those that differ first, with `camsplat frames`",
+                false => "",
+            };
+            format!("found {count} images but no camera poses; run COLMAP first: {}{fewer}", colmap(images))
         }
         (None, None, Some(video)) => {
-            let frames = folder.join("images");
-            let ffmpeg = format!("ffmpeg -i {} -vf fps=2 {}/%05d.jpg", folder.join(&video).display(), frames.display());
-            format!("found the video {video:?} and no images; take frames of it ({ffmpeg}), then run {}", colmap(&frames))
+            let video = folder.join(&video);
+            format!("found a video and no images; choose frames of it: `camsplat frames {}`, then run COLMAP as that prints", video.display())
         }
         (None, None, None) => "the folder is no capture: it holds no COLMAP model (cameras and images as .bin or .txt, here or in \
              sparse/0), no transforms.json, nothing of NSVF, LLFF, Polycam or Record3D, and no images; give the folder of a capture, or a \
