@@ -87,7 +87,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     check(arguments)?;
     let file = io::plan_file(&arguments.cameras);
     let mut cameras = io::read_cameras(&file)?;
-    let plan = plan(&file);
+    let plan = match plan(&file) {
+        Some(plan) => Some(Plan { region: plan.region.validated()?, ..plan }),
+        None => None,
+    };
     if let Some(kept) = plan.as_ref().map(|plan| plan.kept).filter(|kept| (1..cameras.len()).contains(kept)) {
         cameras.truncate(cameras.len() - kept);
         say!("note     the {kept} kept cameras are left out: their photos are there");

@@ -70,8 +70,7 @@ impl OutputFolder {
     /// # Errors
     /// When the name leads out of the folder, or the system refuses.
     pub fn write(&self, name: &str, contents: impl AsRef<[u8]>) -> Result<()> {
-        let file = self.stage(name)?;
-        fs::write(&file, contents).map_err(|source| Error::io(file, source))
+        fs::write(self.stage(name)?, contents).map_err(|source| self.failed(name, source))
     }
 
     /// The path to write one file to for callers that write it themselves, with its parent folders made; `name` as in
@@ -85,9 +84,13 @@ impl OutputFolder {
             return Err(Error::request(format!("{name:?} does not name a file in the output folder")));
         }
         let file = self.staged()?.join(name);
-        let parent = parent(&file);
-        fs::create_dir_all(parent).map_err(|source| Error::io(parent, source))?;
+        fs::create_dir_all(parent(&file)).map_err(|source| self.failed(name, source))?;
         Ok(file)
+    }
+
+    /// A failure to write a file, by the name that the user knows it by.
+    pub(crate) fn failed(&self, name: &str, source: std::io::Error) -> Error {
+        Error::io(self.path.join(name), source)
     }
 
     /// Moves everything into place. A folder that does not exist yet appears at once, complete. In one that does, files
@@ -412,6 +415,20 @@ mod tests {
         assert_eq!(entries(parent.path()).len(), 1);
         drop(folder);
         assert!(entries(parent.path()).is_empty());
+    }
+
+    /// If this failed, a full disk would be reported for a hidden file that the user has never heard of.
+    #[test]
+    fn a_file_that_cannot_be_written_is_named_as_the_user_knows_it() {
+        let parent = tempfile::tempdir().unwrap();
+        let path = parent.path().join("out");
+        let folder = OutputFolder::create(&path, false).unwrap();
+        folder.write("sparse", b"x").unwrap();
+        fs::create_dir_all(folder.stage("taken").unwrap()).unwrap();
+        for name in ["sparse/0", "taken"] {
+            let message = folder.write(name, b"x").unwrap_err().to_string();
+            assert!(message.contains(&path.join(name).display().to_string()), "{message}");
+        }
     }
 
     /// If this failed, a finished plan would not be where the user requested it.

@@ -239,6 +239,10 @@ fn a_plan_gives_its_tour_its_floor_and_no_kept_cameras() {
     let csv = place.read("out/mission.csv");
     let passed = csv.lines().nth(2).unwrap();
     assert!(csv.lines().count() == 7 && passed.contains(",10.20,") && !passed.contains(",1,0,"), "{csv}");
+    // A plan that was spoilt by hand gives no cameras that look nowhere.
+    record.region.up = DVec3::ZERO;
+    place.write("spoilt.json", serde_json::to_string(&record).unwrap());
+    assert_refused(&place, &[("export spoilt.json --out no", &["up direction"])]);
     // What is lower than allowed is refused, and nothing is written.
     let low = "export plan --geo 50,10,300 --takeoff 305 --out no";
     assert_refused(&place, &[(low, &["--lowest", "above the take-off"])]);
