@@ -22,6 +22,8 @@ pub enum Convention {
     Trajectory,
     /// LLFF's poses_bounds.npy: world-from-camera, axes down, right and backwards.
     Llff,
+    /// Cameras of Metashape: world-from-camera, OpenCV axes.
+    Metashape,
     /// ARKit's, of Polycam or Record3D: world-from-camera, OpenGL axes.
     Phone,
 }
@@ -40,6 +42,7 @@ impl fmt::Display for Convention {
             Self::Transforms => "transforms.json (world-from-camera, X right, Y up, -Z forward)",
             Self::Nsvf => "NSVF (world-from-camera, X right, Y down, Z forward)",
             Self::Trajectory => ".log trajectory (world-from-camera, X right, Y down, Z forward)",
+            Self::Metashape => "Metashape (world-from-camera, X right, Y down, Z forward)",
             Self::Llff => "LLFF (world-from-camera, X down, Y right, -Z forward)",
             Self::Phone => "ARKit (world-from-camera, X right, Y up, -Z forward)",
         })

@@ -7,10 +7,12 @@
 //! | NSVF ([`nsvf`]) | world-from-camera, OpenCV axes |
 //! | Tanks and Temples `.log` ([`trajectory`]) | world-from-camera, OpenCV axes |
 //! | LLFF's poses_bounds.npy ([`llff`]) | world-from-camera, axes down, right, backwards |
+//! | cameras of Metashape, .xml ([`metashape`]) | world-from-camera, OpenCV axes |
 //! | raw export of Polycam, folder of Record3D (`phone`) | world-from-camera, OpenGL axes |
 
 pub(crate) mod files;
 pub mod llff;
+pub mod metashape;
 pub mod nsvf;
 pub(crate) mod phone;
 pub mod trajectory;
@@ -70,7 +72,8 @@ struct Found {
 }
 
 /// Reads a capture: a COLMAP model folder or the folder around one, a transforms.json or a folder with one (of
-/// transforms_{train,val,test}.json the first), an NSVF or LLFF folder, one of Polycam or Record3D, or a `.log` trajectory. Photos are ordered by name, poses are
+/// transforms_{train,val,test}.json the first), an NSVF or LLFF folder, one of Polycam or Record3D,
+/// cameras of Metashape (.xml), or a `.log` trajectory. Photos are ordered by name, poses are
 /// world-from-camera in OpenCV axes in the file's world frame, and lenses are those of the stored images. The notes report what
 /// was understood.
 ///
@@ -130,6 +133,9 @@ fn find(path: &Path, options: &Options) -> Result<Found> {
         if path.file_name().is_some_and(|name| is_video(&name.to_string_lossy())) && path.is_file() {
             let what = "this is a video; choose frames of it with `camsplat frames`, run COLMAP on them as that prints, and give their folder";
             return Err(Error::input(path, what));
+        }
+        if path.extension().is_some_and(|extension| extension == "xml") {
+            return metashape::read(path);
         }
         let bytes = super::read_file(path)?;
         return match path.extension().is_some_and(|extension| extension == "log") {
