@@ -2,13 +2,13 @@
 # Installs what camsplat needs beside Rust: a Vulkan loader, the software driver lavapipe, validation layers, and the
 # archives of shaderc merged into one (so that the build need not compile shaderc from source).
 # Safe to run twice; does nothing where everything is there. With --with-viewers it also installs Chromium and
-# RenderDoc, which the tests use to open reports and captures where they exist.
+# RenderDoc, which the tests use to open reports and captures where they exist, and ffmpeg, with which they film.
 set -euo pipefail
 cd "$(dirname "$0")"
 
 packages=(libvulkan1 libvulkan-dev mesa-vulkan-drivers vulkan-validationlayers libshaderc-dev glslang-dev spirv-tools g++ cmake git python3)
 if [ "${1:-}" = "--with-viewers" ]; then
-    packages+=(chromium renderdoc python3-renderdoc)
+    packages+=(chromium renderdoc python3-renderdoc ffmpeg)
 elif [ -n "${1:-}" ]; then
     echo "setup.sh: unknown argument '$1'; the only one is --with-viewers" >&2
     exit 2

@@ -102,11 +102,17 @@ fn print_found(analysis: &Analysis) {
 fn print_chosen(count: usize, analysis: &Analysis, choice: &Choice) {
     let Analysis { frames, names, .. } = analysis;
     let number = choice.frames.len();
-    say!("chosen   {number} frames, one for each {:.1}% that the picture moves", 100.0 * choice.step);
+    say!(
+        "chosen   {number} frames, one for each {:.1}% that the picture moves, fewer where it is blurred",
+        100.0 * choice.step
+    );
     if number < count {
         let why = match number == frames.len() {
             true => "there are no more".into(),
-            false => format!("more would be near-duplicates, less than {:.0}% of the picture apart", 100.0 * DUPLICATE),
+            false => format!(
+                "more would be near-duplicates, less than {:.0}% of the picture apart, or blurred",
+                100.0 * DUPLICATE
+            ),
         };
         say!("         {count} were requested: {why}");
     }
@@ -131,7 +137,7 @@ fn print_chosen(count: usize, analysis: &Analysis, choice: &Choice) {
             "warning  SfM may lose the connection in {} gaps, the widest {:.0}% of the picture; --count {} closes them: {}",
             closes.len(),
             100.0 * widest,
-            choice.enough,
+            choice.enough.unwrap_or(count),
             some(closes.iter().map(|gap| at(gap.from)).collect())
         );
     }

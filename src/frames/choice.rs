@@ -1,12 +1,18 @@
 //! Which frames of a walk to keep: even steps of motion, the sharpest frames near them, none twice.
 //!
-//! Between two frames the picture moves by some share of itself ([`Frame::travel`]). `count` targets lie along that path in even steps `h`;
-//! where the path from one frame to the next is longer than `h`, there is nothing in between to choose, and it counts as `h`, so that
-//! the steps elsewhere become smaller until `count` frames come out: `Σ min(d, h) = h (count - 1)` over the motions `d` between frames.
+//! Between two frames the picture moves by some share of itself ([`Frame::travel`]). `count` targets lie in even steps `h` along that path.
+//! Two things bend it:
+//!
+//! * Where frames are blurred, which is where the camera turns fast, more of them teach nothing: motion there counts by the square of their
+//!   sharpness, relative to what the camera can do, but enough for steps of [`CONNECTED`], with which SfM finds its way through.
+//! * Where the path from one frame to the next is longer than `h`, there is nothing in between to choose: it counts as `h`.
+//!
+//! With `d` the motion between two frames, `w` its weight and `c` = [`CONNECTED`], `h` solves `Σ min(max(w, min(h / c, 1)) d, h) = h (count - 1)`.
 //!
 //! The frames near the targets are then chosen together, by dynamic programming: the sum over all of `ln(sharpness)`, less
-//! `(gap / h - 1)²` for each gap between neighbours. To be half a step too early, with the next frame in place, costs as much as two
-//! fifths of the sharpness. That is enough to step around a blurred stretch and too little to leave a hole.
+//! `(gap / h - 1)²` for each gap between neighbours on the bent path. To be half a step too early, with the next frame in place, costs as
+//! much as two fifths of the sharpness. That is enough to step around a blurred stretch. So that no hole is left, the motion of a gap beyond
+//! [`CONNECTED`] costs too, its square being 1 at [`APART`].
 
 /// What is kept of each frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -26,8 +32,8 @@ pub const DUPLICATE: f64 = 0.01;
 /// Motion between neighbours beyond which SfM may not connect them: a third of what the one shows is no longer in the other, and few
 /// points are in three frames.
 pub const APART: f64 = 0.3;
-/// The step that is advised where neighbours are further apart than that: some gaps turn out longer than the step.
-const ADVISED: f64 = 0.2;
+/// The longest step: neighbours that are meant to be this far apart connect, though some gaps turn out longer.
+pub const CONNECTED: f64 = 0.2;
 /// Steps to each side of a target within which frames are candidates, and most candidates of a target.
 const REACH: f64 = 0.75;
 const CANDIDATES: usize = 128;
@@ -44,14 +50,14 @@ const NEIGHBOURS: usize = 6;
 pub struct Choice {
     /// Indices of the chosen frames, ascending.
     pub frames: Vec<usize>,
-    /// The even step, as a share of the picture.
+    /// The even step, as a share of the picture; blurred stretches have longer ones.
     pub step: f64,
     /// Neighbours that SfM may not connect.
     pub gaps: Vec<Gap>,
     /// Chosen frames that are blurred, with nothing sharper near.
     pub blurred: Vec<usize>,
-    /// Frames that would connect all that can be connected.
-    pub enough: usize,
+    /// How many frames would close the gaps that more frames close, where there are any.
+    pub enough: Option<usize>,
 }
 
 /// Two chosen neighbours that are far apart.
@@ -69,13 +75,31 @@ pub struct Gap {
 
 /// Chooses `count` frames, or fewer where the others would be duplicates.
 pub fn choose(frames: &[Frame], count: usize) -> Choice {
+    let mut choice = chosen(frames, count);
+    let closes = |choice: &Choice| choice.gaps.iter().any(|gap| gap.closes);
+    if !closes(&choice) {
+        return choice;
+    }
+    // A quarter more at a time: the number is advice.
+    let moved = frames.windows(2).map(|pair| (pair[1].travel - pair[0].travel).clamp(0.0, CONNECTED));
+    let mut enough = (count + 1).max((moved.sum::<f64>() / CONNECTED).ceil() as usize + 1);
+    while enough < frames.len() && closes(&chosen(frames, enough)) {
+        enough += enough.div_ceil(4);
+    }
+    choice.enough = Some(enough.min(frames.len()));
+    choice
+}
+
+/// As [`choose`], without advice.
+fn chosen(frames: &[Frame], count: usize) -> Choice {
     let Some(last) = frames.len().checked_sub(1) else { return Choice::default() };
     let moved: Vec<f64> = frames.windows(2).map(|pair| (pair[1].travel - pair[0].travel).max(0.0)).collect();
     let most = count.clamp(1, frames.len()) - 1;
-    let step = even_step(&moved, most);
+    let path = Path { weights: weights(frames), moved: &moved };
+    let step = path.even_step(most);
     let mut places = vec![0.0];
-    places.extend(moved.iter().scan(0.0, |place, motion| {
-        *place += motion.min(step);
+    places.extend(path.steps(step).scan(0.0, |place, motion| {
+        *place += motion;
         Some(*place)
     }));
     // A little more than a whole number by rounding is that number.
@@ -88,26 +112,47 @@ pub fn choose(frames: &[Frame], count: usize) -> Choice {
             .map(|(i, _)| i)
             .into_iter()
             .collect(),
-        _ => path(frames, &places, steps),
+        _ => best_path(frames, &places, steps),
     };
     let gaps = gaps(frames, &moved, &chosen);
-    let enough = (moved.iter().map(|motion| motion.min(ADVISED)).sum::<f64>() / ADVISED).ceil() as usize + 1;
-    Choice { step: places[last] / steps.max(1) as f64, gaps, blurred: blurred(frames, &chosen), enough, frames: chosen }
+    Choice { step, gaps, blurred: blurred(frames, &chosen), enough: None, frames: chosen }
 }
 
-/// The step with which `steps` of it lead along the whole path, each motion counting as a step at most; no less than a duplicate's.
-fn even_step(moved: &[f64], steps: usize) -> f64 {
-    let number = |step: f64| moved.iter().map(|motion| motion.min(step)).sum::<f64>() / step;
-    let (mut low, mut high) = (DUPLICATE, moved.iter().sum::<f64>().max(DUPLICATE));
-    if number(low) <= steps as f64 {
-        return low;
+/// What motion to each frame but the first counts: the square of how sharp it is beside the upper quartile of all, at most 1.
+fn weights(frames: &[Frame]) -> Vec<f64> {
+    let mut sharpness: Vec<f64> = frames.iter().map(|frame| frame.sharpness).collect();
+    sharpness.sort_unstable_by(f64::total_cmp);
+    let sharp = sharpness[3 * (sharpness.len() - 1) / 4].max(DULL);
+    frames[1..].iter().map(|frame| (frame.sharpness / sharp).min(1.0).powi(2)).collect()
+}
+
+/// The path from frame to frame.
+struct Path<'a> {
+    moved: &'a [f64],
+    weights: Vec<f64>,
+}
+
+impl Path<'_> {
+    /// What each motion counts where even steps are of this length.
+    fn steps(&self, step: f64) -> impl Iterator<Item = f64> {
+        let least = (step / CONNECTED).min(1.0);
+        self.moved.iter().zip(&self.weights).map(move |(motion, weight)| (weight.max(least) * motion).min(step))
     }
-    // Halved until the bounds are neighbours in double precision, at the latest.
-    for _ in 0..100 {
-        let middle = 0.5 * (low + high);
-        if number(middle) > steps as f64 { low = middle } else { high = middle }
+
+    /// The step of which `steps` lead along the whole path; no less than a duplicate's. The shorter a step, the more of them.
+    fn even_step(&self, steps: usize) -> f64 {
+        let number = |step: f64| self.steps(step).sum::<f64>() / step;
+        let (mut low, mut high) = (DUPLICATE, self.moved.iter().sum::<f64>().max(DUPLICATE));
+        if number(low) <= steps as f64 {
+            return low;
+        }
+        // Halved until the bounds are neighbours in double precision, at the latest.
+        for _ in 0..100 {
+            let middle = 0.5 * (low + high);
+            if number(middle) > steps as f64 { low = middle } else { high = middle }
+        }
+        high
     }
-    high
 }
 
 /// A candidate of a target, and the best choice that ends in it.
@@ -120,7 +165,7 @@ struct Ending {
 }
 
 /// The best frames for the targets at 0, 1, ... `steps` even steps along `places`.
-fn path(frames: &[Frame], places: &[f64], steps: usize) -> Vec<usize> {
+fn best_path(frames: &[Frame], places: &[f64], steps: usize) -> Vec<usize> {
     let step = places[places.len() - 1] / steps as f64;
     let gain = |frame: usize| frames[frame].sharpness.max(DULL).ln();
     let mut targets: Vec<Vec<Ending>> = Vec::with_capacity(steps + 1);
@@ -143,7 +188,9 @@ fn path(frames: &[Frame], places: &[f64], steps: usize) -> Vec<usize> {
                     of_target.iter().enumerate().filter_map(move |(i, before)| {
                         let is_new = frames[frame].travel - frames[before.frame].travel >= DUPLICATE * (1.0 - 1e-6);
                         let gap = (places[frame] - places[before.frame]) / step - 1.0;
-                        let worth = before.worth - gap * gap - OMITTED * (back - 1) as f64;
+                        let motion = frames[frame].travel - frames[before.frame].travel;
+                        let hole = ((motion - CONNECTED) / (APART - CONNECTED)).max(0.0);
+                        let worth = before.worth - gap * gap - hole * hole - OMITTED * (back - 1) as f64;
                         (frame > before.frame && is_new).then_some((worth, Some([target, i])))
                     })
                 });
@@ -301,8 +348,9 @@ mod tests {
         let frames = walk(&[0.02; 300], |_| 0.2);
         let choice = choose(&frames, 10);
         assert!(choice.gaps.len() == 9 && choice.gaps.iter().all(|gap| gap.closes), "{:?}", choice.gaps);
-        assert_eq!(choice.enough, 31);
-        assert_eq!(choose(&frames, choice.enough).gaps, []);
+        // A step of a fifth of the picture, 6 pictures long.
+        assert_eq!(choice.enough, Some(31));
+        assert_eq!(choose(&frames, 31).gaps, []);
         // A jump from one frame to the next, and a frame that could not be followed: more frames do not help.
         let mut frames = walk(&[[0.02; 50], [0.02; 50]].concat(), |_| 0.2);
         frames[30..].iter_mut().for_each(|frame| frame.travel += 0.5);
@@ -326,13 +374,30 @@ mod tests {
         assert_eq!(pauses(&[]), [] as [[usize; 2]; 0]);
     }
 
+    /// If this failed, a fast turn would be given most of the frames, all blurred, or so few that SfM loses its way through it.
+    #[test]
+    fn blurred_stretches_are_given_what_connects_them() {
+        let blurred = |i: usize| (100..300).contains(&i);
+        let frames = walk(&[0.01; 500], |i| if blurred(i) { 0.06 } else { 0.2 });
+        let choice = choose(&frames, 41);
+        assert_eq!((choice.frames.len(), choice.gaps.len()), (41, 0));
+        let inside = choice.frames.iter().filter(|frame| blurred(**frame)).count();
+        // The stretch is two fifths of the walk: 16 frames, if blur did not count, and 10 in steps that connect.
+        assert!((9..=11).contains(&inside), "{inside} of {:?}", choice.frames);
+        let reported = choice.blurred.iter().filter(|frame| blurred(**frame)).count();
+        assert!(reported > 0 && reported == choice.blurred.len(), "{:?}", choice.blurred);
+        // So few that all have to be as far apart as possible: even, blurred or not.
+        let few = choose(&frames, 11);
+        assert!(gaps_of(&frames, &few).iter().all(|gap| (gap / 0.5 - 1.0).abs() < 0.3), "{:?}", few.frames);
+    }
+
     /// If this failed, a turn that is blurred from its beginning to its end would be reported to be as good as the rest.
     #[test]
     fn frames_without_a_sharper_one_near_are_reported() {
         let blurred = |i: usize| (150..190).contains(&i);
         let frames = walk(&[0.01; 400], |i| if blurred(i) { 0.05 } else { 0.2 });
         let choice = choose(&frames, 41);
-        assert!((2..=4).contains(&choice.blurred.len()), "{:?}", choice.blurred);
+        assert!((1..=2).contains(&choice.blurred.len()), "{:?}", choice.blurred);
         assert!(choice.blurred.iter().all(|frame| blurred(*frame)));
     }
 }

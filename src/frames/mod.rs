@@ -2,7 +2,7 @@
 //! not alike.
 //!
 //! [`analyse`] reads every frame once, small, and keeps a few numbers of each: how sharp it is ([`sharpness`]) and how far the picture has
-//! moved since the first ([`motion`], [`travel`]). [`choice::choose`] works on these numbers, and [`write`] writes the chosen frames
+//! moved since the first ([`motion`], [`travel`]). [`choice::choose`] works on these numbers, and [`write()`] writes the chosen frames
 //! in full size. Nothing here is drawn at random: the same file gives the same frames.
 
 pub mod choice;
