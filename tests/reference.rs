@@ -203,7 +203,6 @@ fn has_twin(text: &str, name: &str) -> bool {
 /// If this failed, a stage would have been added that nothing compares with what it should compute, or that no host records.
 #[test]
 fn every_stage_is_held_against_plain_rust() {
-    let source = rust("src");
     let page = fs::read_to_string(root().join(FORMULAS)).unwrap();
     let rows = page
         .split("## Stages without")
@@ -226,7 +225,9 @@ fn every_stage_is_held_against_plain_rust() {
     }
     assert!(found.len() > 50, "only {} stages were found", found.len());
     let names: Vec<_> = found.iter().map(|path| path.file_stem().unwrap().to_str().unwrap()).collect();
-    for name in &names {
+    for (name, path) in names.iter().zip(&found) {
+        // The layer that the shader's folder is named after.
+        let source = rust(&format!("src/{}", path.parent().unwrap().file_name().unwrap().to_str().unwrap()));
         let declared = ["(", "<", " {", " with"].iter().any(|end| source.contains(&format!("Stage = {name}{end}")));
         assert!(declared, "{name}: no stage! has it");
         let held = elsewhere.iter().any(|stage| stage == name) || has_twin(&source, name);

@@ -21,7 +21,7 @@ use crate::{Error, Result, io};
 /// Arguments of `camsplat export`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// Cameras, of a plan those that were planned: folder of a plan, plan.json, transforms.json, COLMAP or NSVF folder, or .log
+    /// Cameras to export, of a plan only the planned ones: folder of a plan, plan.json, transforms.json, COLMAP or NSVF folder, or .log
     cameras: PathBuf,
     /// Formats to write [default: ros, glb, blender and usd; with --geo all]
     #[arg(long, value_enum, value_delimiter = ',')]
@@ -39,7 +39,7 @@ pub struct Arguments {
     #[arg(long, default_value = "map")]
     frame: String,
     /// Where the scene lies on Earth: LAT,LON,ALT[,HEADING] of its origin, in metres, its +Y (-Z where Y is up) pointing to HEADING degrees
-    /// from north; utm:ZONE[,EAST,NORTH[,ALT]], such as utm:33N, for coordinates in UTM, with what is to be added; ecef for geocentric
+    /// from north; utm:ZONE[,EAST,NORTH[,ALT]], such as utm:33N, for coordinates in UTM, with the offset to add to them; ecef for geocentric
     /// ones; or a capture in the same frame whose photos have GPS positions
     #[arg(long, value_name = "PLACE", allow_hyphen_values = true)]
     geo: Option<String>,
@@ -72,6 +72,8 @@ struct Plan {
 #[derive(Deserialize)]
 struct Tour {
     path: Vec<DVec3>,
+    #[serde(default)]
+    blocked: usize,
 }
 
 #[derive(Deserialize)]
@@ -111,12 +113,21 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             gimbal: arguments.gimbal,
             speed: arguments.speed,
         };
-        let path = plan.and_then(|plan| plan.tour).map_or_else(Vec::new, |tour| tour.path);
-        let flight = Flight::new(&cameras, &path, &earth, &rules)?;
+        let tour = plan.and_then(|plan| plan.tour).unwrap_or(Tour { path: Vec::new(), blocked: 0 });
+        let flight = Flight::new(&cameras, &tour.path, &earth, &rules)?;
         for format in wanted.iter().filter(|format| format.is_geographic()) {
             write_flight(&folder, *format, &flight)?;
         }
         print(&flight);
+        if tour.blocked > 0 {
+            say!(
+                "warning  {} legs of the tour lead through the surface or a limit: do not fly them as they are",
+                tour.blocked
+            );
+        }
+        if tour.path.is_empty() {
+            say!("note     the cameras are in no tour: legs are straight, whatever is between");
+        }
     }
     let path = folder.path().to_owned();
     folder.commit()?;
@@ -265,8 +276,9 @@ fn print(flight: &Flight) {
         say!("flight   from {} looking to {:.0} degrees", first.place, first.heading);
     }
     say!(
-        "         {} missions, {photos} photos, {:.0} m, about {:.0} min; {:.1} to {:.1} m above the take-off at {:.1} m",
+        "         {} mission{}, {photos} photos, {:.0} m, about {:.0} min; {:.1} to {:.1} m above the take-off at {:.1} m",
         flight.missions.len(),
+        if flight.missions.len() == 1 { "" } else { "s" },
         flight.length,
         (flight.seconds() / 60.0).ceil(),
         heights(f64::min),

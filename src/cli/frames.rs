@@ -19,7 +19,7 @@ pub struct Arguments {
     /// A video in any format that the program ffmpeg reads, or a folder of .jpg or .png pictures in the order of their names
     #[arg(value_name = "VIDEO|FOLDER")]
     source: PathBuf,
-    /// Frames to choose; fewer come out where the others would be near-duplicates
+    /// Number of frames; fewer are written if the rest are near-duplicates
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=5000))]
     count: u32,
     /// Folder to write: images/ and frames.csv

@@ -80,7 +80,7 @@ pub struct LimitOptions {
     /// Keep cameras and viewers on one side of a plane, given by a point and the direction to the free side; repeatable
     #[arg(long, value_name = "X,Y,Z,NX,NY,NZ", allow_hyphen_values = true, value_parser = parse_wall)]
     pub wall: Vec<Wall>,
-    /// Restrict cameras to heights along --up that a tripod or drone reaches
+    /// Restrict cameras to heights that a tripod or drone reaches: coordinates along --up, not distances from the floor
     #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true, value_parser = parse_heights)]
     pub heights: Option<[f64; 2]>,
     /// Restrict cameras to level ground that a person or robot of this radius and height can walk to from a start: coordinates of the

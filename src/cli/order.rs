@@ -9,7 +9,7 @@ use crate::plan::job::Plan;
 pub enum Order {
     /// A short tour that keeps the clearance.
     Tour,
-    /// As the method leaves them.
+    /// As they were placed.
     None,
 }
 

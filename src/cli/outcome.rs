@@ -59,7 +59,7 @@ pub fn print_plan(plan: &Plan) {
 }
 
 /// What the columns of [`table`] mean.
-const LEGEND: &str = "limit: what any camera in the region could see; gap: angle to the nearest view that sees a point, 180° where none does";
+const LEGEND: &str = "limit: what these or any other cameras in the region could see; gap: angle to the nearest view that sees a point, 180° where none does";
 
 /// Metrics, a row per camera set.
 pub fn table(rows: &[(&str, &Metrics)]) -> String {

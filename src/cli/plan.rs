@@ -62,8 +62,8 @@ pub struct Arguments {
     /// Existing cameras (COLMAP or NSVF folder, transforms.json, plan.json or .log): they count and are never moved
     #[arg(long)]
     keep: Option<PathBuf>,
-    /// Order of the planned cameras: a short tour that keeps the clearance, or as the method leaves them [default: tour; with --iterative
-    /// none, each camera after those that it was planned beside]
+    /// Order of the planned cameras: a short tour that keeps the clearance, or as they were placed [default: tour; none with
+    /// --iterative and other methods, whose first cameras are a plan of fewer]
     #[arg(long, value_enum)]
     order: Option<Order>,
     #[command(flatten)]
@@ -256,7 +256,6 @@ impl Tuning {
 /// Plans, writes the folder and prints what came out.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let views = arguments.views.unwrap_or(1);
-    let order = arguments.order.unwrap_or(if arguments.tuning.iterative { Order::None } else { Order::Tour });
     arguments.tuning.check(arguments.baselines.method.objective())?;
     let config = arguments.tuning.config(arguments.region.preset(), views, arguments.baselines.method.objective());
     let config = Config { viewers: arguments.viewers.viewers()?, ..config };
@@ -266,6 +265,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let config = arguments.baselines.method.planner(&config).unwrap_or(config);
     config.validate()?;
     let baseline = arguments.baselines.request(&config)?;
+    let in_turn = config.iterative || baseline.is_some();
+    let order = arguments.order.unwrap_or(if in_turn { Order::None } else { Order::Tour });
     if let (Some((baseline, _)), true) = (
         &baseline,
         arguments.dry_run || arguments.profile || arguments.trace.is_some() || arguments.renderdoc.is_some(),

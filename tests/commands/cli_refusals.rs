@@ -137,7 +137,8 @@ fn numbers_that_are_none() {
         ("--resolution 264", &["--resolution is 264", "multiple of 8"]),
         ("--probes 0", &["--probes is 0", "at least 1"]),
         ("--probes 65536", &["--probes is 65536", "at most 65535"]),
-        ("--colour red", &["unexpected argument '--colour'", "--help"]),
+        ("--zzz red", &["unexpected argument '--zzz'", "--help"]),
+        ("--veiws 3", &["unexpected argument '--veiws'", "similar argument exists: '--views'"]),
         ("--objective nearest", &["'nearest' for '--objective", "possible values"]),
         ("more", &["unexpected argument 'more'"]),
     ]);
@@ -151,7 +152,7 @@ fn numbers_that_are_none() {
             ("plan --out o --views 3", &["not provided", "<SURFACE>"]),
             ("plan ball.ply --out o --views 3 --iterations 0", &["--iterations is 0", "at least 1"]),
             ("plan ball.ply --out o --views 3 --held-out 0", &["--held-out is 0", "at least 1"]),
-            ("paint ball.ply", &["unrecognized subcommand 'paint'", "--help"]),
+            ("paint ball.ply", &["unrecognized subcommand 'paint'", "similar subcommands exist"]),
         ],
     );
 }
