@@ -6,8 +6,9 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::options::{DeviceOptions, LimitOptions, ViewerOptions, box_of, print_messages};
+use super::options::{DeviceOptions, LimitOptions, box_of, print_messages};
 use super::progress::{go_on, stop_on_interrupt};
+use super::viewers::ViewerOptions;
 use crate::evaluate::artifact::Event;
 use crate::evaluate::competitor::Competitor;
 use crate::evaluate::job;

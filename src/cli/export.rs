@@ -21,7 +21,8 @@ use crate::{Error, Result, io};
 /// Arguments of `camsplat export`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// Cameras to export, of a plan only the planned ones: folder of a plan, plan.json, transforms.json, COLMAP or NSVF folder, or .log
+    /// Cameras to export, of a plan only the planned ones: folder of a plan, plan.json, transforms.json, COLMAP or NSVF folder, .xml of Metashape,
+    /// or .log
     cameras: PathBuf,
     /// Formats to write [default: ros, glb, blender and usd; with --geo all]
     #[arg(long, value_enum, value_delimiter = ',')]
@@ -124,9 +125,6 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
                 "warning  {} legs of the tour lead through the surface or a limit: do not fly them as they are",
                 tour.blocked
             );
-        }
-        if tour.path.is_empty() {
-            say!("note     the cameras are in no tour: legs are straight, whatever is between");
         }
     }
     let path = folder.path().to_owned();
@@ -288,5 +286,8 @@ fn print(flight: &Flight) {
     for note in &flight.notes {
         say!("note     {note}");
     }
-    say!("warning  missions were never flown: check each in your app, and what stands in its way, before you fly");
+    say!(
+        "warning  missions were never flown, and the ways to their first waypoint and home are not planned: check each in your app, and what \
+         stands in its way, before you fly"
+    );
 }

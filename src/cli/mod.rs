@@ -43,6 +43,7 @@ mod select;
 mod train;
 mod vds;
 mod vdsf;
+mod viewers;
 
 use std::process::ExitCode;
 use std::sync::OnceLock;

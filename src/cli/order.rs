@@ -3,6 +3,7 @@
 use clap::ValueEnum;
 
 use crate::plan::job::Plan;
+use crate::scene::tour;
 
 /// In which order planned cameras are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -18,6 +19,12 @@ impl Order {
     pub fn apply(self, plan: &mut Plan) {
         if self == Self::Tour {
             plan.sort_for_a_tour();
+            if plan.record.tour.is_none() {
+                say!(
+                    "note     no tour: it is made of {} cameras at most, and these stay as they were placed",
+                    tour::MOST
+                );
+            }
         }
     }
 }

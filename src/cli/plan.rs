@@ -8,11 +8,12 @@ use std::sync::Arc;
 use clap::{ArgGroup, Args};
 
 use super::baselines::{self, BaselineOptions};
-use super::options::{CameraOptions, DeviceOptions, RegionOptions, ViewerOptions, print_messages, read_surface};
+use super::options::{CameraOptions, DeviceOptions, RegionOptions, print_messages, read_surface};
 use super::order::Order;
 use super::outcome::print_plan;
 use super::progress::{Progress, leave_on_interrupt, stop_on_interrupt};
 use super::vds;
+use super::viewers::ViewerOptions;
 use crate::io;
 use crate::io::folder::{OutputFolder, check_file, write_files};
 use crate::io::overwrite_guard::{check_output_file, check_output_folder};

@@ -6,8 +6,9 @@ use std::process::ExitCode;
 use clap::Args;
 use serde::Serialize;
 
-use super::options::{DeviceOptions, RegionOptions, ViewerOptions, print_messages};
+use super::options::{DeviceOptions, RegionOptions, print_messages};
 use super::outcome::table;
+use super::viewers::ViewerOptions;
 use crate::io::folder::{check_file, write_files};
 use crate::io::overwrite_guard::check_output_file;
 use crate::metrics::Metrics;

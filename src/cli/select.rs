@@ -8,12 +8,12 @@ use std::time::Instant;
 use clap::Args;
 
 use super::options::{
-    CameraOptions, DeviceOptions, ModelOptions, RegionOptions, ViewerOptions, method_parser, parse_size,
-    print_messages, read_surface,
+    CameraOptions, DeviceOptions, ModelOptions, RegionOptions, method_parser, parse_size, print_messages, read_surface,
 };
 use super::outcome::table;
 use super::progress::{leave_on_interrupt, stop_on_interrupt};
 use super::retraining::RetrainingOptions;
+use super::viewers::ViewerOptions;
 use crate::io::folder::OutputFolder;
 use crate::io::overwrite_guard::check_output_folder;
 use crate::io::photos::Images;

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::georeference::Geodetic;
 use super::mission::{Mission, Waypoint};
+use crate::report::escape;
 
 /// Text of the document.
 pub fn kml(missions: &[Mission]) -> String {
@@ -32,23 +33,11 @@ pub fn kml(missions: &[Mission]) -> String {
              <altitude>{altitude:.3}</altitude>\n<heading>{:.2}</heading>\n<tilt>{:.2}</tilt>\n<roll>0</roll>\n\
              <altitudeMode>absolute</altitudeMode>\n</Camera>\n\
              <Point>\n<altitudeMode>absolute</altitudeMode>\n<coordinates>{}</coordinates>\n</Point>\n</Placemark>\n",
-            escaped(name),
+            escape(&name.replace(char::is_control, "?")),
             waypoint.heading,
             waypoint.pitch + 90.0,
             at(&waypoint.place)
         );
     }
     text + "</Document>\n</kml>\n"
-}
-
-/// Text for an XML element; what XML does not know at all becomes a question mark.
-fn escaped(text: &str) -> String {
-    let escape = |c: char| match c {
-        '&' => "&amp;".to_owned(),
-        '<' => "&lt;".to_owned(),
-        '>' => "&gt;".to_owned(),
-        c if c.is_control() => "?".to_owned(),
-        c => c.to_string(),
-    };
-    text.chars().map(escape).collect()
 }

@@ -69,7 +69,7 @@ impl Flight {
     /// # Errors
     /// Where a waypoint would be lower than allowed, or is not on Earth.
     pub fn new(cameras: &[Camera], path: &[DVec3], earth: &Georeference, rules: &Rules) -> Result<Self> {
-        let stops = stops(cameras, path);
+        let (stops, toured) = stops(cameras, path);
         let mut waypoints = Vec::with_capacity(stops.len());
         let (mut beyond, mut farthest, mut rolled) = (0, 0.0f64, 0);
         for (i, (position, photo)) in stops.iter().enumerate() {
@@ -94,6 +94,9 @@ impl Flight {
             waypoints.push(Waypoint { place, height, heading, pitch, photo: photo.map(|camera| camera.name.clone()) });
         }
         let mut notes = Vec::new();
+        if !toured {
+            notes.push("no tour goes through these cameras: legs are straight, whatever is between".into());
+        }
         if beyond > 0 {
             notes.push(format!(
                 "{beyond} of {} cameras look farther up or down than the gimbal turns ({:.0} to {:.0} degrees); they are turned by {farthest:.0} \
@@ -128,8 +131,9 @@ impl Flight {
     }
 }
 
-/// Places in their order, those of photos with the camera.
-fn stops<'c>(cameras: &'c [Camera], path: &[DVec3]) -> Vec<(DVec3, Option<&'c Camera>)> {
+/// Places in their order, those of photos with the camera; and whether the path goes through all cameras, which are in straight legs where
+/// it does not.
+fn stops<'c>(cameras: &'c [Camera], path: &[DVec3]) -> (Vec<(DVec3, Option<&'c Camera>)>, bool) {
     let photo = |camera: &'c Camera| (camera.pose.position, Some(camera));
     let mut left = cameras.iter().peekable();
     let mut stops = Vec::new();
@@ -140,11 +144,10 @@ fn stops<'c>(cameras: &'c [Camera], path: &[DVec3]) -> Vec<(DVec3, Option<&'c Ca
             None => stops.push((*corner, None)),
         }
     }
-    if left.peek().is_some() {
-        // The path is of other cameras.
-        return cameras.iter().map(photo).collect();
+    match left.peek() {
+        Some(_) => (cameras.iter().map(photo).collect(), false),
+        None => (stops, true),
     }
-    stops
 }
 
 /// Where a camera looks. One that looks straight up or down has the heading of its image's up.

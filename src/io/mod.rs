@@ -21,10 +21,10 @@
 //! [`environment`] the light around it.
 
 mod binary;
+pub mod camera_files;
 pub(crate) mod checks;
 pub mod colmap;
 pub mod environment;
-pub mod export;
 pub mod folder;
 pub mod gltf;
 mod matrix;

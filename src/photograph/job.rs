@@ -9,7 +9,7 @@ use glam::DVec3;
 use super::metering;
 use super::outputs::{Found, Outputs, Record};
 use super::tracer::{Exposure, Tracer};
-use crate::io::export;
+use crate::io::camera_files;
 use crate::io::folder::OutputFolder;
 use crate::scene::random;
 use crate::scene::surface::Points;
@@ -92,7 +92,7 @@ pub fn run(
         let (points, tracks) = surface(tracer, record, outputs)?;
         outcome.points = points.positions.len();
         let staged = OutputFolder::create(folder, true)?;
-        export::capture(&staged, &record.cameras, &points, &tracks)?;
+        camera_files::capture(&staged, &record.cameras, &points, &tracks)?;
         staged.commit()?;
     }
     Ok(outcome)

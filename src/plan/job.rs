@@ -23,7 +23,7 @@ use crate::quality::map::ErrorMap;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::layouts;
 use crate::scene::proxy::SurfacePoint;
-use crate::scene::tour::Tour;
+use crate::scene::tour::{self, Tour};
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::vulkan::capture::RenderDoc;
 use crate::vulkan::profile::Profile;
@@ -372,20 +372,24 @@ fn voronoi_by_score(points: &[SurfacePoint], scores: &[PointMetrics]) -> [Option
 }
 
 impl Plan {
-    /// Puts the planned cameras in the order of a short tour that keeps the clearance, and names them by it.
+    /// Puts the planned cameras in the order of a short tour that keeps the clearance, and names them by it. More than
+    /// [`tour::MOST`] stay as they are.
     pub fn sort_for_a_tour(&mut self) {
         let PlanRecord { cameras, kept, .. } = &mut self.record;
         let planned = cameras.len() - *kept;
+        if planned > tour::MOST {
+            return;
+        }
         let map = self.geometry.to_internal;
         let places: Vec<DVec3> = cameras[..planned].iter().map(|camera| map.point(camera.pose.position)).collect();
-        let tour = Tour::new(&self.geometry.free, &places);
-        let poses: Vec<Pose> = tour.order.iter().map(|i| cameras[*i].pose).collect();
+        let found = Tour::new(&self.geometry.free, &places);
+        let poses: Vec<Pose> = found.order.iter().map(|i| cameras[*i].pose).collect();
         cameras.iter_mut().zip(poses).for_each(|(camera, pose)| camera.pose = pose);
         let back = map.inverse();
         self.record.tour = Some(TourRecord {
-            length: back.length(tour.length()),
-            path: tour.path.iter().map(|corner| back.point(*corner)).collect(),
-            blocked: tour.blocked,
+            length: back.length(found.length()),
+            path: found.path.iter().map(|corner| back.point(*corner)).collect(),
+            blocked: found.blocked,
         });
     }
 

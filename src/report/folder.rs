@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::{ReportScene, SurfacePoint, Triangles, decimate};
 use crate::error::{Error, Result};
-use crate::io::export;
+use crate::io::camera_files;
 use crate::io::folder::OutputFolder;
 use crate::plan::job::Plan;
 use crate::plan::target::Target;
@@ -45,16 +45,16 @@ pub fn write(plan: &Plan, target: &Target, folder: OutputFolder) -> Result<()> {
         colours: seeds.iter().map(|point| point.colour).collect(),
         ..Points::default()
     };
-    export::capture(&folder, &record.cameras, &points, &tracks)?;
+    camera_files::capture(&folder, &record.cameras, &points, &tracks)?;
 
     let planned = record.cameras.len() - record.kept;
     let colours: Vec<_> = (0..record.cameras.len()).map(|i| if i < planned { PLANNED } else { KEPT }).collect();
     let size = 0.05 * record.region.bounding_sphere().1;
-    folder.write("frusta.ply", export::frusta_ply(&record.cameras, &colours, size))?;
+    folder.write("frusta.ply", camera_files::frusta_ply(&record.cameras, &colours, size))?;
 
     let positions: Vec<DVec3> = plan.points.iter().map(|point| point.position).collect();
     let gaps: Vec<f32> = plan.scores.iter().map(|score| score.gap.to_degrees()).collect();
-    folder.write("coverage.ply", export::coverage_ply(&positions, &gaps, (0.0, 60.0)))?;
+    folder.write("coverage.ply", camera_files::coverage_ply(&positions, &gaps, (0.0, 60.0)))?;
 
     let json = serde_json::to_string_pretty(record)
         .map_err(|e| Error::request(format!("plan.json cannot be written: {e}")))?;

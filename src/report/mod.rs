@@ -21,6 +21,9 @@ pub mod training;
 
 use glam::DVec3;
 
+#[cfg(feature = "cli")]
+pub(crate) use self::text::escape;
+
 use crate::metrics::Metrics;
 use crate::plan::record::PlanRecord;
 use crate::quality::map::Worst;

@@ -13,7 +13,7 @@ use super::folder::{SEED_POINTS, SEED_STREAM};
 use super::{Kind, ReportScene, SurfacePoint, Triangles, decimate};
 use crate::error::{Error, Result};
 use crate::io::folder::OutputFolder;
-use crate::io::{colmap, export, ply, transforms};
+use crate::io::{camera_files, colmap, ply, transforms};
 use crate::metrics::{Metrics, PointMetrics};
 use crate::photos::{Convention, Photo, PhotoSet};
 use crate::plan::record::Expected;
@@ -101,11 +101,11 @@ pub fn write(written: &Written<'_>, folder: OutputFolder) -> Result<Vec<String>>
         .filter(|score| score.views == 0)
         .map(|score| if score.reachable > 0.0 { 1.0 } else { 0.0 })
         .collect();
-    folder.write("unseen.ply", export::coverage_ply(&unseen, &shown, (0.0, 1.0)))?;
+    folder.write("unseen.ply", camera_files::coverage_ply(&unseen, &shown, (0.0, 1.0)))?;
     if !suggested.is_empty() {
         let cameras: Vec<Camera> = suggested.iter().map(|one| one.camera.clone()).collect();
         folder.write("suggested.json", transforms::write(&cameras, Some(POINTS)))?;
-        folder.write("suggested.csv", suggested_csv(suggested, &export::cameras_csv(&cameras)))?;
+        folder.write("suggested.csv", suggested_csv(suggested, &camera_files::cameras_csv(&cameras)))?;
     }
     let record = Record {
         version: env!("CARGO_PKG_VERSION"),

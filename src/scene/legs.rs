@@ -6,6 +6,7 @@ use std::collections::BinaryHeap;
 use glam::DVec3;
 
 use super::free_space::FreeSpace;
+use super::sets::Sets;
 use super::voxels::Grid;
 use crate::parallel;
 
@@ -42,7 +43,7 @@ impl Legs {
             (i + 1..n).filter(|j| lengths[i * n + j].is_finite()).for_each(|j| _ = sets.join(i, j));
         }
         let mut around = Vec::new();
-        if sets.count > 1 {
+        if sets.count() > 1 {
             let found = Distances::from(&passages, places);
             for (voxel, other, _) in found.meetings(&passages.grid) {
                 let [a, b] = [voxel, other].map(|voxel| found.place[voxel as usize]);
@@ -256,33 +257,5 @@ impl Distances {
         way.reverse();
         way.extend(back(other));
         way
-    }
-}
-
-/// Sets of places that ways connect.
-struct Sets {
-    parent: Vec<usize>,
-    count: usize,
-}
-
-impl Sets {
-    fn new(n: usize) -> Self {
-        Self { parent: (0..n).collect(), count: n }
-    }
-
-    fn root(&mut self, mut i: usize) -> usize {
-        while self.parent[i] != i {
-            self.parent[i] = self.parent[self.parent[i]];
-            i = self.parent[i];
-        }
-        i
-    }
-
-    /// Joins the sets of two places; false where they are one already.
-    fn join(&mut self, a: usize, b: usize) -> bool {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parent[a.max(b)] = a.min(b);
-        self.count -= usize::from(a != b);
-        a != b
     }
 }

@@ -4,6 +4,8 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
+use super::sets::Sets;
+
 /// Which side of a surface is the visible one, where the surface itself does not show it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Orientation {
@@ -62,28 +64,19 @@ fn solid_angle(triangle: &[DVec3; 3], eye: DVec3) -> f64 {
 
 /// The triangles of each connected part, parts ordered by their first triangle.
 fn parts(triangles: &[[DVec3; 3]]) -> Vec<Vec<usize>> {
-    // A forest over triangles: each points at an earlier one of its part, roots at themselves.
-    let mut parent: Vec<usize> = (0..triangles.len()).collect();
-    let root = |parent: &mut Vec<usize>, mut i: usize| {
-        while parent[i] != i {
-            parent[i] = parent[parent[i]];
-            i = parent[i];
-        }
-        i
-    };
+    let mut sets = Sets::new(triangles.len());
     let mut first_at: HashMap<[u64; 3], usize> = HashMap::new();
     for (i, corners) in triangles.iter().enumerate() {
         for corner in corners {
             // Adding zero makes both zeros one.
             let other = *first_at.entry((*corner + DVec3::ZERO).to_array().map(f64::to_bits)).or_insert(i);
-            let (a, b) = (root(&mut parent, i), root(&mut parent, other));
-            parent[a.max(b)] = a.min(b);
+            sets.join(i, other);
         }
     }
     let mut index = HashMap::new();
     let mut parts: Vec<Vec<usize>> = Vec::new();
     for i in 0..triangles.len() {
-        let slot = *index.entry(root(&mut parent, i)).or_insert(parts.len());
+        let slot = *index.entry(sets.root(i)).or_insert(parts.len());
         if slot == parts.len() {
             parts.push(Vec::new());
         }

@@ -239,6 +239,14 @@ fn a_plan_gives_its_tour_its_floor_and_no_kept_cameras() {
     let csv = place.read("out/mission.csv");
     let passed = csv.lines().nth(2).unwrap();
     assert!(csv.lines().count() == 7 && passed.contains(",10.20,") && !passed.contains(",1,0,"), "{csv}");
+    // A tour of other cameras is not followed, and that is said.
+    record.tour.as_mut().unwrap().path.reverse();
+    place.write("other.json", serde_json::to_string(&record).unwrap());
+    let told = place.done("export other.json --geo 50,10,300 --lowest -1 --out other").out;
+    assert!(
+        told.contains("no tour goes through these cameras") && !place.read("other/mission.csv").contains(",10.20,"),
+        "{told}"
+    );
     // A plan that was spoilt by hand gives no cameras that look nowhere.
     record.region.up = DVec3::ZERO;
     place.write("spoilt.json", serde_json::to_string(&record).unwrap());

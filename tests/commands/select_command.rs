@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::support::command;
 use crate::support::command::{Place, ended};
 use camsplat::io;
-use camsplat::io::export;
+use camsplat::io::camera_files;
 use camsplat::io::folder::OutputFolder;
 use camsplat::io::photos::Options;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
@@ -45,7 +45,7 @@ fn place() -> Place {
     let tracks: Vec<Vec<u32>> = positions.iter().map(facing).collect();
     let colours = vec![[90, 120, 150]; positions.len()];
     let folder = OutputFolder::create(&place.path("capture"), false).unwrap();
-    export::capture(&folder, &cameras, &Points { positions, colours, ..Points::default() }, &tracks).unwrap();
+    camera_files::capture(&folder, &cameras, &Points { positions, colours, ..Points::default() }, &tracks).unwrap();
     for (i, camera) in (0u8..).zip(&cameras) {
         let image = image::RgbImage::from_fn(64, 48, |x, y| image::Rgb([(x * y) as u8, i, 40]));
         image.save(folder.stage(&format!("images/{}", camera.name)).unwrap()).unwrap();

@@ -1,15 +1,14 @@
-//! Depth from pictures, hulls and the command `proxy`, on a ball above a table that these tests draw themselves.
+//! Depth from pictures, hulls and the command `proxy` on a ball above a table.
 
 use std::f64::consts::PI;
-use std::path::Path;
 use std::sync::Arc;
 
+use crate::support::ball_scene::{BALL, HEIGHT, TABLE, WIDTH, cameras, photograph, pixel, ray, true_depth};
 use crate::support::command::{Place, ended};
 use camsplat::io;
 use camsplat::photos::volume::{Volume, around_focus};
 use camsplat::photos::{Photo, PhotoSet};
-use camsplat::scene::camera::{Camera, Intrinsics, Pose};
-use camsplat::scene::lens::Distortion;
+use camsplat::scene::camera::{Camera, Pose};
 use camsplat::scene::surface::{Points, Surface};
 use camsplat::scene::voxels::Grid;
 use camsplat::stereo::choose::neighbours;
@@ -22,81 +21,9 @@ use camsplat::stereo::{Options, ball_depths, reconstruct};
 use camsplat::vulkan::{self, Buffer, Context};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
-/// Centre and radius of the ball, and the height of the table below it.
-const BALL: (DVec3, f64) = (DVec3::new(0.05, -0.1, 0.1), 0.45);
-const TABLE: f64 = -0.35;
-const WIDTH: u32 = 128;
-const HEIGHT: u32 = 96;
-
 fn context() -> Arc<Context> {
     let options = vulkan::Options { validation: true, ..vulkan::Options::default() };
     Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
-}
-
-/// Brightness in [0, 1] of the material at a point: waves of several lengths, none of which repeats within the scene.
-fn texture(p: DVec3) -> f64 {
-    let waves = [(3.1, 0.3), (9.3, 1.1), (17.7, 2.3), (29.9, 0.7)];
-    let sum: f64 = waves
-        .iter()
-        .map(|(f, shift)| (f * p.x + shift).sin() * (f * p.y - 2.0 * shift).cos() + (0.8 * f * p.z + 3.0 * shift).sin())
-        .sum();
-    (0.5 + 0.1 * sum).clamp(0.0, 1.0)
-}
-
-/// Distance along a ray to the ball, or else to the table.
-fn hit(origin: DVec3, direction: DVec3, ball_only: bool) -> Option<f64> {
-    let (centre, radius) = BALL;
-    let off = origin - centre;
-    let (b, c) = (off.dot(direction), off.length_squared() - radius * radius);
-    if b * b > c {
-        return Some(-b - (b * b - c).sqrt());
-    }
-    let t = (TABLE - origin.z) / direction.z;
-    (!ball_only && t > 0.0).then_some(t)
-}
-
-/// Direction in the world of a pixel's point, of depth 1.
-fn ray(camera: &Camera, pixel: DVec2) -> DVec3 {
-    let Intrinsics { focal, principal, .. } = camera.intrinsics;
-    camera.pose.rotation * ((pixel - DVec2::from(principal)) / DVec2::from(focal)).extend(1.0)
-}
-
-/// Depth of the centre of a pixel; 0 where it shows nothing.
-fn true_depth(camera: &Camera, x: u32, y: u32, ball_only: bool) -> f64 {
-    let direction = ray(camera, DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
-    hit(camera.pose.position, direction.normalize(), ball_only).map_or(0.0, |t| t / direction.length())
-}
-
-/// Brightness of a pixel, and how much of it the scene covers: means over 3 x 3 rays.
-fn pixel(camera: &Camera, x: u32, y: u32, ball_only: bool) -> (f64, f64) {
-    let (mut brightness, mut cover) = (0.0, 0.0);
-    for i in 0..9 {
-        let at = DVec2::new(
-            f64::from(x) + f64::from(2 * (i % 3) + 1) / 6.0,
-            f64::from(y) + f64::from(2 * (i / 3) + 1) / 6.0,
-        );
-        let direction = ray(camera, at).normalize();
-        if let Some(t) = hit(camera.pose.position, direction, ball_only) {
-            brightness += texture(camera.pose.position + t * direction);
-            cover += 1.0;
-        }
-    }
-    (if cover > 0.0 { brightness / cover } else { 0.0 }, cover / 9.0)
-}
-
-/// So many cameras around the scene at two heights, that look at its middle.
-fn cameras(count: u32) -> Vec<Camera> {
-    let camera = |i: u32| {
-        let (sin, cos) = (2.0 * PI * f64::from(i) / f64::from(count)).sin_cos();
-        let lift = if i.is_multiple_of(2) { 1.4 } else { 2.0 };
-        let position = DVec3::new(2.2 * cos, 2.2 * sin, lift);
-        Camera {
-            name: format!("{i:02}.png"),
-            pose: Pose::looking(position, -position, DVec3::Z),
-            intrinsics: Intrinsics::from_fov(WIDTH, HEIGHT, 36f64.to_radians()),
-        }
-    };
-    (0..count).map(camera).collect()
 }
 
 /// What the device is given of cameras: views, pictures, pairs and masks of the ball.
@@ -285,21 +212,6 @@ fn depths_that_see_through_a_voxel_carve_it() {
     let twin = (0..grid.voxels()).map(|i| carve(&evidence, grid.centre(grid.coordinates(i)).as_vec3()));
     let off = twin.zip(hull.cells()).filter(|(twin, cell)| *twin != (**cell != 0)).count();
     assert!(off <= 10, "{off} voxels differ from the twin");
-}
-
-/// Writes the pictures of cameras into a folder; of the ball alone with alpha.
-fn photograph(folder: &Path, cameras: &[Camera], ball_only: bool) -> Vec<Photo> {
-    let write = |camera: &Camera| {
-        let path = folder.join(&camera.name);
-        let image = image::RgbaImage::from_fn(WIDTH, HEIGHT, |x, y| {
-            let (brightness, cover) = pixel(camera, x, y, ball_only);
-            let value = (255.0 * brightness).round() as u8;
-            image::Rgba([value, value, value, (255.0 * cover).round() as u8])
-        });
-        image.save(&path).unwrap();
-        Photo { camera: camera.clone(), distortion: Distortion::default(), image: Some(path), mask: None }
-    };
-    cameras.iter().map(write).collect()
 }
 
 /// If this failed, `proxy` would not give what a plan needs: points on the surface, everywhere on it, that face outward.

@@ -62,3 +62,12 @@ fn cameras_planned_one_by_one_stay_in_their_order() {
     assert_eq!(place.plan("own").cameras, place.plan("none").cameras);
     assert!(place.plan("own").tour.is_none());
 }
+
+/// If this failed, a plan of very many cameras would take hours and all memory for its tour, or be without one and not say so.
+#[test]
+fn too_many_cameras_for_a_tour_are_said() {
+    let place = Place::new();
+    let ran = place.done("plan ball.ply --views 2001 --pool 64 --held-out 20 --iterations 1 --out many");
+    assert!(ran.out.contains("no tour") && ran.out.contains("2000 cameras at most"), "{}", ran.out);
+    assert!(place.plan("many").tour.is_none() && place.plan("many").cameras.len() == 2001);
+}
