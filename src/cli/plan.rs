@@ -63,6 +63,10 @@ pub struct Arguments {
     /// Existing cameras (COLMAP or NSVF folder, transforms.json, plan.json or .log): they count and are never moved
     #[arg(long)]
     keep: Option<PathBuf>,
+    /// Place the cameras so that structure from motion can join their photos to each other and to those of --keep: neighbours share
+    /// surface and see it at no wider an angle between them than this, in degrees, such as 20
+    #[arg(long, value_name = "DEGREES", conflicts_with = "curve")]
+    connect: Option<f32>,
     /// Order of the planned cameras: a short tour that keeps the clearance, or as they were placed [default: tour; none with
     /// --iterative and other methods, whose first cameras are a plan of fewer]
     #[arg(long, value_enum)]
@@ -264,8 +268,18 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         return Err(Error::request("--curve is of expected quality; leave the options of --objective splat out"));
     }
     let config = arguments.baselines.method.planner(&config).unwrap_or(config);
+    let config = match arguments.connect {
+        Some(degrees) => {
+            let connected = config.connected(degrees);
+            Config { iterations: arguments.tuning.iterations.unwrap_or(connected.iterations), ..connected }
+        }
+        None => config,
+    };
     config.validate()?;
     let baseline = arguments.baselines.request(&config)?;
+    if let (Some((baseline, _)), true) = (&baseline, arguments.connect.is_some()) {
+        return Err(Error::request(format!("--method {} takes no --connect; leave one out", baseline.method.name())));
+    }
     let in_turn = config.iterative || baseline.is_some();
     let order = arguments.order.unwrap_or(if in_turn { Order::None } else { Order::Tour });
     if let (Some((baseline, _)), true) = (

@@ -27,6 +27,8 @@ pub(super) struct Buffers {
     pub(super) history: Buffer,
     pub(super) snapshots: Buffer,
     pub(super) mailbox: Buffer,
+    pub(super) anchor_starts: Buffer,
+    pub(super) anchors: Buffer,
 }
 
 impl Buffers {
@@ -52,6 +54,8 @@ impl Buffers {
             history: device("history")?,
             snapshots: device("snapshots")?,
             mailbox: Buffer::host(context, "mailbox", plan.bytes_of("mailbox")?)?,
+            anchor_starts: device("anchor starts")?,
+            anchors: device("anchors")?,
         })
     }
 }

@@ -162,6 +162,10 @@ pub struct Config {
     pub iterative: bool,
     /// The way through the splat pass.
     pub pass: Pass,
+    /// Every camera is to share surface with a neighbour, at no wider angle between the two than this, in degrees, and all of them
+    /// to hang together, so that structure from motion can join their photos.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub connect: Option<f32>,
     /// Held-out points for the metrics.
     pub held_out: u32,
     /// Iterations between checkpoints of the metrics.
@@ -219,6 +223,14 @@ impl Config {
         if let Some((name, value)) = not_negative.iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0)) {
             return bad(name, value, "zero or a positive number");
         }
+        if let Some(degrees) = self.connect {
+            if !(1.0..=90.0).contains(&degrees) {
+                return bad("`connect`", &degrees, "an angle between 1 and 90 degrees");
+            }
+            if self.objective != Objective::Quality {
+                return Err(Error::request("`connect` goes with `objective` quality alone; leave one out"));
+            }
+        }
         if self.alpha >= 0.5 {
             return bad("`alpha`", &self.alpha, "less than 0.5, so that a score of 2 stays below full brightness");
         }
@@ -233,13 +245,19 @@ impl Config {
         Self::of(Objective::Quality, preset, views)
     }
 
+    /// The same with cameras that connect, at no wider an angle between neighbours than this, in degrees, and the iterations that
+    /// this takes.
+    pub fn connected(self, degrees: f32) -> Self {
+        Self { connect: Some(degrees), iterations: 1000, ..self }
+    }
+
     /// The same with another objective and its defaults; as it is where that is its own.
     pub fn with_objective(self, objective: Objective) -> Self {
         if self.objective == objective {
             return self;
         }
-        let Self { views, preset, seed, held_out, checkpoint_every, viewers, .. } = self;
-        Self { seed, held_out, checkpoint_every, viewers, ..Self::of(objective, preset, views) }
+        let Self { views, preset, seed, held_out, checkpoint_every, viewers, connect, .. } = self;
+        Self { seed, held_out, checkpoint_every, viewers, connect, ..Self::of(objective, preset, views) }
     }
 
     /// The defaults of an objective, settled in docs/results/2026-11/quality.md and docs/results/2026-11/ablations.md.
@@ -279,6 +297,7 @@ impl Config {
             start: Start::Random,
             iterative: false,
             pass: Pass::Auto,
+            connect: None,
             held_out: 1000,
             checkpoint_every: 50,
         }

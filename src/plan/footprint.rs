@@ -4,7 +4,8 @@ use super::binned::TILE;
 use super::buffers::element_sizes;
 use super::config::{Config, Objective};
 use super::dense::KERNEL_CUTOFF;
-use super::shared::{Control, Settings};
+use super::links;
+use super::shared::{Anchor, Control, Settings};
 use super::tally::mailbox;
 use crate::Result;
 use crate::metrics::score_point;
@@ -33,6 +34,7 @@ pub(super) fn footprint(
 ) -> Footprint {
     let (splats, probes, texels) = (s.splats as u64, s.probes as u64, (resolution * resolution) as u64);
     let quality = config.objective == Objective::Quality;
+    let linked = config.connect.is_some();
     let looks = probes * u64::from(LOOKS);
     let slots = match (quality, binned) {
         // Three partials a look.
@@ -65,6 +67,8 @@ pub(super) fn footprint(
         ("mailbox", 4 * mailbox::WORDS as u64),
         ("viewers", if quality { size_of::<Viewer>() as u64 * config.viewers_drawn() as u64 } else { 0 }),
         ("looks", if quality { size_of::<Look>() as u64 * looks } else { 0 }),
+        ("anchor starts", if linked { 4 * (splats + 1) } else { 4 }),
+        ("anchors", size_of::<Anchor>() as u64 * if linked { links::anchors(splats) } else { 1 }),
         (HELD_OUT, score_point::footprint(2 * config.held_out as u64, splats)),
     ];
     if binned {
@@ -86,15 +90,19 @@ pub fn check(footprint: &Footprint, context: &Context) -> Result<()> {
     })
 }
 
-/// Iterations of a block of commands: snapshots and relocations both fall on the start of one.
+/// Iterations of a block of commands: snapshots, relocations and new links all fall on the start of one.
 pub(super) fn block(s: &Settings, config: &Config) -> u32 {
     // Intervals longer than the run never occur, except at the start.
     let within = |every: u32| if every > s.iterations { 0 } else { every };
-    let (mut a, mut b) = (within(config.checkpoint_every.max(1)), within(s.relocate_every));
-    while b > 0 {
-        (a, b) = (b, a % b);
-    }
-    if a > 0 { a } else { s.iterations }
+    let common = |mut a: u32, mut b: u32| {
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let linked = if config.connect.is_some() { within(links::EVERY) } else { 0 };
+    let all = common(common(within(config.checkpoint_every.max(1)), within(s.relocate_every)), linked);
+    if all > 0 { all } else { s.iterations }
 }
 
 /// Refuses counts that no surface and no resolution could make fit the device, before the host has drawn a single

@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 use super::config::{Config, Objective, Preset};
 use super::planner::Planner;
 use super::preparation::Preparation;
-use super::record::{BaselineRecord, CheckpointRecord, Expected, PlanRecord, Status, TourRecord};
+use super::record::{BaselineRecord, CheckpointRecord, Connection, Expected, PlanRecord, Status, TourRecord};
 use super::reference::{Outlook, Reference};
 use super::run::Outcome;
 use super::starts::even_layout;
@@ -117,19 +117,23 @@ pub fn run(
     let start = Instant::now();
     let config = planner.config().clone();
     drop(planner);
-    let (mut outlook, mut began_from) = (None, None);
+    let (mut outlook, mut began_from, mut connection) = (None, None, None);
     check_finite(&outcome.poses)?;
     if let Some(reference) = reference {
         reference.guard(&mut outcome)?;
         let points = held_out(target, &config);
         outlook = Some(reference.outlook(&named(&outcome.poses, intrinsics, kept), &positions(&points))?);
         began_from = Some(reference.best().name.clone());
+        let poses: Vec<Pose> = outcome.poses.iter().map(|pose| scene.geometry.to_internal.pose(pose)).collect();
+        let groups = reference.groups(&poses);
+        connection = config.connect.zip(groups).map(|(degrees, groups)| Connection { degrees, groups });
     }
     let described = serde_json::to_value(&config)
         .map_err(|e| Error::request(format!("the configuration cannot be written: {e}")))?;
     let mut plan =
         conclude(context, &scene, target, (intrinsics, kept), &config, (OURS, described), (outcome, outlook))?;
     plan.record.began_from = began_from;
+    plan.record.connection = connection;
     mark(&mut profile, "metrics", start);
     Ok(plan)
 }
@@ -245,6 +249,7 @@ pub fn conclude(
         metrics: aggregate(&scores),
         expected: Some(expected),
         began_from: None,
+        connection: None,
         tour: None,
         baselines,
         seconds: outcome.seconds,

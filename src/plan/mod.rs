@@ -7,6 +7,7 @@ pub mod curve;
 pub mod dense;
 pub(crate) mod footprint;
 pub mod job;
+pub mod links;
 pub mod planner;
 pub mod preparation;
 mod probes;

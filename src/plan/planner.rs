@@ -7,6 +7,7 @@ use super::buffers::Buffers;
 use super::config::{Config, Objective};
 use super::dense::DenseStage;
 use super::footprint;
+use super::links::Links;
 use super::preparation::{Preparation, dense_shape};
 use super::probes;
 use super::relocate::{RankStage, RelocateStage};
@@ -29,6 +30,7 @@ pub struct Planner {
     pub(super) start: Vec<Splat>,
     pub(super) start_scale: f32,
     pub(super) maps: ProbeMaps,
+    pub(super) links: Option<Arc<Links>>,
     pub(super) pipelines: Pipelines,
     pub(super) buffers: Buffers,
 }
@@ -55,7 +57,7 @@ impl Planner {
     /// A surface that no camera can see from the region, or a plan that is larger than the device's memory.
     pub fn new(context: &Arc<Context>, scene: &Arc<DeviceScene>, preparation: Preparation) -> Result<Self> {
         let Preparation { config, mut settings, points, viewers, around, start, start_scale, .. } = preparation;
-        let Preparation { resolution, binned, footprint, .. } = preparation;
+        let Preparation { resolution, binned, footprint, links, .. } = preparation;
         footprint::check(&footprint, context)?;
         let maps = probes::reachable(context, scene, points, resolution, config.preset)?;
         settings.pool = maps.probes.len() as u32;
@@ -99,7 +101,7 @@ impl Planner {
         let pipelines = Pipelines { splat: splat?, update, rank, relocate, snapshot };
         let buffers = Buffers::new(context, &footprint, resolution)?;
         let (context, scene) = (context.clone(), scene.clone());
-        let planner = Self { context, scene, config, settings, start, start_scale, maps, pipelines, buffers };
+        let planner = Self { context, scene, config, settings, start, start_scale, maps, links, pipelines, buffers };
         planner.reset()?;
         Ok(planner)
     }
@@ -126,7 +128,23 @@ impl Planner {
         commands.fill(&b.mailbox, 0);
         commands.fill(&b.arrivals, 0);
         commands.fill(&b.deficit, 0);
-        commands.submit_and_wait()
+        commands.submit_and_wait()?;
+        self.link()
+    }
+
+    /// Where cameras are to connect (`connect`), links each anew to the neighbours that it has now. [`Planner::run`] does so before every
+    /// block; who submits blocks does it between them, while nothing of this planner runs on the device.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn link(&self) -> Result<()> {
+        let Some(links) = &self.links else { return Ok(()) };
+        let [starts, anchors] = [&self.buffers.anchor_starts, &self.buffers.anchors];
+        let done = self.done() as f32 / self.settings.iterations as f32;
+        let kept = self.settings.kept as usize;
+        let (from, of) = links.anchors(&self.scene.geometry.bvh, &self.splats()?, kept, done);
+        starts.upload(&from)?;
+        if of.is_empty() { Ok(()) } else { anchors.upload(&of) }
     }
 
     /// The settings of the run.
@@ -276,6 +294,8 @@ impl Planner {
                         history: &b.history,
                         mailbox: &b.mailbox,
                         arrivals: &b.arrivals,
+                        anchor_starts: &b.anchor_starts,
+                        anchors: &b.anchors,
                     },
                 )
                 .linear(s.splats),

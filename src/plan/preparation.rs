@@ -1,7 +1,10 @@
 //! What is fixed of a run before the device has allocated anything.
 
+use std::sync::Arc;
+
 use super::config::{Config, MAX_DENSE, MAX_VIEWS, Objective, Pass, Preset};
 use super::footprint::{self, Room};
+use super::links::{self, Links};
 use super::shared::{Settings, Splat};
 use super::start;
 use crate::quality::expected::MAX_ON_CPU;
@@ -45,6 +48,8 @@ pub struct Preparation {
     pub(super) binned: bool,
     pub(super) scene_bytes: u64,
     pub(super) footprint: Footprint,
+    /// Which cameras are neighbours, where they are to connect.
+    pub(super) links: Option<Arc<Links>>,
 }
 
 impl Preparation {
@@ -101,6 +106,12 @@ impl Preparation {
                 "on a CPU device expected quality is of at most {MAX_ON_CPU} cameras, and these are {splats}; use a GPU, or fewer"
             )));
         }
+        if config.connect.is_some() && splats > links::MOST {
+            return Err(Error::request(format!(
+                "`connect` is for at most {} cameras, and these are {splats}; plan fewer, or leave it out",
+                links::MOST
+            )));
+        }
         if quality && probes > MAX_VIEWERS_A_STEP {
             return Err(Error::request(format!(
                 "`probes` is {probes}; give at most {MAX_VIEWERS_A_STEP} viewers a step"
@@ -144,9 +155,11 @@ impl Preparation {
             lambda_bound: config.lambda_bound,
             lambda_scale: config.lambda_scale,
             scale_floor: 0.5 * start_scale,
+            link_angle: config.connect.unwrap_or(0.0).to_radians(),
         };
         let scene_bytes = geometry.bytes();
         let footprint = footprint::footprint(context, &settings, &config, resolution, scene_bytes, binned);
+        let links = config.connect.map(|degrees| Links::new(proxy, geometry, config.seed, degrees)).map(Arc::new);
         let object = config.preset == Preset::Object;
         let around = Surroundings::new(geometry, proxy.sphere, object, &Law::embedded());
         Ok(Self {
@@ -161,6 +174,7 @@ impl Preparation {
             binned,
             scene_bytes,
             footprint,
+            links,
         })
     }
 

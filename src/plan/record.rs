@@ -90,6 +90,30 @@ impl Expected {
     }
 }
 
+/// How far the cameras connect, so that structure from motion can join their photos.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Connection {
+    /// Widest angle between neighbours at a point of the surface, in degrees.
+    pub degrees: f32,
+    /// Sizes of the groups of cameras that neighbours join, the largest first; kept cameras count as joined.
+    pub groups: Vec<usize>,
+}
+
+impl Connection {
+    /// In words, on one line.
+    pub fn line(&self) -> String {
+        let (degrees, all) = (self.degrees, self.groups.iter().sum::<usize>());
+        match &self.groups[..] {
+            [_] => format!("all {all} cameras, neighbours at most {degrees}° apart at what both see"),
+            groups => format!(
+                "{} of {all} cameras, in {} groups: within {degrees}° no more neighbours were found; plan more views, or allow a wider angle",
+                groups.first().unwrap_or(&0),
+                groups.len()
+            ),
+        }
+    }
+}
+
 /// The way along the planned cameras in their order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TourRecord {
@@ -165,6 +189,9 @@ pub struct PlanRecord {
     /// The layout that the plan began from, and where the plan is that layout itself, since nothing better was found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub began_from: Option<String>,
+    /// How far the cameras connect, where they were to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub connection: Option<Connection>,
     /// The way from the first planned camera to the last, where they are in the order of a tour.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tour: Option<TourRecord>,

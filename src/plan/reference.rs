@@ -5,6 +5,8 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::config::{Config, Preset};
+use super::links::Links;
+use super::preparation::splat;
 use super::record::{Expected, Status};
 use super::run::Outcome;
 use super::target::Target;
@@ -52,6 +54,7 @@ pub struct Reference<'a> {
     around: Surroundings,
     intrinsics: Intrinsics,
     kept: Vec<Camera>,
+    links: Option<Links>,
     /// At least one, as [`starts::layouts`] gives them.
     pub layouts: Vec<Layout>,
 }
@@ -75,7 +78,8 @@ impl<'a> Reference<'a> {
         let around = Surroundings::new(&scene.geometry, target.proxy.sphere, inward, &law);
         let fewer = Judge::new(context, scene, around, viewers[..FEWER.min(viewers.len())].to_vec(), &law, seed)?;
         let judge = Judge::new(context, scene, around, viewers, &law, seed)?;
-        let mut reference = Self { judge, scene, around, intrinsics, kept: kept.to_vec(), layouts: Vec::new() };
+        let links = config.connect.map(|degrees| Links::new(&target.proxy, &scene.geometry, config.seed, degrees));
+        let mut reference = Self { judge, scene, around, intrinsics, kept: kept.to_vec(), links, layouts: Vec::new() };
         for (name, ways) in starts::layouts(config, &scene.geometry, kept) {
             let poses = reference.best_way(&fewer, ways)?;
             let expectation = reference.expect(&poses)?;
@@ -132,22 +136,33 @@ impl<'a> Reference<'a> {
 
     /// The layout of which most is expected.
     pub fn best(&self) -> &Layout {
-        let error = |layout: &&Layout| layout.expectation.error_db;
-        let best = self.layouts.iter().min_by(|a, b| error(a).total_cmp(&error(b)));
         // `starts::layouts` always has cameras at random.
-        best.expect("there is a simple layout in every region")
+        best_of(self.layouts.iter()).expect("there is a simple layout in every region")
+    }
+
+    /// Sizes of the groups of cameras that connect, kept ones and `poses` in the planner's frame, the largest first; none where no
+    /// camera has to.
+    pub fn groups(&self, poses: &[Pose]) -> Option<Vec<usize>> {
+        let links = self.links.as_ref()?;
+        let geometry = &self.scene.geometry;
+        let planned = &self.cameras(poses)[..poses.len()];
+        let splats: Vec<_> = self.kept.iter().chain(planned).map(|camera| splat(camera, geometry)).collect();
+        Some(links.groups(&geometry.bvh, &splats, self.kept.len()))
     }
 
     /// What is expected of a run. A complete run takes the poses of the best layout unless its own are expected to be better by
     /// the law's standard deviation for layouts that are alike, less where cameras are kept: smaller gains are not seen in
-    /// trained splats, and no plan is to be worse than a layout that is simpler.
+    /// trained splats, and no plan is to be worse than a layout that is simpler. Where cameras are to connect, a layout counts only if
+    /// its own do.
     ///
     /// # Errors
     /// Where the device fails.
     pub fn guard(&self, outcome: &mut Outcome) -> Result<Expectation> {
         let to_internal = &self.scene.geometry.to_internal;
         let planned: Vec<Pose> = outcome.poses.iter().map(|pose| to_internal.pose(pose)).collect();
-        let (expectation, best) = (self.expect(&planned)?, self.best());
+        let expectation = self.expect(&planned)?;
+        let connects = |layout: &&Layout| self.groups(&layout.poses).is_none_or(|groups| groups.len() == 1);
+        let Some(best) = best_of(self.layouts.iter().filter(connects)) else { return Ok(expectation) };
         // Cameras that both keep make neither better.
         let all = planned.len() + self.kept.len();
         let margin = Fitted::embedded().spread(0.0) * planned.len() as f64 / all.max(1) as f64;
@@ -179,4 +194,9 @@ impl<'a> Reference<'a> {
         let db = best.expectation.error_db - expectation.error_db;
         Expected { db, sd: Fitted::embedded().spread(db), unseen: expectation.unseen, against: best.name.clone() }
     }
+}
+
+/// The layout of which most is expected.
+fn best_of<'l>(layouts: impl Iterator<Item = &'l Layout>) -> Option<&'l Layout> {
+    layouts.min_by(|a, b| a.expectation.error_db.total_cmp(&b.expectation.error_db))
 }

@@ -52,8 +52,9 @@ impl Planner {
         let started = Instant::now();
         let blocks = self.settings.iterations.div_ceil(self.block());
         let mut asked = false;
-        if profile.is_some() || self.context.debug_sync() {
+        if profile.is_some() || self.context.debug_sync() || self.links.is_some() {
             for _ in 0..blocks {
+                self.link()?;
                 let stages = self.stages_of_a_block();
                 let mut commands = match profile {
                     Some(_) => Recorder::timed(&self.context, stages)?,
@@ -164,7 +165,7 @@ impl Planner {
         let s = &self.settings;
         let scale = record.log_scale.exp();
         let splat = self.config.objective == Objective::Splat;
-        let weighed = if splat { s.lambda_reg * record.reg + s.lambda_scale * scale * scale } else { 0.0 };
+        let weighed = if splat { s.lambda_reg * record.reg + s.lambda_scale * scale * scale } else { record.reg };
         IterationRecord {
             iteration,
             loss: record.image + s.lambda_bound * record.bound + weighed,

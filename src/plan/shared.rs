@@ -77,6 +77,8 @@ gpu_struct! {
         pub lambda_scale: f32,
         /// Smallest s.
         pub scale_floor: f32,
+        /// Widest angle between neighbours (quality), in radians; 0 where none is asked for.
+        pub link_angle: f32,
     }
 }
 
@@ -183,11 +185,25 @@ gpu_struct! {
 }
 
 gpu_struct! {
+    /// A point that a camera shares with a neighbour.
+    pub struct Anchor {
+        /// The point.
+        pub point: [f32; 3],
+        /// Its weight in the penalty.
+        pub weight: f32,
+        /// Where the neighbour stood when the links were made.
+        pub other: [f32; 3],
+        /// Unused.
+        pub spare: u32,
+    }
+}
+
+gpu_struct! {
     /// The loss at an iteration.
     pub struct Record {
         /// Image term, or expected quality.
         pub image: f32,
-        /// Regulariser, unweighted.
+        /// Regulariser, unweighted; of expected quality the penalty on links.
         pub reg: f32,
         /// Region term, unweighted.
         pub bound: f32,

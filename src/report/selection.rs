@@ -280,6 +280,7 @@ fn page(written: &Written<'_>) -> Result<String> {
         checkpoints: Vec::new(),
         expected: Some(selection.expected.clone()),
         began_from: None,
+        connection: None,
         tour: None,
         metrics: selection.metrics,
         baselines: selection.baselines.clone(),

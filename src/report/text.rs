@@ -142,6 +142,7 @@ fn summary(record: &PlanRecord, kind: Kind<'_>) -> String {
         ("Region", region(record)),
     ];
     rows.extend(record.began_from.iter().map(|layout| ("Began from", layout.clone())));
+    rows.extend(record.connection.iter().map(|connection| ("Connected", connection.line())));
     rows.extend(record.tour.iter().map(|tour| ("Tour", tour.line())));
     if let Some(first) = record.cameras.first() {
         let same = record.cameras.iter().all(|c| c.intrinsics == first.intrinsics);

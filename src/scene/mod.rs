@@ -25,7 +25,7 @@ pub mod random;
 pub mod region;
 pub mod samples;
 mod sampling;
-mod sets;
+pub(crate) mod sets;
 pub mod similarity;
 pub mod stray;
 pub mod support;

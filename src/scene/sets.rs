@@ -1,24 +1,24 @@
 //! Sets of things that are found to belong together (union-find).
 
 /// A forest over things by their index: each points at an earlier one of its set, roots at themselves.
-pub(super) struct Sets {
+pub(crate) struct Sets {
     parent: Vec<usize>,
     count: usize,
 }
 
 impl Sets {
     /// Each of `n` things in a set of its own.
-    pub(super) fn new(n: usize) -> Self {
+    pub(crate) fn new(n: usize) -> Self {
         Self { parent: (0..n).collect(), count: n }
     }
 
     /// How many sets there are.
-    pub(super) fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.count
     }
 
     /// The first thing of a set, by one of the set.
-    pub(super) fn root(&mut self, mut i: usize) -> usize {
+    pub(crate) fn root(&mut self, mut i: usize) -> usize {
         while self.parent[i] != i {
             self.parent[i] = self.parent[self.parent[i]];
             i = self.parent[i];
@@ -27,7 +27,7 @@ impl Sets {
     }
 
     /// Joins the sets of two things; false where they are one already.
-    pub(super) fn join(&mut self, a: usize, b: usize) -> bool {
+    pub(crate) fn join(&mut self, a: usize, b: usize) -> bool {
         let (a, b) = (self.root(a), self.root(b));
         self.parent[a.max(b)] = a.min(b);
         self.count -= usize::from(a != b);

@@ -127,7 +127,7 @@ fn every_option_of_the_help_is_accepted() {
     let place = Place::new();
     place.done(&format!("plan ball.ply --out first {SHORT}"));
     let runs = [
-        "--preset object --shell 0,0,0,2,3 --floor -2.5 --up +z --clearance 0.1 --fov 60 --size 640x480 --device 0 \
+        "--preset object --shell 0,0,0,2,3 --floor -2.5 --up +z --clearance 0.1 --connect 40 --fov 60 --size 640x480 --device 0 \
          --debug-sync --profile --trace t.json",
         "--box -3,-3,-3,3,3,3 --preset object --keep first --seed 7 --gate-softness 0.01",
         "--iterative --base-loss --no-vds --no-occlusion --no-reg --no-relocation --dry-run",

@@ -122,6 +122,7 @@ fn record(path: &str, region: Region, cameras: Vec<Camera>, kept: usize) -> Plan
         metrics: metrics(1.0),
         expected: None,
         began_from: None,
+        connection: None,
         tour: None,
         baselines: vec![baseline("random", 0.0), baseline("fibonacci", 0.55)],
         seconds: 83.4,

@@ -3,6 +3,7 @@
 // Held-out metrics: a workgroup per surface point. Which cameras see the point (hard gate, exact
 // occlusion), and from its reachable directions how far the nearest of them is. Twin: src/metrics/score_point.rs.
 #include "shared/fold.glsl"
+#include "shared/angle.glsl"
 #include "shared/octahedral.glsl"
 #include "shared/bvh.glsl"
 #include "shared/probe.glsl"
@@ -75,11 +76,6 @@ float maximum_of(float value) {
     FOLD(thread, 256, sums[thread].x = max(sums[thread].x, sums[thread + apart].x));
     barrier();
     return sums[0].x;
-}
-
-// Angle between unit vectors, exact for small angles where acos is not.
-float angle(vec3 a, vec3 b) {
-    return 2.0 * asin(min(0.5 * length(a - b), 1.0));
 }
 
 void main() {
@@ -155,7 +151,7 @@ void main() {
         float off = float(cells[row + k]) * texel_area - mean;
         square += off * off;
         // Pairs grow as the square: past 1024 views that see the point the first 1024 represent all.
-        for (uint l = 0; l < (k < 1024 ? k : 0); ++l) widest = max(widest, angle(rays[row + k].xyz, rays[row + l].xyz));
+        for (uint l = 0; l < (k < 1024 ? k : 0); ++l) widest = max(widest, angle_between(rays[row + k].xyz, rays[row + l].xyz));
     }
     square = total_of(vec2(square, 0.0)).x;
     widest = maximum_of(widest);

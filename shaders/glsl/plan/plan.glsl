@@ -42,6 +42,7 @@ struct Settings {
     float lambda_bound;
     float lambda_scale;
     float scale_floor;
+    float link_angle;     // widest angle between neighbours, 0 where none is asked for
 };
 
 // What changes from one iteration to the next; written by the update alone, at its end.

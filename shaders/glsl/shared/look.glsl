@@ -12,7 +12,4 @@ struct Look {
 // Views at least so far from a viewer's direction, in radians, count as none: src/quality/nearest.rs.
 const float FARTHEST = 2.0;
 
-// Angle between unit vectors, exact for small angles.
-float angle_between(vec3 a, vec3 b) {
-    return 2.0 * asin(min(0.5 * length(a - b), 1.0));
-}
+#include "shared/angle.glsl"
