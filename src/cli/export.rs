@@ -10,7 +10,7 @@ use serde::Deserialize;
 use super::options::parse_up;
 use crate::export::georeference::{Fit, Geodetic, Georeference};
 use crate::export::mission::{Flight, Mission, Rules};
-use crate::export::{Format, blender, dji, geojson, gltf, gps, kml, litchi, qgc, ros, usd};
+use crate::export::{self, Format, blender, dji, geojson, gltf, gps, kml, litchi, qgc, ros, usd};
 use crate::io::folder::OutputFolder;
 use crate::io::overwrite_guard::check_output_folder;
 use crate::io::photos;
@@ -102,8 +102,20 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let poses: Vec<Pose> = cameras.iter().map(|camera| camera.pose).collect();
     let up = arguments.up.or(plan.as_ref().map(|plan| plan.region.up)).or(common_up(&poses)).unwrap_or(DVec3::Z);
     let wanted = formats(arguments)?;
+    if wanted.contains(&Format::Dji) && !(1.0..=15.0).contains(&arguments.speed) {
+        return Err(Error::request("DJI's missions take a --speed from 1 to 15 m/s; give one, or --to without dji"));
+    }
     for format in wanted.iter().filter(|format| !format.is_geographic()) {
         write(&folder, *format, &cameras, up, &arguments.frame)?;
+    }
+    let offset = export::offset(&cameras);
+    if wanted.contains(&Format::Blender) && offset != DVec3::ZERO {
+        say!(
+            "note     far from the origin: positions in blender_cameras.py are less ({}, {}, {}); move the surface likewise in Blender",
+            offset.x,
+            offset.y,
+            offset.z
+        );
     }
     if let Some(place) = &arguments.geo {
         let middle = poses.iter().map(|pose| pose.position).sum::<DVec3>() / poses.len() as f64;

@@ -1,11 +1,13 @@
 //! glTF: a .glb of camera nodes under a root that turns the scene's up to +Y, as glTF has it.
 //!
-//! glTF cameras have a vertical field of view and an aspect ratio; a principal point beside the middle of the image is left out.
+//! Far away from the origin, where readers' single precision would move the cameras, the root carries a whole offset and the cameras stand
+//! where they are less that. glTF cameras have a vertical field of view and an aspect ratio; a principal point beside the middle of the
+//! image is left out.
 
 use glam::{DMat3, DQuat, DVec3};
 use serde_json::{Value, json};
 
-use super::upright;
+use super::{clipping, offset, upright};
 use crate::scene::camera::Camera;
 use crate::{Error, Result};
 
@@ -14,24 +16,27 @@ use crate::{Error, Result};
 /// # Errors
 /// Never in practice: where the numbers cannot be written.
 pub fn glb(cameras: &[Camera], up: DVec3) -> Result<Vec<u8>> {
+    let [near, _] = clipping(cameras);
+    let (offset, turn) = (offset(cameras), upright(up, DVec3::Y));
     let lens = |camera: &Camera| {
         let k = &camera.intrinsics;
         let (width, height) = (f64::from(k.width), f64::from(k.height));
         let perspective = json!({
             "aspectRatio": (width / k.focal[0]) / (height / k.focal[1]),
             "yfov": 2.0 * (0.5 * height / k.focal[1]).atan(),
-            "znear": 0.01
+            "znear": near
         });
         json!({ "name": camera.name, "type": "perspective", "perspective": perspective })
     };
     let node = |(i, camera): (usize, &Camera)| {
-        let (position, rotation) = (camera.pose.position, backward(camera.pose.rotation));
+        let (position, rotation) = (camera.pose.position - offset, backward(camera.pose.rotation));
         json!({ "name": camera.name, "camera": i, "translation": position.to_array(), "rotation": rotation.to_array() })
     };
     let mut nodes: Vec<Value> = cameras.iter().enumerate().map(node).collect();
     let children: Vec<usize> = (0..nodes.len()).collect();
     let root = nodes.len();
-    nodes.push(json!({ "name": "cameras", "rotation": upright(up, DVec3::Y).to_array(), "children": children }));
+    let [translation, rotation] = [json!((turn * offset).to_array()), json!(turn.to_array())];
+    nodes.push(json!({ "name": "cameras", "translation": translation, "rotation": rotation, "children": children }));
     let document = json!({
         "asset": { "version": "2.0", "generator": concat!("camsplat ", env!("CARGO_PKG_VERSION")) },
         "scene": 0,

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use glam::{DMat3, DVec3};
 
 use super::gltf::backward;
-use super::upright;
+use super::{clipping, upright};
 use crate::scene::camera::Camera;
 
 /// Width of a camera's sensor; with the focal length it is in tenths of a unit of the scene, and only their ratio shows.
@@ -21,6 +21,7 @@ pub fn usda(cameras: &[Camera], up: DVec3) -> String {
     // Writing to a string cannot fail.
     let _ = writeln!(text, "    matrix4d xformOp:transform = {root}");
     let _ = writeln!(text, "    uniform token[] xformOpOrder = [\"xformOp:transform\"]");
+    let [near, far] = clipping(cameras);
     for (i, camera) in cameras.iter().enumerate() {
         let k = &camera.intrinsics;
         let (w, h) = (f64::from(k.width), f64::from(k.height));
@@ -30,7 +31,7 @@ pub fn usda(cameras: &[Camera], up: DVec3) -> String {
         let _ = write!(
             text,
             "\n    def Camera \"camera_{i:04}\" (\n        displayName = {}\n    )\n    {{\n        \
-             float2 clippingRange = (0.01, 100000)\n        float focalLength = {focal:?}\n        \
+             float2 clippingRange = ({near:?}, {far:?})\n        float focalLength = {focal:?}\n        \
              float horizontalAperture = {SENSOR:?}\n        float verticalAperture = {height:?}\n        \
              float horizontalApertureOffset = {:?}\n        float verticalApertureOffset = {:?}\n        \
              matrix4d xformOp:transform = {pose}\n        \

@@ -43,6 +43,12 @@ impl Reach {
         Self { half: cameras.half.max(FACTOR * among), ..cameras }
     }
 
+    /// Whether single precision would move the positions by more than a hundred-thousandth of their scale, as it does far away from the
+    /// origin, where georeferenced positions lie.
+    pub fn needs_double(&self) -> bool {
+        self.centre.abs().max_element() * f64::from(f32::EPSILON) > 1e-5 * self.scale
+    }
+
     /// Whether a position is not stray.
     pub fn holds(&self, position: DVec3) -> bool {
         distance(position, self.centre) <= self.half

@@ -132,6 +132,63 @@ fn robots_and_renderers_get_the_same_views() {
     assert!(script.matches("[0.015625,0.03125]],").count() >= 4, "{script}");
 }
 
+/// If this failed, Blender and other readers in single precision would place the cameras of a scene in UTM up to half a metre away, and a
+/// scene of millimetres, or one of kilometres, would be cut away by the cameras' planes.
+#[test]
+fn far_and_small_scenes_stay_whole_in_renderers() {
+    for (scale, shift) in [(1.0, DVec3::new(500_000.0, 5_000_000.0, 100.0)), (1e-4, DVec3::ZERO)] {
+        let place = Place::new();
+        let mut cameras = ring(12);
+        cameras.iter_mut().for_each(|camera| camera.pose.position = scale * camera.pose.position + shift);
+        place.write("transforms.json", io::transforms::write(&cameras, None));
+        let told = place.done("export transforms.json --out out").out;
+        assert_eq!(told.contains("positions in blender_cameras.py are less (500"), shift != DVec3::ZERO, "{told}");
+
+        let document: Value = serde_json::from_slice(&fs::read(place.path("out/cameras.glb")).unwrap()[20..]).unwrap();
+        let nodes = document["nodes"].as_array().unwrap();
+        let (root, moved) = (rotation(&nodes[12]["rotation"]), vector(&nodes[12]["translation"]));
+        let script = place.read("out/blender_cameras.py");
+        let rows: Vec<Value> = script
+            .lines()
+            .filter(|line| line.starts_with("    [\""))
+            .map(|line| serde_json::from_str(line.trim().trim_end_matches(',')).unwrap())
+            .collect();
+        let offset = root.inverse() * moved;
+        for (camera, (node, row)) in cameras.iter().zip(nodes.iter().zip(&rows)) {
+            for position in [vector(&node["translation"]), vector(&row[1])] {
+                let single = position.as_vec3().as_dvec3() + offset;
+                assert!(
+                    single.distance(camera.pose.position) < 1e-5 * scale,
+                    "{single} is not {}",
+                    camera.pose.position
+                );
+            }
+        }
+        // The cameras stand 36 units from the middle.
+        let near = document["cameras"][0]["perspective"]["znear"].as_f64().unwrap();
+        assert!(
+            near < 0.1 * scale && script.contains(&format!("data.clip_start, data.clip_end = {near:?}, ")),
+            "{near}"
+        );
+        assert!(place.read("out/cameras.usda").contains(&format!("clippingRange = ({near:?}, ")));
+    }
+}
+
+/// If this failed, a panorama's cameras, in one place but for rounding, would draw nothing at all.
+#[test]
+fn cameras_in_one_place_draw_the_scene_around_them() {
+    let place = Place::new();
+    let mut cameras = ring(6);
+    for (i, camera) in cameras.iter_mut().enumerate() {
+        camera.pose.position = DVec3::new(3.0, 4.0, 2.0 + 1e-15 * i as f64);
+    }
+    place.write("transforms.json", io::transforms::write(&cameras, None));
+    place.done("export transforms.json --out out --up z");
+    assert!(place.read("out/cameras.usda").contains("clippingRange = (0.01, 1000000000.0)"));
+    let script = place.read("out/blender_cameras.py");
+    assert!(script.contains("[\"000.jpg\",[3.0,4.0,2.0],") && !script.contains("single precision"), "{script}");
+}
+
 /// If this failed, a drone would fly or look elsewhere than the plan, more waypoints than an app takes would be in one mission, or a photo
 /// would be missing.
 #[test]
@@ -355,6 +412,7 @@ fn what_cannot_be_flown_is_refused() {
         ("--geo ecef --takeoff 0", "no place"),
         ("--geo 50,10,0 --takeoff 0 --gimbal 10,-20", "the lower one first"),
         ("--geo 50,10,0 --takeoff 0 --speed 0", "above zero"),
+        ("--geo 50,10,0 --takeoff 0 --speed 0.5", "from 1 to 15 m/s"),
         ("--takeoff 5", "--geo"),
         ("--geo transforms.json --takeoff 0", "no photo has an image"),
     ] {

@@ -111,12 +111,9 @@ enum Precision {
 }
 
 impl Precision {
-    /// Single where it suffices, as most programs write it. Far away from the origin, as georeferenced positions lie, it would move
-    /// them by more than a hundred-thousandth of the size of what they show.
+    /// Single where it suffices, as most programs write it.
     fn of(positions: &[DVec3]) -> Self {
-        let reach = Reach::of(positions);
-        let error = reach.centre.abs().max_element() * f64::from(f32::EPSILON);
-        if error > 1e-5 * reach.scale { Self::Double } else { Self::Single }
+        if Reach::of(positions).needs_double() { Self::Double } else { Self::Single }
     }
 }
 
