@@ -22,7 +22,7 @@ use crate::{Error, Result, io};
 #[derive(Args, Debug)]
 pub struct Arguments {
     /// Cameras to export, of a plan only the planned ones: folder of a plan, plan.json, transforms.json, COLMAP or NSVF folder, .xml of Metashape,
-    /// or .log
+    /// .csv of RealityCapture, or .log
     cameras: PathBuf,
     /// Formats to write [default: ros, glb, blender and usd; with --geo all]
     #[arg(long, value_enum, value_delimiter = ',')]
