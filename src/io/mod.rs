@@ -16,18 +16,20 @@
 //! | boxes (.json), as a volume to keep out of | [`volume`] | |
 //!
 //! Trained splats are also read as what they are, for rendering: [`read_gaussians_with_notes`].
-//! [`photos`] reads captures: cameras with their lenses, images and masks, and the points of a reconstruction. [`picture`] writes
-//! rendered pictures. For photographing, [`gltf::read_model`] reads a scene with its materials and lamps, and
-//! [`environment`] the light around it.
+//! [`photos`] reads captures: cameras with their lenses, images and masks, and the points of a reconstruction; [`depth_maps`] the depth
+//! maps that lie beside one. [`picture`] writes rendered pictures. For photographing, [`gltf::read_model`] reads a scene with its
+//! materials and lamps, and [`environment`] the light around it.
 
 mod binary;
 pub mod camera_files;
 pub(crate) mod checks;
 pub mod colmap;
+pub mod depth_maps;
 pub mod environment;
 pub mod folder;
 pub mod gltf;
 mod matrix;
+pub mod npy;
 pub mod obj;
 pub(crate) mod overwrite_guard;
 pub mod photos;

@@ -6,6 +6,7 @@ mod capture_command;
 mod cli;
 mod cli_refusals;
 mod demo;
+mod depth_maps;
 mod determinism;
 mod evaluate_command;
 mod evaluate_kinds;
