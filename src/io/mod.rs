@@ -14,12 +14,14 @@
 //! | NSVF, LLFF, Polycam and Record3D folders, Metashape's .xml, RealityCapture's .csv, `.log` trajectory | | [`photos`] |
 //! | plan.json | | [`plan_json`] |
 //! | boxes (.json), as a volume to keep out of | [`volume`] | |
+//! | polygons (.geojson, .kml), as areas on Earth to keep out of | [`areas`] | |
 //!
 //! Trained splats are also read as what they are, for rendering: [`read_gaussians_with_notes`].
 //! [`photos`] reads captures: cameras with their lenses, images and masks, and the points of a reconstruction; [`depth_maps`] the depth
 //! maps that lie beside one. [`picture`] writes rendered pictures. For photographing, [`gltf::read_model`] reads a scene with its
 //! materials and lamps, and [`environment`] the light around it.
 
+pub mod areas;
 mod binary;
 pub mod camera_files;
 pub(crate) mod checks;

@@ -67,8 +67,9 @@ pub fn parse<'a>(path: &Path, bytes: &'a [u8]) -> Result<Array<'a>> {
 /// A file of an array as numpy writes it.
 #[cfg(test)]
 pub(crate) fn written(shape: &[usize], values: &[f64]) -> Vec<u8> {
-    let sides: String = shape.iter().map(|side| format!("{side}, ")).collect();
-    let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}), }}", sides.trim_end());
+    let sides: Vec<String> = shape.iter().map(usize::to_string).collect();
+    let sides = if let [side] = &sides[..] { format!("{side},") } else { sides.join(", ") };
+    let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({sides}), }}");
     header += &" ".repeat((64 - (header.len() + 11) % 64) % 64);
     header.push('\n');
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();

@@ -111,7 +111,7 @@ impl Given {
                 let mut sorted = values;
                 let middle = sorted.len() / 2;
                 let median = *sorted.select_nth_unstable_by(middle, f32::total_cmp).1;
-                (Box::new(move |value| value >= median), format!("of at least {median:.3}, the median,"))
+                (Box::new(move |value| value >= median), format!("of at least {median:.3} (the median)"))
             }
         };
         let (mut all, mut dropped) = (0, 0);

@@ -202,10 +202,11 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
     let from_depths = stereo.len();
     let all: Vec<Sample> = stereo.into_iter().chain(holes).collect();
     if all.len() < MIN_POINTS {
-        return Err(Error::request(format!(
-            "only {} points were found; give photos with more overlap (`photos`), `near` and `far`, or masks",
-            all.len()
-        )));
+        let remedy = match given {
+            Some(_) => "check the scale of the depth maps, or give `near` and `far`",
+            None => "give photos with more overlap (`photos`), `near` and `far`, or masks",
+        };
+        return Err(Error::request(format!("only {} points were found; {remedy}", all.len())));
     }
     let out = to_internal.inverse();
     let near = ranges.iter().map(|range| range[0]).fold(f64::INFINITY, f64::min);
@@ -213,6 +214,11 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
     let mut notes = Vec::new();
     if let Some(given) = given {
         notes = given.notes;
+        if kept < FEW_KEPT {
+            notes.push(
+                "warning  hardly any depth of the maps is where the cameras look: their scale may be wrong".into(),
+            );
+        }
         skipped.extend(given.skipped);
     }
     Ok(Reconstruction {
@@ -286,6 +292,8 @@ const FUSED_VOXELS: f64 = 2.0;
 const FUSED_PIXELS: f64 = 2.5;
 /// Radius of a point's disc in cells: points lie anywhere in theirs, and a surface of discs should have no gaps.
 const COVER: f64 = 1.25;
+/// Part of the pixels with a depth below which depth maps are likely to have another scale than the capture.
+const FEW_KEPT: f64 = 0.05;
 /// Fewest points that are a surface.
 const MIN_POINTS: usize = 100;
 

@@ -13,6 +13,7 @@ mod evaluate_kinds;
 mod evaluate_situations;
 mod export_command;
 mod frames;
+mod keep_out_areas;
 mod limits;
 mod metrics_command;
 mod quality_fit;

@@ -118,32 +118,27 @@ pub(super) fn read(path: &Path) -> Result<Found> {
     let rows = parse(path, &read_file(path)?, &mut notes)?;
     let root = path.parent().unwrap_or(Path::new(""));
     let folders: Vec<PathBuf> = files::image_folders(root).into_iter().chain([root.to_owned()]).collect();
-    let found: Vec<_> = rows
-        .iter()
-        .map(|row| {
-            let image = files::image(&folders, &row.name);
-            (image.as_deref().and_then(files::size), image)
-        })
-        .collect();
-    let Some(usual) = found.iter().find_map(|(size, _)| *size) else {
+    let images: Vec<Option<PathBuf>> = rows.iter().map(|row| files::image(&folders, &row.name)).collect();
+    let sizes: Vec<Option<(u32, u32)>> = images.iter().map(|image| image.as_deref().and_then(files::size)).collect();
+    let Some(usual) = sizes.iter().flatten().next().copied() else {
         let what =
             "none of its images can be read, and its lenses are shares of their size; put them beside it or in images/";
         return Err(Error::input(path, what));
     };
-    let unknown = found.iter().filter(|(size, _)| size.is_none()).count();
+    let unknown = sizes.iter().filter(|size| size.is_none()).count();
     if unknown > 0 {
         let (width, height) = usual;
         notes.push(format!("the size of {unknown} images is not known, and taken to be {width} x {height} pixels"));
     }
-    let photo = |(row, (size, image)): (Row, (Option<(u32, u32)>, Option<PathBuf>))| {
+    let mut photos = Vec::with_capacity(rows.len());
+    for ((row, image), size) in rows.into_iter().zip(images).zip(sizes) {
         let (width, height) = size.unwrap_or(usual);
         let stored = image.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
         let intrinsics = row.intrinsics(width, height);
         let camera = Camera { name: stored.unwrap_or(row.name), pose: row.pose, intrinsics };
         let mask = files::mask(root, &camera.name);
-        Photo { camera, distortion: row.distortion, image, mask }
-    };
-    let mut photos: Vec<Photo> = rows.into_iter().zip(found).map(photo).collect();
+        photos.push(Photo { camera, distortion: row.distortion, image, mask });
+    }
     photos.sort_by(|a, b| a.camera.name.cmp(&b.camera.name));
     checks::cameras(path, photos.iter().map(|photo| &photo.camera))?;
     Ok(Found { photos, convention: Convention::RealityCapture, notes, ..Found::default() })
