@@ -57,7 +57,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "| {name} | {photos} | {} {what} | {}, {} | {complete} | {accurate} | {seconds:.1} |",
             reference.len(),
             found.points.positions.len(),
-            found.from_stereo
+            found.from_depths
         );
         if let Some(folder) = &pictures {
             let used: Vec<&Camera> = set

@@ -234,7 +234,9 @@ impl Arguments {
             },
             viewers: self.viewers.given()?.unwrap_or_else(|| self.situation().viewers()),
             situation: self.situation(),
-            limits: self.limits.read(Limits::default())?,
+            limits: self.limits.read(Limits::default(), |file| {
+                Err(Error::input(file, "scenes of an evaluation lie nowhere on Earth; give a mesh or boxes"))
+            })?,
         })
     }
 

@@ -8,12 +8,12 @@ use glam::DVec3;
 use serde::Deserialize;
 
 use super::options::parse_up;
-use crate::export::georeference::{Fit, Geodetic, Georeference};
+use super::place::georeference;
+use crate::export::georeference::Georeference;
 use crate::export::mission::{Flight, Mission, Rules};
-use crate::export::{self, Format, blender, dji, geojson, gltf, gps, kml, litchi, qgc, ros, usd};
+use crate::export::{self, Format, blender, dji, geojson, gltf, kml, litchi, qgc, ros, usd};
 use crate::io::folder::OutputFolder;
 use crate::io::overwrite_guard::check_output_folder;
-use crate::io::photos;
 use crate::scene::camera::{Camera, Pose, common_up};
 use crate::scene::region::Region;
 use crate::{Error, Result, io};
@@ -22,7 +22,7 @@ use crate::{Error, Result, io};
 #[derive(Args, Debug)]
 pub struct Arguments {
     /// Cameras to export, of a plan only the planned ones: folder of a plan, plan.json, transforms.json, COLMAP or NSVF folder, .xml of Metashape,
-    /// or .log
+    /// .csv of RealityCapture, or .log
     cameras: PathBuf,
     /// Formats to write [default: ros, glb, blender and usd; with --geo all]
     #[arg(long, value_enum, value_delimiter = ',')]
@@ -180,55 +180,6 @@ fn parse_gimbal(text: &str) -> Result<[f64; 2], String> {
     let [low, high] = super::options::numbers::<2>(text, "the lowest and the highest pitch, LOW,HIGH")?;
     let valid = -90.0 <= low && low < high && high <= 90.0;
     if valid { Ok([low, high]) } else { Err("give degrees from -90 (down) to 90 (up), the lower one first".into()) }
-}
-
-/// Where the scene is on Earth, as --geo says it.
-fn georeference(text: &str, middle: DVec3, up: DVec3) -> Result<Georeference> {
-    let wrong = |what: &str| Error::request(format!("--geo {text}: {what}"));
-    let read = |text: &str| -> Option<Vec<f64>> { text.split(',').map(|number| number.trim().parse().ok()).collect() };
-    if text == "ecef" {
-        return Georeference::geocentric(middle);
-    }
-    if let Some(rest) = text.strip_prefix("utm:") {
-        let (zone, offset) = rest.split_once(',').map_or((rest, Some(Vec::new())), |(zone, rest)| (zone, read(rest)));
-        let offset = match offset.as_deref() {
-            Some([]) => DVec3::ZERO,
-            Some(&[east, north]) => DVec3::new(east, north, 0.0),
-            Some(&[east, north, altitude]) => DVec3::new(east, north, altitude),
-            _ => return Err(wrong("give utm:ZONE[,EAST,NORTH[,ALT]]")),
-        };
-        if up.dot(DVec3::Z) < 0.99 {
-            return Err(wrong("coordinates in UTM have +z up; give --up z"));
-        }
-        return Georeference::utm(zone, offset, middle);
-    }
-    if let Some(numbers) = read(text) {
-        let (latitude, longitude, altitude, heading) = match numbers[..] {
-            [latitude, longitude, altitude] => (latitude, longitude, altitude, 0.0),
-            [latitude, longitude, altitude, heading] => (latitude, longitude, altitude, heading),
-            _ => return Err(wrong("give LAT,LON,ALT or LAT,LON,ALT,HEADING")),
-        };
-        return Georeference::anchored(Geodetic { latitude, longitude, altitude }, heading, up);
-    }
-    if !Path::new(text).exists() {
-        return Err(wrong("give LAT,LON,ALT[,HEADING], utm:ZONE, ecef, or a capture, which this is not"));
-    }
-    let capture = photos::read(Path::new(text), &photos::Options::from(photos::Images::SkipMissing))?;
-    let (mut positions, mut places) = (Vec::new(), Vec::new());
-    for photo in &capture.photos {
-        if let Some(image) = &photo.image
-            && let Some(place) = gps::of_photo(image)?
-        {
-            positions.push(photo.camera.pose.position);
-            places.push(place);
-        }
-    }
-    let (earth, Fit { used, photos, rms }) = Georeference::fitted(&positions, &places)?;
-    say!(
-        "place    by {used} of {photos} photos with GPS, which are {rms:.2} m off (root mean square); a unit is {:.4} m",
-        earth.scale()
-    );
-    Ok(earth)
 }
 
 /// Altitude of the take-off.

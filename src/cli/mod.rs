@@ -32,6 +32,7 @@ mod metrics;
 mod options;
 mod order;
 mod outcome;
+mod place;
 mod plan;
 mod progress;
 mod proxy;

@@ -7,7 +7,9 @@ use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
 
+use super::place;
 use crate::io;
+use crate::io::areas::is_areas;
 use crate::io::photos::Images;
 use crate::io::volume::read_volume;
 use crate::methods::{Entry, METHODS, Method};
@@ -56,6 +58,10 @@ pub struct RegionOptions {
     pub clearance: Option<f64>,
     #[command(flatten)]
     pub limits: LimitOptions,
+    /// Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or
+    /// a capture with GPS, as for `export`
+    #[arg(long, value_name = "PLACE", allow_hyphen_values = true)]
+    pub geo: Option<String>,
 }
 
 /// The height of the floor.
@@ -72,8 +78,8 @@ pub enum FloorOption {
 /// What limits where cameras stand beside the region.
 #[derive(Args, Clone, Debug)]
 pub struct LimitOptions {
-    /// Keep cameras and viewers out of a volume, which itself blocks no view: a closed mesh (.obj, .glb, .gltf, .ply) or boxes, .json with
-    /// {"boxes": [[X0,Y0,Z0,X1,Y1,Z1], ...]}; repeatable
+    /// Keep cameras and viewers out of a volume, which itself blocks no view: a closed mesh (.obj, .glb, .gltf, .ply), boxes, .json with
+    /// {"boxes": [[X0,Y0,Z0,X1,Y1,Z1], ...]}, or, at all heights, polygons of GeoJSON or KML (needs --geo); repeatable
     #[arg(long, value_name = "FILE")]
     pub keep_out: Vec<PathBuf>,
     /// Keep cameras and viewers on one side of a plane, given by a point and the direction to the free side; repeatable
@@ -89,11 +95,11 @@ pub struct LimitOptions {
 }
 
 impl LimitOptions {
-    /// The limits; of each kind that is not given, those of an earlier plan.
+    /// The limits; of each kind that is not given, those of an earlier plan. `area` is the volume of a file of areas on Earth.
     ///
     /// # Errors
     /// Where a file holds no volume, or numbers make no sense.
-    pub fn read(&self, stored: Limits) -> Result<Limits> {
+    pub fn read(&self, stored: Limits, area: impl Fn(&Path) -> Result<Volume>) -> Result<Limits> {
         let given_limits = Limits {
             walls: self.wall.clone(),
             keep_out: self
@@ -112,7 +118,8 @@ impl LimitOptions {
             walk: given_limits.walk.or(stored.walk),
         };
         for volume in limits.keep_out.iter_mut().filter(|volume| volume.triangles.is_empty()) {
-            *volume = read_volume(Path::new(&volume.file))?;
+            let file = Path::new(&volume.file);
+            *volume = if is_areas(file) { area(file)? } else { read_volume(file)? };
         }
         limits.validated()
     }
@@ -299,7 +306,6 @@ impl RegionOptions {
         let mut choice = self.choice()?;
         let mut preset = self.preset();
         let (stored, limits) = stored.map_or((None, Limits::default()), |(region, limits)| (Some(region), limits));
-        let limits = self.limits.read(limits)?;
         if let (None, Some(region)) = (choice.shape, stored) {
             choice.shape = Some(region.shape);
             choice.floor = if self.floor == FloorOption::None { None } else { choice.floor.or(region.floor) };
@@ -319,14 +325,18 @@ impl RegionOptions {
                     );
                 }
             }
-            if let (Some((gap, side)), true) = (support::empty_side(photographed, up), limits.walls.is_empty()) {
+            if let (Some((gap, side)), true) =
+                (support::empty_side(photographed, up), self.limits.wall.is_empty() && limits.walls.is_empty())
+            {
                 say!(
                     "note     no photo was taken within {:.0} degrees around {side:.2}; where a wall is there, give it with --wall",
                     gap.to_degrees()
                 );
             }
         }
-        let target = Target::new(surface, &path.to_string_lossy(), preset, &choice, up, intrinsics)?.within(limits)?;
+        let target = Target::new(surface, &path.to_string_lossy(), preset, &choice, up, intrinsics)?;
+        let limits = self.limits.read(limits, |file| place::areas(file, self.geo.as_deref(), &target.region))?;
+        let target = target.within(limits)?;
         print_target(&target);
         Ok(target)
     }
@@ -334,8 +344,13 @@ impl RegionOptions {
     /// What the options say of the region.
     ///
     /// # Errors
-    /// Where they say it with too many or too few numbers.
+    /// Where they say it with too many or too few numbers, or a place on Earth that nothing needs.
     pub fn choice(&self) -> Result<RegionChoice> {
+        if self.geo.is_some() && !self.limits.keep_out.iter().any(|file| is_areas(file)) {
+            return Err(Error::request(
+                "--geo is for polygons of --keep-out (.geojson or .kml), of which there are none; `export` takes it for missions",
+            ));
+        }
         let shape = match (&self.shell, &self.box_) {
             (Some(numbers), _) => {
                 let &[x, y, z, r_min, r_max] = &numbers[..] else {

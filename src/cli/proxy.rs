@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 
 use super::options::{DeviceOptions, ImageOptions, print_messages};
+use crate::io::depth_maps::DepthMaps;
 use crate::io::folder::{check_file, write_files};
 use crate::io::overwrite_guard::check_output_file;
 use crate::io::photos;
@@ -42,6 +43,19 @@ pub struct Arguments {
     /// Largest depth, in the capture's units [default: as --near]
     #[arg(long, requires = "near")]
     far: Option<f64>,
+    /// Depth maps to take in place of stereo: NAME.png (16 bits, millimetres) or NAME.npy (the capture's units), along the optical axis
+    /// [default: those of Polycam's raw export]
+    #[arg(long, value_name = "FOLDER")]
+    depths: Option<PathBuf>,
+    /// Make depths by stereo though the capture brings depth maps along
+    #[arg(long, conflicts_with = "depths")]
+    no_depths: bool,
+    /// Confidence of the depth maps, NAME.png or NAME.npy [default: the folder `confidence` beside the depths, where there is one]
+    #[arg(long, value_name = "FOLDER", conflicts_with = "no_depths")]
+    confidence: Option<PathBuf>,
+    /// Least confidence of depths that count, in the maps' own values [default: above a third of the largest in PNG, the median in .npy]
+    #[arg(long, value_name = "VALUE", conflicts_with = "no_depths")]
+    min_confidence: Option<f64>,
     #[command(flatten)]
     images: ImageOptions,
     /// Memory for photos that are being decoded, in MiB
@@ -74,10 +88,40 @@ impl Arguments {
             hull: !self.no_hull,
             use_points: self.use_points,
             depths,
+            maps: self.maps()?,
             memory: self.memory.saturating_mul(1 << 20),
             skip_unreadable: self.images.skip_missing,
             seed: self.seed,
         })
+    }
+
+    /// The depth maps that the options name, or that the capture brings along.
+    fn maps(&self) -> Result<Option<DepthMaps>> {
+        let given = self.depths.clone().map(DepthMaps::new);
+        let found = given.or_else(|| DepthMaps::of_capture(&self.capture).filter(|_| !self.no_depths));
+        let Some(mut maps) = found else {
+            return match self.confidence.is_some() || self.min_confidence.is_some() {
+                true => Err(Error::request(
+                    "--confidence and --min-confidence are for depth maps; name these with --depths",
+                )),
+                false => Ok(None),
+            };
+        };
+        maps.confidence = self.confidence.clone().or(maps.confidence);
+        maps.min_confidence = self.min_confidence;
+        if let Some(folder) = [Some(&maps.folder), maps.confidence.as_ref()].into_iter().flatten().find(|f| !f.is_dir())
+        {
+            return Err(Error::input(
+                folder,
+                "this is no folder; give one with a map for each photo, NAME.png or NAME.npy",
+            ));
+        }
+        if maps.min_confidence.is_some() && maps.confidence.is_none() {
+            let what =
+                "there is no folder confidence/ beside the depth maps; name that of their confidence with --confidence";
+            return Err(Error::input(&maps.folder, what));
+        }
+        Ok(Some(maps))
     }
 }
 
@@ -102,15 +146,23 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 /// Prints how a surface came about.
 fn print(found: &Reconstruction) {
-    let Reconstruction { points, from_stereo, photos, skipped, pairs, depths: [near, far], kept, seconds } = found;
+    let Reconstruction { points, from_depths, photos, skipped, notes, pairs, depths: [near, far], kept, seconds } =
+        found;
     for reason in skipped {
         say!("left out: {reason}");
     }
-    say!("photos   {} used, {pairs} pairs compared, depths from {near:.3} to {far:.3}", photos.len());
+    for note in notes {
+        say!("{note}");
+    }
+    let (compared, source) = match pairs {
+        0 => (String::new(), "depth maps"),
+        _ => (format!("{pairs} pairs compared, "), "stereo"),
+    };
+    say!("photos   {} used, {compared}depths from {near:.3} to {far:.3}", photos.len());
     let all = points.positions.len();
     say!(
-        "points   {all}: {from_stereo} from stereo, {} from the hull; {:.0}% of pixels kept a depth",
-        all - from_stereo,
+        "points   {all}: {from_depths} from {source}, {} from the hull; {:.0}% of pixels kept a depth",
+        all - from_depths,
         100.0 * kept
     );
     let stages: Vec<String> = seconds.iter().map(|(name, seconds)| format!("{name} {seconds:.2} s")).collect();

@@ -186,6 +186,19 @@ impl Georeference {
         self.earth.place(centre + axes(&self.anchor) * self.to_metres.point(p))?.validated()
     }
 
+    /// The point of the scene at a place on Earth.
+    ///
+    /// # Errors
+    /// Where there is no such place.
+    pub fn scene_point(&self, place: &Geodetic) -> Result<DVec3> {
+        Ok(self.to_metres.inverse().point(self.earth.metres(&self.anchor, &place.validated()?)?))
+    }
+
+    /// The unit direction of the scene that points up on Earth.
+    pub fn up(&self) -> DVec3 {
+        self.to_metres.inverse().direction(DVec3::Z)
+    }
+
     /// Where a direction of the scene points: degrees clockwise from true north in [0, 360), and degrees above the horizon.
     pub fn heading_and_pitch(&self, direction: DVec3) -> (f64, f64) {
         let d = self.to_metres.direction(direction);

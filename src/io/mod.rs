@@ -11,23 +11,27 @@
 //! | glTF 2.0 (.glb, .gltf) | [`gltf`] | |
 //! | COLMAP model, text or binary | [`colmap`] | [`colmap`] |
 //! | transforms.json of nerfstudio, instant-ngp, Blender | | [`transforms`] |
-//! | NSVF, LLFF, Polycam and Record3D folders, Metashape's .xml, `.log` trajectory | | [`photos`] |
+//! | NSVF, LLFF, Polycam and Record3D folders, Metashape's .xml, RealityCapture's .csv, `.log` trajectory | | [`photos`] |
 //! | plan.json | | [`plan_json`] |
 //! | boxes (.json), as a volume to keep out of | [`volume`] | |
+//! | polygons (.geojson, .kml), as areas on Earth to keep out of | [`areas`] | |
 //!
 //! Trained splats are also read as what they are, for rendering: [`read_gaussians_with_notes`].
-//! [`photos`] reads captures: cameras with their lenses, images and masks, and the points of a reconstruction. [`picture`] writes
-//! rendered pictures. For photographing, [`gltf::read_model`] reads a scene with its materials and lamps, and
-//! [`environment`] the light around it.
+//! [`photos`] reads captures: cameras with their lenses, images and masks, and the points of a reconstruction; [`depth_maps`] the depth
+//! maps that lie beside one. [`picture`] writes rendered pictures. For photographing, [`gltf::read_model`] reads a scene with its
+//! materials and lamps, and [`environment`] the light around it.
 
+pub mod areas;
 mod binary;
 pub mod camera_files;
 pub(crate) mod checks;
 pub mod colmap;
+pub mod depth_maps;
 pub mod environment;
 pub mod folder;
 pub mod gltf;
 mod matrix;
+pub mod npy;
 pub mod obj;
 pub(crate) mod overwrite_guard;
 pub mod photos;
@@ -111,9 +115,13 @@ pub fn read_gaussians_with_notes(path: &Path) -> Result<(Gaussians, Vec<String>)
     Ok((gaussians, notes))
 }
 
-/// Whether a surface's path is that of a capture rather than of a file of triangles or points: a folder, a .json or an .xml.
+/// Whether a surface's path is that of a capture rather than of a file of triangles or points: a folder, a .json, .xml or .csv.
 pub fn may_be_capture(path: &Path) -> bool {
-    path.is_dir() || path.extension().is_some_and(|extension| extension == "json" || extension == "xml")
+    path.is_dir() || has_extension(path, &["json", "xml", "csv"])
+}
+
+fn has_extension(path: &Path, extensions: &[&str]) -> bool {
+    path.extension().is_some_and(|extension| extensions.iter().any(|other| extension == *other))
 }
 
 /// Reads cameras: a COLMAP model folder, a capture folder with a model under `sparse/0` (or else a transforms.json), a
@@ -140,7 +148,7 @@ pub fn read_cameras_with_notes(path: &Path) -> Result<(Vec<Camera>, Vec<String>)
         let cameras = colmap::cameras(&folder, &mut notes)?;
         return Ok((cameras, notes));
     }
-    if photos::is_layout(path) || path.extension().is_some_and(|extension| extension == "log" || extension == "xml") {
+    if photos::is_layout(path) || has_extension(path, &["log", "xml", "csv"]) {
         let set = photos::read(path, &photos::Options::default())?;
         return Ok((set.cameras(), set.notes));
     }

@@ -24,6 +24,8 @@ pub enum Convention {
     Llff,
     /// Cameras of Metashape: world-from-camera, OpenCV axes.
     Metashape,
+    /// Cameras of RealityCapture, by angles: world-from-camera, OpenGL axes.
+    RealityCapture,
     /// ARKit's, of Polycam or Record3D: world-from-camera, OpenGL axes.
     Phone,
 }
@@ -31,7 +33,7 @@ pub enum Convention {
 impl Convention {
     /// Whether cameras look along -Z in the file.
     fn is_opengl(self) -> bool {
-        matches!(self, Self::Transforms | Self::Llff | Self::Phone)
+        matches!(self, Self::Transforms | Self::Llff | Self::RealityCapture | Self::Phone)
     }
 }
 
@@ -43,6 +45,7 @@ impl fmt::Display for Convention {
             Self::Nsvf => "NSVF (world-from-camera, X right, Y down, Z forward)",
             Self::Trajectory => ".log trajectory (world-from-camera, X right, Y down, Z forward)",
             Self::Metashape => "Metashape (world-from-camera, X right, Y down, Z forward)",
+            Self::RealityCapture => "RealityCapture (world-from-camera, X right, Y up, -Z forward)",
             Self::Llff => "LLFF (world-from-camera, X down, Y right, -Z forward)",
             Self::Phone => "ARKit (world-from-camera, X right, Y up, -Z forward)",
         })

@@ -20,6 +20,7 @@ pub mod model;
 mod morton;
 pub mod octahedral;
 mod orientation;
+pub mod prism;
 pub mod proxy;
 pub mod random;
 pub mod region;

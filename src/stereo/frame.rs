@@ -282,6 +282,11 @@ impl Frame {
         frame
     }
 
+    /// Whether a mask hides a pixel.
+    pub(super) fn hides(&self, pixel: usize) -> bool {
+        self.mask.as_ref().is_some_and(|mask| mask[pixel] < 0.5)
+    }
+
     /// Pixels.
     pub fn len(&self) -> usize {
         self.brightness.len()

@@ -1,10 +1,11 @@
-//! A coarse surface from posed photos alone: plane-sweep stereo and visual hull.
+//! A coarse surface from posed photos: plane-sweep stereo, or depth maps that there are already, and visual hull.
 //!
 //! Photos are shrunk and taken as pinholes ([`frame`]), those that spread best are chosen and paired ([`choose`]), the cameras
 //! determine where to look ([`volume`]), masks carve a hull ([`hull`]), planes are swept through it and refined for each view
 //! ([`depth`]), depths that no other view agrees with go ([`consistency`]), gaps between the others are closed where a wall is
-//! too smooth to be matched ([`smooth`]), and the rest is fused into oriented points, with the hull's own surface where stereo
-//! sees nothing ([`fusion`]). All of it happens in a frame in which the scene's ball is the unit ball.
+//! too smooth to be matched ([`smooth`]; `sweep` is all of this), and the rest is fused into oriented points, with the hull's own surface
+//! where stereo sees nothing ([`fusion`]). All of it happens in a frame in which the scene's ball is the unit ball. Depth maps of files
+//! (`given`) take the place of the sweep.
 
 pub mod choose;
 pub mod consistency;
@@ -12,19 +13,23 @@ pub mod cost;
 pub mod depth;
 pub mod frame;
 pub(crate) mod fusion;
+mod given;
 pub mod hull;
 mod range;
 pub(crate) mod smooth;
+mod sweep;
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
 
-use self::depth::{DepthMap, Sweeper};
-use self::frame::{Frame, StereoView, device_pairs, device_views};
+use self::depth::DepthMap;
+use self::frame::{Frame, StereoView, device_views};
 use self::fusion::Sample;
+use self::given::Given;
 use self::hull::{Evidence, Hull};
+use crate::io::depth_maps::DepthMaps;
 use crate::photos::volume::{self, Volume};
 use crate::photos::{Photo, PhotoSet};
 use crate::scene::camera::Camera;
@@ -38,12 +43,6 @@ use crate::{Error, Result};
 pub const MIN_PHOTOS: usize = 5;
 /// Voxels along the longest side of the hull.
 const HULL_CELLS: u32 = 128;
-/// Worst match that counts as one.
-const MAX_COST: f32 = 0.5;
-/// Pixels of the smallest patch of depth that stays, in a picture of 100,000.
-const MIN_PATCH: usize = 50;
-/// Difference of depth at which two views still agree, as a fraction of depth.
-const TOLERANCE: f32 = 0.01;
 
 /// What to make a surface from, and how finely.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,6 +59,8 @@ pub struct Options {
     pub use_points: bool,
     /// Smallest and largest depth, in the capture's units, where they are known.
     pub depths: Option<[f64; 2]>,
+    /// Depth maps to take in place of stereo; photos without one are left out then.
+    pub maps: Option<DepthMaps>,
     /// Bytes that photos take together while they are decoded.
     pub memory: u64,
     /// Whether photos that cannot be decoded are left out; else they are errors.
@@ -77,6 +78,7 @@ impl Default for Options {
             hull: true,
             use_points: false,
             depths: None,
+            maps: None,
             memory: 1 << 30,
             skip_unreadable: false,
             seed: 0,
@@ -87,134 +89,103 @@ impl Default for Options {
 /// A surface and how it was made.
 #[derive(Clone, Debug)]
 pub struct Reconstruction {
-    /// Oriented points in the capture's frame, with normals, radii and colours: first those from stereo.
+    /// Oriented points in the capture's frame, with normals, radii and colours: first those from depths.
     pub points: Points,
-    /// How many of the points are from stereo.
-    pub from_stereo: usize,
+    /// How many of the points are from depths, of stereo or of maps.
+    pub from_depths: usize,
     /// Names of the photos used.
     pub photos: Vec<String>,
     /// Why photos were left out, a line each.
     pub skipped: Vec<String>,
-    /// Pairs of photos compared.
+    /// What was understood of depth maps and done with them, a line each.
+    pub notes: Vec<String>,
+    /// Pairs of photos compared; 0 with depth maps.
     pub pairs: usize,
     /// Smallest and largest depth searched, in the capture's units.
     pub depths: [f64; 2],
-    /// Part of the pixels searched that kept a depth.
+    /// Part of the pixels that kept a depth, of those that masks leave.
     pub kept: f64,
     /// Seconds of each stage.
     pub seconds: Vec<(&'static str, f64)>,
 }
 
-/// Makes a surface from photos.
+/// What each view measures: its depths, at all views' pixels.
+struct Measured {
+    views: Vec<StereoView>,
+    /// Depths of all views' pixels, 0 where there is none.
+    depths: Vec<f32>,
+    /// The same by view, with slopes.
+    maps: Vec<DepthMap>,
+    /// Pairs of photos compared.
+    pairs: usize,
+}
+
+/// Makes a surface from photos, by stereo or from the depth maps that the options name.
 ///
 /// # Errors
-/// Where there are fewer than [`MIN_PHOTOS`] with images, where images cannot be read, where the cameras do not determine where
-/// to look, where no two photos overlap, where nothing was found, and where the device fails.
+/// Where there are fewer than [`MIN_PHOTOS`] with images (and depth maps), where images or maps cannot be read, where the cameras do not
+/// determine where to look, where no two photos overlap, where nothing was found, and where the device fails.
 pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) -> Result<Reconstruction> {
     let mut clock = Clock { last: Instant::now(), seconds: Vec::new() };
     let chosen = choose_photos(set, options)?;
     let cameras: Vec<Camera> = chosen.iter().map(|photo| photo.camera.clone()).collect();
-    let walked;
-    let (options, volume) = match find_volume(set, &cameras, options) {
-        Some(volume) => (options, volume),
-        None if options.use_points => return Err(no_points()),
-        None => {
-            walked = Options { depths: Some(range::of_walk(context, set, options)?), ..options.clone() };
-            (&walked, around_cameras(&cameras, walked.depths))
-        }
-    };
-    let to_internal = Similarity::to_unit_sphere(volume.centre, volume.radius);
     let mut skipped = Vec::new();
-    let frames = Frame::read(&chosen, options.resolution, options.memory, &to_internal, |error| {
+    let mut frames = Frame::read(&chosen, options.resolution, options.memory, &Similarity::IDENTITY, |error| {
         skipped.push(error.to_string());
         if options.skip_unreadable { Ok(()) } else { Err(error) }
     })?;
-    if frames.len() < MIN_PHOTOS {
-        let what = format!("{} photos can be decoded; a surface needs at least {MIN_PHOTOS}", frames.len());
-        return Err(Error::input(&set.path, what));
-    }
+    let enough = |frames: &[Frame], what: &str| match frames.len() {
+        MIN_PHOTOS.. => Ok(()),
+        count => Err(Error::input(&set.path, format!("{count} photos {what}; a surface needs at least {MIN_PHOTOS}"))),
+    };
+    enough(&frames, "can be decoded")?;
     clock.stage("photos");
+    let mut given = None;
+    if let Some(maps) = &options.maps {
+        let found = Given::read(maps, set, &chosen, &mut frames)?;
+        enough(&frames, &format!("have depth maps that can be used ({})", found.left_out()))?;
+        given = Some(found);
+        clock.stage("depth maps");
+    }
 
+    let (range, volume) = match find_volume(set, &cameras, options) {
+        Some(volume) => (options.depths, volume),
+        None if options.use_points => return Err(no_points()),
+        None => {
+            let range = match &given {
+                Some(given) => given.range()?,
+                None => range::of_walk(context, set, options)?,
+            };
+            (Some(range), around_cameras(&cameras, Some(range)))
+        }
+    };
+    let to_internal = Similarity::to_unit_sphere(volume.centre, volume.radius);
+    frames.iter_mut().for_each(|frame| frame.camera.pose = to_internal.pose(&frame.camera.pose));
     let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera.clone()).collect();
     let ball = Volume { centre: DVec3::ZERO, radius: 1.0 };
-    let mut ranges = match options.depths {
-        Some(depths) => vec![depths.map(|depth| to_internal.length(depth)); cameras.len()],
+    let mut ranges = match range {
+        Some(range) => vec![range.map(|depth| to_internal.length(depth)); cameras.len()],
         None => ball_depths(&cameras, &ball),
     };
     let masks = masks(&frames);
     let masked = options.hull && frames.iter().any(|frame| frame.mask.is_some());
-    let mut views = device_views(&cameras, &ranges);
-    let mut depths = vec![0f32; masks.len()];
     let mut hull = Hull::none(context)?;
     if masked {
-        hull = first_hull(context, &views, &masks)?;
-        if options.depths.is_none() {
+        hull = first_hull(context, &device_views(&cameras, &ranges), &masks)?;
+        if range.is_none() {
             let (low, high) = hull.bounds().unwrap_or((DVec3::NEG_ONE, DVec3::ONE));
             ranges = cameras.iter().map(|camera| box_depths(camera, low, high)).collect();
         }
         clock.stage("hull");
     }
-
-    let neighbours = choose::neighbours(&cameras, &ranges);
-    let pairs: usize = neighbours.iter().map(Vec::len).sum();
-    if pairs == 0 {
-        return Err(Error::request(
-            "no two of the photos see the same from 3 to 60 degrees apart; give more photos of the same place (`photos`)",
-        ));
-    }
-    views = device_views(&cameras, &ranges);
-    views.iter_mut().zip(&neighbours).for_each(|(view, near)| view.pairs = near.len() as u32);
-    let pictures: Vec<f32> = frames.iter().flat_map(|frame| frame.brightness.iter().copied()).collect();
-    let sweeper = Sweeper::new(context, &views, &pictures, &device_pairs(&cameras, &neighbours))?;
-    let mut maps = Vec::with_capacity(views.len());
-    for (reference, frame) in frames.iter().enumerate() {
-        let mut map = sweeper.depth(reference, options.hypotheses, usize::MAX, &hull, options.seed)?;
-        let hidden = |pixel: usize| frame.mask.as_ref().is_some_and(|mask| mask[pixel] < 0.5);
-        for pixel in 0..frame.len() {
-            if map.costs[pixel] > MAX_COST || hidden(pixel) {
-                map.costs[pixel] = cost::NO_MATCH;
-            }
-        }
-        map.drop_specks(frame.camera.intrinsics.width as usize, MIN_PATCH * frame.len() / 100_000);
-        maps.push(map);
-    }
-    clock.stage("depth");
-
-    for (view, map) in views.iter().zip(&maps) {
-        (0..map.costs.len()).for_each(|pixel| depths[view.first as usize + pixel] = map.depth(pixel));
-    }
-    let check = |depths: &[f32]| consistency::check(context, &views, &sweeper.view_buffer, depths, TOLERANCE);
-    let least_agree = if views.len() >= 12 { 2 } else { 1 };
-    let support = check(&depths)?;
-    for (depth, support) in depths.iter_mut().zip(support) {
-        if support.agree < least_agree || support.through >= support.agree {
-            *depth = 0.0;
-        }
-    }
-    clock.stage("check");
-
-    // What closes a gap in one view must agree with another's depth or filling.
-    let mut closed = depths.clone();
-    for (view, frame) in views.iter().zip(&frames) {
-        let pixels = view.first as usize..view.first as usize + frame.len();
-        let gaps = smooth::across_gaps(frame, &depths[pixels.clone()]);
-        closed[pixels].iter_mut().zip(gaps).filter(|(_, gap)| *gap > 0.0).for_each(|(depth, gap)| *depth = gap);
-    }
-    for (i, support) in check(&closed)?.into_iter().enumerate() {
-        if depths[i] <= 0.0 && (support.agree == 0 || support.through >= support.agree) {
-            closed[i] = 0.0;
-        }
-    }
-    for (view, map) in views.iter().zip(&mut maps) {
-        let pixels = view.first as usize..view.first as usize + map.costs.len();
-        map.close(view.width as usize, &depths[pixels.clone()], &closed[pixels]);
-    }
-    depths = closed;
-    clock.stage("gaps");
+    let Measured { views, depths, maps, pairs } = match &given {
+        Some(given) => given.measured(context, &frames, &ranges, &to_internal)?,
+        None => sweep::measured(context, &frames, &ranges, &hull, options, &mut clock)?,
+    };
 
     let searched = masks.iter().filter(|mask| **mask >= 0.5).count().max(1);
     let kept = depths.iter().filter(|depth| **depth > 0.0).count() as f64 / searched as f64;
-    let inside = |p: DVec3| options.depths.is_some() || p.length() <= 1.0;
+    let inside = |p: DVec3| range.is_some() || p.length() <= 1.0;
     let (samples, footprint) = samples(&frames, &views, &maps, &depths, inside);
     let cell = if hull.exists() { FUSED_VOXELS * hull.grid().cell } else { FUSED_PIXELS * footprint };
     let stereo = fusion::fuse(&samples, cell);
@@ -228,17 +199,28 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
         clock.stage("filling");
     }
     let holes = fusion::holes(&stereo, &fusion::means(&filling, cell), cell);
-    let from_stereo = stereo.len();
+    let from_depths = stereo.len();
     let all: Vec<Sample> = stereo.into_iter().chain(holes).collect();
     if all.len() < MIN_POINTS {
-        return Err(Error::request(format!(
-            "only {} points were found; give photos with more overlap (`photos`), `near` and `far`, or masks",
-            all.len()
-        )));
+        let remedy = match given {
+            Some(_) => "check the scale of the depth maps, or give `near` and `far`",
+            None => "give photos with more overlap (`photos`), `near` and `far`, or masks",
+        };
+        return Err(Error::request(format!("only {} points were found; {remedy}", all.len())));
     }
     let out = to_internal.inverse();
     let near = ranges.iter().map(|range| range[0]).fold(f64::INFINITY, f64::min);
     let far = ranges.iter().map(|range| range[1]).fold(0.0, f64::max);
+    let mut notes = Vec::new();
+    if let Some(given) = given {
+        notes = given.notes;
+        if kept < FEW_KEPT {
+            notes.push(
+                "warning  hardly any depth of the maps is where the cameras look: their scale may be wrong".into(),
+            );
+        }
+        skipped.extend(given.skipped);
+    }
     Ok(Reconstruction {
         points: Points {
             positions: all.iter().map(|sample| out.point(sample.position)).collect(),
@@ -248,9 +230,10 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
             oriented: true,
             ..Points::default()
         },
-        from_stereo,
+        from_depths,
         photos: cameras.into_iter().map(|camera| camera.name).collect(),
         skipped,
+        notes,
         pairs,
         depths: [near, far].map(|depth| out.length(depth)),
         kept,
@@ -309,6 +292,8 @@ const FUSED_VOXELS: f64 = 2.0;
 const FUSED_PIXELS: f64 = 2.5;
 /// Radius of a point's disc in cells: points lie anywhere in theirs, and a surface of discs should have no gaps.
 const COVER: f64 = 1.25;
+/// Part of the pixels with a depth below which depth maps are likely to have another scale than the capture.
+const FEW_KEPT: f64 = 0.05;
 /// Fewest points that are a surface.
 const MIN_POINTS: usize = 100;
 
@@ -328,13 +313,17 @@ impl Clock {
 fn choose_photos(set: &PhotoSet, options: &Options) -> Result<Vec<Photo>> {
     let reach = set.reach();
     let near = |photo: &&Photo| reach.holds(photo.camera.pose.position);
-    let usable: Vec<&Photo> = set.photos.iter().filter(|photo| photo.image.is_some()).filter(near).collect();
+    let measured =
+        |photo: &&Photo| options.maps.as_ref().is_none_or(|maps| maps.depth_of(&photo.camera.name).is_some());
+    let usable = set.photos.iter().filter(|photo| photo.image.is_some()).filter(measured);
+    let usable: Vec<&Photo> = usable.filter(near).collect();
     let count = options.photos.min(usable.len());
     if count < MIN_PHOTOS {
         let what = format!(
-            "{} of {} photos have images and {} are asked for; a surface needs at least {MIN_PHOTOS}",
+            "{} of {} photos have images{} and {} are asked for; a surface needs at least {MIN_PHOTOS}",
             usable.len(),
             set.photos.len(),
+            if options.maps.is_some() { " and depth maps of their names (.png or .npy)" } else { "" },
             options.photos
         );
         return Err(Error::input(&set.path, what));

@@ -65,7 +65,11 @@ fn range(points: &[DVec3], cameras: &[Camera]) -> Option<[f64; 2]> {
     let seen = |camera| {
         points.iter().filter(move |point| Camera::sees(camera, **point)).map(move |point| depth(camera, *point))
     };
-    let mut depths: Vec<f64> = cameras.iter().flat_map(seen).collect();
+    of_depths(cameras.iter().flat_map(seen).collect())
+}
+
+/// The range that holds most of some depths, with something to spare; none where they are too few.
+pub(super) fn of_depths(mut depths: Vec<f64>) -> Option<[f64; 2]> {
     if depths.len() < FEWEST {
         return None;
     }

@@ -244,7 +244,7 @@ fn a_ball_is_reconstructed_from_its_photos() {
             .filter(|p| points.positions.iter().all(|q| q.distance(*p) > 0.15 * radius))
             .count();
         assert!(holes <= if hull { 0 } else { 25 }, "hull {hull}: {holes} of 500 places have no point near");
-        assert!(found.from_stereo > 200, "hull {hull}: {} points from stereo", found.from_stereo);
+        assert!(found.from_depths > 200, "hull {hull}: {} points from stereo", found.from_depths);
     }
     assert_eq!(context.messages(), [""; 0], "the validation layers found fault");
 }

@@ -5,9 +5,8 @@ use std::path::Path;
 
 use super::{Found, files};
 use crate::error::{Error, Result};
-use crate::io::binary::Cursor;
 use crate::io::matrix::{self, Axes};
-use crate::io::{checks, read_file};
+use crate::io::{checks, npy, read_file};
 use crate::photos::{Convention, Photo};
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::lens::Distortion;
@@ -23,38 +22,13 @@ const ROW: usize = 17;
 /// # Errors
 /// Where the file is no NumPy array of 17 columns in double or single precision, or cut short.
 pub fn rows(path: &Path, bytes: &[u8]) -> Result<Vec<[f64; ROW]>> {
-    let refuse = |what: &str| Error::input(path, format!("{what}; write it with numpy.save, as LLFF does"));
-    let mut cursor = Cursor::new(path, bytes, 0);
-    if cursor.array::<6>("the signature")? != *b"\x93NUMPY" {
-        return Err(refuse("this is no NumPy file"));
+    let array = npy::parse(path, bytes)?;
+    if !matches!(array.shape[..], [count, ROW] if count > 0) {
+        let what = format!("its shape is {:?} and not rows of {ROW} numbers; write it as LLFF does", array.shape);
+        return Err(Error::input(path, what));
     }
-    let [major, _] = cursor.array::<2>("the version")?;
-    let length = match major {
-        1 => u32::from(u16::from_le_bytes(cursor.array("the header's length")?)),
-        _ => cursor.u32("the header's length")?,
-    };
-    let header = String::from_utf8_lossy(cursor.take(length as usize, "the header")?).replace(' ', "");
-    let size = match () {
-        () if header.contains("'descr':'<f8'") => 8,
-        () if header.contains("'descr':'<f4'") => 4,
-        () => return Err(refuse("its numbers are neither float64 nor float32")),
-    };
-    if !header.contains("'fortran_order':False") || !header.contains(&format!(",{ROW})")) {
-        return Err(refuse("it is no array of 17 columns, row by row"));
-    }
-    let values = cursor.rest().chunks_exact(size).map(|bytes| match bytes {
-        [a, b, c, d] => f64::from(f32::from_le_bytes([*a, *b, *c, *d])),
-        _ => f64::from_le_bytes(bytes.try_into().unwrap_or_default()),
-    });
-    let values: Vec<f64> = values.collect();
-    let rows: Vec<[f64; ROW]> = values.chunks_exact(ROW).filter_map(|row| row.try_into().ok()).collect();
-    if rows.is_empty()
-        || rows.len() * ROW * size != cursor.rest().len()
-        || !header.contains(&format!("({},", rows.len()))
-    {
-        return Err(refuse("the file is cut short, or its shape is not that of its header"));
-    }
-    Ok(rows)
+    let values: Vec<f64> = array.values().collect();
+    Ok(values.chunks_exact(ROW).filter_map(|row| row.try_into().ok()).collect())
 }
 
 /// Reads a folder with such a file.
@@ -106,15 +80,8 @@ mod tests {
     use super::*;
 
     /// A file of rows as numpy writes it.
-    pub(crate) fn npy(rows: &[[f64; ROW]]) -> Vec<u8> {
-        let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, 17), }}", rows.len());
-        header += &" ".repeat((64 - (header.len() + 11) % 64) % 64);
-        header.push('\n');
-        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-        bytes.extend((header.len() as u16).to_le_bytes());
-        bytes.extend(header.bytes());
-        bytes.extend(rows.iter().flatten().flat_map(|value| value.to_le_bytes()));
-        bytes
+    fn npy(rows: &[[f64; ROW]]) -> Vec<u8> {
+        npy::written(&[rows.len(), ROW], rows.as_flattened())
     }
 
     /// A camera at (1, 2, 3) that looks along -z with +y up: down is -y, right +x, backwards +z.

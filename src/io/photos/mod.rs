@@ -8,6 +8,7 @@
 //! | Tanks and Temples `.log` ([`trajectory`]) | world-from-camera, OpenCV axes |
 //! | LLFF's poses_bounds.npy ([`llff`]) | world-from-camera, axes down, right, backwards |
 //! | cameras of Metashape, .xml ([`metashape`]) | world-from-camera, OpenCV axes |
+//! | cameras of RealityCapture, .csv ([`realitycapture`]) | world-from-camera, OpenGL axes |
 //! | raw export of Polycam, folder of Record3D (`phone`) | world-from-camera, OpenGL axes |
 
 pub(crate) mod files;
@@ -15,6 +16,7 @@ pub mod llff;
 pub mod metashape;
 pub mod nsvf;
 pub(crate) mod phone;
+pub mod realitycapture;
 pub mod trajectory;
 
 use std::collections::HashMap;
@@ -73,7 +75,7 @@ struct Found {
 
 /// Reads a capture: a COLMAP model folder or the folder around one, a transforms.json or a folder with one (of
 /// transforms_{train,val,test}.json the first), an NSVF or LLFF folder, one of Polycam or Record3D,
-/// cameras of Metashape (.xml), or a `.log` trajectory. Photos are ordered by name, poses are
+/// cameras of Metashape (.xml) or RealityCapture (.csv), or a `.log` trajectory. Photos are ordered by name, poses are
 /// world-from-camera in OpenCV axes in the file's world frame, and lenses are those of the stored images. The notes report what
 /// was understood.
 ///
@@ -134,13 +136,11 @@ fn find(path: &Path, options: &Options) -> Result<Found> {
             let what = "this is a video; choose frames of it with `camsplat frames`, run COLMAP on them as that prints, and give their folder";
             return Err(Error::input(path, what));
         }
-        if path.extension().is_some_and(|extension| extension == "xml") {
-            return metashape::read(path);
-        }
-        let bytes = super::read_file(path)?;
-        return match path.extension().is_some_and(|extension| extension == "log") {
-            true => trajectory::read(path, &bytes, options.intrinsics),
-            false => from_transforms(path, &bytes, options),
+        return match path.extension().and_then(|extension| extension.to_str()) {
+            Some("xml") => metashape::read(path),
+            Some("csv") => realitycapture::read(path),
+            Some("log") => trajectory::read(path, &super::read_file(path)?, options.intrinsics),
+            _ => from_transforms(path, &super::read_file(path)?, options),
         };
     }
     if let Some(model) = colmap::model_folder(path) {

@@ -1,0 +1,7 @@
+#![no_main]
+
+use std::path::Path;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let _ = camsplat::io::areas::parse(Path::new("area.geojson"), bytes);
+});
