@@ -5,7 +5,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::geometry::{bounds, nearest, pack, robust_bounds, split};
-use super::{Kind, ReportScene, SurfacePoint, Triangles};
+use super::{Kind, ReportScene, SurfacePoint, Triangles, choice};
 use crate::plan::record::PlanRecord;
 use crate::scene::camera::Camera;
 use crate::scene::region::Shape;
@@ -18,8 +18,8 @@ const MAX_ITERATIONS: usize = 1000;
 
 #[derive(Serialize)]
 struct Data<'a> {
-    /// What a camera is called, and one that was kept or left out.
-    words: [&'static str; 2],
+    /// What cameras of each role are called.
+    words: Words,
     origin: DVec3,
     up: DVec3,
     history: History,
@@ -82,16 +82,42 @@ enum RegionData {
     Box { min: DVec3, max: DVec3, floor: Option<f64> },
 }
 
+/// What cameras are called, by [`Role`].
+#[derive(Serialize)]
+struct Words {
+    own: &'static str,
+    other: &'static str,
+    suggested: &'static str,
+}
+
+/// What a camera is to the page.
+#[derive(Clone, Copy, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Role {
+    /// Planned or chosen.
+    Own,
+    /// Kept by a plan, left out by a selection.
+    Other,
+    /// Worth adding to a selection.
+    Suggested,
+}
+
 #[derive(Serialize)]
 struct CameraData<'a> {
     name: &'a str,
+    role: Role,
+    /// What it is called in the picture, where that is not its name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    label: Option<String>,
+    /// What is known of it beside its pose.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    remark: Option<String>,
     position: DVec3,
     /// Camera axes (right, down, forward) in the world.
     axes: [DVec3; 3],
     size: [u32; 2],
     focal: [f64; 2],
     principal: [f64; 2],
-    kept: bool,
 }
 
 #[derive(Serialize)]
@@ -138,11 +164,10 @@ pub fn json(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<
         .or_else(|| bounds(scene.triangles?.corners.iter().flatten().copied()))
         .unwrap_or((record.surface.min, record.surface.max));
     let points: Vec<SurfacePoint> = thin(scene.points, MAX_POINTS).filter(|p| p.position.is_finite()).collect();
-    let planned = record.cameras.len() - record.kept;
     let data = Data {
         words: match kind {
-            Kind::Plan => ["planned camera", "kept camera"],
-            Kind::Selection(_) => ["chosen photo", "photo left out"],
+            Kind::Plan => Words { own: "planned camera", other: "kept camera", suggested: "" },
+            Kind::Selection(_) => Words { own: "chosen photo", other: "photo left out", suggested: "suggested photo" },
         },
         origin,
         up: region.up,
@@ -151,7 +176,7 @@ pub fn json(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<
         histograms: histograms(scene.points),
         region: shape,
         bulk: [bulk.0 - origin, bulk.1 - origin],
-        cameras: record.cameras.iter().enumerate().map(|(i, c)| camera(c, origin, i >= planned)).collect(),
+        cameras: cameras(record, kind, origin),
         tour: record.tour.iter().flat_map(|tour| &tour.path).map(|corner| *corner - origin).collect(),
         triangles: scene.triangles.and_then(|triangles| triangle_data(&triangles, &points, origin)),
         points: point_data(&points, origin),
@@ -221,16 +246,36 @@ fn histogram(values: impl Iterator<Item = f64> + Clone, round: impl Fn(f64) -> f
     Histogram { start: 0.0, step, counts }
 }
 
-fn camera(camera: &Camera, origin: DVec3, kept: bool) -> CameraData<'_> {
+/// The record's cameras, and those that a selection suggests.
+fn cameras<'a>(record: &'a PlanRecord, kind: Kind<'a>, origin: DVec3) -> Vec<CameraData<'a>> {
+    let own = record.cameras.len() - record.kept;
+    let role = |i| if i < own { Role::Own } else { Role::Other };
+    let mut cameras: Vec<_> = record.cameras.iter().enumerate().map(|(i, one)| camera(one, origin, role(i))).collect();
+    if let Kind::Selection(choice) = kind {
+        for (camera, photo) in cameras.iter_mut().zip(choice.photos) {
+            camera.remark = Some(photo.remark());
+        }
+        cameras.extend(choice.suggested.iter().map(|suggested| CameraData {
+            label: Some(choice::gain(suggested)),
+            remark: Some(format!("it would add {} by itself", choice::gain(suggested))),
+            ..camera(&suggested.camera, origin, Role::Suggested)
+        }));
+    }
+    cameras
+}
+
+fn camera(camera: &Camera, origin: DVec3, role: Role) -> CameraData<'_> {
     let intrinsics = &camera.intrinsics;
     CameraData {
         name: &camera.name,
+        role,
+        label: None,
+        remark: None,
         position: camera.pose.position - origin,
         axes: [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| camera.pose.rotation * axis),
         size: [intrinsics.width, intrinsics.height],
         focal: intrinsics.focal,
         principal: intrinsics.principal,
-        kept,
     }
 }
 

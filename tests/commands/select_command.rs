@@ -89,7 +89,10 @@ fn the_folder_is_a_capture_of_the_chosen_photos() {
     assert_eq!(transforms.len(), 6);
     assert_eq!(io::read_cameras(&place.path("o/suggested.json")).unwrap().len(), 3);
     assert_eq!(place.read("o/suggested.csv").lines().count(), 4);
-    assert!(place.read("o/report.html").contains("photo left out"));
+    let page = place.read("o/report.html");
+    assert!(page.contains("photo left out") && page.contains("Photos worth taking"));
+    assert_eq!([page.matches("data:image/jpeg").count(), page.matches(">look through<").count()], [6, 3]);
+    assert_eq!(page.matches(", always selected").count(), 2, "the photos of --include");
     let record: serde_json::Value = serde_json::from_str(&place.read("o/select.json")).unwrap();
     assert_eq!(record["chosen"].as_array().unwrap().len(), 6);
     assert!(place.read("o/unseen.ply").starts_with("ply"));
