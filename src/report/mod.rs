@@ -17,6 +17,7 @@ pub mod folder;
 mod geometry;
 mod pictures;
 pub mod selection;
+mod splats;
 mod text;
 pub mod training;
 

@@ -161,7 +161,7 @@ function drawScene(plan) {
     } else {
       // About as wide as the points' spacing.
       const diameter = (1.7 * bulkSize) / Math.sqrt(points.count + 1);
-      surface.set("diameter", "1f", 0.5 * diameter * view.focal * height);
+      surface.set("diameter", "1f", 0.5 * diameter * view.focal[1] * height);
       pointArray.bind();
       gl.drawArrays(gl.POINTS, 0, points.count);
     }

@@ -3,9 +3,9 @@
 const FIELD_OF_VIEW = (40 * Math.PI) / 180;
 
 /** The canvas' WebGL 2, or none and a line in its place where the browser does not offer it. */
-function openWebGl(stage, canvas, form) {
+function openWebGl(stage, canvas, form, antialias = true) {
   // The buffer is kept so that the picture is there when the page is printed.
-  const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
+  const gl = canvas.getContext("webgl2", { antialias, alpha: false, preserveDrawingBuffer: true });
   const unavailable = (text) => {
     stage.textContent = "";
     html("p", "unavailable", text, stage);
@@ -24,7 +24,7 @@ function fitCanvas(canvas) {
   return [width, height, ratio];
 }
 
-/** A view around a target, in a scene of some radius; a view has eye, axes, clip-from-world, near plane and focal length. */
+/** A view around a target, in a scene of some radius; a view has eye, axes, clip-from-world, near plane, and focal lengths in half pictures. */
 function orbitAround(canvas, up, radius) {
   const [east, north] = horizontal(up);
   const usual = 1 / Math.tan(FIELD_OF_VIEW / 2);
@@ -36,8 +36,9 @@ function orbitAround(canvas, up, radius) {
     const eye = add(target, scale(back, distance));
     const forward = scale(back, -1), right = normalize(cross(forward, up)), down = cross(forward, right);
     const near = 0.02 * distance;
-    const clip = multiply(projection((focal * height) / width, focal, 0, 0, near, distance + 40 * radius), viewMatrix(eye, [right, down, forward]));
-    return { eye, axes: [right, down, forward], clip, near, focal };
+    const across = (focal * height) / width;
+    const clip = multiply(projection(across, focal, 0, 0, near, distance + 40 * radius), viewMatrix(eye, [right, down, forward]));
+    return { eye, axes: [right, down, forward], clip, near, focal: [across, focal] };
   };
   return {
     view,
@@ -61,7 +62,7 @@ function orbitAround(canvas, up, radius) {
     /** From where another view is, upright, around what lies so far before it. */
     follow(other, depth) {
       const back = scale(other.axes[2], -1);
-      [target, distance, focal] = [add(other.eye, scale(back, -depth)), depth, other.focal];
+      [target, distance, focal] = [add(other.eye, scale(back, -depth)), depth, other.focal[1]];
       [yaw, pitch] = [Math.atan2(dot(back, north), dot(back, east)), Math.asin(Math.min(Math.max(dot(back, up), -1), 1))];
     },
     turn(dx, dy) {
@@ -87,7 +88,7 @@ function cameraView(canvas, camera, near, far) {
   const f = [0, 1].map((k) => (part[k] * 2 * camera.focal[k]) / camera.size[k]);
   const c = [0, 1].map((k) => part[k] * ((2 * camera.principal[k]) / camera.size[k] - 1));
   const clip = multiply(projection(...f, ...c, near, far), viewMatrix(camera.position, camera.axes));
-  return { eye: camera.position, axes: camera.axes, clip, near, focal: f[1], offset: c, part };
+  return { eye: camera.position, axes: camera.axes, clip, near, focal: f, offset: c, part };
 }
 
 /** Outlines the picture of a camera's view, and lays its photo over it as densely as the slider says. */

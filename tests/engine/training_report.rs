@@ -130,7 +130,7 @@ fn page_with(record: &TrainRecord, views: usize) -> String {
             reference,
         })
         .collect();
-    html(record, &Shown::new(record, &worst).unwrap()).unwrap()
+    html(record, &Shown::new(record, &worst).unwrap(), None).unwrap()
 }
 
 /// Opens the page; its scripts must have run.
@@ -194,7 +194,7 @@ fn the_pointer_reads_lines_and_points() {
         svg.dispatchEvent(new PointerEvent("pointermove", { clientX: box.left + box.width / 2 }));
         document.body.dataset.read = document.querySelector("#chart-psnr .keys").textContent;
     }, 200);</script></body>"##;
-    let page = html(&record, &Shown::default()).unwrap().replace("</body>", act);
+    let page = html(&record, &Shown::default(), None).unwrap().replace("</body>", act);
     if let Some(dom) = opened("pointer", &page) {
         let (test, training) = (record.evaluations[2].quality.psnr, record.curve[69].psnr);
         let expected = format!("data-read=\"test {test:.2} at 7000training {training:.2}at 7000\"");
@@ -226,7 +226,7 @@ fn only_the_page_of_a_running_run_reloads_itself() {
 /// The first page is written before there is anything to show.
 #[test]
 fn a_run_that_has_just_begun_has_a_page() {
-    let page = html(&fresh(), &Shown::default()).unwrap();
+    let page = html(&fresh(), &Shown::default(), None).unwrap();
     for text in ["No test view was rendered yet", "No stage was timed yet", "not measured yet", "0.0 % of 30"] {
         assert!(page.contains(text), "the page lacks {text}");
     }
@@ -307,8 +307,9 @@ fn hostile_strings_stay_text() {
 /// The one address allowed is the name of the SVG namespace, which nothing fetches.
 #[test]
 fn the_page_refers_to_nothing_outside_itself() {
-    let page =
-        html(&run(30_000, Status::Complete), &Shown::default()).unwrap().replace("http://www.w3.org/2000/svg", "");
+    let page = html(&run(30_000, Status::Complete), &Shown::default(), None)
+        .unwrap()
+        .replace("http://www.w3.org/2000/svg", "");
     for outside in ["http:", "https:", "//cdn", "@import", "url("] {
         assert!(!page.contains(outside), "the page contains {outside}");
     }
