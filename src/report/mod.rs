@@ -15,7 +15,12 @@ pub mod demo;
 pub(crate) mod evaluation;
 pub mod folder;
 mod geometry;
+#[cfg(feature = "cli")]
+mod layouts;
 mod pictures;
+#[cfg(feature = "cli")]
+mod plots;
+mod scene_data;
 pub mod selection;
 mod splats;
 mod text;
@@ -118,6 +123,7 @@ fn html_of(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<S
         "plan" => include_str!("plan.js").into(),
         "vectors" => include_str!("vectors.js").into(),
         "views" => include_str!("views.js").into(),
+        "scene" => include_str!("scene.html").into(),
         "webgl" => include_str!("webgl.js").into(),
         "scene3d" => include_str!("scene3d.js").into(),
         "data" => data.as_str().into(),

@@ -7,14 +7,14 @@ const FEW = 120;
 // Colours of cameras by their role.
 const ROLES = { own: "--camera", other: "--kept", suggested: "--suggested" };
 
-function drawScene(plan) {
-  const root = document.querySelector(".scene");
+function drawScene(plan, root = document.querySelector(".scene")) {
   const stage = root.querySelector(".stage"), canvas = root.querySelector("canvas"), form = root.querySelector("form");
   const [tip, outline, box, overlay] = [".tip", ".frame", ".legend", ".overlay"].map((name) => stage.querySelector(name));
   const gl = openWebGl(stage, canvas, form);
   if (!gl) return;
 
-  const { origin, region, cameras, up, bulk, tour, words } = plan;
+  const { origin, region, layouts, up, bulk, tour, words } = plan;
+  let cameras = layouts[0].cameras;
   const points = {
     count: plan.points.count,
     positions: unpack(plan.points.positions, Float32Array),
@@ -33,12 +33,13 @@ function drawScene(plan) {
 
   /* ---- sizes and the first view ---- */
 
-  const room = region.kind === "box";
+  const room = region?.kind === "box", everywhere = layouts.flatMap((layout) => layout.cameras.map((c) => c.position));
   const bulkSize = length(sub(bulk[1], bulk[0]));
-  const radius = room ? 0.5 * Math.max(bulkSize, length(sub(region.max, region.min))) : region.r_max;
-  const regionOutline = regionLines(region, up), floorGrid = floorLines(region, up);
+  const middle = scale(add(...bulk), 0.5), farthest = everywhere.reduce((far, p) => Math.max(far, length(sub(p, middle))), 0.5 * bulkSize);
+  const radius = room ? 0.5 * Math.max(bulkSize, length(sub(region.max, region.min))) : region?.r_max ?? farthest;
+  const [regionOutline, floorGrid] = region ? [regionLines(region, up), floorLines(region, up)] : [[], []];
   const corners = [...Array(8).keys()].map((i) => [0, 1, 2].map((k) => bulk[(i >> k) & 1][k]));
-  const extremes = [...corners, ...regionOutline.flat(), ...cameras.map((c) => c.position)];
+  const extremes = [...corners, ...regionOutline.flat(), ...everywhere];
   const orbit = orbitAround(canvas, up, radius);
   /** A view from above and aside. */
   const home = () => orbit.fit(extremes, room ? { yaw: 1.0, pitch: 0.8 } : { yaw: 0.6, pitch: 0.3 });
@@ -59,7 +60,10 @@ function drawScene(plan) {
   ]);
   let lineCount = 0;
 
-  if (points.error.length === 0) {
+  const known = points.gap.some(Number.isFinite);
+  root.querySelector(".colour-choice").hidden = !known;
+  if (!known) form.colour.value = "own";
+  else if (points.error.length === 0) {
     form.colour.value = "gap";
     form.querySelector("[name=colour][value=error]").closest("label").hidden = true;
   }
@@ -206,6 +210,7 @@ function drawScene(plan) {
         pen.fillText(name, at[0], at[1] - 6);
       });
     }
+    drawAxes(pen, ["--series-2", "--series-3", "--series-1"].map(css), view.axes, [width / ratio - 96, height / ratio - 42]);
     drawUp(pen, css("--region"), [dot(up, view.axes[0]), dot(up, view.axes[1])], [width / ratio - 34, height / ratio - 30]);
   }
 
@@ -286,7 +291,16 @@ function drawScene(plan) {
     pick: (at, within) => choose(pick(...at, within)),
   });
 
-  cameras.forEach((camera, i) => form.camera.add(new Option(camera.role === "own" ? camera.name : `${camera.name} (${words[camera.role]})`, i)));
+  function showLayout(index) {
+    cameras = layouts[index].cameras;
+    form.camera.replaceChildren(new Option("none", ""));
+    cameras.forEach((camera, i) => form.camera.add(new Option(camera.role === "own" ? camera.name : `${camera.name} (${words[camera.role]})`, i)));
+    [through, hovered] = [null, null];
+    choose(null);
+  }
+  layouts.forEach((layout, i) => form.layout.add(new Option(layout.name, i)));
+  form.layout.closest("fieldset").hidden = layouts.length < 2;
+  form.layout.addEventListener("change", () => showLayout(Number(form.layout.value)));
   form.camera.addEventListener("change", () => {
     if (form.camera.value === "") through = null;
     choose(form.camera.value === "" ? null : Number(form.camera.value));
@@ -314,9 +328,10 @@ function drawScene(plan) {
   form.open.checked = room;
   form.numbers.checked = cameras.filter((c) => c.role !== "other").length <= FEW;
   form.tour.closest("label").hidden = tour.length < 2;
-  root.querySelector(".surface-choice").hidden = !mesh;
+  root.querySelector(".surface-choice").hidden = !mesh || points.count === 0;
+  form.region.closest("label").hidden = !region;
   home();
-  choose(null);
+  showLayout(0);
   showCut();
   recolour();
   const restyle = () => { recolour(); rebuildLines(); };

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::geometry::pack;
 use crate::gaussians::run::record::TrainRecord;
-use crate::scene::camera::Camera;
+use crate::scene::camera::{Camera, Pose, common_up};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::harmonics;
 
@@ -131,11 +131,11 @@ impl Model {
         };
         let mut views: Vec<ViewData> = tests.iter().take(MAX_TESTS).map(test).collect();
         views.extend(self.trained.iter().map(|camera| self.view(camera, true, None)));
-        let up = self.trained.iter().map(|camera| camera.pose.rotation * DVec3::NEG_Y).sum::<DVec3>();
+        let poses: Vec<Pose> = self.trained.iter().map(|camera| camera.pose).collect();
         ModelData {
             splats: &self.splats,
             views,
-            up: up.try_normalize().unwrap_or(DVec3::Z),
+            up: common_up(&poses).unwrap_or(DVec3::Z),
             extent: record.photos.extent,
             background: record.config.test_background(),
             antialiased: record.config.antialiased,

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 pub use super::pictures::Comparison;
 use super::pictures::{GAIN, shown};
+use super::scene_data::in_script;
 pub use super::splats::Model;
 use super::splats::ModelData;
 use super::text::{duration, escape, fill, grouped, number, telling_name};
@@ -59,8 +60,7 @@ pub fn html(record: &TrainRecord, worst: &Shown, model: Option<&Model>) -> Resul
     let data =
         Data { curve: &record.curve, evaluations: &record.evaluations, model: model.map(|model| model.data(record)) };
     let data = serde_json::to_string(&data).map_err(|e| Error::request(format!("the report's data: {e}")))?;
-    // No `</script>` or `<!--` may end the element early.
-    let data = data.replace('<', "\\u003c");
+    let data = in_script(&data);
     let scene = match model {
         Some(_) => include_str!("splats.html").into(),
         None => nothing("The trained splats are shown here once the run has ended."),
