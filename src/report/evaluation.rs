@@ -211,7 +211,7 @@ mod tests {
         assert!(!page.contains("<img src=x>"), "{page}");
         // That its training diverged, three tables, three pictures; in two charts its end, and twice all of it to be pointed at.
         assert_eq!(page.matches("cameras:a folder with a long name/&lt;img src=x&gt;.json").count(), 1 + 3 + 3 + 2 * 2);
-        assert_eq!(page.matches("</title>…ong name/&lt;img src=x&gt;.json</text>").count(), 2, "{page}");
+        assert_eq!(page.matches("</title>…g name/&lt;img src=x&gt;.json</text>").count(), 2, "{page}");
     }
 
     /// If this failed, a method or a budget would be missing from the page, or all where seeds do not begin at zero, or a scene's name

@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn axes_have_a_few_round_numbers() {
         assert_eq!(ticks(0.0, 10.0), [0.0, 2.5, 5.0, 7.5, 10.0]);
-        assert_eq!(ticks(20.13, 21.9).len(), 4);
+        assert_eq!(ticks(20.13, 21.9), [20.5, 21.0, 21.5]);
         for (low, high) in [(0.17, 0.171), (-3.0, 250.0), (1e5, 1e5 + 3.0), (0.0, 1e-9)] {
             let found = ticks(low, high);
             assert!((2..=6).contains(&found.len()), "{low} to {high}: {found:?}");
