@@ -247,7 +247,7 @@ fn trained_splats_are_seen_from_test_views() {
             actions.shift()();
             setTimeout(() => {
                 seen.push([name(), pixels(canvas)]);
-                if (document.querySelector(".frame img")) document.body.dataset.photo = name();
+                if (document.querySelector(".frame:not([hidden]) img")) document.body.dataset.photo = name();
                 next();
             }, 50);
         };
