@@ -324,8 +324,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
                 say!("complete {scene}, {method}, {views} views, seed {seed}: {folder} ({done} of {all})");
             }
             job::Event::Written(outcome) => {
-                let html = report::evaluation::html(&request, outcome);
-                written = Some(write_files(&[(&page, html.as_bytes())]));
+                let html = report::evaluation::html(&request, outcome, &subjects);
+                written = Some(html.and_then(|html| write_files(&[(&page, html.as_bytes())])));
             }
         }
         go_on()

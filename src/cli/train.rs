@@ -13,6 +13,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::options::{DeviceOptions, ImageOptions, print_messages};
 use super::progress::{BETWEEN_LINES, go_on, stop_on_interrupt};
 use crate::gaussians::config::{Background, Config, Strategy};
+use crate::gaussians::data::pictures::cameras;
 use crate::gaussians::data::split::{Split, Test};
 use crate::gaussians::run::evaluate::Pair;
 use crate::gaussians::run::job::{Event, Request, Run};
@@ -21,7 +22,8 @@ use crate::gaussians::run::record::{Evaluation, PhotosRecord, Quality, Status, T
 use crate::io;
 use crate::io::folder::{check_file, check_folder, replace_file, write_files};
 use crate::io::overwrite_guard::check_output_file;
-use crate::report::training::{self, Comparison, Shown};
+use crate::report::training::{self, Comparison, Model, Shown};
+use crate::scene::camera::Camera;
 use crate::vulkan::Context;
 use crate::vulkan::profile::Profile;
 use crate::{Error, Result};
@@ -149,6 +151,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let (photos, tests) = (request.split.train.photos.len(), request.split.test.len());
     let all = request.config.iterations;
     let complete = arguments.resume && is_complete(&request);
+    let cameras = [&request.split.train.photos, &request.split.test].map(|photos| cameras(photos, request.shrink));
     let run = Run::new(&context, request)?;
     if arguments.dry_run {
         say!("{}", run.footprint().table().trim_end());
@@ -164,7 +167,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     stop_on_interrupt()?;
     let mut profile = (arguments.profile || arguments.trace.is_some()).then(Profile::default);
-    let view = Watch::new(&arguments.out, all);
+    let view = Watch::new(&arguments.out, all, cameras);
     let record = run.run(arguments.resume, profile.as_mut(), &mut |event| view.observe(event));
     view.bar.finish_and_clear();
     print_messages(&context);
@@ -246,10 +249,13 @@ struct Watch {
     told: RefCell<Option<Instant>>,
     /// The worst test views, by evaluations and their number: encoding them takes longer than hundreds of iterations.
     shown: RefCell<([usize; 2], Shown)>,
+    /// Training and test cameras, which the model is shown from.
+    cameras: [Vec<Camera>; 2],
+    model: RefCell<Option<Model>>,
 }
 
 impl Watch {
-    fn new(folder: &Path, iterations: u32) -> Self {
+    fn new(folder: &Path, iterations: u32, cameras: [Vec<Camera>; 2]) -> Self {
         let bar = ProgressBar::new(u64::from(iterations));
         let style = ProgressStyle::with_template("{msg:22} {wide_bar} {pos}/{len} {per_sec}, {eta} left");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
@@ -259,6 +265,8 @@ impl Watch {
             folder: folder.to_owned(),
             told: RefCell::default(),
             shown: RefCell::new(([usize::MAX; 2], Shown::default())),
+            cameras,
+            model: RefCell::default(),
         }
     }
 
@@ -271,6 +279,10 @@ impl Watch {
             Event::Iterations(done) => self.bar.set_position(u64::from(done)),
             Event::Evaluated(evaluation) => self.line(&line(evaluation)),
             Event::NotSaved(error) => self.line(&format!("warning: no checkpoint was written: {error}")),
+            Event::Trained(gaussians) => {
+                let [trained, tests] = &self.cameras;
+                *self.model.borrow_mut() = Some(Model::new(gaussians, trained, tests));
+            }
             Event::Report(record, worst) => {
                 if self.shown.borrow().0[0] == usize::MAX {
                     self.line(&start(record));
@@ -316,7 +328,7 @@ impl Watch {
             let worst: Vec<Comparison> = worst.iter().map(comparison).collect();
             *shown = (key, Shown::new(record, &worst)?);
         }
-        let page = training::html(record, &shown.1)?;
+        let page = training::html(record, &shown.1, self.model.borrow().as_ref())?;
         // Under hidden names that the next attempt takes as well: a run that is killed often leaves no pile of them.
         replace_file(&self.folder.join(REPORT), |file| file.write_all(page.as_bytes()))?;
         replace_file(&self.folder.join(RECORD), |file| file.write_all(json.as_bytes()))

@@ -186,7 +186,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
             diverged: training.diverged(),
             folder: trained.key().to_owned(),
             pictures: results::few_pictures(&training, PICTURED),
-            places: record.cameras.iter().map(|camera| camera.pose.position).collect(),
+            cameras: record.cameras.clone(),
         });
         photos.push(files(&artifact, &record.cameras)?);
     }

@@ -8,7 +8,6 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread;
 
-use glam::DVec3;
 use serde_json::json;
 
 use super::artifact::{self, Artifact, Observe};
@@ -28,6 +27,7 @@ use crate::gaussians::run::record::TrainRecord;
 use crate::io::folder::{check_folder, write_files};
 use crate::metrics::image::Weights;
 use crate::parallel::{lock, on_a_share};
+use crate::scene::camera::Camera;
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
@@ -216,7 +216,7 @@ impl Runs<'_, '_> {
     fn complete(
         &self,
         (number, (method, views, seed)): (usize, (&Competitor, u32, u64)),
-        (places, seconds): (Vec<DVec3>, f64),
+        (cameras, seconds): (Vec<Camera>, f64),
         (artifact, record): &(Artifact, TrainRecord),
     ) -> Result<()> {
         let sets = self.board.request.sets();
@@ -235,7 +235,7 @@ impl Runs<'_, '_> {
             diverged: record.diverged(),
             folder: artifact.key().to_owned(),
             pictures,
-            places,
+            cameras,
         };
         self.board.add([self.number, number], entry)
     }
@@ -284,8 +284,7 @@ impl Runs<'_, '_> {
             let photos = artifacts.photographs(&cameras, observe)?;
             let mut trained = artifacts.training(&photos, Some(&tests), seed, observe)?;
             self.measured(context, &mut trained, observe)?;
-            let places = cameras.iter().map(|camera| camera.pose.position).collect();
-            self.complete((number, run), (places, plan.seconds), &trained)?;
+            self.complete((number, run), (cameras, plan.seconds), &trained)?;
         }
         Ok(())
     }
@@ -306,7 +305,7 @@ impl Runs<'_, '_> {
             let chosen = artifacts.choice(run, model, observe)?;
             let mut trained = artifacts.training(&chosen, seed, observe)?;
             self.measured(context, &mut trained, observe)?;
-            self.complete((number, run), (artifacts.places(&chosen), chosen.seconds), &trained)?;
+            self.complete((number, run), (artifacts.cameras(&chosen), chosen.seconds), &trained)?;
         }
         Ok(())
     }
@@ -399,9 +398,9 @@ mod tests {
 
     fn entry(method: Competitor) -> Entry {
         let quality = vec![Quality { psnr: 20.0, ssim: 0.5, ..Quality::default() }; 3];
-        let (folder, pictures, places) = (String::new(), Vec::new(), Vec::new());
+        let (folder, pictures, cameras) = (String::new(), Vec::new(), Vec::new());
         let (scene, diverged) = ("s".into(), None);
-        Entry { scene, method, views: 4, seed: 0, seconds: 0.1, quality, diverged, folder, pictures, places }
+        Entry { scene, method, views: 4, seed: 0, seconds: 0.1, quality, diverged, folder, pictures, cameras }
     }
 
     /// If this failed, a complete evaluation would lose its tables when a repeated call is stopped, runs would be in the order in

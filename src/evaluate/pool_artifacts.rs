@@ -21,7 +21,7 @@ use crate::gaussians::run::record::TrainRecord;
 use crate::photos::{Photo, PhotoSet};
 use crate::plan::config::Preset;
 use crate::plan::target::{RegionChoice, Target};
-use crate::scene::camera::{Pose, common_up};
+use crate::scene::camera::{Camera, Pose, common_up};
 use crate::scene::region::Shape;
 use crate::scene::surface::Surface;
 use crate::select::farthest::Distance;
@@ -117,11 +117,11 @@ impl<'a> PoolArtifacts<'a> {
         Ok(self.trained(&names, Vec::new(), 0, observe)?.0)
     }
 
-    /// Camera positions of chosen photos.
-    pub fn places(&self, chosen: &Chosen) -> Vec<DVec3> {
+    /// Cameras of chosen photos.
+    pub fn cameras(&self, chosen: &Chosen) -> Vec<Camera> {
         let photos = self.pool.candidates.photos.iter();
         let of_these = photos.filter(|photo| chosen.photos.contains(&photo.camera.name));
-        of_these.map(|photo| photo.camera.pose.position).collect()
+        of_these.map(|photo| photo.camera.clone()).collect()
     }
 
     /// Lets a method choose photos.

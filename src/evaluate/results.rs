@@ -1,12 +1,12 @@
 //! Scores of single runs, and their means with intervals over seeds.
 
-use glam::DVec3;
 use serde::Serialize;
 
 use super::competitor::Competitor;
 use crate::gaussians::run::evaluate::mean;
 use crate::gaussians::run::outputs::picture_names;
 use crate::gaussians::run::record::{Quality, TestView, TrainRecord};
+use crate::scene::camera::Camera;
 
 /// One run: a method's views, trained on with one seed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -30,9 +30,9 @@ pub struct Entry {
     pub folder: String,
     /// Picture of the first test view of each set: its path in the folders `test` and `reference` of `folder`.
     pub pictures: Vec<String>,
-    /// Camera positions in the scene's world.
+    /// The cameras, in the scene's world.
     #[serde(skip)]
-    pub places: Vec<DVec3>,
+    pub cameras: Vec<Camera>,
 }
 
 /// A mean and half of its 95% interval; no interval of one value, or where a value is infinite.
@@ -204,7 +204,7 @@ mod tests {
             diverged: (seed == 1).then_some([20.0, 15.0]),
             folder: String::new(),
             pictures: Vec::new(),
-            places: Vec::new(),
+            cameras: Vec::new(),
         };
         let entries = [
             entry(Competitor::Method(Method::Ours), 20, 0, 20.0),

@@ -4,35 +4,24 @@
 use glam::DVec3;
 use serde::Serialize;
 
-use super::geometry::{bounds, nearest, pack, robust_bounds, split};
-use super::{Kind, ReportScene, SurfacePoint, Triangles};
+use super::geometry::{bounds, robust_bounds};
+use super::scene_data::{
+    CameraData, Layout, MAX_POINTS, PointData, RegionData, Role, SceneData, TriangleData, Words, in_script, thin,
+};
+use super::{Kind, ReportScene, SurfacePoint, choice};
 use crate::plan::record::PlanRecord;
-use crate::scene::camera::Camera;
-use crate::scene::region::Shape;
 use crate::{Error, Result};
 
-/// Points embedded at most: index of the nearest point must fit 16 bits, and the page 4 MB.
-const MAX_POINTS: usize = 20_000;
 /// Iterations embedded at most; a plot is some 500 pixels wide.
 const MAX_ITERATIONS: usize = 1000;
 
 #[derive(Serialize)]
 struct Data<'a> {
-    /// What a camera is called, and one that was kept or left out.
-    words: [&'static str; 2],
-    origin: DVec3,
-    up: DVec3,
     history: History,
     checkpoints: Checkpoints,
     histograms: Histograms,
-    region: RegionData,
-    /// Bounds of the bulk of the surface.
-    bulk: [DVec3; 2],
-    cameras: Vec<CameraData<'a>>,
-    /// Corners of the way along the cameras; empty where they are in no order.
-    tour: Vec<DVec3>,
-    points: PointData,
-    triangles: Option<TriangleData>,
+    #[serde(flatten)]
+    scene: SceneData<'a>,
 }
 
 #[derive(Serialize)]
@@ -75,96 +64,37 @@ struct Histograms {
     unseen: usize,
 }
 
-#[derive(Serialize)]
-#[serde(tag = "kind", rename_all = "snake_case")]
-enum RegionData {
-    Shell { centre: DVec3, r_min: f64, r_max: f64, floor: Option<f64> },
-    Box { min: DVec3, max: DVec3, floor: Option<f64> },
-}
-
-#[derive(Serialize)]
-struct CameraData<'a> {
-    name: &'a str,
-    position: DVec3,
-    /// Camera axes (right, down, forward) in the world.
-    axes: [DVec3; 3],
-    size: [u32; 2],
-    focal: [f64; 2],
-    principal: [f64; 2],
-    kept: bool,
-}
-
-#[derive(Serialize)]
-struct PointData {
-    count: usize,
-    /// f32, three per point.
-    positions: String,
-    /// u8, three per point.
-    colours: String,
-    /// f32 degrees; NaN where unreachable.
-    gap: String,
-    /// u16, saturated.
-    views: String,
-    /// f32.
-    score: String,
-    /// f32 decibels; NaN where it is not known, empty where it is nowhere.
-    error: String,
-}
-
-#[derive(Serialize)]
-struct TriangleData {
-    count: usize,
-    low: DVec3,
-    /// World units per step of `positions`.
-    step: DVec3,
-    /// u16, nine per triangle.
-    positions: String,
-    /// u8, three per triangle; empty where the mesh has no colours.
-    colours: String,
-    /// u16, the point nearest to each corner.
-    nearest: String,
-}
-
 /// The JSON text, safe inside a `<script>` element.
 pub fn json(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<String> {
     let region = &record.region;
     let origin = region.bounding_sphere().0;
-    let floor = region.floor.map(|floor| floor - origin.dot(region.up));
-    let shape = match region.shape {
-        Shape::Shell { centre, r_min, r_max } => RegionData::Shell { centre: centre - origin, r_min, r_max, floor },
-        Shape::Box { min, max } => RegionData::Box { min: min - origin, max: max - origin, floor },
-    };
     let bulk = robust_bounds(scene.points)
         .or_else(|| bounds(scene.triangles?.corners.iter().flatten().copied()))
         .unwrap_or((record.surface.min, record.surface.max));
     let points: Vec<SurfacePoint> = thin(scene.points, MAX_POINTS).filter(|p| p.position.is_finite()).collect();
-    let planned = record.cameras.len() - record.kept;
     let data = Data {
-        words: match kind {
-            Kind::Plan => ["planned camera", "kept camera"],
-            Kind::Selection(_) => ["chosen photo", "photo left out"],
-        },
-        origin,
-        up: region.up,
         history: history(record),
         checkpoints: checkpoints(record),
         histograms: histograms(scene.points),
-        region: shape,
-        bulk: [bulk.0 - origin, bulk.1 - origin],
-        cameras: record.cameras.iter().enumerate().map(|(i, c)| camera(c, origin, i >= planned)).collect(),
-        tour: record.tour.iter().flat_map(|tour| &tour.path).map(|corner| *corner - origin).collect(),
-        triangles: scene.triangles.and_then(|triangles| triangle_data(&triangles, &points, origin)),
-        points: point_data(&points, origin),
+        scene: SceneData {
+            words: match kind {
+                Kind::Plan => Words { own: "planned camera", other: "kept camera", suggested: "" },
+                Kind::Selection(_) => {
+                    Words { own: "chosen photo", other: "photo left out", suggested: "suggested photo" }
+                }
+            },
+            origin,
+            up: region.up,
+            region: Some(RegionData::new(region, origin)),
+            bulk: [bulk.0 - origin, bulk.1 - origin],
+            layouts: vec![Layout { name: "", cameras: cameras(record, kind, origin) }],
+            tour: record.tour.iter().flat_map(|tour| &tour.path).map(|corner| *corner - origin).collect(),
+            triangles: scene.triangles.and_then(|triangles| TriangleData::new(&triangles, &points, origin)),
+            points: PointData::new(&points, origin),
+        },
     };
     let json = serde_json::to_string(&data).map_err(|e| Error::request(format!("the report's data: {e}")))?;
-    // No `</script>` or `<!--` may end the element early.
-    Ok(json.replace('<', "\\u003c"))
-}
-
-/// Every so many-th item, `limit` at most, always with the last one.
-fn thin<T: Copy>(items: &[T], limit: usize) -> impl Iterator<Item = T> {
-    let stride = items.len().div_ceil(limit).max(1);
-    items.iter().rev().step_by(stride).rev().copied()
+    Ok(in_script(&json))
 }
 
 fn history(record: &PlanRecord) -> History {
@@ -221,53 +151,24 @@ fn histogram(values: impl Iterator<Item = f64> + Clone, round: impl Fn(f64) -> f
     Histogram { start: 0.0, step, counts }
 }
 
-fn camera(camera: &Camera, origin: DVec3, kept: bool) -> CameraData<'_> {
-    let intrinsics = &camera.intrinsics;
-    CameraData {
-        name: &camera.name,
-        position: camera.pose.position - origin,
-        axes: [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| camera.pose.rotation * axis),
-        size: [intrinsics.width, intrinsics.height],
-        focal: intrinsics.focal,
-        principal: intrinsics.principal,
-        kept,
+/// The record's cameras, and those that a selection suggests.
+fn cameras<'a>(record: &'a PlanRecord, kind: Kind<'a>, origin: DVec3) -> Vec<CameraData<'a>> {
+    let own = record.cameras.len() - record.kept;
+    let role = |i| if i < own { Role::Own } else { Role::Other };
+    let mut cameras: Vec<_> =
+        record.cameras.iter().enumerate().map(|(i, one)| CameraData::new(one, origin, role(i))).collect();
+    if let Kind::Selection(choice) = kind {
+        for (camera, photo) in cameras.iter_mut().zip(choice.photos) {
+            camera.remark = Some(photo.remark());
+        }
+        cameras.extend(choice.suggested.iter().map(|suggested| {
+            let mut camera = CameraData::new(&suggested.camera, origin, Role::Suggested);
+            camera.label = Some(choice::gain(suggested));
+            camera.remark = Some(format!("it would add {} by itself", choice::gain(suggested)));
+            camera
+        }));
     }
-}
-
-fn point_data(points: &[SurfacePoint], origin: DVec3) -> PointData {
-    PointData {
-        count: points.len(),
-        positions: pack(points.iter().flat_map(|p| (p.position - origin).as_vec3().to_array()), f32::to_le_bytes),
-        colours: pack(points.iter().map(|p| p.colour), |c| c),
-        gap: pack(points.iter().map(|p| p.gap.to_degrees()), f32::to_le_bytes),
-        views: pack(points.iter().map(|p| p.views.min(u32::from(u16::MAX)) as u16), u16::to_le_bytes),
-        score: pack(points.iter().map(|p| p.score), f32::to_le_bytes),
-        error: match points.iter().any(|p| p.error.is_finite()) {
-            true => pack(points.iter().map(|p| p.error), f32::to_le_bytes),
-            false => String::new(),
-        },
-    }
-}
-
-fn triangle_data(triangles: &Triangles, points: &[SurfacePoint], origin: DVec3) -> Option<TriangleData> {
-    let (corners, sources) = split(triangles.corners, points.len());
-    let (low, high) = bounds(corners.iter().flatten().copied())?;
-    let step = ((high - low) / f64::from(u16::MAX)).max(DVec3::splat(f64::MIN_POSITIVE));
-    let quantised = corners.iter().flatten().flat_map(|p| ((p - low) / step).round().to_array());
-    let colours = if triangles.colours.is_empty() {
-        String::new()
-    } else {
-        pack(sources.iter().map(|s| triangles.colours[*s]), |c| c)
-    };
-    Some(TriangleData {
-        count: corners.len(),
-        low: low - origin,
-        step,
-        // A cast from NaN or beyond the range saturates, so that no corner can panic.
-        positions: pack(quantised.map(|v| v as u16), u16::to_le_bytes),
-        colours,
-        nearest: pack(nearest(points, &corners), u16::to_le_bytes),
-    })
+    cameras
 }
 
 #[cfg(test)]
@@ -283,12 +184,5 @@ mod tests {
         let views = histogram([0.0, 1.0, 1.0, 7.0].into_iter(), |s| s.ceil().max(1.0));
         assert_eq!((views.step, views.counts), (1.0, vec![1, 2, 0, 0, 0, 0, 0, 1]));
         assert_eq!(histogram(std::iter::empty(), |s| s).counts, [0]);
-    }
-
-    #[test]
-    fn thinning_keeps_the_order_and_the_last_item() {
-        assert_eq!(thin(&[1, 2, 3, 4, 5, 6, 7], 3).collect::<Vec<_>>(), [1, 4, 7]);
-        assert_eq!(thin(&[1, 2], 3).collect::<Vec<_>>(), [1, 2]);
-        assert_eq!(thin::<u8>(&[], 3).count(), 0);
     }
 }

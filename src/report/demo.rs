@@ -5,7 +5,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use super::evaluation::{STYLE, pictures, table};
+use super::evaluation::{pictures, table};
 use super::folder;
 use super::text::{address, escape};
 use crate::Result;
@@ -13,6 +13,12 @@ use crate::evaluate::demo::{Demo, METHODS, Step};
 use crate::evaluate::results::measured;
 use crate::io::folder::{OutputFolder, write_files};
 use crate::methods::Method;
+
+/// How the page looks.
+const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;margin:2em auto;max-width:75em;padding:0 1em}\
+     table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .8em;text-align:right;border-bottom:1px solid #ddd}\
+     td:first-child,th:first-child{text-align:left}figure{display:inline-block;margin:.5em}\
+     img{width:12em;image-rendering:pixelated}svg{max-width:100%}";
 
 /// Where the plan's own folder lies in the scene's folder.
 const PLAN: &str = "plan";

@@ -6,6 +6,7 @@
 //! Text and the table are made here; plots and the 3D view are drawn in the browser, from numbers embedded as JSON and
 //! geometry embedded as base64.
 
+mod choice;
 mod data;
 mod decimate;
 #[cfg(feature = "cli")]
@@ -14,8 +15,14 @@ pub mod demo;
 pub(crate) mod evaluation;
 pub mod folder;
 mod geometry;
+#[cfg(feature = "cli")]
+mod layouts;
 mod pictures;
+#[cfg(feature = "cli")]
+mod plots;
+mod scene_data;
 pub mod selection;
+mod splats;
 mod text;
 pub mod training;
 
@@ -24,7 +31,7 @@ use glam::DVec3;
 #[cfg(feature = "cli")]
 pub(crate) use self::text::escape;
 
-use crate::metrics::Metrics;
+use self::choice::Choice;
 use crate::plan::record::PlanRecord;
 use crate::quality::map::Worst;
 use crate::{Error, Result};
@@ -72,8 +79,8 @@ pub struct ReportScene<'a> {
 enum Kind<'a> {
     /// Cameras planned, beside those kept.
     Plan,
-    /// Photos chosen, beside those left out; and the metrics of the whole pool.
-    Selection(&'a Metrics),
+    /// Photos chosen, beside those left out.
+    Selection(&'a Choice<'a>),
 }
 
 /// The page of a plan.
@@ -105,15 +112,22 @@ fn html_of(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<S
     }
     let data = data::json(record, scene, kind)?;
     let worst = pictures::worst(scene.worst)?;
+    let choice = match kind {
+        Kind::Plan => String::new(),
+        Kind::Selection(choice) => choice.html(record.cameras.len()),
+    };
     Ok(text::fill(include_str!("page.html"), |slot| match slot {
         "css" => include_str!("page.css").into(),
         "fault" => include_str!("fault.js").into(),
         "charts" => include_str!("charts.js").into(),
         "plan" => include_str!("plan.js").into(),
         "vectors" => include_str!("vectors.js").into(),
+        "views" => include_str!("views.js").into(),
+        "scene" => include_str!("scene.html").into(),
         "webgl" => include_str!("webgl.js").into(),
         "scene3d" => include_str!("scene3d.js").into(),
         "data" => data.as_str().into(),
+        "choice" => choice.as_str().into(),
         "worst" => worst.as_str().into(),
         slot => text::slot(slot, record, kind).into(),
     }))

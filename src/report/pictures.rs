@@ -15,7 +15,7 @@ use crate::{Error, Result};
 /// Longest side on the page, in pixels.
 const LONGEST: u32 = 640;
 /// Bytes of all pictures that leave the page under 4 MB, since base64 makes four of three.
-const MAX_BYTES: usize = 2_700_000;
+pub(super) const MAX_BYTES: usize = 2_700_000;
 /// Qualities that are tried until the pictures are small enough; the last one is taken as it is.
 const QUALITIES: [u8; 5] = [90, 80, 70, 60, 50];
 /// Differences are multiplied by this, so that an eye sees them.
@@ -60,10 +60,9 @@ pub fn shown(comparisons: &[Comparison]) -> Result<Vec<Shown>> {
             break;
         }
     }
-    let url = |bytes: &Vec<u8>| format!("data:image/jpeg;base64,{}", STANDARD.encode(bytes));
     let shown = triples.iter().zip(&encoded).map(|(pictures, bytes)| Shown {
         size: pictures[0].dimensions().into(),
-        urls: [0, 1, 2].map(|i| url(&bytes[i])),
+        urls: [0, 1, 2].map(|i| jpeg_url(&bytes[i])),
     });
     Ok(shown.collect())
 }
@@ -111,20 +110,30 @@ fn triple(comparison: &Comparison) -> Result<[RgbImage; 3]> {
         let (Rgb(a), Rgb(b)) = (rendered.get_pixel(x, y), reference.get_pixel(x, y));
         Rgb([0, 1, 2].map(|c: usize| a[c].abs_diff(b[c]).saturating_mul(GAIN)))
     });
-    Ok([shrunk(rendered), shrunk(reference), shrunk(difference)])
+    Ok([rendered, reference, difference].map(|picture| shrunk(picture, LONGEST)))
 }
 
-fn shrunk(picture: RgbImage) -> RgbImage {
+/// The picture with a longest side of so many pixels at most.
+pub(super) fn shrunk(picture: RgbImage, most: u32) -> RgbImage {
     let (width, height) = picture.dimensions();
     let longest = width.max(height);
-    if longest <= LONGEST {
+    if longest <= most {
         return picture;
     }
-    let side = |side: u32| (f64::from(side) * f64::from(LONGEST) / f64::from(longest)).round().max(1.0) as u32;
+    let side = |side: u32| (f64::from(side) * f64::from(most) / f64::from(longest)).round().max(1.0) as u32;
     resize(&picture, side(width), side(height), FilterType::Triangle)
 }
 
-fn jpeg(picture: &RgbImage, quality: u8) -> Result<Vec<u8>> {
+/// The data URL of a JPEG file.
+pub(super) fn jpeg_url(file: &[u8]) -> String {
+    format!("data:image/jpeg;base64,{}", STANDARD.encode(file))
+}
+
+/// A JPEG file of a picture.
+///
+/// # Errors
+/// Where it cannot be encoded.
+pub(super) fn jpeg(picture: &RgbImage, quality: u8) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     JpegEncoder::new_with_quality(&mut bytes, quality)
         .encode_image(picture)

@@ -1,25 +1,20 @@
 // The 3D view: plain WebGL2, no library. Positions are relative to the plan's origin; a frame is drawn only when something changed.
 
 const NO_CAMERA = "Choose a camera here or click one to see where it stands.";
-const FIELD_OF_VIEW = (40 * Math.PI) / 180;
 // Cameras up to which their numbers are shown at first.
 const FEW = 120;
 
-function drawScene(plan) {
-  const root = document.getElementById("scene");
+// Colours of cameras by their role.
+const ROLES = { own: "--camera", other: "--kept", suggested: "--suggested" };
+
+function drawScene(plan, root = document.querySelector(".scene")) {
   const stage = root.querySelector(".stage"), canvas = root.querySelector("canvas"), form = root.querySelector("form");
   const [tip, outline, box, overlay] = [".tip", ".frame", ".legend", ".overlay"].map((name) => stage.querySelector(name));
-  // The buffer is kept so that the picture is there when the page is printed.
-  const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
-  const unavailable = (text) => {
-    stage.textContent = "";
-    html("p", "unavailable", text, stage);
-    form.hidden = true;
-  };
-  if (!gl) return unavailable("The 3D view needs WebGL 2, which this browser does not offer. All else on this page works without it.");
-  canvas.addEventListener("webglcontextlost", () => unavailable("The browser dropped the 3D view; reload the page to get it back."));
+  const gl = openWebGl(stage, canvas, form);
+  if (!gl) return;
 
-  const { origin, region, cameras, up, bulk, tour, words: [planned, kept] } = plan;
+  const { origin, region, layouts, up, bulk, tour, words } = plan;
+  let cameras = layouts[0].cameras;
   const points = {
     count: plan.points.count,
     positions: unpack(plan.points.positions, Float32Array),
@@ -38,31 +33,17 @@ function drawScene(plan) {
 
   /* ---- sizes and the first view ---- */
 
-  const room = region.kind === "box";
+  const room = region?.kind === "box", everywhere = layouts.flatMap((layout) => layout.cameras.map((c) => c.position));
   const bulkSize = length(sub(bulk[1], bulk[0]));
-  const radius = room ? 0.5 * Math.max(bulkSize, length(sub(region.max, region.min))) : region.r_max;
-  const [east, north] = horizontal(up);
-  const regionOutline = regionLines(region, up), floorGrid = floorLines(region, up);
+  const middle = scale(add(...bulk), 0.5), farthest = everywhere.reduce((far, p) => Math.max(far, length(sub(p, middle))), 0.5 * bulkSize);
+  const radius = room ? 0.5 * Math.max(bulkSize, length(sub(region.max, region.min))) : region?.r_max ?? farthest;
+  const [regionOutline, floorGrid] = region ? [regionLines(region, up), floorLines(region, up)] : [[], []];
   const corners = [...Array(8).keys()].map((i) => [0, 1, 2].map((k) => bulk[(i >> k) & 1][k]));
-  const extremes = [...corners, ...regionOutline.flat(), ...cameras.map((c) => c.position)];
-  /** A view from above and aside, as near as it can be with everything in the picture. */
-  function home() {
-    const [low, high] = [Math.min, Math.max].map((f) => [0, 1, 2].map((k) => extremes.reduce((v, p) => f(v, p[k]), extremes[0][k])));
-    orbit = { target: scale(add(low, high), 0.5), distance: 1, yaw: room ? 1.0 : 0.6, pitch: room ? 0.8 : 0.3 };
-    const { axes: [right, down, forward] } = currentView();
-    const half = Math.tan(FIELD_OF_VIEW / 2), aspect = canvas.clientWidth / canvas.clientHeight || 1;
-    // Perspective draws what is near larger, so the middle of the picture is found in a few iterations.
-    for (let round = 0; round < 6; round++) {
-      const seen = extremes.map((p) => sub(p, orbit.target)).map((at) => [dot(at, right), dot(at, down), dot(at, forward)]);
-      orbit.distance = 1.06 * seen.reduce((d, [x, y, z]) => Math.max(d, Math.max(Math.abs(x) / aspect, Math.abs(y)) / half - z), 0.01 * radius);
-      for (const [k, axis] of [right, down].entries()) {
-        const places = seen.map((at) => at[k] / (orbit.distance + at[2]));
-        const middle = 0.5 * (places.reduce((a, b) => Math.min(a, b)) + places.reduce((a, b) => Math.max(a, b)));
-        orbit.target = add(orbit.target, scale(axis, middle * orbit.distance));
-      }
-    }
-  }
-  let orbit = null, chosen = null, hovered = null, through = null;
+  const extremes = [...corners, ...regionOutline.flat(), ...everywhere];
+  const orbit = orbitAround(canvas, up, radius);
+  /** A view from above and aside. */
+  const home = () => orbit.fit(extremes, room ? { yaw: 1.0, pitch: 0.8 } : { yaw: 0.6, pitch: 0.3 });
+  let chosen = null, hovered = null, through = null;
   // Heights the cut runs through.
   const heights = [...corners, ...(room ? regionOutline.flat() : [])].map((p) => dot(p, up));
   const lowest = Math.min(...heights), highest = Math.max(...heights) + 0.01 * radius;
@@ -79,7 +60,10 @@ function drawScene(plan) {
   ]);
   let lineCount = 0;
 
-  if (points.error.length === 0) {
+  const known = points.gap.some(Number.isFinite);
+  root.querySelector(".colour-choice").hidden = !known;
+  if (!known) form.colour.value = "own";
+  else if (points.error.length === 0) {
     form.colour.value = "gap";
     form.querySelector("[name=colour][value=error]").closest("label").hidden = true;
   }
@@ -109,8 +93,7 @@ function drawScene(plan) {
       html("span", "", ramp.high, ends);
     }
     if (form.cameras.checked) {
-      if (cameras.some((c) => !c.kept)) swatches.push([planned, styleColour("--camera")]);
-      if (cameras.some((c) => c.kept)) swatches.push([kept, styleColour("--kept")]);
+      for (const [role, colour] of Object.entries(ROLES)) if (cameras.some((c) => c.role === role)) swatches.push([words[role], styleColour(colour)]);
     }
     if (form.tour.checked && tour.length > 1) swatches.push(["tour", styleColour("--tour")]);
     const keys = html("div", "keys", "", box);
@@ -136,10 +119,11 @@ function drawScene(plan) {
     }
     if (form.tour.checked) push(tour.slice(1).map((to, i) => [tour[i], to]), styleColour("--tour"), 230);
     if (form.cameras.checked) {
-      const [own, other, marked] = ["--camera", "--kept", "--chosen"].map(styleColour);
+      const marked = styleColour("--chosen");
+      const colour = Object.fromEntries(Object.entries(ROLES).map(([role, name]) => [role, styleColour(name)]));
       cameras.forEach((camera, i) => {
         const marks = i === chosen || i === hovered;
-        push(frustum(camera, cameraDepth() * (marks ? 1.35 : 1)), marks ? marked : camera.kept ? other : own, 255);
+        push(frustum(camera, cameraDepth() * (marks ? 1.35 : 1)), marks ? marked : colour[camera.role], 255);
       });
     }
     lineCount = lines.length;
@@ -151,32 +135,12 @@ function drawScene(plan) {
 
   /* ---- drawing ---- */
 
-  /** Eye, axes and clip-from-world of what is on the screen. */
-  function currentView() {
-    const [width, height] = [canvas.clientWidth || 1, canvas.clientHeight || 1];
-    if (through !== null) {
-      const camera = cameras[through], near = 2e-3 * radius;
-      const fit = Math.min((width - 48) / camera.size[0], (height - 48) / camera.size[1]);
-      const part = [(fit * camera.size[0]) / width, (fit * camera.size[1]) / height];
-      const f = [0, 1].map((k) => (part[k] * 2 * camera.focal[k]) / camera.size[k]);
-      const c = [0, 1].map((k) => part[k] * ((2 * camera.principal[k]) / camera.size[k] - 1));
-      const clip = multiply(projection(...f, ...c, near, 200 * radius), viewMatrix(camera.position, camera.axes));
-      return { eye: camera.position, axes: camera.axes, clip, near, focal: f[1], part };
-    }
-    const { target, distance, yaw, pitch } = orbit;
-    const flat = add(scale(east, Math.cos(yaw)), scale(north, Math.sin(yaw)));
-    const back = add(scale(flat, Math.cos(pitch)), scale(up, Math.sin(pitch)));
-    const eye = add(target, scale(back, distance));
-    const forward = scale(back, -1), right = normalize(cross(forward, up)), down = cross(forward, right);
-    const focal = 1 / Math.tan(FIELD_OF_VIEW / 2), near = 0.02 * distance;
-    const clip = multiply(projection((focal * height) / width, focal, 0, 0, near, distance + 40 * radius), viewMatrix(eye, [right, down, forward]));
-    return { eye, axes: [right, down, forward], clip, near, focal };
-  }
+  const redraw = beforeNextFrame(draw);
+
+  const currentView = () => (through === null ? orbit.view() : cameraView(canvas, cameras[through], 2e-3 * radius, 200 * radius));
 
   function draw() {
-    const ratio = Math.min(window.devicePixelRatio || 1, 2);
-    const [width, height] = [Math.max(1, Math.round(canvas.clientWidth * ratio)), Math.max(1, Math.round(canvas.clientHeight * ratio))];
-    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+    const [width, height, ratio] = fitCanvas(canvas);
     const view = currentView();
     gl.viewport(0, 0, width, height);
     gl.clearColor(...scale(styleColour("--stage"), 1 / 255), 1);
@@ -201,7 +165,7 @@ function drawScene(plan) {
     } else {
       // About as wide as the points' spacing.
       const diameter = (1.7 * bulkSize) / Math.sqrt(points.count + 1);
-      surface.set("diameter", "1f", 0.5 * diameter * view.focal * height);
+      surface.set("diameter", "1f", 0.5 * diameter * view.focal[1] * height);
       pointArray.bind();
       gl.drawArrays(gl.POINTS, 0, points.count);
     }
@@ -209,12 +173,7 @@ function drawScene(plan) {
     // Through a camera one sees what its photo would show: the surface alone.
     if (through === null) drawLines(view, width, height, ratio);
     drawOverlay(view, width, height, ratio);
-
-    outline.hidden = !view.part;
-    if (view.part) {
-      const [w, h] = view.part.map((p) => 100 * p);
-      outline.style.cssText = `left:${50 - w / 2}%;top:${50 - h / 2}%;width:${w}%;height:${h}%`;
-    }
+    drawFrame(outline, view, through === null ? null : photoOf(through), form.photo);
   }
 
   function drawLines(view, width, height, ratio) {
@@ -243,24 +202,22 @@ function drawScene(plan) {
       pen.lineWidth = 3;
       pen.strokeStyle = css("--stage");
       cameras.forEach((camera, i) => {
-        const at = camera.kept ? null : onCanvas(view.clip, camera.position);
+        const at = camera.role === "other" ? null : onCanvas(view.clip, camera.position);
         if (!at) return;
         pen.fillStyle = css(i === chosen || i === hovered ? "--chosen" : "--ink");
-        pen.strokeText(shortName(camera.name), at[0], at[1] - 6);
-        pen.fillText(shortName(camera.name), at[0], at[1] - 6);
+        const name = camera.label ?? shortName(camera.name);
+        pen.strokeText(name, at[0], at[1] - 6);
+        pen.fillText(name, at[0], at[1] - 6);
       });
     }
+    drawAxes(pen, ["--series-2", "--series-3", "--series-1"].map(css), view.axes, [width / ratio - 96, height / ratio - 42]);
     drawUp(pen, css("--region"), [dot(up, view.axes[0]), dot(up, view.axes[1])], [width / ratio - 34, height / ratio - 30]);
   }
 
-  let pending = false;
-  function redraw() {
-    if (pending) return;
-    pending = true;
-    requestAnimationFrame(() => { pending = false; draw(); });
-  }
-
   /* ---- cameras under the pointer ---- */
+
+  /** The photo of a camera, which the page shows elsewhere as well. */
+  const photoOf = (index) => document.querySelector(`[data-camera="${index}"] img`)?.src;
 
   /** Where a point is on the canvas, in CSS pixels; none behind the eye. */
   function onCanvas(clip, p) {
@@ -283,6 +240,8 @@ function drawScene(plan) {
     return best;
   }
 
+  const called = (camera) => (camera.role === "own" ? "" : `${words[camera.role]}, `);
+  const remark = (camera) => (camera.remark ? `; ${camera.remark}` : "");
   const place = (camera) => `(${add(camera.position, origin).map((v) => v.toFixed(3)).join(", ")})`;
 
   function hover(index, x, y) {
@@ -290,7 +249,7 @@ function drawScene(plan) {
     if (index !== null) {
       tip.textContent = "";
       html("b", "", cameras[index].name, tip);
-      html("span", "", `${cameras[index].kept ? `${kept}, ` : ""}at ${place(cameras[index])}`, tip);
+      html("span", "", `${called(cameras[index])}at ${place(cameras[index])}${remark(cameras[index])}`, tip);
       tip.style.left = `${Math.min(x + 14, canvas.clientWidth - tip.offsetWidth - 8)}px`;
       tip.style.top = `${Math.min(y + 14, canvas.clientHeight - tip.offsetHeight - 8)}px`;
     }
@@ -307,7 +266,7 @@ function drawScene(plan) {
     form.look.textContent = through === null ? "Look through" : "Leave the camera";
     const camera = cameras[index];
     root.querySelector(".detail").textContent = camera
-      ? `At ${place(camera)}, looking along (${camera.axes[2].map((v) => v.toFixed(2)).join(", ")}), ${camera.size.join(" × ")} pixels`
+      ? `At ${place(camera)}, looking along (${camera.axes[2].map((v) => v.toFixed(2)).join(", ")}), ${camera.size.join(" × ")} pixels${remark(camera)}`
       : NO_CAMERA;
     rebuildLines();
   }
@@ -319,21 +278,6 @@ function drawScene(plan) {
 
   /* ---- input ---- */
 
-  const pointers = new Map();
-  let travelled = 0;
-
-  function turn(dx, dy) {
-    orbit.yaw -= dx;
-    orbit.pitch = Math.min(Math.max(orbit.pitch + dy, -1.55), 1.55);
-  }
-  function pan(dx, dy) {
-    const [right, down] = currentView().axes;
-    const step = (2 * orbit.distance * Math.tan(FIELD_OF_VIEW / 2)) / canvas.clientHeight;
-    orbit.target = add(orbit.target, add(scale(right, -dx * step), scale(down, -dy * step)));
-  }
-  function zoom(factor) {
-    orbit.distance = Math.min(Math.max(orbit.distance * factor, 0.01 * radius), 30 * radius);
-  }
   /** Any movement leaves a camera that one looks through. */
   function move(action) {
     if (through !== null) look(null);
@@ -341,60 +285,34 @@ function drawScene(plan) {
     redraw();
   }
 
-  canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-  canvas.addEventListener("pointerdown", (event) => {
-    canvas.setPointerCapture(event.pointerId);
-    pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
-    if (pointers.size === 1) travelled = 0;
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    const at = [event.offsetX, event.offsetY], before = pointers.get(event.pointerId);
-    if (!before) return hover(pick(...at, 14), ...at);
-    const [dx, dy] = [at[0] - before[0], at[1] - before[1]];
-    travelled += Math.abs(dx) + Math.abs(dy);
-    if (travelled < 4) return;
-    hover(null);
-    if (pointers.size === 2) {
-      // Two fingers: each moves the scene by half, and their distance zooms.
-      const other = [...pointers].find(([id]) => id !== event.pointerId)[1];
-      const apart = (p) => Math.hypot(p[0] - other[0], p[1] - other[1]) || 1;
-      move(() => { pan(dx / 2, dy / 2); zoom(apart(before) / apart(at)); });
-    } else if (event.shiftKey || event.buttons & 6) {
-      move(() => pan(dx, dy));
-    } else {
-      move(() => turn(dx * 0.007, dy * 0.007));
-    }
-    pointers.set(event.pointerId, at);
-  });
-  canvas.addEventListener("pointerup", (event) => {
-    pointers.delete(event.pointerId);
-    if (travelled < 4 && event.button === 0) choose(pick(event.offsetX, event.offsetY, event.pointerType === "touch" ? 28 : 14));
-  });
-  canvas.addEventListener("pointercancel", (event) => pointers.delete(event.pointerId));
-  canvas.addEventListener("pointerleave", () => hover(null));
-  canvas.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    // A browser counts in pixels or in lines; a notch is about a hundred of the one or three of the other.
-    const turned = event.deltaY * (event.deltaMode === 1 ? 33 : 1);
-    move(() => zoom(Math.exp(Math.min(Math.max(turned, -120), 120) * 0.0012)));
-  }, { passive: false });
-  canvas.addEventListener("keydown", (event) => {
-    const keys = {
-      ArrowLeft: () => turn(-0.1, 0), ArrowRight: () => turn(0.1, 0), ArrowUp: () => turn(0, -0.1), ArrowDown: () => turn(0, 0.1),
-      "+": () => zoom(0.9), "=": () => zoom(0.9), "-": () => zoom(1 / 0.9), Escape: () => {},
-    };
-    if (!keys[event.key] || event.ctrlKey || event.metaKey) return;
-    event.preventDefault();
-    move(keys[event.key]);
+  listen(canvas, orbit, {
+    move,
+    hover: (at) => (at ? hover(pick(...at, 14), ...at) : hover(null)),
+    pick: (at, within) => choose(pick(...at, within)),
   });
 
-  cameras.forEach((camera, i) => form.camera.add(new Option(camera.kept ? `${camera.name} (${kept})` : camera.name, i)));
+  function showLayout(index) {
+    cameras = layouts[index].cameras;
+    form.camera.replaceChildren(new Option("none", ""));
+    cameras.forEach((camera, i) => form.camera.add(new Option(camera.role === "own" ? camera.name : `${camera.name} (${words[camera.role]})`, i)));
+    [through, hovered] = [null, null];
+    choose(null);
+  }
+  layouts.forEach((layout, i) => form.layout.add(new Option(layout.name, i)));
+  form.layout.closest("fieldset").hidden = layouts.length < 2;
+  form.layout.addEventListener("change", () => showLayout(Number(form.layout.value)));
   form.camera.addEventListener("change", () => {
     if (form.camera.value === "") through = null;
     choose(form.camera.value === "" ? null : Number(form.camera.value));
   });
   form.look.addEventListener("click", () => look(through === null ? chosen : null));
   form.elements.namedItem("reset").addEventListener("click", () => move(home));
+  for (const figure of document.querySelectorAll("[data-camera]")) {
+    figure.addEventListener("click", () => {
+      look(Number(figure.dataset.camera));
+      root.scrollIntoView({ block: "nearest" });
+    });
+  }
   form.addEventListener("submit", (event) => event.preventDefault());
   form.addEventListener("input", (event) => {
     if (["colour", "cameras", "tour"].includes(event.target.name)) recolour();
@@ -408,11 +326,12 @@ function drawScene(plan) {
   }
 
   form.open.checked = room;
-  form.numbers.checked = cameras.length <= FEW;
+  form.numbers.checked = cameras.filter((c) => c.role !== "other").length <= FEW;
   form.tour.closest("label").hidden = tour.length < 2;
-  document.getElementById("surface-choice").hidden = !mesh;
+  root.querySelector(".surface-choice").hidden = !mesh || points.count === 0;
+  form.region.closest("label").hidden = !region;
   home();
-  choose(null);
+  showLayout(0);
   showCut();
   recolour();
   const restyle = () => { recolour(); rebuildLines(); };
@@ -421,10 +340,5 @@ function drawScene(plan) {
 
   // The first frame at once, and how much of it is not background, for automated checks of the page.
   draw();
-  const pixels = new Uint8Array(4 * canvas.width * canvas.height);
-  gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
-  const back = styleColour("--stage");
-  let drawn = 0;
-  for (let i = 0; i < pixels.length; i += 4) if (back.some((v, k) => Math.abs(v - pixels[i + k]) > 2)) drawn++;
-  canvas.dataset.drawn = drawn;
+  canvas.dataset.drawn = countDrawn(gl, styleColour("--stage"));
 }

@@ -9,6 +9,7 @@ use std::path::Path;
 use glam::DVec3;
 use serde::Serialize;
 
+use super::choice::{Choice, ChosenPhoto, pictures};
 use super::folder::{SEED_POINTS, SEED_STREAM};
 use super::{Kind, ReportScene, SurfacePoint, Triangles, decimate};
 use crate::error::{Error, Result};
@@ -22,7 +23,7 @@ use crate::plan::target::Target;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::proxy::Occluder;
 use crate::scene::region::Region;
-use crate::select::job::{Selection, Suggested};
+use crate::select::job::{Chosen, Selection, Suggested};
 use crate::select::request::Request;
 
 /// Triangles that the page shows at most.
@@ -209,12 +210,42 @@ fn images(written: &Written<'_>, folder: &OutputFolder) -> Result<()> {
     Ok(())
 }
 
+/// The chosen photos, those that the choice would miss most first.
+fn by_contribution(selection: &Selection) -> Vec<&Chosen> {
+    let mut chosen: Vec<_> = selection.chosen.iter().collect();
+    chosen.sort_by(|a, b| b.contribution_db.total_cmp(&a.contribution_db).then(a.photo.cmp(&b.photo)));
+    chosen
+}
+
+/// The chosen photos as the page shows them, in the order of the selection.
+fn chosen_photos(written: &Written<'_>) -> Result<Vec<ChosenPhoto>> {
+    let Written { set, selection, request, .. } = written;
+    let order = by_contribution(selection);
+    let photos: Vec<Photo> = order.iter().map(|chosen| set.photos[chosen.photo].clone()).collect();
+    let mut shown: Vec<(usize, ChosenPhoto)> = (1..)
+        .zip(order)
+        .zip(pictures(&photos)?)
+        .map(|((rank, chosen), picture)| {
+            let photo = ChosenPhoto {
+                name: set.photos[chosen.photo].camera.name.clone(),
+                rank,
+                of: photos.len(),
+                contribution_db: chosen.contribution_db,
+                sharpness: chosen.sharpness,
+                included: request.include.contains(&chosen.photo),
+                picture,
+            };
+            (chosen.photo, photo)
+        })
+        .collect();
+    shown.sort_by_key(|(photo, _)| *photo);
+    Ok(shown.into_iter().map(|(_, photo)| photo).collect())
+}
+
 /// Text of chosen.csv: the photos, those that the choice would miss most first.
 fn chosen_csv(written: &Written<'_>) -> String {
-    let mut rows: Vec<_> = written.selection.chosen.iter().collect();
-    rows.sort_by(|a, b| b.contribution_db.total_cmp(&a.contribution_db).then(a.photo.cmp(&b.photo)));
     let mut text = String::from("name,contribution_db,sharpness\n");
-    for row in rows {
+    for row in by_contribution(written.selection) {
         let name = &written.set.photos[row.photo].camera.name;
         let sharpness = row.sharpness.map(|s| format!("{s:.3}")).unwrap_or_default();
         // Writing to a string cannot fail.
@@ -248,7 +279,7 @@ fn surface_point(((point, score), error): ((&crate::scene::proxy::SurfacePoint, 
 }
 
 fn page(written: &Written<'_>) -> Result<String> {
-    let Written { set, target, request, selection, .. } = written;
+    let Written { set, target, request, selection, suggested, .. } = written;
     let points: Vec<SurfacePoint> =
         selection.points.iter().zip(&selection.scores).zip(&selection.map.points).map(surface_point).collect();
     let few = match &target.proxy.occluder {
@@ -289,6 +320,6 @@ fn page(written: &Written<'_>) -> Result<String> {
     super::html_of(
         &record,
         &ReportScene { points: &points, triangles, worst: &selection.map.worst },
-        Kind::Selection(&selection.pool),
+        Kind::Selection(&Choice { pool: &selection.pool, photos: &chosen_photos(written)?, suggested }),
     )
 }

@@ -161,8 +161,8 @@ fn summary(record: &PlanRecord, kind: Kind<'_>) -> String {
         ("Run", run(record, kind)),
         ("Version", format!("camsplat {}", record.version)),
     ]);
-    if let Kind::Selection(pool) = kind {
-        let whole = ROWS.iter().take(4).map(|row| format!("{} {}", row.name, row.text(row.value(pool))));
+    if let Kind::Selection(choice) = kind {
+        let whole = ROWS.iter().take(4).map(|row| format!("{} {}", row.name, row.text(row.value(choice.pool))));
         rows.push(("Whole pool", whole.collect::<Vec<_>>().join("; ")));
     }
     rows.iter().map(|(term, text)| format!("<div><dt>{term}</dt><dd>{}</dd></div>\n", escape(text))).collect()

@@ -7,6 +7,9 @@ use serde::Serialize;
 
 pub use super::pictures::Comparison;
 use super::pictures::{GAIN, shown};
+use super::scene_data::in_script;
+pub use super::splats::Model;
+use super::splats::ModelData;
 use super::text::{duration, escape, fill, grouped, number, telling_name};
 use crate::gaussians::config::{Background, Config, Strategy};
 use crate::gaussians::run::record::{CurvePoint, Evaluation, Quality, Status, TrainRecord};
@@ -22,6 +25,7 @@ const MAX_BARS: usize = 12;
 struct Data<'a> {
     curve: &'a [CurvePoint],
     evaluations: &'a [Evaluation],
+    model: Option<ModelData<'a>>,
 }
 
 /// Test views as the page shows them: shrunk, encoded, ready to be put into one page after the other.
@@ -48,21 +52,32 @@ impl Shown {
     }
 }
 
-/// The page of a run, self-contained, with its worst test views.
+/// The page of a run, self-contained, with its worst test views and, once it has ended, the model in 3D.
 ///
 /// # Errors
 /// [`Error::Request`] if the record cannot be put into it.
-pub fn html(record: &TrainRecord, worst: &Shown) -> Result<String> {
-    let data = serde_json::to_string(&Data { curve: &record.curve, evaluations: &record.evaluations })
-        .map_err(|e| Error::request(format!("the report's data: {e}")))?;
+pub fn html(record: &TrainRecord, worst: &Shown, model: Option<&Model>) -> Result<String> {
+    let data =
+        Data { curve: &record.curve, evaluations: &record.evaluations, model: model.map(|model| model.data(record)) };
+    let data = serde_json::to_string(&data).map_err(|e| Error::request(format!("the report's data: {e}")))?;
+    let data = in_script(&data);
+    let scene = match model {
+        Some(_) => include_str!("splats.html").into(),
+        None => nothing("The trained splats are shown here once the run has ended."),
+    };
     Ok(fill(include_str!("training.html"), |slot| match slot {
         "css" => include_str!("page.css").into(),
         "training-css" => include_str!("training.css").into(),
         "charts" => include_str!("charts.js").into(),
         "training" => include_str!("training.js").into(),
+        "vectors" => include_str!("vectors.js").into(),
+        "views" => include_str!("views.js").into(),
+        "webgl" => include_str!("webgl.js").into(),
+        "splats" => include_str!("splats.js").into(),
         "fault" => include_str!("fault.js").into(),
         "data" => data.as_str().into(),
         "worst" => worst.0.as_str().into(),
+        "scene" => scene.as_str().into(),
         slot => text(slot, record).into(),
     }))
 }
@@ -76,7 +91,7 @@ fn text(slot: &str, record: &TrainRecord) -> String {
         "title" => title(record),
         "heading" => heading(record),
         "figures" => figures(record),
-        "views" => views(record),
+        "test-views" => views(record),
         "evaluations" => evaluations(record),
         "stages" => stages(record),
         "memory" => memory(record),
@@ -258,7 +273,7 @@ fn comparisons(record: &TrainRecord, worst: &[Comparison]) -> Result<String> {
     for (comparison, shown) in worst.iter().zip(shown(worst)?) {
         let name = escape(comparison.name);
         let view = record.test_views.iter().find(|view| view.name == comparison.name);
-        let _ = write!(html, "<article class=\"comparison\">\n<h3>{name}");
+        let _ = write!(html, "<article class=\"comparison\" data-view=\"{name}\">\n<h3>{name}");
         if let Some(view) = view {
             let [psnr, ssim, lpips] = metrics(&view.quality);
             let _ = write!(html, "<span>PSNR {psnr} dB</span><span>SSIM {ssim}</span><span>LPIPS {lpips}</span>");

@@ -169,6 +169,21 @@ function shortName(name) {
   return /^\d+$/.test(stem) ? String(Number(stem)) : stem.length <= 8 ? stem : "";
 }
 
+/** Short lines from `at` along the world's axes as a view has them, with their letters. */
+function drawAxes(pen, colours, [right, down], at) {
+  pen.font = "600 11px system-ui, sans-serif";
+  pen.textAlign = "center";
+  pen.lineWidth = 2;
+  ["X", "Y", "Z"].forEach((letter, k) => {
+    pen.strokeStyle = pen.fillStyle = colours[k];
+    pen.beginPath();
+    pen.moveTo(...at);
+    pen.lineTo(at[0] + 22 * right[k], at[1] + 22 * down[k]);
+    pen.stroke();
+    pen.fillText(letter, at[0] + 31 * right[k], at[1] + 31 * down[k] + 4);
+  });
+}
+
 /** An arrow from `at` along the up direction, whose part across the view is `along` (right, down). */
 function drawUp(pen, colour, [x, y], at) {
   const size = 24, tip = [at[0] + size * x, at[1] + size * y], across = Math.hypot(x, y);

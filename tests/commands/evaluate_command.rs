@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use crate::support::browser::{acting, number_after, rendered, write_to};
 use crate::support::command::gltf::lit_cube;
 use crate::support::command::{Place, assert_refused, ended, read_until, stop};
 use crate::support::lpips_weights;
@@ -19,6 +20,29 @@ fn results(place: &Place, folder: &str) -> Value {
 /// Method and qualities of every run.
 fn qualities(results: &Value) -> Vec<(&Value, &Value)> {
     results["runs"].as_array().unwrap().iter().map(|run| (&run["method"], &run["quality"])).collect()
+}
+
+/// The page shows the object with the cameras of each method, and the pictures beside it.
+fn layouts_are_seen(place: &Place) {
+    let script = r#"
+        const form = document.querySelector("form"), canvas = document.querySelector("canvas"), before = pixels(canvas);
+        const body = document.body.dataset;
+        body.layouts = [...form.layout.options].map((option) => option.textContent).join();
+        body.cameras = form.camera.options.length;
+        body.pictures = [...document.images].filter((image) => image.naturalWidth === 48).length;
+        form.layout.value = 1;
+        form.layout.dispatchEvent(new Event("change"));
+        setTimeout(() => { body.changed = pixels(canvas) !== before; }, 50);"#;
+    let page = acting(&place.read("whole/report.html"), script);
+    let Some(dom) = rendered(&write_to(place.path("whole/acted.html"), &page), &[]) else { return };
+    let drawn = number_after(&dom, "<canvas", "data-drawn").expect("the 3D view counts its pixels");
+    assert!(drawn > 10_000, "only {drawn} pixels are not background");
+    // Of each of the three sets of tests the photograph and what two methods make of it.
+    let expected =
+        [r#"data-ready="ok""#, r#"data-layouts="random,ours""#, r#"data-cameras="5""#, r#"data-pictures="9""#];
+    for part in expected.into_iter().chain([r#"data-changed="true""#]) {
+        assert!(dom.contains(part), "{part} is not in {:?}", dom.split("<body").nth(1).map(|body| &body[..400]));
+    }
 }
 
 /// If this failed, a run that was stopped would be lost or end with other numbers than one spread over two workers, one that is complete would be made again, or
@@ -58,6 +82,7 @@ fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
     assert!(table.contains("| cube | random | 4 |") && table.contains("| cube | ours | 4 |"), "{table}");
     assert!(!table.contains("still to come"), "{table}");
     assert!(place.read("o/table.csv").contains("\"cube\",ours,4,1,full,PSNR,"));
+    layouts_are_seen(&place);
     for run in results(&place, "o")["runs"].as_array().unwrap() {
         let (folder, psnr) = (run["folder"].as_str().unwrap(), &run["quality"][1]["psnr"]);
         assert!(psnr.as_f64().is_some_and(|psnr| psnr > 10.0 && psnr < 60.0), "{psnr}");

@@ -30,6 +30,7 @@ mod vds_command;
 #[path = "../support"]
 mod support {
     pub mod ball_scene;
+    pub mod browser;
     pub mod command;
     pub mod images;
     pub mod lpips_weights;

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use crate::support::browser::{acting, figure, number_after, rendered, write};
 use crate::support::command;
 use crate::support::command::{Place, ended};
 use camsplat::io;
@@ -89,7 +90,11 @@ fn the_folder_is_a_capture_of_the_chosen_photos() {
     assert_eq!(transforms.len(), 6);
     assert_eq!(io::read_cameras(&place.path("o/suggested.json")).unwrap().len(), 3);
     assert_eq!(place.read("o/suggested.csv").lines().count(), 4);
-    assert!(place.read("o/report.html").contains("photo left out"));
+    let page = place.read("o/report.html");
+    assert!(page.contains("photo left out") && page.contains("Photos worth taking"));
+    assert_eq!([page.matches("data:image/jpeg").count(), page.matches(">look through<").count()], [6, 3]);
+    assert_eq!(page.matches(", always selected").count(), 2, "the photos of --include");
+    photos_are_looked_through(&page);
     let record: serde_json::Value = serde_json::from_str(&place.read("o/select.json")).unwrap();
     assert_eq!(record["chosen"].as_array().unwrap().len(), 6);
     assert!(place.read("o/unseen.ply").starts_with("ply"));
@@ -101,6 +106,33 @@ fn the_folder_is_a_capture_of_the_chosen_photos() {
     place.done(&format!("select poses.json --surface ball.ply --count 5 --out poses {SMALL}"));
     assert_eq!(io::read_cameras(&place.path("poses/transforms.json")).unwrap().len(), 5);
     assert!(!Path::new(&place.path("poses/images")).exists());
+}
+
+/// Photos are shown, and a click on one looks through its camera, with the photo over the surface; so it is with a suggested camera,
+/// which has none.
+fn photos_are_looked_through(page: &str) {
+    let script = r#"
+        const [photos, suggested] = ["button[data-camera]:has(img)", "td [data-camera]"].map((of) => document.querySelectorAll(of));
+        const frame = document.querySelector(".frame"), body = document.body.dataset;
+        body.photos = [...photos].filter((photo) => photo.querySelector("img").naturalWidth === 64).length;
+        body.legend = document.querySelector(".legend").textContent;
+        photos[0].click();
+        setTimeout(() => {
+            body.over = frame.querySelector("img")?.src === photos[0].querySelector("img").src && !frame.hidden;
+            body.remark = document.querySelector(".detail").textContent;
+            suggested[0].click();
+            setTimeout(() => { body.none = !frame.querySelector("img") && !frame.hidden; }, 50);
+        }, 50);"#;
+    // Pictures that are not in sight are not decoded otherwise.
+    let page = page.replace("loading=\"lazy\"", "");
+    let Some(dom) = rendered(&write("selection", &acting(&page, script)), &[]) else { return };
+    for part in [r#"data-ready="ok""#, r#"data-photos="6""#, r#"data-over="true""#, r#"data-none="true""#] {
+        assert!(dom.contains(part), "{part} is missing");
+    }
+    assert!(dom.contains("would be lost without it, number 1 of 6"));
+    assert!(number_after(figure(&dom, "chart-loss"), "viewBox", "data-values") > Some(0), "the swaps are not plotted");
+    let legend = &dom[dom.find("data-legend=").unwrap()..][..200];
+    assert!(legend.contains("chosen photo") && legend.contains("suggested photo"), "{legend}");
 }
 
 /// If this failed, the model would not be trained on the photos while they are chosen, or the record would not contain for how long.

@@ -1,9 +1,11 @@
 //! The report page, opened in a real browser where there is one: scripts must run, plots must hold data and the 3D view
 //! must draw. The pages stay in the test's folder under the target directory, to be looked at.
 
-use crate::support::browser::{figure, number_after, rendered, write};
+use crate::support::browser::{acting, figure, number_after, rendered, write};
 use camsplat::metrics::Metrics;
-use camsplat::plan::record::{BaselineRecord, CheckpointRecord, IterationRecord, PlanRecord, Status, SurfaceRecord};
+use camsplat::plan::record::{
+    BaselineRecord, CheckpointRecord, IterationRecord, PlanRecord, Status, SurfaceRecord, TourRecord,
+};
 use camsplat::report::{ReportScene, SurfacePoint, Triangles, html};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::limits::Limits;
@@ -303,6 +305,41 @@ fn a_camera_is_found_and_looked_through() {
         assert!(dom.contains(r#"data-tip="view_0"#), "no camera was found under the pointer");
         assert!(dom.contains(r#"class="frame" style="left:"#), "the frame of the image is not shown");
         assert!(dom.contains("Leave the camera"));
+    }
+}
+
+/// If this failed, a switch of the 3D view would do nothing, or the numbers and the way of a tour would stay where they are not wanted.
+#[test]
+fn tour_numbers_and_floor_can_be_hidden() {
+    let mut stage = ball();
+    let planned = stage.record.cameras.len() - stage.record.kept;
+    let path = stage.record.cameras[..planned].iter().map(|camera| camera.pose.position).collect();
+    stage.record.tour = Some(TourRecord { length: 12.5, path, blocked: 0 });
+    // Redrawing waits for a frame, which is a timer here.
+    let script = r#"
+        const form = document.querySelector("form"), [view, overlay] = document.querySelectorAll(".stage canvas");
+        const names = [["tour", view], ["numbers", overlay], ["region", view], ["cameras", view]];
+        document.body.dataset.legend = document.querySelector(".legend").textContent;
+        const next = () => {
+            if (names.length === 0) return;
+            const [name, canvas] = names.shift(), before = pixels(canvas);
+            form.elements.namedItem(name).click();
+            setTimeout(() => {
+                document.body.dataset[name] = pixels(canvas) === before ? "the same" : "hidden";
+                next();
+            }, 50);
+        };
+        next();"#;
+    if let Some(dom) = rendered(&write("toggles", &acting(&stage.page(), script)), &[]) {
+        assert!(dom.contains(r#"data-ready="ok""#), "a script failed");
+        for name in ["tour", "numbers", "region", "cameras"] {
+            assert!(dom.contains(&format!("data-{name}=\"hidden\"")), "{name} changes nothing");
+        }
+        let legend = &dom[dom.find("data-legend=").unwrap()..][..120];
+        assert!(
+            legend.contains("planned camera") && legend.contains("kept camera") && legend.contains("tour"),
+            "{legend}"
+        );
     }
 }
 

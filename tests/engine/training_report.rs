@@ -1,12 +1,15 @@
 //! The page of a training run, opened in a real browser where there is one: scripts must run, plots must hold data, and
 //! the numbers must be those of the record.
 
-use crate::support::browser::{figure, number_after, rendered, write};
+use crate::support::browser::{acting, figure, number_after, rendered, write};
 use camsplat::gaussians::config::Config;
 use camsplat::gaussians::run::record::{
     CurvePoint, Evaluation, MemoryRecord, PhotosRecord, Quality, StageTime, Status, TestView, TrainRecord,
 };
-use camsplat::report::training::{Comparison, Shown, html};
+use camsplat::report::training::{Comparison, Model, Shown, html};
+use camsplat::scene::camera::{Camera, Intrinsics, Pose};
+use camsplat::scene::gaussians::Gaussians;
+use glam::DVec3;
 
 const PLOTS: [&str; 4] = ["chart-loss", "chart-psnr", "chart-splats", "chart-instances"];
 
@@ -130,7 +133,7 @@ fn page_with(record: &TrainRecord, views: usize) -> String {
             reference,
         })
         .collect();
-    html(record, &Shown::new(record, &worst).unwrap()).unwrap()
+    html(record, &Shown::new(record, &worst).unwrap(), None).unwrap()
 }
 
 /// Opens the page; its scripts must have run.
@@ -185,6 +188,87 @@ fn the_page_tells_the_numbers_of_the_record() {
     }
 }
 
+/// A ball of coloured Gaussians far from the origin.
+fn ball(count: usize) -> Gaussians {
+    let turn = |i: usize| i as f64 * 2.399_963_229_728_653;
+    let centre = |i: usize| {
+        let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
+        DVec3::new(500.0, -20.0, 3.0)
+            + (DVec3::new(turn(i).cos(), turn(i).sin(), 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z)
+    };
+    // Red towards +X, green towards +Y.
+    let colour = |i: usize| (0..3).map(move |c| 1.5 * (centre(i) - DVec3::new(500.0, -20.0, 3.0))[c] as f32);
+    Gaussians {
+        centres: (0..count).map(centre).collect(),
+        log_scales: vec![[-3.0, -3.0, -4.0]; count],
+        rotations: vec![[1.0, 0.0, 0.0, 0.0]; count],
+        opacities: vec![2.0; count],
+        degree: 0,
+        harmonics: (0..count).flat_map(colour).collect(),
+    }
+}
+
+/// Cameras around the ball.
+fn around(names: &[&str]) -> Vec<Camera> {
+    let camera = |(i, name): (usize, &&str)| {
+        let angle = 1.3 * i as f64;
+        let back = DVec3::new(angle.cos(), angle.sin(), 0.3).normalize();
+        Camera {
+            name: (*name).into(),
+            pose: Pose::looking(DVec3::new(500.0, -20.0, 3.0) + 4.0 * back, -back, DVec3::Z),
+            intrinsics: Intrinsics::from_fov(400, 300, 0.8),
+        }
+    };
+    names.iter().enumerate().map(camera).collect()
+}
+
+/// If this failed, the page would show no splats, the same from everywhere, or not from where the photos beside them were taken.
+#[test]
+fn trained_splats_are_seen_from_test_views() {
+    let mut record = run(30_000, Status::Complete);
+    record.photos.extent = 4.0;
+    let tests: Vec<&str> = record.test_views[..2].iter().map(|view| view.name.as_str()).collect();
+    let model = Model::new(&ball(4000), &around(&["a.jpg", "b.jpg"]), &around(&["c.jpg", tests[1], tests[0]]));
+    let [rendered_view, photo] = pictures(400, 300, 1);
+    let worst = Comparison { name: tests[0], width: 400, height: 300, rendered: &rendered_view, reference: &photo };
+    let page = html(&record, &Shown::new(&record, &[worst]).unwrap(), Some(&model)).unwrap();
+    let script = r#"
+        const form = document.querySelector(".scene form"), canvas = document.querySelector("canvas");
+        const name = () => form.camera.selectedOptions[0].textContent, seen = [[name(), pixels(canvas)]];
+        const actions = [() => form.next.click(), () => { form.photo.value = 1; form.next.click(); }, () => form.previous.click(), () => {
+            canvas.dispatchEvent(new WheelEvent("wheel", { deltaY: -300 }));
+        }];
+        const next = () => {
+            if (actions.length === 0) {
+                document.body.dataset.names = seen.map(([name]) => name).join("; ");
+                document.body.dataset.different = new Set(seen.map(([, shown]) => shown)).size;
+                return;
+            }
+            actions.shift()();
+            setTimeout(() => {
+                seen.push([name(), pixels(canvas)]);
+                if (document.querySelector(".frame:not([hidden]) img")) document.body.dataset.photo = name();
+                next();
+            }, 50);
+        };
+        next();"#;
+    if let Some(dom) = opened("splats", &acting(&page, script)) {
+        let drawn = number_after(&dom, "<canvas", "data-drawn").expect("the 3D view counts its pixels");
+        assert!(drawn > 20_000, "only {drawn} pixels are not background");
+        assert!(dom.contains("All 4\u{202f}000 splats are shown."));
+        // The worst test view first; one that was not tested has no metrics.
+        let (worst, second) = (format!("{} (test, 22.31 dB)", tests[0]), format!("{} (test, 22.71 dB)", tests[1]));
+        let expected = format!("data-names=\"a.jpg (training); {worst}; {second}; {worst}; none\"");
+        assert!(dom.contains(&expected), "{expected} is not {:?}", dom.split("data-names=").nth(1).map(|d| &d[..160]));
+        assert!(dom.contains("data-different=\"4\""), "{:?}", dom.split("data-different=").nth(1).map(|d| &d[..8]));
+        assert!(dom.contains(&format!("data-photo=\"{worst}\"")), "its photo is not over it");
+    }
+    let dom = rendered(&write("training_no_webgl", &page), &["--disable-3d-apis"]);
+    if let Some(dom) = dom {
+        assert!(dom.contains(r#"<p class="unavailable">The 3D view needs WebGL 2"#) && draws(&dom, "chart-loss"));
+    }
+}
+
 /// Lines and points have iterations of their own: under the pointer, each must show the nearest value.
 #[test]
 fn the_pointer_reads_lines_and_points() {
@@ -194,7 +278,7 @@ fn the_pointer_reads_lines_and_points() {
         svg.dispatchEvent(new PointerEvent("pointermove", { clientX: box.left + box.width / 2 }));
         document.body.dataset.read = document.querySelector("#chart-psnr .keys").textContent;
     }, 200);</script></body>"##;
-    let page = html(&record, &Shown::default()).unwrap().replace("</body>", act);
+    let page = html(&record, &Shown::default(), None).unwrap().replace("</body>", act);
     if let Some(dom) = opened("pointer", &page) {
         let (test, training) = (record.evaluations[2].quality.psnr, record.curve[69].psnr);
         let expected = format!("data-read=\"test {test:.2} at 7000training {training:.2}at 7000\"");
@@ -226,7 +310,7 @@ fn only_the_page_of_a_running_run_reloads_itself() {
 /// The first page is written before there is anything to show.
 #[test]
 fn a_run_that_has_just_begun_has_a_page() {
-    let page = html(&fresh(), &Shown::default()).unwrap();
+    let page = html(&fresh(), &Shown::default(), None).unwrap();
     for text in ["No test view was rendered yet", "No stage was timed yet", "not measured yet", "0.0 % of 30"] {
         assert!(page.contains(text), "the page lacks {text}");
     }
@@ -307,11 +391,22 @@ fn hostile_strings_stay_text() {
 /// The one address allowed is the name of the SVG namespace, which nothing fetches.
 #[test]
 fn the_page_refers_to_nothing_outside_itself() {
-    let page =
-        html(&run(30_000, Status::Complete), &Shown::default()).unwrap().replace("http://www.w3.org/2000/svg", "");
+    let page = html(&run(30_000, Status::Complete), &Shown::default(), None)
+        .unwrap()
+        .replace("http://www.w3.org/2000/svg", "");
     for outside in ["http:", "https:", "//cdn", "@import", "url("] {
         assert!(!page.contains(outside), "the page contains {outside}");
     }
+}
+
+/// If this failed, the page of a large model would be too large to be opened.
+#[test]
+fn a_page_with_a_large_model_stays_under_eight_megabytes() {
+    let record = run(30_000, Status::Complete);
+    let model = Model::new(&ball(200_000), &around(&["a.jpg"]), &[]);
+    let pictures = page_with(&record, 8).len();
+    let size = pictures + html(&record, &Shown::default(), Some(&model)).unwrap().len();
+    assert!(size < 8_000_000, "{size} bytes");
 }
 
 /// Eight grainy views must make a page that can be mailed.

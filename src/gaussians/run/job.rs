@@ -11,6 +11,7 @@ use crate::gaussians::data::split::Split;
 use crate::gaussians::render::frame::{Frame, View};
 use crate::gaussians::render::rasterizer::MAX_SIDE;
 use crate::gaussians::train::memory;
+use crate::scene::gaussians::Gaussians;
 use crate::vulkan::Context;
 use crate::vulkan::footprint::Footprint;
 use crate::{Error, Result};
@@ -47,6 +48,8 @@ pub enum Event<'a> {
     Evaluated(&'a Evaluation),
     /// Something could not be written; the run continues with the previous file.
     NotSaved(&'a Error),
+    /// The run has ended with these Gaussians, in the capture's frame.
+    Trained(&'a Gaussians),
     /// The record has changed, and with it the pictures of the worst test views (worst first).
     Report(&'a TrainRecord, &'a [(String, Pair)]),
 }

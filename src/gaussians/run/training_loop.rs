@@ -290,8 +290,11 @@ impl<'a> TrainingLoop<'a> {
         drop(trainer);
         // Not those of the last iteration: a refinement may have followed it.
         self.record.splats = trained.len() as u32;
-        let bytes = crate::io::ply::write::gaussians(&frame.gaussians_to_world(trained.clone()));
+        let in_world = frame.gaussians_to_world(trained.clone());
+        let bytes = crate::io::ply::write::gaussians(&in_world);
         replace_file(&request.folder.join(MODEL), |file| file.write_all(&bytes))?;
+        let _ = observe(Event::Trained(&in_world));
+        drop((bytes, in_world));
         let complete = done == request.config.iterations;
         if complete && !self.tests.is_empty() {
             let [width, height] = largest(views);

@@ -4,15 +4,18 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Writes a page to this test's folder. Frames are drawn by timers there: the browser's virtual time waits for timers, while
-/// under load it may be over before the first animation frame has come.
+/// Writes a page to this test's folder.
 pub fn write(name: &str, page: &str) -> PathBuf {
-    let frames = "<head><script>window.requestAnimationFrame = (draw) => setTimeout(draw, 0);</script>";
-    let page = page.replacen("<head>", frames, 1);
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("report");
     std::fs::create_dir_all(&folder).unwrap();
-    let path = folder.join(format!("{name}.html"));
-    std::fs::write(&path, page).unwrap();
+    write_to(folder.join(format!("{name}.html")), page)
+}
+
+/// Writes a page to a file. Frames are drawn by timers there: the browser's virtual time waits for timers, while under load it
+/// may be over before the first animation frame has come.
+pub fn write_to(path: PathBuf, page: &str) -> PathBuf {
+    let frames = "<head><script>window.requestAnimationFrame = (draw) => setTimeout(draw, 0);</script>";
+    std::fs::write(&path, page.replacen("<head>", frames, 1)).unwrap();
     path
 }
 
@@ -42,6 +45,14 @@ pub fn rendered(page: &Path, flags: &[&str]) -> Option<String> {
     }
     println!("skipped: no Chromium");
     None
+}
+
+/// The page with a script that runs once the page has been drawn; `pixels(canvas)` there is what a canvas shows, as one text.
+pub fn acting(page: &str, script: &str) -> String {
+    let pixels = "const pixels = (canvas) => { const shown = document.createElement('canvas'); \
+        [shown.width, shown.height] = [canvas.width, canvas.height]; const pen = shown.getContext('2d'); \
+        pen.drawImage(canvas, 0, 0); return pen.getImageData(0, 0, canvas.width, canvas.height).data.join(); };";
+    page.replace("</body>", &format!("<script>setTimeout(() => {{ {pixels} {script} }}, 200);</script></body>"))
 }
 
 /// The number in `name="..."`, looked for after `anchor`.

@@ -1,0 +1,84 @@
+//! The layouts of an evaluation in 3D: the cameras of every method around what they photograph.
+
+use glam::DVec3;
+
+use super::decimate::decimate;
+use super::geometry::{bounds, robust_bounds};
+use super::scene_data::{
+    CameraData, Layout, MAX_POINTS, PointData, RegionData, Role, SceneData, TriangleData, Words, thin,
+};
+use super::{SurfacePoint, Triangles};
+use crate::evaluate::results::Entry;
+use crate::evaluate::scene::UP;
+use crate::evaluate::subject::Subject;
+use crate::scene::camera::{Pose, common_up};
+use crate::scene::surface::Surface;
+
+/// Colour of points without one.
+const GREY: [u8; 3] = [150; 3];
+
+/// What the 3D view of a subject is drawn from: the cameras of some runs, a layout each, and at most so many triangles of its
+/// surface. None where there is nothing to show.
+pub fn scene<'a>(subject: &'a Subject, runs: &[&'a Entry], triangles: usize) -> Option<SceneData<'a>> {
+    let (region, up) = match subject {
+        Subject::Scene(scene) => (Some(scene.region), UP),
+        Subject::Pool(pool) => {
+            let poses: Vec<Pose> = pool.candidates.photos.iter().map(|photo| photo.camera.pose).collect();
+            (None, common_up(&poses).unwrap_or(DVec3::Z))
+        }
+    };
+    let (points, corners, colours) = match subject {
+        Subject::Scene(scene) => shown(&scene.surface, triangles),
+        Subject::Pool(pool) => {
+            (cloud(&pool.candidates.points.positions, &pool.candidates.points.colours), Vec::new(), Vec::new())
+        }
+    };
+    let bulk = robust_bounds(&points).or_else(|| bounds(corners.iter().flatten().copied()))?;
+    let origin = 0.5 * (bulk.0 + bulk.1);
+    let layout = |entry: &&'a Entry| Layout {
+        name: entry.method.name(),
+        cameras: entry.cameras.iter().map(|camera| CameraData::new(camera, origin, Role::Own)).collect(),
+    };
+    let layouts: Vec<Layout> = runs.iter().filter(|entry| !entry.cameras.is_empty()).map(layout).collect();
+    if layouts.is_empty() {
+        return None;
+    }
+    Some(SceneData {
+        words: Words { own: "camera", other: "", suggested: "" },
+        origin,
+        up,
+        region: region.map(|region| RegionData::new(&region, origin)),
+        bulk: [bulk.0 - origin, bulk.1 - origin],
+        layouts,
+        tour: Vec::new(),
+        triangles: TriangleData::new(&Triangles { corners: &corners, colours: &colours }, &points, origin),
+        points: PointData::new(&points, origin),
+    })
+}
+
+/// A surface as points, or as triangles with their colours.
+fn shown(surface: &Surface, most: usize) -> (Vec<SurfacePoint>, Vec<[DVec3; 3]>, Vec<[u8; 3]>) {
+    match surface {
+        Surface::Points(points) => (cloud(&points.positions, &points.colours), Vec::new(), Vec::new()),
+        Surface::Mesh(mesh) => {
+            let corner = |index: u32| mesh.positions[index as usize];
+            let corners: Vec<[DVec3; 3]> = mesh.triangles.iter().map(|triangle| triangle.map(corner)).collect();
+            let (corners, colours) = decimate(&corners, &mesh.colours, most);
+            (Vec::new(), corners, colours)
+        }
+    }
+}
+
+/// Points with nothing but their colours.
+fn cloud(positions: &[DVec3], colours: &[[u8; 3]]) -> Vec<SurfacePoint> {
+    let numbers: Vec<usize> = (0..positions.len()).filter(|i| positions[*i].is_finite()).collect();
+    let point = |i: usize| SurfacePoint {
+        position: positions[i],
+        colour: colours.get(i).copied().unwrap_or(GREY),
+        gap: f32::NAN,
+        views: 0,
+        score: 1.0,
+        error: f32::NAN,
+    };
+    thin(&numbers, MAX_POINTS).map(point).collect()
+}

@@ -1,0 +1,222 @@
+//! What a 3D view is drawn from, as JSON: surface, region and cameras. Lengths are in world units from `origin`, angles in degrees;
+//! what is not finite becomes `null`.
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::geometry::{bounds, nearest, pack, split};
+use super::{SurfacePoint, Triangles};
+use crate::scene::camera::Camera;
+use crate::scene::region::{Region, Shape};
+
+/// Points embedded at most: index of the nearest point must fit 16 bits, and the page 4 MB.
+pub const MAX_POINTS: usize = 20_000;
+
+/// A scene.
+#[derive(Serialize)]
+pub struct SceneData<'a> {
+    /// What cameras of each role are called.
+    pub words: Words,
+    /// What all positions are relative to.
+    pub origin: DVec3,
+    /// Up.
+    pub up: DVec3,
+    /// Where cameras may be, where that is known.
+    pub region: Option<RegionData>,
+    /// Bounds of the bulk of the surface.
+    pub bulk: [DVec3; 2],
+    /// Layouts of cameras, of which one is shown at a time.
+    pub layouts: Vec<Layout<'a>>,
+    /// Corners of the way along the cameras; empty where they are in no order.
+    pub tour: Vec<DVec3>,
+    /// Points of the surface.
+    pub points: PointData,
+    /// Its triangles, where it is a mesh.
+    pub triangles: Option<TriangleData>,
+}
+
+/// A layout of cameras.
+#[derive(Serialize)]
+pub struct Layout<'a> {
+    /// Its name, where there are several.
+    pub name: &'a str,
+    /// Its cameras.
+    pub cameras: Vec<CameraData<'a>>,
+}
+
+/// Where cameras may be.
+#[derive(Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum RegionData {
+    Shell { centre: DVec3, r_min: f64, r_max: f64, floor: Option<f64> },
+    Box { min: DVec3, max: DVec3, floor: Option<f64> },
+}
+
+/// What cameras are called, by [`Role`].
+#[derive(Serialize)]
+pub struct Words {
+    /// Those of [`Role::Own`].
+    pub own: &'static str,
+    /// Those of [`Role::Other`].
+    pub other: &'static str,
+    /// Those of [`Role::Suggested`].
+    pub suggested: &'static str,
+}
+
+/// What a camera is to the page.
+#[derive(Clone, Copy, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// Planned or chosen.
+    Own,
+    /// Kept by a plan, left out by a selection.
+    Other,
+    /// Worth adding to a selection.
+    Suggested,
+}
+
+/// A camera.
+#[derive(Serialize)]
+pub struct CameraData<'a> {
+    name: &'a str,
+    role: Role,
+    /// What it is called in the picture, where that is not its name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub label: Option<String>,
+    /// What is known of it beside its pose.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub remark: Option<String>,
+    position: DVec3,
+    /// Camera axes (right, down, forward) in the world.
+    axes: [DVec3; 3],
+    size: [u32; 2],
+    focal: [f64; 2],
+    principal: [f64; 2],
+}
+
+/// Points of the surface.
+#[derive(Serialize)]
+pub struct PointData {
+    count: usize,
+    /// f32, three per point.
+    positions: String,
+    /// u8, three per point.
+    colours: String,
+    /// f32 degrees; NaN where unreachable.
+    gap: String,
+    /// u16, saturated.
+    views: String,
+    /// f32.
+    score: String,
+    /// f32 decibels; NaN where it is not known, empty where it is nowhere.
+    error: String,
+}
+
+/// The surface.
+#[derive(Serialize)]
+pub struct TriangleData {
+    count: usize,
+    low: DVec3,
+    /// World units per step of `positions`.
+    step: DVec3,
+    /// u16, nine per triangle.
+    positions: String,
+    /// u8, three per triangle; empty where the mesh has no colours.
+    colours: String,
+    /// u16, the point nearest to each corner.
+    nearest: String,
+}
+
+impl RegionData {
+    /// A region, relative to `origin`.
+    pub fn new(region: &Region, origin: DVec3) -> Self {
+        let floor = region.floor.map(|floor| floor - origin.dot(region.up));
+        match region.shape {
+            Shape::Shell { centre, r_min, r_max } => Self::Shell { centre: centre - origin, r_min, r_max, floor },
+            Shape::Box { min, max } => Self::Box { min: min - origin, max: max - origin, floor },
+        }
+    }
+}
+
+impl<'a> CameraData<'a> {
+    /// A camera, relative to `origin`.
+    pub fn new(camera: &'a Camera, origin: DVec3, role: Role) -> Self {
+        let intrinsics = &camera.intrinsics;
+        Self {
+            name: &camera.name,
+            role,
+            label: None,
+            remark: None,
+            position: camera.pose.position - origin,
+            axes: [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| camera.pose.rotation * axis),
+            size: [intrinsics.width, intrinsics.height],
+            focal: intrinsics.focal,
+            principal: intrinsics.principal,
+        }
+    }
+}
+
+impl PointData {
+    /// Points, relative to `origin`.
+    pub fn new(points: &[SurfacePoint], origin: DVec3) -> Self {
+        Self {
+            count: points.len(),
+            positions: pack(points.iter().flat_map(|p| (p.position - origin).as_vec3().to_array()), f32::to_le_bytes),
+            colours: pack(points.iter().map(|p| p.colour), |c| c),
+            gap: pack(points.iter().map(|p| p.gap.to_degrees()), f32::to_le_bytes),
+            views: pack(points.iter().map(|p| p.views.min(u32::from(u16::MAX)) as u16), u16::to_le_bytes),
+            score: pack(points.iter().map(|p| p.score), f32::to_le_bytes),
+            error: match points.iter().any(|p| p.error.is_finite()) {
+                true => pack(points.iter().map(|p| p.error), f32::to_le_bytes),
+                false => String::new(),
+            },
+        }
+    }
+}
+
+impl TriangleData {
+    /// Triangles, relative to `origin`, with the points that they take their colours from; none where there are none.
+    pub fn new(triangles: &Triangles, points: &[SurfacePoint], origin: DVec3) -> Option<Self> {
+        let (corners, sources) = split(triangles.corners, points.len());
+        let (low, high) = bounds(corners.iter().flatten().copied())?;
+        let step = ((high - low) / f64::from(u16::MAX)).max(DVec3::splat(f64::MIN_POSITIVE));
+        let quantised = corners.iter().flatten().flat_map(|p| ((p - low) / step).round().to_array());
+        let colours = if triangles.colours.is_empty() {
+            String::new()
+        } else {
+            pack(sources.iter().map(|s| triangles.colours[*s]), |c| c)
+        };
+        Some(Self {
+            count: corners.len(),
+            low: low - origin,
+            step,
+            // A cast from NaN or beyond the range saturates, so that no corner can panic.
+            positions: pack(quantised.map(|v| v as u16), u16::to_le_bytes),
+            colours,
+            nearest: pack(nearest(points, &corners), u16::to_le_bytes),
+        })
+    }
+}
+
+/// JSON that is safe inside a `<script>` element: no `</script>` or `<!--` may end it early.
+pub fn in_script(json: &str) -> String {
+    json.replace('<', "\\u003c")
+}
+
+/// Every so many-th item, `limit` at most, always with the last one.
+pub fn thin<T: Copy>(items: &[T], limit: usize) -> impl Iterator<Item = T> {
+    let stride = items.len().div_ceil(limit).max(1);
+    items.iter().rev().step_by(stride).rev().copied()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thinning_keeps_the_order_and_the_last_item() {
+        assert_eq!(thin(&[1, 2, 3, 4, 5, 6, 7], 3).collect::<Vec<_>>(), [1, 4, 7]);
+        assert_eq!(thin(&[1, 2], 3).collect::<Vec<_>>(), [1, 2]);
+        assert_eq!(thin::<u8>(&[], 3).count(), 0);
+    }
+}
