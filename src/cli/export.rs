@@ -15,6 +15,7 @@ use crate::export::{self, Format, blender, dji, geojson, gltf, kml, litchi, qgc,
 use crate::io::folder::OutputFolder;
 use crate::io::overwrite_guard::check_output_folder;
 use crate::scene::camera::{Camera, Pose, common_up};
+use crate::scene::limits::Limits;
 use crate::scene::region::Region;
 use crate::{Error, Result, io};
 
@@ -67,6 +68,8 @@ struct Plan {
     kept: usize,
     #[serde(default)]
     tour: Option<Tour>,
+    #[serde(default)]
+    limits: Limits,
     surface: Option<Bounds>,
 }
 
@@ -118,6 +121,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         );
     }
     if let Some(place) = &arguments.geo {
+        check_areas(plan.as_ref(), place)?;
         let middle = poses.iter().map(|pose| pose.position).sum::<DVec3>() / poses.len() as f64;
         let earth = georeference(place, middle, up)?;
         let rules = Rules {
@@ -128,6 +132,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         };
         let tour = plan.and_then(|plan| plan.tour).unwrap_or(Tour { path: Vec::new(), blocked: 0 });
         let flight = Flight::new(&cameras, &tour.path, &earth, &rules)?;
+        check_older(&arguments.out, &flight)?;
         for format in wanted.iter().filter(|format| format.is_geographic()) {
             write_flight(&folder, *format, &flight)?;
         }
@@ -208,14 +213,51 @@ fn write(folder: &OutputFolder, format: Format, cameras: &[Camera], up: DVec3, f
     }
 }
 
+/// Refuses another place on Earth than that by which the plan keeps out of areas there.
+fn check_areas(plan: Option<&Plan>, place: &str) -> Result<()> {
+    let areas = plan.into_iter().flat_map(|plan| &plan.limits.keep_out).filter(|volume| !volume.geo.is_empty());
+    match areas.into_iter().find(|volume| volume.geo != place) {
+        Some(area) => Err(Error::request(format!(
+            "--geo {place}: the plan keeps out of {} by --geo {}; give that, or plan again",
+            area.file, area.geo
+        ))),
+        None => Ok(()),
+    }
+}
+
+/// Refuses a folder that holds missions which this flight does not replace: somebody would fly them.
+fn check_older(out: &Path, flight: &Flight) -> Result<()> {
+    let stems: Vec<String> = (0..flight.missions.len()).map(|i| stem(flight, i)).collect();
+    let mut names: Vec<PathBuf> =
+        std::fs::read_dir(out).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
+    names.sort();
+    let older = names.into_iter().find(|path| {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let is_mission =
+            ["kmz", "plan", "csv"].iter().any(|extension| path.extension().is_some_and(|of| of == *extension));
+        is_mission && stem.starts_with("mission") && !stems.contains(&stem)
+    });
+    match older {
+        Some(path) => Err(Error::input(
+            &path,
+            "it is of an earlier export and would stay beside this one; remove it, or name another folder",
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Name of a mission's files, but for the extension.
+fn stem(flight: &Flight, mission: usize) -> String {
+    match flight.missions.len() {
+        1 => "mission".to_owned(),
+        _ => format!("mission-{}", mission + 1),
+    }
+}
+
 fn write_flight(folder: &OutputFolder, format: Format, flight: &Flight) -> Result<()> {
     let each = |extension: &str, bytes: &dyn Fn(&Mission) -> Result<Vec<u8>>| {
         for (i, mission) in flight.missions.iter().enumerate() {
-            let name = match flight.missions.len() {
-                1 => format!("mission.{extension}"),
-                _ => format!("mission-{}.{extension}", i + 1),
-            };
-            folder.write(&name, bytes(mission)?)?;
+            folder.write(&format!("{}.{extension}", stem(flight, i)), bytes(mission)?)?;
         }
         Ok(())
     };

@@ -105,7 +105,7 @@ impl LimitOptions {
             keep_out: self
                 .keep_out
                 .iter()
-                .map(|file| Volume { file: file.to_string_lossy().into(), triangles: Vec::new() })
+                .map(|file| Volume { file: file.to_string_lossy().into(), ..Volume::default() })
                 .collect(),
             heights: self.heights,
             walk: self.walk,

@@ -28,7 +28,8 @@ pub fn print_plan(plan: &Plan) {
     let kept = if record.kept > 0 { format!(", {} kept", record.kept) } else { String::new() };
     say!("plan     {} views{kept}, {how}", record.cameras.len() - record.kept);
     if let Some(connection) = &record.connection {
-        say!("connect  {}", connection.line());
+        let name = if connection.is_whole() { "connect" } else { "warning" };
+        say!("{name}  {}", connection.line());
     }
     if let Some(tour) = &record.tour {
         say!("tour     {}", tour.line());

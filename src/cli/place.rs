@@ -12,6 +12,17 @@ use crate::scene::prism::prism;
 use crate::scene::region::Region;
 use crate::{Error, Result};
 
+/// Metres from the scene within which areas are.
+const FARTHEST: f64 = 500e3;
+/// Metres from which on an area is most likely one of somewhere else.
+const REMOTE: f64 = 50e3;
+/// Longest straight side of an area, in metres.
+const STEP: f64 = 2e3;
+/// Corners of an area so divided.
+const MOST_STEPS: f64 = 2000.0;
+/// Of a degree of latitude.
+const METRES_A_DEGREE: f64 = 111_320.0;
+
 /// Where the scene is on Earth, as --geo says it; around `middle` the map is best.
 ///
 /// # Errors
@@ -83,6 +94,22 @@ pub fn areas(file: &Path, geo: Option<&str>, region: &Region) -> Result<Volume> 
     let mut triangles = Vec::new();
     let mut nearest = f64::INFINITY;
     for (number, ring) in (1..).zip(rings) {
+        let refuse = |what: &str| Error::input(file, format!("polygon {number} {what}"));
+        let reach = |[longitude, latitude]: &[f64; 2]| -> Result<f64> {
+            let place = Geodetic { latitude: *latitude, longitude: *longitude, altitude };
+            Ok(along_ground(&place, &earth.place(centre)?))
+        };
+        let far = ring.iter().map(reach).collect::<Result<Vec<f64>>>()?.into_iter().fold(0.0, f64::max);
+        if far > FARTHEST {
+            let what = format!(
+                "reaches {:.0} km from the scene; cut it to what is within {:.0} km, and check --geo",
+                far / 1e3,
+                FARTHEST / 1e3
+            );
+            return Err(refuse(&what));
+        }
+        let ring = in_steps(&ring)
+            .ok_or_else(|| refuse("is too long around for its corners; cut it to what is near the scene"))?;
         let corner = |[longitude, latitude]: &[f64; 2]| {
             earth.scene_point(&Geodetic { latitude: *latitude, longitude: *longitude, altitude })
         };
@@ -90,14 +117,46 @@ pub fn areas(file: &Path, geo: Option<&str>, region: &Region) -> Result<Volume> 
         let from = |i: usize| (corners[i % corners.len()] - centre).reject_from(up);
         nearest = (0..corners.len()).map(|i| to_segment(from(i), from(i + 1))).fold(nearest, f64::min);
         let faces = prism(&corners, up, heights);
-        triangles.extend(faces.map_err(|what| Error::input(file, format!("polygon {number} {what}")))?);
+        triangles.extend(faces.map_err(refuse)?);
+    }
+    if earth.scale() * nearest > REMOTE {
+        say!(
+            "warning  {} is {:.0} km off and bars nothing here: is its longitude first, and --geo right?",
+            file.display(),
+            earth.scale() * nearest / 1e3
+        );
     }
     say!(
         "area     {}: its outline is {:.1} m from the middle of the region at the nearest",
         file.display(),
         earth.scale() * nearest
     );
-    Ok(Volume { file: file.to_string_lossy().into_owned(), triangles })
+    Ok(Volume { file: file.to_string_lossy().into_owned(), geo: geo.to_owned(), triangles })
+}
+
+/// A ring with corners between its own where these are far apart: its sides are straight in degrees, and a map bends them by 0.1 m on
+/// [`STEP`] at 60 degrees of latitude. None where that would be too many.
+fn in_steps(ring: &areas::Ring) -> Option<areas::Ring> {
+    let mut stepped = Vec::new();
+    for (i, [east, north]) in ring.iter().enumerate() {
+        let [next_east, next_north] = ring[(i + 1) % ring.len()];
+        let degrees = (next_east - east).hypot(next_north - north);
+        let steps = (degrees * METRES_A_DEGREE / STEP).ceil().max(1.0);
+        if stepped.len() as f64 + steps > MOST_STEPS {
+            return None;
+        }
+        let at = |step: f64| [east + (next_east - east) * step / steps, north + (next_north - north) * step / steps];
+        stepped.extend((0..steps as u32).map(|step| at(f64::from(step))));
+    }
+    Some(stepped)
+}
+
+/// Metres along the ground between two places, of an Earth that is a sphere (haversine).
+fn along_ground(a: &Geodetic, b: &Geodetic) -> f64 {
+    let half = |a: f64, b: f64| (0.5 * (b - a).to_radians()).sin().powi(2);
+    let cosines = a.latitude.to_radians().cos() * b.latitude.to_radians().cos();
+    let square = half(a.latitude, b.latitude) + cosines * half(a.longitude, b.longitude);
+    2.0 * square.min(1.0).sqrt().asin() * METRES_A_DEGREE.to_degrees()
 }
 
 /// Distance of the origin from the straight line between two points.

@@ -277,9 +277,6 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     };
     config.validate()?;
     let baseline = arguments.baselines.request(&config)?;
-    if let (Some((baseline, _)), true) = (&baseline, arguments.connect.is_some()) {
-        return Err(Error::request(format!("--method {} takes no --connect; leave one out", baseline.method.name())));
-    }
     let in_turn = config.iterative || baseline.is_some();
     let order = arguments.order.unwrap_or(if in_turn { Order::None } else { Order::Tour });
     if let (Some((baseline, _)), true) = (

@@ -170,7 +170,7 @@ impl Situation {
                 let (min, top) = (foot - DVec3::new(half, 0.0, half), (0.7 + 1.8 * d) * radius);
                 let max = foot + DVec3::new(half, top, half);
                 add.block(min, max, Cover::Squares(i));
-                limits.keep_out.push(Volume { file: String::new(), triangles: box_triangles(min, max) });
+                limits.keep_out.push(Volume { triangles: box_triangles(min, max), ..Volume::default() });
             }
         }
         (Region { floor: Some(low.y), ..region }, limits)

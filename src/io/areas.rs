@@ -96,14 +96,20 @@ fn geojson(object: &Value, polygons: &mut Vec<Ring>) -> Result<(), String> {
         Some([_, _, ..]) => Err(HOLE.to_owned()),
         _ => Err("a polygon has no coordinates; export it again".to_owned()),
     };
-    let each = |name: &str| object.get(name).and_then(Value::as_array).into_iter().flatten();
+    let each = |name: &str| {
+        let list = object.get(name).and_then(Value::as_array);
+        list.map(|list| list.iter())
+            .ok_or_else(|| format!("it has no list of {name} where one should be; export it again"))
+    };
     match object.get("type").and_then(Value::as_str) {
         Some("Polygon") => polygon(&object["coordinates"]),
-        Some("MultiPolygon") => each("coordinates").try_for_each(polygon),
+        Some("MultiPolygon") => each("coordinates")?.try_for_each(polygon),
         Some("Feature") => object.get("geometry").map_or(Ok(()), |geometry| geojson(geometry, polygons)),
-        Some("FeatureCollection") => each("features").try_for_each(|feature| geojson(feature, polygons)),
-        Some("GeometryCollection") => each("geometries").try_for_each(|geometry| geojson(geometry, polygons)),
-        _ => Ok(()),
+        Some("FeatureCollection") => each("features")?.try_for_each(|feature| geojson(feature, polygons)),
+        Some("GeometryCollection") => each("geometries")?.try_for_each(|geometry| geojson(geometry, polygons)),
+        Some("Point" | "MultiPoint" | "LineString" | "MultiLineString") => Ok(()),
+        _ if object.is_null() => Ok(()),
+        _ => Err("something in it is of no type that GeoJSON knows; export it again".to_owned()),
     }
 }
 
@@ -122,7 +128,9 @@ fn kml(bytes: &[u8]) -> Result<Vec<Ring>, String> {
             let mut numbers = tuple.split(',').map(|number| number.trim().parse().ok());
             Some([numbers.next()??, numbers.next()??])
         };
-        let tuples = find("coordinates").and_then(|node| node.text()).unwrap_or_default();
+        // In pieces where there is a comment between.
+        let texts = find("coordinates").into_iter().flat_map(|node| node.descendants()).filter(|node| node.is_text());
+        let tuples: String = texts.filter_map(|node| node.text()).collect();
         let ring: Option<Ring> = tuples.split_whitespace().map(corner).collect();
         polygons.push(
             ring.ok_or("the coordinates of a polygon are not longitude,latitude and blanks between; export it again")?,
@@ -162,7 +170,7 @@ mod tests {
             (format!(r#"{{"type": "GeometryCollection", "geometries": [{multi}, {polygon}]}}"#), 3),
             (
                 document(
-                    "<Polygon><outerBoundaryIs><LinearRing><coordinates>\n 8.0,47.0,0 8.1,47.0,0\n8.1,47.1 8.0,47.1,3 8.0,47.0,0 \
+                    "<Polygon><outerBoundaryIs><LinearRing><coordinates>\n 8.0,47.0,0 8.1,47.0,0\n<!-- a corner -->8.1,47.1 8.0,47.1,3 8.0,47.0,0 \
                      </coordinates></LinearRing></outerBoundaryIs></Polygon>",
                 ),
                 1,
@@ -187,6 +195,8 @@ mod tests {
             (polygon(""), "no coordinates"),
             (polygon(&format!("[{}]", many.join(", "))), "1001 corners"),
             ("{".into(), "EOF"),
+            (r#"{"type": "polygon", "coordinates": []}"#.into(), "no type that GeoJSON knows"),
+            (r#"{"type": "MultiPolygon"}"#.into(), "no list of coordinates"),
             (document("<Polygon>"), "again"),
             (document("<Polygon><innerBoundaryIs/></Polygon>"), "hole"),
             (document("<Polygon><coordinates>8.0;47.0</coordinates></Polygon>"), "longitude,latitude"),

@@ -86,5 +86,5 @@ pub fn read_volume(path: &Path) -> Result<Volume> {
             ),
         ));
     }
-    Ok(Volume { file: path.to_string_lossy().into_owned(), triangles })
+    Ok(Volume { file: path.to_string_lossy().into_owned(), triangles, ..Volume::default() })
 }

@@ -228,7 +228,9 @@ impl Config {
                 return bad("`connect`", &degrees, "an angle between 1 and 90 degrees");
             }
             if self.objective != Objective::Quality {
-                return Err(Error::request("`connect` goes with `objective` quality alone; leave one out"));
+                return Err(Error::request(
+                    "`connect` goes with expected quality alone; leave it out, or what belongs to the paper's objective",
+                ));
             }
         }
         if self.alpha >= 0.5 {

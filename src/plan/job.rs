@@ -126,7 +126,9 @@ pub fn run(
         began_from = Some(reference.best().name.clone());
         let poses: Vec<Pose> = outcome.poses.iter().map(|pose| scene.geometry.to_internal.pose(pose)).collect();
         let groups = reference.groups(&poses);
-        connection = config.connect.zip(groups).map(|(degrees, groups)| Connection { degrees, groups });
+        let kept = kept.len();
+        let groups = groups.filter(|_| kept + poses.len() > 1);
+        connection = config.connect.zip(groups).map(|(degrees, groups)| Connection { degrees, groups, kept });
     }
     let described = serde_json::to_value(&config)
         .map_err(|e| Error::request(format!("the configuration cannot be written: {e}")))?;

@@ -119,7 +119,10 @@ impl Links {
             cost(parallax, glsl::WITHIN_ANGLE, self.angle) + off(a) + off(b) + SLIGHT * parallax
         };
         let of_a = a.seen.iter().filter(|point| b.off[**point as usize].is_finite());
-        let of_b = b.seen.iter().filter(|point| (a.half_cone..f32::INFINITY).contains(&a.off[**point as usize]));
+        let of_b = b.seen.iter().filter(|point| {
+            let off = a.off[**point as usize];
+            off > a.half_cone && off.is_finite()
+        });
         scratch.clear();
         scratch.extend(of_a.chain(of_b).map(|point| (cost(point), *point)));
         let least = Self::least(a, b);

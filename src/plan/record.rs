@@ -97,18 +97,29 @@ pub struct Connection {
     pub degrees: f32,
     /// Sizes of the groups of cameras that neighbours join, the largest first; kept cameras count as joined.
     pub groups: Vec<usize>,
+    /// How many of them are kept.
+    pub kept: usize,
 }
 
 impl Connection {
+    /// Whether all cameras hang together.
+    pub fn is_whole(&self) -> bool {
+        self.groups.len() == 1
+    }
+
     /// In words, on one line.
     pub fn line(&self) -> String {
-        let (degrees, all) = (self.degrees, self.groups.iter().sum::<usize>());
-        match &self.groups[..] {
-            [_] => format!("all {all} cameras, neighbours at most {degrees}° apart at what both see"),
-            groups => format!(
-                "{} of {all} cameras, in {} groups: within {degrees}° no more neighbours were found; plan more views, or allow a wider angle",
-                groups.first().unwrap_or(&0),
-                groups.len()
+        let (degrees, kept, all) = (self.degrees, self.kept, self.groups.iter().sum::<usize>());
+        let planned = match kept {
+            0 => format!("{all} cameras"),
+            _ => format!("{} planned cameras and the {kept} kept, which count as joined", all - kept),
+        };
+        match self.is_whole() {
+            true => format!("{planned}: all hang together, neighbours at most {degrees}° apart at what both see"),
+            false => format!(
+                "{planned}: in {} groups, the largest of {}, not one within {degrees}°; plan more views, or allow a wider angle",
+                self.groups.len(),
+                self.groups.first().unwrap_or(&0),
             ),
         }
     }

@@ -153,7 +153,7 @@ impl<'a> Reference<'a> {
     /// What is expected of a run. A complete run takes the poses of the best layout unless its own are expected to be better by
     /// the law's standard deviation for layouts that are alike, less where cameras are kept: smaller gains are not seen in
     /// trained splats, and no plan is to be worse than a layout that is simpler. Where cameras are to connect, a layout counts only if
-    /// its own do.
+    /// its own do, and takes the place of a run whose cameras do not.
     ///
     /// # Errors
     /// Where the device fails.
@@ -161,12 +161,14 @@ impl<'a> Reference<'a> {
         let to_internal = &self.scene.geometry.to_internal;
         let planned: Vec<Pose> = outcome.poses.iter().map(|pose| to_internal.pose(pose)).collect();
         let expectation = self.expect(&planned)?;
-        let connects = |layout: &&Layout| self.groups(&layout.poses).is_none_or(|groups| groups.len() == 1);
+        let whole = |poses: &[Pose]| self.groups(poses).is_none_or(|groups| groups.len() == 1);
+        let connects = |layout: &&Layout| whole(&layout.poses);
         let Some(best) = best_of(self.layouts.iter().filter(connects)) else { return Ok(expectation) };
         // Cameras that both keep make neither better.
         let all = planned.len() + self.kept.len();
         let margin = Fitted::embedded().spread(0.0) * planned.len() as f64 / all.max(1) as f64;
-        if expectation.error_db + margin <= best.expectation.error_db || outcome.status != Status::Complete {
+        let better = expectation.error_db + margin <= best.expectation.error_db && whole(&planned);
+        if better || outcome.status != Status::Complete {
             return Ok(expectation);
         }
         outcome.poses = best.poses.iter().map(|pose| to_internal.inverse().pose(pose)).collect();

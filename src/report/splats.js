@@ -80,7 +80,7 @@ function unpackSplats({ count, reach, range, low, step, places, scales, rotation
 }
 
 /** Sorts places by depth along a direction, the farthest first, by counting. */
-function depthOrder(positions) {
+function depthOrder(positions, extent) {
   const count = positions.length / 3, buckets = 1 << 16;
   const depths = new Float32Array(count), starts = new Uint32Array(buckets + 1), order = new Float32Array(count);
   return ([x, y, z]) => {
@@ -91,8 +91,12 @@ function depthOrder(positions) {
       if (depth < low) low = depth;
       if (depth > high) high = depth;
     }
+    // Evenly near the middle and ever wider far out, as positions are: one splat far off must not lump the others together.
+    const spread = (depth) => Math.asinh(depth / extent);
+    low = spread(low);
+    high = spread(high);
     const factor = high > low ? (buckets - 1) / (high - low) : 0;
-    const bucket = (i) => Math.floor((high - depths[i]) * factor);
+    const bucket = (i) => Math.floor((high - spread(depths[i])) * factor);
     starts.fill(0);
     for (let i = 0; i < count; i++) starts[bucket(i) + 1]++;
     for (let b = 0; b < buckets; b++) starts[b + 1] += starts[b];
@@ -110,7 +114,7 @@ function drawSplats({ model }) {
   if (!gl) return;
 
   const { positions, texels, rows } = unpackSplats(splats);
-  const shaders = program(gl, SPLAT_SHADERS), sorted = depthOrder(positions);
+  const shaders = program(gl, SPLAT_SHADERS), sorted = depthOrder(positions, extent);
   const numbers = vertexArray(gl, [{ data: new Float32Array(splats.count), size: 1, divisor: 1 }]);
   gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
   gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, 3 * IN_A_ROW, rows, 0, gl.RGBA, gl.FLOAT, texels);

@@ -104,7 +104,7 @@ impl Legs {
 
 /// Length of a way.
 pub(super) fn length(way: &[DVec3]) -> f64 {
-    way.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
+    way.windows(2).map(|pair| pair[0].distance(pair[1])).fold(0.0, |sum, leg| sum + leg)
 }
 
 /// Shortest lengths from one place along an `n` by `n` table of lengths, and the place before each (Dijkstra).

@@ -23,6 +23,9 @@ pub struct Volume {
     /// The file that it is from; empty where it is from none.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub file: String,
+    /// Where the scene lies on Earth, as it was given, where the volume is over areas there; else empty.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub geo: String,
     /// Its faces.
     #[serde(default)]
     pub triangles: Vec<Triangle>,
@@ -148,8 +151,9 @@ impl Limits {
             radius: similarity.length(walk.radius),
             height: similarity.length(walk.height),
         };
-        let volume = |Volume { file, triangles }: &Volume| Volume {
+        let volume = |Volume { file, geo, triangles }: &Volume| Volume {
             file: file.clone(),
+            geo: geo.clone(),
             triangles: triangles.iter().map(|corners| corners.map(point)).collect(),
         };
         Self {
@@ -242,7 +246,7 @@ mod tests {
     }
 
     fn volume(min: DVec3, max: DVec3) -> Volume {
-        Volume { file: "a box".into(), triangles: box_triangles(min, max) }
+        Volume { file: "a box".into(), triangles: box_triangles(min, max), ..Volume::default() }
     }
 
     fn places(space: &FreeSpace) -> Vec<DVec3> {

@@ -1,6 +1,6 @@
 //! Depths of files in place of stereo: brought to the frames' pixels, less those that are not sure, scaled to the capture's points.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec2};
@@ -30,6 +30,8 @@ const SURE: f32 = 1.0 / 3.0;
 const MIN_POINTS: usize = 30;
 /// Largest distance between the quartiles of the ratios of points to a map, as a fraction of their median: beyond, no scale makes it fit.
 const SPREAD: f64 = 0.3;
+/// Correlation of a map with the points on it below which it is inverse: of something far off all ratios are alike either way.
+const INVERSE: f64 = -0.3;
 /// Cells along a picture's longer side, of which the nearest point counts where nothing says which photos see it.
 const CELLS: f64 = 48.0;
 
@@ -94,9 +96,14 @@ impl Given {
     /// The maps' depths without those whose confidence is too low.
     fn sure(&mut self, maps: &DepthMaps, read: Vec<Map>) -> Vec<Vec<f32>> {
         let folder = maps.folder.display();
-        let values: Vec<f32> =
-            read.iter().filter_map(|map| map.confidence.as_ref()).flat_map(|(values, _)| values).copied().collect();
-        if values.is_empty() {
+        // Of pixels without a depth, such as the sky, nothing follows.
+        let of_depths = |map: &Map| -> Vec<f32> {
+            let values = map.confidence.iter().flat_map(|(values, _)| values);
+            let with_depth = values.zip(&map.depths).filter(|(value, depth)| value.is_finite() && **depth > 0.0);
+            with_depth.map(|(value, _)| *value).collect()
+        };
+        let values: Vec<f32> = read.iter().flat_map(of_depths).collect();
+        if read.iter().all(|map| map.confidence.is_none()) {
             self.notes.push(format!("depths   of {folder}, without confidence: all of them count"));
             return read.into_iter().map(|map| map.depths).collect();
         }
@@ -107,6 +114,7 @@ impl Given {
                 let bound = SURE * values.iter().copied().fold(0.0, f32::max);
                 (Box::new(move |value| value > bound), format!("above {bound:.0}"))
             }
+            None if values.is_empty() => (Box::new(|_| false), "that is a number".to_owned()),
             None => {
                 let mut sorted = values;
                 let middle = sorted.len() / 2;
@@ -118,7 +126,7 @@ impl Given {
         let mut keep = |mut map: Map| {
             for (depth, value) in map.depths.iter_mut().zip(map.confidence.into_iter().flat_map(|(values, _)| values)) {
                 all += usize::from(*depth > 0.0);
-                if *depth > 0.0 && !least(value) {
+                if *depth > 0.0 && !(value.is_finite() && least(value)) {
                     dropped += 1;
                     *depth = 0.0;
                 }
@@ -135,12 +143,15 @@ impl Given {
     /// fits to the points are left out with their frames.
     fn scale(&mut self, set: &PhotoSet, frames: &mut Vec<Frame>) {
         let seen = points_of(set, frames);
-        let ratios = |((frame, depths), points): ((&Frame, &Vec<f32>), &Vec<DVec3>)| -> Vec<f64> {
+        let pairs = |((frame, depths), points): ((&Frame, &Vec<f32>), &Vec<DVec3>)| -> Vec<[f64; 2]> {
             let on_map = projected(&frame.camera, points, set.tracks.is_empty()).into_iter();
-            let ratio = |(pixel, depth): (usize, f64)| (depths[pixel] > 0.0).then(|| depth / f64::from(depths[pixel]));
-            on_map.filter_map(ratio).collect()
+            let pair = |(pixel, depth): (usize, f64)| (depths[pixel] > 0.0).then(|| [f64::from(depths[pixel]), depth]);
+            on_map.filter_map(pair).collect()
         };
-        let mut ratios: Vec<Vec<f64>> = frames.iter().zip(&self.depths).zip(&seen).map(ratios).collect();
+        let pairs: Vec<Vec<[f64; 2]>> = frames.iter().zip(&self.depths).zip(&seen).map(pairs).collect();
+        let inverse: Vec<bool> = pairs.iter().map(|pairs| correlation(pairs) < INVERSE).collect();
+        let mut ratios: Vec<Vec<f64>> =
+            pairs.iter().map(|pairs| pairs.iter().map(|[map, point]| point / map).collect()).collect();
         let all = ratios.concat().len();
         if all < MIN_POINTS {
             let points = match set.points.positions.len() {
@@ -151,11 +162,18 @@ impl Given {
             return;
         }
         let mut factors = Vec::with_capacity(ratios.len());
-        for (frame, ratios) in frames.iter().zip(&mut ratios) {
+        for ((frame, ratios), inverse) in frames.iter().zip(&mut ratios).zip(inverse) {
             ratios.sort_unstable_by(f64::total_cmp);
             let quantile = |quarters: usize| ratios[ratios.len() * quarters / 4];
             factors.push(match ratios.len() {
                 0..MIN_POINTS => None,
+                _ if inverse => {
+                    self.skipped.push(format!(
+                        "{}: its depth map is nearer where the points are farther; depths that are inverse have to be converted",
+                        frame.camera.name
+                    ));
+                    Some(f64::NAN)
+                }
                 _ if quantile(3) - quantile(1) > SPREAD * quantile(2) => {
                     self.skipped.push(format!(
                         "{}: no scale makes its depth map fit the points (half of the ratios are from {:.3} to {:.3}); depths that are \
@@ -247,7 +265,9 @@ impl Given {
 }
 
 fn none_count() -> Error {
-    Error::request("next to nothing of the depth maps counts; lower `min_confidence`, or give other maps")
+    Error::request(
+        "next to nothing of the depth maps counts; give maps with more depths, or a lower `min_confidence` where it is that",
+    )
 }
 
 /// Where each pixel of a frame is in its photo, in shares of width and height; none where the lens shows nothing or the photo ends.
@@ -324,7 +344,7 @@ fn projected(camera: &Camera, points: &[DVec3], nearest: bool) -> Vec<(usize, f6
         return seen.map(|(at, depth)| (pixel(at), depth)).collect();
     }
     let cell = f64::from(width.max(height)) / CELLS;
-    let mut cells: HashMap<[i32; 2], (usize, f64)> = HashMap::new();
+    let mut cells: BTreeMap<[i32; 2], (usize, f64)> = BTreeMap::new();
     for (at, depth) in seen {
         let first = cells.entry((at / cell).as_ivec2().to_array()).or_insert((pixel(at), depth));
         if depth < first.1 {
@@ -332,6 +352,16 @@ fn projected(camera: &Camera, points: &[DVec3], nearest: bool) -> Vec<(usize, f6
         }
     }
     cells.into_values().collect()
+}
+
+/// Correlation of the logarithms of pairs; 0 where either is the same in all.
+fn correlation(pairs: &[[f64; 2]]) -> f64 {
+    let logs: Vec<[f64; 2]> = pairs.iter().map(|pair| pair.map(f64::ln)).collect();
+    let mean = |k: usize| logs.iter().map(|log| log[k]).sum::<f64>() / logs.len().max(1) as f64;
+    let means = [mean(0), mean(1)];
+    let product = |a: usize, b: usize| logs.iter().map(|log| (log[a] - means[a]) * (log[b] - means[b])).sum::<f64>();
+    let scale = (product(0, 0) * product(1, 1)).sqrt();
+    if scale > 0.0 { product(0, 1) / scale } else { 0.0 }
 }
 
 fn median(mut values: Vec<f64>) -> f64 {

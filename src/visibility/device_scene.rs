@@ -244,7 +244,7 @@ mod tests {
         let region = Region { shape, up: DVec3::Z, floor: None, clearance: 0.05 };
         let boxes =
             [(DVec3::new(2.2, -1.0, -1.0), DVec3::new(2.999, 0.1, 1.0)), (DVec3::splat(3.2), DVec3::splat(4.0))];
-        let volume = |(min, max): (DVec3, DVec3)| Volume { file: String::new(), triangles: box_triangles(min, max) };
+        let volume = |(min, max): (DVec3, DVec3)| Volume { triangles: box_triangles(min, max), ..Volume::default() };
         let limits = Limits { keep_out: boxes.map(volume).to_vec(), ..Limits::default() };
         let geometry = SceneGeometry::among(&proxy, &region, &limits).unwrap();
         let back = geometry.to_internal.inverse();

@@ -153,8 +153,11 @@ fn numbers_that_are_none() {
             ("plan ball.ply --out o --views 3 --iterations 0", &["--iterations is 0", "at least 1"]),
             ("plan ball.ply --out o --views 3 --held-out 0", &["--held-out is 0", "at least 1"]),
             ("plan ball.ply --out o --views 3 --connect 0.5", &["--connect is 0.5", "between 1 and 90"]),
-            ("plan ball.ply --out o --views 3 --connect 20 --no-reg", &["--connect goes with --objective quality"]),
-            ("plan ball.ply --out o --views 3 --connect 20 --method fibonacci", &["fibonacci takes no --connect"]),
+            ("plan ball.ply --out o --views 3 --connect 20 --no-reg", &["--connect goes with expected quality"]),
+            (
+                "plan ball.ply --out o --views 3 --connect 20 --method fibonacci",
+                &["--method fibonacci", "leave the others out"],
+            ),
             ("paint ball.ply", &["unrecognized subcommand 'paint'", "similar subcommands exist"]),
         ],
     );

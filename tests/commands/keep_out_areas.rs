@@ -81,9 +81,45 @@ fn plans_and_missions_keep_out_of_areas() {
         let through = (0..=50).map(|i| leg[0].lerp(leg[1], f64::from(i) / 50.0)).find(|p| in_zone(*p));
         assert_eq!(through, None, "the leg {leg:?} leads through the zone");
     }
+    // From another place the same plan would lead through it.
+    let refused = place.run("export o --geo 50,10,300,210 --out e2");
+    assert!(refused.err.contains("keeps out of zone.geojson by --geo 50,10,300,30"), "{}", refused.err);
+    place.write("e/mission-2.plan", "of a longer flight");
+    let refused = place.run(&format!("export o --out e {GEO} --takeoff 290 --force"));
+    assert!(refused.err.contains("mission-2.plan: it is of an earlier export"), "{}", refused.err);
     // A plan holds its areas itself.
     std::fs::remove_file(place.path("zone.geojson")).unwrap();
     assert!(place.done("score ball.ply o").out.contains("no camera in zone.geojson"));
+}
+
+/// A border along a parallel, 20 km long: straight in degrees, it is 8 m off the straight line between its ends. If this failed, cameras
+/// would stand within large areas.
+#[test]
+fn long_borders_are_where_they_are_on_earth() {
+    let place = Place::new();
+    let south = 50.0 + 0.5 / METRES.x;
+    place.write(
+        "wide.geojson",
+        format!(r#"{{"type": "Polygon", "coordinates": [[[9.86, {south:.10}], [10.14, {south:.10}], [10.14, 50.05], [9.86, 50.05]]]}}"#),
+    );
+    let ran = place.done(&format!("plan ball.ply --out o {SHELL} {SMALL} --keep-out wide.geojson {GEO}"));
+    assert!(ran.out.contains("outline is 0.5 m from the middle"), "{}", ran.out);
+    let (sin, cos) = 30f64.to_radians().sin_cos();
+    for camera in place.plan("o").cameras {
+        let north = camera.pose.position.y * cos - camera.pose.position.x * sin;
+        assert!(north < 0.51, "{north} m to the north of the middle");
+    }
+    place.write(
+        "swapped.geojson",
+        r#"{"type": "Polygon", "coordinates": [[[50, 10], [50.001, 10], [50.001, 10.001]]]}"#,
+    );
+    assert_refused(
+        &place,
+        &[(
+            &format!("plan ball.ply --out s {SHELL} {SHORT} --keep-out swapped.geojson {GEO}"),
+            &["km from the scene", "check --geo"],
+        )],
+    );
 }
 
 /// If this failed, an area would be left out in silence: for want of a place on Earth, or because it is no area.

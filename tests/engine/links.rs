@@ -119,7 +119,7 @@ fn cameras_that_are_to_connect_do() {
     assert_eq!(groups(&plan.record.cameras, 20.5), [24]);
     let connection = plan.record.connection.expect("it is recorded");
     assert_eq!((connection.degrees, &connection.groups[..]), (20.0, &[24][..]));
-    assert!(connection.line().starts_with("all 24 cameras"), "{}", connection.line());
+    assert!(connection.line().starts_with("24 cameras: all"), "{}", connection.line());
     // Spread out all the same: a cluster would be easier to connect, and worth nothing.
     let expected = plan.record.expected.expect("an expectation");
     assert!(expected.db > -3.0 && expected.unseen < 0.1, "{expected:?}");
@@ -136,7 +136,9 @@ fn planned_cameras_connect_to_those_that_are_kept() {
     let kept: Vec<Camera> = (0..18).map(ring).collect();
     let plan = planned(Config::new(Preset::Object, 10).connected(25.0), &kept);
     assert_eq!(groups(&plan.record.cameras, 25.5), [28]);
-    assert_eq!(plan.record.connection.expect("it is recorded").groups, [28]);
+    let connection = plan.record.connection.expect("it is recorded");
+    assert_eq!((&connection.groups[..], connection.kept), (&[28][..], 18));
+    assert!(connection.line().contains("10 planned cameras and the 18 kept"), "{}", connection.line());
     let above = plan.record.cameras[..10].iter().filter(|camera| camera.pose.position.z.abs() > 1.0).count();
     assert!(above >= 6, "{above} of 10 leave the ring, where everything is seen already");
 }
