@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Frames of a rendered walk: `camsplat frames` against every n-th frame and the sharpest of each bucket of equal time.
 
-usage: frames_walk.py make DIR a|b       a room (room.gltf), the cameras of the walk's sub-frames, and held-out cameras
+usage: frames_walk.py make DIR a|b|c     a room (room.gltf), the cameras of the walk's sub-frames, and held-out cameras
        frames_walk.py film DIR           frames with motion blur and noise, of the sub-frames that `camsplat capture` rendered
        frames_walk.py compare DIR METHOD COUNT [ITERATIONS]    METHOD: frames, bucket or nth; COLMAP, and training with ITERATIONS
 
@@ -35,7 +35,13 @@ WALKS = {
         (2.9, 1.5, 175, 1.6), (2.9, 1.5, 178, 1.5), (4.0, 1.6, 210, 1.5), (4.9, 2.3, 270, 0.8), (5.0, 3.6, 285, 1.8),
         (5.0, 4.8, 300, 1.6), (4.8, 5.6, 375, 0.8), (3.8, 6.3, 390, 1.6), (3.8, 6.3, 391, 1.4), (2.4, 6.2, 345, 1.6),
         (1.6, 5.9, 410, 0.8), (1.1, 5.2, 420, 1.2)]),
+    "c": (31, 0.3, [
+        (1.2, 5.8, 20, 0), (1.2, 4.4, 35, 2.1), (1.2, 4.4, 36, 1.2), (1.4, 2.6, 70, 2.0), (2.2, 1.7, 140, 0.85),
+        (3.6, 1.5, 185, 1.7), (3.6, 1.5, 187, 1.4), (4.9, 2.2, 262, 1.0), (5.0, 4.2, 300, 2.2), (4.8, 5.6, 372, 0.9),
+        (3.8, 6.3, 392, 1.5), (3.8, 6.3, 393, 1.3), (2.2, 6.2, 340, 1.4), (1.2, 5.6, 412, 0.8), (1.1, 4.9, 425, 1.3)]),
 }
+# Stops by which the exposure of a walk drifts to either side, as a phone's does.
+DRIFT = {"a": 0.0, "b": 0.0, "c": 0.5}
 
 
 class Textures:
@@ -253,15 +259,19 @@ def make(folder, walk):
     for name, value in [("room.gltf", room()), ("subs.json", cameras(subs)), ("groups.json", groups), ("tests.json", cameras(tests))]:
         with open(f"{folder}/{name}", "w") as file:
             json.dump(value, file)
+    with open(f"{folder}/drift.json", "w") as file:
+        json.dump(DRIFT[walk], file)
     print(f"{len(groups)} frames of {len(subs)} sub-frames; median blur {np.median([g['blur'] for g in groups]):.1f} pixels")
 
 
 def film(folder):
     rng = np.random.default_rng(3)
     os.makedirs(f"{folder}/walk", exist_ok=True)
+    drift = json.load(open(f"{folder}/drift.json"))
     for i, group in enumerate(json.load(open(f"{folder}/groups.json"))):
+        gain = 2 ** (drift * (0.7 * np.sin(0.06 * i) + 0.3 * np.sin(0.23 * i + 1)))
         pictures = [np.asarray(Image.open(f"{folder}/subs/images/{k:05d}.png").convert("RGB"), float) for k in group["subs"]]
-        mean = np.mean([(picture / 255) ** 2.2 for picture in pictures], 0) ** (1 / 2.2) * 255
+        mean = (gain * np.mean([(picture / 255) ** 2.2 for picture in pictures], 0)) ** (1 / 2.2) * 255
         noisy = np.clip(mean + rng.normal(0, 1.5, mean.shape), 0, 255).round().astype(np.uint8)
         Image.fromarray(noisy).save(f"{folder}/walk/{i:03d}.png")
 
