@@ -235,7 +235,9 @@ fn check_older(out: &Path, flight: &Flight) -> Result<()> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let is_mission =
             ["kmz", "plan", "csv"].iter().any(|extension| path.extension().is_some_and(|of| of == *extension));
-        is_mission && stem.starts_with("mission") && !stems.contains(&stem)
+        let number =
+            stem.strip_prefix("mission-").is_some_and(|number| number.bytes().all(|digit| digit.is_ascii_digit()));
+        is_mission && (stem == "mission" || number) && !stems.contains(&stem)
     });
     match older {
         Some(path) => Err(Error::input(

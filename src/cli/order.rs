@@ -22,7 +22,7 @@ impl Order {
             if plan.record.tour.is_none() {
                 say!(
                     "note     no tour: it is made of {} cameras at most, and these stay as they were placed",
-                    tour::MOST
+                    tour::MAX_PLACES
                 );
             }
         }

@@ -19,7 +19,7 @@ const REMOTE: f64 = 50e3;
 /// Longest straight side of an area, in metres.
 const STEP: f64 = 2e3;
 /// Corners of an area so divided.
-const MOST_STEPS: f64 = 2000.0;
+const MAX_CORNERS: f64 = 2000.0;
 /// Of a degree of latitude.
 const METRES_A_DEGREE: f64 = 111_320.0;
 
@@ -142,7 +142,7 @@ fn in_steps(ring: &areas::Ring) -> Option<areas::Ring> {
         let [next_east, next_north] = ring[(i + 1) % ring.len()];
         let degrees = (next_east - east).hypot(next_north - north);
         let steps = (degrees * METRES_A_DEGREE / STEP).ceil().max(1.0);
-        if stepped.len() as f64 + steps > MOST_STEPS {
+        if stepped.len() as f64 + steps > MAX_CORNERS {
             return None;
         }
         let at = |step: f64| [east + (next_east - east) * step / steps, north + (next_north - north) * step / steps];

@@ -7,7 +7,7 @@ use crate::scene::camera::Camera;
 use crate::{Error, Result};
 
 /// Waypoints of a mission at most, which every app takes.
-pub const MOST: usize = 99;
+pub const MAX_WAYPOINTS: usize = 99;
 /// Seconds at a waypoint for a photo: to stop, to let the gimbal settle, and to take it.
 const PHOTO_SECONDS: f64 = 4.0;
 /// Roll in degrees from which on it is mentioned that drones have none.
@@ -119,7 +119,7 @@ impl Flight {
             speed: rules.speed,
             takeoff: rules.takeoff,
         };
-        Ok(Self { missions: waypoints.chunks(MOST).map(mission).collect(), length, notes })
+        Ok(Self { missions: waypoints.chunks(MAX_WAYPOINTS).map(mission).collect(), length, notes })
     }
 
     /// Seconds that it takes, without take-offs and landings.

@@ -380,11 +380,11 @@ fn voronoi_by_score(points: &[SurfacePoint], scores: &[PointMetrics]) -> [Option
 
 impl Plan {
     /// Puts the planned cameras in the order of a short tour that keeps the clearance, and names them by it. More than
-    /// [`tour::MOST`] stay as they are.
+    /// [`tour::MAX_PLACES`] stay as they are.
     pub fn sort_for_a_tour(&mut self) {
         let PlanRecord { cameras, kept, .. } = &mut self.record;
         let planned = cameras.len() - *kept;
-        if planned > tour::MOST {
+        if planned > tour::MAX_PLACES {
             return;
         }
         let map = self.geometry.to_internal;

@@ -17,16 +17,16 @@ use crate::visibility::raycast::Ray;
 use crate::vulkan::shaders::glsl::plan::links as glsl;
 
 /// Cameras of a plan that is to connect: pairs of them are looked at.
-pub(super) const MOST: u32 = 2000;
+pub(super) const MAX_CAMERAS: u32 = 2000;
 /// Iterations between one tree and the next.
 pub(super) const EVERY: u32 = 10;
 /// Points of the surface that pairs are compared by.
 const POINTS: usize = 1024;
 /// Stream of these points.
-const STREAM: u32 = 2;
-/// Part of what either of two cameras sees that both must, and so many points at least.
+const LINK_STREAM: u32 = 0x6c69_6e6b;
+/// Part that both of two cameras must see of what the one sees that sees less, and so many points at least.
 const SHARED: f64 = 0.3;
-const LEAST: usize = 6;
+const MIN_SHARED: usize = 6;
 /// Points of a link that pull.
 const ANCHORS: usize = 16;
 /// Weight of the penalty, at first and at last, against expected quality, whose gradient by a camera is about one over their number.
@@ -65,7 +65,7 @@ struct Sight {
 impl Links {
     /// Neighbours by at most so many degrees at points of the surface of `proxy`.
     pub fn new(proxy: &Proxy, geometry: &SceneGeometry, seed: u64, degrees: f32) -> Self {
-        let points = proxy.sample(POINTS, seed, STREAM);
+        let points = proxy.sample(POINTS, seed, LINK_STREAM);
         Self { angle: degrees.to_radians(), points: points.iter().map(|point| Probe::new(point, geometry)).collect() }
     }
 
@@ -96,7 +96,7 @@ impl Links {
 
     /// Points that two cameras must share.
     fn least(a: &Sight, b: &Sight) -> usize {
-        LEAST.max((SHARED * a.seen.len().min(b.seen.len()) as f64).ceil() as usize)
+        MIN_SHARED.max((SHARED * a.seen.len().min(b.seen.len()) as f64).ceil() as usize)
     }
 
     /// Whether two cameras share enough at an angle that is not too wide.

@@ -106,10 +106,10 @@ impl Preparation {
                 "on a CPU device expected quality is of at most {MAX_ON_CPU} cameras, and these are {splats}; use a GPU, or fewer"
             )));
         }
-        if config.connect.is_some() && splats > links::MOST {
+        if config.connect.is_some() && splats > links::MAX_CAMERAS {
             return Err(Error::request(format!(
                 "`connect` is for at most {} cameras, and these are {splats}; plan fewer, or leave it out",
-                links::MOST
+                links::MAX_CAMERAS
             )));
         }
         if quality && probes > MAX_VIEWERS_A_STEP {

@@ -53,8 +53,11 @@ impl Planner {
         let blocks = self.settings.iterations.div_ceil(self.block());
         let mut asked = false;
         if profile.is_some() || self.context.debug_sync() || self.links.is_some() {
-            for _ in 0..blocks {
-                self.link()?;
+            for block in 0..blocks {
+                // The first links were made with the start.
+                if block > 0 {
+                    self.link()?;
+                }
                 let stages = self.stages_of_a_block();
                 let mut commands = match profile {
                     Some(_) => Recorder::timed(&self.context, stages)?,

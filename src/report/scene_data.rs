@@ -86,12 +86,33 @@ pub struct CameraData<'a> {
     /// What is known of it beside its pose.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remark: Option<String>,
+    #[serde(flatten)]
+    view: View,
+}
+
+/// From where a camera looks, and through which lens.
+#[derive(Serialize)]
+pub(super) struct View {
     position: DVec3,
     /// Camera axes (right, down, forward) in the world.
     axes: [DVec3; 3],
     size: [u32; 2],
     focal: [f64; 2],
     principal: [f64; 2],
+}
+
+impl View {
+    /// That of a camera, relative to `origin`.
+    pub fn new(camera: &Camera, origin: DVec3) -> Self {
+        let Camera { pose, intrinsics, .. } = camera;
+        Self {
+            position: pose.position - origin,
+            axes: [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| pose.rotation * axis),
+            size: [intrinsics.width, intrinsics.height],
+            focal: intrinsics.focal,
+            principal: intrinsics.principal,
+        }
+    }
 }
 
 /// Points of the surface.
@@ -141,18 +162,7 @@ impl RegionData {
 impl<'a> CameraData<'a> {
     /// A camera, relative to `origin`.
     pub fn new(camera: &'a Camera, origin: DVec3, role: Role) -> Self {
-        let intrinsics = &camera.intrinsics;
-        Self {
-            name: &camera.name,
-            role,
-            label: None,
-            remark: None,
-            position: camera.pose.position - origin,
-            axes: [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| camera.pose.rotation * axis),
-            size: [intrinsics.width, intrinsics.height],
-            focal: intrinsics.focal,
-            principal: intrinsics.principal,
-        }
+        Self { name: &camera.name, role, label: None, remark: None, view: View::new(camera, origin) }
     }
 }
 

@@ -7,6 +7,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::geometry::pack;
+use super::scene_data::View;
 use crate::gaussians::run::record::TrainRecord;
 use crate::scene::camera::{Camera, Pose, common_up};
 use crate::scene::gaussians::Gaussians;
@@ -59,12 +60,8 @@ struct ViewData<'a> {
     /// Whether it was trained on; else it is a test view.
     trained: bool,
     psnr: Option<f64>,
-    position: DVec3,
-    /// Camera axes (right, down, forward) in the world.
-    axes: [DVec3; 3],
-    size: [u32; 2],
-    focal: [f64; 2],
-    principal: [f64; 2],
+    #[serde(flatten)]
+    view: View,
 }
 
 /// What the page draws splats from.
@@ -143,17 +140,8 @@ impl Model {
     }
 
     fn view<'a>(&self, camera: &'a Camera, trained: bool, psnr: Option<f64>) -> ViewData<'a> {
-        let Camera { name, pose, intrinsics } = camera;
-        ViewData {
-            name,
-            trained,
-            psnr: psnr.filter(|psnr| psnr.is_finite()),
-            position: pose.position - self.origin,
-            axes: [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| pose.rotation * axis),
-            size: [intrinsics.width, intrinsics.height],
-            focal: intrinsics.focal,
-            principal: intrinsics.principal,
-        }
+        let psnr = psnr.filter(|psnr| psnr.is_finite());
+        ViewData { name: &camera.name, trained, psnr, view: View::new(camera, self.origin) }
     }
 }
 

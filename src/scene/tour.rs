@@ -6,7 +6,7 @@ use super::free_space::FreeSpace;
 use super::legs::{Legs, length};
 
 /// Places that a tour is made of at most: lengths between all pairs are kept, and every way through others is looked at.
-pub const MOST: usize = 2000;
+pub const MAX_PLACES: usize = 2000;
 /// Places that a tour is begun from, of which the shortest counts.
 const BEGINNINGS: usize = 8;
 /// Most places in a row that are moved elsewhere as one.
@@ -24,7 +24,7 @@ pub struct Tour {
 }
 
 impl Tour {
-    /// A short tour of `places`, [`MOST`] at most, in the frame of the free space, open at both ends, which begins at the
+    /// A short tour of `places`, [`MAX_PLACES`] at most, in the frame of the free space, open at both ends, which begins at the
     /// lower one. It is a local optimum: no part of it gets shorter by going it backwards, or by visiting three places or
     /// fewer at another time.
     pub fn new(space: &FreeSpace, places: &[DVec3]) -> Self {
