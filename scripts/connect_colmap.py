@@ -3,6 +3,7 @@
 
 usage: connect_colmap.py make DIR            the scenes: a room (room.gltf), a rock (rock.gltf), and photos that are kept of each
        connect_colmap.py register CAPTURE... COLMAP on what `camsplat capture` rendered of a plan; a line each
+       connect_colmap.py pairs CAPTURE...    matches of its pairs of photos by their angle at the origin, after register
 
 Needs numpy and pillow, and colmap 3.8 for register. docs/results/2026-11/connect.md has the commands between the two and what came out.
 """
@@ -11,13 +12,14 @@ import io
 import json
 import os
 import shutil
-import subprocess
+import sqlite3
 import sys
 
 import numpy as np
 from PIL import Image
 
-from frames_walk import looking, room, similarity
+from colmap_poses import aligned, colmap, models
+from frames_walk import looking, room
 
 
 def solid_noise(rng, places, cells):
@@ -94,57 +96,61 @@ def make(folder):
             json.dump(value, file)
 
 
+def poses(folder):
+    """What transforms.json says of a capture's lens, and the pose of each photo by its name without extension."""
+    record = json.load(open(f"{folder}/transforms.json"))
+    stem = lambda path: os.path.splitext(os.path.basename(path))[0]
+    lens = record if "fl_x" in record else record["frames"][0]
+    return lens, {stem(frame["file_path"]): np.array(frame["transform_matrix"]) for frame in record["frames"]}
+
+
 def register(folder):
     out = f"{folder}/colmap"
     shutil.rmtree(out, ignore_errors=True)
     os.makedirs(f"{out}/sparse")
-    record = json.load(open(f"{folder}/transforms.json"))
-    lens = record if "fl_x" in record else record["frames"][0]
-    frames = {os.path.splitext(os.path.basename(frame["file_path"]))[0]: frame for frame in record["frames"]}
-    database, images = ["--database_path", f"{out}/database.db"], ["--image_path", f"{folder}/images"]
-
-    def colmap(*arguments, check=True):
-        environment = dict(os.environ, QT_QPA_PLATFORM="offscreen")
-        with open(f"{out}/colmap.log", "a") as log:
-            subprocess.run(["colmap", *arguments], check=check, env=environment, stdout=log, stderr=log)
+    lens, _ = poses(folder)
+    database, images, log = ["--database_path", f"{out}/database.db"], ["--image_path", f"{folder}/images"], f"{out}/colmap.log"
     known = ",".join(str(lens[key]) for key in ("fl_x", "fl_y", "cx", "cy"))
     single = ["--ImageReader.single_camera", "1", "--ImageReader.camera_model", "PINHOLE", "--ImageReader.camera_params", known]
-    colmap("feature_extractor", *database, *images, *single, "--SiftExtraction.use_gpu", "0")
-    colmap("exhaustive_matcher", *database, "--SiftMatching.use_gpu", "0")
+    colmap(log, "feature_extractor", *database, *images, *single, "--SiftExtraction.use_gpu", "0")
+    colmap(log, "exhaustive_matcher", *database, "--SiftMatching.use_gpu", "0")
     # It fails where no pair of photos will do to begin with.
-    colmap("mapper", *database, *images, "--output_path", f"{out}/sparse", "--Mapper.ba_refine_focal_length", "0", check=False)
-    models = []
-    for model in sorted(os.listdir(f"{out}/sparse")):
-        path = f"{out}/sparse/{model}"
-        colmap("model_converter", "--input_path", path, "--output_path", path, "--output_type", "TXT")
-        models.append([line.split() for line in open(f"{path}/images.txt") if not line.startswith("#")][::2])
-    found, true, turned, names = [], [], [], []
-    for line in max(models, key=len, default=[]):
-        w, x, y, z, *shift = map(float, line[1:8])
-        world = np.array([
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]).T
-        names.append(os.path.splitext(line[9])[0])
-        pose = np.array(frames[names[-1]]["transform_matrix"])
-        found.append(-world @ np.array(shift))
-        true.append(pose[:3, 3])
-        turned.append((world, pose[:3, :3] @ np.diag([1, -1, -1])))
-    right = np.zeros(len(found), bool)
-    if len(found) > 3:
-        found, true = np.array(found), np.array(true)
+    colmap(log, "mapper", *database, *images, "--output_path", f"{out}/sparse", "--Mapper.ba_refine_focal_length", "0", check=False)
+    measure(folder)
+
+
+def measure(folder):
+    """Photos of the largest model that are in place: within a fiftieth of the cameras' mean distance from their centre, and 2 degrees."""
+    _, truth = poses(folder)
+    found = models(f"{folder}/colmap/sparse", f"{folder}/colmap/colmap.log")
+    best = [(os.path.splitext(name)[0], *pose) for name, *pose in max(found.values(), key=len, default=[])]
+    right = set()
+    if len(best) > 3:
+        true = np.array([truth[name][:3, 3] for name, _, _ in best])
         size = np.linalg.norm(true - true.mean(0), axis=1).mean()
-        kept = np.ones(len(found), bool)
-        for _ in range(10):
-            scale, rotation, shift = similarity(true[kept], found[kept])
-            off = np.linalg.norm(scale * true @ rotation.T + shift - found, axis=1) / scale
-            kept = off <= max(3 * np.median(off), 0.02 * size)
-        angle = np.degrees(np.arccos(np.clip([(np.trace((rotation @ b).T @ a) - 1) / 2 for a, b in turned], -1, 1)))
-        right = (off < 0.02 * size) & (angle < 2)
-    planned = sum(not name.startswith("k") for name in frames)
-    of_planned = sum(ok and not name.startswith("k") for name, ok in zip(names, right))
-    print(f"{folder}: {len(models)} models; {len(found)} of {len(frames)} registered, {right.sum()} in place; of {planned} planned {of_planned} in place", flush=True)
+        _, off, angle = aligned(best, truth.__getitem__, 0.02 * size)
+        right = {name for (name, _, _), ok in zip(best, (off < 0.02 * size) & (angle < 2)) if ok}
+    planned = [name for name in truth if not name.startswith("k")]
+    print(
+        f"{folder}: {len(found)} models; {len(best)} of {len(truth)} registered, {len(right)} in place; of {len(planned)} planned "
+        f"{len(right.intersection(planned))} in place", flush=True
+    )
+
+
+def pairs(folder):
+    _, truth = poses(folder)
+    database = sqlite3.connect(f"{folder}/colmap/database.db")
+    name = {image: os.path.splitext(file)[0] for image, file in database.execute("select image_id, name from images")}
+    angles, matches = [], []
+    for pair, rows in database.execute("select pair_id, rows from two_view_geometries"):
+        a, b = [truth[name[image]][:3, 3] for image in divmod(pair, 2147483647)]
+        angles.append(np.degrees(np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b))))
+        matches.append(rows)
+    angles, matches = np.array(angles), np.array(matches)
+    for low, high in [(0, 10), (10, 20), (20, 25), (25, 30), (30, 40), (40, 60)]:
+        within = matches[(angles >= low) & (angles < high)]
+        if len(within) > 0:
+            print(f"{folder}: {low} to {high} degrees: {len(within)} pairs, median {np.median(within):.0f}, most {within.max()}")
 
 
 if __name__ == "__main__":
@@ -154,5 +160,8 @@ if __name__ == "__main__":
         case ["register", *folders] if folders:
             for folder in folders:
                 register(folder)
+        case ["pairs", *folders] if folders:
+            for folder in folders:
+                pairs(folder)
         case _:
             sys.exit(__doc__)

@@ -20,6 +20,8 @@ import sys
 import numpy as np
 from PIL import Image
 
+from colmap_poses import aligned, colmap, models
+
 ROOM = np.array([6.0, 2.8, 8.0])
 WIDTH, HEIGHT, FOCAL, FPS = 400, 300, 300.0, 10.0
 # Per walk: seed, share of a frame that the shutter is open, and x, z, yaw in degrees (0 along -z) and the seconds to get there.
@@ -299,63 +301,25 @@ def choose(folder, method, count, out):
     return chosen
 
 
-def similarity(a, b):
-    """Scale, rotation and shift that take points a to points b (Umeyama 1991)."""
-    ma, mb = a.mean(0), b.mean(0)
-    u, s, v = np.linalg.svd((b - mb).T @ (a - ma) / len(a))
-    sign = np.diag([1, 1, np.sign(np.linalg.det(u @ v))])
-    rotation = u @ sign @ v
-    scale = np.trace(np.diag(s) @ sign) / ((a - ma) ** 2).sum() * len(a)
-    return scale, rotation, mb - scale * rotation @ ma
-
-
 def compare(folder, method, count, iterations):
     out = f"{folder}/{method}-{count}"
     shutil.rmtree(out, ignore_errors=True)
     chosen = choose(folder, method, count, out)
     os.makedirs(f"{out}/sparse")
     database, images = ["--database_path", f"{out}/database.db"], ["--image_path", f"{out}/images"]
-
-    def colmap(*arguments):
-        environment = dict(os.environ, QT_QPA_PLATFORM="offscreen")
-        with open(f"{out}/colmap.log", "a") as log:
-            subprocess.run(["colmap", *arguments], check=True, env=environment, stdout=log, stderr=log)
+    log = f"{out}/colmap.log"
     single = ["--ImageReader.single_camera", "1", "--ImageReader.camera_model", "OPENCV", "--SiftExtraction.use_gpu", "0"]
-    colmap("feature_extractor", *database, *images, *single)
-    colmap("exhaustive_matcher", *database, "--SiftMatching.use_gpu", "0")
-    colmap("mapper", *database, *images, "--output_path", f"{out}/sparse")
-    models = {}
-    for model in sorted(os.listdir(f"{out}/sparse")):
-        text = f"{out}/text-{model}"
-        os.makedirs(text)
-        colmap("model_converter", "--input_path", f"{out}/sparse/{model}", "--output_path", text, "--output_type", "TXT")
-        models[model] = [line.split() for line in open(f"{text}/images.txt") if not line.startswith("#")][::2]
-    best = max(models, key=lambda model: len(models[model]))
-    found, true, turned = [], [], []
+    colmap(log, "feature_extractor", *database, *images, *single)
+    colmap(log, "exhaustive_matcher", *database, "--SiftMatching.use_gpu", "0")
+    colmap(log, "mapper", *database, *images, "--output_path", f"{out}/sparse")
+    found = models(f"{out}/sparse", log)
+    best = max(found, key=lambda model: len(found[model]))
     groups = json.load(open(f"{folder}/groups.json"))
-    for line in models[best]:
-        w, x, y, z, *shift = map(float, line[1:8])
-        world = np.array([
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]).T
-        pose = np.array(groups[int(line[9].split(".")[0])]["pose"])
-        found.append(-world @ np.array(shift))
-        true.append(pose[:3, 3])
-        turned.append((world, pose[:3, :3] @ np.diag([1, -1, -1])))
-    found, true = np.array(found), np.array(true)
     # Frames that are registered in the wrong place do not count for the alignment.
-    kept = np.ones(len(found), bool)
-    for _ in range(10):
-        scale, rotation, shift = similarity(true[kept], found[kept])
-        off = np.linalg.norm(scale * true @ rotation.T + shift - found, axis=1) / scale
-        kept = off <= max(3 * np.median(off), 0.02)
-    cosine = [(np.trace((rotation @ b).T @ a) - 1) / 2 for a, b in turned]
-    angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    (scale, rotation, shift), off, angle = aligned(found[best], lambda name: np.array(groups[int(name.split(".")[0])]["pose"]), 0.02)
     right = np.sum((off < 0.15) & (angle < 3))
     print(
-        f"{method} {count}: {len(chosen)} chosen, mean blur {np.mean([groups[i]['blur'] for i in chosen]):.1f} pixels; {len(models)} models, "
+        f"{method} {count}: {len(chosen)} chosen, mean blur {np.mean([groups[i]['blur'] for i in chosen]):.1f} pixels; {len(found)} models, "
         f"{len(off)} registered, {right} within 0.15 m and 3 degrees; off by {100 * np.median(off):.1f} cm (at most {100 * off.max():.0f}) "
         f"and {np.median(angle):.2f} degrees"
     )
