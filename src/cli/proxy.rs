@@ -29,7 +29,7 @@ pub struct Arguments {
     #[arg(long, default_value_t = 320)]
     resolution: u32,
     /// Depth hypotheses per pixel before refinement
-    #[arg(long, default_value_t = 64)]
+    #[arg(long, default_value_t = 64, conflicts_with = "depths")]
     hypotheses: u32,
     /// Do not carve a visual hull from masks or alpha
     #[arg(long)]
@@ -76,6 +76,9 @@ impl Arguments {
             if !(low..=high).contains(&value) {
                 return Err(Error::request(format!("{option} is {value}; give {low} to {high}")));
             }
+        }
+        if let Some(least) = self.min_confidence.filter(|least| !least.is_finite()) {
+            return Err(Error::request(format!("--min-confidence is {least}; give a number")));
         }
         let depths = self.near.zip(self.far).map(|(near, far)| [near, far]);
         if let Some([near, far]) = depths.filter(|[near, far]| !(*near > 0.0 && far > near && far.is_finite())) {

@@ -27,6 +27,10 @@ pub(crate) fn description(request: &Request, left: usize) -> String {
         settings.max_splats,
         seeds(request)
     );
+    if request.sets() == Kind::Object.sets() {
+        text += " Test views: half and full look at the centre from half of the region's outer radius and from the whole, random from \
+                 anywhere between; all is their mean.";
+    }
     if left > 0 {
         // Writing to a string cannot fail.
         let _ = write!(text, " Not complete: runs still to come: {left}.");

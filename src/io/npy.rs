@@ -47,7 +47,10 @@ pub fn parse<'a>(path: &Path, bytes: &'a [u8]) -> Result<Array<'a>> {
     let size = match () {
         () if header.contains("'descr':'<f8'") => 8,
         () if header.contains("'descr':'<f4'") => 4,
-        () => return Err(refuse("its numbers are neither float64 nor float32")),
+        () => {
+            let what = "its numbers are neither float64 nor float32; write it again with numpy.save(file, array.astype(numpy.float32))";
+            return Err(Error::input(path, what));
+        }
     };
     if !header.contains("'fortran_order':False") {
         return Err(refuse("it does not go row by row"));

@@ -159,8 +159,12 @@ fn every_option_of_the_help_is_accepted() {
         tried.extend(arguments.split_whitespace().filter_map(|word| word.strip_prefix("--")).map(str::to_owned));
     };
     runs.iter().for_each(|given| try_with(given));
-    for (option, values) in known.iter().filter(|(option, _)| *option != "method") {
-        values.iter().for_each(|value| try_with(&format!("--{option} {value}")));
+    // The first value of every option in one run, the second ones in another, and so on; an objective refuses options of the other.
+    known["objective"].iter().for_each(|value| try_with(&format!("--objective {value}")));
+    let listed = || known.iter().filter(|(option, _)| !["method", "objective"].contains(&option.as_str()));
+    for turn in 0..listed().map(|(_, values)| values.len()).max().unwrap_or(0) {
+        let given = listed().filter_map(|(option, values)| Some(format!("--{option} {}", values.get(turn)?)));
+        try_with(&given.collect::<Vec<_>>().join(" "));
     }
     assert_eq!(known.keys().filter(|option| !tried.contains(*option)).collect::<Vec<_>>(), [""; 0]);
     assert!(known["gate"].len() >= 4 && known["preset"].len() == 2, "the help was misread: {known:?}");

@@ -217,7 +217,7 @@ fn the_command_takes_the_maps_of_polycam_and_refuses_others() {
     let keyframes = "scan/keyframes";
     std::fs::create_dir(place.path("empty")).unwrap();
     let shape = format!("--depths {keyframes}/depth --confidence other");
-    let cases: [(&str, &[&str]); 7] = [
+    let cases: [(&str, &[&str]); 9] = [
         ("--min-confidence 300", &["--min-confidence", "next to nothing"]),
         ("--depths nowhere", &["nowhere", "no folder"]),
         ("--depths other", &["16 bits"]),
@@ -225,6 +225,8 @@ fn the_command_takes_the_maps_of_polycam_and_refuses_others() {
         ("--depths empty", &["0 of 8 photos", "depth maps of their names"]),
         ("--depths empty --min-confidence 1", &["confidence"]),
         ("--no-depths --min-confidence 1", &["--no-depths"]),
+        ("--min-confidence nan", &["--min-confidence is NaN"]),
+        ("--depths empty --hypotheses 32", &["--hypotheses", "--depths"]),
     ];
     for (arguments, fragments) in cases {
         let ran = place.run(&format!("proxy scan --out r.ply {arguments}"));

@@ -62,6 +62,10 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<R
     };
     let header = lines.by_ref().map(|(_, line)| columns(line)).find(|header| header.iter().any(|name| name == "name"));
     let header = header.ok_or_else(|| refuse("no line of it names columns, of which one is \"name\"".into()))?;
+    let number = |name: &str| header.iter().filter(|column| *column == name).count();
+    if let Some(name) = ["name"].iter().chain(&NEEDED).chain(&LENS).find(|name| number(name) > 1) {
+        return Err(refuse(format!("it has {} columns {name:?}", number(name))));
+    }
     let place = |name: &str| header.iter().position(|column| column == name);
     let absent =
         |names: &[&'static str]| -> Vec<&str> { names.iter().copied().filter(|name| place(name).is_none()).collect() };
@@ -218,6 +222,7 @@ mod tests {
             (String::new(), "names columns"),
             (row.into(), "names columns"),
             ("#name,x,y,z,heading,pitch,roll\na.jpg,1,2,3,10,80,1\n".into(), "no columns alt, f;"),
+            ("#name,x,y,alt,heading,pitch,roll,f,x\n".into(), "2 columns \"x\""),
             (format!("{HEADER}a.jpg,1,2\n"), "line 2 has 3 columns and the header 16"),
             (format!("{HEADER}{}", row.replace("80", "steep")), "line 2: pitch is \"steep\""),
         ] {
