@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
 """Frames of a rendered walk: `camsplat frames` against every n-th frame and the sharpest of each bucket of equal time.
 
-usage: frames_walk.py make DIR a|b|c     a room (room.gltf), the cameras of the walk's sub-frames, and held-out cameras
+usage: frames_walk.py make DIR a|b|c|d|e|f  a room (room.gltf), the cameras of the walk's sub-frames, and held-out cameras
        frames_walk.py film DIR           frames with motion blur and noise, of the sub-frames that `camsplat capture` rendered
-       frames_walk.py compare DIR METHOD COUNT [ITERATIONS]    METHOD: frames, bucket or nth; COLMAP, and training with ITERATIONS
+       frames_walk.py compare DIR METHOD COUNT [ITERATIONS [SKIP]]    METHOD: frames, bucket or nth; COLMAP, and training with ITERATIONS;
+                                         with METHOD select half as many frames again are posed, and the best of them trained on;
+                                         SKIP frames are left out at the walk's beginning
 
 Between make and film: camsplat capture DIR/room.gltf DIR/subs.json --out DIR/subs --spp 4, and DIR/tests.json --out DIR/tests --spp 16.
 Needs numpy and pillow, colmap 3.8 for compare, and camsplat on the path. docs/results/2026-11/frames.md has what came out.
@@ -41,9 +43,20 @@ WALKS = {
         (1.2, 5.8, 20, 0), (1.2, 4.4, 35, 2.1), (1.2, 4.4, 36, 1.2), (1.4, 2.6, 70, 2.0), (2.2, 1.7, 140, 0.85),
         (3.6, 1.5, 185, 1.7), (3.6, 1.5, 187, 1.4), (4.9, 2.2, 262, 1.0), (5.0, 4.2, 300, 2.2), (4.8, 5.6, 372, 0.9),
         (3.8, 6.3, 392, 1.5), (3.8, 6.3, 393, 1.3), (2.2, 6.2, 340, 1.4), (1.2, 5.6, 412, 0.8), (1.1, 4.9, 425, 1.3)]),
+    "e": (71, 0.25, [
+        (1.2, 5.8, 45, 0), (1.2, 4.0, 80, 3.0), (1.4, 2.2, 120, 3.0), (3.0, 1.6, 175, 2.8), (4.7, 2.2, 235, 2.6),
+        (4.9, 4.2, 275, 3.0), (4.6, 5.9, 320, 3.0), (3.0, 6.2, 355, 2.6), (1.6, 5.6, 390, 2.2)]),
+    "f": (97, 0.3, [
+        (1.8, 4.8, 0, 0), (1.8, 4.8, 150, 1.6), (1.9, 5.2, 155, 1.2), (4.4, 5.6, 140, 1.6), (4.7, 5.6, 230, 0.8),
+        (3.0, 5.6, 260, 1.5), (1.3, 5.6, 280, 1.5), (1.2, 5.0, 360, 0.8), (1.2, 5.0, 365, 1.0), (1.3, 2.0, 380, 2.0),
+        (1.6, 1.6, 470, 0.9), (4.6, 1.8, 480, 2.2), (5.1, 2.6, 560, 0.9), (5.1, 3.8, 630, 1.2), (4.4, 5.0, 640, 1.4)]),
 }
+# The way of c in another hand.
+WALKS["d"] = (53, *WALKS["c"][1:])
 # Stops by which the exposure of a walk drifts to either side, as a phone's does.
-DRIFT = {"a": 0.0, "b": 0.0, "c": 0.5}
+DRIFT = {"a": 0.0, "b": 0.0, "c": 0.5, "d": 0.5, "e": 0.5, "f": 0.5}
+# Share of a frame from the first row's exposure to the last one's.
+READOUT = {"a": 0.0, "b": 0.0, "c": 0.0, "d": 0.2, "e": 0.2, "f": 0.2}
 
 
 class Textures:
@@ -215,6 +228,8 @@ def cameras(poses):
 
 def make(folder, walk):
     seed, shutter, way = WALKS[walk]
+    readout = READOUT[walk]
+    span = shutter + readout
     rng = np.random.default_rng(seed)
     times = np.cumsum([stop[3] for stop in way])
     phase = rng.uniform(0, 2 * np.pi, 12)
@@ -246,9 +261,9 @@ def make(folder, walk):
         angle = np.arccos(np.clip((np.trace(a[:3, :3].T @ b[:3, :3]) - 1) / 2, -1, 1))
         # Most of what is seen is about 2.5 m away.
         blur = FOCAL * angle + FOCAL * np.linalg.norm(a[:3, 3] - b[:3, 3]) / 2.5
-        number = int(np.clip(np.ceil(blur / 2), 2, 10))
+        number = int(np.clip(np.ceil(blur * span / shutter / 2), 2, 10 * span / shutter))
         groups.append({"subs": list(range(len(subs), len(subs) + number)), "pose": pose(t).tolist(), "blur": blur})
-        subs += [pose(t + shutter / FPS * ((k + 0.5) / number - 0.5)) for k in range(number)]
+        subs += [pose(t + span / FPS * ((k + 0.5) / number - 0.5)) for k in range(number)]
     # Held-out views where the walk goes, evenly along its path and not its time, a little beside it.
     points = np.array([path(t) for t in np.linspace(0, times[-1], 4000)])
     steps = np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1) / 2.5 + np.radians(np.abs(np.diff(points[:, 2])))
@@ -261,19 +276,25 @@ def make(folder, walk):
     for name, value in [("room.gltf", room()), ("subs.json", cameras(subs)), ("groups.json", groups), ("tests.json", cameras(tests))]:
         with open(f"{folder}/{name}", "w") as file:
             json.dump(value, file)
-    with open(f"{folder}/drift.json", "w") as file:
-        json.dump(DRIFT[walk], file)
+    with open(f"{folder}/phone.json", "w") as file:
+        json.dump({"drift": DRIFT[walk], "shutter": shutter / span, "readout": readout / span}, file)
     print(f"{len(groups)} frames of {len(subs)} sub-frames; median blur {np.median([g['blur'] for g in groups]):.1f} pixels")
 
 
 def film(folder):
     rng = np.random.default_rng(3)
     os.makedirs(f"{folder}/walk", exist_ok=True)
-    drift = json.load(open(f"{folder}/drift.json"))
+    phone = json.load(open(f"{folder}/phone.json"))
+    # When each row begins to be exposed, from 0 at the first sub-frame's beginning to 1 at the last one's end.
+    begins = phone["readout"] * np.linspace(0, 1, HEIGHT)
     for i, group in enumerate(json.load(open(f"{folder}/groups.json"))):
-        gain = 2 ** (drift * (0.7 * np.sin(0.06 * i) + 0.3 * np.sin(0.23 * i + 1)))
-        pictures = [np.asarray(Image.open(f"{folder}/subs/images/{k:05d}.png").convert("RGB"), float) for k in group["subs"]]
-        mean = (gain * np.mean([(picture / 255) ** 2.2 for picture in pictures], 0)) ** (1 / 2.2) * 255
+        gain = 2 ** (phone["drift"] * (0.7 * np.sin(0.06 * i) + 0.3 * np.sin(0.23 * i + 1)))
+        light, number = 0, len(group["subs"])
+        for k, sub in enumerate(group["subs"]):
+            picture = np.asarray(Image.open(f"{folder}/subs/images/{sub:05d}.png").convert("RGB"), float)
+            open_for = np.clip(np.minimum(begins + phone["shutter"], (k + 1) / number) - np.maximum(begins, k / number), 0, 1)
+            light = light + (open_for / phone["shutter"])[:, None, None] * (picture / 255) ** 2.2
+        mean = (gain * light) ** (1 / 2.2) * 255
         noisy = np.clip(mean + rng.normal(0, 1.5, mean.shape), 0, 255).round().astype(np.uint8)
         Image.fromarray(noisy).save(f"{folder}/walk/{i:03d}.png")
 
@@ -284,11 +305,15 @@ def laplacian(path):
     return (g[:-2, 1:-1] + g[2:, 1:-1] + g[1:-1, :-2] + g[1:-1, 2:] - 4 * g[1:-1, 1:-1]).var()
 
 
-def choose(folder, method, count, out):
-    names = sorted(os.listdir(f"{folder}/walk"))
+def choose(folder, method, count, skip, out):
+    names = sorted(os.listdir(f"{folder}/walk"))[skip:]
     if method == "frames":
-        subprocess.run(["camsplat", "frames", f"{folder}/walk", "--count", str(count), "--out", out, "--force"], check=True)
-        return [i for i, row in enumerate(csv.DictReader(open(f"{out}/frames.csv"))) if row["chosen"] == "1"]
+        shutil.rmtree(f"{out}-walk", ignore_errors=True)
+        os.makedirs(f"{out}-walk")
+        for name in names:
+            os.symlink(os.path.abspath(f"{folder}/walk/{name}"), f"{out}-walk/{name}")
+        subprocess.run(["camsplat", "frames", f"{out}-walk", "--count", str(count), "--out", out, "--force"], check=True)
+        return [int(row["name"][:3]) for row in csv.DictReader(open(f"{out}/frames.csv")) if row["chosen"] == "1"]
     if method == "nth":
         chosen = sorted({round(i) for i in np.linspace(0, len(names) - 1, count)})
     else:
@@ -298,13 +323,13 @@ def choose(folder, method, count, out):
     os.makedirs(f"{out}/images", exist_ok=True)
     for i in chosen:
         shutil.copy(f"{folder}/walk/{names[i]}", f"{out}/images")
-    return chosen
+    return [i + skip for i in chosen]
 
 
-def compare(folder, method, count, iterations):
-    out = f"{folder}/{method}-{count}"
+def compare(folder, method, count, iterations, skip):
+    out = f"{folder}/{method}-{count}-{skip}"
     shutil.rmtree(out, ignore_errors=True)
-    chosen = choose(folder, method, count, out)
+    chosen = choose(folder, "frames", count * 3 // 2, skip, out) if method == "select" else choose(folder, method, count, skip, out)
     os.makedirs(f"{out}/sparse")
     database, images = ["--database_path", f"{out}/database.db"], ["--image_path", f"{out}/images"]
     log = f"{out}/colmap.log"
@@ -319,12 +344,10 @@ def compare(folder, method, count, iterations):
     (scale, rotation, shift), off, angle = aligned(found[best], lambda name: np.array(groups[int(name.split(".")[0])]["pose"]), 0.02)
     right = np.sum((off < 0.15) & (angle < 3))
     print(
-        f"{method} {count}: {len(chosen)} chosen, mean blur {np.mean([groups[i]['blur'] for i in chosen]):.1f} pixels; {len(found)} models, "
+        f"{out}: {len(chosen)} chosen, mean blur {np.mean([groups[i]['blur'] for i in chosen]):.1f} pixels; {len(found)} models, "
         f"{len(off)} registered, {right} within 0.15 m and 3 degrees; off by {100 * np.median(off):.1f} cm (at most {100 * off.max():.0f}) "
         f"and {np.median(angle):.2f} degrees"
     )
-    if iterations == 0:
-        return
     tests = json.load(open(f"{folder}/tests.json"))
     for frame in tests["frames"]:
         pose = np.array(frame["transform_matrix"])
@@ -336,11 +359,16 @@ def compare(folder, method, count, iterations):
     os.makedirs(f"{out}/capture/sparse")
     shutil.copytree(f"{out}/sparse/{best}", f"{out}/capture/sparse/0")
     os.symlink(os.path.abspath(f"{out}/images"), f"{out}/capture/images")
+    if method == "select":
+        os.rename(f"{out}/capture", f"{out}/posed")
+        subprocess.run(["camsplat", "select", f"{out}/posed", "--count", str(count), "--out", f"{out}/capture"], check=True)
+    if iterations == 0:
+        return
     options = f"--iterations {iterations} --max-splats 15000 --sh 1 --shrink 2 --evaluate-every 0 --seed 0"
     train = ["camsplat", "train", f"{out}/capture", "--test", f"{out}/tests", "--out", f"{out}/model", *options.split()]
     subprocess.run(train, check=True, stdout=subprocess.DEVNULL)
     quality = json.load(open(f"{out}/model/train.json"))["evaluations"][-1]["quality"]
-    print(f"{method} {count}: PSNR {quality['psnr']:.2f}, SSIM {quality['ssim']:.3f}, LPIPS {quality['lpips']:.3f}")
+    print(f"{out}: PSNR {quality['psnr']:.2f}, SSIM {quality['ssim']:.3f}, LPIPS {quality['lpips']:.3f}")
 
 
 if __name__ == "__main__":
@@ -349,7 +377,8 @@ if __name__ == "__main__":
             make(folder, walk)
         case ["film", folder]:
             film(folder)
-        case ["compare", folder, method, count, *iterations]:
-            compare(folder, method, int(count), int(iterations[0]) if iterations else 0)
+        case ["compare", folder, method, count, *rest]:
+            iterations, skip, *_ = [int(value) for value in rest] + [0, 0][len(rest):]
+            compare(folder, method, int(count), iterations, skip)
         case _:
             sys.exit(__doc__)
