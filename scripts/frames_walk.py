@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Frames of a rendered walk: `camsplat frames` against every n-th frame and the sharpest of each bucket of equal time.
 
-usage: frames_walk.py make DIR a|b|c|d|e|f  a room (room.gltf), the cameras of the walk's sub-frames, and held-out cameras
-       frames_walk.py film DIR           frames with motion blur and noise, of the sub-frames that `camsplat capture` rendered
-       frames_walk.py compare DIR METHOD COUNT [ITERATIONS [SKIP]]    METHOD: frames, bucket or nth; COLMAP, and training with ITERATIONS;
-                                         with METHOD select half as many frames again are posed, and the best of them trained on;
-                                         SKIP frames are left out at the walk's beginning
+usage: frames_walk.py make DIR a|b|c|d|e|f    a room (room.gltf), the cameras of the walk's sub-frames, and held-out cameras
+       frames_walk.py film DIR                frames with motion blur and noise, of the sub-frames that `camsplat capture` rendered
+       frames_walk.py compare DIR METHOD COUNT [ITERATIONS [SKIP]]
+              COUNT frames by METHOD (frames, bucket, nth) are posed by COLMAP and, with ITERATIONS, trained on. By METHOD select
+              half as many frames again are posed, and the best COUNT trained on. SKIP frames are left out at the walk's beginning.
 
 Between make and film: camsplat capture DIR/room.gltf DIR/subs.json --out DIR/subs --spp 4, and DIR/tests.json --out DIR/tests --spp 16.
 Needs numpy and pillow, colmap 3.8 for compare, and camsplat on the path. docs/results/2026-11/frames.md has what came out.
@@ -326,10 +326,11 @@ def choose(folder, method, count, skip, out):
     return [i + skip for i in chosen]
 
 
-def compare(folder, method, count, iterations, skip):
+def compare(folder, method, count, iterations=0, skip=0):
     out = f"{folder}/{method}-{count}-{skip}"
     shutil.rmtree(out, ignore_errors=True)
-    chosen = choose(folder, "frames", count * 3 // 2, skip, out) if method == "select" else choose(folder, method, count, skip, out)
+    by, number = ("frames", count * 3 // 2) if method == "select" else (method, count)
+    chosen = choose(folder, by, number, skip, out)
     os.makedirs(f"{out}/sparse")
     database, images = ["--database_path", f"{out}/database.db"], ["--image_path", f"{out}/images"]
     log = f"{out}/colmap.log"
@@ -377,8 +378,7 @@ if __name__ == "__main__":
             make(folder, walk)
         case ["film", folder]:
             film(folder)
-        case ["compare", folder, method, count, *rest]:
-            iterations, skip, *_ = [int(value) for value in rest] + [0, 0][len(rest):]
-            compare(folder, method, int(count), iterations, skip)
+        case ["compare", folder, method, count, *rest] if len(rest) <= 2:
+            compare(folder, method, int(count), *map(int, rest))
         case _:
             sys.exit(__doc__)
