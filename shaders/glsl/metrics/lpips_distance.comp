@@ -31,7 +31,10 @@ void main() {
     vec2 lengths = sqrt(squares) + TINY;
     float sum = 0.0;
     for (uint c = 0; c < channels; ++c) {
-        float difference = first[c * pixels + pixel] / lengths.x - second[c * pixels + pixel] / lengths.y;
+        // `precise`: were one quotient fused into the difference, equal features would differ by its rounding.
+        precise float of_first = first[c * pixels + pixel] / lengths.x;
+        precise float of_second = second[c * pixels + pixel] / lengths.y;
+        precise float difference = of_first - of_second;
         sum += weights[c] * difference * difference;
     }
     distances[pixel] = sum;
