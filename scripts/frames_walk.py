@@ -337,8 +337,11 @@ def compare(folder, method, count, iterations=0, skip=0):
     single = ["--ImageReader.single_camera", "1", "--ImageReader.camera_model", "OPENCV", "--SiftExtraction.use_gpu", "0"]
     colmap(log, "feature_extractor", *database, *images, *single)
     colmap(log, "exhaustive_matcher", *database, "--SiftMatching.use_gpu", "0")
-    colmap(log, "mapper", *database, *images, "--output_path", f"{out}/sparse")
+    # It fails where no pair of frames will do to begin with.
+    colmap(log, "mapper", *database, *images, "--output_path", f"{out}/sparse", check=False)
     found = models(f"{out}/sparse", log)
+    if not found:
+        return print(f"{out}: {len(chosen)} chosen; no model")
     best = max(found, key=lambda model: len(found[model]))
     groups = json.load(open(f"{folder}/groups.json"))
     # Frames that are registered in the wrong place do not count for the alignment.

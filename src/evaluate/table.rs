@@ -267,6 +267,12 @@ mod tests {
         let text = markdown(&request, std::slice::from_ref(&one), 0);
         assert!(text.contains("| scene | method | views | held-out | choice, s |\n|---|---|---|---|---|\n"), "{text}");
         assert!(text.contains("| 20 | 20.00 ± 0.50 | 1.50 |") && text.contains("shrunk by 8"), "{text}");
+        // The views of an object's three sets are explained, where these are the tests.
+        assert!(!text.contains("half and full"), "{text}");
+        assert!(
+            description(&Request { kind: Kind::Object, ..request.clone() }, 0)
+                .contains("half and full look at the centre")
+        );
         let room = Request { kind: Kind::Room, ..request };
         assert!(csv(&room, std::slice::from_ref(&one)).contains(",20,3,random,PSNR,20,0.5"));
         // And where the user specifies viewers, one of its own.

@@ -214,13 +214,22 @@ fn the_command_takes_the_maps_of_polycam_and_refuses_others() {
     for camera in cameras(8) {
         GrayImage::new(48, 64).save(place.path("other").join(&camera.name)).unwrap();
     }
+    std::fs::create_dir(place.path("half")).unwrap();
+    for camera in cameras(8) {
+        write_npy(&place.path("half"), &camera, |_, _, _| 1.0);
+        let file = place.path("half").join(&camera.name).with_extension("npy");
+        let bytes = std::fs::read(&file).unwrap();
+        let at = bytes.windows(3).position(|part| part == b"<f4").unwrap();
+        std::fs::write(&file, [&bytes[..at], b"<f2", &bytes[at + 3..]].concat()).unwrap();
+    }
     let keyframes = "scan/keyframes";
     std::fs::create_dir(place.path("empty")).unwrap();
     let shape = format!("--depths {keyframes}/depth --confidence other");
-    let cases: [(&str, &[&str]); 9] = [
+    let cases: [(&str, &[&str]); 10] = [
         ("--min-confidence 300", &["--min-confidence", "next to nothing"]),
         ("--depths nowhere", &["nowhere", "no folder"]),
         ("--depths other", &["16 bits"]),
+        ("--depths half", &["neither float64 nor float32", "astype(numpy.float32)"]),
         (&shape, &["48 x 64", "another shape"]),
         ("--depths empty", &["0 of 8 photos", "depth maps of their names"]),
         ("--depths empty --min-confidence 1", &["confidence"]),

@@ -4,6 +4,7 @@ mod baselines_command;
 mod capture;
 mod capture_command;
 mod cli;
+mod cli_options;
 mod cli_refusals;
 mod demo;
 mod depth_maps;

@@ -4,7 +4,7 @@ use crate::support::splats::{Pass, context, pass, photo, scene, silent, twin_vie
 use camsplat::Result;
 use camsplat::gaussians::render::frame::View;
 use camsplat::gaussians::render::layout;
-use camsplat::gaussians::render::rasterizer::{Threads, Wanted};
+use camsplat::gaussians::render::wanted::{Threads, Wanted};
 use camsplat::gaussians::twin;
 use camsplat::scene::gaussians::Gaussians;
 use glam::DVec3;

@@ -9,8 +9,9 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 
 use super::frame::Frame;
-use super::rasterizer::{MAX_SIDE, Size, Wanted};
+use super::rasterizer::{MAX_SIDE, Size};
 use super::renderer::{Renderer, Rendering};
+use super::wanted::Wanted;
 use crate::io::folder::OutputFolder;
 pub use crate::io::picture::Format;
 use crate::io::picture::{self, stem};

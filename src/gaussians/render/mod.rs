@@ -5,3 +5,4 @@ pub mod job;
 pub mod layout;
 pub mod rasterizer;
 pub mod renderer;
+pub mod wanted;

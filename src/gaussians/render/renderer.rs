@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use super::frame::View;
 use super::layout::{self, PassPush};
-use super::rasterizer::{self, Model, Rasterizer, Size, Sizes, Wanted};
+use super::rasterizer::{self, Model, Rasterizer, Size, Sizes};
+use super::wanted::Wanted;
 use crate::scene::gaussians::Gaussians;
 use crate::vulkan::footprint::Footprint;
 use crate::vulkan::{Buffer, Context};

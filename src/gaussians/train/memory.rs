@@ -4,7 +4,8 @@ use super::loss::{self, Record};
 use crate::gaussians::config::{Config, Strategy};
 use crate::gaussians::render::frame::View;
 use crate::gaussians::render::layout;
-use crate::gaussians::render::rasterizer::{self, Size, Sizes, Wanted};
+use crate::gaussians::render::rasterizer::{self, Size, Sizes};
+use crate::gaussians::render::wanted::Wanted;
 use crate::vulkan::Context;
 
 /// Capacity for instances that a run starts with: three tiles for every Gaussian that there may be, and enough for few large ones.

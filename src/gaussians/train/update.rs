@@ -6,7 +6,8 @@ use std::sync::Arc;
 use crate::Result;
 use crate::gaussians::render::frame::View;
 use crate::gaussians::render::layout::Projected;
-use crate::gaussians::render::rasterizer::{Model, Rasterizer, Wanted};
+use crate::gaussians::render::rasterizer::{Model, Rasterizer};
+use crate::gaussians::render::wanted::Wanted;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {

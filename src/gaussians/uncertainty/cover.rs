@@ -11,8 +11,9 @@ use glam::DVec3;
 
 use crate::gaussians::render::frame::{Frame, View};
 use crate::gaussians::render::layout::{PassPush, Projected};
-use crate::gaussians::render::rasterizer::{Size, Wanted};
+use crate::gaussians::render::rasterizer::Size;
 use crate::gaussians::render::renderer::Renderer;
+use crate::gaussians::render::wanted::Wanted;
 use crate::primitives::{Count, Operation, Reduce};
 use crate::scene::camera::Camera;
 use crate::scene::gaussians::Gaussians;

@@ -11,8 +11,9 @@ use std::sync::Arc;
 
 use crate::gaussians::render::frame::View;
 use crate::gaussians::render::layout::PassPush;
-use crate::gaussians::render::rasterizer::{Rasterizer, Size, Wanted};
+use crate::gaussians::render::rasterizer::{Rasterizer, Size};
 use crate::gaussians::render::renderer::Renderer;
+use crate::gaussians::render::wanted::Wanted;
 use crate::gaussians::train::update::{Moments, Update, UpdatePush};
 use crate::primitives::{Count, Operation, Reduce};
 use crate::scene::gaussians::Gaussians;
