@@ -1,5 +1,7 @@
 //! The `camsplat` command.
 
-fn main() -> std::process::ExitCode {
-    camsplat::cli::main()
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    ExitCode::from(camsplat::cli::main(std::env::args_os()))
 }

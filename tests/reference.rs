@@ -40,17 +40,104 @@ fn reference() -> String {
 /// If this failed, the reference would promise options that the program does not have, or hide some that it has.
 #[test]
 fn the_command_reference_is_what_the_program_says_of_itself() {
-    let file = root().join(REFERENCE);
-    let said = reference();
-    if std::env::var_os("CAMSPLAT_WRITE_REFERENCE").is_some() {
-        fs::write(&file, &said).unwrap();
+    check_generated(REFERENCE, &reference());
+}
+
+/// Functions of the Python package that take the options of a command, and what they have of these by other names or do without.
+const TYPED: [(&str, &[&str]); 5] = [
+    ("plan", &["views", "curve", "out", "dry-run"]),
+    ("score", &["json"]),
+    ("select", &["count", "out"]),
+    ("train", &["out", "dry-run"]),
+    ("evaluate", &["out"]),
+];
+
+/// The type of an option in Python.
+fn python_type(arg: &clap::Arg) -> String {
+    use std::any::TypeId;
+    let name = arg.get_long().unwrap_or_default();
+    let kind = arg.get_value_parser().type_id();
+    let values: Vec<String> = arg.get_possible_values().iter().map(|value| format!("{:?}", value.get_name())).collect();
+    let form = arg.get_value_names().unwrap_or_default().join(" ");
+    let one = match form.as_str() {
+        _ if !arg.get_action().takes_values() => "bool".into(),
+        _ if ["keep", "viewers"].contains(&name) => "Union[File, Cameras, Plan]".into(),
+        _ if name == "surface" && values.is_empty() => "Scene".into(),
+        _ if !values.is_empty() => format!("Literal[{}]", values.join(", ")),
+        "WxH" => "tuple[int, int]".into(),
+        "HEIGHT" => "Union[float, str]".into(),
+        _ if kind == TypeId::of::<f64>() || kind == TypeId::of::<f32>() => match arg.get_value_delimiter() {
+            Some(_) => return "Numbers".into(),
+            None => "float".into(),
+        },
+        _ if [TypeId::of::<u32>(), TypeId::of::<u64>(), TypeId::of::<usize>()].iter().any(|id| kind == *id) => {
+            "int".into()
+        }
+        _ if kind == TypeId::of::<PathBuf>() => "File".into(),
+        form if form.contains(',') => "Numbers".into(),
+        _ if ["device", "devices"].contains(&name) => "Union[str, int]".into(),
+        _ => "str".into(),
+    };
+    match arg.get_action() {
+        clap::ArgAction::Append => format!("Union[{one}, Sequence[{one}]]"),
+        _ => one,
     }
-    let written = fs::read_to_string(&file).unwrap();
-    let differs = written.lines().zip(said.lines()).find(|(written, said)| written != said);
-    assert!(
-        written == said,
-        "{REFERENCE} is not what --help says, first here: {differs:?}; write it anew with CAMSPLAT_WRITE_REFERENCE=1"
+}
+
+/// The options of commands as the Python package has them.
+fn python_options() -> String {
+    let mut text = String::from(
+        r#""""Options of commands as keywords. Generated: `CAMSPLAT_WRITE_REFERENCE=1 cargo test --release --test reference`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal, TypedDict, Union
+
+if TYPE_CHECKING:
+    from ._cameras import Cameras, Scene
+    from ._plan import Plan
+
+File = Union[str, os.PathLike[str]]
+Numbers = Sequence[float]
+"#,
     );
+    let program = camsplat::cli::command();
+    for (command, without) in TYPED {
+        let name = format!("{}{}Options", command[..1].to_uppercase(), &command[1..]);
+        writeln!(text, "\n\nclass {name}(TypedDict, total=False):\n    \"\"\"Options of `camsplat {command}`.\"\"\"")
+            .unwrap();
+        for arg in program.find_subcommand(command).unwrap().get_arguments() {
+            let Some(long) = arg.get_long().filter(|long| !without.contains(long)) else { continue };
+            let help = arg.get_help().unwrap().to_string();
+            // The one that is a keyword of Python ends in an underscore.
+            let field = if long == "pass" { "pass_".into() } else { long.replace('-', "_") };
+            writeln!(text, "\n    {field}: {}\n    \"\"\"{help}\"\"\"", python_type(arg)).unwrap();
+        }
+    }
+    text
+}
+
+/// Asserts that a file which is generated is what it would be if it were generated now.
+#[track_caller]
+fn check_generated(name: &str, generated: &str) {
+    let file = root().join(name);
+    if std::env::var_os("CAMSPLAT_WRITE_REFERENCE").is_some() {
+        fs::write(&file, generated).unwrap();
+    }
+    let written = fs::read_to_string(&file).unwrap_or_default();
+    let differs = written.lines().zip(generated.lines()).find(|(written, generated)| written != generated);
+    assert!(
+        written == generated,
+        "{name} is not what the program's help says, first here: {differs:?}; write it anew with CAMSPLAT_WRITE_REFERENCE=1"
+    );
+}
+
+/// If this failed, Python's checkers and editors would offer options that the program does not have, or refuse some that it has.
+#[test]
+fn the_options_of_the_python_package_are_those_of_the_program() {
+    check_generated("python/camsplat/_options.py", &python_options());
 }
 
 /// Every Markdown page of the repository.

@@ -1,6 +1,5 @@
 //! `camsplat plan --method`: the options of the baselines, and a plan of one.
 
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::Args;
@@ -9,6 +8,7 @@ use super::options::{ModelOptions, method_parser, print_messages};
 use super::order::Order;
 use super::outcome::print_plan;
 use super::progress::stop_on_interrupt;
+use super::session::Ended;
 use crate::baselines::job;
 use crate::baselines::request::Request;
 use crate::io::folder::OutputFolder;
@@ -102,7 +102,7 @@ pub fn run(
     (intrinsics, kept): (Intrinsics, &[Camera]),
     order: Order,
     folder: OutputFolder,
-) -> Result<ExitCode> {
+) -> Result<Ended> {
     let mut plan = job::run(context, target, intrinsics, kept, request, model.as_ref())?;
     order.apply(&mut plan);
     print_messages(context);
@@ -112,5 +112,5 @@ pub fn run(
     report::folder::write(&plan, target, folder)?;
     print_plan(&plan);
     say!("report   {}", path.join("report.html").display());
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }

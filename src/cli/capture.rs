@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 
 use super::options::{DeviceOptions, parse_size, print_messages};
-use super::progress::{Progress, go_on, stop_on_interrupt};
+use super::progress::{Progress, stop_on_interrupt};
+use super::session::{Ended, go_on};
 use crate::gaussians::render::job::resize;
 use crate::io::environment::read_environment;
 use crate::io::gltf::read_model;
@@ -89,7 +89,7 @@ enum Background {
 const CLIPPED: f64 = 2.0;
 
 /// Photographs and writes.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     let inputs = [Some(&arguments.scene), Some(&arguments.cameras), arguments.env.as_ref()];
     check_output_folder(&arguments.out, inputs.into_iter().flatten())?;
     let (mut cameras, mut notes) = io::read_cameras_with_notes(&arguments.cameras)?;
@@ -184,7 +184,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if pictures < all {
         let how = if arguments.force { "the same command without --force" } else { "the same command" };
         say!("stopped after {pictures} of {all} pictures, which stay; {how} goes on from there");
-        return Ok(ExitCode::from(super::INTERRUPTED));
+        return Ok(Ended::Stopped);
     }
     say!("pictures {} in {:.2} s", all - kept, start.elapsed().as_secs_f64());
     if empty > 0 {
@@ -208,7 +208,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         );
     }
     say!("written  {}, with {points} points of the surface", arguments.out.display());
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }
 
 /// Reads an exposure in stops.

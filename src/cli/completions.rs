@@ -1,10 +1,9 @@
 //! `camsplat completions`.
 
-use std::process::ExitCode;
-
 use clap::Args;
 use clap_complete::{Shell, generate};
 
+use super::session::Ended;
 use crate::Result;
 
 /// Arguments of `camsplat completions`.
@@ -16,9 +15,9 @@ pub struct Arguments {
 }
 
 /// Prints the completions.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     let mut text = Vec::new();
     generate(arguments.shell, &mut super::command(), "camsplat", &mut text);
     say!("{}", String::from_utf8_lossy(&text).trim_end());
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }

@@ -1,7 +1,6 @@
 //! `camsplat demo`.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -10,7 +9,8 @@ use glam::DVec3;
 
 use super::options::{DeviceOptions, print_messages, print_target};
 use super::outcome::print_plan;
-use super::progress::{Progress, go_on, stop_on_interrupt};
+use super::progress::{Progress, stop_on_interrupt};
+use super::session::{Ended, go_on};
 use crate::evaluate::demo::{self, Event, Size, Step};
 use crate::evaluate::results::{Interval, Row, measured};
 use crate::evaluate::scene::{Scene, Setting};
@@ -44,7 +44,7 @@ pub struct Arguments {
 
 /// Plans for two scenes, then photographs two rooms as planned and in other ways, and trains on that. Reports of an earlier demo in the same folder are
 /// replaced; its photographs and splats are taken as they are.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     stop_on_interrupt()?;
     let start = Instant::now();
     let Arguments { out, device } = arguments;
@@ -63,7 +63,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     for (name, surface, preset, views) in scenes {
         say!("");
         if !plan(&context, out, name, &surface, preset, views)? {
-            return Ok(ExitCode::from(super::INTERRUPTED));
+            return Ok(Ended::Stopped);
         }
     }
     say!(
@@ -72,12 +72,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     match photograph(&context, out) {
         Err(Error::Interrupted) => {
             say!("{}", super::STOPPED);
-            return Ok(ExitCode::from(super::INTERRUPTED));
+            return Ok(Ended::Stopped);
         }
         photographed => photographed?,
     }
     say!("\nall      {:.0} s; open {}", start.elapsed().as_secs_f64(), out.join("report.html").display());
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }
 
 /// Plans for a scene that is known; false where it was broken off.

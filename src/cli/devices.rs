@@ -1,14 +1,13 @@
 //! `camsplat devices`.
 
-use std::process::ExitCode;
-
+use super::session::Ended;
 use crate::Result;
 use crate::plan::footprint;
 use crate::vulkan::instance::Instance;
 use crate::vulkan::physical::Physical;
 
 /// Lists every device.
-pub fn run() -> Result<ExitCode> {
+pub fn run() -> Result<Ended> {
     let instance = Instance::new(false)?;
     for (index, device) in Physical::all(&instance)?.iter().enumerate() {
         let (major, minor, patch) = device.api;
@@ -32,5 +31,5 @@ pub fn run() -> Result<ExitCode> {
             say!("   cannot be used: lacks {}", device.lacks.join(", "));
         }
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }

@@ -1,13 +1,13 @@
 //! `camsplat evaluate`.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Args;
 
 use super::options::{DeviceOptions, LimitOptions, box_of, print_messages};
-use super::progress::{go_on, stop_on_interrupt};
+use super::progress::stop_on_interrupt;
+use super::session::{self, Ended, go_on};
 use super::viewers::ViewerOptions;
 use crate::evaluate::artifact::Event;
 use crate::evaluate::competitor::Competitor;
@@ -280,7 +280,7 @@ impl Arguments {
 }
 
 /// Evaluates, writes and prints the tables.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     arguments.check_scenes()?;
     let request = arguments.request()?;
     request.validate()?;
@@ -310,7 +310,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let (mut made, mut kept) = (0, 0);
     let page = arguments.out.join("report.html");
     let mut written = None;
-    let outcome = job::run(&contexts, &request, &subjects, &arguments.out, weights.as_ref(), &mut |event| {
+    // Devices are worked on by threads of their own, which are in this session too.
+    let session = session::current();
+    let mut observe = |event: job::Event<'_>| {
         match event {
             job::Event::Artifact(Event::Begins(product)) => {
                 made += 1;
@@ -322,6 +324,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             job::Event::Complete(entry, [done, all]) => {
                 let Entry { scene, method, views, seed, folder, .. } = entry;
                 say!("complete {scene}, {method}, {views} views, seed {seed}: {folder} ({done} of {all})");
+                if let Some(listener) = session.listener() {
+                    listener.progress("evaluating", done as u64, all as u64);
+                }
             }
             job::Event::Written(outcome) => {
                 let html = report::evaluation::html(&request, outcome, &subjects);
@@ -329,6 +334,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             }
         }
         go_on()
+    };
+    let outcome = job::run(&contexts, &request, &subjects, &arguments.out, weights.as_ref(), &mut |event| {
+        session.within(|| observe(event))
     });
     contexts.iter().for_each(|context| print_messages(context));
     let outcome = match outcome {
@@ -338,7 +346,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
                 written?;
                 say!("written  {}, {}, of what is complete", arguments.out.join("table.md").display(), page.display());
             }
-            return Ok(ExitCode::from(super::INTERRUPTED));
+            return Ok(Ended::Stopped);
         }
         outcome => outcome?,
     };
@@ -346,7 +354,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     say!("results  {made} made, {kept} reused, in {:.0} s", start.elapsed().as_secs_f64());
     say!("{}", table::markdown(&request, &outcome.rows, outcome.left).trim_end());
     say!("written  {}, {}", arguments.out.join("table.md").display(), page.display());
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }
 
 #[cfg(test)]

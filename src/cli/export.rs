@@ -1,7 +1,6 @@
 //! `camsplat export`.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use clap::{Args, ValueEnum as _};
 use glam::DVec3;
@@ -9,6 +8,7 @@ use serde::Deserialize;
 
 use super::options::parse_up;
 use super::place::georeference;
+use super::session::Ended;
 use crate::export::georeference::Georeference;
 use crate::export::mission::{Flight, Mission, Rules};
 use crate::export::{self, Format, blender, dji, geojson, gltf, kml, litchi, qgc, ros, usd};
@@ -87,7 +87,7 @@ struct Bounds {
 }
 
 /// Writes the cameras in the formats and prints what came out.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     let folder = OutputFolder::create(&arguments.out, arguments.force)?;
     check_output_folder(&arguments.out, [&arguments.cameras])?;
     check(arguments)?;
@@ -147,7 +147,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let path = folder.path().to_owned();
     folder.commit()?;
     say!("written  {}", path.display());
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }
 
 fn check(arguments: &Arguments) -> Result<()> {

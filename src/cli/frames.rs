@@ -2,11 +2,11 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use clap::Args;
 
-use super::progress::{self, go_on, withdraw_on_interrupt};
+use super::progress::{self, withdraw_on_interrupt};
+use super::session::{Ended, go_on};
 use crate::frames::choice::{self, Choice, DUPLICATE, Gap};
 use crate::frames::{self, Analysis, Format, Progress, Source};
 use crate::io::folder::OutputFolder;
@@ -37,7 +37,7 @@ pub struct Arguments {
 const EXHAUSTIVE: usize = 300;
 
 /// Chooses, writes the folder and prints what to run next.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     let folder = OutputFolder::create(&arguments.out, arguments.force)?;
     check_output_folder(&arguments.out, [&arguments.source])?;
     let source = Source::open(&arguments.source)?;
@@ -46,12 +46,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         // ffmpeg is stopped by the same Ctrl-C, and fails of it.
         Err(_) if go_on().is_break() => {
             say!("stopped; nothing is written");
-            Ok(ExitCode::from(super::INTERRUPTED))
+            Ok(Ended::Stopped)
         }
         Err(error) => Err(error),
         Ok(chosen) => {
             print_next(&arguments.out, chosen);
-            Ok(ExitCode::SUCCESS)
+            Ok(Ended::Done)
         }
     }
 }

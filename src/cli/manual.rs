@@ -1,11 +1,11 @@
 //! `camsplat manual`.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use clap::Args;
 use clap_mangen::Man;
 
+use super::session::Ended;
 use crate::io::folder::OutputFolder;
 use crate::{Error, Result};
 
@@ -21,7 +21,7 @@ pub struct Arguments {
 }
 
 /// Writes a man page for the program and each of its subcommands.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     let folder = OutputFolder::create(&arguments.out, arguments.force)?;
     let program = super::command();
     let pages = program.get_subcommands().map(|command| {
@@ -38,5 +38,5 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     folder.commit()?;
     say!("written  {}", arguments.out.display());
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }

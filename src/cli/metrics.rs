@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use super::options::{DeviceOptions, print_messages};
+use super::session::Ended;
 use crate::io::folder::{check_file, write_files};
 use crate::io::overwrite_guard::check_output_file;
 use crate::metrics::image::{ImageMetrics, Lpips, Network, Rgb8, SSIM_WINDOW, Weights, psnr, ssim};
@@ -91,7 +91,7 @@ struct Measured<'a> {
 }
 
 /// Measures and prints.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     if let Some(file) = &arguments.json {
         check_file(file)?;
     }
@@ -141,7 +141,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             .map_err(|e| Error::request(format!("the metrics cannot be written: {e}")))?;
         write_files(&[(file, text.as_bytes())])?;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }
 
 impl Background {

@@ -1,22 +1,13 @@
 //! The command line: one file per subcommand, each parses, calls and prints.
 
-/// Prints a line. Who reads it may be gone (`camsplat plan ... | head -1`); that is no reason to lose a plan, so what
-/// cannot be printed is not; for any other reason (a full disk) the exit code tells, see [`main`].
+/// Prints a line, see [`session::Session::say`].
 macro_rules! say {
-    ($($text:tt)*) => {{
-        use std::io::Write as _;
-        if let Err(error) = writeln!(std::io::stdout(), "{}", $crate::cli::with_options(format!($($text)*))) {
-            $crate::cli::unsaid(&error);
-        }
-    }};
+    ($($text:tt)*) => { $crate::cli::session::current().say(format!($($text)*)) };
 }
 
 /// Like [`say`], to standard error.
 macro_rules! complain {
-    ($($text:tt)*) => {{
-        use std::io::Write as _;
-        let _ = writeln!(std::io::stderr(), "{}", $crate::cli::with_options(format!($($text)*)));
-    }};
+    ($($text:tt)*) => { $crate::cli::session::current().complain(format!($($text)*)) };
 }
 
 mod baselines;
@@ -41,17 +32,22 @@ mod render;
 mod retraining;
 mod score;
 mod select;
+mod session;
 mod train;
 mod vds;
 mod vdsf;
 mod viewers;
 
-use std::process::ExitCode;
-use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::ffi::OsString;
+use std::sync::Arc;
 
 use clap::error::ErrorKind;
 use clap::{Arg, CommandFactory, FromArgMatches, Parser, Subcommand};
+
+pub use session::Listener;
+use session::{Ended, Session};
+
+use crate::{Error, Result};
 
 /// Where should the cameras stand?
 #[derive(Parser)]
@@ -101,60 +97,104 @@ enum Command {
     Manual(manual::Arguments),
 }
 
-/// Exit code of a run that the user stopped: 128 + SIGINT, as shells have it.
-const INTERRUPTED: u8 = 130;
 /// What is said where the same command goes on from there.
 const STOPPED: &str = "stopped; what is finished stays, and the same command goes on from there";
 
 /// What is said of a standard output that fails.
 const NO_ROOM: &str = "error: standard output did not take all that was printed; is its disk full?";
 
-/// Whether something could not be printed though there is still a reader.
-static UNSAID: AtomicBool = AtomicBool::new(false);
-
-/// Names of the command's arguments as the library has them, each with its option.
-static OPTIONS: OnceLock<Vec<(String, String)>> = OnceLock::new();
-
-/// What the library says, with the command's options in place of settings: `` `held_out` `` is `--held-out`.
-fn with_options(text: String) -> String {
-    if !text.contains('`') {
-        return text;
-    }
-    let put = |text: String, (setting, option): &(String, String)| text.replace(setting, option);
-    OPTIONS.get().into_iter().flatten().fold(text, put)
+/// How a command ended that ran inside a program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// All that was asked for is written.
+    Done,
+    /// The listener asked it to stop. What there was is written; `select`, `frames` and `plan --method` leave nothing.
+    Stopped,
+    /// It failed.
+    Failed {
+        /// What is wrong, where, and what to do, in one line.
+        line: String,
+        /// Exit code of the command: 2 for bad input or request, 1 for anything else.
+        exit_code: u8,
+    },
 }
 
-/// The options of the command that the arguments name, see [`with_options`].
-fn options_of(command: &clap::Command, matches: &clap::ArgMatches) -> Vec<(String, String)> {
-    if let Some((name, matches)) = matches.subcommand() {
-        return command.find_subcommand(name).map_or_else(Vec::new, |subcommand| options_of(subcommand, matches));
+/// Runs a command inside a program: `arguments` are those of the command line, without the program's name. Lines and progress go to the
+/// listener, which may stop it as Ctrl-C does. Commands may run on several threads at once.
+pub fn run(arguments: impl IntoIterator<Item = OsString>, listener: Arc<dyn Listener>) -> Outcome {
+    let arguments = std::iter::once("camsplat".into()).chain(arguments);
+    match parse(arguments, Some(listener)) {
+        Ok((cli, session)) => match session.within(|| start(cli.command)) {
+            Ok(Ended::Done) => Outcome::Done,
+            Ok(Ended::Stopped) | Err(Error::Interrupted) => Outcome::Stopped,
+            Err(error) => {
+                Outcome::Failed { line: session.with_options(error.to_string()), exit_code: error.exit_code() }
+            }
+        },
+        Err((error, session)) if is_answer(&error) => {
+            session.say(error.to_string());
+            Outcome::Done
+        }
+        Err((error, _)) => {
+            let line = one_line(&error.to_string());
+            Outcome::Failed { line: line.trim_start_matches("error: ").to_owned(), exit_code: 2 }
+        }
     }
-    // A field that would be a keyword ends in an underscore.
-    let setting = |arg: &Arg| format!("`{}`", arg.get_id().as_str().trim_end_matches('_'));
-    let named = |arg: &Arg| arg.get_long().map(|long| (setting(arg), format!("--{long}")));
-    command.get_arguments().filter_map(named).collect()
 }
 
-/// What [`say`] does where it cannot print.
-fn unsaid(error: &std::io::Error) {
-    if error.kind() != std::io::ErrorKind::BrokenPipe {
-        UNSAID.store(true, Ordering::Relaxed);
+/// Runs the command line; `arguments` begin with the program's name. Exit codes: 0 done, 2 bad input or request, 130 stopped by the
+/// user (what there was is written; `select`, `frames` and `plan --method` leave nothing), 1 anything else, such as a standard output
+/// that takes no more.
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let (session, code) = match parse(arguments, None) {
+        Ok((cli, session)) => {
+            let code = match session.within(|| start(cli.command)) {
+                Ok(ended) => ended.exit_code(),
+                Err(error) => {
+                    session.complain(format!("error: {error}"));
+                    error.exit_code()
+                }
+            };
+            (session, code)
+        }
+        Err((error, session)) if is_answer(&error) => {
+            session.printed(error.print());
+            (session, u8::try_from(error.exit_code()).unwrap_or(2))
+        }
+        Err((error, session)) => {
+            session.complain(one_line(&error.to_string()));
+            (session, 2)
+        }
+    };
+    if session.lost_lines() {
+        session.complain(NO_ROOM.into());
+        return code.max(1);
     }
+    code
 }
 
-/// Runs the command line. Exit codes: 0 done, 2 bad input or request, 130 stopped by the user (what there was is
-/// written; `select`, `frames` and `plan --method` leave nothing), 1 anything else, such as a standard output that takes no more.
-pub fn main() -> ExitCode {
+/// Parses a command line, and opens its session.
+fn parse(
+    arguments: impl IntoIterator<Item = OsString>,
+    listener: Option<Arc<dyn Listener>>,
+) -> Result<(Cli, Arc<Session>), (clap::Error, Arc<Session>)> {
     let command = command();
-    let parse = |matches: clap::ArgMatches| {
-        OPTIONS.get_or_init(|| options_of(&command, &matches));
-        Cli::from_arg_matches(&matches)
-    };
-    let cli = match command.clone().try_get_matches().and_then(parse) {
-        Ok(cli) => cli,
-        Err(error) => return refuse(&error),
-    };
-    let result = match cli.command {
+    let matches = command.clone().try_get_matches_from(arguments);
+    let session = Arc::new(Session::new(listener, &command, matches.as_ref().unwrap_or(&clap::ArgMatches::default())));
+    match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
+        Ok(cli) => Ok((cli, session)),
+        Err(error) => Err((error, session)),
+    }
+}
+
+/// Whether what the parser has to say is what was asked for, such as the help.
+fn is_answer(error: &clap::Error) -> bool {
+    use ErrorKind::{DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion};
+    matches!(error.kind(), DisplayHelp | DisplayVersion | DisplayHelpOnMissingArgumentOrSubcommand)
+}
+
+fn start(command: Command) -> Result<Ended> {
+    match command {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Score(arguments) => score::run(&arguments),
         Command::Vds(arguments) => vds::run(&arguments),
@@ -173,17 +213,6 @@ pub fn main() -> ExitCode {
         Command::Quality(arguments) => quality::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
         Command::Manual(arguments) => manual::run(&arguments),
-    };
-    match result {
-        Ok(code) if UNSAID.load(Ordering::Relaxed) => {
-            complain!("{NO_ROOM}");
-            if code == ExitCode::SUCCESS { ExitCode::FAILURE } else { code }
-        }
-        Ok(code) => code,
-        Err(error) => {
-            complain!("error: {error}");
-            ExitCode::from(error.exit_code())
-        }
     }
 }
 
@@ -194,23 +223,6 @@ pub fn command() -> clap::Command {
         false => arg,
     };
     Cli::command().mut_subcommands(|command| command.mut_args(with_negatives))
-}
-
-/// Prints what is wrong with the arguments in one line, as every other error is; help and version go out as they are.
-fn refuse(error: &clap::Error) -> ExitCode {
-    use ErrorKind::{DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion};
-    if matches!(error.kind(), DisplayHelp | DisplayVersion | DisplayHelpOnMissingArgumentOrSubcommand) {
-        if let Err(error) = error.print() {
-            unsaid(&error);
-        }
-        if UNSAID.load(Ordering::Relaxed) {
-            complain!("{NO_ROOM}");
-            return ExitCode::FAILURE;
-        }
-        return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
-    }
-    complain!("{}", one_line(&error.to_string()));
-    ExitCode::from(2)
 }
 
 /// The message of the argument parser without usage, on one line: everything up to its first empty line, and what it takes a misspelt word

@@ -1,8 +1,6 @@
 //! `camsplat plan`.
 
-use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::{ArgGroup, Args};
@@ -12,6 +10,7 @@ use super::options::{CameraOptions, DeviceOptions, RegionOptions, print_messages
 use super::order::Order;
 use super::outcome::print_plan;
 use super::progress::{Progress, leave_on_interrupt, stop_on_interrupt};
+use super::session::{Ended, go_on};
 use super::vds;
 use super::viewers::ViewerOptions;
 use crate::io;
@@ -259,7 +258,7 @@ impl Tuning {
 }
 
 /// Plans, writes the folder and prints what came out.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     let views = arguments.views.unwrap_or(1);
     arguments.tuning.check(arguments.baselines.method.objective())?;
     let config = arguments.tuning.config(arguments.region.preset(), views, arguments.baselines.method.objective());
@@ -334,7 +333,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         say!("{}", preparation.footprint().table().trim_end());
         footprint::check(preparation.footprint(), &context)?;
         say!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));
-        return Ok(ExitCode::SUCCESS);
+        return Ok(Ended::Done);
     };
     if arguments.curve {
         return draw_curve(&context, &target, (intrinsics, &kept), &config, folder);
@@ -364,9 +363,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     say!("report   {}", path.join("report.html").display());
     if plan.interrupted() {
         say!("stopped after {} iterations; the plan so far is written", plan.record.history.len());
-        return Ok(ExitCode::from(super::INTERRUPTED));
+        return Ok(Ended::Stopped);
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }
 
 /// Plans with ever more views and writes what is expected of each.
@@ -376,10 +375,18 @@ fn draw_curve(
     cameras: (Intrinsics, &[Camera]),
     config: &Config,
     folder: OutputFolder,
-) -> Result<ExitCode> {
+) -> Result<Ended> {
     leave_on_interrupt()?;
     say!("{:>5} {:>9} {:>8}", "views", "expected", "unseen");
-    let points = curve::curve(context, target, cameras, config, |_| ControlFlow::Continue(()))?;
+    let progress = Progress::over("planning", curve::BUDGETS.len() as u32, "plans");
+    let mut begun = 0;
+    let points = curve::curve(context, target, cameras, config, |_| {
+        begun += 1;
+        progress.set(begun - 1, curve::BUDGETS.len() as u32);
+        go_on()
+    });
+    progress.finish();
+    let points = points?;
     for point in &points {
         say!("{:>5} {:>+6.2} dB {:>7.1}%", point.views, point.db, 100.0 * point.unseen);
     }
@@ -391,7 +398,7 @@ fn draw_curve(
     folder.write("curve.json", text.map_err(|e| Error::request(format!("the curve cannot be written: {e}")))?)?;
     folder.commit()?;
     say!("plot     {}", path.display());
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }
 
 /// The surface of a capture, its points scored from its photos where it has any, and its cameras; none where the scene is no capture.

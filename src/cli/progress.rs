@@ -1,19 +1,17 @@
 //! Progress on the terminal, and Ctrl-C.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::session::{self, Ended, Session, go_on};
 use crate::parallel::lock;
 use crate::plan::job::Event;
 use crate::{Error, Result};
 
-/// Set once the user has asked to stop.
-static STOP: AtomicBool = AtomicBool::new(false);
 /// What Ctrl-C does. The handler holds it while it ends the process, so that nothing begins to be written then.
 static ON_INTERRUPT: Mutex<OnInterrupt> = Mutex::new(OnInterrupt::Finish);
 
@@ -28,10 +26,11 @@ enum OnInterrupt {
     Leave,
 }
 
-/// Lets Ctrl-C (and SIGTERM) stop a run after the iteration that is running; a second one ends the process at once.
+/// Lets Ctrl-C (and SIGTERM) stop a run after the iteration that is running; a second one ends the process at once. In a program that
+/// listens, signals are the program's.
 ///
 /// # Errors
-/// Where the system refuses a signal handler.
+/// Where the system refuses a signal handler, and where the run is to stop already.
 pub fn stop_on_interrupt() -> Result<()> {
     hear_interrupts(OnInterrupt::Finish)
 }
@@ -55,6 +54,9 @@ pub fn leave_on_interrupt() -> Result<()> {
 
 fn hear_interrupts(what: OnInterrupt) -> Result<()> {
     static SET: OnceLock<()> = OnceLock::new();
+    if session::current().listener().is_some() {
+        return Error::unless_stopped(go_on());
+    }
     *lock(&ON_INTERRUPT) = what;
     if SET.set(()).is_err() {
         return Ok(());
@@ -63,10 +65,10 @@ fn hear_interrupts(what: OnInterrupt) -> Result<()> {
         let what = lock(&ON_INTERRUPT);
         if *what == OnInterrupt::Leave {
             say!("stopped; nothing is written");
-            std::process::exit(i32::from(super::INTERRUPTED));
+            std::process::exit(i32::from(Ended::Stopped.exit_code()));
         }
-        if STOP.swap(true, Ordering::SeqCst) {
-            std::process::exit(i32::from(super::INTERRUPTED));
+        if session::interrupt() {
+            std::process::exit(i32::from(Ended::Stopped.exit_code()));
         }
         match *what {
             OnInterrupt::Withdraw => say!("stopping"),
@@ -79,13 +81,16 @@ fn hear_interrupts(what: OnInterrupt) -> Result<()> {
 }
 
 /// Time between two lines of progress where there is no terminal.
-pub const BETWEEN_LINES: Duration = Duration::from_secs(10);
+const BETWEEN_LINES: Duration = Duration::from_secs(10);
 
-/// A bar that follows a run; without a terminal, a line as soon as iterations run and then one every ten seconds.
+/// A bar that follows a run; without a terminal, a line as soon as units are done and then one every ten seconds; in a program that listens,
+/// neither.
 pub struct Progress {
     bar: ProgressBar,
+    doing: RefCell<String>,
     unit: &'static str,
     told: Cell<Option<Instant>>,
+    session: Arc<Session>,
 }
 
 impl Progress {
@@ -95,39 +100,73 @@ impl Progress {
     }
 
     /// A bar for so many units of what is being done.
-    pub fn over(doing: &'static str, all: u32, unit: &'static str) -> Self {
-        let bar = ProgressBar::new(u64::from(all));
+    pub fn over(doing: &str, all: u32, unit: &'static str) -> Self {
+        let session = session::current();
+        let bar = match session.listener() {
+            Some(_) => ProgressBar::hidden(),
+            None => ProgressBar::new(u64::from(all)),
+        };
         let style = ProgressStyle::with_template("{msg:10} {wide_bar} {pos}/{len} {per_sec}, {eta} left");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        bar.set_message(doing);
-        Self { bar, unit, told: Cell::default() }
+        let progress = Self { bar, doing: RefCell::default(), unit, told: Cell::default(), session };
+        progress.name(doing);
+        progress
+    }
+
+    /// Names what is being done from here on.
+    pub fn name(&self, doing: &str) {
+        doing.clone_into(&mut self.doing.borrow_mut());
+        self.bar.set_message(doing.to_owned());
     }
 
     /// Takes note that so many units are done and says whether to go on.
     pub fn advance(&self, done: u32, all: u32) -> ControlFlow<()> {
-        self.bar.set_length(u64::from(all));
-        self.bar.set_position(u64::from(done));
-        let due = self.told.get().is_none_or(|told| told.elapsed() >= BETWEEN_LINES);
-        if self.bar.is_hidden() && done > 0 && done < all && due {
-            match self.told.get() {
-                None => say!("running  {all} {}; a line every {} s", self.unit, BETWEEN_LINES.as_secs()),
-                Some(_) => say!("running  {done} of {all} {}", self.unit),
-            }
-            self.told.set(Some(Instant::now()));
+        self.set(done, all);
+        if done > 0 && done < all {
+            self.tell(|| match self.told.get() {
+                None => format!("running  {all} {}; a line every {} s", self.unit, BETWEEN_LINES.as_secs()),
+                Some(_) => format!("running  {done} of {all} {}", self.unit),
+            });
         }
         go_on()
+    }
+
+    /// Takes note that so many units are done.
+    pub fn set(&self, done: u32, all: u32) {
+        if self.bar.length() != Some(u64::from(all)) {
+            self.bar.reset();
+            self.bar.set_length(u64::from(all));
+        }
+        self.bar.set_position(u64::from(done));
+        if let Some(listener) = self.session.listener() {
+            listener.progress(&self.doing.borrow(), u64::from(done), u64::from(all));
+        }
+    }
+
+    /// Prints a line where nothing shows the bar and the last such line is old.
+    pub fn tell(&self, line: impl FnOnce() -> String) {
+        let is_due = self.told.get().is_none_or(|told| told.elapsed() >= BETWEEN_LINES);
+        if is_due && self.bar.is_hidden() && self.session.listener().is_none() {
+            say!("{}", line());
+            self.told.set(Some(Instant::now()));
+        }
+    }
+
+    /// Prints a line above the bar.
+    pub fn line(&self, text: &str) {
+        self.bar.suspend(|| say!("{text}"));
     }
 
     /// Takes note of an event and says whether to go on.
     pub fn observe(&self, event: Event) -> ControlFlow<()> {
         match event {
             Event::Iterations(done, all) => return self.advance(done, all),
-            Event::Captured(path) => self.bar.suspend(|| say!("capture  {}", path.display())),
+            Event::Captured(path) => self.line(&format!("capture  {}", path.display())),
             Event::Scoring => {
                 self.bar.set_style(
                     ProgressStyle::with_template("{msg}").unwrap_or_else(|_| ProgressStyle::default_spinner()),
                 );
-                self.bar.set_message("scoring");
+                self.name("scoring");
             }
         }
         go_on()
@@ -137,9 +176,4 @@ impl Progress {
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }
-}
-
-/// Whether the user has not asked to stop.
-pub fn go_on() -> ControlFlow<()> {
-    if STOP.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }

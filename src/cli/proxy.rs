@@ -1,11 +1,11 @@
 //! `camsplat proxy`.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use clap::Args;
 
 use super::options::{DeviceOptions, ImageOptions, print_messages};
+use super::session::Ended;
 use crate::io::depth_maps::DepthMaps;
 use crate::io::folder::{check_file, write_files};
 use crate::io::overwrite_guard::check_output_file;
@@ -129,7 +129,7 @@ impl Arguments {
 }
 
 /// Makes the surface, writes it and prints what came out.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     let options = arguments.options()?;
     check_file(&arguments.out)?;
     check_output_file(&arguments.out, [&arguments.capture])?;
@@ -144,7 +144,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     write_files(&[(&arguments.out, &write::surface_points(&found.points))])?;
     print(&found);
     say!("proxy    {}", arguments.out.display());
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }
 
 /// Prints how a surface came about.

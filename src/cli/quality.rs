@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
 
 use super::options::{DeviceOptions, print_messages};
+use super::session::Ended;
 use crate::evaluate::layouts::Trained;
 use crate::io::folder::{check_file, write_files};
 use crate::io::overwrite_guard::check_output_file;
@@ -50,7 +50,7 @@ struct FitArguments {
 }
 
 /// Fits and writes.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     let Command::Fit(arguments) = &arguments.command;
     let FitArguments { scenes, evaluations, held_out, out, layouts, device } = arguments;
     if layouts.as_ref() == Some(out) {
@@ -115,7 +115,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         print_agreement("held out", held_out);
     }
     written.iter().for_each(|(path, _)| say!("wrote    {}", path.display()));
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }
 
 fn print_law(law: &Fitted) {

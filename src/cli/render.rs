@@ -1,13 +1,13 @@
 //! `camsplat render`.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Args;
 
 use super::options::{DeviceOptions, parse_size, print_messages};
 use super::progress::{Progress, stop_on_interrupt};
+use super::session::Ended;
 use crate::gaussians::render::job::{Job, Outcome, Settings, resize};
 use crate::io::folder::OutputFolder;
 use crate::io::overwrite_guard::check_output_folder;
@@ -57,7 +57,7 @@ pub struct Arguments {
 type Colour = [f32; 3];
 
 /// Renders and writes.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     let folder = OutputFolder::create(&arguments.out, arguments.force)?;
     check_output_folder(&arguments.out, [&arguments.model, &arguments.cameras])?;
     let (mut cameras, notes) = io::read_cameras_with_notes(&arguments.cameras)?;
@@ -91,7 +91,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if pictures < all {
         folder.commit()?;
         say!("stopped after {pictures} of {all} pictures, which are written; --force makes all of them anew");
-        return Ok(ExitCode::from(super::INTERRUPTED));
+        return Ok(Ended::Stopped);
     }
     folder.commit()?;
     let seconds = start.elapsed().as_secs_f64();
@@ -100,7 +100,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         say!("         {empty} show nothing: check that the cameras are in the model's frame");
     }
     say!("written  {}", arguments.out.display());
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }
 
 /// Reads a colour, such as black or 0.2,0.5,1.

@@ -1,13 +1,13 @@
 //! `camsplat score`.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use clap::Args;
 use serde::Serialize;
 
 use super::options::{DeviceOptions, RegionOptions, print_messages};
 use super::outcome::table;
+use super::session::Ended;
 use super::viewers::ViewerOptions;
 use crate::io::folder::{check_file, write_files};
 use crate::io::overwrite_guard::check_output_file;
@@ -60,7 +60,7 @@ struct Scores {
 }
 
 /// Scores and prints.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     if !(1..=1 << 20).contains(&arguments.held_out) {
         return Err(Error::request(format!("--held-out is {}; give 1 to {}", arguments.held_out, 1 << 20)));
     }
@@ -116,7 +116,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             .map_err(|e| Error::request(format!("the metrics cannot be written: {e}")))?;
         write_files(&[(file, text.as_bytes())])?;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }
 
 /// Says how many cameras are outside of the limits or the region, which baselines respect.

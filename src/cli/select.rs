@@ -2,7 +2,6 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Args;
@@ -13,6 +12,7 @@ use super::options::{
 use super::outcome::table;
 use super::progress::{leave_on_interrupt, stop_on_interrupt};
 use super::retraining::RetrainingOptions;
+use super::session::Ended;
 use super::viewers::ViewerOptions;
 use crate::io::folder::OutputFolder;
 use crate::io::overwrite_guard::check_output_folder;
@@ -93,7 +93,7 @@ pub struct Arguments {
 }
 
 /// Chooses, writes the folder and prints what came out.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     let folder = OutputFolder::create(&arguments.out, arguments.force)?;
     let inputs = [&arguments.surface, &arguments.include, &arguments.exclude, &arguments.model.model];
     check_output_folder(&arguments.out, inputs.into_iter().flatten().chain(&arguments.region.limits.keep_out))?;
@@ -145,7 +145,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     say!("written  in {:.2} s", start.elapsed().as_secs_f64());
     say!("report   {}", path.join("report.html").display());
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }
 
 fn capture(arguments: &Arguments) -> Result<PhotoSet> {

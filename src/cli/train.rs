@@ -4,14 +4,12 @@ use std::cell::RefCell;
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
-use std::time::Instant;
 
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 
 use super::options::{DeviceOptions, ImageOptions, print_messages};
-use super::progress::{BETWEEN_LINES, go_on, stop_on_interrupt};
+use super::progress::{Progress, stop_on_interrupt};
+use super::session::{Ended, go_on};
 use crate::gaussians::config::{Background, Config, Strategy};
 use crate::gaussians::data::pictures::cameras;
 use crate::gaussians::data::split::{Split, Test};
@@ -109,7 +107,7 @@ pub struct Arguments {
 const USUAL: u32 = 1_000_000;
 
 /// Trains and writes the folder.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     if !(1..=64).contains(&arguments.shrink) {
         return Err(Error::request(format!("--shrink is {}; give 1 to 64", arguments.shrink)));
     }
@@ -158,23 +156,23 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         say!("room     {} tiles reached by splats; more is made where a view needs it", run.room());
         run.check()?;
         say!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));
-        return Ok(ExitCode::SUCCESS);
+        return Ok(Ended::Done);
     }
     say!("photos   {photos} to train on, {tests} to test with");
     if complete {
         say!("complete {all} iterations were trained already; nothing is left to do");
-        return Ok(ExitCode::SUCCESS);
+        return Ok(Ended::Done);
     }
     stop_on_interrupt()?;
     let mut profile = (arguments.profile || arguments.trace.is_some()).then(Profile::default);
     let view = Watch::new(&arguments.out, all, cameras);
     let record = run.run(arguments.resume, profile.as_mut(), &mut |event| view.observe(event));
-    view.bar.finish_and_clear();
+    view.progress.finish();
     print_messages(&context);
     let record = match record {
         Err(Error::Interrupted) => {
             say!("stopped before training began; nothing is written");
-            return Ok(ExitCode::from(super::INTERRUPTED));
+            return Ok(Ended::Stopped);
         }
         record => record?,
     };
@@ -187,9 +185,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     if record.status == Status::Interrupted {
         say!("stopped after {} iterations; go on with --resume", record.iterations);
-        return Ok(ExitCode::from(super::INTERRUPTED));
+        return Ok(Ended::Stopped);
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }
 
 /// Whether the folder holds all that the run would leave: the record is written last. A run that differs in anything goes on
@@ -244,9 +242,9 @@ fn usual_splats(context: &Context, degree: u32) -> u32 {
 
 /// What the user sees of a run, and the files that are kept fresh.
 struct Watch {
-    bar: ProgressBar,
+    progress: Progress,
+    iterations: u32,
     folder: PathBuf,
-    told: RefCell<Option<Instant>>,
     /// The worst test views, by evaluations and their number: encoding them takes longer than hundreds of iterations.
     shown: RefCell<([usize; 2], Shown)>,
     /// Training and test cameras, which the model is shown from.
@@ -256,14 +254,10 @@ struct Watch {
 
 impl Watch {
     fn new(folder: &Path, iterations: u32, cameras: [Vec<Camera>; 2]) -> Self {
-        let bar = ProgressBar::new(u64::from(iterations));
-        let style = ProgressStyle::with_template("{msg:22} {wide_bar} {pos}/{len} {per_sec}, {eta} left");
-        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        bar.set_message("decoding photos");
         Self {
-            bar,
+            progress: Progress::over("decoding photos", iterations, "iterations"),
+            iterations,
             folder: folder.to_owned(),
-            told: RefCell::default(),
             shown: RefCell::new(([usize::MAX; 2], Shown::default())),
             cameras,
             model: RefCell::default(),
@@ -272,43 +266,31 @@ impl Watch {
 
     fn observe(&self, event: Event) -> ControlFlow<()> {
         match event {
-            Event::Photos(done, all) => {
-                self.bar.set_length(all as u64);
-                self.bar.set_position(done as u64);
-            }
-            Event::Iterations(done) => self.bar.set_position(u64::from(done)),
-            Event::Evaluated(evaluation) => self.line(&line(evaluation)),
-            Event::NotSaved(error) => self.line(&format!("warning: no checkpoint was written: {error}")),
+            Event::Photos(done, all) => self.progress.set(done as u32, all as u32),
+            Event::Iterations(done) => self.progress.set(done, self.iterations),
+            Event::Evaluated(evaluation) => self.progress.line(&line(evaluation)),
+            Event::NotSaved(error) => self.progress.line(&format!("warning: no checkpoint was written: {error}")),
             Event::Trained(gaussians) => {
                 let [trained, tests] = &self.cameras;
                 *self.model.borrow_mut() = Some(Model::new(gaussians, trained, tests));
             }
             Event::Report(record, worst) => {
                 if self.shown.borrow().0[0] == usize::MAX {
-                    self.line(&start(record));
+                    self.progress.line(&start(record));
                 }
                 let psnr = record.curve.last().map_or(String::new(), |point| format!(", {:.2} dB", point.psnr));
-                if self.bar.length() != Some(u64::from(record.config.iterations)) {
-                    self.bar.reset();
-                    self.bar.set_length(u64::from(record.config.iterations));
-                }
-                self.bar.set_message(format!("training{psnr}"));
-                let due = self.told.borrow().is_none_or(|told| told.elapsed() >= BETWEEN_LINES);
-                if self.bar.is_hidden() && record.status == Status::Running && record.iterations > 0 && due {
+                self.progress.name(&format!("training{psnr}"));
+                if record.status == Status::Running && record.iterations > 0 {
                     let (done, all) = (record.iterations, record.config.iterations);
-                    say!("running  {done} of {all} iterations, {} splats{psnr}", record.splats);
-                    *self.told.borrow_mut() = Some(Instant::now());
+                    self.progress
+                        .tell(|| format!("running  {done} of {all} iterations, {} splats{psnr}", record.splats));
                 }
                 if let Err(error) = self.write(record, worst) {
-                    self.line(&format!("warning: no report was written: {error}"));
+                    self.progress.line(&format!("warning: no report was written: {error}"));
                 }
             }
         }
         go_on()
-    }
-
-    fn line(&self, text: &str) {
-        self.bar.suspend(|| say!("{text}"));
     }
 
     /// Writes the record and the report.

@@ -1,14 +1,14 @@
 //! `camsplat vds`.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
-use indicatif::ProgressBar;
 
 use super::options::{DeviceOptions, ImageOptions, print_messages};
+use super::progress::Progress;
+use super::session::Ended;
 use crate::io;
 use crate::io::folder::{check_file, write_files};
 use crate::io::overwrite_guard::check_output_file;
@@ -52,7 +52,7 @@ pub struct Arguments {
 const MAX_POINTS: usize = 4_000_000;
 
 /// Scores the points of a surface from photos and writes them.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     if let Some(points) = arguments.points.filter(|points| !(4..=MAX_POINTS).contains(points)) {
         return Err(Error::request(format!("--points is {points}; give 4 to {MAX_POINTS}")));
     }
@@ -90,7 +90,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let bytes = io::ply::write::surface_points(&estimate.points);
     write_files(&[(&arguments.out, &bytes), (&picture_file, &png)])?;
     say!("written  {}, {}", arguments.out.display(), picture_file.display());
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }
 
 /// The sparse points of a capture as a surface.
@@ -105,12 +105,13 @@ fn sparse_points(capture: &PhotoSet) -> Result<Surface> {
 /// Scores a surface from the photos of a capture, with a bar for the photos, and prints what came out.
 pub fn score(context: &Arc<Context>, capture: &PhotoSet, surface: &Surface, settings: &Settings) -> Result<Estimate> {
     let start = Instant::now();
-    let bar = ProgressBar::new(capture.photos.len() as u64).with_message("photos");
+    let all = capture.photos.len() as u32;
+    let progress = Progress::over("photos", all, "photos");
     let estimate = job::run(context, capture, surface, settings, |event| match event {
-        Event::Done(done) => bar.set_position(done as u64),
-        Event::Skipped(error) => bar.suspend(|| say!("left out: {error}")),
+        Event::Done(done) => progress.set(done as u32, all),
+        Event::Skipped(error) => progress.line(&format!("left out: {error}")),
     });
-    bar.finish_and_clear();
+    progress.finish();
     let estimate = estimate?;
     print(&estimate, start.elapsed().as_secs_f64());
     Ok(estimate)

@@ -1,10 +1,10 @@
 //! `camsplat vdsf`.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
 
+use super::session::Ended;
 use crate::io::folder::{check_file, write_files};
 use crate::vds::fit;
 use crate::vds::vdsf::Vdsf;
@@ -41,7 +41,7 @@ struct FitArguments {
 }
 
 /// Fits and writes.
-pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+pub fn run(arguments: &Arguments) -> Result<Ended> {
     let Command::Fit(arguments) = &arguments.command;
     let files = || std::iter::once(&arguments.out).chain(&arguments.plot);
     if arguments.plot.as_ref() == Some(&arguments.out) {
@@ -68,5 +68,5 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         100.0 * quality.saturated
     );
     files().for_each(|file| say!("wrote    {}", file.display()));
-    Ok(ExitCode::SUCCESS)
+    Ok(Ended::Done)
 }

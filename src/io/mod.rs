@@ -174,7 +174,7 @@ pub fn read_cameras_with_notes(path: &Path) -> Result<(Vec<Camera>, Vec<String>)
 }
 
 /// The plan.json of a plan's folder, which has the planned cameras first and the kept ones last, and `path` itself where there is none.
-pub(crate) fn plan_file(path: &Path) -> PathBuf {
+pub fn plan_file(path: &Path) -> PathBuf {
     let plan = path.join("plan.json");
     if plan.is_file() { plan } else { path.to_owned() }
 }

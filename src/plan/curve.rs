@@ -33,7 +33,7 @@ pub struct Point {
 /// number of views before it is planned, and may stop the run.
 ///
 /// # Errors
-/// As [`job::run`]; also where it was stopped.
+/// As [`job::run`]; [`Error::Interrupted`] where it was stopped.
 pub fn curve(
     context: &Arc<Context>,
     target: &Target,
@@ -43,9 +43,7 @@ pub fn curve(
 ) -> Result<Vec<Point>> {
     let mut errors = Vec::new();
     for views in BUDGETS {
-        if observe(views).is_break() {
-            return Err(Error::request("the curve was stopped; nothing is written"));
-        }
+        Error::unless_stopped(observe(views))?;
         let config = Config { views, ..config.clone() };
         let (expectation, _) = job::expected_plan(context, target, intrinsics, kept, config)?;
         errors.push((views, expectation.error_db, expectation.unseen));

@@ -115,10 +115,7 @@ impl<'a> Job<'a> {
         folder: &OutputFolder,
         observe: impl FnMut(u32) -> ControlFlow<()>,
     ) -> Result<Outcome> {
-        let Settings { depth, antialiased, .. } = self.settings;
-        let frame = Frame::new(self.cameras, &gaussians.centres);
-        let wanted = Wanted { antialiased, depths: depth, ..Wanted::default() };
-        let mut renderer = Renderer::new(context, &frame.gaussians_to_training(gaussians), self.largest, wanted)?;
+        let (frame, mut renderer) = self.renderer(context, gaussians)?;
         thread::scope(|scope| {
             let (sender, receiver) = mpsc::sync_channel::<Task>(0);
             let receiver = Arc::new(Mutex::new(receiver));
@@ -145,6 +142,43 @@ impl<'a> Job<'a> {
         })
     }
 
+    /// Renders the Gaussians, which are in the cameras' world, without a folder: `take` receives every picture, with how many units of the
+    /// world a unit of its depths is, and returns whether to continue.
+    ///
+    /// # Errors
+    /// Where the device fails or has not enough memory.
+    pub fn pictures(
+        &self,
+        context: &Arc<Context>,
+        gaussians: Gaussians,
+        mut take: impl FnMut(Rendering, f64) -> ControlFlow<()>,
+    ) -> Result<()> {
+        let (frame, mut renderer) = self.renderer(context, gaussians)?;
+        for camera in self.cameras {
+            if take(self.picture(&mut renderer, &frame, camera)?, frame.extent()).is_break() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn renderer(&self, context: &Arc<Context>, gaussians: Gaussians) -> Result<(Frame, Renderer)> {
+        let Settings { depth, antialiased, .. } = self.settings;
+        let frame = Frame::new(self.cameras, &gaussians.centres);
+        let wanted = Wanted { antialiased, depths: depth, ..Wanted::default() };
+        let renderer = Renderer::new(context, &frame.gaussians_to_training(gaussians), self.largest, wanted)?;
+        Ok((frame, renderer))
+    }
+
+    /// The picture of a camera, over black where its alpha is wanted.
+    fn picture(&self, renderer: &mut Renderer, frame: &Frame, camera: &Camera) -> Result<Rendering> {
+        let mut view = frame.view(camera);
+        if let Some(near) = self.settings.near {
+            view.near = (frame.to_training.length(near) as f32).max(f32::MIN_POSITIVE);
+        }
+        renderer.picture(&view, if self.settings.alpha { [0.0; 3] } else { self.settings.background })
+    }
+
     /// Renders picture after picture and hands them to the writers.
     fn render(
         &self,
@@ -154,15 +188,10 @@ impl<'a> Job<'a> {
         tasks: SyncSender<Task>,
         mut observe: impl FnMut(u32) -> ControlFlow<()>,
     ) -> Result<Outcome> {
-        let background = if self.settings.alpha { [0.0; 3] } else { self.settings.background };
         let mut outcome = Outcome::default();
         for (camera, [picture, depths]) in self.cameras.iter().zip(&self.names) {
-            let mut view = frame.view(camera);
-            if let Some(near) = self.settings.near {
-                view.near = (frame.to_training.length(near) as f32).max(f32::MIN_POSITIVE);
-            }
             let files = [folder.stage(picture)?, folder.stage(depths)?];
-            let rendering = renderer.picture(&view, background)?;
+            let rendering = self.picture(renderer, frame, camera)?;
             let empty = rendering.pixels.iter().all(|pixel| pixel[3] == 1.0);
             if tasks.send(Task { rendering, files }).is_err() {
                 // All writers have failed, and return their errors.

@@ -1,0 +1,219 @@
+"""Cameras and surfaces as arrays, and the files in which commands take them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Optional, Protocol, Union, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _camsplat
+from ._camsplat import Error
+
+Floats = npt.NDArray[np.float64]
+PathLike = Union[str, os.PathLike[str]]
+
+_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+"""OpenGL axes (x right, y up, z backward) from OpenCV axes, and back."""
+
+
+class Cameras:
+    """N pinhole cameras.
+
+    Attributes:
+        poses: (N, 4, 4) float64, world from camera, in the units of the scene. OpenCV axes: x right, y down, z forward.
+        K: (N, 3, 3) float64, intrinsics in pixels; the top left corner of an image is (0, 0).
+        sizes: (N, 2) uint32, width and height in pixels.
+        names: N names, of the images where there are any.
+
+    >>> cameras = Cameras(np.eye(4)[None], size=(640, 480), fov=60)
+    >>> cameras.positions, cameras.K[0, 0, 0].round(3)
+    (array([[0., 0., 0.]]), np.float64(554.256))
+    """
+
+    def __init__(
+        self,
+        poses: npt.ArrayLike,
+        *,
+        size: npt.ArrayLike = (800, 800),
+        fov: Optional[float] = None,
+        K: Optional[npt.ArrayLike] = None,
+        names: Optional[Sequence[str]] = None,
+        convention: str = "opencv",
+    ) -> None:
+        """Cameras of poses and one lens, or one for each.
+
+        Args:
+            poses: (N, 4, 4) or (N, 3, 4), world from camera.
+            size: width and height in pixels, or (N, 2).
+            fov: horizontal field of view in degrees, 50 where K is not given either.
+            K: (3, 3) or (N, 3, 3) intrinsics in pixels, in place of `fov`.
+            names: one for each camera, none twice; 0000, 0001, ... where there are none.
+            convention: axes of the poses, "opencv" or "opengl" (x right, y up, z backward; NeRF and Blender).
+
+        Raises:
+            Error: where a shape is wrong, or a pose is no rotation and translation.
+        """
+        given = np.asarray(poses, dtype=np.float64)
+        if given.ndim != 3 or given.shape[1:] not in [(4, 4), (3, 4)]:
+            raise Error(f"poses: the shape is {given.shape}; give (N, 4, 4), world from camera")
+        count = len(given)
+        self.poses: Floats = np.tile(np.eye(4), (count, 1, 1))
+        self.poses[:, :3] = given[:, :3]
+        if convention == "opengl":
+            self.poses = self.poses @ _FLIP
+        elif convention != "opencv":
+            raise Error(f"convention: {convention!r} is none; give 'opencv' or 'opengl'")
+        _check_poses(self.poses)
+        self.sizes: npt.NDArray[np.uint32] = np.array(np.broadcast_to(np.asarray(size), (count, 2)), dtype=np.uint32)
+        if (self.sizes < 1).any():
+            raise Error("size: an image has no pixels; give width and height")
+        self.K: Floats = _intrinsics(self.sizes, fov, K)
+        self.names: list[str] = [f"{i:04}" for i in range(count)] if names is None else [str(name) for name in names]
+        if len(self.names) != count or len(set(self.names)) != count:
+            raise Error(f"names: {len(set(self.names))} different ones for {count} cameras; give one for each")
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def __repr__(self) -> str:
+        return f"<camsplat.Cameras: {len(self)}>"
+
+    def __getitem__(self, which: Union[slice, Sequence[int], npt.NDArray[Any]]) -> Cameras:
+        """Some of the cameras: a slice, or an array of indices or of booleans."""
+        index = np.arange(len(self))[which]
+        return Cameras(
+            self.poses[index], size=self.sizes[index], K=self.K[index], names=[self.names[i] for i in np.atleast_1d(index)]
+        )
+
+    @property
+    def positions(self) -> Floats:
+        """(N, 3): where the cameras stand."""
+        return self.poses[:, :3, 3]
+
+    @property
+    def directions(self) -> Floats:
+        """(N, 3): the unit vectors along which they look."""
+        return self.poses[:, :3, 2]
+
+    @property
+    def poses_opengl(self) -> Floats:
+        """(N, 4, 4), world from camera, in OpenGL axes: x right, y up, z backward."""
+        return self.poses @ _FLIP
+
+    def arrays(self) -> tuple[list[str], Floats, Floats, npt.NDArray[np.uint32]]:
+        """As the native part has them."""
+        lenses = np.stack([self.K[:, 0, 0], self.K[:, 1, 1], self.K[:, 0, 2], self.K[:, 1, 2]], axis=1)
+        return self.names, np.ascontiguousarray(self.poses), np.ascontiguousarray(lenses), self.sizes
+
+
+def read_cameras(path: PathLike) -> Cameras:
+    """Reads cameras: a COLMAP or NSVF folder, transforms.json, plan.json or the folder of a plan, or a .log trajectory.
+
+    Of a lens with distortion the pinhole part is taken.
+    """
+    names, poses, lenses, sizes, _ = _camsplat.read_cameras(path)
+    K = np.zeros((len(names), 3, 3))
+    K[:, 0, 0], K[:, 1, 1], K[:, 0, 2], K[:, 1, 2], K[:, 2, 2] = *lenses.T, 1.0
+    return Cameras(poses, size=sizes, K=K, names=names)
+
+
+def read_surface(path: PathLike) -> tuple[Floats, Optional[npt.NDArray[np.uint32]]]:
+    """Reads a surface of any format that the command reads: vertices, (V, 3) float64, and faces, (F, 3) uint32, or points and `None`.
+
+    Positions are in the units and the frame of the file.
+    """
+    vertices, faces, _ = _camsplat.read_surface(path)
+    return vertices, faces
+
+
+def _check_poses(poses: Floats) -> None:
+    rotations = poses[:, :3, :3]
+    off = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    bad = ~(np.isfinite(poses).all(axis=(1, 2)) & (off < 1e-4) & (np.linalg.det(rotations) > 0))
+    if bad.any():
+        raise Error(f"poses[{int(np.argmax(bad))}] is no rotation and translation; give world from camera, finite and without scale")
+
+
+def _intrinsics(sizes: npt.NDArray[np.uint32], fov: Optional[float], K: Optional[npt.ArrayLike]) -> Floats:
+    count = len(sizes)
+    if K is None:
+        degrees = 50.0 if fov is None else float(fov)
+        if not 0 < degrees < 180:
+            raise Error(f"fov is {degrees}; give degrees between 0 and 180")
+        of_fov = np.zeros((count, 3, 3))
+        of_fov[:, 0, 0] = of_fov[:, 1, 1] = 0.5 * sizes[:, 0] / np.tan(np.radians(degrees) / 2)
+        of_fov[:, :2, 2], of_fov[:, 2, 2] = 0.5 * sizes, 1.0
+        return of_fov
+    if fov is not None:
+        raise Error("K and fov are both given; give one")
+    given = np.asarray(K, dtype=np.float64)
+    if given.shape not in [(3, 3), (count, 3, 3)]:
+        raise Error(f"K: the shape is {given.shape}; give (3, 3) or ({count}, 3, 3)")
+    if not (np.isfinite(given).all() and (given[..., 0, 0] > 0).all() and (given[..., 1, 1] > 0).all()):
+        raise Error("K: a focal length is not above 0, or a number is not finite; give pixels")
+    if (given[..., 0, 1] != 0).any():
+        raise Error("K: a lens is skewed, which cameras here are not; give K[0, 1] as 0")
+    return np.array(np.broadcast_to(given, (count, 3, 3)))
+
+
+@runtime_checkable
+class _HasVertices(Protocol):
+    """A mesh or point cloud as trimesh has them."""
+
+    @property
+    def vertices(self) -> Any: ...
+
+
+Scene = Union[PathLike, npt.ArrayLike, _HasVertices]
+"""A surface: a file or folder that the command reads, vertices, or an object with `vertices` and perhaps `faces`, such as trimesh's."""
+
+
+def surface_file(scene: Any, faces: Any, folder: Path, name: str = "surface") -> PathLike:
+    """A file that a command can read of a surface, in `folder` where it is none yet."""
+    if isinstance(scene, (str, os.PathLike)):
+        if faces is not None:
+            raise Error("faces go with vertices, and a file is given; leave them out")
+        return scene
+    if isinstance(scene, _HasVertices):
+        if faces is None:
+            faces = getattr(scene, "faces", None)
+        scene = scene.vertices
+    vertices = np.asarray(scene, dtype="<f8")
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) == 0:
+        raise Error(f"vertices: the shape is {vertices.shape}; give (V, 3)")
+    bad = ~np.isfinite(vertices).all(axis=1)
+    if bad.any():
+        raise Error(f"vertices[{int(np.argmax(bad))}] is not finite; leave it out")
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
+    header += "".join(f"property double {axis}\n" for axis in "xyz")
+    rows = b""
+    if faces is not None and np.size(faces) > 0:
+        triangles = np.asarray(faces)
+        if triangles.ndim != 2 or triangles.shape[1] != 3 or not np.issubdtype(triangles.dtype, np.integer):
+            raise Error(f"faces: the shape is {triangles.shape}, of {triangles.dtype}; give (F, 3) vertex indices")
+        if triangles.min() < 0 or triangles.max() >= len(vertices):
+            raise Error(f"faces: indices run from {triangles.min()} to {triangles.max()}, and there are {len(vertices)} vertices")
+        header += f"element face {len(triangles)}\nproperty list uchar uint vertex_indices\n"
+        table = np.zeros(len(triangles), dtype=[("count", "u1"), ("corners", "<u4", 3)])
+        table["count"], table["corners"] = 3, triangles
+        rows = table.tobytes()
+    file = folder / f"{name}.ply"
+    file.write_bytes((header + "end_header\n").encode() + vertices.tobytes() + rows)
+    return file
+
+
+def cameras_file(cameras: Any, folder: Path, name: str) -> PathLike:
+    """A file that a command can read of cameras, in `folder` where it is none yet."""
+    if isinstance(cameras, (str, os.PathLike)):
+        return cameras
+    if not isinstance(cameras, Cameras):
+        cameras = getattr(cameras, "cameras", cameras)
+    if not isinstance(cameras, Cameras):
+        raise Error(f"{name}: a {type(cameras).__name__} holds no cameras; give a path, Cameras or a Plan")
+    file = folder / f"{name}.json"
+    _camsplat.write_cameras(file, *cameras.arrays())
+    return file

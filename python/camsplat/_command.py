@@ -1,0 +1,116 @@
+"""Commands: keywords become options, lines go to the logger `camsplat`, progress to a bar or a callback."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Union
+
+from . import _camsplat
+
+Progress = Union[bool, Callable[[str, int, int], object]]
+"""`True` for a bar (needs tqdm), or a function of what is being done, the units that are done, and all of them."""
+
+_logger = logging.getLogger("camsplat")
+
+
+def command(name: str, *arguments: Union[str, os.PathLike[str]], progress: Progress = False, **options: Any) -> list[str]:
+    """Runs any command of the command line, and returns the lines that it prints.
+
+    The lines go to the logger `camsplat` as well, warnings among them at the level WARNING. `name` may have several words, such as
+    "vdsf fit". Options are keywords: `max_splats=50000`; `True` for a flag; a tuple of numbers for numbers between commas; a list of
+    words, files or tuples for an option that is repeated. What is `None` or `False` is left out.
+
+    >>> camsplat.command("export", "plan", out="mission", format="ros")  # doctest: +SKIP
+
+    Raises `Error` with the line that the command prints where it fails.
+    """
+    return run(name, arguments, options, progress)
+
+
+def run(
+    name: str, arguments: Sequence[Union[str, os.PathLike[str]]], options: Mapping[str, Any], progress: Progress
+) -> list[str]:
+    lines: list[str] = []
+
+    def on_line(line: str) -> None:
+        lines.append(line)
+        _logger.log(logging.WARNING if line.startswith(("warning", "validation")) else logging.INFO, "%s", line)
+
+    words = [*name.split(), *options_of(options), "--", *(os.fspath(argument) for argument in arguments)]
+    with _Bar() if progress is True else _Callback(progress) as on_progress:
+        _camsplat.run(words, on_line, on_progress)
+    return lines
+
+
+def options_of(options: Mapping[str, Any]) -> list[str]:
+    """Options as the command line has them.
+
+    >>> options_of({"views": 50, "size": (640, 480), "wall": [(0, 0, 0, 1, 0, 0), (0, 0, 0, 0, 1, 0)], "force": True, "box": None})
+    ['--views=50', '--size=640x480', '--wall=0,0,0,1,0,0', '--wall=0,0,0,0,1,0', '--force']
+    """
+    words = []
+    for name, value in options.items():
+        option = "--" + name.rstrip("_").replace("_", "-")
+        if value is None or value is False:
+            continue
+        if value is True:
+            words.append(option)
+        elif name == "size" and not isinstance(value, (str, int)):
+            words.append(f"{option}={'x'.join(str(int(side)) for side in value)}")
+        else:
+            words += [f"{option}={text}" for text in _texts(value)]
+    return words
+
+
+def _texts(value: Any) -> list[str]:
+    """The values of an option: one for each time that it is given."""
+    if isinstance(value, (str, os.PathLike)) or not hasattr(value, "__iter__"):
+        return [_text(value)]
+    values = list(value)
+    if all(not isinstance(part, (str, os.PathLike)) and not hasattr(part, "__iter__") for part in values):
+        return [",".join(_text(part) for part in values)]
+    return [text for part in values for text in _texts(part)]
+
+
+def _text(value: Any) -> str:
+    return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
+
+
+class _Callback:
+    """Calls a function of the user's, if there is one."""
+
+    def __init__(self, progress: Union[bool, Callable[[str, int, int], object]]) -> None:
+        self.progress = progress
+
+    def __enter__(self) -> Callable[[str, int, int], object]:
+        return self.progress if callable(self.progress) else lambda doing, done, total: None
+
+    def __exit__(self, *exception: object) -> None:
+        pass
+
+
+class _Bar:
+    """A bar of tqdm, made when there is something to show."""
+
+    def __init__(self) -> None:
+        from tqdm.auto import tqdm  # optional
+
+        self.make = tqdm
+        self.bar: Any = None
+
+    def __enter__(self) -> Callable[[str, int, int], object]:
+        return self.show
+
+    def show(self, doing: str, done: int, total: int) -> None:
+        if self.bar is None:
+            self.bar = self.make(total=total)
+        if self.bar.total != total:
+            self.bar.reset(total)
+        self.bar.set_description(doing, refresh=False)
+        self.bar.update(done - self.bar.n)
+
+    def __exit__(self, *exception: object) -> None:
+        if self.bar is not None:
+            self.bar.close()

@@ -1,0 +1,226 @@
+"""Plans: where cameras should stand, and what they are worth before a photo is taken."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Optional, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _show
+from ._cameras import Cameras, Floats, PathLike, Scene, cameras_file, read_cameras, read_surface, surface_file
+from ._command import Progress, run
+from ._options import PlanOptions, ScoreOptions
+from ._show import Report
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+
+class Plan(Report):
+    """A plan and the folder that holds it; what `plan` returns, and `Plan(folder)` of one that the command has made.
+
+    Attributes:
+        folder: everything that the command writes: report.html, transforms.json, sparse/0, cameras.csv, ... Where no `out` was given it
+            is a temporary folder, which goes with the plan; see `save`.
+        record: the contents of plan.json.
+        cameras: the planned cameras.
+        kept: those that were given with `keep`.
+    """
+
+    def __init__(self, folder: PathLike, *, _temporary: Optional[tempfile.TemporaryDirectory[str]] = None) -> None:
+        super().__init__(folder, _temporary)
+        self.record: dict[str, Any] = self._json("plan.json")
+        everything = read_cameras(self.folder / "plan.json")
+        planned = len(everything) - int(self.record["kept"])
+        self.cameras: Cameras = everything[:planned]
+        self.kept: Cameras = everything[planned:]
+
+    def __repr__(self) -> str:
+        expected = "" if self.expected is None else f", {self.expected:+.2f} dB expected"
+        return f"<camsplat.Plan: {len(self.cameras)} cameras{expected}>"
+
+    @property
+    def poses(self) -> Floats:
+        """(N, 4, 4), world from camera, of the planned cameras in OpenCV axes: x right, y down, z forward."""
+        return self.cameras.poses
+
+    @property
+    def K(self) -> Floats:
+        """(3, 3): the intrinsics in pixels that all planned cameras share."""
+        return self.cameras.K[0]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the images in pixels."""
+        width, height = self.cameras.sizes[0]
+        return int(width), int(height)
+
+    @property
+    def expected(self) -> Optional[float]:
+        """PSNR in decibels that trained splats are expected to gain over the best simple layout; `None` where it was not computed."""
+        expected = self.record.get("expected")
+        return None if expected is None else float(expected["db"])
+
+    @property
+    def points(self) -> Floats:
+        """(P, 3): the points of the surface that the plan was scored at."""
+        return read_surface(self.folder / "points.ply")[0]
+
+    def to_nerfstudio(self) -> dict[str, Any]:
+        """The contents of transforms.json, as nerfstudio and instant-ngp read it."""
+        return self._json("transforms.json")
+
+    def to_colmap(self, folder: PathLike) -> Path:
+        """Writes the COLMAP model of the plan as `folder`/sparse/0, and returns that path."""
+        return self._copy("sparse/0", Path(folder) / "sparse" / "0")
+
+    def log_to_rerun(self, entity: str = "plan", recording: Any = None) -> None:
+        """Logs cameras and points to a recording of rerun, else to the current one. Needs `pip install rerun-sdk`."""
+        _show.log_to_rerun(self.cameras, self.points, entity, recording)
+
+    def to_viser(self, server: Any, name: str = "/plan") -> None:
+        """Adds cameras and points to the scene of a viser server. Needs `pip install viser`."""
+        _show.to_viser(self.cameras, self.points, server, name)
+
+
+@dataclass(frozen=True)
+class Score:
+    """What cameras are worth.
+
+    Attributes:
+        db: PSNR in decibels that trained splats are expected to gain over the best simple layout.
+        sd: standard deviation of `db`.
+        unseen: share of what viewers look at that no camera sees.
+        against: the layout that it is measured against.
+        metrics: geometric metrics, by name.
+    """
+
+    db: float
+    sd: float
+    unseen: float
+    against: str
+    metrics: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class QualityCurve:
+    """How many views are worth taking.
+
+    Attributes:
+        views: (B,) numbers of views.
+        db: (B,) expected PSNR in decibels, against that of the most views.
+        unseen: (B,) share of what viewers look at that no camera sees.
+        svg: the curve as a picture, which notebooks show.
+    """
+
+    views: npt.NDArray[np.int64]
+    db: Floats
+    unseen: Floats
+    svg: str
+
+    def _repr_svg_(self) -> str:
+        return self.svg
+
+
+def plan(
+    scene: Scene,
+    faces: Optional[npt.ArrayLike] = None,
+    views: int = 50,
+    *,
+    out: Optional[PathLike] = None,
+    progress: Progress = False,
+    **options: Unpack[PlanOptions],
+) -> Plan:
+    """Places `views` cameras for a surface.
+
+    Args:
+        scene: a file or folder that `camsplat plan` reads (mesh, points, splats, capture); vertices, (V, 3); or an object with
+            `vertices` and `faces`, such as trimesh's. Arrays have +z up unless `up` says otherwise.
+        faces: (F, 3) vertex indices, counter-clockwise from outside. Vertices without faces are points.
+        views: cameras to place.
+        out: folder to write; `None` for a temporary one that goes with the plan.
+        progress: `True` for a bar (needs tqdm), or a function of what is being done, the units that are done, and all of them.
+        options: those of `camsplat plan`. `keep` and `viewers` also take `Cameras` or a `Plan`, `surface` also arrays.
+
+    Returns:
+        The plan. Lengths and positions are in the units and the frame of the surface.
+
+    Raises:
+        Error: where the request makes no sense, files cannot be read, or the device fails; with the line that the command prints.
+        KeyboardInterrupt: after Ctrl-C. The plan so far is in `out`.
+    """
+    temporary = tempfile.TemporaryDirectory(prefix="camsplat-")
+    folder = Path(temporary.name) / "plan" if out is None else Path(out)
+    source = surface_file(scene, faces, Path(temporary.name))
+    given = _files("plan", options, PlanOptions, Path(temporary.name))
+    run("plan", [source], {"views": views, "out": folder, **given}, progress)
+    return Plan(folder, _temporary=temporary if out is None else None)
+
+
+def score(
+    scene: Scene,
+    cameras: Union[Cameras, Plan, PathLike],
+    faces: Optional[npt.ArrayLike] = None,
+    **options: Unpack[ScoreOptions],
+) -> Score:
+    """Predicts what cameras are worth, before a photo is taken.
+
+    Args:
+        scene: as `plan` takes it.
+        cameras: `Cameras`, a `Plan`, or a file or folder of cameras. With a plan, region and limits are the plan's.
+        faces: as `plan` takes them.
+        options: those of `camsplat score`.
+
+    Raises:
+        Error: as `plan`.
+    """
+    with tempfile.TemporaryDirectory(prefix="camsplat-") as temporary:
+        folder = Path(temporary)
+        source = surface_file(scene, faces, folder)
+        of = cameras.folder if isinstance(cameras, Plan) else cameras_file(cameras, folder, "cameras")
+        file = folder / "score.json"
+        run("score", [source, of], {"json": file, **_files("score", options, ScoreOptions, folder)}, False)
+        metrics = json.loads(file.read_text())
+    return Score(**metrics.pop("expected"), metrics=metrics)
+
+
+def quality_curve(
+    scene: Scene,
+    faces: Optional[npt.ArrayLike] = None,
+    *,
+    progress: Progress = False,
+    **options: Unpack[PlanOptions],
+) -> QualityCurve:
+    """Plans with 5 to 300 views and predicts the quality of each: how many views are worth taking.
+
+    Args and raises as `plan`; nothing is left where it is stopped.
+    """
+    with tempfile.TemporaryDirectory(prefix="camsplat-") as temporary:
+        folder = Path(temporary) / "curve"
+        source = surface_file(scene, faces, Path(temporary))
+        given = _files("quality_curve", options, PlanOptions, Path(temporary))
+        run("plan", [source], {"curve": True, "out": folder, **given}, progress)
+        points = json.loads((folder / "curve.json").read_text())
+        svg = (folder / "curve.svg").read_text()
+    views, db, unseen = (np.array([point[key] for point in points]) for key in ("views", "db", "unseen"))
+    return QualityCurve(views, db, unseen, svg)
+
+
+def _files(name: str, options: Mapping[str, Any], known: type, folder: Path) -> dict[str, Any]:
+    """Options with files in place of arrays; refuses those that the function does not have, as Python does."""
+    for option in options:
+        if option not in known.__annotations__:
+            raise TypeError(f"{name}() got an unexpected keyword argument {option!r}")
+    files = dict(options)
+    if files.get("surface") is not None:
+        files["surface"] = surface_file(files["surface"], None, folder, "other")
+    for key in ("keep", "viewers"):
+        if isinstance(files.get(key), (Cameras, Plan)):
+            files[key] = cameras_file(files[key], folder, key)
+    return files

@@ -1,0 +1,90 @@
+"""Results to look at: their reports, and other viewers."""
+
+from __future__ import annotations
+
+import html
+import json
+import shutil
+import tempfile
+import webbrowser
+from pathlib import Path
+from typing import Any, Optional
+
+import numpy as np
+
+from ._camsplat import Error
+from ._cameras import Cameras, Floats, PathLike
+
+
+class Report:
+    """A folder with a report."""
+
+    def __init__(self, folder: PathLike, temporary: Optional[tempfile.TemporaryDirectory[str]]) -> None:
+        self.folder: Path = Path(folder)
+        # The folder goes when this object does.
+        self._temporary = temporary
+
+    def show(self, height: int = 720) -> None:
+        """Shows the report: in a notebook below the cell, `height` pixels high, else in the browser."""
+        try:
+            from IPython import get_ipython  # optional
+            from IPython.display import HTML, display
+        except ImportError:
+            get_ipython = None
+        if get_ipython is None or get_ipython() is None:
+            webbrowser.open((self.folder / "report.html").resolve().as_uri())
+        else:
+            display(HTML(self._page(height)))
+
+    def save(self, folder: PathLike) -> Path:
+        """Copies everything into a folder that does not exist yet or is empty, and returns its path."""
+        return self._copy(".", Path(folder))
+
+    def _page(self, height: int) -> str:
+        # A frame of its own: the report's styles and scripts are not the notebook's.
+        page = (self.folder / "report.html").read_text(encoding="utf-8")
+        return f'<iframe srcdoc="{html.escape(page)}" width="100%" height="{height}" style="border: 0"></iframe>'
+
+    def _json(self, name: str) -> dict[str, Any]:
+        file = self.folder / name
+        try:
+            contents: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise Error(f"{file}: cannot be read: {error}") from None
+        return contents
+
+    def _copy(self, part: str, to: Path) -> Path:
+        if to.exists() and (not to.is_dir() or any(to.iterdir())):
+            raise Error(f"{to}: there is something here already; name another folder")
+        shutil.copytree(self.folder / part, to, symlinks=True, dirs_exist_ok=True)
+        return to
+
+
+def log_to_rerun(cameras: Cameras, points: Floats, entity: str, recording: Any) -> None:
+    """See `Plan.log_to_rerun`."""
+    import rerun  # optional
+
+    rerun.log(f"{entity}/points", rerun.Points3D(points), recording=recording, static=True)
+    for name, pose, K, size in zip(cameras.names, cameras.poses, cameras.K, cameras.sizes):
+        path = f"{entity}/cameras/{rerun.escape_entity_path_part(name)}"
+        placed = rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
+        lens = rerun.Pinhole(image_from_camera=K, resolution=size, camera_xyz=rerun.ViewCoordinates.RDF)
+        rerun.log(path, placed, lens, recording=recording, static=True)
+
+
+def to_viser(cameras: Cameras, points: Floats, server: Any, name: str) -> None:
+    """See `Plan.to_viser`."""
+    from viser.transforms import SO3  # optional
+
+    extent = float(np.linalg.norm(np.ptp(np.concatenate([points, cameras.positions]), axis=0)))
+    grey = np.full((len(points), 3), 160, dtype=np.uint8)
+    server.scene.add_point_cloud(f"{name}/points", points=points, colors=grey, point_size=extent / 500)
+    for i, (label, pose, K, size) in enumerate(zip(cameras.names, cameras.poses, cameras.K, cameras.sizes)):
+        server.scene.add_camera_frustum(
+            f"{name}/cameras/{i:04}_{label.replace('/', '_')}",
+            fov=2 * float(np.arctan2(size[1] / 2, K[1, 1])),
+            aspect=float(size[0] / size[1]),
+            scale=extent / 40,
+            wxyz=SO3.from_matrix(pose[:3, :3]).wxyz,
+            position=pose[:3, 3],
+        )

@@ -1,0 +1,30 @@
+//! The native part of the Python package: commands, cameras and pictures. What users see is in `camsplat/`.
+
+mod cameras;
+mod command;
+mod pictures;
+mod surface;
+
+use pyo3::create_exception;
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+
+create_exception!(camsplat, Error, PyRuntimeError, "What is wrong, where, and what to do, in one line.");
+
+/// An error of the library as Python has it.
+fn failed(error: camsplat::Error) -> PyErr {
+    Error::new_err(error.to_string().replace('`', ""))
+}
+
+#[pymodule]
+fn _camsplat(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("Error", module.py().get_type::<Error>())?;
+    module.add_function(wrap_pyfunction!(command::main, module)?)?;
+    module.add_function(wrap_pyfunction!(command::run, module)?)?;
+    module.add_function(wrap_pyfunction!(cameras::read_cameras, module)?)?;
+    module.add_function(wrap_pyfunction!(cameras::write_cameras, module)?)?;
+    module.add_function(wrap_pyfunction!(surface::read_surface, module)?)?;
+    module.add_function(wrap_pyfunction!(pictures::render, module)?)?;
+    Ok(())
+}

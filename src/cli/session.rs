@@ -1,0 +1,149 @@
+//! One run of a command: where its lines go, who follows its progress, and whether it is to stop.
+
+use std::cell::RefCell;
+use std::io::Write as _;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::Arg;
+
+/// A program that runs a command inside itself, see [`super::run`]. It is called from the threads that the command runs on.
+pub trait Listener: Send + Sync {
+    /// Takes a line that the command would print.
+    fn line(&self, text: &str);
+    /// Takes note that `done` units out of `all` of what is being done are done.
+    fn progress(&self, doing: &str, done: u64, all: u64);
+    /// Whether the command is to stop: asked every few milliseconds while it may. What is finished by then is written.
+    fn stops(&self) -> bool;
+}
+
+/// How a command ended that did not fail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// All that was asked for is done.
+    Done,
+    /// The user stopped it; what there was is written, as the command has said.
+    Stopped,
+}
+
+impl Ended {
+    /// Exit code of the process; after a stop 128 + SIGINT, as shells have it.
+    pub fn exit_code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::Stopped => 130,
+        }
+    }
+}
+
+/// Set once the user of a terminal has asked to stop.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// One run of a command, on a terminal where nothing listens.
+#[derive(Default)]
+pub struct Session {
+    /// Names of the command's arguments as the library has them, each with its option.
+    options: Vec<(String, String)>,
+    /// Whether something could not be printed though there is still a reader.
+    unsaid: AtomicBool,
+    listener: Option<Arc<dyn Listener>>,
+}
+
+thread_local! {
+    static CURRENT: RefCell<Arc<Session>> = RefCell::default();
+}
+
+/// The session of this thread.
+pub fn current() -> Arc<Session> {
+    CURRENT.with_borrow(Arc::clone)
+}
+
+impl Session {
+    /// A session with the options of the command that the arguments name.
+    pub fn new(listener: Option<Arc<dyn Listener>>, command: &clap::Command, matches: &clap::ArgMatches) -> Self {
+        Self { options: options_of(command, matches), unsaid: AtomicBool::new(false), listener }
+    }
+
+    /// Calls `work`, on any thread, in this session.
+    pub fn within<T>(self: &Arc<Self>, work: impl FnOnce() -> T) -> T {
+        /// Puts the session before this one back, after a panic too.
+        struct Before(Arc<Session>);
+        impl Drop for Before {
+            fn drop(&mut self) {
+                CURRENT.with_borrow_mut(|current| std::mem::swap(current, &mut self.0));
+            }
+        }
+        let _before = Before(CURRENT.replace(Arc::clone(self)));
+        work()
+    }
+
+    /// What the library says, with the command's options in place of settings: `` `held_out` `` is `--held-out`.
+    pub fn with_options(&self, text: String) -> String {
+        if !text.contains('`') {
+            return text;
+        }
+        self.options.iter().fold(text, |text, (setting, option)| text.replace(setting, option))
+    }
+
+    /// Prints a line. Who reads it may be gone (`camsplat plan ... | head -1`); that is no reason to lose a plan, so what
+    /// cannot be printed is not; for any other reason (a full disk) the exit code reports it, see [`Self::lost_lines`].
+    pub fn say(&self, text: String) {
+        let text = self.with_options(text);
+        match &self.listener {
+            Some(listener) => text.lines().for_each(|line| listener.line(line)),
+            None => self.printed(writeln!(std::io::stdout(), "{text}")),
+        }
+    }
+
+    /// As [`Self::say`], to standard error.
+    pub fn complain(&self, text: String) {
+        let text = self.with_options(text);
+        match &self.listener {
+            Some(listener) => text.lines().for_each(|line| listener.line(line)),
+            None => drop(writeln!(std::io::stderr(), "{text}")),
+        }
+    }
+
+    /// Takes note of whether standard output took what was printed.
+    pub fn printed(&self, printed: std::io::Result<()>) {
+        if printed.is_err_and(|error| error.kind() != std::io::ErrorKind::BrokenPipe) {
+            self.unsaid.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Whether something could not be printed though there is still a reader.
+    pub fn lost_lines(&self) -> bool {
+        self.unsaid.load(Ordering::Relaxed)
+    }
+
+    /// Who listens; none on a terminal.
+    pub fn listener(&self) -> Option<&dyn Listener> {
+        self.listener.as_deref()
+    }
+}
+
+/// Asks the command that runs on the terminal to stop; returns whether it had been asked before.
+pub fn interrupt() -> bool {
+    INTERRUPTED.swap(true, Ordering::SeqCst)
+}
+
+/// Whether the user has not asked to stop.
+pub fn go_on() -> ControlFlow<()> {
+    let stops = match current().listener() {
+        Some(listener) => listener.stops(),
+        None => INTERRUPTED.load(Ordering::SeqCst),
+    };
+    if stops { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}
+
+/// The options of the command that the arguments name, see [`Session::with_options`].
+fn options_of(command: &clap::Command, matches: &clap::ArgMatches) -> Vec<(String, String)> {
+    if let Some((name, matches)) = matches.subcommand() {
+        return command.find_subcommand(name).map_or_else(Vec::new, |subcommand| options_of(subcommand, matches));
+    }
+    // A field that would be a keyword ends in an underscore.
+    let setting = |arg: &Arg| format!("`{}`", arg.get_id().as_str().trim_end_matches('_'));
+    let named = |arg: &Arg| arg.get_long().map(|long| (setting(arg), format!("--{long}")));
+    command.get_arguments().filter_map(named).collect()
+}
