@@ -14,8 +14,8 @@ Every function runs the command of the same name inside the interpreter and take
 command prints. The interpreter's lock is released meanwhile, and Ctrl-C stops what is running.
 """
 
-from ._camsplat import Error, __version__
 from ._cameras import Cameras, read_cameras, read_surface
+from ._camsplat import Error, __version__
 from ._command import command
 from ._photos import Evaluation, Rendering, Selection, Training, evaluate, render, select, train
 from ._plan import Plan, QualityCurve, Score, plan, quality_curve, score

@@ -85,9 +85,7 @@ class Cameras:
     def __getitem__(self, which: Union[slice, Sequence[int], npt.NDArray[Any]]) -> Cameras:
         """Some of the cameras: a slice, or an array of indices or of booleans."""
         index = np.arange(len(self))[which]
-        return Cameras(
-            self.poses[index], size=self.sizes[index], K=self.K[index], names=[self.names[i] for i in np.atleast_1d(index)]
-        )
+        return Cameras(self.poses[index], size=self.sizes[index], K=self.K[index], names=[self.names[i] for i in np.atleast_1d(index)])
 
     @property
     def positions(self) -> Floats:
@@ -131,9 +129,10 @@ def read_surface(path: PathLike) -> tuple[Floats, Optional[npt.NDArray[np.uint32
 
 
 def _check_poses(poses: Floats) -> None:
-    rotations = poses[:, :3, :3]
+    is_finite: npt.NDArray[np.bool_] = np.all(np.isfinite(poses), axis=(1, 2))
+    rotations = np.where(is_finite[:, None, None], poses[:, :3, :3], 0.0)
     off = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    bad = ~(np.isfinite(poses).all(axis=(1, 2)) & (off < 1e-4) & (np.linalg.det(rotations) > 0))
+    bad = ~(is_finite & (off < 1e-4) & (np.linalg.det(rotations) > 0))
     if bad.any():
         raise Error(f"poses[{int(np.argmax(bad))}] is no rotation and translation; give world from camera, finite and without scale")
 

@@ -29,9 +29,7 @@ def command(name: str, *arguments: Union[str, os.PathLike[str]], progress: Progr
     return run(name, arguments, options, progress)
 
 
-def run(
-    name: str, arguments: Sequence[Union[str, os.PathLike[str]]], options: Mapping[str, Any], progress: Progress
-) -> list[str]:
+def run(name: str, arguments: Sequence[Union[str, os.PathLike[str]]], options: Mapping[str, Any], progress: Progress) -> list[str]:
     lines: list[str] = []
 
     def on_line(line: str) -> None:

@@ -540,6 +540,9 @@ class EvaluateOptions(TypedDict, total=False):
     devices: Union[Union[str, int], Sequence[Union[str, int]]]
     """Devices to spread the runs over, each by index or part of its name"""
 
+    shard: str
+    """Make part I of N of the runs, for one of N machines; tables are written by the same command without this option, in the folder that they share or into which theirs are copied"""
+
     device: Union[str, int]
     """Device, by index or part of its name (see `camsplat devices`) [default: the best]"""
 

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _camsplat
-from ._camsplat import Error
 from ._cameras import Cameras, PathLike, read_cameras
+from ._camsplat import Error
 from ._command import Progress, run
 from ._options import EvaluateOptions, SelectOptions, TrainOptions
 from ._plan import Plan, _files
@@ -97,7 +97,12 @@ class Evaluation(Report):
 
 
 class Rendering(NamedTuple):
-    """A picture of trained splats: sRGB from 0 to 1, (H, W, 3), or (H, W, 4) with alpha; depths, (H, W), in the model's units, or `None`."""
+    """A picture of trained splats.
+
+    Attributes:
+        image: (H, W, 3) float32, sRGB from 0 to 1; with alpha (H, W, 4).
+        depth: (H, W) float32, in the model's units, or `None`.
+    """
 
     image: npt.NDArray[np.float32]
     depth: Optional[npt.NDArray[np.float32]]
@@ -213,16 +218,11 @@ def render(
         cameras = read_cameras(cameras)
     file = model.model if isinstance(model, Training) else model
     names, poses, lenses, sizes = cameras.arrays()
-    pictures = _camsplat.render(
-        file, names, poses, lenses, sizes, colour, alpha, depth, antialiased, near, device
-    )
+    pictures = _camsplat.render(file, names, poses, lenses, sizes, colour, alpha, depth, antialiased, near, device)
     return [Rendering(*picture) for picture in pictures]
 
 
 def _row(row: dict[str, str]) -> dict[str, Union[str, int, float, None]]:
     """A row of table.csv with numbers in place of their text."""
     integers, floats = ("views", "seeds"), ("mean", "half_interval_95")
-    return {
-        key: int(text) if key in integers else (float(text) if text else None) if key in floats else text
-        for key, text in row.items()
-    }
+    return {key: int(text) if key in integers else (float(text) if text else None) if key in floats else text for key, text in row.items()}

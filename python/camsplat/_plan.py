@@ -53,7 +53,8 @@ class Plan(Report):
     @property
     def K(self) -> Floats:
         """(3, 3): the intrinsics in pixels that all planned cameras share."""
-        return self.cameras.K[0]
+        K: Floats = self.cameras.K[0]
+        return K
 
     @property
     def size(self) -> tuple[int, int]:
@@ -221,6 +222,6 @@ def _files(name: str, options: Mapping[str, Any], known: type, folder: Path) -> 
     if files.get("surface") is not None:
         files["surface"] = surface_file(files["surface"], None, folder, "other")
     for key in ("keep", "viewers"):
-        if isinstance(files.get(key), (Cameras, Plan)):
+        if files.get(key) is not None:
             files[key] = cameras_file(files[key], folder, key)
     return files

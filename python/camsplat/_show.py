@@ -12,8 +12,8 @@ from typing import Any, Optional
 
 import numpy as np
 
-from ._camsplat import Error
 from ._cameras import Cameras, Floats, PathLike
+from ._camsplat import Error
 
 
 class Report:

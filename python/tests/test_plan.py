@@ -1,0 +1,235 @@
+"""Plans: the same as the command's, watched, stopped, refused, looked at."""
+
+from __future__ import annotations
+
+import json
+import logging
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import camsplat
+from camsplat._cameras import Floats
+
+Ball = tuple[Floats, np.ndarray]
+
+
+def write_ply(file: Path, vertices: Floats, faces: np.ndarray) -> None:
+    """A PLY in text, which the package itself does not write."""
+    lines = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}", "property double x", "property double y"]
+    lines += ["property double z", f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    lines += [" ".join(repr(float(value)) for value in vertex) for vertex in vertices]
+    lines += ["3 " + " ".join(str(int(corner)) for corner in face) for face in faces]
+    file.write_text("\n".join(lines) + "\n")
+
+
+def test_a_plan_of_arrays_is_that_of_the_command(ball: Ball, tmp_path: Path) -> None:
+    """If this failed, a plan from Python would be another than the same request gives on the command line."""
+    write_ply(tmp_path / "ball.ply", *ball)
+    command = [sys.executable, "-m", "camsplat", "plan", "ball.ply", "--views", "9", "--seed", "3", "--floor", "-0.5"]
+    command += ["--wall", "1.5,0,0,-1,0,0", "--wall", "0,1.5,0,0,-1,0", "--size", "640x480", "--fov", "60", "--out", "plan"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    of_command = camsplat.Plan(tmp_path / "plan")
+    walls = [(1.5, 0, 0, -1, 0, 0), (0, 1.5, 0, 0, -1, 0)]
+    plan = camsplat.plan(*ball, 9, seed=3, floor=-0.5, wall=walls, size=(640, 480), fov=60)
+    assert np.array_equal(plan.poses, of_command.poses) and np.array_equal(plan.K, of_command.K)
+    assert plan.size == (640, 480) and plan.expected == of_command.expected
+    assert plan.poses[:, 2, 3].min() >= -0.5 and plan.poses[:, 0, 3].max() <= 1.5
+    # What trimesh has: an object with vertices and faces.
+    mesh = SimpleNamespace(vertices=ball[0], faces=ball[1])
+    again = camsplat.plan(mesh, views=9, seed=3, floor=-0.5, wall=walls, size=(640, 480), fov=60)
+    assert np.array_equal(again.poses, plan.poses)
+    scored = camsplat.score(mesh, plan, seed=3)
+    subprocess.run(
+        [sys.executable, "-m", "camsplat", "score", "ball.ply", "plan", "--seed", "3", "--json", "score.json"],
+        cwd=tmp_path,
+        check=True,
+        capture_output=True,
+    )
+    assert json.loads((tmp_path / "score.json").read_text())["expected"]["db"] == scored.db
+
+
+def test_kept_cameras_count_and_stay(ball: Ball) -> None:
+    """If this failed, a second plan would move the first one's cameras, or not know of them."""
+    first = camsplat.plan(*ball, views=5)
+    second = camsplat.plan(*ball, views=4, keep=first)
+    assert (len(second.cameras), len(second.kept)) == (4, 5)
+    assert np.allclose(second.kept.poses, first.poses, atol=1e-12)
+    assert not np.allclose(second.poses, camsplat.plan(*ball, views=4).poses)
+    by_cameras = camsplat.plan(*ball, views=4, keep=first.cameras)
+    assert np.array_equal(by_cameras.poses, second.poses)
+
+
+def test_progress_is_reported_and_other_threads_run(ball: Ball, caplog: pytest.LogCaptureFixture) -> None:
+    """If this failed, a notebook would freeze while it plans, and show nothing."""
+    ticks = 0
+    ended = threading.Event()
+
+    def tick() -> None:
+        nonlocal ticks
+        while not ended.wait(0.001):
+            ticks += 1
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    calls: list[tuple[str, int, int]] = []
+    before = time.monotonic()
+    with caplog.at_level(logging.INFO, logger="camsplat"):
+        camsplat.plan(*ball, views=40, iterations=300, progress=lambda *call: calls.append(call))
+    seconds = time.monotonic() - before
+    ended.set()
+    thread.join()
+    # Were the lock held, the thread would run only while callbacks do.
+    assert ticks > 100 * seconds, f"{ticks} ticks in {seconds:.1f} s"
+    assert calls[-1] == ("planning", 300, 300) and sorted(call[1] for call in calls) == [call[1] for call in calls]
+    assert any(record.message.startswith("expected") for record in caplog.records)
+
+
+def test_what_a_callback_raises_stops_the_run(ball: Ball, tmp_path: Path) -> None:
+    """If this failed, a mistake in a callback would be lost, or the run go on without its caller."""
+
+    class Mistake(Exception):
+        pass
+
+    def progress(doing: str, done: int, total: int) -> None:
+        raise Mistake
+
+    with pytest.raises(Mistake):
+        camsplat.plan(*ball, views=50, iterations=10**6, out=tmp_path / "plan", progress=progress)
+    assert camsplat.Plan(tmp_path / "plan").record["status"] == "interrupted"
+
+
+def test_ctrl_c_stops_a_plan_and_keeps_it(ball: Ball, tmp_path: Path) -> None:
+    """If this failed, a cell of a notebook could not be interrupted, or what it had would be lost."""
+    np.save(tmp_path / "vertices.npy", ball[0])
+    program = (
+        "import camsplat, numpy as np\n"
+        "def progress(*call): print('going', flush=True)\n"
+        "camsplat.plan(np.load('vertices.npy'), views=50, iterations=10**6, out='plan', progress=progress)\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "going\n"
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    assert "KeyboardInterrupt" in errors, errors
+    assert camsplat.Plan(tmp_path / "plan").record["status"] == "interrupted"
+
+
+def test_threads_plan_side_by_side(ball: Ball) -> None:
+    """If this failed, two plans at once would take each other's options, progress or stops."""
+    alone = [camsplat.plan(*ball, views=6, seed=seed).poses for seed in range(3)]
+    together: dict[int, Floats] = {}
+
+    def work(seed: int) -> None:
+        together[seed] = camsplat.plan(*ball, views=6, seed=seed).poses
+
+    threads = [threading.Thread(target=work, args=(seed,)) for seed in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(np.array_equal(together[seed], alone[seed]) for seed in range(3))
+
+
+def test_a_curve_rises_with_views(ball: Ball) -> None:
+    """If this failed, nobody could ask from Python how many views are worth taking."""
+    curve = camsplat.quality_curve(*ball, iterations=20)
+    assert list(curve.views) == sorted(curve.views) and curve.views[-1] == 300
+    assert curve.db[-1] == 0 and curve.db[0] < curve.db[5] < 0 and curve._repr_svg_().startswith("<svg")
+
+
+def test_plans_are_shown_and_handed_on(ball: Ball, tmp_path: Path) -> None:
+    """If this failed, what a trainer or a notebook gets of a plan would not be the plan."""
+    plan = camsplat.plan(*ball, views=5)
+    frames = plan.to_nerfstudio()["frames"]
+    poses = np.array([frame["transform_matrix"] for frame in sorted(frames, key=lambda frame: str(frame["file_path"]))])
+    assert np.allclose(poses, plan.cameras.poses_opengl, atol=1e-9)
+    assert plan.to_colmap(tmp_path / "colmap") == tmp_path / "colmap" / "sparse" / "0"
+    assert np.allclose(camsplat.read_cameras(tmp_path / "colmap").poses, plan.poses, atol=1e-9)
+    plan.save(tmp_path / "kept")
+    with pytest.raises(camsplat.Error, match="already"):
+        plan.save(tmp_path / "kept")
+    assert np.array_equal(camsplat.Plan(tmp_path / "kept").poses, plan.poses)
+    page = plan._page(400)
+    assert page.startswith("<iframe") and "&lt;html" in page and "<html" not in page
+    temporary = plan.folder
+    del plan
+    assert not temporary.exists() and (tmp_path / "kept" / "report.html").exists()
+
+
+def test_other_viewers_get_the_cameras(ball: Ball) -> None:
+    """If this failed, rerun and viser would show cameras somewhere else."""
+    plan = camsplat.plan(*ball, views=5)
+    viser = pytest.importorskip("viser", reason="skipped: viser is not installed")
+    from viser.transforms import SO3
+
+    server = viser.ViserServer(port=0, verbose=False)
+    try:
+        plan.to_viser(server)
+        handles = [handle for name, handle in server.scene._handle_from_node_name.items() if "/cameras/" in name]
+        assert len(handles) == 5
+        assert np.allclose([handle.position for handle in handles], plan.cameras.positions)
+        turned = np.array([SO3(handle.wxyz).as_matrix() for handle in handles])
+        assert np.allclose(turned, plan.poses[:, :3, :3], atol=1e-9)
+    finally:
+        server.stop()
+
+
+def test_rerun_takes_the_cameras(ball: Ball, tmp_path: Path) -> None:
+    """If this failed, a recording would hold no cameras, or rerun refuse them."""
+    rerun = pytest.importorskip("rerun", reason="skipped: rerun is not installed")
+    plan = camsplat.plan(*ball, views=5)
+    recording = rerun.RecordingStream("camsplat")
+    recording.save(str(tmp_path / "plan.rrd"))
+    plan.log_to_rerun("scene", recording=recording)
+    recording.flush()
+    assert (tmp_path / "plan.rrd").stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"views": 0}, "--views is 0; give at least 1"),
+        ({"box": (1, 2, 3)}, "--box takes 6 numbers"),
+        ({"preset": "rom"}, "possible values: object, room"),
+        ({"faces": np.array([[0, 1, 10**6]])}, "there are"),
+        ({"faces": np.array([[0, 1], [1, 2]])}, "give (F, 3)"),
+        ({"scene": np.zeros((5, 2))}, "(V, 3)"),
+        ({"scene": np.full((5, 3), np.inf)}, "vertices[0] is not finite"),
+        ({"scene": np.zeros((0, 3))}, "(V, 3)"),
+        ({"scene": "nowhere.ply"}, "nowhere.ply: there is no such file"),
+        ({"keep": np.eye(4)}, "ndarray"),
+        ({"device": "no such device"}, "no such device"),
+    ],
+)
+def test_requests_that_make_no_sense_are_refused(ball: Ball, arguments: dict[str, object], message: str) -> None:
+    """If this failed, a mistake would become a wrong plan, or an error that nobody understands."""
+    with pytest.raises(camsplat.Error) as raised:
+        camsplat.plan(**{"scene": ball[0], **arguments})  # type: ignore[arg-type]
+    assert message in str(raised.value) and "\n" not in str(raised.value)
+
+
+def test_misspelt_keywords_and_full_folders_are_refused(ball: Ball, tmp_path: Path) -> None:
+    """If this failed, an option would be lost without a word, or somebody's files with it."""
+    with pytest.raises(TypeError, match="veiws"):
+        camsplat.plan(ball[0], veiws=5)  # type: ignore[call-arg]
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(camsplat.Error, match="not empty"):
+        camsplat.plan(ball[0], views=5, out=tmp_path)
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.txt"]
+    camsplat.plan(ball[0], views=5, out=tmp_path, force=True)
+    assert (tmp_path / "mine.txt").read_text() == "mine"
+    shutil.rmtree(tmp_path)
+    with pytest.raises(camsplat.Error, match=r"plan\.json"):
+        camsplat.Plan(tmp_path)
