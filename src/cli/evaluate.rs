@@ -18,6 +18,7 @@ use crate::evaluate::request::Request;
 use crate::evaluate::results::Entry;
 use crate::evaluate::scene::{Scene, Setting};
 use crate::evaluate::settings::{BaselinesFrom, InputsFrom, Settings, Shown};
+use crate::evaluate::shard::Shard;
 use crate::evaluate::situation::Situation;
 use crate::evaluate::subject::Subject;
 use crate::evaluate::table;
@@ -133,6 +134,10 @@ pub struct Arguments {
     /// Devices to spread the runs over, each by index or part of its name
     #[arg(long, value_delimiter = ',', value_name = "NAMES", conflicts_with = "device")]
     devices: Vec<String>,
+    /// Make part I of N of the runs, for one of N machines; tables are written by the same command without this option, in the folder
+    /// that they share or into which theirs are copied
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
     #[command(flatten)]
     device: DeviceOptions,
 }
@@ -335,7 +340,8 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         }
         go_on()
     };
-    let outcome = job::run(&contexts, &request, &subjects, &arguments.out, weights.as_ref(), &mut |event| {
+    let shard = arguments.shard.unwrap_or(Shard::WHOLE);
+    let outcome = job::run(&contexts, &request, &subjects, shard, &arguments.out, weights.as_ref(), &mut |event| {
         session.within(|| observe(event))
     });
     contexts.iter().for_each(|context| print_messages(context));
@@ -352,6 +358,10 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     };
     written.unwrap_or(Ok(()))?;
     say!("results  {made} made, {kept} reused, in {:.0} s", start.elapsed().as_secs_f64());
+    if !shard.is_whole() {
+        say!("complete shard {shard}; once all are, the same command without --shard writes the tables");
+        return Ok(Ended::Done);
+    }
     say!("{}", table::markdown(&request, &outcome.rows, outcome.left).trim_end());
     say!("written  {}, {}", arguments.out.join("table.md").display(), page.display());
     Ok(Ended::Done)

@@ -32,10 +32,12 @@ mod render;
 mod retraining;
 mod score;
 mod select;
+mod server;
 mod session;
 mod train;
 mod vds;
 mod vdsf;
+mod view;
 mod viewers;
 
 use std::ffi::OsString;
@@ -49,9 +51,12 @@ use session::{Ended, Session};
 
 use crate::{Error, Result};
 
+/// Version, commit of the source, and hash of the compiled shaders.
+const BUILD: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("CAMSPLAT_BUILD"), ")");
+
 /// Where should the cameras stand?
 #[derive(Parser)]
-#[command(name = "camsplat", version, about, max_term_width = 110)]
+#[command(name = "camsplat", version, long_version = BUILD, about, max_term_width = 110)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -83,6 +88,8 @@ enum Command {
     Export(export::Arguments),
     /// Compare methods of view selection by the splats trained on their photos
     Evaluate(Box<evaluate::Arguments>),
+    /// Show a plan, capture, trained model or folder of runs in the browser
+    View(view::Arguments),
     /// List every Vulkan device, its features and what it lacks
     Devices,
     /// Run the full pipeline on built-in scenes: plan, render photos, train splats, compare with random placement and a grid
@@ -207,6 +214,7 @@ fn start(command: Command) -> Result<Ended> {
         Command::Capture(arguments) => capture::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
+        Command::View(arguments) => view::run(&arguments),
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Vdsf(arguments) => vdsf::run(&arguments),

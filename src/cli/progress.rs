@@ -24,6 +24,8 @@ enum OnInterrupt {
     Withdraw,
     /// The process ends at once.
     Leave,
+    /// What is running closes, having nothing to write.
+    Close,
 }
 
 /// Lets Ctrl-C (and SIGTERM) stop a run after the iteration that is running; a second one ends the process at once. In a program that
@@ -52,6 +54,14 @@ pub fn leave_on_interrupt() -> Result<()> {
     hear_interrupts(OnInterrupt::Leave)
 }
 
+/// Lets Ctrl-C (and SIGTERM) close a server; a second one ends the process at once.
+///
+/// # Errors
+/// Where the system refuses a signal handler.
+pub fn close_on_interrupt() -> Result<()> {
+    hear_interrupts(OnInterrupt::Close)
+}
+
 fn hear_interrupts(what: OnInterrupt) -> Result<()> {
     static SET: OnceLock<()> = OnceLock::new();
     if session::current().listener().is_some() {
@@ -72,7 +82,8 @@ fn hear_interrupts(what: OnInterrupt) -> Result<()> {
         }
         match *what {
             OnInterrupt::Withdraw => say!("stopping"),
-            _ => {
+            OnInterrupt::Close => say!("stopped"),
+            OnInterrupt::Finish | OnInterrupt::Leave => {
                 say!("stopping once what is running has ended and is written; another Ctrl-C ends at once and loses it")
             }
         }

@@ -1,7 +1,7 @@
 //! A whole evaluation: every scene, method, budget and seed.
 
 use std::fs;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -20,6 +20,7 @@ use super::request::Request;
 use super::results::{self, Entry, Row};
 use super::scene::Scene;
 use super::scene_artifacts::SceneArtifacts;
+use super::shard::Shard;
 use super::subject::Subject;
 use super::table;
 use crate::gaussians::run::outputs::PICTURES;
@@ -88,14 +89,24 @@ pub fn check(folder: &Path, request: &Request, subjects: &[Subject]) -> Result<(
         let what = "its name cannot name a folder among the tables; rename it";
         return Err(Error::input(subject.path(), what));
     }
-    let earlier = folder.join(ASKED).is_file();
-    check_folder(folder, earlier).map_err(|error| match error {
-        Error::NotEmpty { path } => Error::input(path, "the folder is not empty and holds no evaluation; name another"),
-        other => other,
-    })
+    match check_folder(folder, false) {
+        Err(Error::NotEmpty { .. }) if holds_evaluation(folder) => check_folder(folder, true),
+        Err(Error::NotEmpty { path }) => {
+            Err(Error::input(path, "the folder is not empty and holds no evaluation; name another"))
+        }
+        checked => checked,
+    }
 }
 
-/// Runs the request on all devices; whenever a new run is complete, the tables of all complete runs are written into `folder`.
+/// Whether a folder is an evaluation's, or another process is about to make it one.
+fn holds_evaluation(folder: &Path) -> bool {
+    let begun = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut begun = begun.map(|entry| entry.file_name().to_string_lossy().into_owned());
+    begun.any(|name| name.starts_with(&format!(".{ASKED}"))) || folder.join(ASKED).is_file()
+}
+
+/// Runs the request on all devices; whenever a new run is complete, the tables of all complete runs are written into `folder`. Of a shard
+/// only its runs are made, and no tables are written: the whole request does that in the folder that holds the results of all shards.
 /// Outputs that are there are taken as they are. With the weights of a network, LPIPS is measured with it too. Tables do not
 /// depend on the number of devices where these are alike, except for the seconds that selection takes.
 ///
@@ -105,6 +116,7 @@ pub fn run(
     contexts: &[Arc<Context>],
     request: &Request,
     subjects: &[Subject],
+    shard: Shard,
     folder: &Path,
     weights: Option<&Weights>,
     observe: Observer<'_>,
@@ -120,12 +132,14 @@ pub fn run(
     if !folder.join(ASKED).is_file() {
         write_files(&[(&folder.join(ASKED), asked.as_bytes())])?;
     }
+    let runs = shard.runs(subjects.len() * request.runs().count());
     let board = Board {
         request,
         folder,
         weights,
         asked,
-        all: subjects.len() * request.runs().count(),
+        has_tables: shard.is_whole(),
+        runs,
         observe: Mutex::new(observe),
         stopped: AtomicBool::new(false),
         made: AtomicBool::new(false),
@@ -144,8 +158,10 @@ struct Board<'b> {
     weights: Option<&'b Weights>,
     /// The request, as it is written.
     asked: String,
-    /// Runs in all.
-    all: usize,
+    /// Whether tables are written.
+    has_tables: bool,
+    /// The runs that are made, by their numbers among those of all subjects.
+    runs: Range<usize>,
     observe: Mutex<Observer<'b>>,
     /// Whether a stop has been requested.
     stopped: AtomicBool,
@@ -173,7 +189,7 @@ impl Board<'_> {
         let at = entries.partition_point(|(other, _)| *other < place);
         entries.insert(at, (place, entry));
         // A stop requested here takes effect before the next run.
-        let _ = self.report(Event::Complete(&entries[at].1, [entries.len(), self.all]));
+        let _ = self.report(Event::Complete(&entries[at].1, [entries.len(), self.runs.len()]));
         if self.made.swap(false, Ordering::Relaxed) {
             self.write(&entries)?;
         }
@@ -183,7 +199,11 @@ impl Board<'_> {
     /// Writes the tables of what is complete.
     fn write(&self, entries: &[([usize; 2], Entry)]) -> Result<Outcome> {
         let Self { request, folder, .. } = self;
-        let outcome = Outcome::new(request.kind, entries.iter().map(|(_, entry)| entry.clone()).collect(), self.all);
+        let outcome =
+            Outcome::new(request.kind, entries.iter().map(|(_, entry)| entry.clone()).collect(), self.runs.len());
+        if !self.has_tables {
+            return Ok(outcome);
+        }
         let Outcome { rows, entries: runs, left, .. } = &outcome;
         let vgg = self.weights.map(Weights::fingerprint);
         let written = json!({ "request": request, "lpips_vgg": vgg, "rows": rows, "runs": runs, "left": left });
@@ -204,12 +224,17 @@ struct Runs<'r, 'b> {
     folder: PathBuf,
     number: usize,
     subject: &'r Subject,
+    /// The subject's runs that are made.
+    own: Range<usize>,
     next: AtomicUsize,
 }
 
 impl Runs<'_, '_> {
     fn take(&self) -> Option<(usize, (&Competitor, u32, u64))> {
         let number = self.next.fetch_add(1, Ordering::Relaxed);
+        if !self.own.contains(&number) {
+            return None;
+        }
         self.board.request.runs().nth(number).map(|run| (number, run))
     }
 
@@ -339,13 +364,19 @@ fn ended_early(product: &str) -> Error {
 /// All runs, a worker for each device. Every worker begins with another subject, since all that
 /// come to one have to wait for what its runs share.
 fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) -> Result<()> {
+    let each = board.request.runs().count();
     let runs: Vec<Runs> = subjects
         .iter()
         .enumerate()
         .map(|(number, subject)| {
             let folder = board.folder.join(subject.name());
-            Runs { board, folder, number, subject, next: AtomicUsize::new(0) }
+            let [start, end] =
+                [board.runs.start, board.runs.end].map(|run| run.clamp(number * each, (number + 1) * each));
+            let own = start - number * each..end - number * each;
+            Runs { board, folder, number, subject, next: AtomicUsize::new(own.start), own }
         })
+        // What the runs of a subject share is not made for none of them.
+        .filter(|runs| !runs.own.is_empty())
         .collect();
     // An error of one worker ends all of them.
     let over = AtomicBool::new(false);
@@ -431,7 +462,8 @@ mod tests {
             folder: folder.path(),
             weights: None,
             asked: "{}".into(),
-            all: 2,
+            has_tables: true,
+            runs: 0..2,
             observe: Mutex::new(&mut observe),
             stopped: AtomicBool::new(false),
             made: AtomicBool::new(false),

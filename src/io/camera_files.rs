@@ -77,8 +77,9 @@ pub fn coverage_ply(positions: &[DVec3], values: &[f32], range: (f32, f32)) -> V
 /// When the folder cannot be written.
 pub fn capture(folder: &OutputFolder, cameras: &[Camera], points: &Points, tracks: Tracks) -> Result<()> {
     let Points { positions, colours, .. } = points;
-    folder.write("sparse/0/cameras.bin", colmap::write::cameras(cameras))?;
-    folder.write("sparse/0/images.bin", colmap::write::images(cameras, positions, tracks))?;
+    let lenses = colmap::write::pinholes(cameras);
+    folder.write("sparse/0/cameras.bin", colmap::write::cameras(&lenses))?;
+    folder.write("sparse/0/images.bin", colmap::write::images(cameras, &lenses, positions, tracks))?;
     folder.write("sparse/0/points3D.bin", colmap::write::points(positions, colours, cameras.len(), tracks))?;
     folder.write("transforms.json", transforms::write(cameras, Some("points.ply")))?;
     folder.write("points.ply", ply::write::points(positions, colours, None))?;

@@ -3,6 +3,7 @@
 use std::cell::OnceCell;
 use std::ffi::OsStr;
 use std::fs;
+use std::hash::{BuildHasher as _, RandomState};
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Component, Path, PathBuf};
 
@@ -167,9 +168,11 @@ pub(crate) fn check_file(path: &Path) -> Result<()> {
 /// # Errors
 /// When the system refuses; nothing is left behind then but files that had been moved already.
 pub(crate) fn write_files(files: &[(&Path, &[u8])]) -> Result<()> {
+    // Containers that share a folder may have equal process numbers.
+    let token = RandomState::new().hash_one(0);
     let hidden = |path: &Path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        parent(path).join(format!(".{name}-{}", std::process::id()))
+        parent(path).join(format!(".{name}-{}-{token:016x}", std::process::id()))
     };
     files.iter().try_for_each(|(path, _)| make_parent(path))?;
     let written = files

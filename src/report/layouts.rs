@@ -11,8 +11,9 @@ use super::{SurfacePoint, Triangles};
 use crate::evaluate::results::Entry;
 use crate::evaluate::scene::UP;
 use crate::evaluate::subject::Subject;
-use crate::scene::camera::{Pose, common_up};
-use crate::scene::surface::Surface;
+use crate::scene::camera::{Camera, Pose, common_up};
+use crate::scene::region::Region;
+use crate::scene::surface::{Points, Surface};
 
 /// Colour of points without one.
 const GREY: [u8; 3] = [150; 3];
@@ -33,26 +34,43 @@ pub fn scene<'a>(subject: &'a Subject, runs: &[&'a Entry], triangles: usize) -> 
             (cloud(&pool.candidates.points.positions, &pool.candidates.points.colours), Vec::new(), Vec::new())
         }
     };
-    let bulk = robust_bounds(&points).or_else(|| bounds(corners.iter().flatten().copied()))?;
+    let layouts = runs.iter().filter(|entry| !entry.cameras.is_empty());
+    let layouts: Vec<_> = layouts.map(|entry| (entry.method.name(), &entry.cameras[..])).collect();
+    drawn(region, up, (&points, &corners, &colours), &layouts)
+}
+
+/// What the 3D view of a capture is drawn from: its cameras, and its points where there are any. None without cameras.
+pub fn capture<'a>(cameras: &'a [Camera], points: &Points) -> Option<SceneData<'a>> {
+    let poses: Vec<Pose> = cameras.iter().map(|camera| camera.pose).collect();
+    let points = cloud(&points.positions, &points.colours);
+    drawn(None, common_up(&poses).unwrap_or(DVec3::Z), (&points, &[], &[]), &[("", cameras)])
+}
+
+/// Named layouts of cameras around points or triangles with their colours.
+fn drawn<'a>(
+    region: Option<Region>,
+    up: DVec3,
+    (points, corners, colours): (&[SurfacePoint], &[[DVec3; 3]], &[[u8; 3]]),
+    layouts: &[(&'a str, &'a [Camera])],
+) -> Option<SceneData<'a>> {
+    let positions = layouts.iter().flat_map(|(_, cameras)| *cameras).map(|camera| camera.pose.position);
+    let low_high = bounds(positions)?;
+    let bulk = robust_bounds(points).or_else(|| bounds(corners.iter().flatten().copied())).unwrap_or(low_high);
     let origin = 0.5 * (bulk.0 + bulk.1);
-    let layout = |entry: &&'a Entry| Layout {
-        name: entry.method.name(),
-        cameras: entry.cameras.iter().map(|camera| CameraData::new(camera, origin, Role::Own)).collect(),
+    let layout = |(name, cameras): &(&'a str, &'a [Camera])| Layout {
+        name,
+        cameras: cameras.iter().map(|camera| CameraData::new(camera, origin, Role::Own)).collect(),
     };
-    let layouts: Vec<Layout> = runs.iter().filter(|entry| !entry.cameras.is_empty()).map(layout).collect();
-    if layouts.is_empty() {
-        return None;
-    }
     Some(SceneData {
         words: Words { own: "camera", other: "", suggested: "" },
         origin,
         up,
         region: region.map(|region| RegionData::new(&region, origin)),
         bulk: [bulk.0 - origin, bulk.1 - origin],
-        layouts,
+        layouts: layouts.iter().map(layout).collect(),
         tour: Vec::new(),
-        triangles: TriangleData::new(&Triangles { corners: &corners, colours: &colours }, &points, origin),
-        points: PointData::new(&points, origin),
+        triangles: TriangleData::new(&Triangles { corners, colours }, points, origin),
+        points: PointData::new(points, origin),
     })
 }
 

@@ -25,6 +25,8 @@ pub mod selection;
 mod splats;
 mod text;
 pub mod training;
+#[cfg(feature = "cli")]
+pub(crate) mod view;
 
 use glam::DVec3;
 

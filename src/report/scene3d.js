@@ -163,8 +163,8 @@ function drawScene(plan, root = document.querySelector(".scene")) {
       meshArray.bind();
       gl.drawArrays(gl.TRIANGLES, 0, 3 * mesh.count);
     } else {
-      // About as wide as the points' spacing.
-      const diameter = (1.7 * bulkSize) / Math.sqrt(points.count + 1);
+      // About as wide as the points' spacing on a surface; those of a reconstruction lie in clumps.
+      const diameter = ((known ? 1.7 : 0.5) * bulkSize) / Math.sqrt(points.count + 1);
       surface.set("diameter", "1f", 0.5 * diameter * view.focal[1] * height);
       pointArray.bind();
       gl.drawArrays(gl.POINTS, 0, points.count);

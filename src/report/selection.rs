@@ -7,6 +7,7 @@ use std::fs;
 use std::path::Path;
 
 use glam::DVec3;
+use image::{GrayImage, ImageFormat, Luma};
 use serde::Serialize;
 
 use super::choice::{Choice, ChosenPhoto, pictures};
@@ -140,53 +141,82 @@ pub fn write(written: &Written<'_>, folder: OutputFolder) -> Result<Vec<String>>
 }
 
 /// Writes the capture cut down to the chosen photos: `transforms.json`, the points that they saw (points of the surface where the
-/// capture has none), and `sparse/0` where the capture is a COLMAP model.
+/// capture has none), and `sparse/0`.
 fn capture(written: &Written<'_>, folder: &OutputFolder) -> Result<Vec<String>> {
     let Written { set, selection, .. } = written;
     let photos: Vec<&Photo> = selection.chosen.iter().map(|chosen| &set.photos[chosen.photo]).collect();
-    let mut rescaled = false;
-    if let (Convention::Colmap, Some(model)) = (set.convention, colmap::model_folder(&set.path)) {
-        let names: Vec<String> = photos.iter().map(|photo| photo.camera.name.clone()).collect();
-        // The subset keeps the model's cameras to the bit, which are those of the photos' full size.
-        let full: HashMap<String, Intrinsics> = colmap::cameras(&model, &mut Vec::new())?
-            .into_iter()
-            .map(|camera| (camera.name, camera.intrinsics))
-            .collect();
-        rescaled = photos.iter().any(|photo| full.get(&photo.camera.name) != Some(&photo.camera.intrinsics));
-        let files = if rescaled { Vec::new() } else { colmap::subset(&model, &names)?.files };
-        for (name, bytes) in files {
-            folder.write(&format!("sparse/0/{name}"), bytes)?;
-        }
-    }
-    let (positions, colours) = points(written);
+    let Seeds { positions, colours, tracks } = seeds(written);
     folder.write(POINTS, ply::write::points(&positions, &colours, None))?;
     let (text, mut notes) = transforms::write_photos(&photos, Some(POINTS));
     folder.write("transforms.json", text)?;
-    if rescaled {
-        notes.push(
-            "sparse/0 is left out: the images are of another size than the model's; transforms.json has theirs".into(),
-        );
+    if let Some(files) = own_model(set, &photos)? {
+        for (name, bytes) in files {
+            folder.write(&format!("sparse/0/{name}"), bytes)?;
+        }
+        return Ok(notes);
+    }
+    let lenses: Option<Vec<colmap::Lens>> =
+        photos.iter().map(|photo| colmap::Lens::of(photo.camera.intrinsics, photo.distortion)).collect();
+    match lenses {
+        Some(lenses) => {
+            let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera.clone()).collect();
+            folder.write("sparse/0/cameras.bin", colmap::write::cameras(&lenses))?;
+            folder.write("sparse/0/images.bin", colmap::write::images(&cameras, &lenses, &positions, &tracks))?;
+            let points = colmap::write::points(&positions, &colours, cameras.len(), &tracks);
+            folder.write("sparse/0/points3D.bin", points)?;
+        }
+        None => notes.push("sparse/0 is left out: COLMAP has no model for one of the lenses".into()),
     }
     Ok(notes)
 }
 
-/// Positions and colours of what a trainer may start from: the capture's points that a chosen photo saw, or all where nothing says
-/// who saw what; of a capture without points, points of the surface.
-fn points(written: &Written<'_>) -> (Vec<DVec3>, Vec<[u8; 3]>) {
+/// The files of the capture's own COLMAP model, cut down to some photos and else kept to the bit; none where it has no model, or one
+/// for images of another size.
+fn own_model(set: &PhotoSet, photos: &[&Photo]) -> Result<Option<Vec<(&'static str, Vec<u8>)>>> {
+    let (Convention::Colmap, Some(model)) = (set.convention, colmap::model_folder(&set.path)) else {
+        return Ok(None);
+    };
+    let full: HashMap<String, Intrinsics> =
+        colmap::cameras(&model, &mut Vec::new())?.into_iter().map(|camera| (camera.name, camera.intrinsics)).collect();
+    if photos.iter().any(|photo| full.get(&photo.camera.name) != Some(&photo.camera.intrinsics)) {
+        return Ok(None);
+    }
+    let names: Vec<String> = photos.iter().map(|photo| photo.camera.name.clone()).collect();
+    Ok(Some(colmap::subset(&model, &names)?.files))
+}
+
+/// What a trainer may start from.
+struct Seeds {
+    positions: Vec<DVec3>,
+    colours: Vec<[u8; 3]>,
+    /// Which of the chosen photos saw each point; empty where nothing says so.
+    tracks: Vec<Vec<u32>>,
+}
+
+/// The capture's points that a chosen photo saw, or all where nothing says who saw what; of a capture without points, points of the
+/// surface.
+fn seeds(written: &Written<'_>) -> Seeds {
     let Written { set, selection, target, request, .. } = written;
-    let is_chosen = |photo: &u32| selection.chosen.binary_search_by_key(&(*photo as usize), |c| c.photo).is_ok();
+    let chosen = |photo: &u32| selection.chosen.binary_search_by_key(&(*photo as usize), |c| c.photo).ok();
     let kept: Vec<usize> = (0..set.points.positions.len())
-        .filter(|point| set.tracks.get(*point).is_none_or(|track| track.iter().any(is_chosen)))
+        .filter(|point| set.tracks.get(*point).is_none_or(|track| track.iter().any(|photo| chosen(photo).is_some())))
         .collect();
     if kept.is_empty() {
         let seeds = target.proxy.sample(SEED_POINTS, request.seed, SEED_STREAM);
-        return seeds.iter().map(|point| (point.position, point.colour)).unzip();
+        let (positions, colours) = seeds.iter().map(|point| (point.position, point.colour)).unzip();
+        return Seeds { positions, colours, tracks: Vec::new() };
     }
-    let colours = kept.iter().filter_map(|point| set.points.colours.get(*point).copied()).collect();
-    (kept.iter().map(|point| set.points.positions[*point]).collect(), colours)
+    let track =
+        |point: &usize| Some(set.tracks.get(*point)?.iter().filter_map(|photo| Some(chosen(photo)? as u32)).collect());
+    Seeds {
+        positions: kept.iter().map(|point| set.points.positions[*point]).collect(),
+        colours: kept.iter().filter_map(|point| set.points.colours.get(*point).copied()).collect(),
+        tracks: kept.iter().filter_map(track).collect(),
+    }
 }
 
-/// Links or copies the chosen images to `images/` and their masks to `masks/`.
+/// Links or copies the chosen images to `images/` and their masks to `masks/`. Where some have masks the others get white ones, since
+/// trainers want one for each photo or none.
 fn images(written: &Written<'_>, folder: &OutputFolder) -> Result<()> {
     let place = |from: &Path, name: String| -> Result<()> {
         let to = folder.stage(&name)?;
@@ -197,17 +227,29 @@ fn images(written: &Written<'_>, folder: &OutputFolder) -> Result<()> {
         };
         done.map_err(|source| Error::io(from, source))
     };
-    for chosen in &written.selection.chosen {
-        let photo = &written.set.photos[chosen.photo];
+    let chosen = || written.selection.chosen.iter().map(|chosen| &written.set.photos[chosen.photo]);
+    let has_masks = chosen().any(|photo| photo.mask.is_some());
+    for photo in chosen() {
         let name = photo.camera.image_name();
         if let Some(image) = &photo.image {
             place(image, format!("images/{name}"))?;
         }
-        if let Some(mask) = &photo.mask {
-            place(mask, format!("masks/{name}.png"))?;
+        let mask = format!("masks/{name}.png");
+        match &photo.mask {
+            Some(file) => place(file, mask)?,
+            None if has_masks => folder.write(&mask, white(&photo.camera.intrinsics)?)?,
+            None => {}
         }
     }
     Ok(())
+}
+
+/// A PNG file of a mask that hides nothing.
+fn white(k: &Intrinsics) -> Result<Vec<u8>> {
+    let mut file = std::io::Cursor::new(Vec::new());
+    let written = GrayImage::from_pixel(k.width, k.height, Luma([255])).write_to(&mut file, ImageFormat::Png);
+    written.map_err(|e| Error::request(format!("a mask of {} x {} pixels: {e}", k.width, k.height)))?;
+    Ok(file.into_inner())
 }
 
 /// The chosen photos, those that the choice would miss most first.

@@ -117,6 +117,13 @@ impl Model {
         Self { splats, origin, trained: few, tests: tests.to_vec() }
     }
 
+    /// The data of a page without a training run: the splats alone, seen from outside, with `up` upwards.
+    #[cfg(feature = "cli")]
+    pub(super) fn alone(&self, up: DVec3) -> ModelData<'_> {
+        let extent = 2.0 * self.splats.reach;
+        ModelData { splats: &self.splats, views: Vec::new(), up, extent, background: [0.0; 3], antialiased: false }
+    }
+
     /// The data of the page: test views first, the worst of them foremost.
     pub(super) fn data<'a>(&'a self, record: &'a TrainRecord) -> ModelData<'a> {
         let rank = |name: &str| record.test_views.iter().position(|view| view.name == name);

@@ -199,6 +199,41 @@ fn seeds_that_were_made_apart_are_put_together() {
     assert_eq!(qualities(&results(&place, "here")), qualities(&results(&place, "both")));
 }
 
+/// If this failed, machines that share a folder would refuse or overwrite each other's, one that was killed would lose the others' work, or
+/// what they made together would not be what one makes alone.
+#[test]
+fn shards_are_put_together() {
+    let place = lit_cube();
+    let run = TINY.replace("--seeds 1", "--seeds 2");
+    place.done(&format!("{run} --out alone"));
+    // Two begin in one new folder at once, and the third is killed elsewhere.
+    let begin = |shard: &str, out: &str| place.command(&format!("{run} --shard {shard} --out {out}")).spawn().unwrap();
+    let [first, second] = ["1/3", "2/3"].map(|shard| begin(shard, "shared"));
+    for child in [first, second] {
+        let ran = ended(child.wait_with_output().unwrap());
+        assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""), "{}", ran.out);
+        assert!(ran.out.contains("the same command without --shard writes the tables"), "{}", ran.out);
+    }
+    assert!(!place.path("shared/table.md").exists() && !place.path("shared/report.html").exists());
+    let mut third = begin("3/3", "elsewhere");
+    let output = read_until(&mut third, "making   training");
+    stop(third, output, "-KILL");
+    for folder in place.folders("elsewhere/cube") {
+        if !place.folders("shared/cube").contains(&folder) {
+            let [from, to] = ["elsewhere", "shared"].map(|of| place.path(&format!("{of}/cube/{folder}")));
+            fs::rename(from, to).unwrap();
+        }
+    }
+    // Only what the killed one had not finished is made: a training, and choice, photos and training of the last run.
+    let put = place.done(&format!("{run} --out shared"));
+    let made = put.out.lines().filter(|line| line.starts_with("making")).count();
+    assert!((1..=4).contains(&made) && put.out.contains("making   training"), "{}", put.out);
+    assert_eq!(qualities(&results(&place, "shared")), qualities(&results(&place, "alone")));
+    let again = place.done(&format!("{run} --shard 2/3 --out shared"));
+    assert!(again.out.contains("results  0 made") && place.path("shared/table.md").exists(), "{}", again.out);
+    assert_refused(&place, &[(&format!("{run} --shard 4/3 --out o"), &["--shard", "such as 2/8"])]);
+}
+
 /// If this failed, LPIPS of VGG16 would be listed beside other views than its own, training would be done again for it, or it
 /// would be in tables without being requested.
 #[test]

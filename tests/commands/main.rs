@@ -27,6 +27,7 @@ mod train_command;
 mod train_refusals;
 mod train_stops;
 mod vds_command;
+mod view_command;
 
 #[path = "../support"]
 mod support {

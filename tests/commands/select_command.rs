@@ -106,6 +106,37 @@ fn the_folder_is_a_capture_of_the_chosen_photos() {
     place.done(&format!("select poses.json --surface ball.ply --count 5 --out poses {SMALL}"));
     assert_eq!(io::read_cameras(&place.path("poses/transforms.json")).unwrap().len(), 5);
     assert!(!Path::new(&place.path("poses/images")).exists());
+    assert_eq!(io::read_cameras(&place.path("poses/sparse/0")).unwrap().len(), 5);
+}
+
+/// If this failed, trainers that read COLMAP models alone would refuse a selection from other captures or see other lenses there, and
+/// those that want a mask for each photo or none would refuse one where some photos have masks.
+#[test]
+fn a_selection_from_another_format_has_a_colmap_model_and_all_its_masks() {
+    let place = place();
+    fs::remove_dir_all(place.path("capture/sparse")).unwrap();
+    let mut file: serde_json::Value = serde_json::from_str(&place.read("capture/transforms.json")).unwrap();
+    file["k1"] = 0.08.into();
+    file["p2"] = (-0.002).into();
+    for (i, frame) in file["frames"].as_array_mut().unwrap().iter_mut().enumerate() {
+        if i % 2 == 0 {
+            let name = frame["file_path"].as_str().unwrap().replace("images/", "masks/");
+            frame["mask_path"] = format!("{name}.png").into();
+        }
+    }
+    place.write("capture/transforms.json", file.to_string());
+    place.done(&format!("select capture --count 8 --out o {SMALL}"));
+    let read = |path: &str| io::photos::read(&place.path(path), &Options::default()).unwrap();
+    let (model, transforms) = (read("o/sparse/0"), read("o/transforms.json"));
+    assert_eq!((model.photos.len(), transforms.photos.len()), (8, 8));
+    for (a, b) in model.photos.iter().zip(&transforms.photos) {
+        assert_eq!((&a.camera.name, a.camera.intrinsics), (&b.camera.name, b.camera.intrinsics));
+        assert_eq!((a.distortion, a.distortion.radial[0], a.distortion.tangential[1]), (b.distortion, 0.08, -0.002));
+        assert!(a.camera.pose.position.distance(b.camera.pose.position) < 1e-9);
+        let mask = image::open(b.mask.as_ref().expect("a mask")).unwrap().into_luma8();
+        assert!(mask.dimensions() == (64, 48) && mask.pixels().all(|pixel| pixel.0 == [255]));
+    }
+    assert_eq!(model.points.positions.len(), transforms.points.positions.len());
 }
 
 /// Photos are shown, and a click on one looks through its camera, with the photo over the surface; so it is with a suggested camera,

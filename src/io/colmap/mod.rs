@@ -86,6 +86,31 @@ impl Lens {
 }
 
 impl Lens {
+    /// A lens with a distortion in the form that holds every model, the inverse of [`Lens::unified`]; none where no model of COLMAP's
+    /// has such a distortion.
+    pub fn of(intrinsics: Intrinsics, distortion: Distortion) -> Option<Self> {
+        let Distortion { fisheye, fov, radial, rational, tangential: [p1, p2], prism, after_radial } = distortion;
+        let [k1, k2, k3, k4, ..] = radial;
+        let (name, parameters) = if distortion.is_none() {
+            ("PINHOLE", Vec::new())
+        } else if after_radial {
+            ("RAD_TAN_THIN_PRISM_FISHEYE", [&radial[..], &[p1, p2], &prism].concat())
+        } else if fisheye && ([p1, p2] != [0.0; 2] || prism != [0.0; 4]) {
+            ("THIN_PRISM_FISHEYE", vec![k1, k2, p1, p2, k3, k4, prism[0], prism[2]])
+        } else if fisheye {
+            ("OPENCV_FISHEYE", vec![k1, k2, k3, k4])
+        } else if fov != 0.0 {
+            ("FOV", vec![fov])
+        } else if rational != [0.0; 3] || k3 != 0.0 {
+            ("FULL_OPENCV", vec![k1, k2, p1, p2, k3, rational[0], rational[1], rational[2]])
+        } else {
+            ("OPENCV", vec![k1, k2, p1, p2])
+        };
+        let projection = *PROJECTIONS.iter().find(|projection| projection.name == name)?;
+        let lens = Self { projection, intrinsics, distortion: parameters };
+        (lens.unified() == distortion).then_some(lens)
+    }
+
     /// COLMAP's parameters, in its order.
     pub fn parameters(&self) -> Vec<f64> {
         let focal = if self.projection.one_focal { &self.intrinsics.focal[..1] } else { &self.intrinsics.focal };

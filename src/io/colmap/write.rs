@@ -1,48 +1,53 @@
-//! COLMAP binary models that camsplat writes: one PINHOLE camera per image size and lens, and coloured points.
+//! COLMAP binary models that camsplat writes: one camera per image size and lens, and coloured points.
 
 use glam::DVec3;
 
-use crate::scene::camera::{Camera, Intrinsics};
+use super::Lens;
+use crate::scene::camera::Camera;
+use crate::scene::lens;
 
 /// Which cameras see each point: indices into the cameras of the model, one list per point, or no lists at all. Entries beyond
 /// the existing cameras or points are left out.
 pub(crate) type Tracks<'a> = &'a [Vec<u32>];
 
-/// Number of the PINHOLE model.
-const PINHOLE: u32 = 1;
+/// The lenses of pinhole cameras.
+pub fn pinholes(cameras: &[Camera]) -> Vec<Lens> {
+    // Every pinhole is a lens of COLMAP's, so that none is lost here.
+    cameras.iter().filter_map(|camera| Lens::of(camera.intrinsics, lens::Distortion::default())).collect()
+}
 
-/// The distinct intrinsics of `cameras` in order of appearance, and for each camera which are its own.
-fn lenses(cameras: &[Camera]) -> (Vec<Intrinsics>, Vec<u32>) {
-    let mut lenses: Vec<Intrinsics> = Vec::new();
-    let mut own = Vec::with_capacity(cameras.len());
-    for camera in cameras {
-        let lens = lenses.iter().position(|k| *k == camera.intrinsics).unwrap_or_else(|| {
-            lenses.push(camera.intrinsics);
-            lenses.len() - 1
+/// The distinct ones of `lenses` in order of appearance, and for each the number of its own, from 1.
+fn distinct(lenses: &[Lens]) -> (Vec<&Lens>, Vec<u32>) {
+    let mut found: Vec<&Lens> = Vec::new();
+    let mut own = Vec::with_capacity(lenses.len());
+    for lens in lenses {
+        let place = found.iter().position(|other| *other == lens).unwrap_or_else(|| {
+            found.push(lens);
+            found.len() - 1
         });
-        own.push(lens as u32 + 1);
+        own.push(place as u32 + 1);
     }
-    (lenses, own)
+    (found, own)
 }
 
 /// Bytes of cameras.bin; cameras are numbered from 1.
-pub fn cameras(cameras: &[Camera]) -> Vec<u8> {
-    let (lenses, _) = lenses(cameras);
+pub fn cameras(lenses: &[Lens]) -> Vec<u8> {
+    let (lenses, _) = distinct(lenses);
     let mut bytes = (lenses.len() as u64).to_le_bytes().to_vec();
-    for (id, k) in (1u32..).zip(&lenses) {
+    for (id, lens) in (1u32..).zip(lenses) {
         bytes.extend(id.to_le_bytes());
-        bytes.extend(PINHOLE.to_le_bytes());
-        bytes.extend(u64::from(k.width).to_le_bytes());
-        bytes.extend(u64::from(k.height).to_le_bytes());
-        k.focal.iter().chain(&k.principal).for_each(|v| bytes.extend(v.to_le_bytes()));
+        bytes.extend(lens.projection.id.to_le_bytes());
+        bytes.extend(u64::from(lens.intrinsics.width).to_le_bytes());
+        bytes.extend(u64::from(lens.intrinsics.height).to_le_bytes());
+        lens.parameters().iter().for_each(|v| bytes.extend(v.to_le_bytes()));
     }
     bytes
 }
 
-/// Bytes of images.bin; images are numbered from 1 in the order of `cameras` and named by
+/// Bytes of images.bin; images are numbered from 1 in the order of `cameras`, which have a lens each, and named by
 /// [`Camera::image_name`]. An observation is the projection of a point whose track holds the camera.
-pub fn images(cameras: &[Camera], positions: &[DVec3], tracks: Tracks) -> Vec<u8> {
-    let (_, own) = lenses(cameras);
+pub fn images(cameras: &[Camera], lenses: &[Lens], positions: &[DVec3], tracks: Tracks) -> Vec<u8> {
+    let (_, own) = distinct(lenses);
     let mut seen: Vec<Vec<(u64, DVec3)>> = vec![Vec::new(); cameras.len()];
     for ((id, &position), track) in (1..).zip(positions).zip(tracks) {
         for &camera in track {
@@ -52,22 +57,24 @@ pub fn images(cameras: &[Camera], positions: &[DVec3], tracks: Tracks) -> Vec<u8
         }
     }
     let mut bytes = (cameras.len() as u64).to_le_bytes().to_vec();
-    for (((id, camera), lens), seen) in (1u32..).zip(cameras).zip(own).zip(seen) {
+    for ((((id, camera), number), seen), lens) in (1u32..).zip(cameras).zip(own).zip(seen).zip(lenses) {
         let rotation = camera.pose.rotation.conjugate();
         let translation = -(rotation * camera.pose.position);
         bytes.extend(id.to_le_bytes());
         for number in [rotation.w, rotation.x, rotation.y, rotation.z, translation.x, translation.y, translation.z] {
             bytes.extend(number.to_le_bytes());
         }
-        bytes.extend(lens.to_le_bytes());
+        bytes.extend(number.to_le_bytes());
         bytes.extend(camera.image_name().bytes().filter(|&b| b != 0));
         bytes.push(0);
         bytes.extend((seen.len() as u64).to_le_bytes());
-        let k = &camera.intrinsics;
+        let k = &lens.intrinsics;
+        let distortion = lens.unified();
         for (point, position) in seen {
             let p = rotation * position + translation;
+            let bent = distortion.distort(p.truncate() / p.z);
             for axis in 0..2 {
-                bytes.extend((k.focal[axis] * p[axis] / p.z + k.principal[axis]).to_le_bytes());
+                bytes.extend((k.focal[axis] * bent[axis] + k.principal[axis]).to_le_bytes());
             }
             bytes.extend(point.to_le_bytes());
         }
@@ -120,15 +127,32 @@ mod tests {
     fn cameras_survive_a_round_trip() {
         let written = set();
         let path = Path::new("model.bin");
-        let lenses = binary::cameras(path, &cameras(&written)).unwrap();
+        let lenses = binary::cameras(path, &cameras(&pinholes(&written))).unwrap();
         assert_eq!(lenses.len(), 2, "equal lenses are shared");
-        let images = binary::images(path, &images(&written, &[], &[])).unwrap();
+        let images = binary::images(path, &images(&written, &pinholes(&written), &[], &[])).unwrap();
         let read = join(path, &lenses, images, &mut Vec::new()).unwrap();
         for (a, b) in written.iter().zip(&read) {
             assert_eq!((&a.name, a.intrinsics), (&b.name, b.intrinsics));
             assert!((a.pose.position - b.pose.position).length() < 1e-12);
             assert!(a.pose.rotation.dot(b.pose.rotation).abs() > 1.0 - 1e-12);
         }
+    }
+
+    /// If this failed, photos would be written with another lens than they were taken with.
+    #[test]
+    fn every_model_survives_a_round_trip() {
+        let camera = &set()[0];
+        for projection in super::super::PROJECTIONS {
+            let count = projection.parameters - if projection.one_focal { 3 } else { 4 };
+            let distortion = (1..=count).map(|i| 0.01 * i as f64).collect();
+            let lens = Lens { projection, intrinsics: camera.intrinsics, distortion };
+            let written = Lens::of(lens.intrinsics, lens.unified()).unwrap_or_else(|| panic!("{}", projection.name));
+            let path = Path::new("model.bin");
+            let read = binary::cameras(path, &cameras(&[written])).unwrap();
+            assert_eq!(read[&1].unified(), lens.unified(), "{}", projection.name);
+        }
+        let prism = lens::Distortion { prism: [0.1, 0.0, 0.0, 0.0], ..lens::Distortion::default() };
+        assert_eq!(Lens::of(camera.intrinsics, prism), None);
     }
 
     /// If this failed, observations and tracks would contradict each other, and trainers that use them would crash.
@@ -148,7 +172,7 @@ mod tests {
         let bytes = points(&positions, &[], 3, &tracks);
         assert_eq!(bytes[bytes.len() - 16..], [2, 0, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 0, 0, 0, 0]);
         // The first image sees the origin in the middle of its width.
-        let bytes = images(&cameras, &positions, &tracks);
+        let bytes = images(&cameras, &pinholes(&cameras), &positions, &tracks);
         assert_eq!(binary::images(path, &bytes).unwrap().len(), 3);
         let name_end = 8 + 4 + 7 * 8 + 4 + "0000.png".len() + 1;
         let x = f64::from_le_bytes(bytes[name_end + 8..name_end + 16].try_into().unwrap());

@@ -12,7 +12,7 @@ use crate::scene::lens::Distortion;
 /// The entries of a frame or of the file.
 type Entries = BTreeMap<&'static str, Value>;
 
-/// A camera, its distortion and whether it has a mask.
+/// A camera, its distortion and whether a mask is named.
 type View<'a> = (&'a Camera, Distortion, bool);
 
 /// The text of a transforms.json in nerfstudio's dialect, which instant-ngp reads as well: OpenGL camera-to-world
@@ -25,18 +25,19 @@ pub fn write(cameras: &[Camera], ply_file_path: Option<&str>) -> String {
     text(&views, ply_file_path)
 }
 
-/// As [`write()`], for photos: with their distortion, as OPENCV or OPENCV_FISHEYE, and with `masks/NAME.png` for those that
-/// have a mask. The second value is for the notes: how many lenses the format cannot express, which are written
+/// As [`write()`], for photos: with their distortion, as OPENCV or OPENCV_FISHEYE, and with `masks/NAME.png` for each where any of them has a
+/// mask, since nerfstudio refuses masks for some. The second value is for the notes: how many lenses the format cannot express, which are written
 /// as pinholes, and whether fisheyes and others are mixed.
 pub fn write_photos(photos: &[&Photo], ply_file_path: Option<&str>) -> (String, Vec<String>) {
     let mut beyond = 0;
+    let has_masks = photos.iter().any(|photo| photo.mask.is_some());
     let views: Vec<View> = photos
         .iter()
         .map(|photo| {
             let fits = expressible(&photo.distortion);
             beyond += usize::from(!fits);
             let distortion = if fits { photo.distortion } else { Distortion::default() };
-            (&photo.camera, distortion, photo.mask.is_some())
+            (&photo.camera, distortion, has_masks)
         })
         .collect();
     let mut notes = Vec::new();

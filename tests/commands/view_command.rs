@@ -1,0 +1,147 @@
+//! `camsplat view`: what the browser gets of a plan, a capture, trained splats and a folder of runs, and what nobody else gets.
+
+use std::fs;
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::process::Child;
+
+use crate::support::browser::{number_after, rendered, write_to};
+use crate::support::command::{Place, assert_refused, stop};
+use crate::support::splats::scene;
+use camsplat::io;
+
+/// A server that was started for a path.
+struct Served {
+    child: Child,
+    output: Box<dyn Read>,
+    port: u16,
+}
+
+impl Served {
+    fn new(place: &Place, arguments: &str) -> Self {
+        let mut child = place.command(&format!("view {arguments} --no-browser")).spawn().unwrap();
+        let mut output = child.stdout.take().unwrap();
+        // Byte by byte: the end of the line is the only sign that it is complete.
+        let (mut text, mut byte) = (String::new(), [0]);
+        let port = loop {
+            assert_eq!(output.read(&mut byte).unwrap(), 1, "the server ended: {text}");
+            text.push(char::from(byte[0]));
+            let line = text.lines().find(|line| line.starts_with("view ") && text.ends_with('\n'));
+            if let Some((_, rest)) = line.and_then(|line| line.split_once("http://127.0.0.1:")) {
+                break rest.split('/').next().unwrap().parse().unwrap();
+            }
+        };
+        Self { child, output: Box::new(output), port }
+    }
+
+    /// Status and body of the answer to a request.
+    fn ask(&self, method: &str, path: &str, host: &str) -> (u16, String) {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
+        write!(stream, "{method} {path} HTTP/1.0\r\nHost: {host}\r\n\r\n").unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        let answer = String::from_utf8_lossy(&answer).into_owned();
+        let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+        (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
+    }
+
+    fn get(&self, path: &str) -> (u16, String) {
+        self.ask("GET", path, &format!("127.0.0.1:{}", self.port))
+    }
+
+    /// The page at `/`, as a browser shows it; none without a browser.
+    fn shown(&self, place: &Place) -> Option<String> {
+        let (status, page) = self.get("/");
+        assert_eq!(status, 200, "{page}");
+        rendered(&write_to(place.path("shown.html"), &page), &[])
+    }
+
+    fn end(self) {
+        let ran = stop(self.child, self.output, "-INT");
+        assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""), "{}", ran.out);
+    }
+}
+
+/// If this failed, a browser would show no report, or a page from elsewhere could read files of this machine through it.
+#[test]
+fn a_plan_is_served_to_this_machine_and_nothing_else_is() {
+    let place = Place::new();
+    place.done("plan ball.ply --views 4 --iterations 5 --out plan");
+    place.write("secret.txt", "secret");
+    std::os::unix::fs::symlink(place.path("secret.txt"), place.path("plan/link.txt")).unwrap();
+    let served = Served::new(&place, "plan");
+    let report = place.read("plan/report.html");
+    assert_eq!(served.get("/"), (200, report.clone()));
+    assert_eq!(served.get("/report.html?x=1#y"), (200, report.clone()));
+    assert_eq!(served.ask("GET", "/", &format!("localhost:{}", served.port)), (200, report));
+    assert_eq!(served.get("/cameras.csv"), (200, place.read("plan/cameras.csv")));
+    for path in [
+        "/none",
+        "/../secret.txt",
+        "/%2e%2e/secret.txt",
+        "/..%2fsecret.txt",
+        "/link.txt",
+        "/sparse",
+        "//etc/passwd",
+        "/%00",
+    ] {
+        let (status, body) = served.get(path);
+        assert!(
+            (400..500).contains(&status) && !body.contains("secret\n") && body != "secret",
+            "{path}: {status} {body}"
+        );
+    }
+    assert_eq!(served.ask("GET", "/", "evil.example").0, 403);
+    assert_eq!(served.ask("GET", "/", "127.0.0.1.evil.example:80").0, 403);
+    assert_eq!(served.ask("POST", "/", "localhost").0, 405);
+    served.end();
+}
+
+/// If this failed, a capture or trained splats without a report could not be looked at, or runs beside each other not be found.
+#[test]
+fn captures_splats_and_runs_have_pages_too() {
+    let place = Place::new();
+    place.done("plan ball.ply --views 4 --iterations 5 --size 32x32 --out runs/one/plan");
+    place.done("plan ball.ply --views 5 --iterations 5 --size 32x32 --out runs/two");
+    place.write("splats.ply", io::ply::write::gaussians(&scene(3, 400, 0)));
+
+    let served = Served::new(&place, "runs");
+    let (_, list) = served.get("/");
+    for link in ["one/plan/report.html", "two/report.html"] {
+        assert!(list.contains(&format!("href=\"{link}\"")), "{list}");
+        assert_eq!(served.get(&format!("/{link}")), (200, place.read(&format!("runs/{link}"))));
+    }
+    assert!(list.contains("ball.ply: 4 views") && list.contains("2 reports"), "{list}");
+    served.end();
+
+    place.done("render splats.ply runs/two --out runs/two/images");
+    fs::remove_file(place.path("runs/two/report.html")).unwrap();
+    for (path, views) in [("runs/two", true), ("splats.ply", false)] {
+        let served = Served::new(&place, path);
+        if let Some(dom) = served.shown(&place) {
+            assert!(dom.contains(r#"data-ready="ok""#), "{path}: {dom}");
+            assert!(number_after(&dom, "<canvas", "data-drawn").is_some_and(|drawn| drawn > 1000), "{path}");
+            assert_eq!(dom.matches("<button type=\"button\" data-camera=").count(), if views { 5 } else { 0 }, "{path}");
+        }
+        served.end();
+    }
+}
+
+/// If this failed, a mistake would open an empty page.
+#[test]
+fn what_cannot_be_shown_is_refused() {
+    let place = Place::new();
+    fs::create_dir(place.path("empty")).unwrap();
+    let busy = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let taken = busy.local_addr().unwrap().port();
+    place.done("plan ball.ply --views 3 --iterations 2 --out plan");
+    assert_refused(
+        &place,
+        &[
+            ("view nowhere --no-browser", &["nowhere"]),
+            ("view empty --no-browser", &["empty"]),
+            ("view ball.ply --no-browser", &["ball.ply"]),
+            (&format!("view plan --no-browser --port {taken}"), &["--port", "in use"]),
+        ],
+    );
+}
