@@ -102,6 +102,33 @@ class Cameras:
         """(N, 4, 4), world from camera, in OpenGL axes: x right, y up, z backward."""
         return self.poses @ _FLIP
 
+    def save(self, folder: PathLike, points: Optional[npt.ArrayLike] = None, colours: Optional[npt.ArrayLike] = None) -> Path:
+        """Writes the files of a capture for these cameras: transforms.json, sparse/0, points.ply and cameras.csv.
+
+        Trainers read the folder once the photos are there: `folder`/images/NAME, with .png after names that have no extension.
+
+        Args:
+            folder: one that does not exist yet or is empty.
+            points: (P, 3) positions that trainers begin from.
+            colours: (P, 3), 0 to 255, of the points; grey where they are left out.
+
+        Returns:
+            The folder.
+
+        Raises:
+            Error: where a shape is wrong, a point is not finite, or the folder cannot be written.
+        """
+        positions = _points(np.empty((0, 3)) if points is None else points, "points")
+        if colours is None:
+            paint: npt.NDArray[np.uint8] = np.empty((0, 3), dtype=np.uint8)
+        else:
+            given = np.asarray(colours)
+            if given.shape != positions.shape or not np.issubdtype(given.dtype, np.integer) or (given < 0).any() or (given > 255).any():
+                raise Error(f"colours: the shape is {given.shape}, of {given.dtype}; give {positions.shape} integers from 0 to 255")
+            paint = given.astype(np.uint8)
+        _camsplat.write_capture(folder, *self.arrays(), positions, paint)
+        return Path(folder)
+
     def arrays(self) -> tuple[list[str], Floats, Floats, npt.NDArray[np.uint32]]:
         """As the native part has them."""
         lenses = np.stack([self.K[:, 0, 0], self.K[:, 1, 1], self.K[:, 0, 2], self.K[:, 1, 2]], axis=1)
@@ -135,6 +162,17 @@ def _check_poses(poses: Floats) -> None:
     bad = ~(is_finite & (off < 1e-4) & (np.linalg.det(rotations) > 0))
     if bad.any():
         raise Error(f"poses[{int(np.argmax(bad))}] is no rotation and translation; give world from camera, finite and without scale")
+
+
+def _points(given: Any, name: str) -> Floats:
+    """Points as (P, 3) little-endian numbers in double precision."""
+    points: Floats = np.ascontiguousarray(given, dtype="<f8")
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise Error(f"{name}: the shape is {points.shape}; give (N, 3)")
+    bad: npt.NDArray[np.bool_] = ~np.all(np.isfinite(points), axis=1)
+    if bad.any():
+        raise Error(f"{name}[{int(np.argmax(bad))}] is not finite; leave it out")
+    return points
 
 
 def _intrinsics(sizes: npt.NDArray[np.uint32], fov: Optional[float], K: Optional[npt.ArrayLike]) -> Floats:
@@ -181,12 +219,9 @@ def surface_file(scene: Any, faces: Any, folder: Path, name: str = "surface") ->
         if faces is None:
             faces = getattr(scene, "faces", None)
         scene = scene.vertices
-    vertices = np.asarray(scene, dtype="<f8")
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) == 0:
-        raise Error(f"vertices: the shape is {vertices.shape}; give (V, 3)")
-    bad = ~np.isfinite(vertices).all(axis=1)
-    if bad.any():
-        raise Error(f"vertices[{int(np.argmax(bad))}] is not finite; leave it out")
+    vertices = _points(scene, "vertices")
+    if len(vertices) == 0:
+        raise Error("vertices: there are none; give (V, 3)")
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
     header += "".join(f"property double {axis}\n" for axis in "xyz")
     rows = b""

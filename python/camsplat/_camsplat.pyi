@@ -27,6 +27,15 @@ def write_cameras(
     lenses: npt.NDArray[np.float64],
     sizes: npt.NDArray[np.uint32],
 ) -> None: ...
+def write_capture(
+    path: Union[str, os.PathLike[str]],
+    names: Sequence[str],
+    poses: npt.NDArray[np.float64],
+    lenses: npt.NDArray[np.float64],
+    sizes: npt.NDArray[np.uint32],
+    points: npt.NDArray[np.float64],
+    colours: npt.NDArray[np.uint8],
+) -> None: ...
 def read_surface(
     path: Union[str, os.PathLike[str]],
 ) -> tuple[npt.NDArray[np.float64], Optional[npt.NDArray[np.uint32]], list[str]]: ...

@@ -16,6 +16,16 @@ from ._cameras import Cameras, Floats, PathLike
 from ._camsplat import Error
 
 
+class _Page:
+    """HTML that a notebook shows."""
+
+    def __init__(self, html: str) -> None:
+        self._html = html
+
+    def _repr_html_(self) -> str:
+        return self._html
+
+
 class Report:
     """A folder with a report."""
 
@@ -28,19 +38,19 @@ class Report:
         """Shows the report: in a notebook below the cell, `height` pixels high, else in the browser."""
         try:
             from IPython import get_ipython  # optional
-            from IPython.display import HTML, display
+            from IPython.display import display
         except ImportError:
             get_ipython = None
         if get_ipython is None or get_ipython() is None:
             webbrowser.open((self.folder / "report.html").resolve().as_uri())
         else:
-            display(HTML(self._page(height)))
+            display(_Page(self._frame(height)))
 
     def save(self, folder: PathLike) -> Path:
         """Copies everything into a folder that does not exist yet or is empty, and returns its path."""
         return self._copy(".", Path(folder))
 
-    def _page(self, height: int) -> str:
+    def _frame(self, height: int) -> str:
         # A frame of its own: the report's styles and scripts are not the notebook's.
         page = (self.folder / "report.html").read_text(encoding="utf-8")
         return f'<iframe srcdoc="{html.escape(page)}" width="100%" height="{height}" style="border: 0"></iframe>'

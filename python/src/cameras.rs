@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use camsplat::io;
+use camsplat::io::folder::OutputFolder;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
+use camsplat::scene::surface::Points;
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray as _, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3};
@@ -79,4 +81,31 @@ pub fn write_cameras(
     let cameras = cameras(names, &poses, &lenses, &sizes);
     let text = serde_json::json!({ "cameras": cameras }).to_string();
     std::fs::write(&path, text).map_err(|error| Error::new_err(format!("{}: {error}", path.display())))
+}
+
+/// Writes cameras and points, P x 3, with their colours, P x 3 or none, into a folder that is new or empty: all files of a capture but its
+/// images, which are `images/` and the cameras' names.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "a boundary between languages: the package names them")]
+pub fn write_capture(
+    py: Python<'_>,
+    path: PathBuf,
+    names: Vec<String>,
+    poses: PyReadonlyArray3<'_, f64>,
+    lenses: PyReadonlyArray2<'_, f64>,
+    sizes: PyReadonlyArray2<'_, u32>,
+    points: PyReadonlyArray2<'_, f64>,
+    colours: PyReadonlyArray2<'_, u8>,
+) -> PyResult<()> {
+    let cameras = cameras(names, &poses, &lenses, &sizes);
+    let rows = points.as_array();
+    let positions = rows.rows().into_iter().map(|row| DVec3::new(row[0], row[1], row[2])).collect();
+    let rows = colours.as_array();
+    let colours = rows.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect();
+    py.detach(|| {
+        let folder = OutputFolder::create(&path, false)?;
+        io::camera_files::capture(&folder, &cameras, &Points { positions, colours, ..Points::default() }, &[])?;
+        folder.commit()
+    })
+    .map_err(failed)
 }

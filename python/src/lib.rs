@@ -24,6 +24,7 @@ fn _camsplat(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(command::run, module)?)?;
     module.add_function(wrap_pyfunction!(cameras::read_cameras, module)?)?;
     module.add_function(wrap_pyfunction!(cameras::write_cameras, module)?)?;
+    module.add_function(wrap_pyfunction!(cameras::write_capture, module)?)?;
     module.add_function(wrap_pyfunction!(surface::read_surface, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::render, module)?)?;
     Ok(())

@@ -62,6 +62,31 @@ def test_cameras_survive_the_way_through_files(tmp_path: Path) -> None:
     assert cameras[cameras.positions[:, 0] > 0].positions[:, 0].min() > 0
 
 
+def test_saved_cameras_are_a_capture(tmp_path: Path) -> None:
+    """If this failed, trainers would read other cameras than those in Python, or somebody's folder would be written over."""
+    turns = np.linspace(0, 1.5, 4)
+    poses = np.tile(np.eye(4), (4, 1, 1))
+    poses[:, 0, 0], poses[:, 0, 2] = np.cos(turns), np.sin(turns)
+    poses[:, 2, 0], poses[:, 2, 2] = -np.sin(turns), np.cos(turns)
+    poses[:, :3, 3] = np.arange(12).reshape(4, 3) + 0.25
+    K = np.array([[500.0, 0, 310], [0, 510, 250], [0, 0, 1]])
+    cameras = camsplat.Cameras(poses, size=(640, 480), K=K, names=["a", "b.jpg", "c", "d.1"])
+    points = np.random.default_rng(0).normal(size=(20, 3))
+    folder = cameras.save(tmp_path / "capture", points, colours=np.full((20, 3), 200))
+    for part in ["transforms.json", "sparse/0"]:
+        read = camsplat.read_cameras(folder / part)
+        assert np.allclose(read.poses, poses, atol=1e-12) and np.allclose(read.K, K) and (read.sizes == [640, 480]).all()
+        assert read.names == ["a.png", "b.jpg", "c.png", "d.1.png"]
+    assert np.allclose(camsplat.read_surface(folder / "points.ply")[0], points, atol=1e-6)
+    camsplat.Cameras(poses).save(tmp_path / "without points")
+    for arguments, message in [((tmp_path / "capture",), "not empty"), ((tmp_path / "new", points[:, :2]), "points: the shape")]:
+        with pytest.raises(camsplat.Error, match=message):
+            cameras.save(*arguments)  # type: ignore[arg-type]
+    with pytest.raises(camsplat.Error, match="colours"):
+        cameras.save(tmp_path / "new", points, np.full((20, 3), 300))
+    assert not (tmp_path / "new").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

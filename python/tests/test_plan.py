@@ -161,7 +161,7 @@ def test_plans_are_shown_and_handed_on(ball: Ball, tmp_path: Path) -> None:
     with pytest.raises(camsplat.Error, match="already"):
         plan.save(tmp_path / "kept")
     assert np.array_equal(camsplat.Plan(tmp_path / "kept").poses, plan.poses)
-    page = plan._page(400)
+    page = plan._frame(400)
     assert page.startswith("<iframe") and "&lt;html" in page and "<html" not in page
     temporary = plan.folder
     del plan
@@ -205,9 +205,9 @@ def test_rerun_takes_the_cameras(ball: Ball, tmp_path: Path) -> None:
         ({"preset": "rom"}, "possible values: object, room"),
         ({"faces": np.array([[0, 1, 10**6]])}, "there are"),
         ({"faces": np.array([[0, 1], [1, 2]])}, "give (F, 3)"),
-        ({"scene": np.zeros((5, 2))}, "(V, 3)"),
+        ({"scene": np.zeros((5, 2))}, "(N, 3)"),
         ({"scene": np.full((5, 3), np.inf)}, "vertices[0] is not finite"),
-        ({"scene": np.zeros((0, 3))}, "(V, 3)"),
+        ({"scene": np.zeros((0, 3))}, "there are none"),
         ({"scene": "nowhere.ply"}, "nowhere.ply: there is no such file"),
         ({"keep": np.eye(4)}, "ndarray"),
         ({"device": "no such device"}, "no such device"),

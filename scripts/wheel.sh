@@ -1,0 +1,40 @@
+#!/usr/bin/env bash
+# Builds the Python wheel into dist/ and tries it in empty virtual environments, one for each Python that is named (python3 where none is):
+#
+#     scripts/wheel.sh [PYTHON ...]
+#
+# On Linux the wheel is for every distribution with glibc 2.28 or later (manylinux_2_28), linked by zig, which pip brings. Run setup.sh first.
+# What is tried: the README's example as a doctest, the command line, and a plan of arrays.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+tools=target/wheel-tools
+[ -x "$tools/bin/maturin" ] || python3 -m venv "$tools"
+"$tools/bin/pip" install -q "maturin>=1.9,<2" ziglang
+
+rm -f dist/camsplat-*.whl
+if [ "$(uname -s)" = Linux ]; then
+    # Zig links the package. Build scripts run here and now, and link what this system has.
+    triple="$(uname -m)_unknown_linux_gnu"
+    export "CC_$triple=cc" "CXX_$triple=c++"
+    # maturin finds zig by the Python before it on the path.
+    PATH="$PWD/$tools/bin:$PATH" maturin build --release --locked --zig --compatibility manylinux_2_28 --out dist
+else
+    "$tools/bin/maturin" build --release --locked --out dist
+fi
+wheel=$(ls "$PWD"/dist/camsplat-*.whl)
+
+readme=$PWD/README.md
+for python in "${@:-python3}"; do
+    place=$(mktemp -d)
+    "$python" -m venv "$place/venv"
+    "$place/venv/bin/pip" install -q "$wheel" trimesh
+    (
+        cd "$place"
+        venv/bin/python -m doctest "$readme"
+        venv/bin/camsplat --version
+        venv/bin/python -c 'import camsplat, sys; print("tried with Python", sys.version.split()[0], camsplat.read_cameras("statue"))'
+    )
+    rm -r "$place"
+done
+echo "wheel.sh: $wheel"
