@@ -12,6 +12,7 @@ import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
+from typing import TypedDict
 
 import numpy as np
 import pytest
@@ -20,6 +21,16 @@ import camsplat
 from camsplat._cameras import Floats
 
 Ball = tuple[Floats, np.ndarray]
+
+
+class Quick(TypedDict):
+    """Options of plans whose quality does not matter."""
+
+    iterations: int
+    held_out: int
+
+
+QUICK: Quick = {"iterations": 20, "held_out": 50}
 
 
 def write_ply(file: Path, vertices: Floats, faces: np.ndarray) -> None:
@@ -59,12 +70,12 @@ def test_a_plan_of_arrays_is_that_of_the_command(ball: Ball, tmp_path: Path) -> 
 
 def test_kept_cameras_count_and_stay(ball: Ball) -> None:
     """If this failed, a second plan would move the first one's cameras, or not know of them."""
-    first = camsplat.plan(*ball, views=5)
-    second = camsplat.plan(*ball, views=4, keep=first)
+    first = camsplat.plan(*ball, views=5, **QUICK)
+    second = camsplat.plan(*ball, views=4, keep=first, **QUICK)
     assert (len(second.cameras), len(second.kept)) == (4, 5)
     assert np.allclose(second.kept.poses, first.poses, atol=1e-12)
-    assert not np.allclose(second.poses, camsplat.plan(*ball, views=4).poses)
-    by_cameras = camsplat.plan(*ball, views=4, keep=first.cameras)
+    assert not np.allclose(second.poses, camsplat.plan(*ball, views=4, **QUICK).poses)
+    by_cameras = camsplat.plan(*ball, views=4, keep=first.cameras, **QUICK)
     assert np.array_equal(by_cameras.poses, second.poses)
 
 
@@ -128,11 +139,11 @@ def test_ctrl_c_stops_a_plan_and_keeps_it(ball: Ball, tmp_path: Path) -> None:
 
 def test_threads_plan_side_by_side(ball: Ball) -> None:
     """If this failed, two plans at once would take each other's options, progress or stops."""
-    alone = [camsplat.plan(*ball, views=6, seed=seed).poses for seed in range(3)]
+    alone = [camsplat.plan(*ball, views=6, seed=seed, **QUICK).poses for seed in range(3)]
     together: dict[int, Floats] = {}
 
     def work(seed: int) -> None:
-        together[seed] = camsplat.plan(*ball, views=6, seed=seed).poses
+        together[seed] = camsplat.plan(*ball, views=6, seed=seed, **QUICK).poses
 
     threads = [threading.Thread(target=work, args=(seed,)) for seed in range(3)]
     for thread in threads:
@@ -144,14 +155,14 @@ def test_threads_plan_side_by_side(ball: Ball) -> None:
 
 def test_a_curve_rises_with_views(ball: Ball) -> None:
     """If this failed, nobody could ask from Python how many views are worth taking."""
-    curve = camsplat.quality_curve(*ball, iterations=20)
+    curve = camsplat.quality_curve(*ball, **QUICK)
     assert list(curve.views) == sorted(curve.views) and curve.views[-1] == 300
     assert curve.db[-1] == 0 and curve.db[0] < curve.db[5] < 0 and curve._repr_svg_().startswith("<svg")
 
 
 def test_plans_are_shown_and_handed_on(ball: Ball, tmp_path: Path) -> None:
     """If this failed, what a trainer or a notebook gets of a plan would not be the plan."""
-    plan = camsplat.plan(*ball, views=5)
+    plan = camsplat.plan(*ball, views=5, **QUICK)
     frames = plan.to_nerfstudio()["frames"]
     poses = np.array([frame["transform_matrix"] for frame in sorted(frames, key=lambda frame: str(frame["file_path"]))])
     assert np.allclose(poses, plan.cameras.poses_opengl, atol=1e-9)
@@ -170,7 +181,7 @@ def test_plans_are_shown_and_handed_on(ball: Ball, tmp_path: Path) -> None:
 
 def test_other_viewers_get_the_cameras(ball: Ball) -> None:
     """If this failed, rerun and viser would show cameras somewhere else."""
-    plan = camsplat.plan(*ball, views=5)
+    plan = camsplat.plan(*ball, views=5, **QUICK)
     viser = pytest.importorskip("viser", reason="skipped: viser is not installed")
     from viser.transforms import SO3
 
@@ -189,7 +200,7 @@ def test_other_viewers_get_the_cameras(ball: Ball) -> None:
 def test_rerun_takes_the_cameras(ball: Ball, tmp_path: Path) -> None:
     """If this failed, a recording would hold no cameras, or rerun refuse them."""
     rerun = pytest.importorskip("rerun", reason="skipped: rerun is not installed")
-    plan = camsplat.plan(*ball, views=5)
+    plan = camsplat.plan(*ball, views=5, **QUICK)
     recording = rerun.RecordingStream("camsplat")
     recording.save(str(tmp_path / "plan.rrd"))
     plan.log_to_rerun("scene", recording=recording)
