@@ -4,6 +4,10 @@
 use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::fs;
+#[cfg(unix)]
+use std::os::unix::fs::symlink;
+#[cfg(windows)]
+use std::os::windows::fs::symlink_file as symlink;
 use std::path::Path;
 
 use glam::DVec3;
@@ -149,8 +153,8 @@ fn capture(written: &Written<'_>, folder: &OutputFolder) -> Result<Vec<String>> 
     folder.write(POINTS, ply::write::points(&positions, &colours, None))?;
     let (text, mut notes) = transforms::write_photos(&photos, Some(POINTS));
     folder.write("transforms.json", text)?;
-    if let Some(files) = own_model(set, &photos)? {
-        for (name, bytes) in files {
+    if let Some(model) = own_model(set, &photos)? {
+        for (name, bytes) in model.files {
             folder.write(&format!("sparse/0/{name}"), bytes)?;
         }
         return Ok(notes);
@@ -172,7 +176,7 @@ fn capture(written: &Written<'_>, folder: &OutputFolder) -> Result<Vec<String>> 
 
 /// The files of the capture's own COLMAP model, cut down to some photos and else kept to the bit; none where it has no model, or one
 /// for images of another size.
-fn own_model(set: &PhotoSet, photos: &[&Photo]) -> Result<Option<Vec<(&'static str, Vec<u8>)>>> {
+fn own_model(set: &PhotoSet, photos: &[&Photo]) -> Result<Option<colmap::Subset>> {
     let (Convention::Colmap, Some(model)) = (set.convention, colmap::model_folder(&set.path)) else {
         return Ok(None);
     };
@@ -182,7 +186,7 @@ fn own_model(set: &PhotoSet, photos: &[&Photo]) -> Result<Option<Vec<(&'static s
         return Ok(None);
     }
     let names: Vec<String> = photos.iter().map(|photo| photo.camera.name.clone()).collect();
-    Ok(Some(colmap::subset(&model, &names)?.files))
+    colmap::subset(&model, &names).map(Some)
 }
 
 /// What a trainer may start from.
@@ -223,7 +227,7 @@ fn images(written: &Written<'_>, folder: &OutputFolder) -> Result<()> {
         let done = if written.copy {
             fs::copy(from, &to).map(|_| ())
         } else {
-            fs::canonicalize(from).and_then(|from| std::os::unix::fs::symlink(from, &to))
+            fs::canonicalize(from).and_then(|from| symlink(from, &to))
         };
         done.map_err(|source| Error::io(from, source))
     };

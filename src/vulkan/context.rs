@@ -74,6 +74,9 @@ impl Context {
         if physical.memory_budget {
             extensions.push(ash::ext::memory_budget::NAME.as_ptr());
         }
+        if physical.portability {
+            extensions.push(ash::khr::portability_subset::NAME.as_ptr());
+        }
         let mut floats =
             vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default().shader_buffer_float32_atomic_add(true);
         if physical.atomic_floats {

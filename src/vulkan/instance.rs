@@ -8,6 +8,14 @@ use ash::vk;
 use crate::{Error, Result};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+/// What is said where the loader is missing.
+const NO_LOADER: &str = if cfg!(target_os = "macos") {
+    "no Vulkan loader (libvulkan.dylib): install vulkan-loader and molten-vk, or the Vulkan SDK"
+} else if cfg!(windows) {
+    "no Vulkan loader (vulkan-1.dll): install the driver of your GPU"
+} else {
+    "no Vulkan loader (libvulkan.so.1): install libvulkan1 and a driver, mesa-vulkan-drivers for one that needs no GPU"
+};
 
 /// Messages of the validation layers, in the order they came.
 pub(super) type Messages = Arc<Mutex<Vec<String>>>;
@@ -30,9 +38,7 @@ impl Instance {
     /// Where there is no loader, or the layers were requested and are not installed; the message names what to install.
     pub fn new(validation: bool) -> Result<Self> {
         // SAFETY: loading the system's Vulkan loader runs its initialisers; it has no other preconditions.
-        let entry = unsafe { ash::Entry::load() }.map_err(|_| {
-            Error::NoDevice("no Vulkan loader (libvulkan.so.1): install libvulkan1 and a driver, mesa-vulkan-drivers for one that needs no GPU".into())
-        })?;
+        let entry = unsafe { ash::Entry::load() }.map_err(|_| Error::NoDevice(NO_LOADER.into()))?;
         // SAFETY: `entry` is a loaded Vulkan library; the same holds for each call on it below.
         let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
         if validation && !layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
@@ -42,21 +48,30 @@ impl Instance {
         }
         // SAFETY: no layer's name is given, and the loader fills the list.
         let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
-        let debug_utils =
-            extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(ash::ext::debug_utils::NAME));
+        let has = |name| extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name));
+        let debug_utils = has(ash::ext::debug_utils::NAME);
+        // Without it the loader hides drivers that are Vulkan by translation, such as MoltenVK.
+        let portability = has(ash::khr::portability_enumeration::NAME);
 
         let application = vk::ApplicationInfo::default()
             .application_name(c"camsplat")
             .engine_name(c"camsplat")
             .api_version(vk::API_VERSION_1_2);
         let layer_names = if validation { vec![VALIDATION_LAYER.as_ptr()] } else { Vec::new() };
-        let extension_names = if debug_utils { vec![ash::ext::debug_utils::NAME.as_ptr()] } else { Vec::new() };
+        let wanted =
+            [(debug_utils, ash::ext::debug_utils::NAME), (portability, ash::khr::portability_enumeration::NAME)];
+        let extension_names: Vec<_> =
+            wanted.iter().filter(|(there, _)| *there).map(|(_, name)| name.as_ptr()).collect();
         let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
         let messages = Messages::default();
         let mut messenger_info = messenger_info(&messages);
         let mut info = vk::InstanceCreateInfo::default()
             .application_info(&application)
+            .flags(match portability {
+                true => vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR,
+                false => vk::InstanceCreateFlags::empty(),
+            })
             .enabled_layer_names(&layer_names)
             .enabled_extension_names(&extension_names);
         if validation {

@@ -46,6 +46,8 @@ pub struct Physical {
     pub(super) queue_family: u32,
     pub(super) checkpoints: bool,
     pub(super) memory_budget: bool,
+    /// Whether this is Vulkan by translation, whose extension must be enabled.
+    pub(super) portability: bool,
     rank: u32,
 }
 
@@ -148,6 +150,7 @@ impl Physical {
             timestamp_period: if bits > 0 { limits.timestamp_period } else { 0.0 },
             timestamp_bits: bits,
             atomic_floats,
+            portability: has(ash::khr::portability_subset::NAME),
             lacks,
             queue_family: family.unwrap_or(0) as u32,
             checkpoints: has(ash::nv::device_diagnostic_checkpoints::NAME),

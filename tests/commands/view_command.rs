@@ -121,7 +121,11 @@ fn captures_splats_and_runs_have_pages_too() {
         if let Some(dom) = served.shown(&place) {
             assert!(dom.contains(r#"data-ready="ok""#), "{path}: {dom}");
             assert!(number_after(&dom, "<canvas", "data-drawn").is_some_and(|drawn| drawn > 1000), "{path}");
-            assert_eq!(dom.matches("<button type=\"button\" data-camera=").count(), if views { 5 } else { 0 }, "{path}");
+            assert_eq!(
+                dom.matches("<button type=\"button\" data-camera=").count(),
+                if views { 5 } else { 0 },
+                "{path}"
+            );
         }
         served.end();
     }

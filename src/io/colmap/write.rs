@@ -111,7 +111,7 @@ mod tests {
 
     use super::super::{binary, join, pose};
     use super::*;
-    use crate::scene::camera::Pose;
+    use crate::scene::camera::{Intrinsics, Pose};
 
     fn set() -> Vec<Camera> {
         let camera = |name: &str, x: f64, width| Camera {
