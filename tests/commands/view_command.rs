@@ -3,7 +3,7 @@
 use std::fs;
 use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::process::Child;
+use std::process::{Child, ChildStdout};
 
 use crate::support::browser::{number_after, rendered, write_to};
 use crate::support::command::{Place, assert_refused, stop};
@@ -12,9 +12,20 @@ use camsplat::io;
 
 /// A server that was started for a path.
 struct Served {
-    child: Child,
-    output: Box<dyn Read>,
+    /// None once it has been stopped.
+    child: Option<Child>,
+    output: Option<ChildStdout>,
     port: u16,
+}
+
+impl Drop for Served {
+    /// A test that fails leaves no server behind.
+    fn drop(&mut self) {
+        if let Some(mut child) = self.child.take() {
+            child.kill().unwrap();
+            child.wait().unwrap();
+        }
+    }
 }
 
 impl Served {
@@ -31,7 +42,7 @@ impl Served {
                 break rest.split('/').next().unwrap().parse().unwrap();
             }
         };
-        Self { child, output: Box::new(output), port }
+        Self { child: Some(child), output: Some(output), port }
     }
 
     /// Status and body of the answer to a request.
@@ -56,8 +67,8 @@ impl Served {
         rendered(&write_to(place.path("shown.html"), &page), &[])
     }
 
-    fn end(self) {
-        let ran = stop(self.child, self.output, "-INT");
+    fn end(mut self) {
+        let ran = stop(self.child.take().unwrap(), self.output.take().unwrap(), "-INT");
         assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""), "{}", ran.out);
     }
 }
