@@ -57,7 +57,7 @@ class Cameras:
         Raises:
             Error: where a shape is wrong, or a pose is no rotation and translation.
         """
-        given = np.asarray(poses, dtype=np.float64)
+        given = _numbers(poses, "poses")
         if given.ndim != 3 or given.shape[1:] not in [(4, 4), (3, 4)]:
             raise Error(f"poses: the shape is {given.shape}; give (N, 4, 4), world from camera")
         count = len(given)
@@ -68,9 +68,12 @@ class Cameras:
         elif convention != "opencv":
             raise Error(f"convention: {convention!r} is none; give 'opencv' or 'opengl'")
         _check_poses(self.poses)
-        self.sizes: npt.NDArray[np.uint32] = np.array(np.broadcast_to(np.asarray(size), (count, 2)), dtype=np.uint32)
-        if (self.sizes < 1).any():
-            raise Error("size: an image has no pixels; give width and height")
+        sides = _numbers(size, "size")
+        if sides.shape not in [(2,), (count, 2)]:
+            raise Error(f"size: the shape is {sides.shape}; give width and height, or ({count}, 2)")
+        if ((sides < 1) | (sides > 65_535) | (sides != np.floor(sides))).any():
+            raise Error("size: an image has no pixels; give width and height from 1 to 65535")
+        self.sizes: npt.NDArray[np.uint32] = np.array(np.broadcast_to(sides, (count, 2)), dtype=np.uint32)
         self.K: Floats = _intrinsics(self.sizes, fov, K)
         self.names: list[str] = [f"{i:04}" for i in range(count)] if names is None else [str(name) for name in names]
         if len(self.names) != count or len(set(self.names)) != count:
@@ -164,9 +167,18 @@ def _check_poses(poses: Floats) -> None:
         raise Error(f"poses[{int(np.argmax(bad))}] is no rotation and translation; give world from camera, finite and without scale")
 
 
+def _numbers(given: Any, name: str) -> Floats:
+    """An array in double precision."""
+    try:
+        numbers: Floats = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise Error(f"{name}: {' '.join(str(error).split())}; give an array of numbers") from None
+    return numbers
+
+
 def _points(given: Any, name: str) -> Floats:
     """Points as (P, 3) little-endian numbers in double precision."""
-    points: Floats = np.ascontiguousarray(given, dtype="<f8")
+    points: Floats = np.ascontiguousarray(_numbers(given, name), dtype="<f8")
     if points.ndim != 2 or points.shape[1] != 3:
         raise Error(f"{name}: the shape is {points.shape}; give (N, 3)")
     bad: npt.NDArray[np.bool_] = ~np.all(np.isfinite(points), axis=1)
@@ -187,7 +199,7 @@ def _intrinsics(sizes: npt.NDArray[np.uint32], fov: Optional[float], K: Optional
         return of_fov
     if fov is not None:
         raise Error("K and fov are both given; give one")
-    given = np.asarray(K, dtype=np.float64)
+    given = _numbers(K, "K")
     if given.shape not in [(3, 3), (count, 3, 3)]:
         raise Error(f"K: the shape is {given.shape}; give (3, 3) or ({count}, 3, 3)")
     if not (np.isfinite(given).all() and (given[..., 0, 0] > 0).all() and (given[..., 1, 1] > 0).all()):

@@ -100,6 +100,10 @@ def test_saved_cameras_are_a_capture(tmp_path: Path) -> None:
         ({"poses": np.eye(4)[None], "K": np.zeros((3, 3))}, "focal length"),
         ({"poses": np.eye(4)[None], "K": [[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]}, "skewed"),
         ({"poses": np.eye(4)[None], "size": (0, 4)}, "no pixels"),
+        ({"poses": np.eye(4)[None], "size": (-5, 4)}, "no pixels"),
+        ({"poses": np.eye(4)[None], "size": (5, 4, 3)}, "size: the shape is (3,)"),
+        ({"poses": [[1], [1, 2]]}, "give an array of numbers"),
+        ({"poses": [[["a"]]]}, "give an array of numbers"),
         ({"poses": np.tile(np.eye(4), (2, 1, 1)), "names": ["a", "a"]}, "names"),
     ],
 )
