@@ -187,6 +187,8 @@ function drawSplats({ model }) {
 
   listen(canvas, orbit, { move, hover: () => {}, pick: () => {} });
   form.camera.add(new Option("none", ""));
+  // A model by itself has no cameras to look through.
+  for (const part of [form.camera, root.querySelector(".detail"), root.querySelector(".steps")]) part.hidden = views.length === 0;
   views.forEach((view, i) => form.camera.add(new Option(`${view.name} (${kind(view)})`, i)));
   form.camera.addEventListener("change", () => (form.camera.value === "" ? move(() => {}) : look(Number(form.camera.value))));
   form.previous.addEventListener("click", () => step(-1));

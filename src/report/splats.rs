@@ -29,6 +29,8 @@ pub struct Model {
     splats: SplatData,
     /// What the positions of the page are relative to.
     origin: DVec3,
+    /// Distance from there within which most splats are.
+    spread: f64,
     trained: Vec<Camera>,
     tests: Vec<Camera>,
 }
@@ -87,6 +89,9 @@ impl Model {
         let origin = DVec3::from_array([0, 1, 2].map(|axis| median(&|i| gaussians.centres[i][axis])));
         let few: Vec<Camera> = every(trained, MAX_TRAINED).cloned().collect();
         let from: Vec<DVec3> = every(&few, SEEN_BY).map(|camera| camera.pose.position).collect();
+        let mut away: Vec<f64> = kept.iter().map(|i| gaussians.centres[*i].distance(origin)).collect();
+        away.sort_unstable_by(f64::total_cmp);
+        let spread = away.get(49 * away.len() / 50).copied().unwrap_or(1.0);
         let reach = median(&|i| gaussians.centres[i].distance(origin)).max(f64::MIN_POSITIVE);
         let farthest = kept.iter().map(|i| (gaussians.centres[*i] - origin).abs().max_element()).fold(0.0, f64::max);
         let range = (farthest / reach).ln_1p().max(f64::MIN_POSITIVE);
@@ -114,14 +119,14 @@ impl Model {
             rotations: pack(kept.iter().flat_map(quaternion), i8::to_le_bytes),
             colours: pack(kept.iter().map(|i| colour(gaussians, *i, &from)), |c| c),
         };
-        Self { splats, origin, trained: few, tests: tests.to_vec() }
+        Self { splats, origin, spread, trained: few, tests: tests.to_vec() }
     }
 
     /// The data of a page without a training run: the splats alone, seen from outside, with `up` upwards.
     #[cfg(feature = "cli")]
     pub(super) fn alone(&self, up: DVec3) -> ModelData<'_> {
-        let extent = 2.0 * self.splats.reach;
-        ModelData { splats: &self.splats, views: Vec::new(), up, extent, background: [0.0; 3], antialiased: false }
+        let background = [0.0; 3];
+        ModelData { splats: &self.splats, views: Vec::new(), up, extent: self.spread, background, antialiased: false }
     }
 
     /// The data of the page: test views first, the worst of them foremost.

@@ -92,7 +92,7 @@ pub fn model(title: &str, gaussians: &Gaussians, up: DVec3) -> Result<String> {
 /// None that can be met: what is on the page is text.
 pub fn runs(title: &str, runs: &[Run]) -> Result<String> {
     let mut body = String::from(
-        "<section>\n<div class=\"scroll\"><table>\n<thead><tr><th scope=\"col\">Folder</th><th scope=\"col\">What it shows</th>\
+        "<section>\n<h2>Runs</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th scope=\"col\">Folder</th><th scope=\"col\">What it shows</th>\
          <th scope=\"col\">Written</th></tr></thead>\n<tbody>\n",
     );
     for Run { report, title, written } in runs {
