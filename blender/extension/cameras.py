@@ -12,11 +12,15 @@ COLLECTION = "camsplat"
 """Name of the collection of planned cameras."""
 
 
+PLANNED = "camsplat"
+"""Property of the cameras that were planned."""
+
+
 def check_markers(scene: bpy.types.Scene, views: int) -> None:
     """Refuses markers that bind other cameras to the frames that planned ones get."""
     ours = set() if scene.camsplat.cameras is None else set(scene.camsplat.cameras.objects)
     for marker in scene.timeline_markers:
-        if marker.camera is not None and marker.camera not in ours and marker.frame <= views:
+        if marker.camera is not None and marker.camera not in ours and 1 <= marker.frame <= views:
             raise camsplat.Error(
                 f"timeline marker {marker.name}: it binds camera {marker.camera.name} to frame {marker.frame}, which a planned camera "
                 "needs; unbind it, or move it past the views"
@@ -38,6 +42,7 @@ def make_cameras(scene: bpy.types.Scene, planned: camsplat.Cameras, source: bpy.
     for frame, (name, pose) in enumerate(zip(planned.names, planned.poses_opengl), start=1):
         camera = bpy.data.objects.new(name, data)
         collection.objects.link(camera)
+        camera[PLANNED] = True
         location, rotation, _ = Matrix(pose).decompose()
         camera.rotation_mode = "QUATERNION"
         camera.location, camera.rotation_quaternion = location, rotation
@@ -49,11 +54,14 @@ def make_cameras(scene: bpy.types.Scene, planned: camsplat.Cameras, source: bpy.
 
 
 def remove_cameras(scene: bpy.types.Scene) -> None:
-    """Removes the cameras that were planned before, with their markers, and their collection where it holds nothing else."""
+    """Removes the cameras that were planned before, with their markers, and their collection where it holds nothing else. Cameras that
+    somebody else made stay."""
     collection = scene.camsplat.cameras
     if collection is None:
         return
-    cameras = [object for object in collection.objects if object.type == "CAMERA"]
+    cameras = [object for object in collection.objects if object.type == "CAMERA" and object.get(PLANNED)]
+    if not cameras:
+        return
     for marker in list(scene.timeline_markers):
         if marker.camera in cameras:
             scene.timeline_markers.remove(marker)

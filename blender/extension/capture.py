@@ -14,17 +14,18 @@ import camsplat
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
     """A folder to write into, which becomes `folder` at the end; where something fails before, nothing is left."""
+    folder = folder.resolve()
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise camsplat.Error(f"{folder}: there is something here already; name another folder")
     if not folder.parent.is_dir():
         raise camsplat.Error(f"{folder.parent}: there is no such folder; make it, or name another")
     with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as hidden:
-        staged = Path(hidden) / folder.name  # with usual permissions, which the one around it lacks
+        staged = Path(hidden) / folder.name
         staged.mkdir()
         yield staged
-        if folder.exists():
-            folder.rmdir()
-        staged.rename(folder)
+        folder.mkdir(exist_ok=True)
+        for entry in staged.iterdir():
+            entry.rename(folder / entry.name)
 
 
 def image_name(camera: str) -> str:

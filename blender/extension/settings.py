@@ -80,7 +80,9 @@ class CamsplatSettings(bpy.types.PropertyGroup):
         subtype="DIR_PATH",
     )
     cameras: PointerProperty(
-        name="Cameras", description="Collection of the planned cameras; planning again replaces them", type=bpy.types.Collection
+        name="Cameras",
+        description="Collection of cameras to score and render; planning again replaces those that were planned",
+        type=bpy.types.Collection,
     )
     planned: CollectionProperty(type=CamsplatPlanned)
     expected: StringProperty(name="Expected quality", description="Predicted PSNR of splats trained on the views")

@@ -2,15 +2,15 @@ r"""Plans and evaluations over a Ray cluster, with the results as one table.
 
     python examples/python/sweep_ray.py plans chair.glb helmet.glb --views 20,50 --seeds 3 --out plans
     python examples/python/sweep_ray.py evaluation helmet.glb --shards 8 --out results \
-        --options '{"env": "studio.hdr", "methods": "random,fvs,ours", "budgets": 50}'
+        --options '{"env": "/shared/studio.hdr", "methods": "random,fvs,ours", "budgets": 50}'
 
 `plans` places cameras for every scene, number of views and seed, and writes OUT/plans.csv beside the plans' folders. `evaluation` divides
 the runs of `camsplat evaluate` into shards, makes each in a task of its own and writes the tables of all of them. Paths are on a file
 system that all machines share. Options are those of `camsplat plan` or `camsplat evaluate`, as JSON with underscores.
 
 A task that dies is tried again, on another machine where there is one. It goes on from what it had finished, and so does a second call of
-the same command. A task takes a GPU, or a CPU core with --cpu. Needs `pip install camsplat "ray[default]"`; RAY_ADDRESS names the cluster,
-else one is started on this machine.
+the same command: give another --out for other options. A task takes a GPU, or a CPU core with --cpu. Needs
+`pip install camsplat "ray[default]"`; RAY_ADDRESS names the cluster, else one is started on this machine.
 """
 
 import argparse
@@ -40,18 +40,21 @@ def make_plan(scene: str, views: int, seed: int, out: str, options: dict) -> dic
     if (folder / "plan.json").exists():
         plan = camsplat.Plan(folder)
     else:
-        plan = camsplat.plan(scene, views=views, seed=seed, out=folder, **device(), **options)
+        plan = camsplat.plan(scene, views=views, seed=seed, out=folder, **{**device(), **options})
     return {"scene": scene, "views": views, "seed": seed, "expected_db": plan.expected, "folder": out}
 
 
 @ray.remote(max_retries=RETRIES)
 def make_shard(scenes: list, out: str, shard: str, options: dict) -> str:
     """Makes a shard of an evaluation."""
-    camsplat.command("evaluate", *scenes, out=out, shard=shard, **device(), **options)
+    camsplat.command("evaluate", *scenes, out=out, shard=shard, **{**device(), **options})
     return shard
 
 
 def plans(arguments: argparse.Namespace, resources: dict) -> None:
+    names = [Path(scene).stem for scene in arguments.scenes]
+    if len(set(names)) < len(names) or not names:
+        raise SystemExit("scenes: give some, each with a file name of its own, since plans are in folders of that name")
     out = Path(arguments.out)
     out.mkdir(parents=True, exist_ok=True)
     views = [int(number) for number in arguments.views.split(",")]

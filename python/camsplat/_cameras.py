@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Optional, Protocol, Union, runtime_checkable
 
@@ -85,10 +85,14 @@ class Cameras:
     def __repr__(self) -> str:
         return f"<camsplat.Cameras: {len(self)}>"
 
-    def __getitem__(self, which: Union[slice, Sequence[int], npt.NDArray[Any]]) -> Cameras:
-        """Some of the cameras: a slice, or an array of indices or of booleans."""
-        index = np.arange(len(self))[which]
-        return Cameras(self.poses[index], size=self.sizes[index], K=self.K[index], names=[self.names[i] for i in np.atleast_1d(index)])
+    def __iter__(self) -> Iterator[Cameras]:
+        """The cameras one by one, each as `Cameras` of one."""
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self, which: Union[int, slice, Sequence[int], npt.NDArray[Any]]) -> Cameras:
+        """Some of the cameras: a slice, an index, or an array of indices or of booleans."""
+        index = np.atleast_1d(np.arange(len(self))[which])
+        return Cameras(self.poses[index], size=self.sizes[index], K=self.K[index], names=[self.names[i] for i in index])
 
     @property
     def positions(self) -> Floats:
@@ -129,6 +133,10 @@ class Cameras:
             if given.shape != positions.shape or not np.issubdtype(given.dtype, np.integer) or (given < 0).any() or (given > 255).any():
                 raise Error(f"colours: the shape is {given.shape}, of {given.dtype}; give {positions.shape} integers from 0 to 255")
             paint = given.astype(np.uint8)
+        for name in self.names:
+            parts = Path(name).parts
+            if not parts or Path(name).is_absolute() or ".." in parts or not name.isprintable():
+                raise Error(f"names: {name!r} is no name of an image within images/; rename the camera")
         _camsplat.write_capture(folder, *self.arrays(), positions, paint)
         return Path(folder)
 
@@ -204,6 +212,8 @@ def _intrinsics(sizes: npt.NDArray[np.uint32], fov: Optional[float], K: Optional
         raise Error(f"K: the shape is {given.shape}; give (3, 3) or ({count}, 3, 3)")
     if not (np.isfinite(given).all() and (given[..., 0, 0] > 0).all() and (given[..., 1, 1] > 0).all()):
         raise Error("K: a focal length is not above 0, or a number is not finite; give pixels")
+    if (given[..., 1, 0] != 0).any() or (given[..., 2, :] != [0, 0, 1]).any():
+        raise Error("K: a row is not that of intrinsics; give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]")
     if (given[..., 0, 1] != 0).any():
         raise Error("K: a lens is skewed, which cameras here are not; give K[0, 1] as 0")
     return np.array(np.broadcast_to(given, (count, 3, 3)))

@@ -7,6 +7,8 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Union
 
+import numpy as np
+
 from . import _camsplat
 
 Progress = Union[bool, Callable[[str, int, int], object]]
@@ -15,7 +17,7 @@ Progress = Union[bool, Callable[[str, int, int], object]]
 _logger = logging.getLogger("camsplat")
 
 
-def command(name: str, *arguments: Union[str, os.PathLike[str]], progress: Progress = False, **options: Any) -> list[str]:
+def command(name: str, /, *arguments: Union[str, os.PathLike[str]], progress: Progress = False, **options: Any) -> list[str]:
     """Runs any command of the command line, and returns the lines that it prints.
 
     The lines go to the logger `camsplat` as well, warnings among them at the level WARNING. `name` may have several words, such as
@@ -36,7 +38,9 @@ def run(name: str, arguments: Sequence[Union[str, os.PathLike[str]]], options: M
         lines.append(line)
         _logger.log(logging.WARNING if line.startswith(("warning", "validation")) else logging.INFO, "%s", line)
 
-    words = [*name.split(), *options_of(options), "--", *(os.fspath(argument) for argument in arguments)]
+    words = [*name.split(), *options_of(options)]
+    if arguments:
+        words += ["--", *(os.fspath(argument) for argument in arguments)]
     with _Bar() if progress is True else _Callback(progress) as on_progress:
         _camsplat.run(words, on_line, on_progress)
     return lines
@@ -50,6 +54,8 @@ def options_of(options: Mapping[str, Any]) -> list[str]:
     """
     words = []
     for name, value in options.items():
+        if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
+            value = value.item()
         option = "--" + name.rstrip("_").replace("_", "-")
         if value is None or value is False:
             continue
@@ -67,6 +73,8 @@ def _texts(value: Any) -> list[str]:
     if isinstance(value, (str, os.PathLike)) or not hasattr(value, "__iter__"):
         return [_text(value)]
     values = list(value)
+    if not values:
+        return []
     if all(not isinstance(part, (str, os.PathLike)) and not hasattr(part, "__iter__") for part in values):
         return [",".join(_text(part) for part in values)]
     return [text for part in values for text in _texts(part)]
@@ -93,7 +101,10 @@ class _Bar:
     """A bar of tqdm, made when there is something to show."""
 
     def __init__(self) -> None:
-        from tqdm.auto import tqdm  # optional
+        try:
+            from tqdm.auto import tqdm  # optional
+        except ImportError:
+            raise _camsplat.Error('progress=True needs tqdm; pip install "camsplat[progress]"') from None
 
         self.make = tqdm
         self.bar: Any = None

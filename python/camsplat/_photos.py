@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Optional, Union
@@ -89,7 +90,10 @@ class Evaluation(Report):
 
     def __init__(self, folder: PathLike) -> None:
         super().__init__(folder, None)
-        with open(self.folder / "table.csv", newline="") as file:
+        table = self.folder / "table.csv"
+        if not table.is_file():
+            raise Error(f"{table}: there is no such file; name the folder of an evaluation")
+        with open(table, newline="", encoding="utf-8") as file:
             self.rows: list[dict[str, Union[str, int, float, None]]] = [_row(row) for row in csv.DictReader(file)]
 
     def __repr__(self) -> str:
@@ -173,7 +177,9 @@ def evaluate(
         Error: with the line that the command prints.
         KeyboardInterrupt: after Ctrl-C; the same call continues.
     """
-    paths = [scenes] if isinstance(scenes, (str, Path)) else list(scenes)  # type: ignore[arg-type]
+    if "shard" in options:
+        raise Error('a shard leaves no tables; run command("evaluate", ..., shard="I/N"), then evaluate() once all are complete')
+    paths = [scenes] if isinstance(scenes, (str, os.PathLike)) else list(scenes)
     with tempfile.TemporaryDirectory(prefix="camsplat-") as temporary:
         run("evaluate", paths, {"out": out, **_files("evaluate", options, EvaluateOptions, Path(temporary))}, progress)
     return Evaluation(out)
@@ -188,7 +194,7 @@ def render(
     depth: bool = False,
     antialiased: bool = False,
     near: Optional[float] = None,
-    device: Optional[str] = None,
+    device: Union[str, int, None] = None,
 ) -> list[Rendering]:
     """Renders trained splats from cameras in the model's frame, without files; `command("render", ...)` writes files.
 
@@ -218,7 +224,9 @@ def render(
         cameras = read_cameras(cameras)
     file = model.model if isinstance(model, Training) else model
     names, poses, lenses, sizes = cameras.arrays()
-    pictures = _camsplat.render(file, names, poses, lenses, sizes, colour, alpha, depth, antialiased, near, device)
+    pictures = _camsplat.render(
+        file, names, poses, lenses, sizes, colour, alpha, depth, antialiased, near, None if device is None else str(device)
+    )
     return [Rendering(*picture) for picture in pictures]
 
 

@@ -154,7 +154,7 @@ def plan(
 
     Raises:
         Error: where the request makes no sense, files cannot be read, or the device fails; with the line that the command prints.
-        KeyboardInterrupt: after Ctrl-C. The plan so far is in `out`.
+        KeyboardInterrupt: after Ctrl-C. The plan so far is in `out`, where one was given.
     """
     temporary = tempfile.TemporaryDirectory(prefix="camsplat-")
     folder = Path(temporary.name) / "plan" if out is None else Path(out)
@@ -222,6 +222,8 @@ def _files(name: str, options: Mapping[str, Any], known: type, folder: Path) -> 
     if files.get("surface") is not None:
         files["surface"] = surface_file(files["surface"], None, folder, "other")
     for key in ("keep", "viewers"):
-        if files.get(key) is not None:
+        if isinstance(files.get(key), Cameras) and len(files[key]) == 0:
+            del files[key]
+        elif files.get(key) is not None:
             files[key] = cameras_file(files[key], folder, key)
     return files

@@ -8,7 +8,7 @@ import shutil
 import tempfile
 import webbrowser
 from pathlib import Path
-from typing import Any, Optional
+from typing import Any, Optional, SupportsIndex
 
 import numpy as np
 
@@ -41,10 +41,19 @@ class Report:
             from IPython.display import display
         except ImportError:
             get_ipython = None
+        page = (self.folder / "report.html").resolve()
+        if not page.is_file():
+            raise Error(f"{page}: there is no report; name the folder of a run")
         if get_ipython is None or get_ipython() is None:
-            webbrowser.open((self.folder / "report.html").resolve().as_uri())
+            if not webbrowser.open(page.as_uri()):
+                raise Error(f"no browser can be opened here; open {page} in one")
         else:
             display(_Page(self._frame(height)))
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> Any:
+        if self._temporary is not None:
+            raise Error(f"{self.folder}: this folder goes with its object, which cannot be copied; call save() and open that folder")
+        return super().__reduce_ex__(protocol)
 
     def save(self, folder: PathLike) -> Path:
         """Copies everything into a folder that does not exist yet or is empty, and returns its path."""
@@ -66,13 +75,19 @@ class Report:
     def _copy(self, part: str, to: Path) -> Path:
         if to.exists() and (not to.is_dir() or any(to.iterdir())):
             raise Error(f"{to}: there is something here already; name another folder")
-        shutil.copytree(self.folder / part, to, symlinks=True, dirs_exist_ok=True)
+        try:
+            shutil.copytree(self.folder / part, to, symlinks=True, dirs_exist_ok=True)
+        except OSError as error:
+            raise Error(f"{to}: it cannot be written: {error}") from None
         return to
 
 
 def log_to_rerun(cameras: Cameras, points: Floats, entity: str, recording: Any) -> None:
     """See `Plan.log_to_rerun`."""
-    import rerun  # optional
+    try:
+        import rerun  # optional
+    except ImportError:
+        raise Error('rerun is not installed; pip install "camsplat[viewers]"') from None
 
     rerun.log(f"{entity}/points", rerun.Points3D(points), recording=recording, static=True)
     for name, pose, K, size in zip(cameras.names, cameras.poses, cameras.K, cameras.sizes):
@@ -84,7 +99,10 @@ def log_to_rerun(cameras: Cameras, points: Floats, entity: str, recording: Any) 
 
 def to_viser(cameras: Cameras, points: Floats, server: Any, name: str) -> None:
     """See `Plan.to_viser`."""
-    from viser.transforms import SO3  # optional
+    try:
+        from viser.transforms import SO3  # optional
+    except ImportError:
+        raise Error('viser is not installed; pip install "camsplat[viewers]"') from None
 
     extent = float(np.linalg.norm(np.ptp(np.concatenate([points, cameras.positions]), axis=0)))
     grey = np.full((len(points), 3), 160, dtype=np.uint8)

@@ -92,6 +92,10 @@ pub fn run(
     let ended = loop {
         let News { lines, progress, ended } = py.detach(|| mailbox.wait());
         let told = py.check_signals().and_then(|()| {
+            if raised.is_some() {
+                // Who raised an exception hears no more.
+                return Ok(());
+            }
             for line in lines {
                 on_line.call1((line,))?;
             }

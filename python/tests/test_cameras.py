@@ -58,7 +58,11 @@ def test_cameras_survive_the_way_through_files(tmp_path: Path) -> None:
     assert read.names == cameras.names and np.array_equal(read.sizes, cameras.sizes) and np.array_equal(read.K, K)
     assert np.abs(read.poses[:, :3, :3] - poses[:, :3, :3]).max() < 1e-14
     assert np.array_equal(read.positions, cameras.positions)
-    assert len(cameras[3:5]) == 2 and cameras[[4, 7]].names == ["photo 4.jpg", "photo 7.jpg"]
+    assert (
+        len(cameras[3:5]) == 2
+        and [len(camera) for camera in cameras] == 20 * [1]
+        and cameras[[4, 7]].names == ["photo 4.jpg", "photo 7.jpg"]
+    )
     assert cameras[cameras.positions[:, 0] > 0].positions[:, 0].min() > 0
 
 
@@ -82,6 +86,9 @@ def test_saved_cameras_are_a_capture(tmp_path: Path) -> None:
     for arguments, message in [((tmp_path / "capture",), "not empty"), ((tmp_path / "new", points[:, :2]), "points: the shape")]:
         with pytest.raises(camsplat.Error, match=message):
             cameras.save(*arguments)  # type: ignore[arg-type]
+    for name in ["../x", "/abs", "", "a\nb"]:
+        with pytest.raises(camsplat.Error, match="within images/"):
+            camsplat.Cameras(poses[:1], names=[name]).save(tmp_path / "new")
     with pytest.raises(camsplat.Error, match="colours"):
         cameras.save(tmp_path / "new", points, np.full((20, 3), 300))
     assert not (tmp_path / "new").exists()
@@ -99,6 +106,7 @@ def test_saved_cameras_are_a_capture(tmp_path: Path) -> None:
         ({"poses": np.eye(4)[None], "fov": 60, "K": np.eye(3)}, "give one"),
         ({"poses": np.eye(4)[None], "K": np.zeros((3, 3))}, "focal length"),
         ({"poses": np.eye(4)[None], "K": [[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]}, "skewed"),
+        ({"poses": np.eye(4)[None], "K": [[1, 0, 0], [5, 1, 0], [0, 0, 2]]}, "that of intrinsics"),
         ({"poses": np.eye(4)[None], "size": (0, 4)}, "no pixels"),
         ({"poses": np.eye(4)[None], "size": (-5, 4)}, "no pixels"),
         ({"poses": np.eye(4)[None], "size": (5, 4, 3)}, "size: the shape is (3,)"),

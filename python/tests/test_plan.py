@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import pickle
 import shutil
 import signal
 import subprocess
@@ -110,12 +111,15 @@ def test_what_a_callback_raises_stops_the_run(ball: Ball, tmp_path: Path) -> Non
     class Mistake(Exception):
         pass
 
+    calls = []
+
     def progress(doing: str, done: int, total: int) -> None:
+        calls.append(done)
         raise Mistake
 
     with pytest.raises(Mistake):
         camsplat.plan(*ball, views=50, iterations=10**6, out=tmp_path / "plan", progress=progress)
-    assert camsplat.Plan(tmp_path / "plan").record["status"] == "interrupted"
+    assert camsplat.Plan(tmp_path / "plan").record["status"] == "interrupted" and len(calls) == 1
 
 
 def test_ctrl_c_stops_a_plan_and_keeps_it(ball: Ball, tmp_path: Path) -> None:
@@ -171,6 +175,9 @@ def test_plans_are_shown_and_handed_on(ball: Ball, tmp_path: Path) -> None:
     plan.save(tmp_path / "kept")
     with pytest.raises(camsplat.Error, match="already"):
         plan.save(tmp_path / "kept")
+    with pytest.raises(camsplat.Error, match=r"call save\(\)"):
+        pickle.dumps(plan)
+    assert np.array_equal(pickle.loads(pickle.dumps(camsplat.Plan(tmp_path / "kept"))).poses, plan.poses)
     assert np.array_equal(camsplat.Plan(tmp_path / "kept").poses, plan.poses)
     page = plan._frame(400)
     assert page.startswith("<iframe") and "&lt;html" in page and "<html" not in page
