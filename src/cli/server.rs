@@ -89,9 +89,13 @@ impl Server {
         }
     }
 
-    /// Answers with a file of the folder, or that there is none. Links that lead out of the folder are not followed.
+    /// Answers with a file of the folder, or that there is none. Hidden files are not shown, and links that lead out of the folder not
+    /// followed.
     fn file(&self, path: &str, request: Request) -> io::Result<()> {
         let within = |root: &PathBuf| {
+            if path.split('/').any(|part| part.starts_with('.')) {
+                return None;
+            }
             let file = root.join(path).canonicalize().ok()?;
             (file.starts_with(root) && file.is_file()).then_some(file)
         };
