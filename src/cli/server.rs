@@ -1,147 +1,220 @@
-//! A web server for this machine's own browser: the files of a folder, and one page that is none of them.
+//! A web server for this machine's own browser: one page, and the files of a folder.
 
-use std::fs::File;
-use std::io;
-use std::net::{Ipv4Addr, SocketAddr};
+use std::fs::{self, File};
+use std::io::{self, Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use percent_encoding::percent_decode_str;
-use tiny_http::{Header, Method, Request, Response, StatusCode};
 
-use super::session::{self, go_on};
+use super::session::go_on;
 use crate::{Error, Result};
 
-/// Requests that are answered at once: a browser asks for some pictures at a time, and one that stalls must not hold up the others.
-const WORKERS: usize = 4;
-/// Time between two looks at whether to stop.
-const BETWEEN_LOOKS: Duration = Duration::from_millis(100);
+/// Connections that are answered at once. Browsers keep some open without a request.
+const CONNECTIONS: usize = 64;
+/// Time between two looks at whether someone connects, and whether to stop.
+const BETWEEN_LOOKS: Duration = Duration::from_millis(10);
+/// How long a request may take to arrive, and the reader of an answer to take more of it.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// Bytes of a request's head, at most.
+const MAX_HEAD: usize = 16_384;
+/// Headers of a request, at most.
+const MAX_HEADERS: usize = 100;
 /// Names by which a browser on this machine knows it. A page elsewhere whose name is made to point here has another.
 const HOSTS: [&str; 2] = ["127.0.0.1", "localhost"];
+/// What a browser is to know of every answer: that it is not to guess or keep it, that other pages may not have it, and that nothing
+/// of it, which may be written by others, is to be sent anywhere, the secret path in its address least of all.
+const HEADERS: &str = "X-Content-Type-Options: nosniff\r\nCache-Control: no-store\r\nCross-Origin-Resource-Policy: same-origin\r\n\
+    Referrer-Policy: no-referrer\r\nContent-Security-Policy: connect-src 'none'; form-action 'none'; base-uri 'none'; \
+    frame-ancestors 'none'\r\nConnection: close\r\n";
 
-/// Serves a folder on the loopback address.
+/// Makes the page, each time that it is asked for.
+pub type Page = Box<dyn Fn() -> Result<String> + Send + Sync>;
+
+/// Serves a page and a folder on the loopback address, below a path that nobody else can guess: other users of the machine can connect
+/// too.
 pub struct Server {
-    http: tiny_http::Server,
+    listener: TcpListener,
     address: SocketAddr,
+    shown: Arc<Shown>,
+}
+
+struct Shown {
+    /// First part of every path.
+    secret: String,
+    page: Page,
     /// Whose files are served, without links in its path; none where the page needs none.
     root: Option<PathBuf>,
-    /// What is at `/`; else the folder's report.
-    page: Option<String>,
+}
+
+/// A request as far as it matters here.
+struct Request {
+    method: String,
+    path: String,
+    host: Option<String>,
+}
+
+/// An answer: status, media type, length and bytes.
+struct Answer {
+    status: &'static str,
+    kind: &'static str,
+    length: u64,
+    body: Box<dyn Read>,
 }
 
 impl Server {
     /// Listens on a port of the loopback address, 0 for any that is free.
     ///
     /// # Errors
-    /// Where the port is taken or the folder cannot be read.
-    pub fn bind(port: u16, root: Option<&Path>, page: Option<String>) -> Result<Self> {
-        let refused = |e: &dyn std::fmt::Display| {
+    /// Where the port is taken, the folder cannot be read or the system gives no random numbers.
+    pub fn bind(port: u16, root: Option<&Path>, page: Page) -> Result<Self> {
+        let refused = |e: io::Error| {
             Error::request(format!(
                 "port {port} of 127.0.0.1 cannot be served: {e}; give another `port`, or leave it out"
             ))
         };
-        let http = tiny_http::Server::http((Ipv4Addr::LOCALHOST, port)).map_err(|e| refused(&e))?;
-        let address = http.server_addr().to_ip().ok_or_else(|| refused(&"it is no IP address"))?;
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(refused)?;
+        let address = listener.local_addr().map_err(refused)?;
+        listener.set_nonblocking(true).map_err(refused)?;
+        let random = |e| Error::request(format!("the system gives no random numbers for the address: {e}"));
+        let secret = format!("{:016x}", getrandom::u64().map_err(random)?);
         let root = root.map(|root| root.canonicalize().map_err(|source| Error::io(root, source))).transpose()?;
-        Ok(Self { http, address, root, page })
+        Ok(Self { listener, address, shown: Arc::new(Shown { secret, page, root }) })
     }
 
     /// Address of the page.
     pub fn url(&self) -> String {
-        format!("http://{}/", self.address)
+        format!("http://{}/{}/", self.address, self.shown.secret)
     }
 
-    /// Answers requests until the user stops it.
+    /// Answers requests until the user stops it; a client that does not read its answer holds up neither the others nor the end.
     pub fn serve(&self) {
-        let session = session::current();
-        thread::scope(|scope| {
-            for _ in 0..WORKERS {
-                scope.spawn(|| {
-                    session.within(|| {
-                        while go_on().is_continue() {
-                            if let Ok(Some(request)) = self.http.recv_timeout(BETWEEN_LOOKS) {
-                                // A browser that has gone away needs no answer.
-                                let _ = self.answer(request);
-                            }
-                        }
-                    });
+        let open = Arc::new(());
+        while go_on().is_continue() {
+            // Those beyond the limit wait with the system.
+            let accepted = (Arc::strong_count(&open) <= CONNECTIONS).then(|| self.listener.accept());
+            if let Some(Ok((stream, _))) = accepted {
+                let (shown, held) = (Arc::clone(&self.shown), Arc::clone(&open));
+                // One that has gone away needs no answer; where the system has no thread left, closing is all that can be done.
+                let _ = thread::Builder::new().spawn(move || {
+                    let _ = shown.answer(stream);
+                    drop(held);
                 });
+            } else {
+                // Nobody connects now, or the system has no descriptor left now.
+                thread::sleep(BETWEEN_LOOKS);
             }
-        });
-    }
-
-    fn answer(&self, request: Request) -> io::Result<()> {
-        if !is_from_here(&request) {
-            return refuse(request, 403, "this server is for the browser on its own machine");
-        }
-        if !matches!(request.method(), Method::Get | Method::Head) {
-            return refuse(request, 405, "files can only be read here");
-        }
-        let path = request.url().split(['?', '#']).next().unwrap_or_default();
-        let path = percent_decode_str(path.trim_start_matches('/')).decode_utf8_lossy().into_owned();
-        match (&self.page, path.as_str()) {
-            (Some(page), "") => {
-                request.respond(with_headers(Response::from_string(page.as_str()), "text/html; charset=utf-8"))
-            }
-            (None, "") => self.file("report.html", request),
-            (_, path) => self.file(path, request),
         }
     }
+}
 
-    /// Answers with a file of the folder, or that there is none. Hidden files are not shown, and links that lead out of the folder not
-    /// followed.
-    fn file(&self, path: &str, request: Request) -> io::Result<()> {
-        let within = |root: &PathBuf| {
-            if path.split('/').any(|part| part.starts_with('.')) {
-                return None;
-            }
-            let file = root.join(path).canonicalize().ok()?;
-            (file.starts_with(root) && file.is_file()).then_some(file)
+impl Shown {
+    fn answer(&self, mut stream: TcpStream) -> io::Result<()> {
+        stream.set_nonblocking(false)?;
+        stream.set_read_timeout(Some(PATIENCE))?;
+        stream.set_write_timeout(Some(PATIENCE))?;
+        let Some(request) = read_request(&mut stream)? else { return Ok(()) };
+        let Answer { status, kind, length, body } = self.answer_to(&request);
+        write!(stream, "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n{HEADERS}\r\n")?;
+        if request.method != "HEAD" {
+            io::copy(&mut body.take(length), &mut stream)?;
+        }
+        stream.flush()
+    }
+
+    fn answer_to(&self, request: &Request) -> Answer {
+        if !request.host.as_deref().is_some_and(is_ours) {
+            return Answer::text("403 Forbidden", "this server is for the browser on its own machine");
+        }
+        if !matches!(request.method.as_str(), "GET" | "HEAD") {
+            return Answer::text("405 Method Not Allowed", "files can only be read here");
+        }
+        let path = request.path.split(['?', '#']).next().unwrap_or_default();
+        let Some(path) = path.strip_prefix('/').and_then(|path| path.strip_prefix(self.secret.as_str())) else {
+            return Answer::text("404 Not Found", "open the whole address that camsplat printed");
         };
-        match self.root.as_ref().and_then(within).map(|file| (media_type(&file), File::open(file))) {
-            Some((kind, Ok(file))) => request.respond(with_headers(Response::from_file(file), kind)),
-            _ => refuse(request, 404, "there is no such file here"),
+        match percent_decode_str(path).decode_utf8_lossy().strip_prefix('/') {
+            Some("") => match (self.page)() {
+                Ok(page) => Answer::of("200 OK", "text/html; charset=utf-8", page),
+                Err(error) => Answer::text("500 Internal Server Error", &error.to_string()),
+            },
+            Some(path) => {
+                self.file(path).unwrap_or_else(|| Answer::text("404 Not Found", "there is no such file here"))
+            }
+            None => Answer::text("404 Not Found", "the address ends in a slash"),
         }
+    }
+
+    /// A file of the folder, if there is one. Hidden files are not shown, and links that lead out of the folder not followed.
+    fn file(&self, path: &str) -> Option<Answer> {
+        let root = self.root.as_ref()?;
+        if path.split('/').any(|part| part.starts_with('.')) {
+            return None;
+        }
+        let path = root.join(path).canonicalize().ok()?;
+        if !path.starts_with(root) || !fs::metadata(&path).ok()?.is_file() {
+            return None;
+        }
+        let file = File::open(&path).ok()?;
+        let length = file.metadata().ok()?.len();
+        Some(Answer { status: "200 OK", kind: media_type(&path), length, body: Box::new(file) })
     }
 }
 
-/// Whether a browser on this machine asked for this server by one of its names.
-fn is_from_here(request: &Request) -> bool {
-    let host = request.headers().iter().find(|header| header.field.equiv("Host"));
-    host.is_some_and(|host| {
-        let name = host.value.as_str();
-        HOSTS.contains(&name.rsplit_once(':').map_or(name, |(name, _)| name))
-    })
+impl Answer {
+    fn of(status: &'static str, kind: &'static str, body: String) -> Self {
+        Self { status, kind, length: body.len() as u64, body: Box::new(io::Cursor::new(body)) }
+    }
+
+    fn text(status: &'static str, why: &str) -> Self {
+        Self::of(status, "text/plain; charset=utf-8", format!("{why}\n"))
+    }
 }
 
-fn refuse(request: Request, code: u16, why: &str) -> io::Result<()> {
-    let answer = Response::from_string(format!("{why}\n")).with_status_code(StatusCode(code));
-    request.respond(with_headers(answer, "text/plain; charset=utf-8"))
-}
-
-/// Adds what a browser is to know: what it gets, that it is not to guess or keep it, and that other pages may not have it.
-fn with_headers<R: io::Read>(mut response: Response<R>, kind: &str) -> Response<R> {
-    let headers = [
-        ("Content-Type", kind),
-        ("X-Content-Type-Options", "nosniff"),
-        ("Cache-Control", "no-store"),
-        ("Cross-Origin-Resource-Policy", "same-origin"),
-    ];
-    for (name, value) in headers {
-        if let Ok(header) = Header::from_bytes(name, value) {
-            response.add_header(header);
+/// Reads a request's head; none where there is none, or what came is no request.
+fn read_request(stream: &mut impl Read) -> io::Result<Option<Request>> {
+    let deadline = Instant::now() + PATIENCE;
+    let (mut head, mut part) = (Vec::new(), [0; 4096]);
+    while head.len() < MAX_HEAD && Instant::now() < deadline {
+        let count = stream.read(&mut part)?;
+        if count == 0 {
+            break;
+        }
+        head.extend_from_slice(&part[..count]);
+        let mut headers = [httparse::EMPTY_HEADER; MAX_HEADERS];
+        let mut parsed = httparse::Request::new(&mut headers);
+        match parsed.parse(&head) {
+            Ok(httparse::Status::Partial) => {}
+            Ok(httparse::Status::Complete(_)) => {
+                let host = parsed.headers.iter().find(|header| header.name.eq_ignore_ascii_case("host"));
+                return Ok(Some(Request {
+                    method: parsed.method.unwrap_or_default().to_owned(),
+                    path: parsed.path.unwrap_or_default().to_owned(),
+                    host: host.map(|host| String::from_utf8_lossy(host.value).into_owned()),
+                }));
+            }
+            Err(_) => break,
         }
     }
-    response
+    Ok(None)
+}
+
+/// Whether a request's Host is one of this server's names, with a port or without.
+fn is_ours(host: &str) -> bool {
+    let name = host.rsplit_once(':').map_or(host, |(name, _)| name);
+    HOSTS.iter().any(|ours| ours.eq_ignore_ascii_case(name))
 }
 
 /// The media type of what camsplat writes; a browser saves what it cannot show.
 fn media_type(file: &Path) -> &'static str {
-    match file.extension().and_then(|extension| extension.to_str()) {
+    let extension = file.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+    match extension.as_deref() {
         Some("html") => "text/html; charset=utf-8",
         Some("png") => "image/png",
-        Some("jpg" | "jpeg" | "JPG" | "JPEG") => "image/jpeg",
+        Some("jpg" | "jpeg") => "image/jpeg",
         Some("svg") => "image/svg+xml",
         Some("json") => "application/json",
         Some("csv" | "md" | "txt") => "text/plain; charset=utf-8",

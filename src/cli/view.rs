@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::options::parse_up;
 use super::progress::close_on_interrupt;
-use super::server::Server;
+use super::server::{Page, Server};
 use super::session::Ended;
 use crate::io;
 use crate::report::view::{self, Run};
@@ -26,7 +26,7 @@ pub struct Arguments {
     /// Print the address without opening a browser
     #[arg(long)]
     no_browser: bool,
-    /// Up direction of trained splats that lie in no training's folder: x, -x, +y, ...
+    /// Up direction of the splats of a .ply: x, -x, +y, ...
     #[arg(long, default_value = "+z", allow_hyphen_values = true, value_parser = parse_up)]
     up: DVec3,
 }
@@ -48,44 +48,54 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let server = Server::bind(*port, root.as_deref(), page)?;
     let url = server.url();
     say!("view     {url}, until Ctrl-C");
-    if !no_browser && let Err(error) = open::that_detached(&url) {
-        say!("note     no browser could be opened ({error}); open the address in one");
+    if !no_browser && open::that_detached(&url).is_err() {
+        say!("note     no browser could be opened; open the address in one");
     }
     server.serve();
     Ok(Ended::Done)
 }
 
-/// What to show of a path: a folder to serve, and the page where the folder's report is not it.
-fn content(path: &Path, up: DVec3) -> Result<(Option<PathBuf>, Option<String>)> {
+/// What to show of a path: a folder whose files the page needs, and the page.
+fn content(path: &Path, up: DVec3) -> Result<(Option<PathBuf>, Page)> {
     let metadata = fs::metadata(path).map_err(|source| Error::io(path, source))?;
     let title = title_of(path);
-    if !metadata.is_dir() && path.extension().is_some_and(|extension| extension == "ply") {
+    if !metadata.is_dir() && path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply")) {
         let (gaussians, notes) = io::read_gaussians_with_notes(path)?;
         notes.iter().for_each(|note| say!("{note}"));
-        return Ok((None, Some(view::model(&title, &gaussians, up)?)));
+        return Ok((None, fixed(view::model(&title, &gaussians, up)?)));
     }
-    if path.join(REPORT).is_file() {
-        return Ok((Some(path.to_owned()), None));
+    let report = path.join(REPORT);
+    if report.is_file() {
+        let page = move || fs::read_to_string(&report).map_err(|source| Error::io(&report, source));
+        return Ok((Some(path.to_owned()), Box::new(page)));
     }
     let not_capture = match io::photos::read(path, &io::photos::Options::default()) {
         Ok(set) => {
             set.notes.iter().for_each(|note| say!("{note}"));
-            return Ok((None, Some(view::capture(&title, &set)?)));
+            return Ok((None, fixed(view::capture(&title, &set)?)));
         }
         Err(error) => error,
     };
-    let mut runs = Vec::new();
-    if metadata.is_dir() {
-        find_runs(path, Path::new(""), DEPTH, &mut runs)?;
-    }
-    if runs.is_empty() {
+    let found = if metadata.is_dir() { Found::below(path)? } else { Found::default() };
+    if found.runs.is_empty() {
         return Err(not_capture);
     }
-    // The newest first; those of the same second by name.
-    runs.sort_by(|a, b| b.0.cmp(&a.0).then_with(|| a.1.report.cmp(&b.1.report)));
-    let runs: Vec<Run> = runs.into_iter().map(|(_, run)| run).collect();
-    say!("found    {} reports below {}", runs.len(), path.display());
-    Ok((Some(path.to_owned()), Some(view::runs(&title, &runs)?)))
+    if io::photos::is_capture(path) {
+        say!("note     the capture here cannot be shown: {not_capture}");
+    }
+    say!("found    {} below {}", view::reports(found.runs.len()), path.display());
+    if found.left_out > 0 {
+        say!("note     folders that cannot be read, or whose name is no text, are left out: {}", found.left_out);
+    }
+    let root = path.to_owned();
+    // Runs that end meanwhile are in the list when it is loaded again.
+    let page = move || view::runs(&title, &Found::below(&root)?.runs);
+    Ok((Some(path.to_owned()), Box::new(page)))
+}
+
+/// A page that stays as it is.
+fn fixed(page: String) -> Page {
+    Box::new(move || Ok(page.clone()))
 }
 
 /// The name of a file or folder, also of `.`.
@@ -94,33 +104,58 @@ fn title_of(path: &Path) -> String {
     whole.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// Reports in folders below `root`, with the seconds since 1970 when each was written. Hidden folders and links are left out.
-fn find_runs(root: &Path, below: &Path, depth: usize, runs: &mut Vec<(u64, Run)>) -> Result<()> {
-    let folder = root.join(below);
-    let entries = fs::read_dir(&folder).map_err(|source| Error::io(&folder, source))?;
-    for entry in entries.flatten() {
-        let name = entry.file_name();
-        let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
-        if !is_folder || name.to_string_lossy().starts_with('.') || runs.len() >= MAX_RUNS {
-            continue;
-        }
-        let inner = below.join(&name);
-        let report = root.join(&inner).join(REPORT);
-        if let Ok(metadata) = fs::metadata(&report) {
-            let written = metadata.modified().ok().and_then(|time| time.duration_since(SystemTime::UNIX_EPOCH).ok());
-            let seconds = written.unwrap_or_default().as_secs();
-            let parts: Vec<_> = inner.iter().map(|part| part.to_string_lossy()).collect();
-            let run = Run {
-                report: format!("{}/{REPORT}", parts.join("/")),
-                title: page_title(&report).unwrap_or_default(),
-                written: seconds,
+/// Reports in folders below one.
+#[derive(Default)]
+struct Found {
+    /// The newest first, those of the same second by name; [`MAX_RUNS`] at most.
+    runs: Vec<Run>,
+    /// Folders that could not be read or named.
+    left_out: usize,
+}
+
+impl Found {
+    /// # Errors
+    /// Where the folder itself cannot be read.
+    fn below(root: &Path) -> Result<Self> {
+        let mut found = Self::default();
+        let entries = fs::read_dir(root).map_err(|source| Error::io(root, source))?;
+        found.add(root, "", entries, DEPTH);
+        found.runs.sort_by(|a, b| b.written.cmp(&a.written).then_with(|| a.report.cmp(&b.report)));
+        found.runs.truncate(MAX_RUNS);
+        Ok(found)
+    }
+
+    /// Adds reports in the folders among `entries`, which are those of `below` in `root`. Hidden folders and links are left out.
+    fn add(&mut self, root: &Path, below: &str, entries: fs::ReadDir, depth: usize) {
+        for entry in entries.flatten() {
+            let name = entry.file_name();
+            if !entry.file_type().is_ok_and(|kind| kind.is_dir()) || name.as_encoded_bytes().starts_with(b".") {
+                continue;
+            }
+            let Some(name) = name.to_str() else {
+                self.left_out += 1;
+                continue;
             };
-            runs.push((seconds, run));
-        } else if depth > 1 {
-            find_runs(root, &inner, depth - 1, runs)?;
+            let inner = format!("{below}{name}/");
+            let report = root.join(&inner).join(REPORT);
+            match fs::symlink_metadata(&report) {
+                Ok(metadata) if metadata.is_file() => {
+                    let written =
+                        metadata.modified().ok().and_then(|time| time.duration_since(SystemTime::UNIX_EPOCH).ok());
+                    self.runs.push(Run {
+                        report: format!("{inner}{REPORT}"),
+                        title: page_title(&report).unwrap_or_default(),
+                        written: written.unwrap_or_default().as_secs(),
+                    });
+                }
+                _ if depth > 1 => match fs::read_dir(root.join(&inner)) {
+                    Ok(entries) => self.add(root, &inner, entries, depth - 1),
+                    Err(_) => self.left_out += 1,
+                },
+                _ => {}
+            }
         }
     }
-    Ok(())
 }
 
 /// The title of a page, as text.

@@ -45,9 +45,10 @@ pub fn slot(name: &str, record: &PlanRecord, kind: Kind<'_>) -> String {
     }
 }
 
-/// The path of a file, relative to the page, as a quoted attribute; a name with a colon is no scheme of an address.
+/// The path of a file, relative to the page, as a quoted attribute; a name with a colon is no scheme of an address, and a
+/// backslash no slash.
 pub fn address(path: &str) -> String {
-    escape(&path.replace('%', "%25").replace('#', "%23").replace('?', "%3F").replace(':', "%3A"))
+    escape(&path.replace('%', "%25").replace('#', "%23").replace('?', "%3F").replace(':', "%3A").replace('\\', "%5C"))
 }
 
 /// `text` with everything escaped that means something in HTML, in an element or in a quoted attribute.

@@ -105,7 +105,12 @@ pub fn runs(title: &str, runs: &[Run]) -> Result<String> {
         );
     }
     body += "</tbody></table></div>\n</section>\n";
-    page(title, &format!("{} reports, the newest first", grouped(runs.len())), &body, &Data::default())
+    page(title, &format!("{}, the newest first", reports(runs.len())), &body, &Data::default())
+}
+
+/// So many reports, in words.
+pub fn reports(count: usize) -> String {
+    format!("{} report{}", grouped(count), if count == 1 { "" } else { "s" })
 }
 
 fn page(title: &str, line: &str, body: &str, data: &Data) -> Result<String> {

@@ -16,6 +16,10 @@ struct Served {
     child: Option<Child>,
     output: Option<ChildStdout>,
     port: u16,
+    /// First part of every path, with a slash before it.
+    secret: String,
+    /// What was printed before the address.
+    said: String,
 }
 
 impl Drop for Served {
@@ -34,21 +38,33 @@ impl Served {
         let mut output = child.stdout.take().unwrap();
         // Byte by byte: the end of the line is the only sign that it is complete.
         let (mut text, mut byte) = (String::new(), [0]);
-        let port = loop {
+        let address = loop {
             assert_eq!(output.read(&mut byte).unwrap(), 1, "the server ended: {text}");
             text.push(char::from(byte[0]));
             let line = text.lines().find(|line| line.starts_with("view ") && text.ends_with('\n'));
             if let Some((_, rest)) = line.and_then(|line| line.split_once("http://127.0.0.1:")) {
-                break rest.split('/').next().unwrap().parse().unwrap();
+                break rest.split('/').take(2).map(str::to_owned).collect::<Vec<_>>();
             }
         };
-        Self { child: Some(child), output: Some(output), port }
+        let (port, secret) = (address[0].parse().unwrap(), format!("/{}", address[1]));
+        Self { child: Some(child), output: Some(output), port, secret, said: text }
     }
 
-    /// Status and body of the answer to a request.
-    fn ask(&self, method: &str, path: &str, host: &str) -> (u16, String) {
+    /// A connection on which a file was asked for.
+    fn asked(&self, method: &str, path: &str, host: &str) -> TcpStream {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
         write!(stream, "{method} {path} HTTP/1.0\r\nHost: {host}\r\n\r\n").unwrap();
+        stream
+    }
+
+    /// Status and body of the answer to a request of a file below the secret path.
+    fn ask(&self, method: &str, path: &str, host: &str) -> (u16, String) {
+        self.ask_whole(method, &format!("{}{path}", self.secret), host)
+    }
+
+    /// As [`Self::ask`], for a whole path.
+    fn ask_whole(&self, method: &str, path: &str, host: &str) -> (u16, String) {
+        let mut stream = self.asked(method, path, host);
         let mut answer = Vec::new();
         stream.read_to_end(&mut answer).unwrap();
         let answer = String::from_utf8_lossy(&answer).into_owned();
@@ -80,11 +96,13 @@ fn a_plan_is_served_to_this_machine_and_nothing_else_is() {
     place.done("plan ball.ply --views 4 --iterations 5 --out plan");
     place.write("secret.txt", "secret");
     std::os::unix::fs::symlink(place.path("secret.txt"), place.path("plan/link.txt")).unwrap();
+    fs::create_dir(place.path("plan/.hid")).unwrap();
+    place.write("plan/.hid/key", "secret");
     let served = Served::new(&place, "plan");
     let report = place.read("plan/report.html");
     assert_eq!(served.get("/"), (200, report.clone()));
     assert_eq!(served.get("/report.html?x=1#y"), (200, report.clone()));
-    assert_eq!(served.ask("GET", "/", &format!("localhost:{}", served.port)), (200, report));
+    assert_eq!(served.ask("GET", "/", &format!("LocalHost:{}", served.port)), (200, report));
     assert_eq!(served.get("/cameras.csv"), (200, place.read("plan/cameras.csv")));
     for path in [
         "/none",
@@ -92,6 +110,7 @@ fn a_plan_is_served_to_this_machine_and_nothing_else_is() {
         "/%2e%2e/secret.txt",
         "/..%2fsecret.txt",
         "/link.txt",
+        "/.hid/key",
         "/sparse",
         "//etc/passwd",
         "/%00",
@@ -102,9 +121,52 @@ fn a_plan_is_served_to_this_machine_and_nothing_else_is() {
             "{path}: {status} {body}"
         );
     }
+    // Whoever does not know the address, such as other users of the machine, gets nothing.
+    for path in ["/", "/report.html", "/0000000000000000/report.html", served.secret.as_str()] {
+        assert_eq!(served.ask_whole("GET", path, "localhost").0, 404, "{path}");
+    }
     assert_eq!(served.ask("GET", "/", "evil.example").0, 403);
     assert_eq!(served.ask("GET", "/", "127.0.0.1.evil.example:80").0, 403);
     assert_eq!(served.ask("POST", "/", "localhost").0, 405);
+    served.end();
+}
+
+/// If this failed, some clients that do not read, or send nothing, would hold up the page of others, or the end of the server.
+#[test]
+fn clients_that_stall_hold_up_nobody() {
+    let place = Place::new();
+    place.done("plan ball.ply --views 3 --iterations 2 --size 32x32 --out plan");
+    // More than the buffers of a connection take.
+    fs::write(place.path("plan/large.bin"), vec![0u8; 32 << 20]).unwrap();
+    let served = Served::new(&place, "plan");
+    let large = format!("{}/large.bin", served.secret);
+    let unread: Vec<_> = (0..12).map(|_| served.asked("GET", &large, "localhost")).collect();
+    let silent: Vec<_> = (0..12).map(|_| TcpStream::connect(("127.0.0.1", served.port)).unwrap()).collect();
+    assert_eq!(served.get("/"), (200, place.read("plan/report.html")));
+    served.end();
+    drop((unread, silent));
+}
+
+/// If this failed, one folder that cannot be shown would hide the others, or a name look like something else to the browser.
+#[test]
+fn a_list_of_runs_has_what_can_be_read_and_says_what_it_lacks() {
+    let place = Place::new();
+    place.done("plan ball.ply --views 3 --iterations 2 --size 32x32 --out runs/run:1");
+    place.write("runs/transforms.json", "{");
+    fs::create_dir(place.path("runs/linked")).unwrap();
+    std::os::unix::fs::symlink(place.path("runs/run:1/report.html"), place.path("runs/linked/report.html")).unwrap();
+    let name = std::os::unix::ffi::OsStrExt::from_bytes(b"no\xfftext");
+    fs::create_dir(place.path("runs").join::<&std::ffi::OsStr>(name)).unwrap();
+    let served = Served::new(&place, "runs");
+    for said in ["the capture here cannot be shown", "1 report below runs", "left out: 1"] {
+        assert!(served.said.contains(said), "{}", served.said);
+    }
+    let (_, list) = served.get("/");
+    assert!(list.contains("href=\"run%3A1/report.html\"") && !list.contains("href=\"linked"), "{list}");
+    assert_eq!(served.get("/run%3A1/report.html").0, 200);
+    // A run that ends later is there when the list is loaded again.
+    place.done("plan ball.ply --views 4 --iterations 2 --size 32x32 --out runs/later");
+    assert!(served.get("/").1.contains("href=\"later/report.html\""));
     served.end();
 }
 

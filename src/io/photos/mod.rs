@@ -129,6 +129,15 @@ pub(crate) fn is_layout(folder: &Path) -> bool {
     nsvf::is_layout(folder) || folder.join(llff::FILE).is_file() || phone::is_layout(folder)
 }
 
+/// Whether a folder holds a capture, complete or damaged.
+pub(crate) fn is_capture(folder: &Path) -> bool {
+    let transforms = ["transforms.json", "transforms_train.json"];
+    colmap::model_folder(folder).is_some()
+        || colmap::half_model(folder).is_some()
+        || transforms.iter().any(|name| folder.join(name).is_file())
+        || is_layout(folder)
+}
+
 /// Reads whatever format lies at `path`.
 fn find(path: &Path, options: &Options) -> Result<Found> {
     if !path.is_dir() {
