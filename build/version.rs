@@ -11,16 +11,18 @@ const PACKED: &str = ".cargo_vcs_info.json";
 const SHOWN: usize = 12;
 
 /// The commit that the source is at, shortened: that of the environment, of the packed source, or of the checkout; "unknown" elsewhere.
+/// A plus after the checkout's marks files that had been changed when the build script ran last, which is whenever shaders or the commit
+/// change.
 pub fn commit() -> String {
     println!("cargo:rerun-if-env-changed={COMMIT}");
-    let given = std::env::var(COMMIT).ok().or_else(packed).or_else(checked_out);
-    given.map_or_else(|| "unknown".into(), |commit| commit.chars().take(SHOWN).collect())
+    let given = std::env::var(COMMIT).ok().filter(|commit| !commit.is_empty()).or_else(packed).or_else(checked_out);
+    given.unwrap_or_else(|| "unknown".into())
 }
 
 fn packed() -> Option<String> {
     let text = std::fs::read_to_string(PACKED).ok()?;
     let hash = text.split_once("\"sha1\"")?.1.split('"').nth(1)?;
-    Some(hash.to_owned())
+    Some(shortened(hash))
 }
 
 fn checked_out() -> Option<String> {
@@ -28,15 +30,19 @@ fn checked_out() -> Option<String> {
     if !git(&["rev-parse", "--show-prefix"])?.is_empty() {
         return None;
     }
-    let mut files = vec!["HEAD".to_owned(), "packed-refs".to_owned()];
-    files.extend(git(&["symbolic-ref", "--quiet", "HEAD"]));
-    for file in files {
+    // The log of HEAD grows with every commit and checkout, wherever git keeps the branch itself.
+    for file in ["HEAD", "logs/HEAD"] {
         // A file that is not there would make every build run again.
-        if let Some(path) = git(&["rev-parse", "--git-path", &file]).filter(|path| Path::new(path).exists()) {
+        if let Some(path) = git(&["rev-parse", "--git-path", file]).filter(|path| Path::new(path).exists()) {
             println!("cargo:rerun-if-changed={path}");
         }
     }
-    git(&["rev-parse", "HEAD"])
+    let changed = !git(&["status", "--porcelain", "--untracked-files=no"])?.is_empty();
+    Some(shortened(&git(&["rev-parse", "HEAD"])?) + if changed { "+" } else { "" })
+}
+
+fn shortened(commit: &str) -> String {
+    commit.chars().take(SHOWN).collect()
 }
 
 fn git(arguments: &[&str]) -> Option<String> {

@@ -6,7 +6,7 @@ r"""Plans and evaluations over a Ray cluster, with the results as one table.
 
 `plans` places cameras for every scene, number of views and seed, and writes OUT/plans.csv beside the plans' folders. `evaluation` divides
 the runs of `camsplat evaluate` into shards, makes each in a task of its own and writes the tables of all of them. Paths are on a file
-system that all machines share, and for `evaluation` one that can lock folders, which NFS probably cannot. Options are those of
+system that all machines share, and for `evaluation` one that can lock files. Options are those of
 `camsplat plan` or `camsplat evaluate`, as JSON with underscores.
 
 A task that dies is tried again, on another machine where there is one. It goes on from what it had finished, and so does a second call of

@@ -359,6 +359,9 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     written.unwrap_or(Ok(()))?;
     say!("results  {made} made, {kept} reused, in {:.0} s", start.elapsed().as_secs_f64());
     if !shard.is_whole() {
+        if outcome.entries.is_empty() {
+            say!("note     shard {shard} has no runs: there are fewer runs than shards");
+        }
         say!("complete shard {shard}; once all are, the same command without --shard writes the tables");
         return Ok(Ended::Done);
     }

@@ -45,7 +45,8 @@ pub(crate) struct Artifact {
     folder: PathBuf,
     key: String,
     inputs: Value,
-    /// The folder, locked while the artifact is made: several workers may need it at once.
+    /// A file beside the folder, locked while the artifact is made: several workers may need it at once. Network file systems lock files
+    /// only, and only for those who may write them.
     making: RefCell<Option<File>>,
 }
 
@@ -80,7 +81,7 @@ impl Artifact {
         serde_json::from_slice(&text).is_ok_and(|inputs: Value| inputs == self.inputs)
     }
 
-    /// Whether it is to be made; its folder then exists, and is locked until [`Artifact::finish`] or the end of `self`. Where
+    /// Whether it is to be made; its folder then exists, and others wait until [`Artifact::finish`] or the end of `self`. Where
     /// another worker is making it, this waits.
     ///
     /// # Errors
@@ -89,10 +90,11 @@ impl Artifact {
         let mut is_done = self.is_done();
         if !is_done {
             self.begin()?;
-            let refused = |source| Error::io(&self.folder, source);
-            let folder = File::open(&self.folder).map_err(refused)?;
+            let path = self.lock_file();
+            let refused = |source| Error::io(&path, source);
+            let file = File::options().write(true).create(true).truncate(false).open(&path).map_err(refused)?;
             loop {
-                match folder.try_lock() {
+                match file.try_lock() {
                     Ok(()) => break,
                     Err(TryLockError::Error(source)) => return Err(refused(source)),
                     Err(TryLockError::WouldBlock) => {
@@ -102,11 +104,24 @@ impl Artifact {
                 }
             }
             is_done = self.is_done();
-            *self.making.borrow_mut() = (!is_done).then_some(folder);
+            if is_done {
+                self.remove_lock_file();
+            }
+            *self.making.borrow_mut() = (!is_done).then_some(file);
         }
         // A stop requested here takes effect while it is made, or before the next.
         let _ = observe(if is_done { Event::Kept } else { Event::Begins(self.key()) });
         Ok(!is_done)
+    }
+
+    fn lock_file(&self) -> PathBuf {
+        self.folder.with_file_name(format!(".{}.lock", self.key))
+    }
+
+    /// Removes the file that was locked. Whoever waits for it, or makes it anew, finds the artifact complete.
+    fn remove_lock_file(&self) {
+        // One that stays, or that another worker has removed, does no harm.
+        let _ = fs::remove_file(self.lock_file());
     }
 
     /// Makes the folder.
@@ -155,6 +170,9 @@ impl Artifact {
     /// Where the system refuses.
     pub fn finish(&self) -> Result<()> {
         self.write(DONE, format!("{:#}\n", self.inputs).as_bytes())?;
+        if self.making.borrow().is_some() {
+            self.remove_lock_file();
+        }
         self.making.take();
         Ok(())
     }
@@ -205,6 +223,8 @@ mod tests {
             ControlFlow::Continue(())
         });
         assert!(!waited.unwrap());
+        let left: Vec<_> = fs::read_dir(root.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
+        assert_eq!(left, [other.folder()], "locks that nobody holds are removed");
     }
 
     /// If this failed, artifacts of earlier runs would not be found again. Values from the hash's authors.

@@ -111,7 +111,8 @@ fn holds_evaluation(folder: &Path) -> bool {
 /// depend on the number of devices where these are alike, except for the seconds that selection takes.
 ///
 /// # Errors
-/// Where an artifact fails, or `observe` stopped it; what is finished stays, and the same call continues from there.
+/// Where an artifact fails, or `observe` stopped it; what is finished stays, and the same call continues from there. Where `folder` has
+/// another request than a shard's.
 pub fn run(
     contexts: &[Arc<Context>],
     request: &Request,
@@ -129,8 +130,14 @@ pub fn run(
     let asked = json!({ "scenes": names, "request": request, "lpips_vgg": weights.map(Weights::fingerprint) });
     let asked = format!("{asked:#}\n");
     // Existing tables belong to the earlier request until they are rewritten.
-    if !folder.join(ASKED).is_file() {
-        write_files(&[(&folder.join(ASKED), asked.as_bytes())])?;
+    match fs::read_to_string(folder.join(ASKED)) {
+        Ok(before) if before != asked && !shard.is_whole() => {
+            let what =
+                "another evaluation is in this folder; give the shard the options of the others, or another `out`";
+            return Err(Error::input(folder.join(ASKED), what));
+        }
+        Ok(_) => {}
+        Err(_) => write_files(&[(&folder.join(ASKED), asked.as_bytes())])?,
     }
     let runs = shard.runs(subjects.len() * request.runs().count());
     let board = Board {

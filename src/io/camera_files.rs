@@ -80,7 +80,7 @@ pub fn capture(folder: &OutputFolder, cameras: &[Camera], points: &Points, track
     let lenses = colmap::write::pinholes(cameras);
     folder.write("sparse/0/cameras.bin", colmap::write::cameras(&lenses))?;
     folder.write("sparse/0/images.bin", colmap::write::images(cameras, &lenses, positions, tracks))?;
-    folder.write("sparse/0/points3D.bin", colmap::write::points(positions, colours, cameras.len(), tracks))?;
+    folder.write("sparse/0/points3D.bin", colmap::write::points(positions, colours, cameras, tracks))?;
     folder.write("transforms.json", transforms::write(cameras, Some("points.ply")))?;
     folder.write("points.ply", ply::write::points(positions, colours, None))?;
     folder.write("cameras.csv", cameras_csv(cameras))

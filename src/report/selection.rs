@@ -2,6 +2,7 @@
 //! unseen, and the record.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::fmt::Write as _;
 use std::fs;
 #[cfg(unix)]
@@ -166,7 +167,7 @@ fn capture(written: &Written<'_>, folder: &OutputFolder) -> Result<Vec<String>> 
             let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera.clone()).collect();
             folder.write("sparse/0/cameras.bin", colmap::write::cameras(&lenses))?;
             folder.write("sparse/0/images.bin", colmap::write::images(&cameras, &lenses, &positions, &tracks))?;
-            let points = colmap::write::points(&positions, &colours, cameras.len(), &tracks);
+            let points = colmap::write::points(&positions, &colours, &cameras, &tracks);
             folder.write("sparse/0/points3D.bin", points)?;
         }
         None => notes.push("sparse/0 is left out: COLMAP has no model for one of the lenses".into()),
@@ -197,7 +198,7 @@ struct Seeds {
     tracks: Vec<Vec<u32>>,
 }
 
-/// The capture's points that a chosen photo saw, or all where nothing says who saw what; of a capture without points, points of the
+/// The points of the capture that a chosen photo saw, or all where nothing says who saw what; where that leaves none, points of the
 /// surface.
 fn seeds(written: &Written<'_>) -> Seeds {
     let Written { set, selection, target, request, .. } = written;
@@ -233,6 +234,8 @@ fn images(written: &Written<'_>, folder: &OutputFolder) -> Result<()> {
     };
     let chosen = || written.selection.chosen.iter().map(|chosen| &written.set.photos[chosen.photo]);
     let has_masks = chosen().any(|photo| photo.mask.is_some());
+    // By size: encoding one takes longer than all the rest.
+    let mut whites: HashMap<[u32; 2], Vec<u8>> = HashMap::new();
     for photo in chosen() {
         let name = photo.camera.image_name();
         if let Some(image) = &photo.image {
@@ -241,7 +244,14 @@ fn images(written: &Written<'_>, folder: &OutputFolder) -> Result<()> {
         let mask = format!("masks/{name}.png");
         match &photo.mask {
             Some(file) => place(file, mask)?,
-            None if has_masks => folder.write(&mask, white(&photo.camera.intrinsics)?)?,
+            None if has_masks => {
+                let k = &photo.camera.intrinsics;
+                let white = match whites.entry([k.width, k.height]) {
+                    Entry::Occupied(known) => known.into_mut(),
+                    Entry::Vacant(new) => new.insert(white(k)?),
+                };
+                folder.write(&mask, &*white)?;
+            }
             None => {}
         }
     }

@@ -231,7 +231,16 @@ fn shards_are_put_together() {
     assert_eq!(qualities(&results(&place, "shared")), qualities(&results(&place, "alone")));
     let again = place.done(&format!("{run} --shard 2/3 --out shared"));
     assert!(again.out.contains("results  0 made") && place.path("shared/table.md").exists(), "{}", again.out);
-    assert_refused(&place, &[(&format!("{run} --shard 4/3 --out o"), &["--shard", "such as 2/8"])]);
+    assert_refused(
+        &place,
+        &[
+            (&format!("{run} --shard 4/3 --out o"), &["--shard", "such as 2/8"]),
+            (
+                &format!("{} --shard 2/3 --out shared", run.replace("--seeds 2", "--seeds 3")),
+                &["shared/evaluation.json", "another --out"],
+            ),
+        ],
+    );
 }
 
 /// If this failed, LPIPS of VGG16 would be listed beside other views than its own, training would be done again for it, or it

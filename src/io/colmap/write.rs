@@ -30,6 +30,18 @@ fn distinct(lenses: &[Lens]) -> (Vec<&Lens>, Vec<u32>) {
     (found, own)
 }
 
+/// The tracks without cameras that do not exist, or that their point lies beside or behind: it has no pixel there.
+fn in_front(cameras: &[Camera], positions: &[DVec3], tracks: Tracks) -> Vec<Vec<u32>> {
+    let sees = |position: DVec3, camera: u32| {
+        cameras.get(camera as usize).is_some_and(|camera| {
+            let forward = camera.pose.rotation * DVec3::Z;
+            forward.dot(position - camera.pose.position) > 0.0
+        })
+    };
+    let pairs = positions.iter().zip(tracks);
+    pairs.map(|(&position, track)| track.iter().copied().filter(|&camera| sees(position, camera)).collect()).collect()
+}
+
 /// Bytes of cameras.bin; cameras are numbered from 1.
 pub fn cameras(lenses: &[Lens]) -> Vec<u8> {
     let (lenses, _) = distinct(lenses);
@@ -45,15 +57,14 @@ pub fn cameras(lenses: &[Lens]) -> Vec<u8> {
 }
 
 /// Bytes of images.bin; images are numbered from 1 in the order of `cameras`, which have a lens each, and named by
-/// [`Camera::image_name`]. An observation is the projection of a point whose track holds the camera.
+/// [`Camera::image_name`]. An observation is the projection of a point whose track holds the camera and that lies before it.
 pub fn images(cameras: &[Camera], lenses: &[Lens], positions: &[DVec3], tracks: Tracks) -> Vec<u8> {
     let (_, own) = distinct(lenses);
+    let tracks = in_front(cameras, positions, tracks);
     let mut seen: Vec<Vec<(u64, DVec3)>> = vec![Vec::new(); cameras.len()];
-    for ((id, &position), track) in (1..).zip(positions).zip(tracks) {
+    for ((id, &position), track) in (1..).zip(positions).zip(&tracks) {
         for &camera in track {
-            if let Some(seen) = seen.get_mut(camera as usize) {
-                seen.push((id, position));
-            }
+            seen[camera as usize].push((id, position));
         }
     }
     let mut bytes = (cameras.len() as u64).to_le_bytes().to_vec();
@@ -84,17 +95,18 @@ pub fn images(cameras: &[Camera], lenses: &[Lens], positions: &[DVec3], tracks: 
 
 /// Bytes of points3D.bin; points are numbered from 1. Points without a colour are mid grey. The reprojection error is
 /// written as 0: the tracks are projections, not measurements.
-pub fn points(positions: &[DVec3], colours: &[[u8; 3]], cameras: usize, tracks: Tracks) -> Vec<u8> {
+pub fn points(positions: &[DVec3], colours: &[[u8; 3]], cameras: &[Camera], tracks: Tracks) -> Vec<u8> {
+    let tracks = in_front(cameras, positions, tracks);
     // Observations of an image are numbered in the order in which `images` writes them: by point.
-    let mut next = vec![0u32; cameras];
+    let mut next = vec![0u32; cameras.len()];
     let mut bytes = (positions.len() as u64).to_le_bytes().to_vec();
     for (i, position) in positions.iter().enumerate() {
         bytes.extend((i as u64 + 1).to_le_bytes());
         position.to_array().iter().for_each(|v| bytes.extend(v.to_le_bytes()));
         bytes.extend(colours.get(i).copied().unwrap_or([128; 3]));
         bytes.extend(0f64.to_le_bytes());
-        let track = tracks.get(i).into_iter().flatten().filter(|&&camera| (camera as usize) < cameras);
-        bytes.extend((track.clone().count() as u64).to_le_bytes());
+        let track = tracks.get(i).map_or(&[][..], Vec::as_slice);
+        bytes.extend((track.len() as u64).to_le_bytes());
         for &camera in track {
             let observation = &mut next[camera as usize];
             bytes.extend((camera + 1).to_le_bytes());
@@ -162,14 +174,14 @@ mod tests {
         let positions = [DVec3::ZERO, DVec3::new(0.1, 0.2, 0.3)];
         let tracks = [vec![0, 1], vec![1, 2]];
         let path = Path::new("model.bin");
-        let read = binary::points(path, &points(&positions, &[[1, 2, 3]], 3, &tracks)).unwrap();
+        let read = binary::points(path, &points(&positions, &[[1, 2, 3]], &cameras, &tracks)).unwrap();
         assert_eq!(
             (read[0].position, read[0].colour, &read[0].track),
             (positions[0], [1, 2, 3], &vec![[1, 0], [2, 0]])
         );
         assert_eq!((read[1].position, read[1].colour, &read[1].track), (positions[1], [128; 3], &vec![[2, 1], [3, 0]]));
         // The second point is the second observation of the second image: the last eight bytes of the third entry.
-        let bytes = points(&positions, &[], 3, &tracks);
+        let bytes = points(&positions, &[], &cameras, &tracks);
         assert_eq!(bytes[bytes.len() - 16..], [2, 0, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 0, 0, 0, 0]);
         // The first image sees the origin in the middle of its width.
         let bytes = images(&cameras, &pinholes(&cameras), &positions, &tracks);
@@ -177,6 +189,38 @@ mod tests {
         let name_end = 8 + 4 + 7 * 8 + 4 + "0000.png".len() + 1;
         let x = f64::from_le_bytes(bytes[name_end + 8..name_end + 16].try_into().unwrap());
         assert!((x - 320.0).abs() < 1e-9, "{x}");
+    }
+
+    /// If this failed, photos taken through a real lens would be said to show points where a pinhole would, and points behind a camera
+    /// be said to be in its photo.
+    #[test]
+    fn observations_are_pixels_of_the_lens_and_lie_in_front() {
+        let camera = Camera {
+            name: "0000.png".into(),
+            pose: Pose::looking(DVec3::ZERO, DVec3::Z, DVec3::NEG_Y),
+            intrinsics: Intrinsics::from_fov(640, 480, 1.0),
+        };
+        let lens = Lens::of(
+            camera.intrinsics,
+            lens::Distortion { radial: [0.1, -0.05, 0.0, 0.0, 0.0, 0.0], ..lens::Distortion::default() },
+        );
+        let (cameras, lenses) = ([camera], [lens.unwrap()]);
+        let positions = [DVec3::new(0.5, 0.3, -1.0), DVec3::new(0.5, -0.25, 2.0), DVec3::new(1.0, 0.0, 0.0)];
+        let tracks = [vec![0], vec![0], vec![0, 7]];
+        let bytes = images(&cameras, &lenses, &positions, &tracks);
+        let at = 8 + 4 + 7 * 8 + 4 + "0000.png".len() + 1;
+        let number = |at: usize| f64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
+        assert_eq!(bytes[at..at + 8], 1u64.to_le_bytes(), "the point in front alone");
+        // Brown's model by hand: (0.25, -0.125) from the axis.
+        let square = 0.25f64.powi(2) + 0.125f64.powi(2);
+        let by = 1.0 + 0.1 * square - 0.05 * square * square;
+        let k = &cameras[0].intrinsics;
+        assert!((number(at + 8) - (320.0 + k.focal[0] * 0.25 * by)).abs() < 1e-9, "{}", number(at + 8));
+        assert!((number(at + 16) - (240.0 - k.focal[1] * 0.125 * by)).abs() < 1e-9, "{}", number(at + 16));
+        assert_eq!(bytes[at + 24..at + 32], 2u64.to_le_bytes());
+        let read = binary::points(Path::new("model.bin"), &points(&positions, &[], &cameras, &tracks)).unwrap();
+        let found: Vec<_> = read.iter().map(|point| point.track.clone()).collect();
+        assert_eq!(found, [vec![], vec![[1, 0]], vec![]]);
     }
 
     /// If this failed, the reader and the writer of poses would not be each other's inverse.
