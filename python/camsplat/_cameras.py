@@ -141,9 +141,14 @@ class Cameras:
         return Path(folder)
 
     def arrays(self) -> tuple[list[str], Floats, Floats, npt.NDArray[np.uint32]]:
-        """As the native part has them."""
-        lenses = np.stack([self.K[:, 0, 0], self.K[:, 1, 1], self.K[:, 0, 2], self.K[:, 1, 2]], axis=1)
-        return self.names, np.ascontiguousarray(self.poses), np.ascontiguousarray(lenses), self.sizes
+        """As the native part has them.
+
+        Raises:
+            Error: where an attribute was changed into what is no cameras.
+        """
+        checked = Cameras(self.poses, size=self.sizes, K=self.K, names=self.names)
+        lenses = np.stack([checked.K[:, 0, 0], checked.K[:, 1, 1], checked.K[:, 0, 2], checked.K[:, 1, 2]], axis=1)
+        return checked.names, np.ascontiguousarray(checked.poses), np.ascontiguousarray(lenses), checked.sizes
 
 
 def read_cameras(path: PathLike) -> Cameras:
@@ -231,7 +236,7 @@ Scene = Union[PathLike, npt.ArrayLike, _HasVertices]
 """A surface: a file or folder that the command reads, vertices, or an object with `vertices` and perhaps `faces`, such as trimesh's."""
 
 
-def surface_file(scene: Any, faces: Any, folder: Path, name: str = "surface") -> PathLike:
+def surface_file(scene: Any, faces: Any, folder: Path, name: str = "scene") -> PathLike:
     """A file that a command can read of a surface, in `folder` where it is none yet."""
     if isinstance(scene, (str, os.PathLike)):
         if faces is not None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Union
+from pathlib import Path
+from typing import Any, Optional, Union
 
 import numpy as np
 
@@ -31,7 +33,16 @@ def command(name: str, /, *arguments: Union[str, os.PathLike[str]], progress: Pr
     return run(name, arguments, options, progress)
 
 
-def run(name: str, arguments: Sequence[Union[str, os.PathLike[str]]], options: Mapping[str, Any], progress: Progress) -> list[str]:
+def run(
+    name: str,
+    arguments: Sequence[Union[str, os.PathLike[str]]],
+    options: Mapping[str, Any],
+    progress: Progress,
+    temporary: Optional[Path] = None,
+) -> list[str]:
+    """As `command`; an error about a file in the folder `temporary`, which stands for an argument, names the argument."""
+    if not isinstance(progress, bool) and not callable(progress):
+        raise _camsplat.Error(f"progress is {progress!r}; give True, False or a function of what is done, the units done, and all of them")
     lines: list[str] = []
 
     def on_line(line: str) -> None:
@@ -42,7 +53,13 @@ def run(name: str, arguments: Sequence[Union[str, os.PathLike[str]]], options: M
     if arguments:
         words += ["--", *(os.fspath(argument) for argument in arguments)]
     with _Bar() if progress is True else _Callback(progress) as on_progress:
-        _camsplat.run(words, on_line, on_progress)
+        try:
+            _camsplat.run(words, on_line, on_progress)
+        except _camsplat.Error as error:
+            if temporary is None or str(temporary) not in str(error):
+                raise
+            argument = re.compile(re.escape(str(temporary) + os.sep) + r"(\w+)\.(?:ply|json)\b")
+            raise _camsplat.Error(argument.sub(r"\1", str(error))) from None
     return lines
 
 
@@ -61,11 +78,18 @@ def options_of(options: Mapping[str, Any]) -> list[str]:
             continue
         if value is True:
             words.append(option)
+        elif isinstance(value, (bytes, set, frozenset, Mapping)):
+            raise _camsplat.Error(f"{name} is a {type(value).__name__}; give text, a number, or a tuple or list of these")
         elif name == "size" and not isinstance(value, (str, int)):
-            words.append(f"{option}={'x'.join(str(int(side)) for side in value)}")
+            words.append(f"{option}={'x'.join(_whole(side) for side in _texts(value)[0].split(','))}")
         else:
             words += [f"{option}={text}" for text in _texts(value)]
     return words
+
+
+def _whole(text: str) -> str:
+    """A number of pixels: 640.0 is 640, and 640.5 stays for the command to refuse."""
+    return text[:-2] if text.endswith(".0") else text
 
 
 def _texts(value: Any) -> list[str]:

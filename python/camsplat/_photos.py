@@ -17,7 +17,7 @@ from ._camsplat import Error
 from ._command import Progress, run
 from ._options import EvaluateOptions, SelectOptions, TrainOptions
 from ._plan import Plan, _files
-from ._show import Report
+from ._show import Report, Temporary
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,7 +34,7 @@ class Selection(Report):
         names: the selected photos, those that the choice would miss most first.
     """
 
-    def __init__(self, folder: PathLike, *, _temporary: Optional[tempfile.TemporaryDirectory[str]] = None) -> None:
+    def __init__(self, folder: PathLike, *, _temporary: Optional[Temporary] = None) -> None:
         super().__init__(folder, _temporary)
         self.record: dict[str, Any] = self._json("select.json")
         self.names: list[str] = [photo["name"] for photo in self.record["chosen"]]
@@ -133,10 +133,10 @@ def select(
         Error: with the line that the command prints.
         KeyboardInterrupt: after Ctrl-C, once the choice has ended; nothing is written.
     """
-    temporary = tempfile.TemporaryDirectory(prefix="camsplat-")
-    folder = Path(temporary.name) / "selection" if out is None else Path(out)
-    given = _files("select", options, SelectOptions, Path(temporary.name))
-    run("select", [capture], {"count": count, "out": folder, **given}, progress)
+    temporary = Temporary()
+    folder = temporary.folder / "selection" if out is None else Path(out)
+    given = _files("select", options, SelectOptions, temporary.folder)
+    run("select", [capture], {"count": count, "out": folder, **given}, progress, temporary.folder)
     return Selection(folder, _temporary=temporary if out is None else None)
 
 
@@ -154,7 +154,8 @@ def train(capture: PathLike, out: PathLike, *, progress: Progress = False, **opt
         KeyboardInterrupt: after Ctrl-C; the same call with `resume=True` continues.
     """
     with tempfile.TemporaryDirectory(prefix="camsplat-") as temporary:
-        run("train", [capture], {"out": out, **_files("train", options, TrainOptions, Path(temporary))}, progress)
+        folder = Path(temporary)
+        run("train", [capture], {"out": out, **_files("train", options, TrainOptions, folder)}, progress, folder)
     return Training(out)
 
 
@@ -181,7 +182,8 @@ def evaluate(
         raise Error('a shard leaves no tables; run command("evaluate", ..., shard="I/N"), then evaluate() once all are complete')
     paths = [scenes] if isinstance(scenes, (str, os.PathLike)) else list(scenes)
     with tempfile.TemporaryDirectory(prefix="camsplat-") as temporary:
-        run("evaluate", paths, {"out": out, **_files("evaluate", options, EvaluateOptions, Path(temporary))}, progress)
+        folder = Path(temporary)
+        run("evaluate", paths, {"out": out, **_files("evaluate", options, EvaluateOptions, folder)}, progress, folder)
     return Evaluation(out)
 
 
@@ -213,7 +215,10 @@ def render(
         KeyboardInterrupt: after Ctrl-C.
     """
     colours = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0)}
-    colour = colours.get(background) if isinstance(background, str) else background
+    try:
+        colour = colours.get(background) if isinstance(background, str) else tuple(float(value) for value in background)
+    except (TypeError, ValueError):
+        colour = None
     if colour is None or len(colour) != 3 or not all(0 <= value <= 1 for value in colour):
         raise Error(f"background is {background!r}; give 'black', 'white', or red, green and blue from 0 to 1")
     if alpha and colour != colours["black"]:

@@ -33,7 +33,7 @@ class Plan(Report):
         kept: those that were given with `keep`.
     """
 
-    def __init__(self, folder: PathLike, *, _temporary: Optional[tempfile.TemporaryDirectory[str]] = None) -> None:
+    def __init__(self, folder: PathLike, *, _temporary: Optional[_show.Temporary] = None) -> None:
         super().__init__(folder, _temporary)
         self.record: dict[str, Any] = self._json("plan.json")
         everything = read_cameras(self.folder / "plan.json")
@@ -156,11 +156,11 @@ def plan(
         Error: where the request makes no sense, files cannot be read, or the device fails; with the line that the command prints.
         KeyboardInterrupt: after Ctrl-C. The plan so far is in `out`, where one was given.
     """
-    temporary = tempfile.TemporaryDirectory(prefix="camsplat-")
-    folder = Path(temporary.name) / "plan" if out is None else Path(out)
-    source = surface_file(scene, faces, Path(temporary.name))
-    given = _files("plan", options, PlanOptions, Path(temporary.name))
-    run("plan", [source], {"views": views, "out": folder, **given}, progress)
+    temporary = _show.Temporary()
+    folder = temporary.folder / "plan" if out is None else Path(out)
+    source = surface_file(scene, faces, temporary.folder)
+    given = _files("plan", options, PlanOptions, temporary.folder)
+    run("plan", [source], {"views": views, "out": folder, **given}, progress, temporary.folder)
     return Plan(folder, _temporary=temporary if out is None else None)
 
 
@@ -186,7 +186,7 @@ def score(
         source = surface_file(scene, faces, folder)
         of = cameras.folder if isinstance(cameras, Plan) else cameras_file(cameras, folder, "cameras")
         file = folder / "score.json"
-        run("score", [source, of], {"json": file, **_files("score", options, ScoreOptions, folder)}, False)
+        run("score", [source, of], {"json": file, **_files("score", options, ScoreOptions, folder)}, False, folder)
         metrics = json.loads(file.read_text())
     return Score(**metrics.pop("expected"), metrics=metrics)
 
@@ -206,7 +206,7 @@ def quality_curve(
         folder = Path(temporary) / "curve"
         source = surface_file(scene, faces, Path(temporary))
         given = _files("quality_curve", options, PlanOptions, Path(temporary))
-        run("plan", [source], {"curve": True, "out": folder, **given}, progress)
+        run("plan", [source], {"curve": True, "out": folder, **given}, progress, Path(temporary))
         points = json.loads((folder / "curve.json").read_text())
         svg = (folder / "curve.svg").read_text()
     views, db, unseen = (np.array([point[key] for point in points]) for key in ("views", "db", "unseen"))
@@ -220,7 +220,7 @@ def _files(name: str, options: Mapping[str, Any], known: type, folder: Path) -> 
             raise TypeError(f"{name}() got an unexpected keyword argument {option!r}")
     files = dict(options)
     if files.get("surface") is not None:
-        files["surface"] = surface_file(files["surface"], None, folder, "other")
+        files["surface"] = surface_file(files["surface"], None, folder, "surface")
     for key in ("keep", "viewers"):
         if isinstance(files.get(key), Cameras) and len(files[key]) == 0:
             del files[key]

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import base64
 import html
 import json
+import mimetypes
+import re
 import shutil
 import tempfile
+import urllib.parse
+import weakref
 import webbrowser
 from pathlib import Path
 from typing import Any, Optional, SupportsIndex
@@ -26,10 +31,22 @@ class _Page:
         return self._html
 
 
+class Temporary:
+    """A folder that goes with this object.
+
+    Attributes:
+        folder: where it is.
+    """
+
+    def __init__(self) -> None:
+        self.folder: Path = Path(tempfile.mkdtemp(prefix="camsplat-"))
+        weakref.finalize(self, shutil.rmtree, self.folder, ignore_errors=True)
+
+
 class Report:
     """A folder with a report."""
 
-    def __init__(self, folder: PathLike, temporary: Optional[tempfile.TemporaryDirectory[str]]) -> None:
+    def __init__(self, folder: PathLike, temporary: Optional[Temporary]) -> None:
         self.folder: Path = Path(folder)
         # The folder goes when this object does.
         self._temporary = temporary
@@ -60,9 +77,18 @@ class Report:
         return self._copy(".", Path(folder))
 
     def _frame(self, height: int) -> str:
-        # A frame of its own: the report's styles and scripts are not the notebook's.
+        # A frame of its own: the report's styles and scripts are not the notebook's. It has no address, so that pictures beside the
+        # report have to be in it.
         page = (self.folder / "report.html").read_text(encoding="utf-8")
+        page = re.sub(r'<img src="([^":]+)"', self._with_picture, page)
         return f'<iframe srcdoc="{html.escape(page)}" width="100%" height="{height}" style="border: 0"></iframe>'
+
+    def _with_picture(self, match: re.Match[str]) -> str:
+        file = self.folder / urllib.parse.unquote(html.unescape(match[1]))
+        if not file.is_file():
+            return match[0]
+        kind = mimetypes.guess_type(file.name)[0] or "image/png"
+        return f'<img src="data:{kind};base64,{base64.b64encode(file.read_bytes()).decode()}"'
 
     def _json(self, name: str) -> dict[str, Any]:
         file = self.folder / name

@@ -1,5 +1,6 @@
 //! Cameras as arrays, and back.
 
+use std::collections::HashSet;
 use std::path::PathBuf;
 
 use camsplat::io;
@@ -98,6 +99,10 @@ pub fn write_capture(
     colours: PyReadonlyArray2<'_, u8>,
 ) -> PyResult<()> {
     let cameras = cameras(names, &poses, &lenses, &sizes);
+    let mut images = HashSet::new();
+    if let Some(twice) = cameras.iter().map(Camera::image_name).find(|name| !images.insert(name.clone())) {
+        return Err(Error::new_err(format!("names: two cameras have the image {twice}; rename one")));
+    }
     let rows = points.as_array();
     let positions = rows.rows().into_iter().map(|row| DVec3::new(row[0], row[1], row[2])).collect();
     let rows = colours.as_array();

@@ -11,7 +11,7 @@ use std::time::Duration;
 use camsplat::cli::{self, Listener, Outcome};
 use pyo3::prelude::*;
 
-use super::Error;
+use super::{Error, unless_forked};
 
 /// Time between two looks at what Python's signal handlers have to do, and between two calls with progress.
 const BETWEEN_LOOKS: Duration = Duration::from_millis(50);
@@ -80,6 +80,7 @@ pub fn run(
     on_line: &Bound<'_, PyAny>,
     on_progress: &Bound<'_, PyAny>,
 ) -> PyResult<()> {
+    unless_forked()?;
     let mailbox = Arc::new(Mailbox::default());
     let worker = Arc::clone(&mailbox);
     thread::spawn(move || {

@@ -11,7 +11,7 @@ use numpy::{IntoPyArray as _, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyAr
 use pyo3::prelude::*;
 
 use super::cameras::cameras;
-use super::failed;
+use super::{failed, unless_forked};
 
 /// A picture and its depths, where they are wanted.
 type Picture<'py> = (Bound<'py, PyArray3<f32>>, Option<Bound<'py, PyArray2<f32>>>);
@@ -35,6 +35,7 @@ pub fn render<'py>(
     near: Option<f64>,
     device: Option<String>,
 ) -> PyResult<Vec<Picture<'py>>> {
+    unless_forked()?;
     let cameras = cameras(names, &poses, &lenses, &sizes);
     let settings = Settings { format: Format::Exr, alpha, depth, background, antialiased, near };
     // Checked again after every picture, so that Ctrl-C is heard.

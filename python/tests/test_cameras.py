@@ -89,6 +89,12 @@ def test_saved_cameras_are_a_capture(tmp_path: Path) -> None:
     for name in ["../x", "/abs", "", "a\nb"]:
         with pytest.raises(camsplat.Error, match="within images/"):
             camsplat.Cameras(poses[:1], names=[name]).save(tmp_path / "new")
+    with pytest.raises(camsplat.Error, match=r"two cameras have the image a\.png"):
+        camsplat.Cameras(poses[:2], names=["a", "a.png"]).save(tmp_path / "new")
+    changed = camsplat.Cameras(poses)
+    changed.poses[1] *= 2
+    with pytest.raises(camsplat.Error, match=r"poses\[1\]"):
+        changed.save(tmp_path / "new")
     with pytest.raises(camsplat.Error, match="colours"):
         cameras.save(tmp_path / "new", points, np.full((20, 3), 300))
     assert not (tmp_path / "new").exists()

@@ -66,6 +66,9 @@ def test_an_evaluation_is_rows(tmp_path: Path) -> None:
     written = (tmp_path / "results.json").stat().st_mtime_ns, evaluation.rows
     again = camsplat.evaluate([], tmp_path, **request)  # type: ignore[arg-type]
     assert again.rows == written[1]
+    # A frame in a notebook has no folder beside it.
+    assert '<img src="' in (tmp_path / "report.html").read_text()
+    assert "data:image/png;base64," in evaluation._frame(400) and "&lt;img src=&quot;two-rooms" not in evaluation._frame(400)
 
 
 def test_what_cannot_be_rendered_is_refused(splats: Path, capture: Path, tmp_path: Path) -> None:
@@ -73,6 +76,8 @@ def test_what_cannot_be_rendered_is_refused(splats: Path, capture: Path, tmp_pat
     for keywords, message in [
         ({"background": "pink"}, "background"),
         ({"background": (0, 2, 0)}, "background"),
+        ({"background": 5}, "background"),
+        ({"background": ["a", 0, 0]}, "background"),
         ({"background": "white", "alpha": True}, "alpha"),
         ({"near": -1.0}, "near is -1"),
     ]:

@@ -141,6 +141,27 @@ def test_ctrl_c_stops_a_plan_and_keeps_it(ball: Ball, tmp_path: Path) -> None:
     assert camsplat.Plan(tmp_path / "plan").record["status"] == "interrupted"
 
 
+def test_a_forked_process_is_refused_and_not_left_waiting(ball: Ball, tmp_path: Path) -> None:
+    """If this failed, a pool of forked workers would hang without a word."""
+    np.save(tmp_path / "vertices.npy", ball[0])
+    program = (
+        "import camsplat, multiprocessing, numpy as np\n"
+        "vertices = np.load('vertices.npy')\n"
+        "def work(queue):\n"
+        "    try: camsplat.plan(vertices, views=4, iterations=5, held_out=50)\n"
+        "    except camsplat.Error as error: queue.put(str(error))\n"
+        "camsplat.plan(vertices, views=4, iterations=5, held_out=50)\n"
+        "fork = multiprocessing.get_context('fork')\n"
+        "queue = fork.SimpleQueue()\n"
+        "process = fork.Process(target=work, args=(queue,))\n"
+        "process.start(); process.join(); print(queue.get())\n"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-W", "error::ResourceWarning", "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
+    assert 'the method "spawn"' in ran.stdout and "ResourceWarning" not in ran.stderr, ran
+
+
 def test_threads_plan_side_by_side(ball: Ball) -> None:
     """If this failed, two plans at once would take each other's options, progress or stops."""
     alone = [camsplat.plan(*ball, views=6, seed=seed, **QUICK).poses for seed in range(3)]
@@ -229,6 +250,10 @@ def test_rerun_takes_the_cameras(ball: Ball, tmp_path: Path) -> None:
         ({"scene": "nowhere.ply"}, "nowhere.ply: there is no such file"),
         ({"keep": np.eye(4)}, "ndarray"),
         ({"device": "no such device"}, "no such device"),
+        ({"progress": "yes"}, "progress is 'yes'"),
+        ({"size": (640.5, 480)}, "640.5"),
+        ({"size": {640, 480}}, "size is a set"),
+        ({"scene": np.zeros((5, 3))}, "scene: "),
     ],
 )
 def test_requests_that_make_no_sense_are_refused(ball: Ball, arguments: dict[str, object], message: str) -> None:
