@@ -22,7 +22,7 @@ PLATFORMS = [
 def build(wheel: Path) -> Path:
     """Writes the zip beside the wheel and returns its path."""
     if not wheel.is_file():
-        raise SystemExit(f"{wheel}: there is no such wheel; build it with `maturin build --release`")
+        raise SystemExit(f"{wheel}: there is no such wheel; build it with scripts/wheel.sh")
     parts = wheel.stem.split("-")
     if wheel.suffix != ".whl" or len(parts) != 5 or parts[0] != "camsplat":
         raise SystemExit(f"{wheel}: this is no wheel of camsplat; give camsplat-VERSION-PYTHON-ABI-PLATFORM.whl")

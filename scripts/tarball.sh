@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds dist/camsplat-VERSION-x86_64-linux.tar.gz: the program for every distribution with glibc 2.28 or later, linked by zig, with man
+# Builds dist/camsplat-VERSION-ARCH-linux.tar.gz for this machine's architecture: the program for every distribution with glibc 2.28 or later, linked by zig, with man
 # pages, completions and the licences of its dependencies. Pages, shaders and weights are in the program; a Vulkan loader and a driver are
 # looked for at run time. (A program without glibc could not load them, so that it is not linked statically against musl.)
 # Run setup.sh first. Needs python3; scripts/dependencies.sh brings the other tools.

@@ -6,6 +6,12 @@
 # On Linux the wheel is for every distribution with glibc 2.28 or later (manylinux_2_28), linked by zig, which pip brings. Run setup.sh first.
 # What is tried: the README's example as a doctest, the command line, and a plan of arrays.
 set -euo pipefail
+
+# Relative paths are those of the caller.
+pythons=()
+for python in "${@:-python3}"; do
+    pythons+=("$(realpath --no-symlinks "$(command -v "$python")")")
+done
 cd "$(dirname "$0")/.."
 
 tools=target/wheel-tools
@@ -25,8 +31,9 @@ fi
 wheel=$(ls "$PWD"/dist/camsplat-*.whl)
 
 readme=$PWD/README.md
-for python in "${@:-python3}"; do
+for python in "${pythons[@]}"; do
     place=$(mktemp -d)
+    trap 'rm -rf "$place"' EXIT
     "$python" -m venv "$place/venv"
     "$place/venv/bin/pip" install -q "$wheel" trimesh
     (

@@ -61,7 +61,7 @@ class SteppedOperator:
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         # Nothing else happens meanwhile: the scene stays as it was read.
-        if event.type not in {"TIMER", "ESC"}:
+        if event.type not in {"TIMER", "ESC"} or (event.type == "ESC" and event.value != "PRESS"):
             return {"RUNNING_MODAL"}
         ended = None
         try:

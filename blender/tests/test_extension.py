@@ -265,20 +265,23 @@ def test_a_window_stays_usable(scene, extension):
         def report(self, kind, line):
             self.reports.append((kind, line))
 
-    def events(*kinds, fails=False):
+    def events(*kinds, fails=False, value="PRESS"):
         operator = Counting()
         operator.fails = fails
         operator._begin(context)
-        return [operator.modal(context, SimpleNamespace(type=kind)) for kind in kinds]
+        return [operator.modal(context, SimpleNamespace(type=kind, value=value)) for kind in kinds]
 
     runs, ends, stops = {"RUNNING_MODAL"}, {"FINISHED"}, {"CANCELLED"}
     assert events("MOUSEMOVE", "TIMER", "TIMER") == [runs, runs, ends]
     assert events("TIMER", "ESC") == [runs, stops]
+    # The key that closed a dialog is let go only now.
+    assert events("TIMER", "ESC", "TIMER", value="RELEASE") == [runs, runs, ends]
     assert events("TIMER", "TIMER", fails=True) == [runs, stops]
-    assert removed == ["timer"] * 3 and lines == ["camsplat: counting, 1 of 2; Esc stops", None] * 3
+    assert removed == ["timer"] * 4 and lines == ["camsplat: counting, 1 of 2; Esc stops", None] * 4
     assert Counting.reports == [
         ({"INFO"}, "counted"),
         ({"WARNING"}, "stopped; nothing is changed"),
+        ({"INFO"}, "counted"),
         ({"ERROR"}, "it went wrong; do it right"),
     ]
 

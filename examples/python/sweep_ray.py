@@ -7,7 +7,7 @@ r"""Plans and evaluations over a Ray cluster, with the results as one table.
 `plans` places cameras for every scene, number of views and seed, and writes OUT/plans.csv beside the plans' folders. `evaluation` divides
 the runs of `camsplat evaluate` into shards, makes each in a task of its own and writes the tables of all of them. Paths are on a file
 system that all machines share, and for `evaluation` one that can lock files. Options are those of
-`camsplat plan` or `camsplat evaluate`, as JSON with underscores.
+`camsplat plan` or `camsplat evaluate`, as JSON with underscores; paths in them are absolute.
 
 A task that dies is tried again, on another machine where there is one. It goes on from what it had finished, and so does a second call of
 the same command: give another --out for other options. A task takes a GPU, or a CPU core with --cpu. Needs
@@ -37,10 +37,15 @@ def device() -> dict:
 def make_plan(scene: str, views: int, seed: int, out: str, options: dict) -> dict:
     """Plans into the folder `out`, unless an earlier call has, and returns a row of the table."""
     folder = Path(out)
+    asked = {"scene": scene, "views": views, "seed": seed, "options": options}
+    request = folder.with_name(f"{folder.name}.request.json")
     # plan.json comes with the whole folder.
     if (folder / "plan.json").exists():
+        if not request.exists() or json.loads(request.read_text()) != asked:
+            raise camsplat.Error(f"{folder}: a plan of another request is here; give another --out")
         plan = camsplat.Plan(folder)
     else:
+        request.write_text(json.dumps(asked))
         plan = camsplat.plan(scene, views=views, seed=seed, out=folder, **{**device(), **options})
     return {"scene": scene, "views": views, "seed": seed, "expected_db": plan.expected, "folder": out}
 
