@@ -3,6 +3,7 @@
 
 mod report;
 
+use std::process::Command;
 use std::sync::Arc;
 
 use camsplat::Result;
@@ -16,14 +17,35 @@ fn main() -> Result<()> {
     let on_cpu = context.physical().kind == "CPU";
     let mut sizes = vec![1 << 16, 1 << 20, 1 << 22];
     if !on_cpu {
-        sizes.push(1 << 25);
+        sizes.extend([1 << 25, 1 << 27]);
     }
-    for count in sizes {
+    for &count in &sizes {
         scan(&context, &mut report, count)?;
         reduce(&context, &mut report, count)?;
-        radix_sort(&context, &mut report, count)?;
+        radix_sort(&context, &mut report, count, "", &RadixSort::new(&context, count)?)?;
+        let without_waiting = RadixSort::without_waiting(&context, count)?;
+        radix_sort(&context, &mut report, count, "_without_waiting", &without_waiting)?;
+    }
+    match cub(&sizes) {
+        Some(rows) => println!("CUB, what was sorted, how many, ns:\n{rows}"),
+        None => println!("CUB: not measured, since nvcc did not build benches/cub/radix_sort.cu or it failed"),
     }
     report.finish("primitives")
+}
+
+/// What CUB's sort takes on the same device, where there is nvcc.
+fn cub(sizes: &[u32]) -> Option<String> {
+    let program = std::env::temp_dir().join(format!("camsplat-cub-{}", std::process::id()));
+    let built = Command::new("nvcc")
+        .args(["-O3", "-std=c++17", "-arch=native", "benches/cub/radix_sort.cu", "-o"])
+        .arg(&program)
+        .status()
+        .ok()?;
+    let run = Command::new(&program).args(sizes.iter().map(u32::to_string)).output();
+    // Where nothing was built there is nothing to remove.
+    let _ = std::fs::remove_file(&program);
+    let run = run.ok()?;
+    (built.success() && run.status.success()).then(|| String::from_utf8_lossy(&run.stdout).into_owned())
 }
 
 /// Bytes as the modules of the primitives state them.
@@ -74,15 +96,14 @@ fn reduce(context: &Arc<Context>, report: &mut Report, count: u32) -> Result<()>
 }
 
 /// Operations are keys ranked.
-fn radix_sort(context: &Arc<Context>, report: &mut Report, count: u32) -> Result<()> {
-    let sort = RadixSort::new(context, count)?;
+fn radix_sort(context: &Arc<Context>, report: &mut Report, count: u32, way: &str, sort: &RadixSort) -> Result<()> {
     let (unsorted, ramp) = (random(count), (0..count).collect::<Vec<u32>>());
     let input = Buffer::from_slice(context, "input", &unsorted)?;
     let order = Buffer::from_slice(context, "order", &ramp)?;
     let keys = Buffer::device(context, "keys", input.size())?;
     let values = Buffer::device(context, "values", input.size())?;
     let expected = twin::radix_sort(&unsorted, &ramp, 32);
-    let stages = 3 * RadixSort::passes(32);
+    let stages = sort.stages(32);
     let mut keys_job = Job::new(
         context,
         stages,
@@ -92,7 +113,7 @@ fn radix_sort(context: &Arc<Context>, report: &mut Report, count: u32) -> Result
     keys_job.run()?;
     // Four passes end in the caller's buffers.
     assert!(keys.download::<u32>(ramp.len())? == expected.0, "a sort of keys went wrong");
-    report.row("radix_sort_keys", amount(count, 52, 4), &mut keys_job)?;
+    report.row(&format!("radix_sort_keys{way}"), amount(count, 36, 4), &mut keys_job)?;
     let mut pairs_job = Job::new(
         context,
         stages,
@@ -105,5 +126,5 @@ fn radix_sort(context: &Arc<Context>, report: &mut Report, count: u32) -> Result
     pairs_job.run()?;
     let sorted: (Vec<u32>, Vec<u32>) = (keys.download(ramp.len())?, values.download(ramp.len())?);
     assert!(sorted == expected, "a sort of pairs went wrong");
-    report.row("radix_sort_pairs", amount(count, 84, 4), &mut pairs_job)
+    report.row(&format!("radix_sort_pairs{way}"), amount(count, 68, 4), &mut pairs_job)
 }

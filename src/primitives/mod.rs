@@ -22,13 +22,17 @@
 
 mod copy;
 mod count;
+mod counted;
+mod digits;
 mod radix_sort;
 mod reduce;
 mod scan;
+mod sweep;
 pub mod twin;
 
 pub use copy::Copy;
 pub use count::Count;
-pub use radix_sort::{RadixSort, Sorted};
+pub use digits::Sorted;
+pub use radix_sort::RadixSort;
 pub use reduce::{Operation, Reduce};
 pub use scan::Scan;

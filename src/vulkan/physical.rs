@@ -5,6 +5,9 @@ use ash::vk;
 use super::instance::Instance;
 use crate::{Error, Result};
 
+/// NVIDIA's number at the PCI SIG.
+const NVIDIA: u32 = 0x10de;
+
 /// What the engine needs to know of a physical device.
 #[derive(Clone, Debug)]
 pub struct Physical {
@@ -41,6 +44,9 @@ pub struct Physical {
     pub timestamp_bits: u32,
     /// Whether shaders can add floats in buffers atomically.
     pub atomic_floats: bool,
+    /// Whether a workgroup that has begun runs on while others wait for it in a loop. Nothing in Vulkan says so; NVIDIA's GPUs are known to
+    /// do it and were tried. lavapipe leaves loops after 65,535 turns.
+    pub runs_begun_groups: bool,
     /// What the engine needs and the device does not have; empty where it can be used.
     pub lacks: Vec<&'static str>,
     pub(super) queue_family: u32,
@@ -150,6 +156,9 @@ impl Physical {
             timestamp_period: if bits > 0 { limits.timestamp_period } else { 0.0 },
             timestamp_bits: bits,
             atomic_floats,
+            runs_begun_groups: properties.vendor_id == NVIDIA
+                && subgroup.subgroup_size == 32
+                && subgroup.supported_operations.contains(vk::SubgroupFeatureFlags::ARITHMETIC),
             portability: has(ash::khr::portability_subset::NAME),
             lacks,
             queue_family: family.unwrap_or(0) as u32,

@@ -24,6 +24,18 @@ fn sort(
     Ok((sorted.keys.download(count)?, sorted.values.download(count)?))
 }
 
+/// Both ways to make a pass, where this device or this run has both; else the one for all devices twice.
+fn sorters(context: &Arc<Context>, most: u32) -> Result<[RadixSort; 2]> {
+    let waiting = match std::env::var(ONE_AFTER_ANOTHER) {
+        Ok(_) => RadixSort::with_waiting(context, most)?,
+        Err(_) => RadixSort::new(context, most)?,
+    };
+    Ok([waiting, RadixSort::without_waiting(context, most)?])
+}
+
+/// Set where workgroups run one after another, so that none ever waits for another.
+const ONE_AFTER_ANOTHER: &str = "CAMSPLAT_TEST_ONE_AFTER_ANOTHER";
+
 fn ramp(count: usize) -> Vec<u32> {
     (0..count as u32).collect()
 }
@@ -32,10 +44,13 @@ fn ramp(count: usize) -> Vec<u32> {
 #[test]
 fn pairs_match_the_twin_at_every_size() -> Result<()> {
     let context = context()?;
-    let sorter = RadixSort::new(&context, 1 << 23)?;
+    let sorters = sorters(&context, 1 << 23)?;
     for size in SIZES {
         let (keys, values) = (random(size as u64, size), ramp(size));
-        assert!(sort(&context, &sorter, &keys, &values, 32)? == twin::radix_sort(&keys, &values, 32), "{size} pairs");
+        let expected = twin::radix_sort(&keys, &values, 32);
+        for (way, sorter) in sorters.iter().enumerate() {
+            assert!(sort(&context, sorter, &keys, &values, 32)? == expected, "{size} pairs, way {way}");
+        }
     }
     silent(&context);
     Ok(())
@@ -46,7 +61,7 @@ fn pairs_match_the_twin_at_every_size() -> Result<()> {
 #[test]
 fn equal_keys_keep_their_order() -> Result<()> {
     let context = context()?;
-    let sorter = RadixSort::new(&context, 100_003)?;
+    let sorters = sorters(&context, 100_003)?;
     let values = ramp(100_003);
     let random = random(1, 100_003);
     let cases: [(&str, Vec<u32>); 6] = [
@@ -58,7 +73,10 @@ fn equal_keys_keep_their_order() -> Result<()> {
         ("the other way round", values.iter().rev().copied().collect()),
     ];
     for (what, keys) in cases {
-        assert!(sort(&context, &sorter, &keys, &values, 32)? == twin::radix_sort(&keys, &values, 32), "{what}");
+        let expected = twin::radix_sort(&keys, &values, 32);
+        for (way, sorter) in sorters.iter().enumerate() {
+            assert!(sort(&context, sorter, &keys, &values, 32)? == expected, "{what}, way {way}");
+        }
     }
     silent(&context);
     Ok(())
@@ -69,13 +87,13 @@ fn equal_keys_keep_their_order() -> Result<()> {
 #[test]
 fn any_number_of_bits_sorts_by_these_bits_only() -> Result<()> {
     let context = context()?;
-    let sorter = RadixSort::new(&context, 9001)?;
+    let sorters = sorters(&context, 9001)?;
     let (keys, values) = (random(2, 9001), ramp(9001));
     for bits in 1..=32 {
-        assert!(
-            sort(&context, &sorter, &keys, &values, bits)? == twin::radix_sort(&keys, &values, bits),
-            "{bits} bits"
-        );
+        let expected = twin::radix_sort(&keys, &values, bits);
+        for (way, sorter) in sorters.iter().enumerate() {
+            assert!(sort(&context, sorter, &keys, &values, bits)? == expected, "{bits} bits, way {way}");
+        }
     }
     silent(&context);
     Ok(())
@@ -86,9 +104,10 @@ fn any_number_of_bits_sorts_by_these_bits_only() -> Result<()> {
 #[test]
 fn keys_alone_sort_like_keys_with_values() -> Result<()> {
     let context = context()?;
-    let sorter = RadixSort::new(&context, 50_000)?;
+    let sorters = sorters(&context, 50_000)?;
     let keys = random(3, 50_000);
-    for bits in [7, 12, 20, 32] {
+    for (bits, sorter) in [7, 12, 20, 32].into_iter().flat_map(|bits| sorters.iter().map(move |sorter| (bits, sorter)))
+    {
         let buffer = Buffer::from_slice(&context, "keys", &keys)?;
         let mut recorder = Recorder::new(&context)?;
         let sorted = sorter.keys(&mut recorder, &buffer, Count::Host(50_000), bits)?;
@@ -103,9 +122,12 @@ fn keys_alone_sort_like_keys_with_values() -> Result<()> {
 #[test]
 fn a_counter_on_the_device_says_how_many() -> Result<()> {
     let context = context()?;
-    let sorter = RadixSort::new(&context, 1 << 20)?;
+    let sorters = sorters(&context, 1 << 20)?;
     let (keys, values) = (random(4, 70_000), ramp(70_000));
-    for (counter, counted) in [(0, 0), (1, 1), (2048, 2048), (33_333, 33_333), (u32::MAX, 70_000)] {
+    let counters = [(0, 0), (1, 1), (2048, 2048), (33_333, 33_333), (u32::MAX, 70_000)];
+    for ((counter, counted), sorter) in
+        counters.into_iter().flat_map(|counter| sorters.iter().map(move |sorter| (counter, sorter)))
+    {
         let key_buffer = Buffer::from_slice(&context, "keys", &keys)?;
         let value_buffer = Buffer::from_slice(&context, "values", &values)?;
         let counters = Buffer::from_slice(&context, "counters", &[7, 7, 7, counter])?;
@@ -145,11 +167,11 @@ fn floats_then_tiles_sort_as_compositing_needs() -> Result<()> {
 #[test]
 fn repeats_give_equal_bits() -> Result<()> {
     let context = context()?;
-    let sorter = RadixSort::new(&context, 200_000)?;
+    let sorters = sorters(&context, 200_000)?;
     let keys: Vec<u32> = random(8, 200_000).iter().map(|key| key >> 20).collect();
-    let first = sort(&context, &sorter, &keys, &ramp(200_000), 12)?;
-    for _ in 0..5 {
-        assert!(sort(&context, &sorter, &keys, &ramp(200_000), 12)? == first);
+    let first = sort(&context, &sorters[0], &keys, &ramp(200_000), 12)?;
+    for sorter in sorters.iter().cycle().take(10) {
+        assert!(sort(&context, sorter, &keys, &ramp(200_000), 12)? == first);
     }
     silent(&context);
     Ok(())
@@ -178,6 +200,31 @@ fn subgroups_of_any_width_give_equal_bits() -> Result<()> {
         let said = String::from_utf8_lossy(&run.stdout);
         assert!(run.status.success() && said.contains("4 passed"), "subgroups of {width} bits:\n{said}");
     }
+    Ok(())
+}
+
+/// lavapipe with one thread runs workgroups in their order: passes in which they could wait for one another never do, and sort as they do
+/// on GPUs. Were a tile, a group of tiles or the last digit of a pass handled wrongly, keys would be out of order.
+#[test]
+fn passes_that_could_wait_sort_too() -> Result<()> {
+    let tests = [
+        "pairs_match_the_twin_at_every_size",
+        "equal_keys_keep_their_order",
+        "any_number_of_bits_sorts_by_these_bits_only",
+        "keys_alone_sort_like_keys_with_values",
+        "a_counter_on_the_device_says_how_many",
+        "repeats_give_equal_bits",
+    ];
+    let program = std::env::current_exe().map_err(|e| camsplat::Error::io("the test", e))?;
+    let run = std::process::Command::new(&program)
+        .arg("--exact")
+        .args(tests.map(|name| format!("{}::{name}", module_path!().split_once("::").unwrap().1)))
+        .env("LP_NUM_THREADS", "1")
+        .env(ONE_AFTER_ANOTHER, "1")
+        .output()
+        .map_err(|e| camsplat::Error::io(&program, e))?;
+    let said = String::from_utf8_lossy(&run.stdout);
+    assert!(run.status.success() && said.contains("6 passed"), "{said}");
     Ok(())
 }
 
