@@ -44,8 +44,9 @@ impl RadixSort {
         Self::made(context, most, false)
     }
 
-    /// As [`Self::new`], with passes in which workgroups wait for one another, on any device: the sort goes wrong or hangs where they do not
-    /// run on meanwhile ([`Physical::runs_begun_groups`](crate::vulkan::physical::Physical::runs_begun_groups)). For tests: a device that runs one
+    /// As [`Self::new`], with passes in which workgroups wait for one another, on any device: the sort goes wrong or hangs where they
+    /// do not run on meanwhile
+    /// ([`Physical::runs_begun_groups`](crate::vulkan::physical::Physical::runs_begun_groups)). For tests: a device that runs one
     /// workgroup after another never waits.
     ///
     /// # Errors
