@@ -44,8 +44,8 @@ pub struct Physical {
     pub timestamp_bits: u32,
     /// Whether shaders can add floats in buffers atomically.
     pub atomic_floats: bool,
-    /// Whether a workgroup that has begun runs on while others wait for it in a loop. Nothing in Vulkan says so; NVIDIA's GPUs are known to
-    /// do it and were tried. lavapipe leaves loops after 65,535 turns.
+    /// Whether a workgroup that has begun is known to run on while others wait for it in a loop. Nothing in Vulkan says so: true of NVIDIA's
+    /// GPUs with subgroups of 32 that add, where it was tried. lavapipe leaves loops after 65,535 turns.
     pub runs_begun_groups: bool,
     /// What the engine needs and the device does not have; empty where it can be used.
     pub lacks: Vec<&'static str>,

@@ -33,12 +33,20 @@ layout(binding = 6, std430) writeonly buffer SortedValues { uint sorted_values[]
 #include "primitives/count.glsl"
 #define LINE uvec2
 #include "primitives/line_scan.glsl"
-#include "primitives/peers.glsl"
 
 // First the subgroups' histograms, at most 16; then the tile in order, at most 4096 words.
 shared uint pool[16 * DIGITS];
 // What takes a key's place in the tile to its place in the output, by digit.
 shared uint displacement[DIGITS];
+
+// Those of the threads `peers` whose digit is the same.
+uvec4 peers_of(uint own, uvec4 peers) {
+    [[unroll]] for (uint bit = 0; bit < 8; bit++) {
+        uint set = (own >> bit) & 1;
+        peers &= subgroupBallot(set == 1) ^ uvec4(set - 1);
+    }
+    return peers;
+}
 
 void main() {
     uint available = element_count();

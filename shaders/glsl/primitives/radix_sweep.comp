@@ -3,7 +3,7 @@
 //
 // Before a tile. A workgroup takes the next tile, counts its digits and publishes the counts. The last tile of a group publishes the
 // group's sum, and then that of all up to it; so a tile adds up the tiles before it in its group, and the groups before, from the last one
-// back to one that knows the sum of all. Without groups each tile would read the counts of some fifty others. A workgroup may wait for tiles
+// back to one that knows the sum of all. Without groups each tile would read the counts of many others. A workgroup may wait for tiles
 // that others have taken, so those must run on meanwhile: only devices on which they do get this shader. Sums are of integers, the same
 // whoever waits for whom.
 //
