@@ -207,13 +207,13 @@ impl Traffic {
             "splat_count" => (4 + 48 + 4) * splats,
             "splat_emit" => (12 + 48 + 8) * splats + 12 * instances,
             "splat_ranges" => 4 * instances,
-            // A checkpoint of 256 pixels every 256 instances.
-            "splat_forward" => (8 + 48 + 16) * instances + 20 * pixels,
+            // A checkpoint of 256 pixels every 128 instances.
+            "splat_forward" => (8 + 48 + 32) * instances + 20 * pixels,
             "photo_ssim" => (20 + 36) * pixels,
             "photo_gradient" => (20 + 36 + 16) * pixels,
-            "splat_backward" => (12 + 48 + 16 + 36) * instances + 36 * pixels,
-            // Parameters and both moments, there and back.
-            "splat_update" => (48 + 8 + 6 * 236) * splats + 36 * instances,
+            "splat_backward" => (12 + 48 + 32 + 36) * instances + 36 * pixels,
+            // Parameters and both moments, there and back; 180 bytes of harmonics every other time.
+            "splat_update" => (48 + 8 + 6 * (236 - 90)) * splats + 36 * instances,
             _ => 0,
         }
     }

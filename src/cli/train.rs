@@ -10,7 +10,7 @@ use clap::Args;
 use super::options::{DeviceOptions, ImageOptions, print_messages};
 use super::progress::{Progress, stop_on_interrupt};
 use super::session::{Ended, go_on};
-use crate::gaussians::config::{Background, Config, Strategy};
+use crate::gaussians::config::{Background, Config, Preset, Strategy};
 use crate::gaussians::data::pictures::cameras;
 use crate::gaussians::data::split::{Split, Test};
 use crate::gaussians::run::evaluate::Pair;
@@ -34,9 +34,12 @@ pub struct Arguments {
     /// Folder for the trained file, test pictures, metrics, checkpoint and report
     #[arg(long)]
     out: PathBuf,
-    /// Iterations; the schedule is that of 30000, compressed for fewer
-    #[arg(long, default_value_t = 30_000)]
-    iterations: u32,
+    /// How long a run is
+    #[arg(long, value_enum, default_value_t = Preset::Full)]
+    preset: Preset,
+    /// Iterations; the schedule is that of 30000, compressed for fewer [default: the preset's]
+    #[arg(long)]
+    iterations: Option<u32>,
     /// Maximum number of splats [default: 1000000, or as many as the device can address]
     #[arg(long)]
     max_splats: Option<u32>,
@@ -208,8 +211,11 @@ fn is_complete(request: &Request) -> bool {
 
 /// What was asked for, of a run that starts at `points` or at random places.
 fn configuration(arguments: &Arguments, points: bool) -> Config {
-    let config = Config::new(arguments.iterations, arguments.max_splats.unwrap_or(USUAL))
-        .with_strategy(arguments.strategy, points);
+    let config = Config::new(
+        arguments.iterations.unwrap_or(arguments.preset.iterations()),
+        arguments.max_splats.unwrap_or(USUAL),
+    )
+    .with_strategy(arguments.strategy, points);
     Config {
         degree: arguments.degree,
         antialiased: arguments.antialiased,

@@ -24,6 +24,8 @@ pub struct Physical {
     pub subgroup_size: u32,
     /// Fewest threads in a full subgroup of any shader: some drivers run narrower subgroups than they report.
     pub subgroup_smallest: u32,
+    /// Threads in a full subgroup of every shader; none where a driver chooses shader by shader.
+    pub subgroup_width: Option<u32>,
     /// Bytes of shared memory a workgroup may use.
     pub shared_memory: u32,
     /// Bytes of push constants.
@@ -114,12 +116,15 @@ impl Physical {
         need(limits.max_push_constants_size >= 128, "128 bytes of push constants");
         need(limits.max_compute_shared_memory_size >= 32 << 10, "32 KiB of shared memory");
         need(limits.max_compute_work_group_invocations >= 256, "workgroups of 256 threads");
-        let operations = vk::SubgroupFeatureFlags::BASIC | vk::SubgroupFeatureFlags::BALLOT;
+        let operations = vk::SubgroupFeatureFlags::BASIC
+            | vk::SubgroupFeatureFlags::VOTE
+            | vk::SubgroupFeatureFlags::BALLOT
+            | vk::SubgroupFeatureFlags::SHUFFLE;
         need(
             subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE)
                 && subgroup.supported_operations.contains(operations)
                 && (4..=128).contains(&subgroup.subgroup_size),
-            "subgroup ballots in compute",
+            "votes, ballots and shuffles of subgroups in compute",
         );
         let mut floats = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default();
         if has(ash::ext::shader_atomic_float::NAME) {
@@ -139,6 +144,10 @@ impl Physical {
             subgroup_smallest: match subgroup_range.min_subgroup_size {
                 0 => subgroup.subgroup_size,
                 smallest => smallest.max(4),
+            },
+            subgroup_width: match (subgroup_range.min_subgroup_size, subgroup_range.max_subgroup_size) {
+                (0, _) => None,
+                (smallest, largest) => (smallest == largest).then_some(smallest),
             },
             shared_memory: limits.max_compute_shared_memory_size,
             push_constants: limits.max_push_constants_size,

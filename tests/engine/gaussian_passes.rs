@@ -100,9 +100,12 @@ fn stages_agree_with_the_twin_over_odd_scenes() -> Result<()> {
         let photo = photo(seed as u64, &view);
         let mut pictures = Vec::new();
         // However a tile's pixels are divided among threads.
-        for threads in
-            [Threads::WIDE, Threads::NARROW, Threads { forward: 64, backward: 32, loss: 64, ..Threads::NARROW }]
-        {
+        for threads in [
+            Threads::WIDE,
+            Threads::NARROW,
+            Threads { forward: 64, lanes: 32, loss: 64, ..Threads::NARROW },
+            Threads { forward: 256, ..Threads::NARROW },
+        ] {
             let wanted = Wanted { threads: Some(threads), ..wanted(antialiased) };
             let pass = pass(&context, &gaussians, view, &photo, BACKGROUND, wanted, 1 << 17)?;
             compare(&format!("{name}, {threads:?}"), &gaussians, view, antialiased, &pass, &photo);
@@ -122,7 +125,9 @@ fn stages_agree_with_the_twin_over_odd_scenes() -> Result<()> {
 #[test]
 fn a_tile_is_divided_only_as_stages_were_written() {
     let wrong = [
-        Threads { backward: 64, ..Threads::WIDE },
+        Threads { lanes: 64, ..Threads::WIDE },
+        Threads { lanes: 16, ..Threads::NARROW },
+        Threads { forward: 16, ..Threads::WIDE },
         Threads { loss: 8, ..Threads::NARROW },
         Threads { forward: 512, ..Threads::WIDE },
         Threads { squares: 48, ..Threads::NARROW },
@@ -183,7 +188,7 @@ fn a_tile_takes_more_splats_than_a_loop_may_have_rounds() -> Result<()> {
         let pass = pass(&context, &faint, view, &photo, [0.0; 3], Wanted { threads, ..wanted(false) }, 1 << 17)?;
         assert_eq!(pass.instances, count, "every splat is on the one tile");
         let red = pass.picture.iter().map(|pixel| pixel[0]).fold(0.0, f32::max);
-        assert!(red > 0.9, "the last splat is not seen: {red}");
+        assert!(red > 0.9, "{threads:?}: the last splat is not seen: {red}");
         let by_red = pass.gradients[11 * count as usize..][..count as usize].last();
         assert!(by_red.is_some_and(|g| *g != 0.0), "the last splat has no gradient");
     }

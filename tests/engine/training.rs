@@ -11,6 +11,7 @@ use camsplat::gaussians::data::split::{Split, Test};
 use camsplat::gaussians::data::store::PhotoStore;
 use camsplat::gaussians::data::{pictures, start};
 use camsplat::gaussians::render::frame::Frame;
+use camsplat::gaussians::render::layout;
 use camsplat::gaussians::train::mcmc::grown;
 use camsplat::gaussians::train::trainer::{State, Trainer};
 use camsplat::gaussians::twin;
@@ -100,6 +101,39 @@ fn a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> Result<()> {
         assert_eq!(second.history(), whole.history(), "{strategy:?}");
         assert!(same(&second.state()?, &whole.state()?), "{strategy:?}: the models differ");
     }
+    Ok(())
+}
+
+/// If this failed, colours would go on by the momentum of photos that showed them long ago, or harmonics would cost their step in
+/// every iteration.
+#[test]
+fn colours_step_where_a_photo_shows_them_and_harmonics_every_other_time() -> Result<()> {
+    let (context, folder) = (context()?, folder());
+    let config = Config { iterations: 12, ..short(Strategy::Mcmc) };
+    let mut trainer = trainer(&context, folder.path(), &config, 1)?;
+    trainer.run(4, None, go_on)?;
+    let (mut before, history) = (trainer.state()?, trainer.history());
+    let count = before.population as usize;
+    // The first of them is too faint to be seen from here on, with moments that are not zero.
+    before.planes[0][layout::OPACITY * count] = -12.0;
+    trainer.restore(&before, &history)?;
+    let changed = |old: &State, new: &State, planes: std::ops::Range<usize>| -> Vec<usize> {
+        let differs = |i: &usize| planes.clone().any(|k| old.planes[0][k * count + i] != new.planes[0][k * count + i]);
+        (0..count).filter(differs).collect()
+    };
+    let (constant, all) = (layout::HARMONICS..layout::HARMONICS + 3, layout::planes(config.degree));
+    let (harmonics, shape) = (constant.end..all, 0..layout::HARMONICS);
+    let mut old = before;
+    for (iteration, steps) in [(4, true), (5, false), (6, true)] {
+        trainer.run(iteration + 1, None, go_on)?;
+        let new = trainer.state()?;
+        let [colours, slow, moved] = [&constant, &harmonics, &shape].map(|planes| changed(&old, &new, planes.clone()));
+        assert!(colours.len() > count / 2 && !colours.contains(&0), "iteration {iteration}: {colours:?} of {count}");
+        assert_eq!(slow.is_empty(), !steps, "iteration {iteration}: {} of {count}", slow.len());
+        assert!(!slow.contains(&0) && moved.contains(&0), "iteration {iteration}");
+        old = new;
+    }
+    silent(&context);
     Ok(())
 }
 

@@ -11,12 +11,3 @@ uvec4 bounds_within(Projected splat, uvec2 corner) {
     uvec2 end = uvec2(clamp(floor(mean + half_extent + 0.5), 0.0, float(TILE)));
     return uvec4(first, max(first, end));
 }
-
-// A bit for each STRIP of two rows of pixels that bounds reach into. Threads with consecutive numbers share strips, so that
-// most of them agree on what to leave out.
-const uint STRIP = 2 * TILE;
-
-uint strips_of(uvec4 bounds) {
-    uint first = bounds.y / 2, end = (bounds.w + 1) / 2;
-    return bounds.x < bounds.z && first < end ? (1u << end) - (1u << first) : 0;
-}

@@ -44,6 +44,15 @@ shared float weights[SPLATS * ROW];
 shared float slopes[SPLATS * ROW];
 shared float sums[SQUARES * SPLATS * TILE];
 
+// A bit for each STRIP of two rows of pixels that bounds reach into. Threads with consecutive numbers share strips, so that
+// most of them agree on what to leave out.
+const uint STRIP = 2 * TILE;
+
+uint strips_of(uvec4 bounds) {
+    uint first = bounds.y / 2, end = (bounds.w + 1) / 2;
+    return bounds.x < bounds.z && first < end ? (1u << end) - (1u << first) : 0;
+}
+
 // Squares over a column of the tile at `corner`: of instance `k` of the block, which is splat `s` of those in shared memory.
 void square_column(uint s, uint k, uint column, uvec2 corner, uint splat) {
     uvec4 inside = uvec4(bounds[k], bounds[k] >> BITS, bounds[k] >> 2 * BITS, bounds[k] >> 3 * BITS) & ((1u << BITS) - 1);

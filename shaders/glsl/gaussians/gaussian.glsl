@@ -46,7 +46,7 @@ const float LOW_PASS = 0.3;
 // Pixels of a tile along a side, and in all; instances between two checkpoints of the transmittance.
 const uint TILE = 16;
 const uint TILE_PIXELS = TILE * TILE;
-const uint BLOCK = 256;
+const uint BLOCK = 128;
 
 // Tiles of a picture in x and y.
 uvec2 tiles_of(View view) {

@@ -1,6 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
+#extension GL_KHR_shader_subgroup_shuffle : require
 #extension GL_EXT_shader_atomic_float : require
 // As `splat_backward`, with sums that go to the Gaussians at once, by atomic additions of floats: in whatever order they come,
 // so that no two runs are the same.
@@ -8,7 +9,8 @@
 #include "gaussians/gaussian.glsl"
 #include "gaussians/frame.glsl"
 #include "gaussians/bounds.glsl"
-layout(local_size_x = 256, local_size_x_id = 1) in;
+#include "gaussians/blocks.glsl"
+layout(local_size_x = 8, local_size_x_id = 1) in;  // LANES
 
 layout(binding = 3, std430) readonly buffer InstanceSplats { uint instance_splats[]; };
 // SUMS values of each Gaussian; zero before.

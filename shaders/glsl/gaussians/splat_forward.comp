@@ -1,12 +1,16 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_vote : require
 // Gaussian splatting, 5: a workgroup composites the pixels of a tile, front to back. At every BLOCK-th instance it leaves a
-// checkpoint, from which the backward pass continues.
+// checkpoint, from which the backward pass continues. The lanes of a block find out together which instances reach it, and take
+// TOGETHER of them at a time: their alphas do not wait for one another.
 #include "shared/group.glsl"
 #include "gaussians/gaussian.glsl"
 #include "gaussians/frame.glsl"
 #include "gaussians/bounds.glsl"
+#include "gaussians/blocks.glsl"
 layout(local_size_x = 256, local_size_x_id = 1) in;
 layout(constant_id = 2) const bool DEPTHS = false;
 
@@ -21,99 +25,127 @@ layout(binding = 5, std430) writeonly buffer Picture { vec4 picture[]; };
 layout(binding = 6, std430) writeonly buffer Ends { uint ends[]; };
 // The same of each tile.
 layout(binding = 7, std430) writeonly buffer TileEnds { uint tile_ends[]; };
+// By the pixel's place in its tile, row by row.
 layout(binding = 8, std430) writeonly buffer Checkpoints { vec4 checkpoints[]; };
 // Sum of depths as colours are summed, where DEPTHS.
 layout(binding = 9, std430) writeonly buffer Depths { float depths[]; };
 
 const uint THREADS = gl_WorkGroupSize.x;
-// Pixels of a thread; their stride is THREADS.
+// Blocks that are worked on side by side, and pixels of a thread, in a block each.
+const uint TEAMS = THREADS / LANES;
 const uint PIXELS = TILE_PIXELS / THREADS;
+// Instances in shared memory, and of these composited at a time.
+const uint HELD = 256;
+const uint TOGETHER = 4;
 
-shared vec4 means[BLOCK];  // mean, opacity, depth
-shared vec4 conics[BLOCK];  // conic, red
-shared vec2 others[BLOCK];  // green, blue
-shared uint strips[BLOCK];
+shared vec4 places[HELD];  // mean from the centre of the tile's first pixel, logarithm of the opacity, depth
+shared vec4 forms[HELD];  // form of the exponent, red
+shared vec2 others[HELD];  // green, blue
+shared uint reached[HELD];  // blocks
 shared uint open;
 shared uint last;
+
+// A bit for each of LANES instances from `first` on, before `end`, that reaches one of the blocks.
+uint reaching(uint first, uint end, uint lane, uint blocks) {
+    if (SUBGROUPS) return subgroupBallot(first + lane < end && (reached[min(first + lane, HELD - 1)] & blocks) != 0).x;
+    uint bits = 0;
+    for (uint i = 0; i < LANES; i += 4) {
+        [[unroll]] for (uint j = 0; j < 4; ++j) {
+            uint k = i + j;
+            if (first + k < end && (reached[first + k] & blocks) != 0) bits |= 1u << k;
+        }
+    }
+    return bits;
+}
 
 void main() {
     View camera = views[view];
     uvec2 tiles = tiles_of(camera);
-    uint tile = group_index(), thread = gl_LocalInvocationIndex;
+    uint tile = group_index(), thread = numbered(), lane = thread % LANES, team = thread / LANES;
     if (tile >= tiles.x * tiles.y) return;
     uvec2 range = ranges[tile], corner = TILE * uvec2(tile % tiles.x, tile / tiles.x);
-    vec2 at[PIXELS];
     vec4 sum[PIXELS];
     float depth[PIXELS];
     uint end[PIXELS];
     bool done[PIXELS];
-    for (uint p = 0; p < PIXELS; ++p) {
-        uint k = p * THREADS + thread;
-        uvec2 pixel = corner + uvec2(k % TILE, k / TILE);
-        at[p] = vec2(pixel) + 0.5;
+    uint blocks = 0;
+    [[unroll]] for (uint p = 0; p < PIXELS; ++p) {
+        uvec2 pixel = corner + pixel_in(p * TEAMS + team, lane);
         sum[p] = vec4(0.0, 0.0, 0.0, 1.0);
         depth[p] = 0.0;
         end[p] = range.x;
         done[p] = pixel.x >= camera.width || pixel.y >= camera.height;
+        blocks |= 1u << p * TEAMS + team;
     }
     if (thread == 0) last = range.x;
     for (uint base = range.x, next; base < range.y; base = next) {
-        next = min(range.y, (base / BLOCK + 1) * BLOCK);
+        next = min(range.y, (base / HELD + 1) * HELD);
         barrier();
         if (thread == 0) open = 0;
         barrier();
-        bool mine = false;
-        for (uint p = 0; p < PIXELS; ++p) mine = mine || !done[p];
-        if (mine) atomicOr(open, 1);
-        if (base > range.x) {
-            for (uint p = 0; p < PIXELS; ++p) checkpoints[base / BLOCK * TILE_PIXELS + p * THREADS + thread] = sum[p];
-        }
-        for (uint k = thread; k < BLOCK; k += THREADS) {
-            means[k] = conics[k] = vec4(0.0);
-            strips[k] = 0;
+        bool all_done = true;
+        [[unroll]] for (uint p = 0; p < PIXELS; ++p) all_done = all_done && done[p];
+        if (!all_done) atomicOr(open, 1);
+        for (uint k = thread; k < HELD; k += THREADS) {
+            reached[k] = 0;
             if (base + k < next) {
                 Projected splat = projected[instance_splats[tile_instances[base + k]]];
-                means[k] = vec4(splat.mean, splat.opacity, splat.depth);
-                conics[k] = vec4(splat.conic, splat.colour.x);
+                places[k] = vec4(splat.mean - vec2(corner) - 0.5, log2(splat.opacity), splat.depth);
+                forms[k] = vec4(form_of(splat), splat.colour.x);
                 others[k] = splat.colour.yz;
-                strips[k] = strips_of(bounds_within(splat, corner));
+                reached[k] = blocks_of(bounds_within(splat, corner));
             }
         }
         barrier();
         if (open == 0) break;
-        for (uint b = 0; mine && b < next - base; b += 4) {
-            [[unroll]] for (uint i = 0; i < 4; ++i) {
-                uint k = b + i;
-                // What does not reach a strip is skipped.
-                uint reached = strips[k];
-                if (PIXELS == 1 && (reached >> thread / STRIP & 1) == 0) continue;
-                vec4 mean = means[k], conic = conics[k];
+        for (uint from = base, to; from < next; from = to) {
+            to = min(next, (from / BLOCK + 1) * BLOCK);
+            if (from > range.x) {
                 [[unroll]] for (uint p = 0; p < PIXELS; ++p) {
-                    if (PIXELS > 1 && (reached >> (p * THREADS + thread) / STRIP & 1) == 0) continue;
-                    vec2 d = at[p] - mean.xy;
-                    float sigma = 0.5 * (conic.x * d.x * d.x + conic.z * d.y * d.y) + conic.y * d.x * d.y;
-                    float alpha = min(MAX_ALPHA, mean.z * exp(-sigma));
-                    if (done[p] || sigma < 0.0 || alpha < MIN_ALPHA) continue;
-                    float left = sum[p].w * (1.0 - alpha);
-                    if (left < MIN_TRANSMITTANCE) {
-                        done[p] = true;
-                        continue;
-                    }
-                    float weight = sum[p].w * alpha;
-                    sum[p].xyz += weight * vec3(conic.w, others[k]);
-                    if (DEPTHS) depth[p] += weight * mean.w;
-                    sum[p].w = left;
-                    end[p] = base + k + 1;
+                    uvec2 local = pixel_in(p * TEAMS + team, lane);
+                    checkpoints[from / BLOCK * TILE_PIXELS + local.y * TILE + local.x] = sum[p];
                 }
             }
-            mine = false;
-            for (uint p = 0; p < PIXELS; ++p) mine = mine || !done[p];
+            for (uint first = from - base; first < to - base; first += LANES) {
+                all_done = true;
+                [[unroll]] for (uint p = 0; p < PIXELS; ++p) all_done = all_done && done[p];
+                if (SUBGROUPS ? subgroupAll(all_done) : all_done) break;
+                for (uint bits = reaching(first, to - base, lane, blocks); bits != 0;) {
+                    uint at[TOGETHER], either = 0;
+                    bool there[TOGETHER];
+                    [[unroll]] for (uint i = 0; i < TOGETHER; ++i) {
+                        there[i] = bits != 0;
+                        at[i] = first + (there[i] ? findLSB(bits) : 0);
+                        bits &= bits - 1;
+                        either |= reached[at[i]];
+                    }
+                    [[unroll]] for (uint p = 0; p < PIXELS; ++p) {
+                        uint block = p * TEAMS + team;
+                        if (PIXELS > 1 && (either >> block & 1) == 0) continue;
+                        float alpha[TOGETHER];
+                        [[unroll]] for (uint i = 0; i < TOGETHER; ++i) {
+                            vec4 place = places[at[i]];
+                            float power = log_alpha(vec2(pixel_in(block, lane)) - place.xy, forms[at[i]].xyz, place.z);
+                            alpha[i] = there[i] && power >= MIN_LOG_ALPHA ? min(MAX_ALPHA, exp2(power)) : 0.0;
+                        }
+                        [[unroll]] for (uint i = 0; i < TOGETHER; ++i) {
+                            float left = sum[p].w * (1.0 - alpha[i]);
+                            done[p] = done[p] || left < MIN_TRANSMITTANCE;
+                            bool counts = alpha[i] > 0.0 && !done[p];
+                            float weight = counts ? sum[p].w * alpha[i] : 0.0;
+                            sum[p].xyz += weight * vec3(forms[at[i]].w, others[at[i]]);
+                            if (DEPTHS) depth[p] += weight * places[at[i]].w;
+                            sum[p].w = counts ? left : sum[p].w;
+                            end[p] = counts ? base + at[i] + 1 : end[p];
+                        }
+                    }
+                }
+            }
         }
     }
     uint latest = range.x;
-    for (uint p = 0; p < PIXELS; ++p) {
-        uint k = p * THREADS + thread;
-        uvec2 pixel = corner + uvec2(k % TILE, k / TILE);
+    [[unroll]] for (uint p = 0; p < PIXELS; ++p) {
+        uvec2 pixel = corner + pixel_in(p * TEAMS + team, lane);
         if (pixel.x >= camera.width || pixel.y >= camera.height) continue;
         uint texel = pixel.y * camera.width + pixel.x;
         picture[texel] = vec4(sum[p].xyz + sum[p].w * background, sum[p].w);

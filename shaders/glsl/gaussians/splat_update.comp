@@ -226,7 +226,8 @@ void main() {
         }
     }
 
-    // The colour, four functions at a time; its gradient by the direction goes to the centre.
+    // The colour, four functions at a time; its gradient by the direction goes to the centre. Where this view tells nothing of it, it
+    // stays as it is, as do its moments: they are most of what there is to read and write.
     float far = max(length(towards), 1e-12);
     vec3 direction = towards / far, by_direction = vec3(0.0);
     float basis[16];
@@ -234,7 +235,7 @@ void main() {
     float values[TOGETHER], gradients[TOGETHER], rates[TOGETHER];
     uint terms = (degree + 1) * (degree + 1);
     [[unroll]] for (uint k = 0; k < 16; k += 4) {
-        if (k >= terms) break;
+        if (k >= terms || by_colour == vec3(0.0)) break;
         uint plane = HARMONICS + 3 * k, count = 3 * min(terms - k, 4);
         [[unroll]] for (uint j = 0; j < TOGETHER; ++j) {
             values[j] = j < count ? parameters[at(plane + j, i)] : 0.0;

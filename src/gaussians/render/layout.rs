@@ -23,6 +23,10 @@ crate::specialisation! {
         local_size_x: u32,
         /// Whether the forward pass writes depths.
         depths: bool,
+        /// Threads that share a block of pixels.
+        lanes: u32,
+        /// Whether those are a subgroup.
+        subgroups: bool,
     }
 }
 

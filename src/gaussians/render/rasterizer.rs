@@ -227,7 +227,9 @@ impl Rasterizer {
         }
         let Wanted { antialiased, depths, .. } = wanted;
         let constants = SplatConstants { antialiased };
-        let tiled = |local_size_x| TileConstants { antialiased, local_size_x, depths };
+        let lanes = threads.lanes;
+        let subgroups = context.physical().subgroup_width == Some(lanes);
+        let tiled = |local_size_x| TileConstants { antialiased, local_size_x, depths, lanes, subgroups };
         let backward =
             if wanted.fast { Pipeline::new::<SplatBackwardFastStage> } else { Pipeline::new::<SplatBackwardStage> };
         Ok(Self {
@@ -236,7 +238,7 @@ impl Rasterizer {
             emit: Pipeline::new::<SplatEmitStage>(context, &())?,
             ranges: Pipeline::new::<SplatRangesStage>(context, &())?,
             forward: Pipeline::new::<SplatForwardStage>(context, &tiled(threads.forward))?,
-            backward: backward(context, &tiled(threads.backward))?,
+            backward: backward(context, &tiled(lanes))?,
             scan: Scan::new(context, sizes.gaussians)?,
             context: context.clone(),
             wanted,

@@ -33,10 +33,10 @@ impl Wanted {
 /// pixels, in an order that depends on their number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Threads {
-    /// Of compositing.
+    /// Of compositing: as many as lanes, or more.
     pub forward: u32,
-    /// Of its gradient: 256, or up to 32.
-    pub backward: u32,
+    /// That share a block of pixels there, and a tile in its gradient: 8 or 32.
+    pub lanes: u32,
     /// Of the loss: at least 16.
     pub loss: u32,
     /// Of the Fisher information.
@@ -44,10 +44,10 @@ pub struct Threads {
 }
 
 impl Threads {
-    /// A pixel each.
-    pub const WIDE: Self = Self { forward: 256, backward: 256, loss: 256, squares: 256 };
+    /// A pixel each, for GPUs.
+    pub const WIDE: Self = Self { forward: 256, lanes: 32, loss: 256, squares: 256 };
     /// Many pixels each, for CPUs, on which barriers and shared memory cost more than arithmetic; eight threads fill a vector.
-    pub const NARROW: Self = Self { forward: 16, backward: 8, loss: 32, squares: 64 };
+    pub const NARROW: Self = Self { forward: 16, lanes: 8, loss: 32, squares: 64 };
 
     /// Those that suit a device.
     pub fn of(context: &Context) -> Self {
@@ -59,9 +59,9 @@ impl Threads {
     /// # Errors
     /// In a line with the numbers.
     pub fn check(self) -> Result<Self> {
-        let Self { forward, backward, loss, squares } = self;
-        let divide = [forward, backward, loss, squares].iter().all(|n| n.is_power_of_two() && *n <= TILE * TILE);
-        if divide && (backward <= 2 * TILE || backward == TILE * TILE) && loss >= TILE {
+        let Self { forward, lanes, loss, squares } = self;
+        let divide = [forward, loss, squares].iter().all(|n| n.is_power_of_two() && *n <= TILE * TILE);
+        if divide && matches!(lanes, 8 | 32) && forward >= lanes && loss >= TILE {
             return Ok(self);
         }
         Err(Error::request(format!("no stages divide a tile among so many threads: {self:?}; see their fields")))

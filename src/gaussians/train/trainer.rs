@@ -31,6 +31,9 @@ const ITERATIONS: u32 = 10;
 const AHEAD: usize = 3;
 /// Stages of an iteration, with its sorts and a refinement, at most.
 const MAX_STAGES: u32 = 96;
+/// Iterations between two steps of the harmonics, which are four fifths of all parameters and change slowly; their rate is as much
+/// higher.
+const HARMONICS_EVERY: u32 = 2;
 const BACKGROUND_STREAM: u32 = 0x4580_0000;
 
 /// All that a run carries from one iteration to the next, on the host.
@@ -427,7 +430,7 @@ impl Trainer {
         UpdatePush {
             stride: push.stride,
             view: push.view,
-            degree: push.degree,
+            degree: if iteration.is_multiple_of(HARMONICS_EVERY) { push.degree } else { 0 },
             iteration,
             seed: [self.config.seed as u32, (self.config.seed >> 32) as u32],
             centre_rate: centre_rate as f32,
@@ -435,7 +438,7 @@ impl Trainer {
             rotation_rate: 1e-3,
             opacity_rate: 5e-2,
             colour_rate: 2.5e-3,
-            harmonics_rate: 1.25e-4,
+            harmonics_rate: 1.25e-4 * HARMONICS_EVERY as f32,
             first_correction: (1.0 / (1.0 - 0.9f64.powf(t))) as f32,
             second_correction: (1.0 / (1.0 - 0.999f64.powf(t))) as f32,
             opacity_weight: weight,

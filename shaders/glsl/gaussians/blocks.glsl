@@ -1,0 +1,44 @@
+// A tile in blocks of LANES pixels, eight wide, that as many threads work on side by side: its lanes. What does not reach a
+// block costs its lanes nothing. Included after gaussians/bounds.glsl.
+#extension GL_KHR_shader_subgroup_basic : require
+
+// Threads that share a block: 8 or 32.
+layout(constant_id = 3) const uint LANES = 8;
+// Whether they are a subgroup. Where not, shared memory does what subgroups do, with the same result.
+layout(constant_id = 4) const bool SUBGROUPS = false;
+
+const uint WIDE = 8;
+const uint HIGH = LANES / WIDE;
+const uint BLOCKS = TILE_PIXELS / LANES;
+
+// The number of a thread in its workgroup, lane by lane.
+uint numbered() {
+    return SUBGROUPS ? gl_SubgroupID * LANES + gl_SubgroupInvocationID : gl_LocalInvocationIndex;
+}
+
+// Where in the tile a block's pixel is that belongs to a lane.
+uvec2 pixel_in(uint block, uint lane) {
+    return uvec2(block % 2 * WIDE + lane % WIDE, block / 2 * HIGH + lane / WIDE);
+}
+
+// A bit for each block that bounds within the tile reach into. There are two blocks in a row of them.
+uint blocks_of(uvec4 bounds) {
+    if (bounds.x >= bounds.z || bounds.y >= bounds.w) return 0;
+    uint columns = (bounds.x < WIDE ? 1u : 0u) | (bounds.z > WIDE ? 2u : 0u);
+    uint first = bounds.y / HIGH, rows = (bounds.w + HIGH - 1) / HIGH - first;
+    uint pairs = rows < 16 ? (1u << 2 * rows) - 1 : ~0u;
+    return (pairs & columns * 0x55555555u) << 2 * first;
+}
+
+// The base-2 logarithm of a Gaussian's alpha at `d` from its mean, before the cap. `form` is its conic, times -log2(e), halved on
+// the diagonal; `peak` the logarithm of its opacity. Compositing and its gradient decide by this value what counts.
+float log_alpha(vec2 d, vec3 form, float peak) {
+    return peak + (form.x * d.x + form.y * d.y) * d.x + form.z * d.y * d.y;
+}
+
+vec3 form_of(Projected splat) {
+    return -1.44269504 * vec3(0.5, 1.0, 0.5) * splat.conic;
+}
+
+// log2(MIN_ALPHA)
+const float MIN_LOG_ALPHA = -7.99435344;
