@@ -7,6 +7,7 @@ use super::dense::KERNEL_CUTOFF;
 use super::links;
 use super::shared::{Anchor, Control, Settings};
 use super::tally::mailbox;
+use super::viewed::draws;
 use crate::Result;
 use crate::metrics::score_point;
 use crate::quality::expected::LOOKS;
@@ -66,7 +67,10 @@ pub(super) fn footprint(
         ("snapshots", splat * splats * snapshots),
         ("mailbox", 4 * mailbox::WORDS as u64),
         ("viewers", if quality { size_of::<Viewer>() as u64 * config.viewers_drawn() as u64 } else { 0 }),
-        ("looks", if quality { size_of::<Look>() as u64 * looks } else { 0 }),
+        (
+            "looks",
+            if quality { size_of::<Look>() as u64 * looks * u64::from(draws(s.probes, block(s, config))) } else { 0 },
+        ),
         ("anchor starts", if linked { 4 * (splats + 1) } else { 4 }),
         ("anchors", size_of::<Anchor>() as u64 * if linked { links::anchors(splats) } else { 1 }),
         (HELD_OUT, score_point::footprint(2 * config.held_out as u64, splats)),

@@ -14,7 +14,7 @@ use super::relocate::{RankStage, RelocateStage};
 use super::shared::{Control, Gradient, PlanConstants, Settings, Splat, Tally};
 use super::snapshot::{SnapshotPush, SnapshotStage};
 use super::update::{UpdateQualityStage, UpdateSplatStage};
-use super::viewed::Viewed;
+use super::viewed::{Viewed, draws};
 use crate::Result;
 use crate::quality::look::Look;
 use crate::visibility::device_scene::DeviceScene;
@@ -162,7 +162,7 @@ impl Planner {
         &self.maps
     }
 
-    /// The looks of the last iteration; none where the objective has no viewers.
+    /// The looks of the first iteration that were drawn last; none where the objective has no viewers.
     ///
     /// # Errors
     /// Where the device fails.
@@ -211,8 +211,12 @@ impl Planner {
         if s.relocate_every > 0 {
             self.record_relocation(commands);
         }
-        for _ in 0..self.block() {
-            self.record_iteration(commands)?;
+        let (block, draws) = (self.block(), draws(s.probes, self.block()));
+        for i in 0..block {
+            if let (Way::Viewed(viewed), 0) = (&p.splat, i % draws) {
+                viewed.draw(commands, &self.scene, b, draws.min(block - i));
+            }
+            self.record_drawn(commands, i % draws)?;
         }
         Ok(())
     }
@@ -252,10 +256,18 @@ impl Planner {
     /// # Errors
     /// None that the settings do not rule out.
     pub fn record_iteration<'a>(&'a self, commands: &mut Recorder<'a>) -> Result<()> {
+        if let Way::Viewed(viewed) = &self.pipelines.splat {
+            viewed.draw(commands, &self.scene, &self.buffers, 1);
+        }
+        self.record_drawn(commands, 0)
+    }
+
+    /// Records an iteration whose looks are the `nth` that were drawn.
+    fn record_drawn<'a>(&'a self, commands: &mut Recorder<'a>, nth: u32) -> Result<()> {
         let (b, p, s, scene, maps) = (&self.buffers, &self.pipelines, &self.settings, &*self.scene, &self.maps);
         match &p.splat {
             Way::Binned(binned) => binned.record(commands, s, maps, b)?,
-            Way::Viewed(viewed) => viewed.record(commands, scene, b),
+            Way::Viewed(viewed) => viewed.record(commands, scene, b, nth),
             Way::Dense(dense) => commands
                 .stage(
                     dense,

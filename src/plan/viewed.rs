@@ -1,4 +1,4 @@
-//! The pass of expected quality: looks of fresh viewers each iteration (`look.comp`), and the gradients of the splats nearest to
+//! The pass of expected quality: looks of fresh viewers each iteration (`look.comp`, for many iterations at once), and the gradients of the splats nearest to
 //! them (`viewed.comp`).
 
 use std::sync::Arc;
@@ -34,9 +34,17 @@ crate::specialisation! {
     }
 }
 
+crate::gpu_struct! {
+    /// Push constants of [`ViewedStage`].
+    pub(crate) struct ViewedPush {
+        /// First look of the iteration.
+        pub first_look: u32,
+    }
+}
+
 crate::stage!(
     /// Loss and gradient partials, a workgroup per viewer of the iteration.
-    pub(crate) ViewedStage = viewed<ViewedConstants>(()) {
+    pub(crate) ViewedStage = viewed<ViewedConstants>(ViewedPush) {
         read settings, read control, read splats, read nodes, read primitives, read looks, read law, write slots,
         write partials, write tallies,
     } with [Settings, Control, Splat, Node, Look, Law, Gradient, Tally]
@@ -52,6 +60,14 @@ pub(super) fn lanes(physical: &Physical) -> u32 {
         2.. => 2,
         _ => 1,
     }
+}
+
+/// Looks that are drawn at once, unless those of one iteration are more.
+const DRAWN: u32 = 1 << 16;
+
+/// Iterations of a block that looks are drawn for at once.
+pub(super) fn draws(probes: u32, block: u32) -> u32 {
+    (DRAWN / (probes * LOOKS).max(1)).clamp(1, block)
 }
 
 /// Radians that a splat counts as off for each sine by which a point lies outside of its picture.
@@ -166,13 +182,20 @@ impl Viewed {
         self.viewers.upload(viewers)
     }
 
-    /// The looks of the last iteration.
+    /// The looks of the first iteration that were drawn last.
     pub(super) fn looks(&self) -> Result<Vec<Look>> {
         self.looks.download((self.push.count * LOOKS) as usize)
     }
 
-    /// Records the looks of an iteration and their gradients.
-    pub(super) fn record<'a>(&'a self, commands: &mut Recorder<'a>, scene: &'a DeviceScene, b: &'a Buffers) {
+    /// Records the looks of so many iterations to come, [`draws`] at most: rays wait for memory, many as long as few.
+    pub(super) fn draw<'a>(
+        &'a self,
+        commands: &mut Recorder<'a>,
+        scene: &'a DeviceScene,
+        b: &'a Buffers,
+        iterations: u32,
+    ) {
+        let count = iterations * self.push.count;
         commands
             .stage(
                 &self.draw,
@@ -184,8 +207,13 @@ impl Viewed {
                     looks: &self.looks,
                 },
             )
-            .push(&self.push)
-            .linear((self.push.count * LOOKS).div_ceil(64));
+            .push(&LookPush { count, ..self.push })
+            .linear((count * LOOKS).div_ceil(64));
+    }
+
+    /// Records the gradients of an iteration by its looks, which are the `nth` that were drawn.
+    pub(super) fn record<'a>(&'a self, commands: &mut Recorder<'a>, scene: &'a DeviceScene, b: &'a Buffers, nth: u32) {
+        let first_look = nth * self.push.count * LOOKS;
         commands
             .stage(
                 &self.judge,
@@ -202,6 +230,7 @@ impl Viewed {
                     tallies: &b.tallies,
                 },
             )
+            .push(&ViewedPush { first_look })
             .groups([self.push.count, 1, 1]);
     }
 }

@@ -63,10 +63,10 @@ crate::gpu_struct! {
         pub background: f32,
         /// Viewers in the pool.
         pub pool: u32,
-        /// Viewers of this draw, which are those from `first` on.
+        /// Viewers of this draw.
         pub count: u32,
-        /// The first of them, unless the draw advances with each iteration.
-        pub first: u32,
+        /// Viewers that an iteration moves the draw on by.
+        pub advance: u32,
         /// Pixels of a viewer along a side of its picture.
         pub side: u32,
         /// Seed of the pixels' places.
@@ -132,7 +132,7 @@ impl Surroundings {
     /// For `count` viewers of a pool of as many as `pool`.
     pub(crate) fn push(&self, pool: u32, count: u32, side: u32, seed: u32) -> LookPush {
         let Self { middle, lift, background } = *self;
-        LookPush { middle: middle.to_array(), background, pool, count, first: 0, side, seed, lift }
+        LookPush { middle: middle.to_array(), background, pool, count, advance: count, side, seed, lift }
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use crate::support::buffers::{context, random, silent};
 use crate::support::images::Image;
 use crate::support::lpips_weights::{file, vgg};
-use camsplat::metrics::image::convolve::{ConvolveStage, Kernels, convolve};
+use camsplat::metrics::image::convolve::{Convolve, Kernels, Way, convolve};
 use camsplat::metrics::image::lpips::planes;
 use camsplat::metrics::image::lpips_distance::{DistancePush, LpipsDistanceStage, lpips_distance};
 use camsplat::metrics::image::max_pool::{self, MaxPoolStage, max_pool};
@@ -87,7 +87,10 @@ fn what_cannot_be_compared_is_refused() {
 #[test]
 fn convolve_matches_its_twin() -> Result<()> {
     let context = context()?;
-    let pipeline = Pipeline::new::<ConvolveStage>(&context, &())?;
+    let mut ways = vec![Convolve::by(&context, Way::Shared)?];
+    if context.physical().subgroup_width == Some(8) {
+        ways.push(Convolve::by(&context, Way::Lanes)?);
+    }
     for (from, to, kernel, stride, padding, width, height) in [
         (3, 64, 11, 4, 2, 35, 41),
         (1, 1, 1, 1, 0, 5, 3),
@@ -107,17 +110,22 @@ fn convolve_matches_its_twin() -> Result<()> {
         let layer = Layer::new(convolution, weights, values(2, to as usize))?;
         let source = values(3, size.values());
         let input = Buffer::from_slice(&context, "input", &source)?;
-        let output = Buffer::from_slice(&context, "output", &vec![-7f32; out.values() + 1])?;
         let kernels = Kernels::new(&context, &layer)?;
-        let mut commands = Recorder::new(&context)?;
-        kernels.record(&mut commands, &pipeline, [&input, &output], [size, out]);
-        commands.submit_and_wait()?;
-        let mut found: Vec<f32> = output.download(out.values() + 1)?;
-        assert_eq!(found.pop(), Some(-7.0), "{convolution:?} writes past its end");
         let expected = convolve(&layer, &source, size, out);
         assert!(expected.contains(&0.0) || expected.len() < 4, "ReLU has something to do");
-        for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
-            assert!((found - expected).abs() < 1e-5, "{convolution:?}, value {i}: {found}, not {expected}");
+        let mut first = None;
+        for way in &ways {
+            let output = Buffer::from_slice(&context, "output", &vec![-7f32; out.values() + 1])?;
+            let mut commands = Recorder::new(&context)?;
+            kernels.record(&mut commands, way, [&input, &output], [size, out]);
+            commands.submit_and_wait()?;
+            let mut found: Vec<f32> = output.download(out.values() + 1)?;
+            assert_eq!(found.pop(), Some(-7.0), "{convolution:?} writes past its end");
+            for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
+                assert!((found - expected).abs() < 1e-5, "{convolution:?}, value {i}: {found}, not {expected}");
+            }
+            let first = first.get_or_insert_with(|| found.clone());
+            assert_eq!(*first, found, "{convolution:?}: the ways differ in bits");
         }
     }
     silent(&context);

@@ -11,6 +11,10 @@
 #include "shared/law.glsl"
 layout(local_size_x = 64, local_size_x_id = 9) in;  // looks of a viewer, times LANES
 
+layout(push_constant) uniform Push {
+    uint first_look;  // of the iteration, among those that were drawn for several at once
+};
+
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
 layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
 layout(binding = 2, std430) readonly buffer Splats { Splat splats[]; };
@@ -57,7 +61,7 @@ void main() {
     Settings s = settings[0];
     if (control[0].halt != 0) return;
     uint viewer = gl_WorkGroupID.x, thread = gl_LocalInvocationIndex, place = viewer * 64 + thread % 64;
-    Look look = looks[place];
+    Look look = looks[first_look + place];
     bool looks_at = look.distance > 0.0, shown = look.normal != vec3(0.0);
     Near found[3];
     uint have = 0;

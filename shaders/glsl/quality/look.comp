@@ -13,7 +13,7 @@ layout(push_constant) uniform Push {
     float background;  // weight of looks beside the surface; 0: they count for nothing
     uint pool;         // viewers there are
     uint count;        // viewers of this draw
-    uint first;        // the first of them at iteration 0
+    uint advance;      // how many viewers an iteration moves it on by
     uint side;         // pixels of a viewer along a side of its picture
     uint seed;
     float lift;        // off a mesh
@@ -43,7 +43,7 @@ const uint PIXELS = 0x6c6f6f6bu;
 void main() {
     uint i = group_index() * 64 + gl_LocalInvocationIndex, pixels = side * side;
     if (i >= count * pixels) return;
-    uint draw = first + control[0] * count + i / pixels, pixel = i % pixels;
+    uint draw = control[0] * advance + i / pixels, pixel = i % pixels;
     uint index = draw % pool;
     vec2 jitter = random4(seed, PIXELS, draw, pixel).xy;
     vec2 at = (vec2(pixel % side, pixel / side % side) + jitter) / float(side);

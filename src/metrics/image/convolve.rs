@@ -1,11 +1,11 @@
-//! Convolution, bias and ReLU of a layer (`convolve.comp`).
+//! Convolution, bias and ReLU of a layer (`convolve.comp`; on CPUs `convolve_lanes.comp`).
 
 use std::sync::Arc;
 
 use super::network::{Convolution, Size};
 use super::weights::Layer;
 use crate::Result;
-use crate::vulkan::shaders::glsl::metrics::convolve as glsl;
+use crate::vulkan::shaders::glsl::metrics::{convolution as glsl, convolve_lanes};
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
@@ -32,8 +32,53 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// A workgroup per 64 channels of 64 pixels.
-    pub ConvolveStage = convolve(ConvolvePush) { read weights, read biases, read taps, read source, write target }
+    pub(crate) ConvolveStage = convolve(ConvolvePush) { read weights, read biases, read taps, read source, write target }
 );
+crate::stage!(
+    /// A workgroup, a subgroup of eight lanes, per 32 channels of 32 pixels.
+    pub(crate) ConvolveLanesStage = convolve_lanes(ConvolvePush) {
+        read weights, read biases, read taps, read source, write target,
+    }
+);
+
+/// Which of two stages with the same result convolves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// Values are shared in shared memory: for GPUs.
+    Shared,
+    /// Values are shared among the lanes of a subgroup of eight: for CPUs.
+    Lanes,
+}
+
+/// The stage.
+pub struct Convolve {
+    pipeline: Pipeline,
+    way: Way,
+}
+
+impl Convolve {
+    /// Compiles the stage that suits the device.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn new(context: &Arc<Context>) -> Result<Self> {
+        let physical = context.physical();
+        let narrow = physical.kind == "CPU" && physical.subgroup_width == Some(convolve_lanes::LANES);
+        Self::by(context, if narrow { Way::Lanes } else { Way::Shared })
+    }
+
+    /// Compiles one of them; [`Way::Lanes`] asks for subgroups of eight.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn by(context: &Arc<Context>, way: Way) -> Result<Self> {
+        let pipeline = match way {
+            Way::Shared => Pipeline::new::<ConvolveStage>(context, &())?,
+            Way::Lanes => Pipeline::new::<ConvolveLanesStage>(context, &())?,
+        };
+        Ok(Self { pipeline, way })
+    }
+}
 
 /// Channels, and pixels, that a workgroup makes; as in the shader.
 const TILE: u32 = glsl::TILE;
@@ -82,11 +127,11 @@ impl Kernels {
     pub fn record<'a>(
         &'a self,
         recorder: &mut Recorder<'a>,
-        pipeline: &'a Pipeline,
+        convolve: &'a Convolve,
         [source, target]: [&'a Buffer; 2],
         [size, out]: [Size; 2],
     ) {
-        let tiles = out.channels.div_ceil(TILE) * out.pixels().div_ceil(TILE);
+        let groups = |channels, pixels| out.channels.div_ceil(channels) * out.pixels().div_ceil(pixels);
         let push = ConvolvePush {
             width: size.width,
             height: size.height,
@@ -98,7 +143,17 @@ impl Kernels {
             steps: self.convolution.taps().div_ceil(STEP),
         };
         let Self { weights, biases, taps, .. } = self;
-        recorder.stage(pipeline, ConvolveStage { weights, biases, taps, source, target }).push(&push).linear(tiles);
+        let Convolve { pipeline, way } = convolve;
+        match way {
+            Way::Shared => recorder
+                .stage(pipeline, ConvolveStage { weights, biases, taps, source, target })
+                .push(&push)
+                .linear(groups(TILE, TILE)),
+            Way::Lanes => recorder
+                .stage(pipeline, ConvolveLanesStage { weights, biases, taps, source, target })
+                .push(&push)
+                .linear(groups(convolve_lanes::CHANNELS, convolve_lanes::PIXELS)),
+        }
     }
 }
 

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use super::Rgb8;
-use super::convolve::{ConvolveStage, Kernels};
+use super::convolve::{Convolve, Kernels};
 use super::lpips_distance::{DistancePush, LpipsDistanceStage};
 use super::max_pool::{self, MaxPoolStage};
 use super::network::{Network, Pool, Size, Step, TAPS};
@@ -32,7 +32,7 @@ enum Part {
 }
 
 struct Pipelines {
-    convolve: Pipeline,
+    convolve: Convolve,
     max_pool: Pipeline,
     distance: Pipeline,
 }
@@ -65,7 +65,7 @@ impl Lpips {
             network: weights.network,
             parts: parts.collect::<Result<_>>()?,
             pipelines: Pipelines {
-                convolve: Pipeline::new::<ConvolveStage>(context, &())?,
+                convolve: Convolve::new(context)?,
                 max_pool: Pipeline::new::<MaxPoolStage>(context, &())?,
                 distance: Pipeline::new::<LpipsDistanceStage>(context, &())?,
             },
