@@ -119,8 +119,8 @@ void main() {
             for (uint k = 0; k < min(used - from, LANES); ++k) {
                 Held splat = held[k];
                 vec3 colour = vec3(splat.form.w, splat.green, splat.place.w);
-                float sums[SUMS];
-                [[unroll]] for (uint value = 0; value < SUMS; ++value) sums[value] = 0.0;
+                // By colour; and of q, q dy, q dy^2 in each of the two columns in which the lane has pixels.
+                vec3 by_colour = vec3(0.0), by_column[2] = vec3[](vec3(0.0), vec3(0.0));
                 [[unroll]] for (uint b = 0; b < BLOCKS; ++b) {
                     if ((splat.blocks >> b & 1) == 0) continue;
                     vec2 d = vec2(pixel_in(b, lane)) - splat.place.xy;
@@ -133,13 +133,14 @@ void main() {
                     // Where the cap holds, the parameters do not show in alpha.
                     float q = full <= MAX_ALPHA ? by_alpha * alpha : 0.0;
                     left[b] *= 1.0 - alpha;
-                    vec3 moments = q * vec3(1.0, d);
-                    float own[SUMS] = float[](
-                        weight * gradient[b].x, weight * gradient[b].y, weight * gradient[b].z,
-                        moments.x, moments.y, moments.z, moments.y * d.x, moments.y * d.y, moments.z * d.y
-                    );
-                    [[unroll]] for (uint value = 0; value < SUMS; ++value) sums[value] += own[value];
+                    by_colour += weight * gradient[b];
+                    by_column[b % 2] += q * vec3(1.0, d.y, d.y * d.y);
                 }
+                vec2 x = vec2(pixel_in(0, lane).x, pixel_in(1, lane).x) - splat.place.x;
+                vec3 q = by_column[0] + by_column[1];
+                vec2 qx = x.x * by_column[0].xy + x.y * by_column[1].xy;
+                float qxx = x.x * x.x * by_column[0].x + x.y * x.y * by_column[1].x;
+                float sums[SUMS] = float[](by_colour.x, by_colour.y, by_colour.z, q.x, qx.x, q.y, qxx, qx.y, q.z);
                 leave_sums(sums, lane, splat.instance);
             }
         }

@@ -34,9 +34,9 @@ const uint THREADS = gl_WorkGroupSize.x;
 // Blocks that are worked on side by side, and pixels of a thread, in a block each.
 const uint TEAMS = THREADS / LANES;
 const uint PIXELS = TILE_PIXELS / THREADS;
-// Instances in shared memory, and of these composited at a time.
+// Instances in shared memory, and of these composited at a time: few where a thread has many pixels to do meanwhile.
 const uint HELD = 256;
-const uint TOGETHER = 4;
+const uint TOGETHER = PIXELS == 1 ? 4 : 2;
 
 shared vec4 places[HELD];  // mean from the centre of the tile's first pixel, logarithm of the opacity, depth
 shared vec4 forms[HELD];  // form of the exponent, red
@@ -113,10 +113,15 @@ void main() {
                 for (uint bits = reaching(first, to - base, lane, blocks); bits != 0;) {
                     uint at[TOGETHER], either = 0;
                     bool there[TOGETHER];
+                    vec4 place[TOGETHER], form[TOGETHER];
+                    vec2 other[TOGETHER];
                     [[unroll]] for (uint i = 0; i < TOGETHER; ++i) {
                         there[i] = bits != 0;
                         at[i] = first + (there[i] ? findLSB(bits) : 0);
                         bits &= bits - 1;
+                        place[i] = places[at[i]];
+                        form[i] = forms[at[i]];
+                        other[i] = others[at[i]];
                         either |= reached[at[i]];
                     }
                     [[unroll]] for (uint p = 0; p < PIXELS; ++p) {
@@ -124,8 +129,8 @@ void main() {
                         if (PIXELS > 1 && (either >> block & 1) == 0) continue;
                         float alpha[TOGETHER];
                         [[unroll]] for (uint i = 0; i < TOGETHER; ++i) {
-                            vec4 place = places[at[i]];
-                            float power = log_alpha(vec2(pixel_in(block, lane)) - place.xy, forms[at[i]].xyz, place.z);
+                            vec2 d = vec2(pixel_in(block, lane)) - place[i].xy;
+                            float power = log_alpha(d, form[i].xyz, place[i].z);
                             alpha[i] = there[i] && power >= MIN_LOG_ALPHA ? min(MAX_ALPHA, exp2(power)) : 0.0;
                         }
                         [[unroll]] for (uint i = 0; i < TOGETHER; ++i) {
@@ -133,8 +138,8 @@ void main() {
                             done[p] = done[p] || left < MIN_TRANSMITTANCE;
                             bool counts = alpha[i] > 0.0 && !done[p];
                             float weight = counts ? sum[p].w * alpha[i] : 0.0;
-                            sum[p].xyz += weight * vec3(forms[at[i]].w, others[at[i]]);
-                            if (DEPTHS) depth[p] += weight * places[at[i]].w;
+                            sum[p].xyz += weight * vec3(form[i].w, other[i]);
+                            if (DEPTHS) depth[p] += weight * place[i].w;
                             sum[p].w = counts ? left : sum[p].w;
                             end[p] = counts ? base + at[i] + 1 : end[p];
                         }
