@@ -371,8 +371,11 @@ class SelectOptions(TypedDict, total=False):
 class TrainOptions(TypedDict, total=False):
     """Options of `camsplat train`."""
 
+    preset: Literal["full", "fast"]
+    """How long a run is"""
+
     iterations: int
-    """Iterations; the schedule is that of 30000, compressed for fewer"""
+    """Iterations; the schedule is that of 30000, compressed for fewer [default: the preset's]"""
 
     max_splats: int
     """Maximum number of splats [default: 1000000, or as many as the device can address]"""
