@@ -34,7 +34,7 @@ pub struct Arguments {
     /// Folder for the trained file, test pictures, metrics, checkpoint and report
     #[arg(long)]
     out: PathBuf,
-    /// How long a run is
+    /// How many iterations a run has
     #[arg(long, value_enum, default_value_t = Preset::Full)]
     preset: Preset,
     /// Iterations; the schedule is that of 30000, compressed for fewer [default: the preset's]
@@ -366,4 +366,28 @@ fn print(record: &TrainRecord, folder: &Path) {
     }
     say!("model    {}", folder.join(MODEL).display());
     say!("report   {}", folder.join(REPORT).display());
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        arguments: Arguments,
+    }
+
+    /// If this failed, `--preset fast` would train as long as without it, or be stronger than `--iterations`.
+    #[test]
+    fn a_preset_sets_the_iterations_unless_they_are_given() {
+        let iterations = |options: &str| {
+            let words = "train capture --out o".split(' ').chain(options.split_whitespace());
+            configuration(&Line::parse_from(words).arguments, true).iterations
+        };
+        assert_eq!(["", "--preset fast"].map(iterations), [30_000, 7000]);
+        assert_eq!(iterations("--preset fast --iterations 12"), 12);
+    }
 }

@@ -16,13 +16,13 @@ pub enum Strategy {
     Adc,
 }
 
-/// How long a run is.
+/// What a run's number of iterations is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Preset {
     /// The 30000 iterations of the papers.
     Full,
-    /// 7000 iterations: a quarter of the time, for a tenth of a decibel.
+    /// 7000 iterations: about a quarter of the time.
     Fast,
 }
 

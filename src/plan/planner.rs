@@ -162,7 +162,7 @@ impl Planner {
         &self.maps
     }
 
-    /// The looks of the first iteration that were drawn last; none where the objective has no viewers.
+    /// Looks of the first iteration of the last draw: after a block those of its first iterations, not of the last one; none where the objective has no viewers.
     ///
     /// # Errors
     /// Where the device fails.

@@ -1,5 +1,5 @@
-//! The pass of expected quality: looks of fresh viewers each iteration (`look.comp`, for many iterations at once), and the gradients of the splats nearest to
-//! them (`viewed.comp`).
+//! The pass of expected quality: looks of fresh viewers each iteration (`look.comp`, for many iterations at once), and the gradients of
+//! the splats nearest to them (`viewed.comp`).
 
 use std::sync::Arc;
 
@@ -67,7 +67,7 @@ const DRAWN: u32 = 1 << 16;
 
 /// Iterations of a block that looks are drawn for at once.
 pub(super) fn draws(probes: u32, block: u32) -> u32 {
-    (DRAWN / (probes * LOOKS).max(1)).clamp(1, block)
+    (DRAWN / (probes * LOOKS).max(1)).clamp(1, block.max(1))
 }
 
 /// Radians that a splat counts as off for each sine by which a point lies outside of its picture.
@@ -182,12 +182,12 @@ impl Viewed {
         self.viewers.upload(viewers)
     }
 
-    /// The looks of the first iteration that were drawn last.
+    /// Looks of the first iteration of the last draw.
     pub(super) fn looks(&self) -> Result<Vec<Look>> {
         self.looks.download((self.push.count * LOOKS) as usize)
     }
 
-    /// Records the looks of so many iterations to come, [`draws`] at most: rays wait for memory, many as long as few.
+    /// Records the looks of so many iterations to come, [`draws`] at most: many rays take as long as few, since they wait for memory.
     pub(super) fn draw<'a>(
         &'a self,
         commands: &mut Recorder<'a>,

@@ -22,6 +22,7 @@ use camsplat::scene::region::Shape;
 use camsplat::scene::samples;
 use camsplat::scene::surface::{Mesh, Surface};
 use camsplat::visibility::device_scene::DeviceScene;
+use camsplat::vulkan::Recorder;
 use glam::{DVec3, Vec3};
 
 fn cameras(scene: &Scene, count: usize, inward: bool) -> Vec<Camera> {
@@ -112,6 +113,31 @@ fn an_iteration_is_that_of_the_twin() {
             }
         }
     }
+    silent(&context);
+}
+
+/// Looks of 30 viewers are drawn for 34 iterations and then for 16. If this failed, iterations would look from where others did, or at
+/// what no viewer sees.
+#[test]
+fn looks_that_are_drawn_together_are_those_drawn_one_by_one() {
+    let context = context();
+    let scene = object(&context);
+    let config = Config { iterations: 100, probes: 30, ..Config::new(Preset::Object, 12) };
+    let gradients = [true, false].map(|together| {
+        let planner = planner(&context, &scene, config.clone());
+        assert_eq!(planner.block(), 50);
+        let mut commands = Recorder::new(&context).expect("a recorder");
+        match together {
+            true => planner.record_block(&mut commands).expect("a block"),
+            false => (0..50).for_each(|_| planner.record_iteration(&mut commands).expect("an iteration")),
+        }
+        commands.submit_and_wait().expect("a submission");
+        drop(commands);
+        planner.gradients().expect("gradients")
+    });
+    let [together, one_by_one] = gradients.each_ref().map(|gradients| bytemuck::cast_slice::<_, u32>(gradients));
+    assert_eq!(together, one_by_one);
+    assert!(together.iter().any(|word| *word != 0), "there is something to compare");
     silent(&context);
 }
 

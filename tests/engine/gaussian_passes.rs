@@ -160,13 +160,15 @@ fn the_fast_way_sums_the_same() -> Result<()> {
 #[test]
 fn a_tile_takes_more_splats_than_a_loop_may_have_rounds() -> Result<()> {
     let context = context()?;
-    let count = 70_000;
+    let count = 100_000;
     let faint = Gaussians {
-        // All in one place for the camera, one behind the other, the last one red and dense.
-        centres: (0..count).map(|i| DVec3::new(0.0, 0.0, f64::from(i) * 1e-5)).collect(),
+        // All in the middle of one pixel, one behind the other, the last one red and dense.
+        centres: (0..count)
+            .map(|i| DVec3::new(0.5, 0.5, 40.0) / 40.0 * (1.0 + f64::from(i) * 1e-6) * 3.0 - DVec3::Z * 3.0)
+            .collect(),
         log_scales: (0..count).map(|i| if i + 1 == count { [-0.5; 3] } else { [-3.0; 3] }).collect(),
         rotations: vec![[1.0, 0.0, 0.0, 0.0]; count as usize],
-        // Between four pixels, too faint to reach one of their centres: the tile is reached, the light continues.
+        // Just bright enough for that pixel: soon no light is left there, and those of the whole tile go on.
         opacities: (0..count).map(|i| if i + 1 == count { 4.0 } else { -5.52 }).collect(),
         degree: 0,
         harmonics: (0..count).flat_map(|i| if i + 1 == count { [1.7, -1.7, -1.7] } else { [0.0; 3] }).collect(),

@@ -131,6 +131,19 @@ fn colours_step_where_a_photo_shows_them_and_harmonics_every_other_time() -> Res
         assert!(colours.len() > count / 2 && !colours.contains(&0), "iteration {iteration}: {colours:?} of {count}");
         assert_eq!(slow.is_empty(), !steps, "iteration {iteration}: {} of {count}", slow.len());
         assert!(!slow.contains(&0) && moved.contains(&0), "iteration {iteration}");
+        let unseen = |state: &State| -> Vec<f32> {
+            let moments = state.planes[1..].iter();
+            moments.flat_map(|planes| (constant.start..all).map(|k| planes[k * count])).collect()
+        };
+        assert_eq!(unseen(&old), unseen(&new), "iteration {iteration}: moments of what no photo shows");
+        // Steps are those of Adam, at twice the rate of every iteration.
+        for (i, k) in slow.iter().map(|i| (*i, harmonics.start)) {
+            let [value, mean, square] = [0, 1, 2].map(|planes| f64::from(new.planes[planes][k * count + i]));
+            let [first, second] = [0.9f64, 0.999].map(|decay| 1.0 - decay.powi(iteration as i32 + 1));
+            let step = f64::from(old.planes[0][k * count + i]) - value;
+            let expected = 2.5e-4 * (mean / first) / ((square / second).sqrt() + 1e-15);
+            assert!((step - expected).abs() < 1e-6, "iteration {iteration}, splat {i}: {step}, not {expected}");
+        }
         old = new;
     }
     silent(&context);

@@ -36,34 +36,53 @@ struct Held {
     uint spare;
 };
 shared Held held[LANES];
-shared float exchanged[LANES];
+// Values that lanes exchange at a time, at most.
+const uint MOST = 5;
+shared float exchanged[SUBGROUPS ? 1 : MOST * LANES];
 
-// The value of the lane whose number differs by `apart`, a power of two.
-float across(float value, uint lane, uint apart) {
-    if (SUBGROUPS) return subgroupShuffleXor(value, apart);
-    barrier();
-    exchanged[lane] = value;
-    barrier();
-    return exchanged[lane ^ apart];
+// The first `count` values of the lane whose number differs by `apart`, a power of two.
+float[MOST] across(float values[MOST], uint count, uint lane, uint apart) {
+    if (!SUBGROUPS) {
+        barrier();
+        [[unroll]] for (uint i = 0; i < MOST; ++i) {
+            if (i < count) exchanged[i * LANES + lane] = values[i];
+        }
+        barrier();
+    }
+    float others[MOST];
+    [[unroll]] for (uint i = 0; i < MOST; ++i) {
+        others[i] = 0.0;
+        if (i >= count) continue;
+        if (SUBGROUPS) others[i] = subgroupShuffleXor(values[i], apart);
+        else others[i] = exchanged[i * LANES + (lane ^ apart)];
+    }
+    return others;
 }
 
 // Adds up what lanes have and hands the sums to `leave`. Eight of the values are halved thrice: of a pair of lanes each keeps one
-// half and adds the other's, so that then every lane has one value.
+// half and adds the other's, so that then every lane has one value. The ninth all lanes add up.
 void leave_sums(float sums[SUMS], uint lane, uint instance) {
-    float low[4] = float[](sums[0], sums[1], sums[2], sums[3]), high[4] = float[](sums[4], sums[5], sums[6], sums[7]);
-    [[unroll]] for (uint i = 0; i < 4; ++i) {
-        bool upper = (lane & 1) != 0;
-        low[i] = (upper ? high[i] : low[i]) + across(upper ? low[i] : high[i], lane, 1);
+    float own[8], sent[MOST], ninth = sums[8];
+    [[unroll]] for (uint i = 0; i < 8; ++i) own[i] = sums[i];
+    [[unroll]] for (uint round = 0; round < 3; ++round) {
+        uint half_ = 4 >> round;
+        bool upper = (lane >> round & 1) != 0;
+        [[unroll]] for (uint i = 0; i < 4; ++i) sent[i] = upper ? own[i] : own[min(i + half_, 7)];
+        sent[half_] = ninth;
+        float others[MOST] = across(sent, half_ + 1, lane, 1 << round);
+        [[unroll]] for (uint i = 0; i < 4; ++i) {
+            if (i < half_) own[i] = (upper ? own[i + half_] : own[i]) + others[i];
+        }
+        ninth += others[half_];
     }
-    [[unroll]] for (uint i = 0; i < 2; ++i) {
-        bool upper = (lane & 2) != 0;
-        low[i] = (upper ? low[i + 2] : low[i]) + across(upper ? low[i] : low[i + 2], lane, 2);
+    [[unroll]] for (uint apart = 8; apart < LANES; apart *= 2) {
+        sent[0] = own[0];
+        sent[1] = ninth;
+        float others[MOST] = across(sent, 2, lane, apart);
+        own[0] += others[0];
+        ninth += others[1];
     }
-    bool upper = (lane & 4) != 0;
-    float sum = (upper ? low[1] : low[0]) + across(upper ? low[0] : low[1], lane, 4), ninth = sums[8];
-    [[unroll]] for (uint apart = 8; apart < LANES; apart *= 2) sum += across(sum, lane, apart);
-    [[unroll]] for (uint apart = 1; apart < LANES; apart *= 2) ninth += across(ninth, lane, apart);
-    if (lane < 8) leave(instance, (lane & 1) << 2 | lane & 2 | lane >> 2, sum);
+    if (lane < 8) leave(instance, (lane & 1) << 2 | lane & 2 | lane >> 2, own[0]);
     if (lane == LANES - 1) leave(instance, 8, ninth);
 }
 
@@ -125,7 +144,7 @@ void main() {
                     if ((splat.blocks >> b & 1) == 0) continue;
                     vec2 d = vec2(pixel_in(b, lane)) - splat.place.xy;
                     float power = log_alpha(d, splat.form.xyz, splat.place.z);
-                    if (from + k >= last[b] || power < MIN_LOG_ALPHA) continue;
+                    if (from + k >= last[b] || !(power >= MIN_LOG_ALPHA)) continue;
                     float full = exp2(power), alpha = min(MAX_ALPHA, full);
                     float shade = dot(gradient[b], colour), weight = left[b] * alpha;
                     behind[b] -= weight * shade;

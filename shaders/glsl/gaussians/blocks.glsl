@@ -29,16 +29,3 @@ uint blocks_of(uvec4 bounds) {
     uint pairs = rows < 16 ? (1u << 2 * rows) - 1 : ~0u;
     return (pairs & columns * 0x55555555u) << 2 * first;
 }
-
-// The base-2 logarithm of a Gaussian's alpha at `d` from its mean, before the cap. `form` is its conic, times -log2(e), halved on
-// the diagonal; `peak` the logarithm of its opacity. Compositing and its gradient decide by this value what counts.
-float log_alpha(vec2 d, vec3 form, float peak) {
-    return peak + (form.x * d.x + form.y * d.y) * d.x + form.z * d.y * d.y;
-}
-
-vec3 form_of(Projected splat) {
-    return -1.44269504 * vec3(0.5, 1.0, 0.5) * splat.conic;
-}
-
-// log2(MIN_ALPHA)
-const float MIN_LOG_ALPHA = -7.99435344;

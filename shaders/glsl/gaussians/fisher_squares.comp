@@ -36,8 +36,8 @@ const uint SPLATS = 8;
 const uint ROW = TILE_PIXELS + 4;
 const uint BITS = 5;
 
-shared vec4 means[BLOCK];  // mean, opacity, conic xx
-shared vec4 others[BLOCK];  // conic xy and yy, red + green + blue
+shared vec4 places[BLOCK];  // mean from the centre of the tile's first pixel, logarithm of the opacity, xx of the exponent's form
+shared vec4 others[BLOCK];  // xy and yy of it, red + green + blue
 // First pixel in x and y within the instance's tile, and one past the last, five bits each; above them its strips.
 shared uint bounds[BLOCK];
 shared float weights[SPLATS * ROW];
@@ -53,8 +53,8 @@ uint strips_of(uvec4 bounds) {
     return bounds.x < bounds.z && first < end ? (1u << end) - (1u << first) : 0;
 }
 
-// Squares over a column of the tile at `corner`: of instance `k` of the block, which is splat `s` of those in shared memory.
-void square_column(uint s, uint k, uint column, uvec2 corner, uint splat) {
+// Squares over a column of the tile: of instance `k` of the block, which is splat `s` of those in shared memory.
+void square_column(uint s, uint k, uint column, uint splat) {
     uvec4 inside = uvec4(bounds[k], bounds[k] >> BITS, bounds[k] >> 2 * BITS, bounds[k] >> 3 * BITS) & ((1u << BITS) - 1);
     if (column < inside.x || column >= inside.z) {
         [[unroll]] for (uint v = 0; v < SQUARES; ++v) sums[(v * SPLATS + s) * TILE + column] = 0.0;
@@ -62,7 +62,7 @@ void square_column(uint s, uint k, uint column, uvec2 corner, uint splat) {
     }
     Form form[FORMS];
     [[unroll]] for (uint f = 0; f < FORMS; ++f) form[f] = forms[FORMS * splat + f];
-    vec2 origin = vec2(corner) + 0.5 - means[k].xy;
+    vec2 origin = -places[k].xy;
     float sum[SQUARES];
     [[unroll]] for (uint v = 0; v < SQUARES; ++v) sum[v] = 0.0;
     for (uint row = inside.y; row < inside.w; ++row) {
@@ -86,14 +86,16 @@ void main() {
     if (first >= stop) return;
     uint wide = tiles_of(camera).x;
     for (uint k = thread; k < BLOCK; k += THREADS) {
-        means[k] = others[k] = vec4(0.0);
+        places[k] = others[k] = vec4(0.0);
         bounds[k] = 0;
         if (first + k < stop) {
             Projected splat = projected[instance_splats[tile_instances[first + k]]];
-            means[k] = vec4(splat.mean, splat.opacity, splat.conic.x);
-            others[k] = vec4(splat.conic.yz, splat.colour.x + splat.colour.y + splat.colour.z, 0.0);
             uint tile = tile_keys[first + k];
-            uvec4 b = bounds_within(splat, TILE * uvec2(tile % wide, tile / wide));
+            uvec2 corner = TILE * uvec2(tile % wide, tile / wide);
+            vec3 form = form_of(splat);
+            places[k] = vec4(splat.mean - vec2(corner) - 0.5, log2(splat.opacity), form.x);
+            others[k] = vec4(form.yz, splat.colour.x + splat.colour.y + splat.colour.z, 0.0);
+            uvec4 b = bounds_within(splat, corner);
             bounds[k] = b.x | b.y << BITS | b.z << 2 * BITS | b.w << 3 * BITS | strips_of(b) << 4 * BITS;
         }
     }
@@ -131,16 +133,15 @@ void main() {
             uint from = base - first;
             for (uint s = 0; s < SPLATS; ++s) {
                 uint instance = min(from + s, BLOCK - 1);
-                vec4 mean = means[instance], other = others[instance];
-                vec3 conic = vec3(mean.w, other.xy);
+                vec4 place = places[instance], other = others[instance];
+                vec3 form = vec3(place.w, other.xy);
                 uint reached = bounds[instance] >> 4 * BITS;
                 for (uint p = 0; p < PIXELS; ++p) {
                     uint k = p * THREADS + thread;
                     if ((reached >> k / STRIP & 1) == 0) continue;
-                    vec2 d = vec2(corner + uvec2(k % TILE, k / TILE)) + 0.5 - mean.xy;
-                    float sigma = 0.5 * (conic.x * d.x * d.x + conic.z * d.y * d.y) + conic.y * d.x * d.y;
-                    float full = mean.z * exp(-sigma), alpha = min(MAX_ALPHA, full), weight = 0.0, slope = 0.0;
-                    if (base + s < last[p] && sigma >= 0.0 && alpha >= MIN_ALPHA) {
+                    float power = log_alpha(vec2(k % TILE, k / TILE) - place.xy, form, place.z);
+                    float full = exp2(power), alpha = min(MAX_ALPHA, full), weight = 0.0, slope = 0.0;
+                    if (base + s < last[p] && power >= MIN_LOG_ALPHA) {
                         weight = left[p] * alpha;
                         behind[p] -= weight * other.z;
                         if (full <= MAX_ALPHA) slope = alpha * (left[p] * other.z - behind[p] / (1.0 - alpha));
@@ -153,7 +154,7 @@ void main() {
             barrier();
             for (uint item = thread; item < SPLATS * TILE; item += THREADS) {
                 uint s = item % SPLATS, k = min(from + s, stop - first - 1);
-                square_column(s, k, item / SPLATS, corner, instance_splats[tile_instances[first + k]]);
+                square_column(s, k, item / SPLATS, instance_splats[tile_instances[first + k]]);
             }
             barrier();
             for (uint item = thread; item < SQUARES * SPLATS; item += THREADS) {

@@ -107,3 +107,17 @@ Spread spread_of(vec3 x, vec3 y) {
 float compensation(Spread spread) {
     return sqrt(spread.sharp / spread.determinant);
 }
+
+// The base-2 logarithm of a Gaussian's alpha at `d` from its mean, before the cap. `form` is its conic, times -log2(e), halved on
+// the diagonal; `peak` the logarithm of its opacity. `precise`, since several stages decide by this value what counts.
+float log_alpha(vec2 d, vec3 form, float peak) {
+    precise float power = peak + (form.x * d.x + form.y * d.y) * d.x + form.z * d.y * d.y;
+    return power;
+}
+
+vec3 form_of(Projected splat) {
+    return -1.44269504 * vec3(0.5, 1.0, 0.5) * splat.conic;
+}
+
+// log2(MIN_ALPHA)
+const float MIN_LOG_ALPHA = -7.99435344;

@@ -34,9 +34,9 @@ const uint THREADS = gl_WorkGroupSize.x;
 // Blocks that are worked on side by side, and pixels of a thread, in a block each.
 const uint TEAMS = THREADS / LANES;
 const uint PIXELS = TILE_PIXELS / THREADS;
-// Instances in shared memory, and of these composited at a time: few where a thread has many pixels to do meanwhile.
+// Instances in shared memory, and of these composited at a time.
 const uint HELD = 256;
-const uint TOGETHER = PIXELS == 1 ? 4 : 2;
+const uint TOGETHER = 4;
 
 shared vec4 places[HELD];  // mean from the centre of the tile's first pixel, logarithm of the opacity, depth
 shared vec4 forms[HELD];  // form of the exponent, red
@@ -49,8 +49,8 @@ shared uint last;
 uint reaching(uint first, uint end, uint lane, uint blocks) {
     if (SUBGROUPS) return subgroupBallot(first + lane < end && (reached[min(first + lane, HELD - 1)] & blocks) != 0).x;
     uint bits = 0;
-    for (uint i = 0; i < LANES; i += 4) {
-        [[unroll]] for (uint j = 0; j < 4; ++j) {
+    for (uint i = 0; i < LANES; i += 8) {
+        [[unroll]] for (uint j = 0; j < 8; ++j) {
             uint k = i + j;
             if (first + k < end && (reached[first + k] & blocks) != 0) bits |= 1u << k;
         }
@@ -111,7 +111,7 @@ void main() {
                 [[unroll]] for (uint p = 0; p < PIXELS; ++p) all_done = all_done && done[p];
                 if (SUBGROUPS ? subgroupAll(all_done) : all_done) break;
                 for (uint bits = reaching(first, to - base, lane, blocks); bits != 0;) {
-                    uint at[TOGETHER], either = 0;
+                    uint at[TOGETHER], reach[TOGETHER], any = 0;
                     bool there[TOGETHER];
                     vec4 place[TOGETHER], form[TOGETHER];
                     vec2 other[TOGETHER];
@@ -122,16 +122,18 @@ void main() {
                         place[i] = places[at[i]];
                         form[i] = forms[at[i]];
                         other[i] = others[at[i]];
-                        either |= reached[at[i]];
+                        reach[i] = there[i] ? reached[at[i]] : 0;
+                        any |= reach[i];
                     }
                     [[unroll]] for (uint p = 0; p < PIXELS; ++p) {
                         uint block = p * TEAMS + team;
-                        if (PIXELS > 1 && (either >> block & 1) == 0) continue;
+                        if (PIXELS > 1 && (any >> block & 1) == 0) continue;
                         float alpha[TOGETHER];
                         [[unroll]] for (uint i = 0; i < TOGETHER; ++i) {
                             vec2 d = vec2(pixel_in(block, lane)) - place[i].xy;
                             float power = log_alpha(d, form[i].xyz, place[i].z);
-                            alpha[i] = there[i] && power >= MIN_LOG_ALPHA ? min(MAX_ALPHA, exp2(power)) : 0.0;
+                            bool counts = (reach[i] >> block & 1) != 0 && power >= MIN_LOG_ALPHA;
+                            alpha[i] = counts ? min(MAX_ALPHA, exp2(power)) : 0.0;
                         }
                         [[unroll]] for (uint i = 0; i < TOGETHER; ++i) {
                             float left = sum[p].w * (1.0 - alpha[i]);

@@ -17,7 +17,7 @@ crate::gpu_struct! {
         pub stride: u32,
         /// The view's index.
         pub view: u32,
-        /// Degree of the harmonics that take a step.
+        /// Degree of the harmonics that take a step; others do not show in the gradient of the centre either.
         pub degree: u32,
         /// Iteration, from zero.
         pub iteration: u32,

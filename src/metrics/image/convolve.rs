@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use super::network::{Convolution, Size};
 use super::weights::Layer;
-use crate::Result;
 use crate::vulkan::shaders::glsl::metrics::{convolution as glsl, convolve_lanes};
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::{Error, Result};
 
 crate::gpu_struct! {
     /// Push constants of [`ConvolveStage`].
@@ -67,11 +67,15 @@ impl Convolve {
         Self::by(context, if narrow { Way::Lanes } else { Way::Shared })
     }
 
-    /// Compiles one of them; [`Way::Lanes`] asks for subgroups of eight.
+    /// Compiles one of them.
     ///
     /// # Errors
-    /// Where the device fails.
+    /// Where the device fails, or its subgroups are not those that [`Way::Lanes`] asks for.
     pub fn by(context: &Arc<Context>, way: Way) -> Result<Self> {
+        if way == Way::Lanes && context.physical().subgroup_width != Some(convolve_lanes::LANES) {
+            let what = format!("{} has no subgroups of {}", context.physical().name, convolve_lanes::LANES);
+            return Err(Error::request(what));
+        }
         let pipeline = match way {
             Way::Shared => Pipeline::new::<ConvolveStage>(context, &())?,
             Way::Lanes => Pipeline::new::<ConvolveLanesStage>(context, &())?,
