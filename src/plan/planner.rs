@@ -162,7 +162,8 @@ impl Planner {
         &self.maps
     }
 
-    /// Looks of the first iteration of the last draw: after a block those of its first iterations, not of the last one; none where the objective has no viewers.
+    /// Looks of the first iteration of the last draw, which after a block is not the last iteration; none where the objective has no
+    /// viewers.
     ///
     /// # Errors
     /// Where the device fails.

@@ -62,27 +62,28 @@ float[MOST] across(float values[MOST], uint count, uint lane, uint apart) {
 // Adds up what lanes have and hands the sums to `leave`. Eight of the values are halved thrice: of a pair of lanes each keeps one
 // half and adds the other's, so that then every lane has one value. The ninth all lanes add up.
 void leave_sums(float sums[SUMS], uint lane, uint instance) {
-    float own[8], sent[MOST], ninth = sums[8];
-    [[unroll]] for (uint i = 0; i < 8; ++i) own[i] = sums[i];
-    [[unroll]] for (uint round = 0; round < 3; ++round) {
-        uint half_ = 4 >> round;
-        bool upper = (lane >> round & 1) != 0;
-        [[unroll]] for (uint i = 0; i < 4; ++i) sent[i] = upper ? own[i] : own[min(i + half_, 7)];
-        sent[half_] = ninth;
-        float others[MOST] = across(sent, half_ + 1, lane, 1 << round);
-        [[unroll]] for (uint i = 0; i < 4; ++i) {
-            if (i < half_) own[i] = (upper ? own[i + half_] : own[i]) + others[i];
-        }
-        ninth += others[half_];
-    }
+    vec4 low = vec4(sums[0], sums[1], sums[2], sums[3]), high = vec4(sums[4], sums[5], sums[6], sums[7]);
+    float ninth = sums[8];
+    bool upper = (lane & 1) != 0;
+    vec4 four = upper ? low : high;
+    float others[MOST] = across(float[](four.x, four.y, four.z, four.w, ninth), 5, lane, 1);
+    four = (upper ? high : low) + vec4(others[0], others[1], others[2], others[3]);
+    ninth += others[4];
+    upper = (lane & 2) != 0;
+    vec2 two = upper ? four.xy : four.zw;
+    others = across(float[](two.x, two.y, ninth, 0.0, 0.0), 3, lane, 2);
+    two = (upper ? four.zw : four.xy) + vec2(others[0], others[1]);
+    ninth += others[2];
+    upper = (lane & 4) != 0;
+    others = across(float[](upper ? two.x : two.y, ninth, 0.0, 0.0, 0.0), 2, lane, 4);
+    float one = (upper ? two.y : two.x) + others[0];
+    ninth += others[1];
     [[unroll]] for (uint apart = 8; apart < LANES; apart *= 2) {
-        sent[0] = own[0];
-        sent[1] = ninth;
-        float others[MOST] = across(sent, 2, lane, apart);
-        own[0] += others[0];
+        others = across(float[](one, ninth, 0.0, 0.0, 0.0), 2, lane, apart);
+        one += others[0];
         ninth += others[1];
     }
-    if (lane < 8) leave(instance, (lane & 1) << 2 | lane & 2 | lane >> 2, own[0]);
+    if (lane < 8) leave(instance, (lane & 1) << 2 | lane & 2 | lane >> 2, one);
     if (lane == LANES - 1) leave(instance, 8, ninth);
 }
 
