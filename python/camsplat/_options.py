@@ -372,7 +372,7 @@ class TrainOptions(TypedDict, total=False):
     """Options of `camsplat train`."""
 
     preset: Literal["full", "fast"]
-    """How long a run is"""
+    """How many iterations a run has"""
 
     iterations: int
     """Iterations; the schedule is that of 30000, compressed for fewer [default: the preset's]"""
