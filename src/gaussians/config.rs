@@ -79,6 +79,9 @@ pub struct Config {
 const LONG: [u32; 2] = [10_000, 1_000];
 /// Opacity up to which a Gaussian is dead.
 pub const MIN_OPACITY: f32 = 0.005;
+/// Iterations between two steps of the harmonics but for the constant one, which are three quarters of all parameters; their rate is
+/// as much higher.
+pub(super) const HARMONICS_EVERY: u32 = 2;
 /// Iterations that the schedule of the papers is written for; shorter runs go through it faster.
 const SCHEDULE: f64 = 30_000.0;
 /// Factor of the population at each refinement of the papers' schedule, until the budget is spent.

@@ -15,7 +15,7 @@ use super::loss::{Ledger, Loss, Record, mailbox};
 use super::mcmc::{self, Mcmc};
 use super::memory;
 use super::update::{Moments, Trained, Update, UpdatePush};
-use crate::gaussians::config::{Background, Config, Schedule, Strategy};
+use crate::gaussians::config::{Background, Config, HARMONICS_EVERY, Schedule, Strategy};
 use crate::gaussians::data::store::PhotoStore;
 use crate::gaussians::render::frame::View;
 use crate::gaussians::render::layout::{self, PassPush};
@@ -31,9 +31,6 @@ const ITERATIONS: u32 = 10;
 const AHEAD: usize = 3;
 /// Stages of an iteration, with its sorts and a refinement, at most.
 const MAX_STAGES: u32 = 96;
-/// Iterations between two steps of the harmonics, which are four fifths of all parameters and change slowly; their rate is as much
-/// higher.
-const HARMONICS_EVERY: u32 = 2;
 const BACKGROUND_STREAM: u32 = 0x4580_0000;
 
 /// All that a run carries from one iteration to the next, on the host.
