@@ -82,6 +82,12 @@ pub const MIN_OPACITY: f32 = 0.005;
 /// Iterations between two steps of the harmonics but for the constant one, which are three quarters of all parameters; their rate is
 /// as much higher.
 pub(super) const HARMONICS_EVERY: u32 = 2;
+/// In runs of at least so many iterations all rates fall in the last part, to what is left of them in the end. The papers let that of
+/// the centres fall alone: the other parameters then jitter about their best values until the last iteration, which costs 0.15 to 0.2 dB.
+/// Shorter runs need every step (docs/results/2026-11/benchmarks.md).
+const SETTLING_FROM: u32 = 5000;
+const SETTLING: f64 = 0.2;
+const SETTLED: f64 = 0.05;
 /// Iterations that the schedule of the papers is written for; shorter runs go through it faster.
 const SCHEDULE: f64 = 30_000.0;
 /// Factor of the population at each refinement of the papers' schedule, until the budget is spent.
@@ -164,6 +170,15 @@ impl Config {
             Background::White => [1.0; 3],
             Background::Black | Background::Random => [0.0; 3],
         }
+    }
+
+    /// Factor of all rates of Adam but that of the centres, which falls by itself.
+    pub(super) fn settling(&self, iteration: u32) -> f64 {
+        if self.iterations < SETTLING_FROM {
+            return 1.0;
+        }
+        let progress = f64::from(iteration) / f64::from(self.iterations);
+        SETTLED.powf(((progress - 1.0) / SETTLING + 1.0).max(0.0))
     }
 
     /// The schedule of a run on so many photos: that of the papers, compressed for runs of fewer than 30,000 iterations. Where
@@ -252,6 +267,21 @@ mod tests {
         assert_eq!(schedule(7000, 50).growth, GROWTH);
         let adaptive = Config::new(7000, 100_000).with_strategy(Strategy::Adc, true).schedule(300);
         assert_eq!(adaptive.refine_every, 23);
+    }
+
+    /// If this failed, a run would end with parameters that still jitter, a short one would end before it gets anywhere, or the rates would
+    /// fall while splats still have far to go.
+    #[test]
+    fn rates_fall_in_the_last_fifth_of_a_long_run() {
+        let config = Config::new(10_000, 100);
+        let falls = |iteration| config.settling(iteration) > config.settling(iteration + 1);
+        assert!((0..8000).all(|iteration| config.settling(iteration) == 1.0) && (8000..10_000).all(falls));
+        assert!(
+            (config.settling(9000) - 0.05f64.sqrt()).abs() < 1e-12 && (config.settling(10_000) - 0.05).abs() < 1e-12
+        );
+        for iterations in [1, 300, 3000] {
+            assert_eq!(Config::new(iterations, 100).settling(iterations), 1.0);
+        }
     }
 
     /// If this failed, a short run on many photos would end with a fraction of its splats, or without a relocation.

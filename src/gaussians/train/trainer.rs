@@ -424,6 +424,7 @@ impl Trainer {
         let centre_rate = 1.6e-4 * 0.01f64.powf(progress);
         let weight = if self.config.strategy == Strategy::Mcmc { 0.01 } else { 0.0 };
         let noise = if self.config.strategy == Strategy::Mcmc { 5e5 * centre_rate } else { 0.0 };
+        let rate = |at_first: f64| (at_first * self.config.settling(iteration)) as f32;
         UpdatePush {
             stride: push.stride,
             view: push.view,
@@ -431,11 +432,11 @@ impl Trainer {
             iteration,
             seed: [self.config.seed as u32, (self.config.seed >> 32) as u32],
             centre_rate: centre_rate as f32,
-            scale_rate: 5e-3,
-            rotation_rate: 1e-3,
-            opacity_rate: 5e-2,
-            colour_rate: 2.5e-3,
-            harmonics_rate: 1.25e-4 * HARMONICS_EVERY as f32,
+            scale_rate: rate(5e-3),
+            rotation_rate: rate(1e-3),
+            opacity_rate: rate(5e-2),
+            colour_rate: rate(2.5e-3),
+            harmonics_rate: rate(1.25e-4 * f64::from(HARMONICS_EVERY)),
             first_correction: (1.0 / (1.0 - 0.9f64.powf(t))) as f32,
             second_correction: (1.0 / (1.0 - 0.999f64.powf(t))) as f32,
             opacity_weight: weight,
