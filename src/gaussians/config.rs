@@ -82,11 +82,13 @@ pub const MIN_OPACITY: f32 = 0.005;
 /// Iterations between two steps of the harmonics but for the constant one, which are three quarters of all parameters; their rate is
 /// as much higher.
 pub(super) const HARMONICS_EVERY: u32 = 2;
-/// In runs of at least so many iterations all rates fall in the last part, to what is left of them in the end. The papers let that of
-/// the centres fall alone: the other parameters then jitter about their best values until the last iteration, which costs 0.15 to 0.2 dB.
-/// Shorter runs need every step (docs/results/2026-11/benchmarks.md).
+/// Runs of at least so many iterations end with falling rates. The papers let that of the centres fall alone: the other parameters
+/// then jitter about their best values until the last iteration, which costs 0.15 to 0.2 dB. Shorter runs need every step
+/// (docs/results/2026-11/benchmarks.md).
 const SETTLING_FROM: u32 = 5000;
-const SETTLING: f64 = 0.2;
+/// One over the share of a run in which rates fall.
+const SETTLING: u32 = 5;
+/// What is left of a rate in the end.
 const SETTLED: f64 = 0.05;
 /// Iterations that the schedule of the papers is written for; shorter runs go through it faster.
 const SCHEDULE: f64 = 30_000.0;
@@ -114,6 +116,10 @@ pub struct Schedule {
     pub growth: f64,
     /// Iterations between resets of the opacities (adaptive density control).
     pub reset_every: u32,
+    /// From here on rates fall.
+    pub settle_from: u32,
+    /// All of them.
+    pub iterations: u32,
 }
 
 impl Config {
@@ -172,18 +178,10 @@ impl Config {
         }
     }
 
-    /// Factor of all rates of Adam but that of the centres, which falls by itself.
-    pub(super) fn settling(&self, iteration: u32) -> f64 {
-        if self.iterations < SETTLING_FROM {
-            return 1.0;
-        }
-        let progress = f64::from(iteration) / f64::from(self.iterations);
-        SETTLED.powf(((progress - 1.0) / SETTLING + 1.0).max(0.0))
-    }
-
     /// The schedule of a run on so many photos: that of the papers, compressed for runs of fewer than 30,000 iterations. Where
     /// MCMC would relocate more than five times per epoch, relocations are rarer, as long as twenty of them remain, and the
-    /// population grows by more at each.
+    /// population grows by more at each. In the end of a long run rates fall, unless it begins without photos: those that join it late are
+    /// to be learnt like the others.
     pub fn schedule(&self, photos: usize) -> Schedule {
         let share = (f64::from(self.iterations) / SCHEDULE).min(1.0);
         let scaled = |iterations: f64| ((iterations * share).round() as u32).max(1);
@@ -203,6 +201,11 @@ impl Config {
             growth: (GROWTH.powf(f64::from(refine_every) / f64::from(planned)) * 1e12).round() / 1e12,
             // Opacities need a few hundred steps to come back.
             reset_every: scaled(3000.0).max(500),
+            settle_from: match self.iterations {
+                SETTLING_FROM.. if photos > 0 => self.iterations - self.iterations / SETTLING,
+                _ => self.iterations,
+            },
+            iterations: self.iterations,
         }
     }
 }
@@ -218,6 +221,12 @@ impl Schedule {
     /// Degree of the harmonics that take part in an iteration.
     pub fn degree(&self, iteration: u32, most: u32) -> u32 {
         (iteration / self.degree_every).min(most)
+    }
+
+    /// Factor of all rates of Adam but that of the centres, which falls by itself: geometrically to a twentieth at the end of the run.
+    pub fn settling(&self, iteration: u32) -> f64 {
+        let falls = f64::from(iteration.saturating_sub(self.settle_from));
+        SETTLED.powf(falls / f64::from((self.iterations - self.settle_from).max(1)))
     }
 
     /// Whether a refinement follows the iteration.
@@ -269,18 +278,18 @@ mod tests {
         assert_eq!(adaptive.refine_every, 23);
     }
 
-    /// If this failed, a run would end with parameters that still jitter, a short one would end before it gets anywhere, or the rates would
-    /// fall while splats still have far to go.
+    /// If this failed, a run would end with parameters that still jitter, a short one before it gets anywhere, photos that join late would
+    /// hardly be learnt, or rates would fall while splats still have far to go.
     #[test]
     fn rates_fall_in_the_last_fifth_of_a_long_run() {
-        let config = Config::new(10_000, 100);
-        let falls = |iteration| config.settling(iteration) > config.settling(iteration + 1);
-        assert!((0..8000).all(|iteration| config.settling(iteration) == 1.0) && (8000..10_000).all(falls));
-        assert!(
-            (config.settling(9000) - 0.05f64.sqrt()).abs() < 1e-12 && (config.settling(10_000) - 0.05).abs() < 1e-12
-        );
-        for iterations in [1, 300, 3000] {
-            assert_eq!(Config::new(iterations, 100).settling(iterations), 1.0);
+        let long = schedule(10_000, 9);
+        assert!((0..=8000).all(|iteration| long.settling(iteration) == 1.0));
+        assert!((8000..10_000).all(|iteration| long.settling(iteration) > long.settling(iteration + 1)));
+        for (iteration, left) in [(9000, 0.05f64.sqrt()), (10_000, 0.05)] {
+            assert!((long.settling(iteration) - left).abs() < 1e-12, "{iteration}");
+        }
+        for stays in [schedule(1, 9), schedule(300, 9), schedule(3000, 9), schedule(18_400, 0)] {
+            assert!((0..stays.iterations).all(|iteration| stays.settling(iteration) == 1.0), "{stays:?}");
         }
     }
 

@@ -150,6 +150,33 @@ fn colours_step_where_a_photo_shows_them_and_harmonics_every_other_time() -> Res
     Ok(())
 }
 
+/// The first step of Adam without moments is sqrt(10) rates, whatever the gradient. If this failed, parameters would still jitter when a
+/// long run ends.
+#[test]
+fn a_long_run_ends_with_small_steps() -> Result<()> {
+    let (context, folder) = (context()?, folder());
+    let config = Config { iterations: 5000, ..short(Strategy::Mcmc) };
+    let mut trainer = trainer(&context, folder.path(), &config, 1)?;
+    let begun = trainer.state()?;
+    let count = begun.population as usize;
+    for (done, left) in [(3998, 1.0), (4998, 0.05f64.powf(0.998))] {
+        trainer.restore(&State { done, ..begun.clone() }, &[])?;
+        trainer.run(done + 1, None, go_on)?;
+        let after = trainer.state()?;
+        let largest = |planes: std::ops::Range<usize>| -> f64 {
+            let values = planes.start * count..planes.end * count;
+            let moved = values.map(|k| f64::from((after.planes[0][k] - begun.planes[0][k]).abs()));
+            moved.fold(0.0, f64::max)
+        };
+        let (opacity, scale) = (layout::OPACITY, layout::LOG_SCALE);
+        for (planes, rate) in [(scale..scale + 3, 5e-3), (opacity..opacity + 1, 5e-2)] {
+            let step = largest(planes.clone()) / (10f64.sqrt() * rate);
+            assert!((step / left - 1.0).abs() < 0.02, "iteration {done}, planes {planes:?}: {step} of {left}");
+        }
+    }
+    Ok(())
+}
+
 /// If this failed, a run on many photos would relocate as often as one on few, or the device would count otherwise than the host,
 /// also where the run is resumed.
 #[test]

@@ -424,7 +424,7 @@ impl Trainer {
         let centre_rate = 1.6e-4 * 0.01f64.powf(progress);
         let weight = if self.config.strategy == Strategy::Mcmc { 0.01 } else { 0.0 };
         let noise = if self.config.strategy == Strategy::Mcmc { 5e5 * centre_rate } else { 0.0 };
-        let rate = |at_first: f64| (at_first * self.config.settling(iteration)) as f32;
+        let rate = |at_first: f64| (at_first * self.schedule.settling(iteration)) as f32;
         UpdatePush {
             stride: push.stride,
             view: push.view,
