@@ -71,6 +71,8 @@ pub(super) fn footprint(
             "looks",
             if quality { size_of::<Look>() as u64 * looks * u64::from(draws(s.probes, block(s, config))) } else { 0 },
         ),
+        ("errors", if quality { 4 * looks } else { 0 }),
+        ("viewer arrivals", if quality { 4 * probes } else { 0 }),
         ("anchor starts", if linked { 4 * (splats + 1) } else { 4 }),
         ("anchors", size_of::<Anchor>() as u64 * if linked { links::anchors(splats) } else { 1 }),
         (HELD_OUT, score_point::footprint(2 * config.held_out as u64, splats)),

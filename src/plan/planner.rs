@@ -8,13 +8,13 @@ use super::config::{Config, Objective};
 use super::dense::DenseStage;
 use super::footprint;
 use super::links::Links;
-use super::preparation::{Preparation, dense_shape};
+use super::preparation::{Preparation, dense_shape, update_threads};
 use super::probes;
 use super::relocate::{RankStage, RelocateStage};
 use super::shared::{Control, Gradient, PlanConstants, Settings, Splat, Tally};
 use super::snapshot::{SnapshotPush, SnapshotStage};
 use super::update::{UpdateQualityStage, UpdateSplatStage};
-use super::viewed::{Viewed, draws};
+use super::viewed::{Viewed, ViewedConstants, draws};
 use crate::Result;
 use crate::quality::look::Look;
 use crate::visibility::device_scene::DeviceScene;
@@ -57,7 +57,7 @@ impl Planner {
     /// A surface that no camera can see from the region, or a plan that is larger than the device's memory.
     pub fn new(context: &Arc<Context>, scene: &Arc<DeviceScene>, preparation: Preparation) -> Result<Self> {
         let Preparation { config, mut settings, points, viewers, around, start, start_scale, .. } = preparation;
-        let Preparation { resolution, binned, footprint, links, .. } = preparation;
+        let Preparation { resolution, binned, footprint, links, lanes, .. } = preparation;
         footprint::check(&footprint, context)?;
         let maps = probes::reachable(context, scene, points, resolution, config.preset)?;
         settings.pool = maps.probes.len() as u32;
@@ -74,28 +74,23 @@ impl Planner {
             threads,
             each,
         };
+        let buffer = |name: &str| Buffer::device(context, name, footprint.bytes_of(name)?);
         let splat = || {
             if quality {
-                let looks = Buffer::device(context, "looks", footprint.bytes_of("looks")?)?;
-                let of = (&viewers[..], around);
-                return Ok(Way::Viewed(Box::new(Viewed::new(
-                    context,
-                    &settings,
-                    of,
-                    (config.gate, scene.constants()),
-                    looks,
-                )?)));
+                let constants = ViewedConstants::new(config.gate, scene.constants(), lanes);
+                let viewed = Viewed::new(context, &settings, (&viewers, around), constants, buffer)?;
+                return Ok(Way::Viewed(Box::new(viewed)));
             }
             if binned {
-                let buffer = |name: &str| Buffer::device(context, name, footprint.bytes_of(name)?);
                 return Ok(Way::Binned(Box::new(Binned::new(context, &settings, &constants, buffer)?)));
             }
             Ok(Way::Dense(Pipeline::new::<DenseStage>(context, &constants)?))
         };
         let update = if quality { Pipeline::new::<UpdateQualityStage> } else { Pipeline::new::<UpdateSplatStage> };
         let [rank, relocate] = [Pipeline::new::<RankStage>, Pipeline::new::<RelocateStage>];
+        let of_update = PlanConstants { threads: update_threads(context.physical(), settings.splats), ..constants };
         let others =
-            || Pipeline::several(context, &constants, [update, rank, relocate, Pipeline::new::<SnapshotStage>]);
+            || Pipeline::several(context, &of_update, [update, rank, relocate, Pipeline::new::<SnapshotStage>]);
         let (splat, others): (Result<Way>, _) = rayon::join(splat, others);
         let [update, rank, relocate, snapshot] = others?;
         let pipelines = Pipelines { splat: splat?, update, rank, relocate, snapshot };
@@ -127,6 +122,9 @@ impl Planner {
         commands.fill(&b.moments, 0);
         commands.fill(&b.mailbox, 0);
         commands.fill(&b.arrivals, 0);
+        if let Way::Viewed(viewed) = &self.pipelines.splat {
+            commands.fill(viewed.arrivals(), 0);
+        }
         commands.fill(&b.deficit, 0);
         commands.submit_and_wait()?;
         self.link()

@@ -46,6 +46,8 @@ pub struct Preparation {
     pub(super) start_scale: f32,
     pub(super) resolution: u32,
     pub(super) binned: bool,
+    /// Threads of a look (quality).
+    pub(super) lanes: u32,
     pub(super) scene_bytes: u64,
     pub(super) footprint: Footprint,
     /// Which cameras are neighbours, where they are to connect.
@@ -172,6 +174,7 @@ impl Preparation {
             start_scale,
             resolution,
             binned,
+            lanes: super::viewed::lanes(context.physical()),
             scene_bytes,
             footprint,
             links,
@@ -194,6 +197,11 @@ impl Preparation {
             splat.place(pose);
         }
         self
+    }
+
+    /// The same run with so many threads of a look, 1 or [`super::viewed::TOGETHER`], instead of what suits the device.
+    pub fn with_lanes(self, lanes: u32) -> Self {
+        Self { lanes, ..self }
     }
 
     /// Whether the binned pass was taken.
@@ -235,4 +243,12 @@ fn viewers(config: &Config, geometry: &SceneGeometry, intrinsics: &Intrinsics) -
 /// threads do more each, since a barrier costs each of them a switch.
 pub(super) fn dense_shape(physical: &Physical) -> [u32; 2] {
     if physical.kind == "CPU" { [64, 4] } else { [256, 1] }
+}
+
+/// Most splats whose updates leave threads of a GPU idle.
+const FEW: u32 = 512;
+
+/// Threads of a workgroup of the update, one to a splat: the sums of few splats are shared among more threads.
+pub(super) fn update_threads(physical: &Physical, splats: u32) -> u32 {
+    if physical.kind == "CPU" || splats > FEW { 64 } else { 256 }
 }

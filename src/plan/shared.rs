@@ -17,9 +17,9 @@ crate::specialisation! {
         kernel: Kernel,
         /// Whether surfaces hide.
         occlusion: bool,
-        /// Threads per workgroup of the dense pass, a power of two from 64 to 1024.
+        /// Threads per workgroup of the dense pass, and of the update its own, a power of two from 64 to 1024.
         threads: u32,
-        /// Texels of each of these threads, up to 4.
+        /// Texels of each thread of the dense pass, up to 4.
         each: u32,
     }
 }
@@ -149,6 +149,8 @@ gpu_struct! {
         pub sky: f32,
         /// Splats that the probe sees, also past the capacity; not counted by the binned pass.
         pub visible: u32,
+        /// That a viewer's partials are to be multiplied by (`viewed`).
+        pub factor: f32,
     }
 }
 

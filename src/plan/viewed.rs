@@ -17,7 +17,7 @@ use crate::quality::nearest::{nearest, toward, vectors};
 use crate::visibility::bvh::{Bvh, Node, TraversalConstants};
 use crate::visibility::device_scene::DeviceScene;
 use crate::vulkan::physical::Physical;
-use crate::vulkan::shaders::glsl::plan::viewed as glsl;
+use crate::vulkan::shaders::glsl::plan::{nearest_together, viewed as glsl};
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::specialisation! {
@@ -29,8 +29,16 @@ crate::specialisation! {
         discs: bool,
         /// Threads of a look.
         lanes: u32,
-        /// Threads of a viewer: its looks times `lanes`.
+        /// Threads of a workgroup: those of a look, or one for each look of a viewer.
         local_size_x: u32,
+    }
+}
+
+impl ViewedConstants {
+    /// For `lanes` threads a look: 1, or [`TOGETHER`].
+    pub(super) fn new(gate: Gate, traversal: TraversalConstants, lanes: u32) -> Self {
+        let local_size_x = if lanes == 1 { LOOKS } else { lanes };
+        Self { gate, discs: traversal.discs, lanes, local_size_x }
     }
 }
 
@@ -43,23 +51,20 @@ crate::gpu_struct! {
 }
 
 crate::stage!(
-    /// Loss and gradient partials, a workgroup per viewer of the iteration.
+    /// Loss and gradient partials: a workgroup per look of the iteration, or a thread.
     pub(crate) ViewedStage = viewed<ViewedConstants>(ViewedPush) {
         read settings, read control, read splats, read nodes, read primitives, read looks, read law, write slots,
-        write partials, write tallies,
+        write partials, write tallies, write errors, write arrivals,
     } with [Settings, Control, Splat, Node, Look, Law, Gradient, Tally]
 );
 
-/// Threads of a look, a power of two: on a GPU its rays wait for memory, and are cast at the same time; on a CPU device those that are
-/// not needed are not cast.
+/// Threads of a look where they share its work.
+pub const TOGETHER: u32 = nearest_together::TOGETHER;
+
+/// Threads of a look: a GPU has more than there are looks, and rays that wait for memory are cast at the same time; on a CPU device those
+/// that are not needed are not cast.
 pub(super) fn lanes(physical: &Physical) -> u32 {
-    match physical.threads / LOOKS {
-        _ if physical.kind == "CPU" => 1,
-        8.. => 8,
-        4.. => 4,
-        2.. => 2,
-        _ => 1,
-    }
+    if physical.kind == "CPU" { 1 } else { TOGETHER }
 }
 
 /// Looks that are drawn at once, unless those of one iteration are more.
@@ -142,34 +147,44 @@ pub fn viewed(batch: &Batch<'_>, looks: &[Look], bvh: &Bvh, law: &Law) -> Expect
 pub(super) struct Viewed {
     draw: Pipeline,
     judge: Pipeline,
+    looks_a_group: u32,
     viewers: Buffer,
     looks: Buffer,
+    errors: Buffer,
+    arrivals: Buffer,
     law: Buffer,
     push: LookPush,
 }
 
 impl Viewed {
-    /// Uploads the viewers of a run.
+    /// Uploads the viewers of a run; `buffer` allocates what the footprint names.
     pub(super) fn new(
         context: &Arc<Context>,
         settings: &Settings,
         (viewers, around): (&[Viewer], Surroundings),
-        (gate, traversal): (Gate, TraversalConstants),
-        looks: Buffer,
+        constants: ViewedConstants,
+        buffer: impl Fn(&str) -> Result<Buffer>,
     ) -> Result<Self> {
-        let lanes = lanes(context.physical());
-        let constants = ViewedConstants { gate, discs: traversal.discs, lanes, local_size_x: LOOKS * lanes };
+        let traversal = TraversalConstants { discs: constants.discs };
         let draw = || Pipeline::new::<LookStage>(context, &traversal);
         let judge = || Pipeline::new::<ViewedStage>(context, &constants);
         let (draw, judge) = rayon::join(draw, judge);
         Ok(Self {
             draw: draw?,
             judge: judge?,
+            looks_a_group: constants.local_size_x / constants.lanes,
             viewers: Buffer::from_slice(context, "viewers", viewers)?,
-            looks,
+            looks: buffer("looks")?,
+            errors: buffer("errors")?,
+            arrivals: buffer("viewer arrivals")?,
             law: Buffer::from_slice(context, "law", &[Law::embedded()])?,
             push: around.push(viewers.len() as u32, settings.probes, SIDE, settings.seed),
         })
+    }
+
+    /// To be zero before a run; each iteration leaves it so.
+    pub(super) fn arrivals(&self) -> &Buffer {
+        &self.arrivals
     }
 
     /// Viewers that there are.
@@ -213,7 +228,7 @@ impl Viewed {
 
     /// Records the gradients of an iteration by its looks, which are the `nth` that were drawn.
     pub(super) fn record<'a>(&'a self, commands: &mut Recorder<'a>, scene: &'a DeviceScene, b: &'a Buffers, nth: u32) {
-        let first_look = nth * self.push.count * LOOKS;
+        let looks = self.push.count * LOOKS;
         commands
             .stage(
                 &self.judge,
@@ -228,10 +243,12 @@ impl Viewed {
                     slots: &b.slots,
                     partials: &b.partials,
                     tallies: &b.tallies,
+                    errors: &self.errors,
+                    arrivals: &self.arrivals,
                 },
             )
-            .push(&ViewedPush { first_look })
-            .groups([self.push.count, 1, 1]);
+            .push(&ViewedPush { first_look: nth * looks })
+            .linear(looks / self.looks_a_group);
     }
 }
 

@@ -7,7 +7,7 @@ use super::look::{Caster, Look, LookPush, LookStage, Surroundings, Viewer, place
 use super::nearest::nearest_cameras;
 use crate::metrics::score_point::{View, view};
 use crate::scene::camera::Camera;
-use crate::visibility::bvh::Node;
+use crate::visibility::bvh::{Node, TraversalConstants};
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
@@ -36,19 +36,9 @@ crate::gpu_struct! {
     }
 }
 
-crate::specialisation! {
-    /// Constants of [`ExpectedStage`].
-    pub(crate) struct ExpectedConstants {
-        /// Whether the primitives are discs.
-        discs: bool,
-        /// Threads of a look.
-        lanes: u32,
-    }
-}
-
 crate::stage!(
     /// A workgroup per viewer, a thread per look.
-    pub(crate) ExpectedStage = expected<ExpectedConstants>(ExpectedPush) {
+    pub(crate) ExpectedStage = expected<TraversalConstants>(ExpectedPush) {
         read nodes, read primitives, read looks, read cameras, read law, write errors, write verdicts,
     } with [Node, Look, View, Law, Verdict]
 );
@@ -129,10 +119,7 @@ impl<'a> Judge<'a> {
             law: Buffer::from_slice(context, "law", &[*law])?,
             errors: Buffer::device(context, "errors", u64::from(4 * count * LOOKS))?,
             verdicts: Buffer::device(context, "verdicts", u64::from(count) * size_of::<Verdict>() as u64)?,
-            pipeline: Pipeline::new::<ExpectedStage>(
-                context,
-                &ExpectedConstants { discs: scene.constants().discs, lanes: 1 },
-            )?,
+            pipeline: Pipeline::new::<ExpectedStage>(context, &scene.constants())?,
             viewers,
         })
     }

@@ -1,8 +1,8 @@
-//! A binary bounding volume hierarchy over the occluder, laid out for the device.
+//! A bounding volume hierarchy over the occluder, four children to a node, laid out for the device.
 //!
-//! Each node holds the boxes of both its children. A child is either the index of a node, or a leaf: [`LEAF`] set, the
-//! number of primitives in the next four bits, the first primitive in the lowest 27. An empty child is a leaf of no
-//! primitives, so a hierarchy of one primitive, or of none, is traversed like any other.
+//! Each node holds the boxes of its children: a ray waits for memory once where it would wait twice in a binary tree. A child is
+//! either the index of a node, or a leaf: [`LEAF`] set, the number of primitives in the next four bits, the first primitive in
+//! the lowest 27. Where there are fewer than four, the others are leaves of no primitives in boxes that no ray reaches.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
@@ -10,6 +10,7 @@ use obvhs::Boundable;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::leaf_collapser::collapse;
+use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 
@@ -24,11 +25,16 @@ pub(crate) const LEAF: u32 = glsl::LEAF;
 pub(crate) const COUNT_SHIFT: u32 = glsl::COUNT_SHIFT;
 /// A leaf without primitives.
 pub(crate) const EMPTY: u32 = LEAF;
-/// Most levels of inner nodes, and entries of a traversal's stack.
-pub(crate) const MAX_DEPTH: u32 = glsl::STACK;
+/// Most entries of a traversal's stack.
+pub(crate) const STACK: u32 = glsl::STACK;
+/// Children of a node.
+pub(crate) const WIDTH: usize = 4;
+
+/// Most levels of the binary tree that nodes are made from, by recursion.
+const MAX_DEPTH: u32 = 96;
 
 /// Most primitives of a leaf.
-const LEAF_SIZE: u32 = 4;
+const LEAF_SIZE: u32 = glsl::LEAF_SIZE;
 /// Most primitives that the encoding can address.
 const MAX_PRIMITIVES: usize = 1 << COUNT_SHIFT;
 
@@ -41,24 +47,22 @@ crate::specialisation! {
 }
 
 crate::gpu_struct! {
-    /// Two children with their boxes: four vec4 of std430.
+    /// Four children and the sides of their boxes: seven vec4 of std430.
     pub struct Node {
-        /// Lowest corner of the first child.
-        pub lo0: [f32; 3],
-        /// The first child.
-        pub child0: u32,
-        /// Highest corner of the first child.
-        pub hi0: [f32; 3],
-        /// The second child.
-        pub child1: u32,
-        /// Lowest corner of the second child.
-        pub lo1: [f32; 3],
-        /// Padding, zero.
-        pub pad0: u32,
-        /// Highest corner of the second child.
-        pub hi1: [f32; 3],
-        /// Padding, zero.
-        pub pad1: u32,
+        /// Lowest x of the children.
+        pub lo_x: [f32; 4],
+        /// Lowest y.
+        pub lo_y: [f32; 4],
+        /// Lowest z.
+        pub lo_z: [f32; 4],
+        /// Highest x.
+        pub hi_x: [f32; 4],
+        /// Highest y.
+        pub hi_y: [f32; 4],
+        /// Highest z.
+        pub hi_z: [f32; 4],
+        /// The children.
+        pub children: [u32; 4],
     }
 }
 
@@ -110,16 +114,16 @@ pub struct Bvh {
     pub nodes: Vec<Node>,
     /// Primitives in the order of the leaves.
     pub primitives: Primitives,
-    /// Levels of inner nodes, at most [`MAX_DEPTH`]: entries that a traversal's stack needs.
-    pub max_depth: u32,
+    /// Entries that a traversal's stack needs at most.
+    pub stack: u32,
 }
 
 impl Bvh {
     /// Builds the hierarchy over `occluder`, mapped by `to_internal` to the frame that rays are cast in.
     ///
-    /// The builder (locally ordered clustering with reinsertion) runs on one thread and gives the same tree every time; a
-    /// scene that would make it deeper than [`MAX_DEPTH`], or slow, is split at medians instead. Boxes hold the primitives as
-    /// rounded to f32.
+    /// The builder (locally ordered clustering with reinsertion) runs on one thread and gives the same binary tree every time; a
+    /// scene that would make it slow, or need a deeper stack than there is, is split at medians instead. Then each node takes up
+    /// descendants in place of its largest children, until it has four. Boxes hold the primitives as rounded to f32.
     ///
     /// # Errors
     /// [`Error::Request`] for more than 2^27 primitives, or coordinates that are beyond f32.
@@ -135,13 +139,9 @@ impl Bvh {
                 "surface: it reaches beyond what single precision holds; crop it to the region",
             ));
         }
-        let mut tree = Tree { boxes: &boxes, nodes: Vec::new(), order: Vec::with_capacity(n), max_depth: 0 };
-        match clustered(&boxes) {
-            Some(clusters) => tree.adopt(&clusters),
-            None => tree.split_at_medians(),
-        }
-        let Tree { nodes, order, max_depth, .. } = tree;
-        Ok(Self { nodes, primitives: in_order(&internal, &order), max_depth })
+        let clusters = clustered(&boxes).map(|tree| Tree::new(&boxes, &tree)).filter(|tree| tree.stack <= STACK);
+        let Tree { nodes, order, stack, .. } = clusters.unwrap_or_else(|| Tree::new(&boxes, &split_at_medians(&boxes)));
+        Ok(Self { nodes, primitives: in_order(&internal, &order), stack })
     }
 }
 
@@ -176,12 +176,19 @@ struct Bounds {
 
 impl Bounds {
     const NOTHING: Self = Self { lo: Vec3::INFINITY, hi: Vec3::NEG_INFINITY };
+    /// Farther away than any ray reaches, and nowhere an infinity that could become a NaN.
+    const AWAY: Self = Self { lo: Vec3::splat(1e30), hi: Vec3::splat(1e30) };
 
     /// Wider than the exact bounds by eight units in the last place of the largest coordinate.
     fn around((lo, hi): (DVec3, DVec3)) -> Self {
         let margin =
             lo.abs().max(hi.abs()).max_element() * f64::from(4.0 * f32::EPSILON) + f64::from(f32::MIN_POSITIVE);
         Self { lo: (lo - margin).as_vec3(), hi: (hi + margin).as_vec3() }
+    }
+
+    /// Around several primitives.
+    fn of(boxes: &[Self], items: &[u32]) -> Self {
+        items.iter().fold(Self::NOTHING, |all, i| all.union(boxes[*i as usize]))
     }
 
     fn bits(&self) -> [u32; 6] {
@@ -222,7 +229,7 @@ fn clustered(boxes: &[Bounds]) -> Option<Bvh2> {
     );
     let mut optimiser = ReinsertionOptimizer::default();
     optimiser.run(&mut tree, 0.05, None);
-    collapse(&mut tree, LEAF_SIZE, 3.0);
+    collapse(&mut tree, LEAF_SIZE, 1.0);
     optimiser.run(&mut tree, 0.1, None);
     let mut open = vec![(0, 0)];
     while let Some((node, depth)) = open.pop() {
@@ -238,6 +245,40 @@ fn clustered(boxes: &[Bounds]) -> Option<Bvh2> {
     Some(tree)
 }
 
+/// The tree whose nodes are halved at the median of the longest side of their primitives' centres: as deep as a balanced one, at most 26
+/// levels for all the primitives that can be addressed.
+fn split_at_medians(boxes: &[Bounds]) -> Bvh2 {
+    let mut tree = Bvh2 { primitive_indices: (0..boxes.len() as u32).collect(), ..Bvh2::default() };
+    if !boxes.is_empty() {
+        tree.nodes.push(Bvh2Node::default());
+        split(&mut tree, boxes, 0, (0, boxes.len()));
+    }
+    tree
+}
+
+/// Makes `node` that of the `count` primitives from `start` on.
+fn split(tree: &mut Bvh2, boxes: &[Bounds], node: usize, (start, count): (usize, usize)) {
+    let items = &mut tree.primitive_indices[start..start + count];
+    let bounds = Bounds::of(boxes, items).aabb();
+    if count <= LEAF_SIZE as usize {
+        tree.nodes[node] = Bvh2Node::new(bounds, count as u32, start as u32);
+        return;
+    }
+    let middle = |i: u32| 0.5 * boxes[i as usize].lo + 0.5 * boxes[i as usize].hi;
+    let (lo, hi) = items
+        .iter()
+        .map(|i| middle(*i))
+        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
+    let axis = (hi - lo).max_position();
+    let half = count / 2;
+    items.select_nth_unstable_by(half, |a, b| middle(*a)[axis].total_cmp(&middle(*b)[axis]).then(a.cmp(b)));
+    let first = tree.nodes.len();
+    tree.nodes[node] = Bvh2Node::new(bounds, 0, first as u32);
+    tree.nodes.extend([Bvh2Node::default(); 2]);
+    split(tree, boxes, first, (start, half));
+    split(tree, boxes, first + 1, (start + half, count - half));
+}
+
 /// The nodes as they are laid out.
 struct Tree<'a> {
     /// Of each primitive.
@@ -245,98 +286,68 @@ struct Tree<'a> {
     nodes: Vec<Node>,
     /// Primitives in leaf order.
     order: Vec<u32>,
-    max_depth: u32,
+    /// Entries that a traversal's stack needs at most.
+    stack: u32,
 }
 
-impl Tree<'_> {
-    /// Lays out the library's tree.
-    fn adopt(&mut self, tree: &Bvh2) {
-        let root = &tree.nodes[0];
-        if root.is_leaf() {
-            self.root_of_leaf(&tree.primitive_indices);
-        } else {
-            self.adopt_children(tree, root.first_index as usize, 1);
+/// A child of a node, and what a traversal of it needs of the stack.
+#[derive(Clone, Copy)]
+struct Child {
+    code: u32,
+    bounds: Bounds,
+    stack: u32,
+}
+
+impl<'a> Tree<'a> {
+    /// Lays out a binary tree over `boxes`.
+    fn new(boxes: &'a [Bounds], tree: &Bvh2) -> Self {
+        let mut wide = Self { boxes, nodes: Vec::new(), order: Vec::with_capacity(boxes.len()), stack: 0 };
+        let root: &[usize] = if tree.nodes.is_empty() { &[] } else { &[0] };
+        wide.stack = wide.node(tree, root).stack;
+        wide
+    }
+
+    /// Lays out a node above `parts` of the tree, of which the largest are taken apart. Recursion is as deep as the tree.
+    fn node(&mut self, tree: &Bvh2, parts: &[usize]) -> Child {
+        let mut parts = parts.to_vec();
+        while parts.len() < WIDTH {
+            let inner = (0..parts.len()).filter(|i| !tree.nodes[parts[*i]].is_leaf());
+            let area = |i: &usize| tree.nodes[parts[*i]].aabb().half_area();
+            let Some(at) = inner.max_by(|i, j| area(i).total_cmp(&area(j))) else { break };
+            let first = tree.nodes[parts[at]].first_index as usize;
+            parts.splice(at..=at, [first, first + 1]);
         }
-    }
-
-    /// Lays out the node whose children are `first` and its sibling. Recursion is as deep as the tree: [`MAX_DEPTH`].
-    fn adopt_children(&mut self, tree: &Bvh2, first: usize, depth: u32) -> (u32, Bounds) {
-        let slot = self.open_node(depth);
-        let [left, right] = [first, first + 1].map(|child| {
-            let node = &tree.nodes[child];
-            let start = node.first_index as usize;
-            if node.is_leaf() {
-                self.leaf(&tree.primitive_indices[start..start + node.prim_count as usize])
-            } else {
-                self.adopt_children(tree, start, depth + 1)
-            }
-        });
-        self.close_node(slot, left, right)
-    }
-
-    /// Splits all primitives at the median of the longest side of their centres, again and again.
-    fn split_at_medians(&mut self) {
-        let mut items: Vec<u32> = (0..self.boxes.len() as u32).collect();
-        if items.len() <= LEAF_SIZE as usize {
-            self.root_of_leaf(&items);
-        } else {
-            self.split(&mut items, 1);
-        }
-    }
-
-    /// Halves `items`: the depth is that of a balanced tree, at most 26 for all the primitives that can be addressed.
-    fn split(&mut self, items: &mut [u32], depth: u32) -> (u32, Bounds) {
-        if items.len() <= LEAF_SIZE as usize {
-            return self.leaf(items);
-        }
-        let slot = self.open_node(depth);
-        let boxes = self.boxes;
-        let middle = |i: u32| 0.5 * boxes[i as usize].lo + 0.5 * boxes[i as usize].hi;
-        let (lo, hi) = items
-            .iter()
-            .map(|i| middle(*i))
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
-        let axis = (hi - lo).max_position();
-        let half = items.len() / 2;
-        items.select_nth_unstable_by(half, |a, b| middle(*a)[axis].total_cmp(&middle(*b)[axis]).then(a.cmp(b)));
-        let (low, high) = items.split_at_mut(half);
-        let (left, right) = (self.split(low, depth + 1), self.split(high, depth + 1));
-        self.close_node(slot, left, right)
-    }
-
-    /// The root of a tree that is a single leaf.
-    fn root_of_leaf(&mut self, items: &[u32]) {
-        let slot = self.open_node(1);
-        let leaf = self.leaf(items);
-        self.close_node(slot, leaf, (EMPTY, Bounds { lo: Vec3::ZERO, hi: Vec3::ZERO }));
-    }
-
-    fn open_node(&mut self, depth: u32) -> usize {
-        self.max_depth = self.max_depth.max(depth);
+        let slot = self.nodes.len();
         self.nodes.push(Node::zeroed());
-        self.nodes.len() - 1
-    }
-
-    fn close_node(&mut self, slot: usize, left: (u32, Bounds), right: (u32, Bounds)) -> (u32, Bounds) {
+        let mut children = [Child { code: EMPTY, bounds: Bounds::AWAY, stack: 0 }; WIDTH];
+        let (mut bounds, mut stack) = (Bounds::NOTHING, 0);
+        for (child, part) in children.iter_mut().zip(&parts) {
+            let node = &tree.nodes[*part];
+            let start = node.first_index as usize;
+            *child = match node.is_leaf() {
+                true => self.leaf(&tree.primitive_indices[start..start + node.prim_count as usize]),
+                false => self.node(tree, &[*part]),
+            };
+            bounds = bounds.union(child.bounds);
+            stack = stack.max(child.stack);
+        }
         self.nodes[slot] = Node {
-            lo0: left.1.lo.to_array(),
-            child0: left.0,
-            hi0: left.1.hi.to_array(),
-            child1: right.0,
-            lo1: right.1.lo.to_array(),
-            pad0: 0,
-            hi1: right.1.hi.to_array(),
-            pad1: 0,
+            lo_x: children.map(|child| child.bounds.lo.x),
+            lo_y: children.map(|child| child.bounds.lo.y),
+            lo_z: children.map(|child| child.bounds.lo.z),
+            hi_x: children.map(|child| child.bounds.hi.x),
+            hi_y: children.map(|child| child.bounds.hi.y),
+            hi_z: children.map(|child| child.bounds.hi.z),
+            children: children.map(|child| child.code),
         };
-        // There are fewer nodes than primitives, or one.
-        (slot as u32, left.1.union(right.1))
+        // There are fewer nodes than primitives, or one. While a child is traversed, the others wait.
+        Child { code: slot as u32, bounds, stack: stack + (parts.len() as u32).saturating_sub(1) }
     }
 
-    fn leaf(&mut self, items: &[u32]) -> (u32, Bounds) {
+    fn leaf(&mut self, items: &[u32]) -> Child {
         let code = LEAF | (items.len() as u32) << COUNT_SHIFT | self.order.len() as u32;
         self.order.extend_from_slice(items);
-        let bounds = items.iter().fold(Bounds::NOTHING, |all, i| all.union(self.boxes[*i as usize]));
-        (code, if items.is_empty() { Bounds { lo: Vec3::ZERO, hi: Vec3::ZERO } } else { bounds })
+        Child { code, bounds: Bounds::of(self.boxes, items), stack: 0 }
     }
 }
 
@@ -354,28 +365,28 @@ mod tests {
         Occluder::Triangles((0..n).map(|i| [0, 1, 2].map(|k| p(i, 9) + size * p(i, k))).collect())
     }
 
-    /// Boxes of the primitives below a child, checked on the way; every primitive is counted.
+    /// Boxes of the primitives below a child, checked on the way; every primitive is counted. Returns how many entries of the stack the
+    /// child takes.
     fn check(
         bvh: &Bvh,
         exact: &[(DVec3, DVec3)],
         child: u32,
-        lo: [f32; 3],
-        hi: [f32; 3],
+        (lo, hi): (DVec3, DVec3),
         seen: &mut [u32],
-        depth: u32,
-    ) {
-        let (lo, hi) = (Vec3::from(lo).as_dvec3(), Vec3::from(hi).as_dvec3());
+    ) -> u32 {
         if child & LEAF == 0 {
             let node = bvh.nodes[child as usize];
-            check(bvh, exact, node.child0, node.lo0, node.hi0, seen, depth + 1);
-            check(bvh, exact, node.child1, node.lo1, node.hi1, seen, depth + 1);
-            for (l, h) in [(node.lo0, node.hi0), (node.lo1, node.hi1)] {
-                let empty = l == [0.0; 3] && h == [0.0; 3];
-                assert!(empty || Vec3::from(l).as_dvec3().cmpge(lo).all() && Vec3::from(h).as_dvec3().cmple(hi).all());
-            }
-            return;
+            let boxes = [0, 1, 2, 3].map(|i| {
+                let corner = |x: [f32; 4], y: [f32; 4], z: [f32; 4]| Vec3::new(x[i], y[i], z[i]).as_dvec3();
+                (corner(node.lo_x, node.lo_y, node.lo_z), corner(node.hi_x, node.hi_y, node.hi_z))
+            });
+            let used: Vec<_> = node.children.into_iter().zip(boxes).filter(|(child, _)| *child != EMPTY).collect();
+            let deepest = used.iter().map(|(child, (l, h))| {
+                assert!(l.cmpge(lo).all() && h.cmple(hi).all());
+                check(bvh, exact, *child, (*l, *h), seen)
+            });
+            return deepest.max().unwrap_or(0) + (used.len() as u32).saturating_sub(1);
         }
-        assert!(depth <= bvh.max_depth);
         let (first, count) = (child & ((1 << COUNT_SHIFT) - 1), child >> COUNT_SHIFT & 15);
         assert!(count <= LEAF_SIZE);
         for slot in first..first + count {
@@ -386,14 +397,15 @@ mod tests {
             seen[index] += 1;
             assert!(exact[index].0.cmpge(lo).all() && exact[index].1.cmple(hi).all());
         }
+        0
     }
 
     fn check_all(bvh: &Bvh, occluder: &Occluder) {
         let exact: Vec<_> = (0..occluder.len()).map(|i| occluder.primitive_bounds(i)).collect();
         let mut seen = vec![0; occluder.len()];
-        check(bvh, &exact, 0, [f32::NEG_INFINITY; 3], [f32::INFINITY; 3], &mut seen, 0);
+        let stack = check(bvh, &exact, 0, (DVec3::NEG_INFINITY, DVec3::INFINITY), &mut seen);
         assert!(seen.iter().all(|n| *n == 1), "every primitive is in exactly one leaf");
-        assert!(bvh.max_depth <= MAX_DEPTH);
+        assert!(stack == bvh.stack && stack <= STACK);
     }
 
     /// A primitive outside its box, or in no leaf, lets rays through the wall that it is.
@@ -419,12 +431,12 @@ mod tests {
         for n in [0, 1, 4, 5, 1000] {
             let occluder = scattered(n, 77, 0.05);
             let boxes: Vec<Bounds> = (0..n as usize).map(|i| Bounds::around(occluder.primitive_bounds(i))).collect();
-            let mut tree = Tree { boxes: &boxes, nodes: Vec::new(), order: Vec::new(), max_depth: 0 };
-            tree.split_at_medians();
+            let tree = Tree::new(&boxes, &split_at_medians(&boxes));
             let primitives = in_order(&occluder, &tree.order);
-            let bvh = Bvh { nodes: tree.nodes, primitives, max_depth: tree.max_depth };
+            let bvh = Bvh { nodes: tree.nodes, primitives, stack: tree.stack };
             check_all(&bvh, &occluder);
-            assert!(bvh.max_depth <= 9);
+            // Eight halvings, two to a node, each of which leaves three children waiting.
+            assert!(bvh.stack <= 12);
         }
     }
 
@@ -448,9 +460,9 @@ mod tests {
         assert_eq!(bvh, Bvh::new(&proxy.occluder, &there).unwrap());
         check_all(&bvh, &proxy.occluder.transformed(&there));
         let root = bvh.nodes[0];
-        let hi = Vec3::from(root.hi0).max(Vec3::from(root.hi1));
-        let lo = Vec3::from(root.lo0).min(Vec3::from(root.lo1));
-        assert!(hi.max_element() <= 1.001 && lo.min_element() >= -1.001);
+        assert!(!root.children.contains(&EMPTY));
+        let sides = [root.lo_x, root.lo_y, root.lo_z, root.hi_x, root.hi_y, root.hi_z];
+        assert!(sides.as_flattened().iter().all(|side| side.abs() <= 1.001));
     }
 
     /// What f32 cannot hold would become infinite boxes that every ray enters, or none does.
@@ -463,6 +475,6 @@ mod tests {
     /// The shader reads these bytes: sizes and offsets are part of the contract.
     #[test]
     fn layouts_are_those_of_std430() {
-        assert_eq!((size_of::<Node>(), size_of::<Triangle>(), size_of::<Disc>()), (64, 48, 32));
+        assert_eq!((size_of::<Node>(), size_of::<Triangle>(), size_of::<Disc>()), (112, 48, 32));
     }
 }

@@ -1,8 +1,8 @@
 //! Rays through the hierarchy: the CPU twin of the device's traversal, with the same formulas in the same precision.
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
-use super::bvh::{Bvh, COUNT_SHIFT, Disc, LEAF, MAX_DEPTH, Primitives, Triangle};
+use super::bvh::{Bvh, COUNT_SHIFT, Disc, LEAF, Node, Primitives, STACK, Triangle, WIDTH};
 use crate::vulkan::shaders::glsl::shared::bvh as glsl;
 
 /// A ray in the normalised frame.
@@ -68,7 +68,7 @@ impl Bvh {
     fn visit(&self, ray: Ray, mut test: impl FnMut(u32) -> Option<f32>) {
         let inverse = ray.direction.map(inverse_slope);
         let mut t_max = ray.t_max;
-        let mut stack = [0u32; MAX_DEPTH as usize];
+        let mut stack = [0u32; STACK as usize];
         let mut size = 0;
         let mut child = 0;
         loop {
@@ -82,23 +82,13 @@ impl Bvh {
                     }
                 }
             } else {
-                let node = &self.nodes[child as usize];
-                let enter0 = enter_box(ray, inverse, t_max, node.lo0, node.hi0);
-                let enter1 = enter_box(ray, inverse, t_max, node.lo1, node.hi1);
-                if enter0 < MISS && enter1 < MISS {
-                    let (near, far) =
-                        if enter0 <= enter1 { (node.child0, node.child1) } else { (node.child1, node.child0) };
-                    stack[size] = far;
+                let (children, entered) = children_entered(&self.nodes[child as usize], &ray, inverse, t_max);
+                for waits in (1..entered).rev() {
+                    stack[size] = children[waits];
                     size += 1;
-                    child = near;
-                    continue;
                 }
-                if enter0 < MISS {
-                    child = node.child0;
-                    continue;
-                }
-                if enter1 < MISS {
-                    child = node.child1;
+                if entered > 0 {
+                    child = children[0];
                     continue;
                 }
             }
@@ -131,13 +121,28 @@ pub(super) fn inverse_slope(slope: f32) -> f32 {
     1.0 / if slope.abs() < MIN_SLOPE { least } else { slope }
 }
 
-/// Distance at which the ray enters a box, [`MISS`] where it does not.
-fn enter_box(ray: Ray, inverse: Vec3, t_max: f32, lo: [f32; 3], hi: [f32; 3]) -> f32 {
-    let a = (Vec3::from(lo) - ray.origin) * inverse;
-    let b = (Vec3::from(hi) - ray.origin) * inverse;
-    let enter = a.min(b).max_element().max(ray.t_min);
-    let leave = (a.max(b).min_element() * WIDER).min(t_max);
-    if enter <= leave { enter } else { MISS }
+/// The children of a node that a ray enters, nearest first, and how many they are.
+fn children_entered(node: &Node, ray: &Ray, inverse: Vec3, t_max: f32) -> ([u32; WIDTH], usize) {
+    let slabs = |lo: [f32; WIDTH], hi: [f32; WIDTH], axis: usize| {
+        let t = |side: [f32; WIDTH]| (Vec4::from(side) - ray.origin[axis]) * inverse[axis];
+        let (a, b) = (t(lo), t(hi));
+        (a.min(b), a.max(b))
+    };
+    let x = slabs(node.lo_x, node.hi_x, 0);
+    let y = slabs(node.lo_y, node.hi_y, 1);
+    let z = slabs(node.lo_z, node.hi_z, 2);
+    let enter = x.0.max(y.0).max(z.0).max(Vec4::splat(ray.t_min));
+    let leave = (x.1.min(y.1).min(z.1) * WIDER).min(Vec4::splat(t_max));
+    let hit = enter.cmple(leave);
+    let mut order = Vec4::select(hit, enter, Vec4::splat(f32::INFINITY)).to_array();
+    let mut children = node.children;
+    for (i, j) in [(0, 1), (2, 3), (0, 2), (1, 3), (1, 2)] {
+        if order[j] < order[i] {
+            order.swap(i, j);
+            children.swap(i, j);
+        }
+    }
+    (children, hit.bitmask().count_ones() as usize)
 }
 
 /// Distance to a triangle from either side: Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection" (1997).

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use crate::support::plans::{Scene, context, intrinsics, object, planner, room, silent};
+use crate::support::plans::{Scene, context, intrinsics, object, planner, preparation, room, silent};
 use camsplat::plan::config::{Config, Gate, Objective, Preset};
 use camsplat::plan::dense::Batch;
 use camsplat::plan::job::{self, Tools};
@@ -10,7 +10,8 @@ use camsplat::plan::reference::Reference;
 use camsplat::plan::start::tangents;
 use camsplat::plan::starts;
 use camsplat::plan::target::{RegionChoice, Target};
-use camsplat::plan::viewed::viewed;
+use camsplat::plan::planner::Planner;
+use camsplat::plan::viewed::{TOGETHER, viewed};
 use camsplat::quality::expected::{Judge, LOOKS, expect};
 use camsplat::quality::law::Law;
 use camsplat::quality::look::Surroundings;
@@ -111,6 +112,32 @@ fn an_iteration_is_that_of_the_twin() {
                 let off = (vector(gradient.direction) - twin.by_direction[j]).length();
                 assert!(off < 0.02 * direction, "{name}, {gate:?}, direction of {j}: {off} of {direction}");
             }
+        }
+    }
+    silent(&context);
+}
+
+/// A single thread tests the views of a look eight at a time, threads that share a look 32. If this failed, plans would depend on the
+/// kind of device by more than rounding.
+#[test]
+fn threads_that_share_a_look_find_what_a_single_one_finds() {
+    let context = context();
+    let scenes = [(object(&context), Preset::Object), (room(&context), Preset::Room)];
+    for (scene, preset) in &scenes {
+        // Fewer than one round takes, more than all rounds test, and counts that do not divide.
+        for views in [2, 31, 100, 333] {
+            let config = Config { iterations: 3, probes: 30, ..Config::new(*preset, views) };
+            let [alone, together] = [1, TOGETHER].map(|lanes| {
+                let preparation = preparation(&context, scene, config.clone()).with_lanes(lanes);
+                let planner = Planner::new(&context, &scene.device, preparation).expect("room for it");
+                let outcome = planner.run(None, |_| ControlFlow::Continue(())).expect("a run");
+                let losses: Vec<u32> = outcome.history.iter().map(|record| record.image.to_bits()).collect();
+                (losses, planner.gradients().expect("gradients"))
+            });
+            assert_eq!(alone.0, together.0, "{preset:?}, {views}: losses");
+            let [a, b] = [&alone.1, &together.1].map(|gradients| bytemuck::cast_slice::<_, u32>(gradients));
+            assert_eq!(a, b, "{preset:?}, {views}: gradients");
+            assert!(a.iter().any(|word| *word != 0), "there is something to compare");
         }
     }
     silent(&context);

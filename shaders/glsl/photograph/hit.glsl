@@ -45,19 +45,13 @@ Hit closest(vec3 origin, vec3 direction, uint own, uvec3 key, bool keyed) {
     uint size = 0, child = 0;
     Hit best = Hit(MISS, NONE, vec2(0.0));
     while (true) {
-        // Down to the next leaf: neighbouring rays then do the same thing.
-        while ((child & LEAF) == 0) {
-            uvec2 entered = children_entered(nodes[child], origin, inverse, 0.0, best.t);
-            if (entered.y != NO_CHILD) stack[size++] = entered.y;
-            child = entered.x;
-            if (child == NO_CHILD && size > 0) child = stack[--size];
-        }
+        DESCEND(child, stack, size, origin, inverse, 0.0, best.t, true)
         if (child == NO_CHILD) break;
         uint first = child & ((1u << COUNT_SHIFT) - 1u), count = (child ^ LEAF) >> COUNT_SHIFT;
         for (uint k = 0; k < count; ++k) {
             uint slot = first + k;
             vec2 at;
-            float t = intersect_triangle(slot, origin, direction, at);
+            float t = intersect_triangle(triangle_at(slot), origin, direction, at);
             // Of equals the lower slot stays, whatever the order of the boxes.
             if (!(t >= 0.0 && t <= best.t) || t >= MISS || (t == best.t && slot > best.slot) || slot == own) continue;
             if (has_alpha(slot)) {
@@ -80,18 +74,12 @@ float passing(vec3 origin, vec3 direction, float t_max, uint own, uint lit) {
     uint size = 0, child = 0;
     float left = 1.0;
     while (true) {
-        // Down to the next leaf: neighbouring rays then do the same thing.
-        while ((child & LEAF) == 0) {
-            uvec2 entered = children_entered(nodes[child], origin, inverse, 0.0, t_max);
-            if (entered.y != NO_CHILD) stack[size++] = entered.y;
-            child = entered.x;
-            if (child == NO_CHILD && size > 0) child = stack[--size];
-        }
+        DESCEND(child, stack, size, origin, inverse, 0.0, t_max, true)
         if (child == NO_CHILD) break;
         uint first = child & ((1u << COUNT_SHIFT) - 1u), count = (child ^ LEAF) >> COUNT_SHIFT;
         for (uint k = 0; k < count; ++k) {
             vec2 at;
-            float t = intersect_triangle(first + k, origin, direction, at);
+            float t = intersect_triangle(triangle_at(first + k), origin, direction, at);
             if (!(t >= 0.0 && t < t_max) || first + k == own || first + k == lit) continue;
             left *= has_alpha(first + k) ? 1.0 - opacity(first + k, at) : 0.0;
             if (left <= 0.0) return 0.0;

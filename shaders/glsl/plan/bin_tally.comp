@@ -36,7 +36,7 @@ void main() {
     if (thread != 0) return;
     sum = sums[0];
     uint index = (control[0].iteration * s.probes + probe) % s.pool;
-    tallies[probe] = Tally(sum.x * texel_weight(probes[index], s), sum.w, sum.y, sum.z, 0);
+    tallies[probe] = Tally(sum.x * texel_weight(probes[index], s), sum.w, sum.y, sum.z, 0, 1.0);
     if (probe == 0) {
         mailbox[3] = max(most.x, counts[0]);
         mailbox[4] = max(most.y, counts[1]);

@@ -206,5 +206,5 @@ void main() {
     }
 
     vec4 total = total_of(vec4(loss, short_fall, open_sky, by_log_scale));
-    if (thread == 0) tallies[probe * s.blocks + gl_WorkGroupID.y] = Tally(total.x * share, total.w, total.y, total.z, found);
+    if (thread == 0) tallies[probe * s.blocks + gl_WorkGroupID.y] = Tally(total.x * share, total.w, total.y, total.z, found, 1.0);
 }

@@ -28,7 +28,7 @@ vec2 past(float x) {
 void add_links(uint j, Splat splat, Settings s, uint thread, inout Gradient sum, inout float penalty) {
     if (s.link_angle <= 0.0) return;
     float half_cone = atan(min(splat.tan_x, splat.tan_y));
-    for (uint k = anchor_starts[j] + thread; k < anchor_starts[j + 1]; k += GROUP) {
+    for (uint k = anchor_starts[j] + thread; k < anchor_starts[j + 1]; k += THREADS) {
         Anchor anchor = anchors[k];
         vec3 ray = anchor.point - splat.centre;
         float d = max(length(ray), 1e-6);

@@ -83,6 +83,7 @@ struct Tally {
     float short_fall; // sum over texels of the squared deficit
     float sky;        // texels from whose direction the region sees the probe
     uint visible;     // splats that the probe sees, also past the capacity
+    float factor;     // that a viewer's partials are to be multiplied by (viewed.comp)
 };
 
 // Adam's first and second moments of a splat's pose.

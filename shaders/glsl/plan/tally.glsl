@@ -18,7 +18,7 @@ layout(binding = 12, std430) buffer Mailbox { uint mailbox[]; };
 // reads: coherent loads of one word by all of them would queue up.
 layout(binding = 13, std430) coherent buffer Arrivals { uint arrivals[]; };
 
-shared uint most[GROUP];
+shared uint most[THREADS];
 shared bool last;
 
 // Whether this workgroup is the last of `s.splats` to have written its terms: only then may it read those of the others.
@@ -33,15 +33,15 @@ bool is_last(Settings s, uint thread) {
 void tally(Settings s, Control c, uint thread) {
     vec4 sum = vec4(0.0);
     uint seen = 0;
-    for (uint i = thread; i < s.probes * s.blocks; i += GROUP) {
+    for (uint i = thread; i < s.probes * s.blocks; i += THREADS) {
         sum.x += tallies[i].image;
         sum.w += tallies[i].log_scale;
         seen = max(seen, tallies[i].visible);
     }
-    for (uint j = thread; j < c.live; j += GROUP) sum.yz += vec2(terms[j].reg, terms[j].bound);
+    for (uint j = thread; j < c.live; j += THREADS) sum.yz += vec2(terms[j].reg, terms[j].bound);
     sums[thread] = sum;
     most[thread] = seen;
-    FOLD(thread, GROUP, sums[thread] += sums[thread + apart]; most[thread] = max(most[thread], most[thread + apart]));
+    FOLD(thread, THREADS, sums[thread] += sums[thread + apart]; most[thread] = max(most[thread], most[thread + apart]));
     if (thread != 0) return;
     history[c.iteration] = Record(sums[0].x, sums[0].y, sums[0].z, c.log_scale);
 

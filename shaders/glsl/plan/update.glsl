@@ -6,8 +6,8 @@
 #include "shared/fold.glsl"
 #include "shared/octahedral.glsl"
 #include "plan/plan.glsl"
-layout(local_size_x = 64) in;
-const uint GROUP = 64;
+layout(local_size_x_id = 6) in;
+layout(constant_id = 6) const uint THREADS = 256;  // a power of two from 64 to 1024
 
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
 layout(binding = 1, std430) buffer ControlBlock { Control control[]; };
@@ -23,8 +23,8 @@ layout(binding = 9, std430) readonly buffer RegionBlock { DeviceRegion region[];
 layout(binding = 10, std430) readonly buffer FreeDistance { float free_distance[]; };
 #include "shared/region.glsl"
 
-shared vec4 sums[GROUP];
-shared vec4 more_sums[GROUP];
+shared vec4 sums[THREADS];
+shared vec4 more_sums[THREADS];
 
 #include "plan/tally.glsl"
 
@@ -51,7 +51,7 @@ void update(uint j, Settings s, Control c, uint thread) {
     gather(j, splat, s, c, thread, sum, reg);
     sums[thread] = vec4(sum.centre, reg);
     more_sums[thread] = vec4(sum.direction, sum.utility);
-    FOLD(thread, GROUP, sums[thread] += sums[thread + apart]; more_sums[thread] += more_sums[thread + apart]);
+    FOLD(thread, THREADS, sums[thread] += sums[thread + apart]; more_sums[thread] += more_sums[thread + apart]);
     if (thread != 0) return;
 
     vec3 by_centre = sums[0].xyz + s.lambda_bound * outward, by_direction = more_sums[0].xyz;

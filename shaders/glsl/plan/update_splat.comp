@@ -16,7 +16,7 @@ float coverage_weight(uint probe, Settings s) {
 
 void gather(uint j, Splat splat, Settings s, Control c, uint thread, inout Gradient sum, inout float reg) {
     float share = 1.0 / (float(s.probes) * float(c.live));
-    for (uint p = thread; p < s.probes * s.blocks; p += GROUP) {
+    for (uint p = thread; p < s.probes * s.blocks; p += THREADS) {
         uint slot = slots[p / s.blocks * s.splats + j];
         if (slot == NONE) continue;
         Gradient part = partials[p * s.row + slot];
@@ -25,7 +25,7 @@ void gather(uint j, Splat splat, Settings s, Control c, uint thread, inout Gradi
         sum.utility += part.utility;
     }
     if (j >= c.live) return;
-    for (uint i = thread; i < s.probes; i += GROUP) {
+    for (uint i = thread; i < s.probes; i += THREADS) {
         uint index = (c.iteration * s.probes + i) % s.pool;
         vec3 ray = splat.centre - probes[index].position;
         float d = max(length(ray), 1e-6);

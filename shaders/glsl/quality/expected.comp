@@ -67,7 +67,7 @@ void main() {
     uint count = 0;
     if (look.distance > 0.0) {
         Near found[3];
-        uint have = nearest_views(look, true, views, found);
+        uint have = nearest_views(look, views, found);
         vec3 angles = vec3(FARTHEST);
         for (uint k = 0; k < 3; ++k) if (k < have) angles[k] = found[k].cost;
         float log_ratio = 0.0;

@@ -1,12 +1,24 @@
 // Traversal proper: included after the bindings that bvh.glsl names.
 #include "shared/triangle.glsl"
 
+// What the host stores of a primitive: a corner and two edges, or a centre with the radius and a normal.
+struct Primitive {
+    vec4 a;
+    vec4 b;
+    vec4 c;
+};
+
+Primitive primitive_at(uint slot) {
+    return DISCS ? Primitive(primitives[2 * slot], primitives[2 * slot + 1], vec4(0.0))
+                 : Primitive(primitives[3 * slot], primitives[3 * slot + 1], primitives[3 * slot + 2]);
+}
+
 // Distance along the ray to a primitive, from either side; MISS where there is none in [t_min, t_max].
-float intersect(uint slot, vec3 origin, vec3 direction, float t_min, float t_max) {
+float intersect(Primitive primitive, vec3 origin, vec3 direction, float t_min, float t_max) {
     float t;
     if (DISCS) {
-        vec4 disc = primitives[2 * slot];
-        vec3 normal = primitives[2 * slot + 1].xyz;
+        vec4 disc = primitive.a;
+        vec3 normal = primitive.b.xyz;
         float slope = dot(normal, direction);
         vec3 to_centre = disc.xyz - origin;
         t = dot(normal, to_centre) / slope;
@@ -14,7 +26,7 @@ float intersect(uint slot, vec3 origin, vec3 direction, float t_min, float t_max
         if (slope == 0.0 || !(dot(off, off) <= disc.w * disc.w)) return MISS;
     } else {
         vec2 at;
-        t = intersect_triangle(slot, origin, direction, at);
+        t = intersect_triangle(Triangle(primitive.a.xyz, primitive.b.xyz, primitive.c.xyz), origin, direction, at);
     }
     return t >= t_min && t <= t_max ? t : MISS;
 }
@@ -28,20 +40,18 @@ float trace_slot(vec3 origin, vec3 direction, float t_min, float t_max, bool any
     uint size = 0, child = 0;
     float best = MISS;
     while (true) {
-        // Down to the next leaf: neighbouring rays then do the same thing.
-        while ((child & LEAF) == 0) {
-            uvec2 entered = children_entered(nodes[child], origin, inverse, t_min, t_max);
-            if (entered.y != NO_CHILD) stack[size++] = entered.y;
-            child = entered.x;
-            if (child == NO_CHILD && size > 0) child = stack[--size];
-        }
+        DESCEND(child, stack, size, origin, inverse, t_min, t_max, !any_hit)
         if (child == NO_CHILD) break;
         uint first = child & ((1u << COUNT_SHIFT) - 1u), count = (child ^ LEAF) >> COUNT_SHIFT;
-        for (uint k = 0; k < count; ++k) {
-            float t = intersect(first + k, origin, direction, t_min, t_max);
-            if (t < MISS) {
-                best = t;
-                t_max = t;
+        // All of a leaf together, also past its end: one after another, each would wait for memory.
+        float t[LEAF_SIZE];
+        for (uint k = 0; k < LEAF_SIZE; ++k) {
+            t[k] = intersect(primitive_at(first + min(k, max(count, 1) - 1)), origin, direction, t_min, t_max);
+        }
+        for (uint k = 0; k < LEAF_SIZE; ++k) {
+            if (k < count && t[k] < MISS && t[k] <= t_max) {
+                best = t[k];
+                t_max = t[k];
                 slot = first + k;
                 if (any_hit) return best;
             }

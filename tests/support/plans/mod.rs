@@ -57,9 +57,13 @@ pub fn room(context: &Arc<Context>) -> Scene {
     scene(context, &samples::room(), &Region { shape, up: DVec3::Z, floor: None, clearance: 0.15 })
 }
 
-/// A planner over a scene, with no cameras kept.
-pub fn planner(context: &Arc<Context>, scene: &Scene, config: Config) -> Planner {
+/// A run over a scene, with no cameras kept.
+pub fn preparation(context: &Context, scene: &Scene, config: Config) -> Preparation {
     let geometry = &scene.device.geometry;
-    let preparation = Preparation::new(context, geometry, &scene.proxy, &intrinsics(), &[], config);
-    Planner::new(context, &scene.device, preparation.expect("a good configuration")).expect("room for it")
+    Preparation::new(context, geometry, &scene.proxy, &intrinsics(), &[], config).expect("a good configuration")
+}
+
+/// The planner of such a run.
+pub fn planner(context: &Arc<Context>, scene: &Scene, config: Config) -> Planner {
+    Planner::new(context, &scene.device, preparation(context, scene, config)).expect("room for it")
 }
