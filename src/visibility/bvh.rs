@@ -367,13 +367,7 @@ mod tests {
 
     /// Boxes of the primitives below a child, checked on the way; every primitive is counted. Returns how many entries of the stack the
     /// child takes.
-    fn check(
-        bvh: &Bvh,
-        exact: &[(DVec3, DVec3)],
-        child: u32,
-        (lo, hi): (DVec3, DVec3),
-        seen: &mut [u32],
-    ) -> u32 {
+    fn check(bvh: &Bvh, exact: &[(DVec3, DVec3)], child: u32, (lo, hi): (DVec3, DVec3), seen: &mut [u32]) -> u32 {
         if child & LEAF == 0 {
             let node = bvh.nodes[child as usize];
             let boxes = [0, 1, 2, 3].map(|i| {

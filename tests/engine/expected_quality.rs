@@ -6,11 +6,11 @@ use crate::support::plans::{Scene, context, intrinsics, object, planner, prepara
 use camsplat::plan::config::{Config, Gate, Objective, Preset};
 use camsplat::plan::dense::Batch;
 use camsplat::plan::job::{self, Tools};
+use camsplat::plan::planner::Planner;
 use camsplat::plan::reference::Reference;
 use camsplat::plan::start::tangents;
 use camsplat::plan::starts;
 use camsplat::plan::target::{RegionChoice, Target};
-use camsplat::plan::planner::Planner;
 use camsplat::plan::viewed::{TOGETHER, viewed};
 use camsplat::quality::expected::{Judge, LOOKS, expect};
 use camsplat::quality::law::Law;

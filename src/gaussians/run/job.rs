@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use sysinfo::System;
+
 use super::evaluate::Pair;
 use super::record::{Evaluation, TrainRecord};
 use crate::gaussians::config::Config;
@@ -97,10 +99,16 @@ impl Run {
         memory::first_room(self.request.config.max_splats)
     }
 
-    /// Checks the footprint against the device.
+    /// Bytes of the device's own memory that photos may take: half of what the run itself leaves of it.
+    pub(super) fn photos_on_device(&self) -> Result<u64> {
+        let announced = self.footprint.total() - self.footprint.bytes_of("photos")?;
+        Ok(self.context.memory_available().saturating_sub(announced) / 2)
+    }
+
+    /// Checks the footprint against the device, and photos against device and host.
     ///
     /// # Errors
-    /// Where it does not fit.
+    /// Where they do not fit.
     pub fn check(&self) -> Result<()> {
         let without_photos = self.footprint.buffers.iter().filter(|buffer| buffer.0 != "photos").copied().collect();
         let footprint = Footprint { buffers: without_photos, several: &SEVERAL };
@@ -108,6 +116,57 @@ impl Run {
             &self.context,
             "the training",
             |_| "train with fewer splats (`max_splats`) or smaller photos (`shrink`)",
-        )
+        )?;
+        let Split { train, test, .. } = &self.request.split;
+        let [train, test] = [&train.photos, test].map(|photos| pictures::picture_bytes(photos, self.request.shrink));
+        // The memory of a CPU device is that of the host.
+        let on_device = if self.context.physical().kind == "CPU" { 0 } else { self.photos_on_device()? };
+        check_host(train.saturating_sub(on_device) + test, host_memory(), self.request.shrink)
+    }
+}
+
+/// Bytes of the host's memory that can still be taken, by this process's limits too; none where the system does not say.
+fn host_memory() -> Option<u64> {
+    let mut system = System::new();
+    system.refresh_memory();
+    // Of what is taken below the limit, cached files give way.
+    let limit = system.cgroup_limits().map_or(u64::MAX, |limits| limits.total_memory.saturating_sub(limits.rss));
+    Some(system.available_memory().min(limit)).filter(|bytes| *bytes > 0)
+}
+
+/// Refuses photos that would take `wanted` bytes of the host's memory where fewer are available.
+fn check_host(wanted: u64, available: Option<u64>, shrink: u32) -> Result<()> {
+    let Some(available) = available.filter(|available| wanted > *available) else {
+        return Ok(());
+    };
+    // Pixels are as many as the square of the divisor says.
+    let enough = ((wanted as f64 / available as f64).sqrt() * f64::from(shrink.max(1))).ceil();
+    Err(Error::request(format!(
+        "photos: those that the device has no room for take {wanted} bytes of the host's memory, and {available} are \
+         available; train on fewer, or on smaller ones (`shrink` {enough})"
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 10,000 photos of 12 megapixels take 480 GB. If they were not refused, decoding them would end with the process killed, hours later.
+    #[test]
+    fn photos_that_the_host_cannot_hold_are_refused_with_what_would_do() {
+        let photos = |shrink: u64| 10_000 * 4 * (4000 / shrink) * (3000 / shrink);
+        let free = 64 << 30;
+        let refused = check_host(photos(1), Some(free), 1).unwrap_err().to_string();
+        assert!(refused.contains("480000000000") && refused.contains("`shrink` 3"), "{refused}");
+        assert!(check_host(photos(2), Some(free), 2).unwrap_err().to_string().contains("`shrink` 3"));
+        check_host(photos(3), Some(free), 3).expect("a third of the pixels along a side fits");
+        check_host(photos(1), None, 1).expect("nothing is known of the host");
+    }
+
+    /// A machine that says it has no memory, or all that there is, would refuse every run, or none.
+    #[test]
+    fn the_host_says_how_much_memory_it_has() {
+        let bytes = host_memory().expect("tests run on systems that say so");
+        assert!((1 << 20..1 << 50).contains(&bytes), "{bytes}");
     }
 }

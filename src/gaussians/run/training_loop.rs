@@ -399,10 +399,7 @@ impl Run {
     fn photos(&self, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<(PhotoStore, Tests)> {
         let Split { train, test, .. } = &self.request.split;
         let settings = pictures::Settings { shrink: self.request.shrink, ..pictures::Settings::default() };
-        // The run itself comes first; half of what it leaves is for photos.
-        let announced = self.footprint.total() - self.footprint.bytes_of("photos")?;
-        let most = self.context.memory_available().saturating_sub(announced) / 2;
-        let mut store = PhotoStore::new(&self.context, most);
+        let mut store = PhotoStore::new(&self.context, self.photos_on_device()?);
         let all = train.photos.len() + test.len();
         for picture in pictures::pictures(&train.photos, &settings)? {
             store.add(&picture?.pixels)?;
