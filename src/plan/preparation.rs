@@ -199,9 +199,9 @@ impl Preparation {
         self
     }
 
-    /// The same run with so many threads of a look, 1 or [`super::viewed::TOGETHER`], instead of what suits the device.
-    pub fn with_lanes(self, lanes: u32) -> Self {
-        Self { lanes, ..self }
+    /// The same run with several threads to a look, or one, instead of what suits the device.
+    pub fn with_shared_looks(self, shared: bool) -> Self {
+        Self { lanes: if shared { super::viewed::TOGETHER } else { 1 }, ..self }
     }
 
     /// Whether the binned pass was taken.

@@ -59,7 +59,7 @@ crate::stage!(
 );
 
 /// Threads of a look where they share its work.
-pub const TOGETHER: u32 = nearest_together::TOGETHER;
+pub(super) const TOGETHER: u32 = nearest_together::TOGETHER;
 
 /// Threads of a look: a GPU has more than there are looks, and rays that wait for memory are cast at the same time; on a CPU device those
 /// that are not needed are not cast.

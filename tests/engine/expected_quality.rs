@@ -11,7 +11,7 @@ use camsplat::plan::reference::Reference;
 use camsplat::plan::start::tangents;
 use camsplat::plan::starts;
 use camsplat::plan::target::{RegionChoice, Target};
-use camsplat::plan::viewed::{TOGETHER, viewed};
+use camsplat::plan::viewed::viewed;
 use camsplat::quality::expected::{Judge, LOOKS, expect};
 use camsplat::quality::law::Law;
 use camsplat::quality::look::Surroundings;
@@ -127,8 +127,8 @@ fn threads_that_share_a_look_find_what_a_single_one_finds() {
         // Fewer than one round takes, more than all rounds test, and counts that do not divide.
         for views in [2, 31, 100, 333] {
             let config = Config { iterations: 3, probes: 30, ..Config::new(*preset, views) };
-            let [alone, together] = [1, TOGETHER].map(|lanes| {
-                let preparation = preparation(&context, scene, config.clone()).with_lanes(lanes);
+            let [alone, together] = [false, true].map(|shared| {
+                let preparation = preparation(&context, scene, config.clone()).with_shared_looks(shared);
                 let planner = Planner::new(&context, &scene.device, preparation).expect("room for it");
                 let outcome = planner.run(None, |_| ControlFlow::Continue(())).expect("a run");
                 let losses: Vec<u32> = outcome.history.iter().map(|record| record.image.to_bits()).collect();

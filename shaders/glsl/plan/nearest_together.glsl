@@ -56,6 +56,8 @@ void list_together(Look look, uint lane, uint count, Near last) {
     }
 }
 
+// Fills `found` with the three nearest of `count` splats that nothing hides; returns how many there are. All threads of the workgroup
+// call it, with the same look.
 uint nearest_together(Look look, uint lane, uint count, out Near found[3]) {
     uint have = 0;
     for (uint k = 0; k < 3; ++k) found[k] = NOWHERE;

@@ -34,6 +34,15 @@ pub struct Tests {
     lpips: Option<Lpips>,
 }
 
+/// Of the photos to test with every so many, at most [`FEW`]: those that are kept decoded.
+pub(super) fn few(photos: &[Photo]) -> impl Iterator<Item = &Photo> {
+    photos.iter().step_by(step(photos.len()))
+}
+
+fn step(photos: usize) -> usize {
+    photos.div_ceil(FEW).max(1)
+}
+
 /// A test view as it is and as it should be, 8-bit sRGB.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pair {
@@ -60,7 +69,7 @@ impl Tests {
         background: [f32; 3],
         mut observe: impl FnMut(usize) -> ControlFlow<()>,
     ) -> Result<Self> {
-        let step = photos.len().div_ceil(FEW).max(1);
+        let step = step(photos.len());
         let (mut few, mut pixels) = (Vec::new(), crc32fast::Hasher::new());
         for (i, picture) in pictures::pictures(photos, &settings)?.enumerate() {
             let picture = picture?;

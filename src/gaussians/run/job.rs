@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use sysinfo::System;
 
-use super::evaluate::Pair;
+use super::evaluate::{Pair, few};
 use super::record::{Evaluation, TrainRecord};
 use crate::gaussians::config::Config;
 use crate::gaussians::data::pictures;
@@ -13,6 +13,7 @@ use crate::gaussians::data::split::Split;
 use crate::gaussians::render::frame::{Frame, View};
 use crate::gaussians::render::rasterizer::MAX_SIDE;
 use crate::gaussians::train::memory;
+use crate::photos::Photo;
 use crate::scene::gaussians::Gaussians;
 use crate::vulkan::Context;
 use crate::vulkan::footprint::Footprint;
@@ -118,7 +119,8 @@ impl Run {
             |_| "train with fewer splats (`max_splats`) or smaller photos (`shrink`)",
         )?;
         let Split { train, test, .. } = &self.request.split;
-        let [train, test] = [&train.photos, test].map(|photos| pictures::picture_bytes(photos, self.request.shrink));
+        let few: Vec<Photo> = few(test).cloned().collect();
+        let [train, test] = [&train.photos, &few].map(|photos| pictures::picture_bytes(photos, self.request.shrink));
         // The memory of a CPU device is that of the host.
         let on_device = if self.context.physical().kind == "CPU" { 0 } else { self.photos_on_device()? };
         check_host(train.saturating_sub(on_device) + test, host_memory(), self.request.shrink)
