@@ -28,6 +28,17 @@ pub(crate) fn on_a_share<T: Send>(parts: usize, work: impl FnOnce() -> Result<T>
     share.map_err(|e| Error::request(format!("the system gives no threads ({e})")))?.install(work)
 }
 
+/// Does `there` on other threads while `here` runs on this one, where there are others; this thread does both otherwise.
+pub(crate) fn beside<T: Send, H>(there: impl FnOnce() -> T + Send, here: impl FnOnce() -> H) -> (T, H) {
+    let mut made = None;
+    let here = rayon::in_place_scope(|scope| {
+        scope.spawn(|_| made = Some(there()));
+        here()
+    });
+    // The scope ends once all that was spawned in it has, and passes its panics on.
+    (made.expect("what was spawned has ended"), here)
+}
+
 /// What `work` makes of the index and each of the items, in their order.
 pub fn mapped<T: Sync, R: Send>(items: &[T], work: impl Fn(usize, &T) -> R + Sync) -> Vec<R> {
     items.par_iter().enumerate().map(|(index, item)| work(index, item)).collect()
@@ -60,6 +71,15 @@ pub(crate) fn with_scratch<T: Send, S>(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A worker's share can be a single thread: waiting for another one would then never end.
+    #[test]
+    fn work_beside_other_work_is_done_with_one_thread_too() {
+        for parts in [1, 1000] {
+            let both = on_a_share(parts, || Ok(beside(|| mapped(&[1, 2], |_, n| 2 * n), || "here"))).unwrap();
+            assert_eq!(both, (vec![2, 4], "here"));
+        }
+    }
 
     /// If this failed, concurrent workers would each take all threads.
     #[test]

@@ -1,7 +1,7 @@
 //! `camsplat evaluate`.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 
@@ -11,7 +11,7 @@ use super::session::{self, Ended, go_on};
 use super::viewers::ViewerOptions;
 use crate::evaluate::artifact::Event;
 use crate::evaluate::competitor::Competitor;
-use crate::evaluate::job;
+use crate::evaluate::job::{self, Outcome};
 use crate::evaluate::kind::Kind;
 use crate::evaluate::pool::Pool;
 use crate::evaluate::request::Request;
@@ -284,6 +284,53 @@ impl Arguments {
     }
 }
 
+/// The HTML page, which is made again as runs are completed, but takes no more than a small part of the time: with surfaces of many
+/// triangles it takes a second, and runs take ten.
+struct Page<'a> {
+    file: PathBuf,
+    request: &'a Request,
+    subjects: &'a [Subject],
+    /// What the page does not show yet.
+    pending: Option<Outcome>,
+    /// When it was made, and how long that took.
+    made: Option<(Instant, Duration)>,
+    result: Result<()>,
+}
+
+impl<'a> Page<'a> {
+    /// Of the time between two pages, they may take one part in so many.
+    const PART: u32 = 20;
+
+    fn new(folder: &Path, request: &'a Request, subjects: &'a [Subject]) -> Self {
+        Self { file: folder.join("report.html"), request, subjects, pending: None, made: None, result: Ok(()) }
+    }
+
+    /// Shows an outcome, now or later.
+    fn show(&mut self, outcome: &Outcome) {
+        self.pending = Some(outcome.clone());
+        if outcome.left == 0 || self.made.is_none_or(|(made, took)| made.elapsed() > Self::PART * took) {
+            self.make();
+        }
+    }
+
+    fn make(&mut self) {
+        let Some(outcome) = self.pending.take() else { return };
+        let start = Instant::now();
+        let html = report::evaluation::html(self.request, &outcome, self.subjects);
+        self.result = html.and_then(|html| write_files(&[(&self.file, html.as_bytes())]));
+        self.made = Some((Instant::now(), start.elapsed()));
+    }
+
+    /// Shows what is yet to be shown; the page's place, where there is one.
+    ///
+    /// # Errors
+    /// Where the page could not be made or written.
+    fn finish(mut self) -> Result<Option<PathBuf>> {
+        self.make();
+        self.result.map(|()| self.made.is_some().then_some(self.file))
+    }
+}
+
 /// Evaluates, writes and prints the tables.
 pub fn run(arguments: &Arguments) -> Result<Ended> {
     arguments.check_scenes()?;
@@ -313,8 +360,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     stop_on_interrupt()?;
     let start = Instant::now();
     let (mut made, mut kept) = (0, 0);
-    let page = arguments.out.join("report.html");
-    let mut written = None;
+    let mut page = Page::new(&arguments.out, &request, &subjects);
     // Devices are worked on by threads of their own, which are in this session too.
     let session = session::current();
     let mut observe = |event: job::Event<'_>| {
@@ -333,10 +379,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
                     listener.progress("evaluating", done as u64, all as u64);
                 }
             }
-            job::Event::Written(outcome) => {
-                let html = report::evaluation::html(&request, outcome, &subjects);
-                written = Some(html.and_then(|html| write_files(&[(&page, html.as_bytes())])));
-            }
+            job::Event::Written(outcome) => page.show(outcome),
         }
         go_on()
     };
@@ -345,18 +388,18 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         session.within(|| observe(event))
     });
     contexts.iter().for_each(|context| print_messages(context));
+    let written = page.finish();
     let outcome = match outcome {
         Err(Error::Interrupted) => {
             say!("{}", super::STOPPED);
-            if let Some(written) = written {
-                written?;
+            if let Some(page) = written? {
                 say!("written  {}, {}, of what is complete", arguments.out.join("table.md").display(), page.display());
             }
             return Ok(Ended::Stopped);
         }
         outcome => outcome?,
     };
-    written.unwrap_or(Ok(()))?;
+    let page = written?;
     say!("results  {made} made, {kept} reused, in {:.0} s", start.elapsed().as_secs_f64());
     if !shard.is_whole() {
         if outcome.entries.is_empty() {
@@ -366,13 +409,17 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         return Ok(Ended::Done);
     }
     say!("{}", table::markdown(&request, &outcome.rows, outcome.left).trim_end());
-    say!("written  {}, {}", arguments.out.join("table.md").display(), page.display());
+    if let Some(page) = page {
+        say!("written  {}, {}", arguments.out.join("table.md").display(), page.display());
+    }
     Ok(Ended::Done)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::methods::Method;
+    use crate::quality::viewers::Viewers;
 
     /// If this failed, a method that the help promises would be left out without a word.
     #[test]
@@ -382,5 +429,40 @@ mod tests {
                 name.parse::<Competitor>().unwrap().check(kind).unwrap();
             }
         }
+    }
+
+    /// With many triangles a page takes a second: one after every run made whole evaluations slower, and one less at the end would lack
+    /// the last runs.
+    #[test]
+    fn pages_take_a_small_part_of_the_time_and_the_last_one_shows_everything() {
+        let folder = tempfile::tempdir().unwrap();
+        let request = Request {
+            kind: Kind::Object,
+            methods: vec![Competitor::Method(Method::Ours)],
+            budgets: vec![4],
+            seeds: 3,
+            first_seed: 0,
+            settings: Settings::QUICK,
+            viewers: Viewers::Region,
+            situation: Situation::Free,
+            limits: Limits::default(),
+        };
+        let mut page = Page::new(folder.path(), &request, &[]);
+        let shows = |left: usize| {
+            let text = std::fs::read_to_string(folder.path().join("report.html")).unwrap_or_default();
+            text.contains(&format!("{left} runs to come"))
+        };
+        let outcome = |left| Outcome { kind: Kind::Object, entries: Vec::new(), rows: Vec::new(), left };
+        page.show(&outcome(3));
+        assert!(shows(3), "the first is made at once");
+        page.made = Some((Instant::now(), Duration::from_secs(3600)));
+        page.show(&outcome(2));
+        assert!(shows(3) && !shows(2), "it took an hour, and there is another now");
+        page.made = Some((Instant::now(), Duration::ZERO));
+        page.show(&outcome(2));
+        assert!(shows(2), "it took no time, and there is none now");
+        page.made = Some((Instant::now(), Duration::from_secs(3600)));
+        page.show(&outcome(1));
+        assert!(page.finish().unwrap().is_some() && shows(1), "what was stopped does not show its last run");
     }
 }

@@ -1,5 +1,6 @@
 //! Quality of the model's pictures on held-out test views.
 
+use std::borrow::Borrow;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -7,7 +8,7 @@ use super::record::{Quality, TestView};
 use crate::gaussians::data::pictures::{self, Picture, UNKNOWN};
 use crate::metrics::image::weights::Weights;
 use crate::metrics::image::{Lpips, Rgb8, SSIM_WINDOW, psnr, ssim};
-use crate::parallel::mapped;
+use crate::parallel::{beside, mapped};
 use crate::photos::Photo;
 use crate::vulkan::Context;
 use crate::{Error, Result};
@@ -17,9 +18,9 @@ pub type Camera<'c> = &'c mut dyn FnMut(usize) -> Result<Vec<[f32; 4]>>;
 
 /// Test views that are evaluated during training.
 const FEW: usize = 16;
-/// Pictures that are measured at once, and bytes of these as they are drawn, 16 a pixel.
+/// Pictures that are measured at once, and bytes of these as they are drawn, 16 a pixel. As many are drawn meanwhile.
 const AT_ONCE: usize = 16;
-const BYTES: u64 = 1 << 29;
+const BYTES: u64 = 1 << 28;
 
 /// Photos to test with. Few of them are kept decoded; all of them are decoded again in the end.
 pub struct Tests {
@@ -92,96 +93,113 @@ impl Tests {
         self.photos.is_empty()
     }
 
-    /// A test view as it is and as it should be, of what the model looks like there. What the photo does not show is black in
-    /// both.
-    fn pair(&self, rendered: &[[f32; 4]], picture: &Picture) -> Pair {
-        let Picture { width, height, pixels, .. } = picture;
-        let background = self.background.map(f64::from);
-        let byte = |value: f64| (255.0 * value.clamp(0.0, 1.0)).round() as u8;
-        let bytes = || Vec::with_capacity(3 * pixels.len());
-        let mut pair = Pair { width: *width, height: *height, rendered: bytes(), reference: bytes() };
-        for (stored, rendered) in pixels.iter().zip(rendered) {
-            let [r, g, b, a] = stored.to_le_bytes().map(|v| f64::from(v) / 255.0);
-            for (c, value) in [r, g, b].into_iter().enumerate() {
-                let known = *stored != UNKNOWN;
-                pair.rendered.push(if known { byte(rendered[c].into()) } else { 0 });
-                pair.reference.push(if known { byte(a * value + (1.0 - a) * background[c]) } else { 0 });
-            }
-        }
-        pair
-    }
-
-    /// Some of the test views, or all of them, with their metrics, in their order; `look` sees their pictures, some at a time.
-    /// LPIPS is measured of all, where the picture is large enough for it.
+    /// Some of the test views, or all of them, with their metrics, in their order. `keep` gets the place of each with its pictures, on
+    /// several threads and in any order; then `look` gets it with its metrics, in order. LPIPS is measured of all, where the picture is
+    /// large enough for it.
     ///
     /// # Errors
-    /// Where a photo cannot be decoded any more, or the device fails or has not enough memory.
+    /// Where a photo cannot be decoded any more, `keep` fails, or the device fails or has not enough memory.
     pub fn evaluate(
         &mut self,
         context: &Arc<Context>,
         camera: Camera,
         all: bool,
-        mut look: impl FnMut(&[(TestView, Pair)]) -> Result<()>,
+        keep: impl Fn(usize, &Pair) -> Result<()> + Sync,
+        look: impl FnMut(&TestView, Pair),
     ) -> Result<Vec<TestView>> {
         if all && self.lpips.is_none() && !self.is_empty() {
             self.lpips = Some(Lpips::new(context, &Weights::alex()?)?);
         }
-        let mut views = Vec::new();
-        if !all {
-            let few = std::mem::take(&mut self.few);
-            let measured = self.measure(camera, &few, &mut views, &mut look);
-            self.few = few;
-            return measured.map(|()| views);
-        }
-        let mut decoder = pictures::pictures(&self.photos, &self.settings)?;
-        loop {
-            let some = decoder.by_ref().take(AT_ONCE).collect::<Result<Vec<Picture>>>()?;
-            if some.is_empty() {
-                return Ok(views);
+        let mut lpips = self.lpips.take();
+        let measured = match all {
+            true => {
+                let pictures = pictures::pictures(&self.photos, &self.settings)?;
+                self.measure(camera, pictures, lpips.as_mut(), keep, look)
             }
-            self.measure(camera, &some, &mut views, &mut look)?;
-        }
+            false => self.measure(camera, self.few.iter().map(Ok), lpips.as_mut(), keep, look),
+        };
+        self.lpips = lpips;
+        measured
     }
 
-    /// Measures test views, as many at a time as fit in memory; LPIPS where its network is loaded.
-    fn measure(
-        &mut self,
+    /// Measures test views, as many at a time as fit in memory; LPIPS with a network. While the host compares and keeps what has been
+    /// drawn, the device draws the next and compares the last with the network.
+    fn measure<P: Borrow<Picture> + Send + Sync>(
+        &self,
         camera: Camera,
-        pictures: &[Picture],
-        views: &mut Vec<TestView>,
-        look: &mut impl FnMut(&[(TestView, Pair)]) -> Result<()>,
-    ) -> Result<()> {
-        let largest = pictures.iter().map(|picture| 16 * picture.pixels.len() as u64).max().unwrap_or(0);
-        let at_once = (BYTES / largest.max(1)).clamp(1, AT_ONCE as u64) as usize;
-        for some in pictures.chunks(at_once) {
-            let mut drawn = Vec::new();
-            for picture in some {
-                drawn.push((picture, camera(self.first + picture.index)?));
+        mut pictures: impl Iterator<Item = Result<P>>,
+        mut lpips: Option<&mut Lpips>,
+        keep: impl Fn(usize, &Pair) -> Result<()> + Sync,
+        mut look: impl FnMut(&TestView, Pair),
+    ) -> Result<Vec<TestView>> {
+        let largest = self
+            .photos
+            .iter()
+            .map(|photo| 4 * pictures::picture_bytes(std::slice::from_ref(photo), self.settings.shrink));
+        let at_once = (BYTES / largest.max().unwrap_or(0).max(1)).clamp(1, AT_ONCE as u64) as usize;
+        let mut draw = || -> Result<Vec<(P, Vec<[f32; 4]>)>> {
+            let some = pictures.by_ref().take(at_once);
+            some.map(|picture| picture.and_then(|p| camera(self.first + p.borrow().index).map(|drawn| (p, drawn))))
+                .collect()
+        };
+        let compare = |(picture, drawn): &(P, Vec<[f32; 4]>)| {
+            let index = picture.borrow().index;
+            let pair = pair(drawn, picture.borrow(), self.background);
+            keep(index, &pair)?;
+            compared(&pair).map(|quality| (TestView { name: self.photos[index].camera.name.clone(), quality }, pair))
+        };
+        let mut views = Vec::new();
+        let (mut drawn, mut last): (_, Vec<(TestView, Pair)>) = (draw()?, Vec::new());
+        while !(drawn.is_empty() && last.is_empty()) {
+            let (compared, next) = beside(
+                || mapped(&drawn, |_, drawn| compare(drawn)),
+                || {
+                    if let Some(network) = lpips.as_deref_mut() {
+                        for (TestView { quality, .. }, pair) in &mut last {
+                            quality.lpips = distance(network, pair)?;
+                        }
+                    }
+                    draw()
+                },
+            );
+            drawn = next?;
+            for (view, pair) in last {
+                look(&view, pair);
+                views.push(view);
             }
-            let measured = mapped(&drawn, |_, (picture, rendered)| {
-                let pair = self.pair(rendered, picture);
-                let quality = compared(&pair);
-                (pair, quality)
-            });
-            drop(drawn);
-            let mut seen = Vec::new();
-            for (picture, (pair, quality)) in some.iter().zip(measured) {
-                let mut quality = quality?;
-                if let Some(network) = &mut self.lpips
-                    && pair.width.min(pair.height) >= network.network().least()
-                {
-                    quality.lpips = match network.distance(&pair.of(&pair.rendered)?, &pair.of(&pair.reference)?) {
-                        // No reason to discard a model.
-                        Err(Error::OutOfMemory { .. }) => None,
-                        distance => Some(distance?),
-                    };
-                }
-                seen.push((TestView { name: self.photos[picture.index].camera.name.clone(), quality }, pair));
-            }
-            look(&seen)?;
-            views.extend(seen.into_iter().map(|(view, _)| view));
+            last = compared.into_iter().collect::<Result<_>>()?;
         }
-        Ok(())
+        Ok(views)
+    }
+}
+
+/// A test view as it is and as it should be, of what the model looks like there. What the photo does not show is black in both.
+fn pair(rendered: &[[f32; 4]], picture: &Picture, background: [f32; 3]) -> Pair {
+    let Picture { width, height, pixels, .. } = picture;
+    let background = background.map(f64::from);
+    let byte = |value: f64| (255.0 * value.clamp(0.0, 1.0)).round() as u8;
+    let bytes = || Vec::with_capacity(3 * pixels.len());
+    let mut pair = Pair { width: *width, height: *height, rendered: bytes(), reference: bytes() };
+    for (stored, rendered) in pixels.iter().zip(rendered) {
+        let [r, g, b, a] = stored.to_le_bytes().map(|v| f64::from(v) / 255.0);
+        for (c, value) in [r, g, b].into_iter().enumerate() {
+            let known = *stored != UNKNOWN;
+            pair.rendered.push(if known { byte(rendered[c].into()) } else { 0 });
+            pair.reference.push(if known { byte(a * value + (1.0 - a) * background[c]) } else { 0 });
+        }
+    }
+    pair
+}
+
+/// LPIPS of a pair; none where it is too small for the network, or the device has no room for it.
+fn distance(network: &mut Lpips, pair: &Pair) -> Result<Option<f64>> {
+    if pair.width.min(pair.height) < network.network().least() {
+        return Ok(None);
+    }
+    match network.distance(&pair.of(&pair.rendered)?, &pair.of(&pair.reference)?) {
+        // No reason to discard a model.
+        Err(Error::OutOfMemory { .. }) => Ok(None),
+        distance => distance.map(Some),
     }
 }
 

@@ -20,7 +20,6 @@ use crate::gaussians::render::wanted::Wanted;
 use crate::gaussians::train::loss::Record;
 use crate::gaussians::train::trainer::Trainer;
 use crate::io::folder::replace_file;
-use crate::parallel::try_each;
 use crate::photos::Photo;
 use crate::vulkan::profile::{Profile, Row};
 use crate::{Error, Result};
@@ -201,21 +200,17 @@ impl<'a> TrainingLoop<'a> {
             return Ok(());
         }
         let (folder, files) = (&self.run.request.folder, self.run.picture_names());
-        let mut names = files.iter();
         let mut worst: Vec<(f64, String, Pair)> = Vec::new();
-        let mut views = self.tests.evaluate(&self.run.context, camera, all, |seen| {
-            if all {
-                let pairs: Vec<_> = seen.iter().zip(names.by_ref()).collect();
-                try_each(&pairs, |((_, pair), name)| outputs::write_pair(folder, name, pair))?;
+        let keep = |view: usize, pair: &Pair| match all {
+            true => outputs::write_pair(folder, &files[view], pair),
+            false => Ok(()),
+        };
+        let mut views = self.tests.evaluate(&self.run.context, camera, all, keep, |view, pair| {
+            let place = worst.partition_point(|(psnr, ..)| psnr.total_cmp(&view.quality.psnr).is_le());
+            if place < WORST {
+                worst.insert(place, (view.quality.psnr, view.name.clone(), pair));
+                worst.truncate(WORST);
             }
-            for (view, pair) in seen {
-                let place = worst.partition_point(|(psnr, ..)| psnr.total_cmp(&view.quality.psnr).is_le());
-                if place < WORST {
-                    worst.insert(place, (view.quality.psnr, view.name.clone(), pair.clone()));
-                    worst.truncate(WORST);
-                }
-            }
-            Ok(())
         })?;
         if all {
             outputs::force_pairs(folder, &files)?;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::Rgb8;
 use super::convolve::{Convolve, Kernels};
 use super::lpips_distance::{DistancePush, LpipsDistanceStage};
+use super::lpips_planes::{LpipsPlanesStage, PlanesPush, values};
 use super::max_pool::{self, MaxPoolStage};
 use super::network::{Network, Pool, Size, Step, TAPS};
 use super::weights::Weights;
@@ -19,6 +20,8 @@ pub struct Lpips {
     context: Arc<Context>,
     network: Network,
     parts: Vec<Part>,
+    /// What the bytes of a picture mean.
+    values: Buffer,
     pipelines: Pipelines,
     room: Option<Room>,
 }
@@ -32,6 +35,7 @@ enum Part {
 }
 
 struct Pipelines {
+    planes: Pipeline,
     convolve: Convolve,
     max_pool: Pipeline,
     distance: Pipeline,
@@ -40,6 +44,8 @@ struct Pipelines {
 /// Buffers for pictures of one size.
 struct Room {
     sizes: Vec<Size>,
+    /// Bytes of each picture, on the host and on the device.
+    pictures: [[Buffer; 2]; 2],
     // Of each picture, what a step reads and what it writes, in turns.
     features: [[Buffer; 2]; 2],
     distances: Buffer,
@@ -64,7 +70,9 @@ impl Lpips {
             context: context.clone(),
             network: weights.network,
             parts: parts.collect::<Result<_>>()?,
+            values: Buffer::from_slice(context, "values", &values())?,
             pipelines: Pipelines {
+                planes: Pipeline::new::<LpipsPlanesStage>(context, &())?,
                 convolve: Convolve::new(context)?,
                 max_pool: Pipeline::new::<MaxPoolStage>(context, &())?,
                 distance: Pipeline::new::<LpipsDistanceStage>(context, &())?,
@@ -113,10 +121,15 @@ impl Lpips {
     }
 
     fn run(&self, room: &Room, pictures: [&Rgb8; 2]) -> Result<[f64; TAPS]> {
-        for (picture, features) in pictures.into_iter().zip(&room.features) {
-            features[0].upload(&planes(picture))?;
-        }
         let mut commands = Recorder::new(&self.context)?;
+        for (picture, ([host, device], features)) in pictures.iter().zip(room.pictures.iter().zip(&room.features)) {
+            host.write(picture.pixels())?;
+            commands.copy(host, device, device.size());
+            let bound = LpipsPlanesStage { picture: device, values: &self.values, planes: &features[0] };
+            let pixels = room.sizes[0].pixels();
+            let groups = pixels.div_ceil(LpipsPlanesStage::SHADER.local_size[0]);
+            commands.stage(&self.pipelines.planes, bound).push(&PlanesPush { pixels }).linear(groups);
+        }
         let (mut from, mut pixels) = (0, Vec::with_capacity(TAPS));
         for (part, sizes) in self.parts.iter().zip(room.sizes.windows(2)) {
             let sizes = [sizes[0], sizes[1]];
@@ -204,7 +217,10 @@ impl Room {
     fn new(context: &Arc<Context>, network: Network, size: Size) -> Result<Self> {
         let Needs { sizes, largest, pixels } = Needs::new(context, network, size)?;
         let features = |name| Buffer::device(context, name, largest);
+        let bytes = (size.values() as u64).next_multiple_of(4);
+        let picture = || Ok([Buffer::host(context, "picture", bytes)?, Buffer::device(context, "picture", bytes)?]);
         Ok(Self {
+            pictures: [picture()?, picture()?],
             features: [
                 [features("features a 0")?, features("features a 1")?],
                 [features("features b 0")?, features("features b 1")?],
@@ -226,26 +242,4 @@ fn compared_pixels(network: Network, sizes: &[Size]) -> u32 {
 /// Bytes of the buffers for layers of at most `largest` bytes.
 fn room_bytes(largest: u64, pixels: u32) -> u64 {
     4 * largest + 4 * u64::from(pixels) + Reduce::footprint(pixels)
-}
-
-/// Bytes of device memory that comparing pictures of a size takes, with the weights; nothing where they are too small.
-pub fn footprint(weights: &Weights, width: u32, height: u32) -> u64 {
-    let Some(sizes) = weights.network().sizes(width, height) else { return 0 };
-    let largest = 4 * sizes.iter().map(|size| size.values() as u64).max().unwrap_or(0);
-    let values: usize = weights.layers().iter().map(|layer| layer.weights.len() + layer.biases.len()).sum::<usize>()
-        + weights.linear().iter().map(Vec::len).sum::<usize>();
-    room_bytes(largest, compared_pixels(weights.network(), &sizes)) + 4 * values as u64
-}
-
-/// A picture as networks take it: plane by plane, with the mean and deviation that they were trained with taken out.
-pub fn planes(picture: &Rgb8) -> Vec<f32> {
-    // ImageNet's, of values in [0, 1]; LPIPS has them for values in [-1, 1] (`ScalingLayer` of its code).
-    const SHIFT: [f64; 3] = [-0.030, -0.088, -0.188];
-    const SCALE: [f64; 3] = [0.458, 0.448, 0.450];
-    let mut planes = Vec::with_capacity(picture.pixels().len());
-    for (c, (shift, scale)) in SHIFT.into_iter().zip(SCALE).enumerate() {
-        let scaled: [f32; 256] = std::array::from_fn(|v| ((2.0 * v as f64 / 255.0 - 1.0 - shift) / scale) as f32);
-        planes.extend(picture.pixels().as_chunks::<3>().0.iter().map(|pixel| scaled[usize::from(pixel[c])]));
-    }
-    planes
 }

@@ -6,6 +6,7 @@
 pub mod convolve;
 pub mod lpips;
 pub mod lpips_distance;
+pub mod lpips_planes;
 pub mod max_pool;
 pub mod network;
 mod ssim;
