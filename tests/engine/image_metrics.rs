@@ -8,7 +8,7 @@ use crate::support::images::Image;
 use crate::support::lpips_weights::{file, vgg};
 use camsplat::metrics::image::convolve::{Convolve, Kernels, Way, convolve};
 use camsplat::metrics::image::lpips_distance::{DistancePush, LpipsDistanceStage, lpips_distance};
-use camsplat::metrics::image::lpips_planes::planes;
+use camsplat::metrics::image::lpips_planes::{self, LpipsPlanesStage, PlanesPush, lpips_planes};
 use camsplat::metrics::image::max_pool::{self, MaxPoolStage, max_pool};
 use camsplat::metrics::image::network::{Convolution, Pool, Size, Step};
 use camsplat::metrics::image::weights::Layer;
@@ -156,6 +156,31 @@ fn max_pool_matches_its_twin() -> Result<()> {
     Ok(())
 }
 
+/// If this failed, networks would see other colours than they were trained with, or the last pixels of a picture whose bytes do not fill
+/// whole words would be those of another.
+#[test]
+fn lpips_planes_matches_its_twin() -> Result<()> {
+    let context = context()?;
+    let pipeline = Pipeline::new::<LpipsPlanesStage>(&context, &())?;
+    let values = Buffer::from_slice(&context, "values", lpips_planes::values().as_flattened())?;
+    for (width, height) in [(1, 1), (16, 16), (13, 5), (67, 3)] {
+        let bytes: Vec<u8> = random(9, 3 * width * height).into_iter().map(|word| (word >> 24) as u8).collect();
+        let picture = Rgb8::new(width as u32, height as u32, &bytes)?;
+        let mut words = bytes.clone();
+        words.resize(bytes.len().next_multiple_of(4), 0);
+        let words = Buffer::from_slice(&context, "picture", &words)?;
+        let output = Buffer::device(&context, "output", 4 * bytes.len() as u64)?;
+        let push = PlanesPush { pixels: (width * height) as u32 };
+        let mut commands = Recorder::new(&context)?;
+        let bound = LpipsPlanesStage { picture: &words, values: &values, planes: &output };
+        commands.stage(&pipeline, bound).push(&push).linear(push.pixels.div_ceil(64));
+        commands.submit_and_wait()?;
+        assert_eq!(output.download::<f32>(bytes.len())?, lpips_planes(&picture), "{width} x {height}");
+    }
+    silent(&context);
+    Ok(())
+}
+
 /// If this failed, features would be weighed wrongly, or a pixel without any be NaN.
 #[test]
 fn lpips_distance_matches_its_twin() -> Result<()> {
@@ -194,7 +219,7 @@ fn by_twins(weights: &Weights, a: &Rgb8, b: &Rgb8) -> Vec<f64> {
     let steps = weights.network().steps();
     let sizes = weights.network().sizes(a.width(), a.height()).unwrap();
     let (mut layers, mut linear) = (weights.layers().iter(), weights.linear().iter());
-    let mut features = [planes(a), planes(b)];
+    let mut features = [lpips_planes(a), lpips_planes(b)];
     let mut distances = Vec::new();
     for (step, sizes) in steps.iter().zip(sizes.windows(2)) {
         match step {

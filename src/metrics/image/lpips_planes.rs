@@ -4,7 +4,7 @@ use super::Rgb8;
 
 crate::gpu_struct! {
     /// Push constants of [`LpipsPlanesStage`].
-    pub(crate) struct PlanesPush {
+    pub struct PlanesPush {
         /// Pixels.
         pub pixels: u32,
     }
@@ -12,12 +12,12 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// A thread per pixel.
-    pub(crate) LpipsPlanesStage = lpips_planes(PlanesPush) { read picture, read values, write planes }
+    pub LpipsPlanesStage = lpips_planes(PlanesPush) { read picture, read values, write planes }
 );
 
 /// What each byte of each channel means, with the mean and deviation that networks were trained with taken out: ImageNet's, of values
 /// in [0, 1]; LPIPS has them for values in [-1, 1] (`ScalingLayer` of its code).
-pub(crate) fn values() -> [[f32; 256]; 3] {
+pub fn values() -> [[f32; 256]; 3] {
     const SHIFT: [f64; 3] = [-0.030, -0.088, -0.188];
     const SCALE: [f64; 3] = [0.458, 0.448, 0.450];
     std::array::from_fn(|c| {
@@ -26,7 +26,7 @@ pub(crate) fn values() -> [[f32; 256]; 3] {
 }
 
 /// The twin of `lpips_planes`: the planes of red, green and blue, one after another, each row by row.
-pub fn planes(picture: &Rgb8) -> Vec<f32> {
+pub fn lpips_planes(picture: &Rgb8) -> Vec<f32> {
     let of = |(c, values): (usize, [f32; 256])| {
         let pixels = picture.pixels().as_chunks::<3>().0.iter();
         pixels.map(move |pixel| values[usize::from(pixel[c])]).collect::<Vec<f32>>()
