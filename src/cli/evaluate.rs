@@ -284,8 +284,8 @@ impl Arguments {
     }
 }
 
-/// The HTML page, which is made again as runs are completed, but takes no more than a small part of the time: with surfaces of many
-/// triangles it takes a second, and runs take ten.
+/// The HTML page, which is made again as runs are completed, but takes no more than a small part of the time: it takes up to half a second
+/// for each scene of many triangles, and a run of one of them takes ten.
 struct Page<'a> {
     file: PathBuf,
     request: &'a Request,
@@ -431,8 +431,8 @@ mod tests {
         }
     }
 
-    /// With many triangles a page takes a second: one after every run made whole evaluations slower, and one less at the end would lack
-    /// the last runs.
+    /// A page of many scenes takes seconds: one after every run would make whole evaluations slower, and without one at the end the last
+    /// runs would be missing.
     #[test]
     fn pages_take_a_small_part_of_the_time_and_the_last_one_shows_everything() {
         let folder = tempfile::tempdir().unwrap();
