@@ -417,9 +417,15 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser;
+
     use super::*;
-    use crate::methods::Method;
-    use crate::quality::viewers::Viewers;
+
+    #[derive(Parser)]
+    struct Given {
+        #[command(flatten)]
+        arguments: Arguments,
+    }
 
     /// If this failed, a method that the help promises would be left out without a word.
     #[test]
@@ -436,17 +442,7 @@ mod tests {
     #[test]
     fn pages_take_a_small_part_of_the_time_and_the_last_one_shows_everything() {
         let folder = tempfile::tempdir().unwrap();
-        let request = Request {
-            kind: Kind::Object,
-            methods: vec![Competitor::Method(Method::Ours)],
-            budgets: vec![4],
-            seeds: 3,
-            first_seed: 0,
-            settings: Settings::QUICK,
-            viewers: Viewers::Region,
-            situation: Situation::Free,
-            limits: Limits::default(),
-        };
+        let request = Given::parse_from(["evaluate", "object.glb", "--out", "o"]).arguments.request().unwrap();
         let mut page = Page::new(folder.path(), &request, &[]);
         let shows = |left: usize| {
             let text = std::fs::read_to_string(folder.path().join("report.html")).unwrap_or_default();

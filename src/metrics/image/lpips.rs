@@ -204,7 +204,7 @@ impl Needs {
             return refuse("the largest layer", largest, limit);
         }
         let pixels = compared_pixels(network, &sizes);
-        let all = room_bytes(largest, pixels);
+        let all = 2 * picture_bytes(size) + room_bytes(largest, pixels);
         let free = context.memory_available();
         if all > free {
             return refuse("what is kept of both", all, free);
@@ -217,7 +217,7 @@ impl Room {
     fn new(context: &Arc<Context>, network: Network, size: Size) -> Result<Self> {
         let Needs { sizes, largest, pixels } = Needs::new(context, network, size)?;
         let features = |name| Buffer::device(context, name, largest);
-        let bytes = (size.values() as u64).next_multiple_of(4);
+        let bytes = picture_bytes(size);
         let picture = || Ok([Buffer::host(context, "picture", bytes)?, Buffer::device(context, "picture", bytes)?]);
         Ok(Self {
             pictures: [picture()?, picture()?],
@@ -237,6 +237,11 @@ impl Room {
 fn compared_pixels(network: Network, sizes: &[Size]) -> u32 {
     let compared = network.steps().iter().zip(sizes).filter(|(step, _)| **step == Step::Tap);
     compared.map(|(_, size)| size.pixels()).max().unwrap_or(0)
+}
+
+/// Bytes of a picture, a byte for each value, in whole words.
+fn picture_bytes(size: Size) -> u64 {
+    (size.values() as u64).next_multiple_of(4)
 }
 
 /// Bytes of the buffers for layers of at most `largest` bytes.
