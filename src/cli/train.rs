@@ -53,9 +53,13 @@ pub struct Arguments {
     /// photos have masks or alpha, else black]
     #[arg(long, value_enum)]
     background: Option<Background>,
-    /// Mip-Splatting's filter: splats smaller than a pixel fade instead of growing; render with --antialiased as well
+    /// Mip-Splatting's 2D filter: splats smaller than a pixel fade instead of growing; render with --antialiased as well
     #[arg(long)]
     antialiased: bool,
+    /// Penalise opacity and size more, above all at first: fewer floaters where a capture has no points and its photos
+    /// show surroundings; costs others detail (mcmc only)
+    #[arg(long)]
+    suppress_floaters: bool,
     /// Sum gradients by atomic additions in any order: faster, but no two runs are the same
     #[arg(long)]
     fast: bool,
@@ -219,6 +223,7 @@ fn configuration(arguments: &Arguments, points: bool) -> Config {
     Config {
         degree: arguments.degree,
         antialiased: arguments.antialiased,
+        suppress_floaters: arguments.suppress_floaters,
         fast: arguments.fast,
         seed: arguments.seed,
         init_opacity: arguments.init_opacity.unwrap_or(config.init_opacity),
@@ -327,7 +332,12 @@ impl Watch {
 fn start(record: &TrainRecord) -> String {
     let (splats, points) = (record.splats, record.photos.points);
     match (record.iterations, points) {
-        (0, 0) => format!("start    {splats} splats at random: the capture has no points"),
+        (0, 0) => {
+            let Config { suppress_floaters, strategy, background, .. } = record.config;
+            let helps = !suppress_floaters && strategy == Strategy::Mcmc && background == Background::Black;
+            let hint = if helps { "; against floaters: --suppress-floaters" } else { "" };
+            format!("start    {splats} splats at random: the capture has no points{hint}")
+        }
         (0, _) if (splats as usize) < points => {
             format!("start    {splats} of the capture's {points} points (--max-splats)")
         }

@@ -64,6 +64,9 @@ pub struct Config {
     pub background: Background,
     /// Opacities reduced by what the low-pass widens.
     pub antialiased: bool,
+    /// Opacities and sizes held down by more than usual, above all at first (MCMC).
+    #[serde(default)]
+    pub suppress_floaters: bool,
     /// Gradients summed by atomic additions of floats: no two runs are the same.
     pub fast: bool,
     /// Seed of every random draw.
@@ -94,6 +97,10 @@ const SETTLED: f64 = 0.05;
 const SCHEDULE: f64 = 30_000.0;
 /// Factor of the population at each refinement of the papers' schedule, until the budget is spent.
 const GROWTH: f64 = 1.05;
+/// Weight of the mean opacity and of the mean standard deviation in the loss (MCMC).
+const REGULARISATION: f64 = 0.01;
+/// Times as much at the start of a run that suppresses floaters.
+const SUPPRESSION: f64 = 32.0;
 /// Relocations in an epoch (a pass over all photos), at most: a copy starts without moments, and until photos show it the
 /// regularisers of opacity and size fade it. Relocated too often, live Gaussians fade sooner than photos can strengthen them
 /// (docs/reference/training.md).
@@ -133,6 +140,7 @@ impl Config {
             degree: MAX_DEGREE,
             background: Background::Black,
             antialiased: false,
+            suppress_floaters: false,
             fast: false,
             seed: 0,
             init_opacity,
@@ -166,6 +174,12 @@ impl Config {
         }
         if !(self.init_scale > 0.0 && self.init_scale <= 100.0) {
             return refuse(format!("`init_scale` is {}; give a number between 0 and 100", self.init_scale));
+        }
+        if self.suppress_floaters && self.strategy == Strategy::Adc {
+            return refuse(
+                "`suppress_floaters` raises penalties that only the strategy mcmc has; use that, or leave it out"
+                    .into(),
+            );
         }
         Ok(())
     }
@@ -227,6 +241,14 @@ impl Schedule {
     pub fn settling(&self, iteration: u32) -> f64 {
         let falls = f64::from(iteration.saturating_sub(self.settle_from));
         SETTLED.powf(falls / f64::from((self.iterations - self.settle_from).max(1)))
+    }
+
+    /// Weight of the mean opacity and of the mean standard deviation in the loss of an iteration (MCMC): that of the paper or, where
+    /// floaters are suppressed, falling to that geometrically from 32 times as much. What is held down while the photos are not yet
+    /// explained otherwise does not become a floater.
+    pub fn regularisation(&self, iteration: u32, suppress_floaters: bool) -> f64 {
+        let left = 1.0 - f64::from(iteration) / f64::from(self.iterations);
+        if suppress_floaters { REGULARISATION * SUPPRESSION.powf(left) } else { REGULARISATION }
     }
 
     /// Whether a refinement follows the iteration.
@@ -291,6 +313,21 @@ mod tests {
         for stays in [schedule(1, 9), schedule(300, 9), schedule(3000, 9), schedule(18_400, 0)] {
             assert!((0..stays.iterations).all(|iteration| stays.settling(iteration) == 1.0), "{stays:?}");
         }
+    }
+
+    /// If this failed, floaters would not be held down while they form, or detail would be held down to the end.
+    #[test]
+    fn penalties_fall_from_many_times_those_of_the_paper() {
+        let schedule = schedule(1000, 9);
+        let weights: Vec<f64> = (0..=1000).map(|iteration| schedule.regularisation(iteration, true)).collect();
+        assert!(weights.windows(2).all(|pair| pair[0] > pair[1]));
+        for (iteration, weight) in [(0, 0.32), (600, 0.04), (1000, 0.01)] {
+            assert!((weights[iteration] - weight).abs() < 1e-12, "{iteration}: {}", weights[iteration]);
+        }
+        assert!((0..1000).all(|iteration| schedule.regularisation(iteration, false) == 0.01));
+        let classic = Config::new(1000, 9).with_strategy(Strategy::Adc, true);
+        let refused = Config { suppress_floaters: true, ..classic }.validate().unwrap_err().to_string();
+        assert!(refused.contains("suppress_floaters") && refused.contains("mcmc"), "{refused}");
     }
 
     /// If this failed, a short run on many photos would end with a fraction of its splats, or without a relocation.

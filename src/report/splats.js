@@ -26,8 +26,9 @@ void main() {
   float xx = dot(u, world * u), xy = dot(u, world * v), yy = dot(v, world * v);
   float plain = max(xx * yy - xy * xy, 0.0);
   // The low-pass filter of training, in square pixels.
-  xx += 0.3;
-  yy += 0.3;
+  float blur = mix(0.3, 0.1, antialiased);
+  xx += blur;
+  yy += blur;
   float opacity = a.w * mix(1.0, sqrt(plain / (xx * yy - xy * xy)), antialiased);
   if (opacity < 1.0 / 255.0) return;
   float middle = 0.5 * (xx + yy), apart = length(vec2(0.5 * (xx - yy), xy)), angle = 0.5 * atan(2.0 * xy, xx - yy);

@@ -434,6 +434,7 @@ fn summary(record: &TrainRecord) -> String {
         ("Harmonics", format!("degree {}", config.degree)),
         ("Background", background(config).into()),
         ("Anti-aliasing", if config.antialiased { "on" } else { "off" }.into()),
+        ("Suppression of floaters", if config.suppress_floaters { "on" } else { "off" }.into()),
         ("Seed", config.seed.to_string()),
         ("Device", record.device.clone()),
         ("Version", format!("camsplat {}", record.version)),

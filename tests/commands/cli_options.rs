@@ -136,7 +136,7 @@ fn every_option_of_train_is_accepted_and_counts() {
     let record: serde_json::Value = serde_json::from_str(&place.read("o/train.json")).unwrap();
     let expected = serde_json::json!({
         "iterations": 3, "max_splats": 100, "strategy": "adc", "degree": 1, "background": "random",
-        "antialiased": true, "fast": false, "seed": 3, "init_opacity": 0.2, "init_scale": 0.7,
+        "antialiased": true, "suppress_floaters": false, "fast": false, "seed": 3, "init_opacity": 0.2, "init_scale": 0.7,
     });
     assert_eq!(record["config"], expected);
     assert_eq!((&record["photos"]["largest"], &record["photos"]["test"]), (&serde_json::json!([16, 12]), &2.into()));
@@ -145,6 +145,8 @@ fn every_option_of_train_is_accepted_and_counts() {
     place.done(&format!("train capture --test-every 3 {given} --resume"));
     place.done("train capture --test more --iterations 2 --max-splats 100 --out o --force");
     place.done("train capture --out none --dry-run");
+    place.done("train capture --iterations 2 --max-splats 100 --out o --force --suppress-floaters");
+    assert!(place.read("o/train.json").contains("\"suppress_floaters\": true"));
     // Not on every device.
     let ran = place.run("train capture --iterations 2 --max-splats 100 --out o --force --fast");
     assert!(ran.code == Some(0) || ran.err.contains("--fast"), "{}", ran.err);
@@ -157,7 +159,10 @@ fn every_option_of_train_is_accepted_and_counts() {
         }
     }
     let untried: Vec<&String> = known.keys().filter(|name| !given.contains(&format!("--{name} "))).collect();
-    assert_eq!(untried, ["dry-run", "fast", "force", "help", "outside-paths", "resume", "test", "test-every"]);
+    assert_eq!(
+        untried,
+        ["dry-run", "fast", "force", "help", "outside-paths", "resume", "suppress-floaters", "test", "test-every"]
+    );
     assert!(known["strategy"].len() == 2 && known["background"].len() == 3, "the help was misread: {known:?}");
 }
 

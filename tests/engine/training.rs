@@ -82,6 +82,24 @@ fn a_small_scene_is_learnt() -> Result<()> {
     Ok(())
 }
 
+/// If this failed, `--suppress-floaters` would not reach the device: nothing would be held down.
+#[test]
+fn suppressing_floaters_holds_opacities_and_sizes_down() -> Result<()> {
+    let (context, folder) = (context()?, folder());
+    let means = |suppress_floaters: bool| -> Result<[f64; 2]> {
+        let config = Config { suppress_floaters, ..short(Strategy::Mcmc) };
+        let mut trainer = trainer(&context, folder.path(), &config, 1)?;
+        trainer.run(60, None, go_on)?;
+        let splats = twin::splats(&trainer.gaussians()?);
+        let mean = |of: &dyn Fn(&twin::Splat) -> f64| splats.iter().map(of).sum::<f64>() / splats.len() as f64;
+        Ok([mean(&|splat| 1.0 / (1.0 + (-splat.opacity).exp())), mean(&|splat| splat.log_scale.exp().element_sum())])
+    };
+    let (usual, held) = (means(false)?, means(true)?);
+    assert!(held[0] < 0.9 * usual[0] && held[1] < 0.9 * usual[1], "opacity and size {held:?}, usually {usual:?}");
+    silent(&context);
+    Ok(())
+}
+
 /// If this failed, a run that was stopped would end in another model than one that was not, without explanation.
 #[test]
 fn a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> Result<()> {

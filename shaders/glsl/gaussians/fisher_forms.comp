@@ -30,7 +30,7 @@ Form form_of(vec3 x, vec3 y, Spread spread, vec3 conic, float weight, vec2 mean,
     if (ANTIALIASED) {
         // Of the compensation, relative to it.
         float sharp = 2.0 * dot(cross(x, y), cross(by_x, y) + cross(x, by_y));
-        float determinant = sharp + LOW_PASS * (covariance.x + covariance.z);
+        float determinant = sharp + low_pass() * (covariance.x + covariance.z);
         constant = 0.5 * (sharp / spread.sharp - determinant / spread.determinant);
     }
     vec3 quadratic = -vec3(0.5 * by_conic[0][0], by_conic[0][1], 0.5 * by_conic[1][1]);

@@ -40,8 +40,14 @@ const uint HARMONICS = 11;
 const float MIN_ALPHA = 1.0 / 255.0;
 const float MAX_ALPHA = 0.99;
 const float MIN_TRANSMITTANCE = 1e-4;
-// Variance in pixels^2 that every projection is widened by.
+// Variance in pixels^2 that every projection is widened by: of 3DGS, and of Mip-Splatting (Yu et al. 2024), where opacities make up
+// for it.
 const float LOW_PASS = 0.3;
+const float MIP_LOW_PASS = 0.1;
+
+float low_pass() {
+    return ANTIALIASED ? MIP_LOW_PASS : LOW_PASS;
+}
 
 // Pixels of a tile along a side, and in all; instances between two checkpoints of the transmittance.
 const uint TILE = 16;
@@ -100,7 +106,8 @@ struct Spread {
 Spread spread_of(vec3 x, vec3 y) {
     vec3 across = cross(x, y), narrow = vec3(dot(x, x), dot(x, y), dot(y, y));
     float sharp = dot(across, across);
-    return Spread(narrow, sharp, sharp + LOW_PASS * (narrow.x + narrow.z) + LOW_PASS * LOW_PASS);
+    float blur = low_pass();
+    return Spread(narrow, sharp, sharp + blur * (narrow.x + narrow.z) + blur * blur);
 }
 
 // What the low-pass takes from the opacity: square root of the ratio of areas.

@@ -42,7 +42,7 @@ Projected project(View view, uint i) {
         opacity *= compensation(spread);
         if (!(opacity >= MIN_ALPHA)) return none;
     }
-    vec3 covariance = spread.narrow + vec3(LOW_PASS, 0.0, LOW_PASS);
+    vec3 covariance = spread.narrow + vec3(low_pass(), 0.0, low_pass());
     vec2 mean = view.focal * p.xy / p.z + view.principal;
     // The ellipse on which alpha falls to its least value, against the picture.
     vec2 half_extent = sqrt(2.0 * log(opacity / MIN_ALPHA) * covariance.xz);

@@ -153,7 +153,7 @@ Gradients through_projection(View camera, uint i, vec2 by_mean, vec3 by_conic, f
     float by_plain = by_opacity;
     if (ANTIALIASED) {
         Spread spread = spread_of(x, y);
-        vec3 narrow = spread.narrow, wide = narrow + vec3(LOW_PASS, 0.0, LOW_PASS);
+        vec3 narrow = spread.narrow, wide = narrow + vec3(low_pass(), 0.0, low_pass());
         float factor = compensation(spread);
         by_plain *= factor;
         if (factor > 0.0) {

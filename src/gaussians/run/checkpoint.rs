@@ -186,13 +186,14 @@ pub fn check(path: &Path, header: &Header, config: &Config, input: &Input) -> Re
 }
 
 /// Keys that users set; the others follow from these or from the capture.
-const SETTINGS: [&str; 11] = [
+const SETTINGS: [&str; 12] = [
     "iterations",
     "max_splats",
     "strategy",
     "degree",
     "background",
     "antialiased",
+    "suppress_floaters",
     "init_opacity",
     "init_scale",
     "fast",

@@ -15,7 +15,7 @@ use super::loss::{Ledger, Loss, Record, mailbox};
 use super::mcmc::{self, Mcmc};
 use super::memory;
 use super::update::{Moments, Trained, Update, UpdatePush};
-use crate::gaussians::config::{Background, Config, HARMONICS_EVERY, Schedule, Strategy};
+use crate::gaussians::config::{Background, Config, Schedule, Strategy};
 use crate::gaussians::data::store::PhotoStore;
 use crate::gaussians::render::frame::View;
 use crate::gaussians::render::layout::{self, PassPush};
@@ -373,7 +373,7 @@ impl Trainer {
             &push,
         );
         rasterizer.backward(commands, view_buffer, instances, &self.loss.by_pixel, &push);
-        let step = self.step(iteration, &push);
+        let step = UpdatePush::new(&self.config, &self.schedule, &push);
         self.update.record(commands, [view_buffer, &ledger.control], rasterizer, model, &self.moments, &step);
         if self.schedule.refines_after(iteration) {
             self.record_refinement(commands, iteration)?;
@@ -414,35 +414,6 @@ impl Trainer {
         let mut commands = Recorder::new(&self.context)?;
         self.record_refinement(&mut commands, self.done)?;
         commands.submit_and_wait()
-    }
-
-    /// Adam's step of an iteration.
-    fn step(&self, iteration: u32, push: &PassPush) -> UpdatePush {
-        let t = f64::from(iteration + 1);
-        let progress = f64::from(iteration) / f64::from(self.config.iterations);
-        // From 1.6e-4 of the extent to a hundredth of it.
-        let centre_rate = 1.6e-4 * 0.01f64.powf(progress);
-        let weight = if self.config.strategy == Strategy::Mcmc { 0.01 } else { 0.0 };
-        let noise = if self.config.strategy == Strategy::Mcmc { 5e5 * centre_rate } else { 0.0 };
-        let rate = |at_first: f64| (at_first * self.schedule.settling(iteration)) as f32;
-        UpdatePush {
-            stride: push.stride,
-            view: push.view,
-            degree: if iteration.is_multiple_of(HARMONICS_EVERY) { push.degree } else { 0 },
-            iteration,
-            seed: [self.config.seed as u32, (self.config.seed >> 32) as u32],
-            centre_rate: centre_rate as f32,
-            scale_rate: rate(5e-3),
-            rotation_rate: rate(1e-3),
-            opacity_rate: rate(5e-2),
-            colour_rate: rate(2.5e-3),
-            harmonics_rate: rate(1.25e-4 * f64::from(HARMONICS_EVERY)),
-            first_correction: (1.0 / (1.0 - 0.9f64.powf(t))) as f32,
-            second_correction: (1.0 / (1.0 - 0.999f64.powf(t))) as f32,
-            opacity_weight: weight,
-            scale_weight: weight,
-            noise: noise as f32,
-        }
     }
 
     /// What the model looks like from a view, over the background that tests are shown over.

@@ -4,8 +4,9 @@
 use std::sync::Arc;
 
 use crate::Result;
+use crate::gaussians::config::{Config, HARMONICS_EVERY, Schedule, Strategy};
 use crate::gaussians::render::frame::View;
-use crate::gaussians::render::layout::Projected;
+use crate::gaussians::render::layout::{PassPush, Projected};
 use crate::gaussians::render::rasterizer::{Model, Rasterizer};
 use crate::gaussians::render::wanted::Wanted;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
@@ -45,6 +46,40 @@ crate::gpu_struct! {
         pub scale_weight: f32,
         /// Factor of the exploration noise; none where zero.
         pub noise: f32,
+    }
+}
+
+impl UpdatePush {
+    /// Adam's step in the iteration of `pass`.
+    pub fn new(config: &Config, schedule: &Schedule, pass: &PassPush) -> Self {
+        let iteration = pass.iteration;
+        let t = f64::from(iteration + 1);
+        let progress = f64::from(iteration) / f64::from(config.iterations);
+        // From 1.6e-4 of the extent to a hundredth of it.
+        let centre_rate = 1.6e-4 * 0.01f64.powf(progress);
+        let (weight, noise) = match config.strategy {
+            Strategy::Mcmc => (schedule.regularisation(iteration, config.suppress_floaters), 5e5 * centre_rate),
+            Strategy::Adc => (0.0, 0.0),
+        };
+        let rate = |at_first: f64| (at_first * schedule.settling(iteration)) as f32;
+        Self {
+            stride: pass.stride,
+            view: pass.view,
+            degree: if iteration.is_multiple_of(HARMONICS_EVERY) { pass.degree } else { 0 },
+            iteration,
+            seed: [config.seed as u32, (config.seed >> 32) as u32],
+            centre_rate: centre_rate as f32,
+            scale_rate: rate(5e-3),
+            rotation_rate: rate(1e-3),
+            opacity_rate: rate(5e-2),
+            colour_rate: rate(2.5e-3),
+            harmonics_rate: rate(1.25e-4 * f64::from(HARMONICS_EVERY)),
+            first_correction: (1.0 / (1.0 - 0.9f64.powf(t))) as f32,
+            second_correction: (1.0 / (1.0 - 0.999f64.powf(t))) as f32,
+            opacity_weight: weight as f32,
+            scale_weight: weight as f32,
+            noise: noise as f32,
+        }
     }
 }
 

@@ -14,6 +14,7 @@ mod tests;
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::scene::gaussians::Gaussians;
+use crate::vulkan::shaders::glsl::gaussians::gaussian;
 
 pub use self::loss::loss;
 pub use self::project::Projected;
@@ -97,6 +98,11 @@ impl Default for Rules {
 }
 
 impl Rules {
+    /// Variance in square pixels that the low-pass filter adds.
+    pub(crate) fn low_pass(&self) -> f64 {
+        if self.antialiased { gaussian::MIP_LOW_PASS } else { gaussian::LOW_PASS }
+    }
+
     /// No hard decision by alpha: pictures are smooth in all parameters while the order of depths stays, so that differences give
     /// their gradients.
     pub fn smooth() -> Self {

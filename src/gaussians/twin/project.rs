@@ -5,10 +5,7 @@ use glam::{DMat2, DMat3, DVec2, DVec3};
 
 use super::{Rules, Splat, View};
 use crate::scene::harmonics;
-use crate::vulkan::shaders::glsl::gaussians::gaussian;
 
-/// Variance in square pixels that the low-pass filter adds.
-const BLUR: f64 = gaussian::LOW_PASS;
 /// Part of the picture's size beyond its edges where the Jacobian still follows the ray.
 const MARGIN: f64 = 0.15;
 
@@ -48,7 +45,7 @@ pub fn project(splat: &Splat, view: &View, rules: &Rules) -> Option<Projected> {
     if p.z < view.near {
         return None;
     }
-    let shape = Shape::new(splat, view, p);
+    let shape = Shape::new(splat, view, p, rules.low_pass());
     let opacity = logistic(splat.opacity) * if rules.antialiased { shape.compensation() } else { 1.0 };
     if shape.determinant <= 0.0 || !shape.determinant.is_finite() || opacity < rules.least_alpha {
         return None;
@@ -70,7 +67,7 @@ pub fn backward(splat: &Splat, view: &View, rules: &Rules, by: &Gradient) -> Spl
         return to;
     }
     let p = view.rotation * splat.centre + view.translation;
-    let shape = Shape::new(splat, view, p);
+    let shape = Shape::new(splat, view, p, rules.low_pass());
 
     // 1 - o has no digits left where o is all but 1.
     let (opacity, clear) = (logistic(splat.opacity), logistic(-splat.opacity));
@@ -99,7 +96,7 @@ pub fn backward(splat: &Splat, view: &View, rules: &Rules, by: &Gradient) -> Spl
 
 /// The covariance in the picture and what it is made of.
 ///
-/// It is `N N^T + 0.3 I` with the 2 x 3 factor N = J R Q diag(s). Determinants come from the minors of N (Cauchy and Binet),
+/// It is `N N^T + b I` with the filter's variance b and the 2 x 3 factor N = J R Q diag(s). Determinants come from the minors of N (Cauchy and Binet),
 /// which are squares: differences of products would lose all digits for long, thin splats.
 struct Shape {
     rotation: DMat3,
@@ -119,7 +116,7 @@ struct Shape {
 }
 
 impl Shape {
-    fn new(splat: &Splat, view: &View, p: DVec3) -> Self {
+    fn new(splat: &Splat, view: &View, p: DVec3, blur: f64) -> Self {
         let rotation = matrix(unit(splat.rotation));
         let scale = splat.log_scale.exp();
         let spread = view.rotation * rotation * DMat3::from_diagonal(scale);
@@ -137,8 +134,8 @@ impl Shape {
             ray,
             factor,
             minors,
-            covariance: [plain[0] + BLUR, plain[1], plain[2] + BLUR],
-            determinant: minors.length_squared() + BLUR * (plain[0] + plain[2]) + BLUR * BLUR,
+            covariance: [plain[0] + blur, plain[1], plain[2] + blur],
+            determinant: minors.length_squared() + blur * (plain[0] + plain[2]) + blur * blur,
         }
     }
 

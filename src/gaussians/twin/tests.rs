@@ -261,9 +261,11 @@ fn one_splat_is_what_its_closed_form_says() {
     }
     // 0.6 exp(-sigma) at the corner is less than 1/255.
     assert_eq!((picture.colour[8 * 9], picture.transmittance[8 * 9]), (white, 1.0));
-    // Two axes of the filter take (xx - 0.3)/xx and (yy - 0.3)/yy.
+    // Mip-Splatting's filter is narrower, 0.1, and takes from the opacity what it adds to the area.
     let made_up = project::project(&splat, &view, &Rules { antialiased: true, ..Rules::default() }).unwrap();
-    let expected = 0.6 * ((xx - 0.3) / xx * (1.0 / yy)).sqrt();
+    let (xx, yy): (f64, f64) = (1.0 + 0.05 * 0.05, 1.0);
+    let expected = 0.6 * (xx / (xx + 0.1) * (yy / (yy + 0.1))).sqrt();
+    assert!((made_up.covariance[0] - xx - 0.1).abs() < 1e-12 && (made_up.covariance[2] - yy - 0.1).abs() < 1e-12);
     assert!((made_up.opacity - expected).abs() < 1e-12, "{} for {expected}", made_up.opacity);
 }
 
