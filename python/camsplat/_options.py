@@ -390,7 +390,10 @@ class TrainOptions(TypedDict, total=False):
     """Background, also trained where masks or alpha leave the photo out [default: white where photos have masks or alpha, else black]"""
 
     antialiased: bool
-    """Mip-Splatting's filter: splats smaller than a pixel fade instead of growing; render with --antialiased as well"""
+    """Mip-Splatting's 2D filter: splats smaller than a pixel fade instead of growing; render with --antialiased as well"""
+
+    suppress_floaters: bool
+    """Penalise opacity and size more, above all at first: fewer floaters where a capture has no points and its photos show surroundings; costs others detail (mcmc only)"""
 
     fast: bool
     """Sum gradients by atomic additions in any order: faster, but no two runs are the same"""

@@ -82,20 +82,20 @@ fn a_small_scene_is_learnt() -> Result<()> {
     Ok(())
 }
 
-/// If this failed, `--suppress-floaters` would not reach the device: nothing would be held down.
+/// If this failed, `--suppress-floaters` would not reach the device: nothing would be held down. Before the first refinement, while the
+/// splats are still the same; a tenth of what ten steps of Adam can move at most is required. (Sizes have a far smaller gradient.)
 #[test]
-fn suppressing_floaters_holds_opacities_and_sizes_down() -> Result<()> {
+fn suppressing_floaters_holds_opacities_down() -> Result<()> {
     let (context, folder) = (context()?, folder());
-    let means = |suppress_floaters: bool| -> Result<[f64; 2]> {
+    let mean_logit = |suppress_floaters: bool| -> Result<f64> {
         let config = Config { suppress_floaters, ..short(Strategy::Mcmc) };
         let mut trainer = trainer(&context, folder.path(), &config, 1)?;
-        trainer.run(60, None, go_on)?;
-        let splats = twin::splats(&trainer.gaussians()?);
-        let mean = |of: &dyn Fn(&twin::Splat) -> f64| splats.iter().map(of).sum::<f64>() / splats.len() as f64;
-        Ok([mean(&|splat| 1.0 / (1.0 + (-splat.opacity).exp())), mean(&|splat| splat.log_scale.exp().element_sum())])
+        trainer.run(10, None, go_on)?;
+        let opacities = trainer.gaussians()?.opacities;
+        Ok(opacities.iter().map(|logit| f64::from(*logit)).sum::<f64>() / opacities.len() as f64)
     };
-    let (usual, held) = (means(false)?, means(true)?);
-    assert!(held[0] < 0.9 * usual[0] && held[1] < 0.9 * usual[1], "opacity and size {held:?}, usually {usual:?}");
+    let (usual, held) = (mean_logit(false)?, mean_logit(true)?);
+    assert!(held < usual - 5e-2, "logits {held}, usually {usual}");
     silent(&context);
     Ok(())
 }
