@@ -393,7 +393,7 @@ class TrainOptions(TypedDict, total=False):
     """Mip-Splatting's 2D filter: splats smaller than a pixel fade instead of growing; render with --antialiased as well"""
 
     suppress_floaters: bool
-    """Penalise opacity and size more, above all at first: fewer floaters where a capture has no points and its photos show surroundings; costs others detail (mcmc only)"""
+    """Penalise opacity and size more, above all at first: fewer floaters where a capture has no points and its photos show surroundings; other captures lose detail (mcmc only)"""
 
     fast: bool
     """Sum gradients by atomic additions in any order: faster, but no two runs are the same"""

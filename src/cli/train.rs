@@ -57,7 +57,7 @@ pub struct Arguments {
     #[arg(long)]
     antialiased: bool,
     /// Penalise opacity and size more, above all at first: fewer floaters where a capture has no points and its photos
-    /// show surroundings; costs others detail (mcmc only)
+    /// show surroundings; other captures lose detail (mcmc only)
     #[arg(long)]
     suppress_floaters: bool,
     /// Sum gradients by atomic additions in any order: faster, but no two runs are the same

@@ -45,6 +45,7 @@ fn numbers_that_are_none() {
             ("--out o --init-opacity nan", &["--init-opacity is NaN", "between 0 and 1"]),
             ("--out o --init-scale 0", &["--init-scale is 0", "between 0 and 100"]),
             ("--out o --init-scale inf", &["--init-scale is inf", "between 0 and 100"]),
+            ("--out o --strategy adc --suppress-floaters", &["suppress", "mcmc"]),
             ("--out o --strategy best", &["'best' for '--strategy", "possible values"]),
             ("--out o --background red", &["'red' for '--background", "possible values"]),
             ("--out o --test-every 1", &["0 of 6 photos are left to train on", "--test-every"]),

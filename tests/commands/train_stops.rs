@@ -184,7 +184,7 @@ fn resuming_as_another_run_is_refused_and_changes_nothing() {
     place.done("train capture --out o --iterations 4 --max-splats 200 --test-every 0 --save-every 2");
     let before = contents(&place, "o");
     let usual = "--iterations 4 --max-splats 200";
-    let cases: [(&str, &str, &[&str]); 13] = [
+    let cases: [(&str, &str, &[&str]); 14] = [
         ("capture", "--iterations 8 --max-splats 200", &["--iterations 4, not 8"]),
         ("capture", "--iterations 4 --max-splats 300", &["--max-splats 200, not 300"]),
         ("capture", &format!("{usual} --sh 1"), &["--sh 3, not 1"]),
@@ -192,6 +192,7 @@ fn resuming_as_another_run_is_refused_and_changes_nothing() {
         ("capture", &format!("{usual} --strategy adc"), &["--strategy mcmc, not adc"]),
         ("capture", &format!("{usual} --background white"), &["--background black, not white"]),
         ("capture", &format!("{usual} --antialiased"), &["--antialiased false, not true"]),
+        ("capture", &format!("{usual} --suppress-floaters"), &["--suppress-floaters false, not true"]),
         ("capture", &format!("{usual} --init-scale 0.2"), &["--init-scale 1.0, not 0.2"]),
         ("capture", &format!("{usual} --shrink 2"), &["--shrink 1, not 2"]),
         ("fewer", usual, &["another capture", "photos: 9, not 8", "train anew (--force)"]),

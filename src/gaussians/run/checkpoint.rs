@@ -18,7 +18,7 @@ use crate::io::folder::replace_file;
 use crate::{Error, Result};
 
 /// First bytes of the file.
-const MAGIC: &[u8] = b"camsplat checkpoint 2\n";
+const MAGIC: &[u8] = b"camsplat checkpoint 3\n";
 /// Keys that are named before others where several differ.
 const FIRST: [&str; 4] = ["strategy", "shrink", "photos", "tests"];
 /// Most bytes of a header: it holds an entry per evaluation and nothing longer.

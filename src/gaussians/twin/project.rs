@@ -96,8 +96,8 @@ pub fn backward(splat: &Splat, view: &View, rules: &Rules, by: &Gradient) -> Spl
 
 /// The covariance in the picture and what it is made of.
 ///
-/// It is `N N^T + b I` with the filter's variance b and the 2 x 3 factor N = J R Q diag(s). Determinants come from the minors of N (Cauchy and Binet),
-/// which are squares: differences of products would lose all digits for long, thin splats.
+/// It is `N N^T + b I` with the filter's variance b and the 2 x 3 factor N = J R Q diag(s). Determinants come from the minors of N
+/// (Cauchy and Binet), which are squares: differences of products would lose all digits for long, thin splats.
 struct Shape {
     rotation: DMat3,
     scale: DVec3,
