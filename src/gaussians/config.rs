@@ -244,8 +244,7 @@ impl Schedule {
     }
 
     /// Weight of the mean opacity and of the mean standard deviation in the loss of an iteration (MCMC): that of the paper or, where
-    /// floaters are suppressed, falling to that geometrically from 32 times as much. What is held down while the photos are not yet
-    /// explained otherwise does not become a floater.
+    /// floaters are suppressed, falling to that geometrically from 32 times as much (docs/results/2026-11/benchmarks.md).
     pub fn regularisation(&self, iteration: u32, suppress_floaters: bool) -> f64 {
         let left = 1.0 - f64::from(iteration) / f64::from(self.iterations);
         if suppress_floaters { REGULARISATION * SUPPRESSION.powf(left) } else { REGULARISATION }
