@@ -1,7 +1,8 @@
 //! Stable radix sort, least significant digit first, in passes over a digit of at most 8 bits each.
 //!
-//! Where the device allows it a pass is one stage ([`sweep`](super::sweep)), elsewhere three ([`counted`](super::counted)); both give the
-//! same bits. Four passes move 68 and 84 bytes per pair (keys alone: 36 and 52), so the bound is the copy bandwidth over that.
+//! Where the device allows it a pass is one stage ([`sweep`](super::sweep)), elsewhere three ([`counted`](super::counted)), on CPUs with a
+//! run of keys to a thread; all give the same bits. Four passes move 68 and 84 bytes per pair (keys alone: 36 and 52), so the bound is the
+//! copy bandwidth over that.
 
 use std::sync::Arc;
 
@@ -33,15 +34,18 @@ impl RadixSort {
     /// # Errors
     /// Where `most` is larger than that, or the device fails.
     pub fn new(context: &Arc<Context>, most: u32) -> Result<Self> {
-        Self::made(context, most, Sweep::suits(context))
+        match Sweep::suits(context) {
+            true => Self::with_waiting(context, most),
+            false => Self::counted(context, most, context.physical().kind == "CPU"),
+        }
     }
 
-    /// As [`Self::new`], without passes in which workgroups wait for one another, on any device.
+    /// As [`Self::new`], by the way that fits all devices: workgroups do not wait for one another.
     ///
     /// # Errors
     /// As for [`Self::new`].
     pub fn without_waiting(context: &Arc<Context>, most: u32) -> Result<Self> {
-        Self::made(context, most, false)
+        Self::counted(context, most, false)
     }
 
     /// As [`Self::new`], with passes in which workgroups wait for one another, on any device: the sort goes wrong or hangs where they
@@ -52,16 +56,19 @@ impl RadixSort {
     /// # Errors
     /// As for [`Self::new`].
     pub fn with_waiting(context: &Arc<Context>, most: u32) -> Result<Self> {
-        Self::made(context, most, true)
+        check_most(most)?;
+        Self::by(context, most, Passes::Sweep(Sweep::new(context, most)?))
     }
 
-    fn made(context: &Arc<Context>, most: u32, sweeps: bool) -> Result<Self> {
+    /// In three stages a pass, with a run of keys to a thread or as on GPUs.
+    fn counted(context: &Arc<Context>, most: u32, runs: bool) -> Result<Self> {
         check_most(most)?;
+        Self::by(context, most, Passes::Counted(Counted::new(context, most, runs)?))
+    }
+
+    fn by(context: &Arc<Context>, most: u32, passes: Passes) -> Result<Self> {
         Ok(Self {
-            passes: match sweeps {
-                true => Passes::Sweep(Sweep::new(context, most)?),
-                false => Passes::Counted(Counted::new(context, most)?),
-            },
+            passes,
             keys: Buffer::device(context, "radix keys", 4 * most as u64)?,
             values: Buffer::device(context, "radix values", 4 * most as u64)?,
             most,

@@ -24,7 +24,7 @@ fn sort(
     Ok((sorted.keys.download(count)?, sorted.values.download(count)?))
 }
 
-/// Both ways to make a pass, where this device or this run has both; else the one for all devices twice.
+/// The way of this device, or that in which workgroups wait where this run says so; and the way that fits all devices.
 fn sorters(context: &Arc<Context>, most: u32) -> Result<[RadixSort; 2]> {
     let waiting = match std::env::var(ONE_AFTER_ANOTHER) {
         Ok(_) => RadixSort::with_waiting(context, most)?,
