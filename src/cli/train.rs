@@ -139,7 +139,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     for note in &split.notes {
         say!("{note}");
     }
-    let mut config = configuration(arguments, !split.train.points.positions.is_empty());
+    let mut config = configuration(arguments, split.train.has_surface_points());
     config.background = arguments.background.unwrap_or_else(|| split.usual_background());
     let context = arguments.device.open()?;
     say!("device   {}", context.physical().title());
