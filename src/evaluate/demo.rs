@@ -47,8 +47,8 @@ impl Size {
     pub const DEMO: Self = Self {
         settings: Settings {
             size: 80,
-            samples: 16,
-            test_samples: 24,
+            samples: 8,
+            test_samples: 16,
             tests: 12,
             iterations: 250,
             shown: Shown::True,
