@@ -48,7 +48,7 @@ impl Size {
         settings: Settings {
             size: 80,
             samples: 8,
-            test_samples: 16,
+            test_samples: 12,
             tests: 12,
             iterations: 250,
             shown: Shown::True,
