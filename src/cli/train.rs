@@ -64,11 +64,11 @@ pub struct Arguments {
     #[arg(long)]
     fast: bool,
     /// Opacity of splats at the start [default: 0.5; adc, and below 10000 iterations
-    /// (without points 1000), 0.1]
+    /// (1000 without points that a photo saw), 0.1]
     #[arg(long)]
     init_opacity: Option<f64>,
     /// Size of splats at the start, in distances to their neighbours [default: 0.1; adc, and below 10000 iterations
-    /// (without points 1000), 1]
+    /// (1000 without points that a photo saw), 1]
     #[arg(long)]
     init_scale: Option<f64>,
     /// Hold out every Nth photo, in order of name, for testing; 0 for none [default: transforms_test.json where there is one, else 8]

@@ -71,46 +71,38 @@ crate::stage!(
 const DIGITS: u64 = digit_glsl::DIGITS as u64;
 const KEYS_PER_THREAD: u32 = radix::ITEMS;
 
-/// Pipelines and scratch of such passes. Both stages that scatter have the same buffers and push constants.
+/// Pipelines and scratch of such passes.
 pub(super) struct Counted {
     histogram: Pipeline,
     rows: Pipeline,
-    scatter: Scatter,
+    scatter_keys: Pipeline,
+    scatter_pairs: Pipeline,
     table: Buffer,
     totals: Buffer,
     tile: u32,
-}
-
-/// The stage that moves keys alone, and that which moves their values too.
-enum Scatter {
-    Tiles([Pipeline; 2]),
-    Runs([Pipeline; 2]),
-}
-
-impl Scatter {
-    fn new(context: &Arc<Context>, local_size_x: u32, runs: bool) -> Result<Self> {
-        let run = local_size_x * KEYS_PER_THREAD / radix_scatter_runs::THREADS;
-        let by_runs = |has_values| Pipeline::new::<RadixScatterRunsStage>(context, &RunConstants { run, has_values });
-        let by_tiles =
-            |has_values| Pipeline::new::<RadixScatterStage>(context, &RadixConstants { local_size_x, has_values });
-        Ok(match runs {
-            true => Self::Runs([by_runs(false)?, by_runs(true)?]),
-            false => Self::Tiles([by_tiles(false)?, by_tiles(true)?]),
-        })
-    }
 }
 
 impl Counted {
     /// With the way of CPUs to move keys where `runs` is set.
     pub fn new(context: &Arc<Context>, most: u32, runs: bool) -> Result<Self> {
         let local_size_x = threads(context);
+        let tile = local_size_x * KEYS_PER_THREAD;
+        // Both stages have the same buffers and push constants.
+        let scatter = |has_values| match runs {
+            true => {
+                let constants = RunConstants { run: tile / radix_scatter_runs::THREADS, has_values };
+                Pipeline::new::<RadixScatterRunsStage>(context, &constants)
+            }
+            false => Pipeline::new::<RadixScatterStage>(context, &RadixConstants { local_size_x, has_values }),
+        };
         Ok(Self {
             histogram: Pipeline::new::<RadixHistogramStage>(context, &GroupConstants { local_size_x })?,
             rows: Pipeline::new::<ScanRowsStage>(context, &GroupConstants { local_size_x: row_threads(context) })?,
-            scatter: Scatter::new(context, local_size_x, runs)?,
+            scatter_keys: scatter(false)?,
+            scatter_pairs: scatter(true)?,
             table: Buffer::device(context, "radix table", table_bytes(context, most))?,
             totals: Buffer::device(context, "radix totals", 4 * DIGITS)?,
-            tile: local_size_x * KEYS_PER_THREAD,
+            tile,
         })
     }
 
@@ -127,6 +119,7 @@ impl Counted {
         bits: u32,
         [mut from, mut to]: [Sorted<'a>; 2],
     ) -> Sorted<'a> {
+        let scatter = if has_values { &self.scatter_pairs } else { &self.scatter_keys };
         let tiles = bound.count.div_ceil(self.tile);
         for Digit { shift, mask } in digits(bits) {
             let push = RadixPush { count: bound.count, count_index: bound.index, shift, mask, stride: tiles };
@@ -134,39 +127,19 @@ impl Counted {
             recorder.stage(&self.histogram, counted).push(&push).linear(tiles);
             let table = [mask + 1, self.tile, tiles];
             record_rows(recorder, &self.rows, bound, &self.table, table, (&self.totals, 0));
-            self.record_scatter(recorder, bound, [from, to], has_values, &push);
+            let moved = RadixScatterStage {
+                counts: bound.buffer,
+                table: &self.table,
+                totals: &self.totals,
+                keys: from.keys,
+                values: from.values,
+                sorted_keys: to.keys,
+                sorted_values: to.values,
+            };
+            recorder.stage(scatter, moved).push(&push).linear(tiles);
             (from, to) = (to, from);
         }
         from
-    }
-
-    fn record_scatter<'a>(
-        &'a self,
-        recorder: &mut Recorder<'a>,
-        bound: Bound<'a>,
-        [from, to]: [Sorted<'a>; 2],
-        has_values: bool,
-        push: &RadixPush,
-    ) {
-        let (counts, table, totals) = (bound.buffer, &self.table, &self.totals);
-        let Sorted { keys, values } = from;
-        let Sorted { keys: sorted_keys, values: sorted_values } = to;
-        match &self.scatter {
-            Scatter::Tiles(pipelines) => recorder
-                .stage(
-                    &pipelines[usize::from(has_values)],
-                    RadixScatterStage { counts, table, totals, keys, values, sorted_keys, sorted_values },
-                )
-                .push(push)
-                .linear(push.stride),
-            Scatter::Runs(pipelines) => recorder
-                .stage(
-                    &pipelines[usize::from(has_values)],
-                    RadixScatterRunsStage { counts, table, totals, keys, values, sorted_keys, sorted_values },
-                )
-                .push(push)
-                .linear(push.stride),
-        }
     }
 }
 
