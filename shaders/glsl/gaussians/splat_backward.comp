@@ -13,13 +13,12 @@ layout(local_size_x = 8, local_size_x_id = 1) in;  // LANES
 
 layout(binding = 3, std430) readonly buffer InstanceSplats { uint instance_splats[]; };
 // SUMS values of each instance, in the order in which they were emitted.
-layout(binding = 12, std430) restrict buffer Partials { float partials[]; };
+layout(binding = 12, std430) writeonly buffer Partials { float partials[]; };
 
 #include "gaussians/sums.glsl"
 
-void leave(uint instance, uint value, float sum, bool first) {
-    uint at = SUMS * instance + value;
-    partials[at] = first ? sum : partials[at] + sum;
+void leave(uint instance, uint value, float sum) {
+    partials[SUMS * instance + value] = sum;
 }
 
 #include "gaussians/backward.glsl"

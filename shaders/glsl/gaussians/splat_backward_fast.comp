@@ -18,7 +18,7 @@ layout(binding = 12, std430) buffer Partials { float partials[]; };
 
 #include "gaussians/sums.glsl"
 
-void leave(uint instance, uint value, float sum, bool) {
+void leave(uint instance, uint value, float sum) {
     if (sum != 0.0) atomicAdd(partials[SUMS * instance_splats[instance] + value], sum);
 }
 

@@ -111,7 +111,7 @@ void main() {
                 [[unroll]] for (uint p = 0; p < PIXELS; ++p) all_done = all_done && done[p];
                 if (SUBGROUPS ? subgroupAll(all_done) : all_done) break;
                 for (uint bits = reaching(first, to - base, lane, blocks); bits != 0;) {
-                    uint at[TOGETHER], reach[TOGETHER], any = 0;
+                    uint at[TOGETHER];
                     bool there[TOGETHER];
                     vec4 place[TOGETHER], form[TOGETHER];
                     vec2 other[TOGETHER];
@@ -122,28 +122,23 @@ void main() {
                         place[i] = places[at[i]];
                         form[i] = forms[at[i]];
                         other[i] = others[at[i]];
-                        reach[i] = there[i] ? reached[at[i]] : 0;
-                        any |= reach[i];
                     }
                     [[unroll]] for (uint p = 0; p < PIXELS; ++p) {
                         uint block = p * TEAMS + team;
-                        if (PIXELS > 1 && (any >> block & 1) == 0) continue;
                         float alpha[TOGETHER];
                         [[unroll]] for (uint i = 0; i < TOGETHER; ++i) {
                             vec2 d = vec2(pixel_in(block, lane)) - place[i].xy;
                             float power = log_alpha(d, form[i].xyz, place[i].z);
-                            bool counts = (reach[i] >> block & 1) != 0 && power >= MIN_LOG_ALPHA;
-                            alpha[i] = counts ? min(MAX_ALPHA, exp2(power)) : 0.0;
+                            alpha[i] = there[i] && power >= MIN_LOG_ALPHA ? min(MAX_ALPHA, exp2(power)) : 0.0;
                         }
                         [[unroll]] for (uint i = 0; i < TOGETHER; ++i) {
                             float left = sum[p].w * (1.0 - alpha[i]);
                             done[p] = done[p] || left < MIN_TRANSMITTANCE;
-                            bool counts = alpha[i] > 0.0 && !done[p];
-                            float weight = counts ? sum[p].w * alpha[i] : 0.0;
+                            float weight = done[p] ? 0.0 : sum[p].w * alpha[i];
                             sum[p].xyz += weight * vec3(form[i].w, other[i]);
                             if (DEPTHS) depth[p] += weight * place[i].w;
-                            sum[p].w = counts ? left : sum[p].w;
-                            end[p] = counts ? base + at[i] + 1 : end[p];
+                            sum[p].w = done[p] ? sum[p].w : left;
+                            end[p] = alpha[i] > 0.0 && !done[p] ? base + at[i] + 1 : end[p];
                         }
                     }
                 }
