@@ -9,7 +9,7 @@ use super::count::Bound;
 use super::digits::{Digit, Sorted, digits};
 use super::scan::{ScanRowsStage, record_rows};
 use crate::Result;
-use crate::vulkan::shaders::glsl::primitives::{digits as digit_glsl, radix, radix_scatter_runs};
+use crate::vulkan::shaders::glsl::primitives::{digits as digit_glsl, radix, radix_rows_runs, radix_scatter_runs};
 use crate::vulkan::stage::GroupConstants;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
@@ -61,8 +61,21 @@ crate::stage!(
     }
 );
 
+crate::specialisation! {
+    /// Constants of [`RadixRowsRunsStage`].
+    pub(crate) struct RowConstants {
+        /// Keys of a tile.
+        keys: u32,
+    }
+}
+
 crate::stage!(
-    /// The same, a run of keys to a thread.
+    /// Exclusive prefix sum of each row of the table of counts, in place, a row to a thread.
+    pub(crate) RadixRowsRunsStage = radix_rows_runs<RowConstants>(RadixPush) { read counts, write table, write totals }
+);
+
+crate::stage!(
+    /// As [`RadixScatterStage`], a run of keys to a thread.
     pub(crate) RadixScatterRunsStage = radix_scatter_runs<RunConstants>(RadixPush) {
         read counts, read table, read totals, read keys, read values, write sorted_keys, write sorted_values,
     }
@@ -75,6 +88,8 @@ const KEYS_PER_THREAD: u32 = radix::ITEMS;
 pub(super) struct Counted {
     histogram: Pipeline,
     rows: Pipeline,
+    /// Whether keys are moved, and rows of the table summed, in the way of CPUs.
+    runs: bool,
     scatter_keys: Pipeline,
     scatter_pairs: Pipeline,
     table: Buffer,
@@ -83,7 +98,7 @@ pub(super) struct Counted {
 }
 
 impl Counted {
-    /// With the way of CPUs to move keys where `runs` is set.
+    /// With the way of CPUs to sum rows and to move keys where `runs` is set.
     pub fn new(context: &Arc<Context>, most: u32, runs: bool) -> Result<Self> {
         let local_size_x = threads(context);
         let tile = local_size_x * KEYS_PER_THREAD;
@@ -97,7 +112,11 @@ impl Counted {
         };
         Ok(Self {
             histogram: Pipeline::new::<RadixHistogramStage>(context, &GroupConstants { local_size_x })?,
-            rows: Pipeline::new::<ScanRowsStage>(context, &GroupConstants { local_size_x: row_threads(context) })?,
+            rows: match runs {
+                true => Pipeline::new::<RadixRowsRunsStage>(context, &RowConstants { keys: tile })?,
+                false => Pipeline::new::<ScanRowsStage>(context, &GroupConstants { local_size_x })?,
+            },
+            runs,
             scatter_keys: scatter(false)?,
             scatter_pairs: scatter(true)?,
             table: Buffer::device(context, "radix table", table_bytes(context, most))?,
@@ -125,8 +144,13 @@ impl Counted {
             let push = RadixPush { count: bound.count, count_index: bound.index, shift, mask, stride: tiles };
             let counted = RadixHistogramStage { counts: bound.buffer, keys: from.keys, table: &self.table };
             recorder.stage(&self.histogram, counted).push(&push).linear(tiles);
-            let table = [mask + 1, self.tile, tiles];
-            record_rows(recorder, &self.rows, bound, &self.table, table, (&self.totals, 0));
+            if self.runs {
+                let rows = RadixRowsRunsStage { counts: bound.buffer, table: &self.table, totals: &self.totals };
+                recorder.stage(&self.rows, rows).push(&push).linear((mask + 1).div_ceil(radix_rows_runs::THREADS));
+            } else {
+                let table = [mask + 1, self.tile, tiles];
+                record_rows(recorder, &self.rows, bound, &self.table, table, (&self.totals, 0));
+            }
             let moved = RadixScatterStage {
                 counts: bound.buffer,
                 table: &self.table,
@@ -145,12 +169,6 @@ impl Counted {
 
 fn table_bytes(context: &Context, most: u32) -> u64 {
     4 * DIGITS * most.div_ceil(threads(context) * KEYS_PER_THREAD) as u64
-}
-
-/// Threads that scan a row of the table: on a CPU as many as fill a vector, since others would wait for them at every barrier, and
-/// most rows are shorter than what 256 threads take at once.
-fn row_threads(context: &Context) -> u32 {
-    if context.physical().kind == "CPU" { 8 } else { threads(context) }
 }
 
 /// Threads per workgroup: 8 of the narrowest subgroups, but at least 64, which are 16 subgroups of 4: the stages that rank have shared
