@@ -26,11 +26,12 @@ void main() {
     uint row = group_index() * THREADS + gl_LocalInvocationIndex, tiles = (element_count() + KEYS - 1) / KEYS, sum = 0;
     if (row > mask) return;
     for (uint first = 0; first < tiles; first += STEP) {
-        [[unroll]] for (uint i = first; i < first + STEP; ++i) {
-            if (i >= tiles) continue;
-            uint here = table[row * stride + i];
-            table[row * stride + i] = sum;
-            sum += here;
+        [[unroll]] for (uint i = 0; i < STEP; ++i) {
+            if (first + i < tiles) {
+                uint here = table[row * stride + first + i];
+                table[row * stride + first + i] = sum;
+                sum += here;
+            }
         }
     }
     totals[row] = sum;
