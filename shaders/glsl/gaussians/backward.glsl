@@ -26,6 +26,9 @@ layout(binding = 10, std430) readonly buffer Checkpoints { vec4 checkpoints[]; }
 // dL/dx of each pixel.
 layout(binding = 11, std430) readonly buffer ByPixel { vec4 by_pixel[]; };
 
+// Whether to step over blocks that an instance does not reach: CPUs do the work of both sides of a branch, and then choose.
+const bool SKIPS = LANES > WIDE;
+
 // An instance that a lane has brought for all.
 struct Held {
     vec4 place;  // mean from the centre of the tile's first pixel, logarithm of the opacity, blue

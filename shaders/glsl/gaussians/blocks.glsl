@@ -10,8 +10,6 @@ layout(constant_id = 4) const bool SUBGROUPS = false;
 const uint WIDE = 8;
 const uint HIGH = LANES / WIDE;
 const uint BLOCKS = TILE_PIXELS / LANES;
-// Whether to step over blocks that an instance does not reach: CPUs do the work of both sides of a branch, and then choose.
-const bool SKIPS = LANES > WIDE;
 
 // The number of a thread in its workgroup, lane by lane.
 uint numbered() {

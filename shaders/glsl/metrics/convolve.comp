@@ -7,7 +7,7 @@
 // a value has the same bits in every run. Twin: src/metrics/image/convolve.rs.
 #include "shared/group.glsl"
 
-layout(local_size_x = 256) in;
+layout(local_size_x = 256) in;  // a vector of each tile to bring, and a quad by a quad to sum: STEP * QUADS, and QUADS * QUADS
 
 #include "metrics/convolution.glsl"
 
