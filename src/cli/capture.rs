@@ -1,10 +1,12 @@
 //! `camsplat capture`.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
+use glam::DVec3;
 
 use super::options::{DeviceOptions, parse_size, print_messages};
 use super::progress::{Progress, stop_on_interrupt};
@@ -17,9 +19,12 @@ use crate::io::picture::renamed;
 use crate::photograph::assembly::Assembly;
 use crate::photograph::inside::cameras_inside;
 use crate::photograph::job::{self, Outcome};
+use crate::photograph::lightmap::{self, Light, LightMap};
 use crate::photograph::metering::metered;
 use crate::photograph::outputs::{Outputs, Record, named, recorded_exposure};
 use crate::photograph::tracer::Tracer;
+use crate::scene::camera::Camera;
+use crate::vulkan::Context;
 use crate::{Error, Result, io};
 
 /// Arguments of `camsplat capture`.
@@ -38,9 +43,12 @@ pub struct Arguments {
     /// Environment map that lights the scene: an equirectangular .hdr file, +Y up
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
-    /// Samples of each pixel
-    #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
-    spp: u32,
+    /// Samples of each pixel [default: 64; with --light traced 256]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    spp: Option<u32>,
+    /// Diffuse light: baked once into a map of the scene (light.map), so that photographs have no noise of it, or traced for each pixel
+    #[arg(long, value_enum, default_value = "baked")]
+    light: Light,
     /// Size of the pictures in pixels, of the same shape as the cameras' [default: the cameras']
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
     size: Option<(u32, u32)>,
@@ -104,13 +112,16 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         Error::Request(what) => Error::input(&arguments.scene, what),
         other => other,
     })?;
+    let pixels = |camera: &Camera| u64::from(camera.intrinsics.width) * u64::from(camera.intrinsics.height);
+    let most = cameras.iter().map(pixels).max().unwrap_or(1);
     // A metered capture that was stopped continues as it was metered.
     let recorded =
         (arguments.exposure == Stops::Auto && !arguments.force).then(|| recorded_exposure(&arguments.out)).flatten();
     let mut record = Record {
         version: env!("CARGO_PKG_VERSION").into(),
         scene: assembly.checksum(),
-        samples: arguments.spp,
+        samples: arguments.spp.unwrap_or(arguments.light.samples()),
+        light: (arguments.light == Light::Baked).then(|| lightmap::Settings::new(most, arguments.seed)),
         seed: arguments.seed,
         exposure: match arguments.exposure {
             Stops::At(stops) => stops,
@@ -153,18 +164,26 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     drop(model);
     let context = arguments.device.open()?;
     say!("device   {}", context.physical().title());
-    let pixels = |camera: &crate::scene::camera::Camera| {
-        u64::from(camera.intrinsics.width) * u64::from(camera.intrinsics.height)
-    };
-    let most = record.cameras.iter().map(pixels).max().unwrap_or(1);
-    let tracer = Tracer::new(&context, assembly, most)?;
-
     stop_on_interrupt()?;
+    let eyes: Vec<DVec3> = record.cameras.iter().map(|camera| camera.pose.position).collect();
+    let (tracer, baked) = match &record.light {
+        None => (Tracer::new(&context, assembly, most)?, None),
+        Some(settings) => {
+            let Some(light) = light_of(&context, &assembly, settings, &eyes, &arguments.out)? else { return Ok(Ended::Stopped) };
+            let tracer = Tracer::lit(&context, &assembly, most, &light)?;
+            (tracer, Some((light, assembly)))
+        }
+    };
     if arguments.exposure == Stops::Auto {
         if recorded.is_none() {
             record.exposure = metered(&tracer, &record.cameras, record.show_sky, record.seed, go_on)?;
         }
         say!("exposure {:+.2} stops, metered", record.exposure);
+    }
+    let tracer = tracer.exposed(record.exposure);
+    if let (Some((light, assembly)), Some(settings)) = (&baked, &record.light) {
+        std::fs::create_dir_all(&arguments.out).map_err(|source| Error::io(&arguments.out, source))?;
+        light.write(&arguments.out.join(lightmap::FILE), assembly, settings, &eyes)?;
     }
     let start = Instant::now();
     let all = record.cameras.len() as u32;
@@ -209,6 +228,38 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     }
     say!("written  {}, with {points} points of the surface", arguments.out.display());
     Ok(Ended::Done)
+}
+
+/// The light map that lies in the folder, or a new one; none where it was stopped.
+fn light_of(
+    context: &Arc<Context>,
+    assembly: &Assembly,
+    settings: &lightmap::Settings,
+    eyes: &[DVec3],
+    folder: &Path,
+) -> Result<Option<LightMap>> {
+    if let Some(light) = LightMap::read(&folder.join(lightmap::FILE), assembly, settings, eyes)? {
+        say!("light    kept from an earlier run, {} cells", light.cells());
+        return Ok(Some(light));
+    }
+    let start = Instant::now();
+    let progress = Progress::over("baking light", 100, "%");
+    let baked = LightMap::bake(context, assembly, settings, eyes, |share| {
+        let go_on = go_on();
+        if go_on.is_break() { go_on } else { progress.advance((100.0 * share) as u32, 100) }
+    });
+    progress.finish();
+    match baked {
+        Err(Error::Interrupted) => {
+            say!("stopped while the light was baked; nothing is written");
+            Ok(None)
+        }
+        baked => {
+            let light = baked?;
+            say!("light    {} cells, baked in {:.2} s", light.cells(), start.elapsed().as_secs_f64());
+            Ok(Some(light))
+        }
+    }
 }
 
 /// Reads an exposure in stops.

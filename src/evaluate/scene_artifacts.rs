@@ -162,6 +162,7 @@ impl<'a> SceneArtifacts<'a> {
             scene: self.tracer.assembly().checksum(),
             cameras: named(cameras)?,
             samples,
+            light: None,
             seed: SEED,
             exposure: 0.0,
             // A room's background is what its windows show; an object has none.

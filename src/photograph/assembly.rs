@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::layout::{
     ALPHA_BLEND, ALPHA_MASK, Alias, DOUBLE_SIDED, Face, LIGHT_TRIANGLE, Light, Map, Material, NONE, SECOND_SET, SRGB,
@@ -17,6 +17,8 @@ use crate::{Error, Result};
 
 /// Indices of refraction nearer to 1 than this bend nothing, and leave no normal to be found from two directions.
 const MIN_IOR: f32 = 1.01;
+/// Half angle in radians above which nothing in an environment is looked for apart from the rest, however wide cells are.
+const MAX_COMPACT: f64 = 0.08;
 
 /// Everything that the device needs, about the origin.
 #[derive(Clone)]
@@ -34,6 +36,8 @@ pub struct Assembly {
     pub(super) maps: Vec<Map>,
     pub(super) texels: Vec<[u8; 4]>,
     pub(super) lights: Vec<Light>,
+    /// Power of each of the lights.
+    powers: Vec<f64>,
     pub(super) sky: Vec<[f32; 4]>,
     pub(super) aliases: Vec<Alias>,
     pub(super) albedo: Vec<f32>,
@@ -72,12 +76,14 @@ impl Assembly {
         };
 
         let mut light_of = vec![NONE; model.faces.len()];
-        for (number, (_, face)) in found.iter().enumerate() {
-            if let Some(face) = face {
-                light_of[*face as usize] = number as u32;
+        for (number, source) in found.iter().enumerate() {
+            if let Some(face) = source.face {
+                light_of[face as usize] = number as u32;
             }
         }
-        let mut lights: Vec<Light> = found.into_iter().map(|(light, _)| light).collect();
+        let powers: Vec<f64> = found.iter().map(|source| source.power).collect();
+        let mut lights: Vec<Light> = found.into_iter().map(|source| source.light).collect();
+        lights::share_out(&mut lights, &powers);
         let mut primitives = primitives.clone();
         let mut faces = Vec::with_capacity(primitives.len());
         for (slot, primitive) in primitives.iter_mut().enumerate() {
@@ -113,6 +119,8 @@ impl Assembly {
                 (false, _) => 0.0,
             },
             radius: radius as f32,
+            compact: 0,
+            sky_limit: f32::MAX,
         };
         let vertex = |vertex: &model::Vertex| Vertex {
             normal: vertex.normal.to_array(),
@@ -135,6 +143,7 @@ impl Assembly {
             maps: maps.maps,
             texels,
             lights,
+            powers,
             sky,
             aliases,
             albedo: tables.albedo,
@@ -147,6 +156,41 @@ impl Assembly {
     /// Sources of light that are looked for, without the environment.
     pub fn lights(&self) -> usize {
         self.lights.len()
+    }
+
+    /// The same scene as it is photographed with a light map whose cells are `cell` wide: lamps without extent, and what of the
+    /// environment casts sharper shadows than that at a tenth of the scene's `reach`, come after the other lights and are chosen
+    /// among one another.
+    pub(super) fn for_light_map(&self, cell: f64, reach: f64) -> Self {
+        let mut laid_out = self.clone();
+        let Setting { sky_width: width, radius, .. } = self.setting;
+        let is_lamp = |light: &Light| light.kind != LIGHT_TRIANGLE;
+        // Emitting triangles come first as it is, and faces know them by their numbers.
+        let wide = self.lights.iter().take_while(|light| !is_lamp(light)).count();
+        let mut powers = self.powers.clone();
+        let mut limit = f32::MAX;
+        if width > 0 {
+            let angle = (cell / (0.1 * reach)).min(MAX_COMPACT);
+            let compact = lights::compact_sky(&self.sky, width, angle, f64::from(radius));
+            limit = compact.0;
+            for (light, power) in compact.1 {
+                laid_out.lights.push(light);
+                powers.push(power);
+            }
+            let radiance: Vec<Vec3> = self.sky.iter().map(|texel| Vec3::new(texel[0], texel[1], texel[2])).collect();
+            (laid_out.sky, laid_out.aliases) = lights::sky_of(&radiance, width, limit);
+        }
+        let (emitters, compact) = laid_out.lights.split_at_mut(wide);
+        lights::share_out(emitters, &powers[..wide]);
+        lights::share_out(compact, &powers[wide..]);
+        let sky_share = match (width > 0, wide) {
+            (true, 0) => 1.0,
+            (true, _) => 0.5,
+            (false, _) => 0.0,
+        };
+        let compact = compact.len() as u32;
+        laid_out.setting = Setting { lights: wide as u32, compact, sky_share, sky_limit: limit, ..self.setting };
+        laid_out
     }
 
     /// Whether a place in the world lies within the bounds of the scene.

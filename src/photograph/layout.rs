@@ -29,6 +29,8 @@ pub(crate) const LIGHT_TRIANGLE: u32 = appearance::LIGHT_TRIANGLE;
 pub(crate) const LIGHT_POINT: u32 = appearance::LIGHT_POINT;
 /// Parallel light.
 pub(crate) const LIGHT_DIRECTIONAL: u32 = appearance::LIGHT_DIRECTIONAL;
+/// What a texel of the environment has above the limit.
+pub(crate) const LIGHT_SKY: u32 = appearance::LIGHT_SKY;
 
 crate::gpu_struct! {
     /// A corner of triangles.
@@ -167,7 +169,7 @@ crate::gpu_struct! {
         pub kind: u32,
         /// In which a lamp shines.
         pub direction: [f32; 3],
-        /// The triangle, in the order of the leaves.
+        /// The triangle, in the order of the leaves, or the environment's texel.
         pub slot: u32,
         /// Intensity or irradiance of a lamp.
         pub colour: [f32; 3],
@@ -205,11 +207,97 @@ crate::gpu_struct! {
         pub sky_share: f32,
         /// Radius of the scene about the origin.
         pub radius: f32,
+        /// With a light map: sources too small for it, which lie after the other lights.
+        pub compact: u32,
+        /// With a light map: what is brighter in the environment is such a source.
+        pub sky_limit: f32,
     }
 }
 
 crate::gpu_struct! {
-    /// Push constants of [`PhotographStage`]; axes are the camera's in the world.
+    /// A side of a triangle in the light map; fronts and backs take turns.
+    pub(crate) struct Side {
+        /// Its first patch.
+        pub first: u32,
+        /// Its edges are cut into so many parts, and it into their square of patches.
+        pub splits: u32,
+    }
+}
+
+crate::gpu_struct! {
+    /// A part of a side that is cut into cells of one size.
+    pub(crate) struct Patch {
+        /// Its first cell.
+        pub cells: u32,
+        /// Its first corner of cells.
+        pub corners: u32,
+        /// Its edges are cut into so many parts.
+        pub rows: u32,
+        /// Of the rays that a cell of usual size gets, for each of its cells.
+        pub share: f32,
+        /// The side.
+        pub side: u32,
+    }
+}
+
+crate::gpu_struct! {
+    /// What the rays of a cell have brought.
+    pub(crate) struct Sum {
+        /// Irradiance of sources that are not compact.
+        pub direct: [f32; 3],
+        /// Squares of the luma of that.
+        pub squares: f32,
+        /// Irradiance of what reflects widely.
+        pub bounced: [f32; 3],
+        /// One over the distance of what is met.
+        pub nearness: f32,
+        /// Irradiance of compact sources.
+        pub compact: [f32; 3],
+        /// Rays.
+        pub rays: f32,
+        /// Luma of `direct` of even rays less that of odd ones.
+        pub halves: f32,
+        /// Unused.
+        pub spare0: f32,
+        /// Unused.
+        pub spare1: f32,
+        /// Unused.
+        pub spare2: f32,
+    }
+}
+
+crate::gpu_struct! {
+    /// Push constants of [`BakeGatherStage`].
+    pub(crate) struct BakeGatherPush {
+        /// Cell of the first thread.
+        pub first: u32,
+        /// Cells.
+        pub count: u32,
+        /// Key of the random numbers.
+        pub seed: u32,
+        /// First ray of a cell of usual size.
+        pub first_ray: u32,
+        /// Rays of such a cell.
+        pub rays: u32,
+        /// 1: sums begin anew where a ray is added.
+        pub anew: u32,
+        /// Error of direct light, relative to all light, from which a cell needs no more rays.
+        pub tolerance: f32,
+        /// Rays below which nothing is said of a cell's error.
+        pub least: u32,
+    }
+}
+
+crate::gpu_struct! {
+    /// Push constants of [`BakeSettleStage`].
+    pub(crate) struct BakeSettlePush {
+        /// Cells.
+        pub count: u32,
+    }
+}
+
+crate::gpu_struct! {
+    /// Push constants of [`PhotographStage`] and [`PhotographBakedStage`]; axes are the camera's in the world.
     pub(crate) struct PhotographPush {
         /// Camera centre.
         pub position: [f32; 3],
@@ -237,6 +325,10 @@ crate::gpu_struct! {
         pub samples: u32,
         /// 1: the environment is seen behind the scene.
         pub show_sky: u32,
+        /// Exposure as a factor of radiance; only [`PhotographBakedStage`] looks at it.
+        pub gain: f32,
+        /// Samples of a pixel at least, and the same.
+        pub least: u32,
     }
 }
 
@@ -305,4 +397,25 @@ crate::stage!(
         read nodes, read primitives, read vertices, read faces, read materials, read maps, read texels, read setting,
         read chosen, write found
     } with [crate::visibility::bvh::Node, Vertex, Face, Material, Map, Setting]
+);
+
+crate::stage!(
+    /// Adds samples to the pixels of a photograph of a scene with a light map.
+    pub(crate) PhotographBakedStage = photograph_baked(PhotographPush) {
+        read nodes, read primitives, read vertices, read faces, read materials, read maps, read texels, read lights, read sky,
+        read aliases, read albedo, read setting, read sides, read patches, read cells, read corners, write exposure, write spread
+    } with [crate::visibility::bvh::Node, Vertex, Face, Material, Map, Light, Setting, Side, Patch]
+);
+
+crate::stage!(
+    /// Adds rays to the cells of the light map.
+    pub(crate) BakeGatherStage = bake_gather(BakeGatherPush) {
+        read nodes, read primitives, read vertices, read faces, read materials, read maps, read texels, read lights, read sky,
+        read aliases, read albedo, read setting, read sides, read patches, read cells, read owners, write sums
+    } with [crate::visibility::bvh::Node, Vertex, Face, Material, Map, Light, Setting, Side, Patch, Sum]
+);
+
+crate::stage!(
+    /// The light map's cells as their sums have them.
+    pub(crate) BakeSettleStage = bake_settle(BakeSettlePush) { read sums, write cells } with [Sum]
 );

@@ -2,22 +2,31 @@
 
 use glam::{Vec2, Vec3};
 
-use super::layout::{Alias, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_TRIANGLE, Light};
+use super::layout::{Alias, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SKY, LIGHT_TRIANGLE, Light};
 use crate::scene::colour::linear;
 use crate::scene::model::{Environment, LampKind, Map, Model, Wrap};
 
 /// The least share of a light among as many, so that none is forgotten.
 const MIN_SHARE: f64 = 0.01;
+/// The least share of an environment's light that is looked for apart from the rest.
+const MIN_COMPACT: f64 = 0.02;
 
 fn luma(c: Vec3) -> f64 {
     c.as_dvec3().dot(crate::scene::colour::LUMA)
 }
 
-/// The emitting triangles, each with its face in the model, and the lamps as lights, with shares by their power as far as
-/// it is known. `radius` is that of the scene, `centre` its place in the world.
-pub fn lights(model: &Model, centre: glam::DVec3, radius: f64) -> Vec<(Light, Option<u32>)> {
-    let mut lights = Vec::new();
-    let mut powers = Vec::new();
+/// A source of light before it is laid out.
+pub(crate) struct Source {
+    pub light: Light,
+    /// The triangle in the model, where it is one.
+    pub face: Option<u32>,
+    /// Its power as far as it is known.
+    pub power: f64,
+}
+
+/// The emitting triangles and then the lamps. `radius` is that of the scene, `centre` its place in the world.
+pub(crate) fn lights(model: &Model, centre: glam::DVec3, radius: f64) -> Vec<Source> {
+    let mut sources = Vec::new();
     for (index, face) in model.faces.iter().enumerate() {
         let material = &model.materials[face.material as usize];
         if !material.shines() {
@@ -31,8 +40,8 @@ pub fn lights(model: &Model, centre: glam::DVec3, radius: f64) -> Vec<(Light, Op
         let power = std::f64::consts::PI * sides * area * luma(material.emission * shown);
         // Where nothing was found to shine, light is met by chance only.
         if power > 0.0 && area as f32 > 0.0 {
-            lights.push((Light { kind: LIGHT_TRIANGLE, ..Light::default() }, Some(index as u32)));
-            powers.push(power);
+            let light = Light { kind: LIGHT_TRIANGLE, ..Light::default() };
+            sources.push(Source { light, face: Some(index as u32), power });
         }
     }
     for lamp in &model.lamps {
@@ -62,16 +71,55 @@ pub fn lights(model: &Model, centre: glam::DVec3, radius: f64) -> Vec<(Light, Op
                 2.0 * std::f64::consts::PI * f64::from(1.0 - outer.cos()) * colour
             }
         };
-        lights.push((light, None));
-        powers.push(power);
+        sources.push(Source { light, face: None, power });
     }
+    sources
+}
+
+/// Gives lights their shares among one another, by power.
+pub(crate) fn share_out(lights: &mut [Light], powers: &[f64]) {
     let all: f64 = powers.iter().sum();
     let count = powers.len() as f64;
     let shares: Vec<f64> = powers.iter().map(|power| (1.0 - MIN_SHARE) * power / all + MIN_SHARE / count).collect();
-    for (((light, _), share), [threshold, other]) in lights.iter_mut().zip(&shares).zip(aliases(&shares)) {
+    for ((light, share), [threshold, other]) in lights.iter_mut().zip(&shares).zip(aliases(&shares)) {
         (light.share, light.threshold, light.other) = (*share as f32, threshold, other);
     }
-    lights
+}
+
+/// What shines in an environment from so small a part of the sphere that its shadows are sharper than a light map: the limit above
+/// which texels belong to it, and the lights that these are above the limit, with their powers in a scene of `radius`. `angle` is
+/// the half angle in radians of a disc as large as such a part can be.
+pub(crate) fn compact_sky(sky: &[[f32; 4]], width: u32, angle: f64, radius: f64) -> (f32, Vec<(Light, f64)>) {
+    let height = sky.len() / width.max(1) as usize;
+    let solid = |texel: usize| {
+        let polar = std::f64::consts::PI * ((texel / width as usize) as f64 + 0.5) / height as f64;
+        2.0 * std::f64::consts::PI.powi(2) * polar.sin() / sky.len() as f64
+    };
+    let brightest = |texel: &[f32; 4]| texel[0].max(texel[1]).max(texel[2]);
+    let mut order: Vec<u32> = (0..sky.len() as u32).collect();
+    // The order of equals does not matter: what is above the limit is brighter than all of them.
+    order.sort_unstable_by(|a, b| brightest(&sky[*b as usize]).total_cmp(&brightest(&sky[*a as usize])));
+    let mut left = std::f64::consts::PI * angle * angle;
+    let first_below = order.iter().find(|&&texel| {
+        left -= solid(texel as usize);
+        left < 0.0
+    });
+    let limit = first_below.map_or(f32::MAX, |texel| brightest(&sky[*texel as usize]));
+    let mut found = Vec::new();
+    let mut shares = [0.0; 2];
+    for (index, texel) in sky.iter().enumerate() {
+        let light = Vec3::new(texel[0], texel[1], texel[2]);
+        let above = light * (1.0 - (limit / brightest(texel).max(1e-30)).min(1.0));
+        shares[0] += solid(index) * luma(above);
+        shares[1] += solid(index) * luma(light);
+        if above.max_element() > 0.0 {
+            let power = std::f64::consts::PI * radius * radius * solid(index) * luma(above);
+            let kind = LIGHT_SKY;
+            found.push((Light { kind, slot: index as u32, colour: above.to_array(), ..Light::default() }, power));
+        }
+    }
+    // Glints of a cloud are not worth a ray of their own.
+    if shares[0] < MIN_COMPACT * shares[1] { (f32::MAX, Vec::new()) } else { (limit, found) }
 }
 
 /// The alias table that draws each number by its weight: a threshold and another number. Sums of many weights, in which small
@@ -126,20 +174,25 @@ fn mean_over(model: &Model, map: &Map, uvs: [[Vec2; 2]; 3]) -> Vec3 {
 
 /// The environment's texels with the density by area of the map at which each is drawn, and the alias table that draws them: by
 /// luma and by the solid angle of their row.
-pub fn sky(environment: &Environment) -> (Vec<[f32; 4]>, Vec<Alias>) {
-    let (width, height) = (environment.width as usize, environment.height as usize);
-    let count = width * height;
+pub(crate) fn sky(environment: &Environment) -> (Vec<[f32; 4]>, Vec<Alias>) {
+    sky_of(&environment.radiance, environment.width, f32::MAX)
+}
+
+/// As [`sky`]; texels are drawn as if none were brighter than a limit.
+pub(crate) fn sky_of(radiance: &[Vec3], width: u32, limit: f32) -> (Vec<[f32; 4]>, Vec<Alias>) {
+    let (count, width) = (radiance.len(), width as usize);
+    let height = count / width;
     let weight = |i: usize| {
         let polar = std::f64::consts::PI * ((i / width) as f64 + 0.5) / height as f64;
         // The mean of the three keeps pure blues from being forgotten.
-        let light = environment.radiance[i];
+        let light = radiance[i] * (limit / radiance[i].max_element().max(1e-30)).min(1.0);
         (luma(light) + f64::from(light.element_sum()) / 3.0) * polar.sin()
     };
     let weights: Vec<f64> = (0..count).map(weight).collect();
     let all: f64 = weights.iter().sum();
     let density = |weight: &f64| (weight / all * count as f64) as f32;
     let texel = |(light, weight): (&Vec3, &f64)| light.extend(density(weight)).to_array();
-    (environment.radiance.iter().zip(&weights).map(texel).collect(), aliases(&weights))
+    (radiance.iter().zip(&weights).map(texel).collect(), aliases(&weights))
 }
 
 #[cfg(test)]
@@ -175,11 +228,14 @@ mod tests {
             materials: vec![Material { emission: Vec3::ONE, ..Material::default() }],
             ..Model::default()
         };
-        let lights = lights(&model, glam::DVec3::ZERO, 1.0);
-        let aliases: Vec<Alias> = lights.iter().map(|(light, _)| [light.threshold, light.other]).collect();
+        let sources = lights(&model, glam::DVec3::ZERO, 1.0);
+        let powers: Vec<f64> = sources.iter().map(|source| source.power).collect();
+        let mut lights: Vec<Light> = sources.into_iter().map(|source| source.light).collect();
+        share_out(&mut lights, &powers);
+        let aliases: Vec<Alias> = lights.iter().map(|light| [light.threshold, light.other]).collect();
         let drawn = drawn(&aliases);
-        assert!(lights[1].0.share < 6e-8, "{}", lights[1].0.share);
-        for (drawn, (light, _)) in drawn.iter().zip(&lights) {
+        assert!(lights[1].share < 6e-8, "{}", lights[1].share);
+        for (drawn, light) in drawn.iter().zip(&lights) {
             let share = f64::from(light.share) * f64::from(count);
             assert!((drawn / share - 1.0).abs() < 1e-5, "{drawn} {share}");
         }

@@ -9,6 +9,7 @@ pub mod assembly;
 pub(crate) mod inside;
 pub mod job;
 pub(crate) mod layout;
+pub mod lightmap;
 pub(crate) mod lights;
 pub(crate) mod metering;
 pub mod outputs;

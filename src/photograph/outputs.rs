@@ -8,6 +8,7 @@ use exr::prelude::read_first_flat_layer_from_file;
 use image::GenericImageView as _;
 use serde::{Deserialize, Serialize};
 
+use super::lightmap;
 use super::tracer::{FirstHits, Photograph};
 use crate::io::folder::{check_folder, check_no_links, replace_file};
 use crate::io::picture::{self, Format, stem};
@@ -31,6 +32,9 @@ pub struct Record {
     pub cameras: Vec<Camera>,
     /// Samples of a pixel.
     pub samples: u32,
+    /// The light map; none where diffuse light is traced.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light: Option<lightmap::Settings>,
     /// Key of the random numbers.
     pub seed: u64,
     /// Factor of two, so many times, on the light of the 8-bit pictures.

@@ -5,10 +5,14 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
+use glam::Vec3;
 
 use super::assembly::Assembly;
 pub use super::layout::Strategy;
-use super::layout::{FirstHitPush, FirstHitStage, Light, Map, PhotographConstants, PhotographPush, PhotographStage};
+use super::layout::{
+    FirstHitPush, FirstHitStage, Light, Map, PhotographBakedStage, PhotographConstants, PhotographPush, PhotographStage,
+};
+use super::lightmap::LightMap;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::random;
 use crate::vulkan::footprint::Footprint;
@@ -27,18 +31,59 @@ const SUBMISSION: Duration = Duration::from_millis(200);
 /// Paths of one dispatch on a GPU: the more samples a thread takes, the less it waits for others in the end. On CPU devices
 /// it takes one, since the loops of a thread must stay short there: past 65,535 iterations they end silently.
 const GPU_DISPATCH: u64 = 1 << 23;
+/// Paths of a thread in one dispatch at most where places wait for one another: the longest paths, through glass, decide how long
+/// all take.
+const THREAD_PATHS: u32 = 8;
+/// Places that are in work at once at least.
+const MIN_ITEMS: u32 = 4096;
 /// Bytes of a pixel: its sum, and what lies in its middle.
 const PIXEL: u64 = 16;
+/// Bytes of what is known of its error.
+const SPREAD: u64 = 8;
+/// With a light map, pixels whose error would be seen have up to so many times as many samples as others.
+const MORE_SAMPLES: u32 = 4;
 
 /// How photographs are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Exposure {
-    /// Samples of a pixel.
+    /// Samples of a pixel; with a light map, at least.
     pub samples: u32,
     /// Key of the random numbers.
     pub seed: u64,
     /// Whether the environment is seen behind the scene; alpha is 0 there where not.
     pub show_sky: bool,
+}
+
+/// How much is submitted at once where the work is independent paths: more as long as it takes less than half of what a submission
+/// should.
+pub(super) struct Pace {
+    on_cpu: bool,
+    paths: u64,
+}
+
+impl Pace {
+    pub fn new(context: &Context) -> Self {
+        let on_cpu = context.physical().kind == "CPU";
+        Self { on_cpu, paths: if on_cpu { CPU_PATHS } else { GPU_PATHS } }
+    }
+
+    /// How many places of so many paths a submission should have.
+    pub fn items(&self, paths: u32) -> u32 {
+        (self.paths / u64::from(paths.max(1))).clamp(u64::from(MIN_ITEMS), 1 << 30) as u32
+    }
+
+    /// How many paths a thread takes in a dispatch.
+    pub fn in_one_dispatch(&self, paths: u32) -> u32 {
+        if self.on_cpu { 1 } else { paths.clamp(1, THREAD_PATHS) }
+    }
+
+    pub fn took(&mut self, time: Duration) {
+        match time {
+            short if short < SUBMISSION / 2 => self.paths *= 2,
+            long if long > SUBMISSION => self.paths = (self.paths / 2).max(u64::from(MIN_ITEMS)),
+            _ => {}
+        }
+    }
 }
 
 /// A photograph, by row from the top left.
@@ -60,31 +105,57 @@ pub struct Tracer {
     photograph: Pipeline,
     first_hit: Pipeline,
     scene: SceneBuffers,
+    light: Option<LightBuffers>,
     chosen: Buffer,
     exposure: Buffer,
     found: Buffer,
     assembly: Assembly,
     pixels: u64,
+    gain: f32,
+}
+
+/// A light map on the device.
+struct LightBuffers {
+    photograph: Pipeline,
+    sides: Buffer,
+    patches: Buffer,
+    cells: Buffer,
+    corners: Buffer,
+    spread: Buffer,
+}
+
+impl LightBuffers {
+    fn new(context: &Arc<Context>, light: &LightMap, pixels: u64) -> Result<Self> {
+        let words = |light: &[Vec3]| light.iter().map(|v| v.extend(0.0).to_array()).collect::<Vec<_>>();
+        Ok(Self {
+            photograph: Pipeline::new::<PhotographBakedStage>(context, &())?,
+            sides: Buffer::from_slice(context, "sides", &light.layout.sides)?,
+            patches: Buffer::from_slice(context, "patches", &light.layout.patches)?,
+            cells: Buffer::from_slice(context, "cells", &words(&light.cells))?,
+            corners: Buffer::from_slice(context, "corners", &words(&light.corners))?,
+            spread: Buffer::device(context, "spread", SPREAD * pixels)?,
+        })
+    }
 }
 
 /// A scene on the device.
-struct SceneBuffers {
-    nodes: Buffer,
-    primitives: Buffer,
-    vertices: Buffer,
-    faces: Buffer,
-    materials: Buffer,
-    maps: Buffer,
-    texels: Buffer,
-    lights: Buffer,
-    sky: Buffer,
-    aliases: Buffer,
-    albedo: Buffer,
-    setting: Buffer,
+pub(super) struct SceneBuffers {
+    pub nodes: Buffer,
+    pub primitives: Buffer,
+    pub vertices: Buffer,
+    pub faces: Buffer,
+    pub materials: Buffer,
+    pub maps: Buffer,
+    pub texels: Buffer,
+    pub lights: Buffer,
+    pub sky: Buffer,
+    pub aliases: Buffer,
+    pub albedo: Buffer,
+    pub setting: Buffer,
 }
 
 impl SceneBuffers {
-    fn new(context: &Arc<Context>, a: &Assembly) -> Result<Self> {
+    pub fn new(context: &Arc<Context>, a: &Assembly) -> Result<Self> {
         // A shader may not be bound to nothing: where there is nothing, one element is bound that no index refers to.
         Ok(Self {
             nodes: Buffer::from_slice(context, "nodes", &a.bvh.nodes)?,
@@ -123,8 +194,32 @@ impl Tracer {
         strategy: Strategy,
         count_rays: bool,
     ) -> Result<Self> {
+        Self::made(context, assembly, pixels, strategy, count_rays, None)
+    }
+
+    /// As [`Tracer::new`], for photographs of a scene with its light map.
+    ///
+    /// # Errors
+    /// As [`Tracer::new`].
+    pub fn lit(context: &Arc<Context>, assembly: &Assembly, pixels: u64, light: &LightMap) -> Result<Self> {
+        let laid_out = assembly.for_light_map(light.layout.area.sqrt(), light.layout.reach);
+        Self::made(context, laid_out, pixels, Strategy::Both, false, Some(light))
+    }
+
+    fn made(
+        context: &Arc<Context>,
+        assembly: Assembly,
+        pixels: u64,
+        strategy: Strategy,
+        count_rays: bool,
+        light: Option<&LightMap>,
+    ) -> Result<Self> {
         let mut list = assembly.footprint();
         list.extend([("exposure", PIXEL * pixels), ("found", PIXEL * pixels), ("chosen", 4 * pixels)]);
+        if let Some(light) = light {
+            list.extend(light.layout.footprint());
+            list.push(("spread", SPREAD * pixels));
+        }
         Footprint { buffers: list, several: &[] }.check(context, "the scene", |name| match name {
             "texels" => "take smaller textures, or a larger device",
             "exposure" | "found" | "chosen" => "take smaller pictures (`size`)",
@@ -138,9 +233,16 @@ impl Tracer {
             found: Buffer::device(context, "found", PIXEL * pixels)?,
             context: context.clone(),
             scene: SceneBuffers::new(context, &assembly)?,
+            light: light.map(|light| LightBuffers::new(context, light, pixels)).transpose()?,
             assembly,
             pixels,
+            gain: 1.0,
         })
+    }
+
+    /// The same for pictures of an exposure in stops, which decides what error is seen.
+    pub fn exposed(self, stops: f32) -> Self {
+        Self { gain: stops.exp2(), ..self }
     }
 
     /// The scene.
@@ -165,16 +267,22 @@ impl Tracer {
         let part = first_paths.min(u64::from(pixels)) as u32;
         let most_samples = if on_cpu { 1 } else { (GPU_DISPATCH / u64::from(part)) as u32 };
         let mut per_submission = (first_paths / u64::from(part)) as u32;
+        let all_samples = exposure.samples * if self.light.is_some() { MORE_SAMPLES } else { 1 };
+        // Pixels are asked whether they are known when their samples have doubled.
+        let asked = |sample: u32| match &self.light {
+            Some(_) => exposure.samples * (sample / exposure.samples + 1).next_power_of_two(),
+            None => u32::MAX,
+        };
         for first in (0..pixels).step_by(part as usize) {
             let count = part.min(pixels - first);
             let mut sample = 0;
-            while sample < exposure.samples {
+            while sample < all_samples {
                 Error::unless_stopped(go_on())?;
                 let begun = Instant::now();
                 let mut commands = Recorder::new(&self.context)?;
-                let last = exposure.samples.min(sample.saturating_add(per_submission));
+                let last = all_samples.min(sample.saturating_add(per_submission));
                 while sample < last {
-                    let samples = most_samples.min(last - sample);
+                    let samples = most_samples.min(last - sample).min(asked(sample) - sample);
                     let push = self.push(camera, number, exposure, [first, count], [sample, samples]);
                     self.record(&mut commands, &push);
                     sample += samples;
@@ -185,12 +293,18 @@ impl Tracer {
                     long if long > SUBMISSION => per_submission = (per_submission / 2).max(1),
                     _ => {}
                 }
-                per_submission = per_submission.min(exposure.samples);
+                per_submission = per_submission.min(all_samples);
             }
         }
         let sums: Vec<[f32; 4]> = self.exposure.download(pixels as usize)?;
-        let mean = |sum: [f32; 4]| sum.map(|v| v / exposure.samples as f32);
-        let pixels = sums.into_iter().map(mean).collect();
+        let mean = |sum: [f32; 4], samples: f32| sum.map(|v| v / samples);
+        let pixels = match &self.light {
+            None => sums.into_iter().map(|sum| mean(sum, exposure.samples as f32)).collect(),
+            Some(light) => {
+                let spread: Vec<[f32; 2]> = light.spread.download(pixels as usize)?;
+                sums.into_iter().zip(spread).map(|(sum, [_, samples])| mean(sum, samples)).collect()
+            }
+        };
         Ok(Photograph { width: camera.intrinsics.width, pixels })
     }
 
@@ -222,6 +336,31 @@ impl Tracer {
 
     fn record<'a>(&'a self, commands: &mut Recorder<'a>, push: &PhotographPush) {
         let b = &self.scene;
+        let groups = push.count.div_ceil(PhotographStage::SHADER.local_size[0]);
+        if let Some(light) = &self.light {
+            let bound = PhotographBakedStage {
+                nodes: &b.nodes,
+                primitives: &b.primitives,
+                vertices: &b.vertices,
+                faces: &b.faces,
+                materials: &b.materials,
+                maps: &b.maps,
+                texels: &b.texels,
+                lights: &b.lights,
+                sky: &b.sky,
+                aliases: &b.aliases,
+                albedo: &b.albedo,
+                setting: &b.setting,
+                sides: &light.sides,
+                patches: &light.patches,
+                cells: &light.cells,
+                corners: &light.corners,
+                exposure: &self.exposure,
+                spread: &light.spread,
+            };
+            commands.stage(&light.photograph, bound).push(push).linear(groups);
+            return;
+        }
         let bound = PhotographStage {
             nodes: &b.nodes,
             primitives: &b.primitives,
@@ -237,10 +376,7 @@ impl Tracer {
             setting: &b.setting,
             exposure: &self.exposure,
         };
-        commands
-            .stage(&self.photograph, bound)
-            .push(push)
-            .linear(push.count.div_ceil(PhotographStage::SHADER.local_size[0]));
+        commands.stage(&self.photograph, bound).push(push).linear(groups);
     }
 
     /// What lies in the middle of pixels of a picture: of those listed, or of all.
@@ -319,6 +455,8 @@ impl Tracer {
             first_sample,
             samples,
             show_sky: u32::from(exposure.show_sky),
+            gain: self.gain,
+            least: exposure.samples,
         }
     }
 

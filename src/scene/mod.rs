@@ -26,6 +26,7 @@ pub mod random;
 pub mod region;
 pub mod samples;
 mod sampling;
+pub mod sequence;
 pub(crate) mod sets;
 pub mod similarity;
 pub mod stray;

@@ -72,13 +72,13 @@ struct Map {
     uint spare1;
 };
 
-const uint LIGHT_TRIANGLE = 0, LIGHT_POINT = 1, LIGHT_DIRECTIONAL = 2;
+const uint LIGHT_TRIANGLE = 0, LIGHT_POINT = 1, LIGHT_DIRECTIONAL = 2, LIGHT_SKY = 3;
 
 struct Light {
     vec3 position;
     uint kind;
     vec3 direction;
-    uint slot;  // the triangle
+    uint slot;  // the triangle, or the environment's texel
     vec3 colour;
     float range;
     float cone_scale;
@@ -97,4 +97,35 @@ struct Setting {
     uint lights;
     float sky_share;  // chance that a light is looked for in the environment
     float radius;     // of the scene about the origin
+    uint compact;     // with a light map: sources too small for it, which lie after the other lights
+    float sky_limit;  // with a light map: what is brighter in the environment is such a source
+};
+
+// A side of a triangle in the light map; fronts and backs take turns.
+struct Side {
+    uint first;   // its first patch
+    uint splits;  // its edges are cut into so many parts, and it into their square of patches
+};
+
+// A part of a side that is cut into cells of one size.
+struct Patch {
+    uint cells;    // its first cell
+    uint corners;  // its first corner of cells
+    uint rows;     // its edges are cut into so many parts
+    float share;   // of the rays that a cell of usual size gets, for each of its cells
+    uint side;
+};
+
+// What the rays of a cell have brought.
+struct Sum {
+    vec3 direct;     // irradiance of sources that are not compact
+    float squares;   // of the luma of that
+    vec3 bounced;    // irradiance of what reflects widely
+    float nearness;  // one over the distance of what is met
+    vec3 compact;    // irradiance of compact sources
+    float rays;
+    float halves;    // luma of `direct` of even rays less that of odd ones
+    float spare0;
+    float spare1;
+    float spare2;
 };

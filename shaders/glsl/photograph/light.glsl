@@ -5,20 +5,34 @@ float uniform_of(uint word) {
     return float(word >> 8u) * 5.9604644775390625e-8;
 }
 
+// A texel of the environment, no brighter than a limit.
+vec4 sky_texel(int texel, float limit) {
+    vec4 found = sky[texel];
+    found.rgb *= min(1.0, limit / max(max(found.r, max(found.g, found.b)), 1e-30));
+    return found;
+}
+
+// Of two ways to the same light, the weight of the one with density `own` (Veach 1997, the power heuristic).
+float weight(float own, float other) {
+    float ratio = other / own;
+    return 1.0 / (1.0 + ratio * ratio);
+}
+
 // Radiance of the environment, and as the fourth the density with which its place is sampled, by area of the map:
 // bilinear between texels' centres, around the map and clamped at the poles.
-vec4 sky_at(vec2 uv) {
+vec4 sky_at(vec2 uv, float limit) {
     int w = int(setting[0].sky_width), h = int(setting[0].sky_height);
     vec2 at = uv * vec2(w, h) - 0.5;
     ivec2 i = clamp(ivec2(floor(at)), ivec2(-1), ivec2(w, h) - 1);
     vec2 f = at - floor(at);
     int x0 = (i.x + w) % w, x1 = (i.x + 1 + w) % w, y0 = clamp(i.y, 0, h - 1), y1 = clamp(i.y + 1, 0, h - 1);
-    return mix(mix(sky[y0 * w + x0], sky[y0 * w + x1], f.x), mix(sky[y1 * w + x0], sky[y1 * w + x1], f.x), f.y);
+    vec4 top = mix(sky_texel(y0 * w + x0, limit), sky_texel(y0 * w + x1, limit), f.x);
+    return mix(top, mix(sky_texel(y1 * w + x0, limit), sky_texel(y1 * w + x1, limit), f.x), f.y);
 }
 
 // Radiance from a direction, and the density by solid angle with which it is sampled.
-vec4 sky_from(vec3 w) {
-    vec4 found = sky_at(vec2(0.5 + atan(w.z, w.x) / (2.0 * PI), atan(length(w.xz), w.y) / PI));
+vec4 sky_from(vec3 w, float limit) {
+    vec4 found = sky_at(vec2(0.5 + atan(w.z, w.x) / (2.0 * PI), atan(length(w.xz), w.y) / PI), limit);
     found.w *= setting[0].sky_share / (2.0 * PI * PI * max(length(w.xz), 1e-6));
     return found;
 }
@@ -43,10 +57,19 @@ struct Lit {
     uint slot;     // the triangle that gives it, or NONE
 };
 
-// Light at a place from one source, drawn from the words `a` and `b`. A reach of 0 means that there is none.
-Lit light_towards(vec3 from, uvec4 a, uvec4 b) {
+// The direction of a place on the environment's map, in texels; past a pole the map's row is met again.
+vec3 sky_direction(vec2 at) {
+    vec2 uv = at / vec2(setting[0].sky_width, setting[0].sky_height);
+    uv.y = uv.y < 0.0 ? -uv.y : (uv.y > 1.0 ? 2.0 - uv.y : uv.y);
+    float polar = PI * uv.y, turn = 2.0 * PI * (uv.x - 0.5);
+    return vec3(sin(polar) * cos(turn), cos(polar), sin(polar) * sin(turn));
+}
+
+// Light at a place from one source, drawn from the words `a` and `b`: from the compact ones, or from all others. A reach of 0 means
+// that there is none.
+Lit light_towards(vec3 from, uvec4 a, uvec4 b, bool compact) {
     Lit lit = Lit(vec3(0.0, 1.0, 0.0), 0.0, vec3(0.0), 0.0, NONE);
-    float sky_share = setting[0].sky_share;
+    float sky_share = compact ? 0.0 : setting[0].sky_share;
     if (uniform_of(a.x) < sky_share) {
         // Walker's alias method: each texel has a threshold and another texel.
         uint w = setting[0].sky_width, texels = w * setting[0].sky_height, index, low;
@@ -54,12 +77,8 @@ Lit light_towards(vec3 from, uvec4 a, uvec4 b) {
         uvec2 alias = aliases[index];
         if (a.z > alias.x) index = alias.y;
         vec2 at = vec2(index % w, index / w) + 0.5 + vec2(tent(uniform_of(b.x)), tent(uniform_of(b.y)));
-        vec2 uv = at / vec2(w, setting[0].sky_height);
-        // Past a pole the map's row is met again: so does clamped interpolation count it.
-        uv.y = uv.y < 0.0 ? -uv.y : (uv.y > 1.0 ? 2.0 - uv.y : uv.y);
-        float polar = PI * uv.y, turn = 2.0 * PI * (uv.x - 0.5);
-        lit.towards = vec3(sin(polar) * cos(turn), cos(polar), sin(polar) * sin(turn));
-        vec4 found = sky_from(lit.towards);
+        lit.towards = sky_direction(at);
+        vec4 found = sky_from(lit.towards, setting[0].sky_limit);
         lit.density = found.w;
         if (found.w > 0.0) {
             lit.light = found.rgb / found.w;
@@ -67,11 +86,12 @@ Lit light_towards(vec3 from, uvec4 a, uvec4 b) {
         }
         return lit;
     }
-    uint count = setting[0].lights;
+    uint first = compact ? setting[0].lights : 0, count = compact ? setting[0].compact : setting[0].lights;
     if (count == 0) return lit;
     uint chosen, low;
     umulExtended(a.y, count, chosen, low);
-    if (a.z > lights[chosen].threshold) chosen = lights[chosen].other;
+    chosen += first;
+    if (a.z > lights[chosen].threshold) chosen = first + lights[chosen].other;
     Light light = lights[chosen];
     float chance = (1.0 - sky_share) * light.share;
     if (light.kind == LIGHT_TRIANGLE) {
@@ -94,6 +114,13 @@ Lit light_towards(vec3 from, uvec4 a, uvec4 b) {
         // A light at the same place is not blocked.
         lit.reach = distance * (1.0 - 4e-6);
         lit.slot = light.slot;
+    } else if (light.kind == LIGHT_SKY) {
+        // A texel's share of a bilinear map is a tent, which is sampled as it is.
+        uint w = setting[0].sky_width;
+        lit.towards = sky_direction(vec2(light.slot % w, light.slot / w) + 0.5 + vec2(tent(uniform_of(b.x)), tent(uniform_of(b.y))));
+        float texel = 2.0 * PI * PI / float(w * setting[0].sky_height);
+        lit.light = light.colour * (texel * length(lit.towards.xz) / chance);
+        lit.reach = MISS;
     } else if (light.kind == LIGHT_DIRECTIONAL) {
         lit.towards = -light.direction;
         lit.light = light.colour / chance;

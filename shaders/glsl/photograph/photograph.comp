@@ -29,6 +29,8 @@ layout(push_constant) uniform Push {
     uint first_sample;
     uint samples;
     uint show_sky;  // 1: the environment is seen behind the scene
+    float gain;     // as photograph_baked.comp has
+    uint least;
 };
 
 layout(binding = 0, std430) readonly buffer Nodes { Node nodes[]; };
@@ -53,12 +55,6 @@ layout(binding = 12, std430) buffer Exposure { vec4 exposure[]; };
 // Hits of a path at most, and the first after which it may end by chance.
 const uint MAX_HITS = 64;
 const uint SURE_HITS = 4;
-
-// Of two ways to the same light, the weight of the one with density `own`.
-float weight(float own, float other) {
-    float ratio = other / own;
-    return 1.0 / (1.0 + ratio * ratio);
-}
 
 // A path between two of its rays.
 struct Path {
@@ -91,7 +87,7 @@ bool extend(inout Path path, uint pixel, uint number) {
         if (k == 0 && show_sky == 0) return false;
         path.alpha = 1.0;
         if (setting[0].sky_width == 0) return false;
-        vec4 found = sky_from(path.direction);
+        vec4 found = sky_from(path.direction, setting[0].sky_limit);
         float share = path.looked ? (STRATEGY == LIGHTS ? 0.0 : weight(path.density, found.w)) : 1.0;
         path.light += path.left * found.rgb * share;
         return false;
@@ -115,7 +111,7 @@ bool extend(inout Path path, uint pixel, uint number) {
     path.looked = STRATEGY != CHANCE && is_wide(s);
     uvec4 words = pcg4d(uvec4(seed, pixel, number, 4 * k + 1));
     if (path.looked || setting[0].lights > 0) {
-        Lit lit = light_towards(place, words, pcg4d(uvec4(seed, pixel, number, 4 * k + 2)));
+        Lit lit = light_towards(place, words, pcg4d(uvec4(seed, pixel, number, 4 * k + 2)), false);
         // Lamps are met by no ray, whatever the strategy.
         if (lit.reach > 0.0 && (path.looked || lit.density == 0.0)) {
             vec4 through = scattered(s, wo, lit.towards);

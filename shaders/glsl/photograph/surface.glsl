@@ -20,6 +20,7 @@ struct Surface {
     float f90;
     vec3 spec_scale;
     vec3 diffuse;
+    vec3 glossy;   // what metal and dielectric reflect in all, below coat and sheen
     vec3 thin;     // passes a thin sheet
     float glass;   // share of a refracting interface
     float eta;     // its index beyond over the one on this side
@@ -32,6 +33,7 @@ struct Surface {
     float sheen_alpha;
     float below_coat;
     float below_sheen;
+    float albedo;  // of all lobes, by luma
     float p_coat;  // chances of the lobes
     float p_sheen;
     float p_spec;
@@ -130,6 +132,7 @@ Surface surface_at(Hit hit, vec3 wo, out vec3 emission, out bool front) {
     s.f0 *= dielectric;
     s.f90 *= dielectric;
     reflected *= dielectric;
+    s.glossy = s.metallic * metal + reflected;
 
     s.coat = m.clearcoat * map_or_one(m.clearcoat_map, uv0, uv1).r;
     s.below_coat = 1.0;
@@ -159,11 +162,12 @@ Surface surface_at(Hit hit, vec3 wo, out vec3 emission, out bool front) {
     float below = s.below_coat * s.below_sheen;
     s.p_coat = 1.0 - s.below_coat;
     s.p_sheen = s.below_coat * (1.0 - s.below_sheen);
-    s.p_spec = below * luma(s.metallic * metal + reflected);
+    s.p_spec = below * luma(s.glossy);
     s.p_diffuse = below * luma(s.diffuse);
     s.p_thin = below * luma(s.thin) * white;
     s.p_glass = below * s.glass;
     float all = s.p_coat + s.p_sheen + s.p_spec + s.p_diffuse + s.p_thin + s.p_glass;
+    s.albedo = all;
     float scale = all > 0.0 ? 1.0 / all : 0.0;
     s.p_coat *= scale;
     s.p_sheen *= scale;
