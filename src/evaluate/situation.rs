@@ -12,7 +12,7 @@ use crate::scene::limits::{Limits, Volume, Wall, box_triangles};
 use crate::scene::model::Model;
 use crate::scene::random;
 use crate::scene::region::{Region, Shape};
-use crate::scene::samples::textured::{Cover, Furnisher};
+use crate::scene::samples::textured::Surroundings;
 use crate::visibility::device_scene::SceneGeometry;
 use crate::{Error, Result};
 
@@ -148,15 +148,15 @@ impl Situation {
         from.y = low.y;
         let size = to - from;
         let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| axis * size);
-        let mut add = Furnisher::new(model, radius);
+        let mut add = Surroundings::new(model, radius);
         let mut limits = Limits::default();
-        add.sheet(from, [z, x], Cover::Planks);
+        add.floor(from, [z, x]);
         if walls > 0 {
-            add.sheet(from + z, [-z, y], Cover::Plaster);
+            add.wall(from + z, [-z, y]);
             limits.walls.push(Wall { point: from, normal: DVec3::X });
         }
         if walls > 1 {
-            add.sheet(from, [x, y], Cover::Plaster);
+            add.wall(from, [x, y]);
             limits.walls.push(Wall { point: from, normal: DVec3::Z });
         }
         if self == Self::Clutter {
@@ -169,7 +169,7 @@ impl Situation {
                 let foot = DVec3::new(centre.x + out * angle.cos(), low.y, centre.z + out * angle.sin());
                 let (min, top) = (foot - DVec3::new(half, 0.0, half), (0.7 + 1.8 * d) * radius);
                 let max = foot + DVec3::new(half, top, half);
-                add.block(min, max, Cover::Squares(i));
+                add.thing(min, max, i);
                 limits.keep_out.push(Volume { triangles: box_triangles(min, max), ..Volume::default() });
             }
         }
