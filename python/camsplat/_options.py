@@ -486,11 +486,14 @@ class EvaluateOptions(TypedDict, total=False):
     size: int
     """Side of the images in pixels [default: 800; quick: 96]"""
 
+    light: Literal["baked", "traced"]
+    """Diffuse light of the photographs: baked once for all of a scene, or traced for each pixel [default: rooms baked, objects traced]"""
+
     spp: int
-    """Samples per pixel [default: 256; quick: 8]"""
+    """Samples per pixel, at least where light is baked [default: baked 64, traced 256; quick: 8]"""
 
     input_spp: int
-    """Samples per pixel of the input photos [default: as --spp; in rooms at least 1024, since path-traced photos of few samples are noisier than a camera's; quick: as --spp]"""
+    """Samples per pixel of the input photos [default: as --spp; traced rooms at least 1024, since path-traced photos of few samples are noisier than a camera's; quick: as --spp]"""
 
     test_spp: int
     """Samples per pixel of the test views, whose noise limits every score [default: as --spp]"""

@@ -25,6 +25,7 @@ use crate::evaluate::table;
 use crate::io::environment::read_environment;
 use crate::io::folder::write_files;
 use crate::metrics::image::{Network, Weights};
+use crate::photograph::lightmap::Light;
 use crate::plan::config::Preset;
 use crate::plan::target::RegionChoice;
 use crate::scene::limits::Limits;
@@ -41,7 +42,7 @@ pub struct Arguments {
     #[arg(long, value_enum)]
     preset: Option<Preset>,
     /// Select from captures of photos instead of planning; every eighth photo is held out
-    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "box_", "clearance", "env", "surface", "size", "spp", "input_spp", "test_spp", "tests", "viewers", "situation", "keep_out", "wall", "heights", "walk"])]
+    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "box_", "clearance", "env", "surface", "size", "light", "spp", "input_spp", "test_spp", "tests", "viewers", "situation", "keep_out", "wall", "heights", "walk"])]
     pool: Vec<PathBuf>,
     /// In a room, cameras and test views stand in a box: corners X0,Y0,Z0,X1,Y1,Z1 [default: the room's bounds less the clearance]
     #[arg(long = "box", value_delimiter = ',', allow_hyphen_values = true, value_name = "NUMBERS")]
@@ -80,10 +81,13 @@ pub struct Arguments {
     /// Side of the images in pixels [default: 800; quick: 96]
     #[arg(long, value_name = "PIXELS")]
     size: Option<u32>,
-    /// Samples per pixel [default: 256; quick: 8]
+    /// Diffuse light of the photographs: baked once for all of a scene, or traced for each pixel [default: rooms baked, objects traced]
+    #[arg(long, value_enum)]
+    light: Option<Light>,
+    /// Samples per pixel, at least where light is baked [default: baked 64, traced 256; quick: 8]
     #[arg(long)]
     spp: Option<u32>,
-    /// Samples per pixel of the input photos [default: as --spp; in rooms at least 1024, since path-traced photos of few samples
+    /// Samples per pixel of the input photos [default: as --spp; traced rooms at least 1024, since path-traced photos of few samples
     /// are noisier than a camera's; quick: as --spp]
     #[arg(long)]
     input_spp: Option<u32>,
@@ -204,7 +208,9 @@ impl Arguments {
             (_, true) => vec![20],
         };
         let of = if self.quick { Settings::QUICK } else { Settings::WHOLE };
-        let samples = self.spp.unwrap_or(of.samples);
+        let light = self.light.unwrap_or(if kind == Kind::Room { Light::Baked } else { Light::Traced });
+        let usual = if self.quick { of.samples } else { light.samples() };
+        let samples = self.spp.unwrap_or(usual);
         // Indoors, photos of so few samples are too noisy to be matched.
         // Ten photos of a floor or a wall give no surface to speak of, nor do noisy ones.
         let is_furnished = kind == Kind::Object && self.situation().furnishes();
@@ -217,12 +223,13 @@ impl Arguments {
             first_seed: self.first_seed,
             settings: Settings {
                 size: self.size.unwrap_or(of.size),
+                light,
                 samples,
                 input_samples: self.input_spp.unwrap_or(match kind {
-                    Kind::Room if !self.quick => samples.max(CLEAN),
+                    Kind::Room if !self.quick && light == Light::Traced => samples.max(CLEAN),
                     _ => samples,
                 }),
-                test_samples: self.test_spp.or(self.spp).unwrap_or(of.test_samples),
+                test_samples: self.test_spp.unwrap_or(samples),
                 inputs: self.inputs.unwrap_or(if kind == Kind::Room { 30 } else { of.inputs }),
                 inputs_from: self.inputs_from.unwrap_or(of.inputs_from),
                 tests: self.tests.unwrap_or(of.tests),

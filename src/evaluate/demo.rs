@@ -17,6 +17,7 @@ use super::scene_artifacts::SceneArtifacts;
 use super::settings::{Settings, Shown};
 use crate::baselines::request::Request as Baseline;
 use crate::methods::Method;
+use crate::photograph::lightmap::Light;
 use crate::photograph::outputs::named;
 use crate::plan::job::{Plan, Tools};
 use crate::plan::target::Target;
@@ -46,9 +47,10 @@ impl Size {
     /// What two cores do within one to three minutes, slow ones too.
     pub const DEMO: Self = Self {
         settings: Settings {
-            size: 80,
-            samples: 8,
-            test_samples: 12,
+            size: 128,
+            light: Light::Baked,
+            samples: 4,
+            test_samples: 8,
             tests: 12,
             iterations: 250,
             shown: Shown::True,
@@ -142,7 +144,9 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     };
     let tests = scene.tests(intrinsics, settings.tests, request.test_viewers())?;
     let mut walk = Walk { observe, begun: Instant::now(), kept: false, steps: Vec::new() };
-    let artifacts = SceneArtifacts::new(context, &folder.join(&name), &request, scene)?;
+    let artifacts =
+        SceneArtifacts::new(context, &folder.join(&name), &request, scene, &mut |event| walk.observe(&event))?;
+    walk.done("light", String::from("the rooms' light, once for all photographs"));
     let target = artifacts.target_of(&scene.surface, &scene.region)?;
     let config = Competitor::Method(Method::Ours).config(kind.preset(), views, seed)?;
 

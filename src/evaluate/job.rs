@@ -296,8 +296,8 @@ impl Runs<'_, '_> {
         let intrinsics = request.settings.intrinsics();
         let inputs = scene.inputs(context, &request.settings)?;
         let tests = scene.tests(intrinsics, request.settings.tests, request.test_viewers())?;
-        let artifacts = SceneArtifacts::new(context, &self.folder, request, scene)?;
         let mut shared = made_for(format!("all runs of {}", self.subject.name()), &mut *observe);
+        let artifacts = SceneArtifacts::new(context, &self.folder, request, scene, &mut shared)?;
         let inputs = artifacts.input_photographs(&inputs, &mut shared)?;
         let shown = artifacts.shown(&inputs, &mut shared)?;
         let tests = artifacts.test_photographs(&tests, &mut shared)?;

@@ -21,6 +21,9 @@ use crate::{Error, Result};
 /// Seeds of the input and the test cameras: both are the same in all runs.
 const INPUT_SEED: u64 = 0x696e_7075;
 const TEST_SEED: u64 = 0x7465_7374;
+/// Places from which a light map is to be detailed, and their seed.
+const EYES: usize = 256;
+const EYE_SEED: u64 = 0x6579_6573;
 /// Rays along a side of a picture, and the share of all that must end on the surface: a view out of a window tests nothing.
 const RAYS: u32 = 8;
 const MIN_SEEN: f64 = 0.5;
@@ -35,6 +38,13 @@ const PLACES: u32 = 600;
 pub struct EmptySpace {
     target: Target,
     geometry: SceneGeometry,
+}
+
+/// Places anywhere that cameras may stand, in the world.
+pub(super) fn eyes(geometry: &SceneGeometry) -> Vec<DVec3> {
+    let back = geometry.to_internal.inverse();
+    let drawn = layouts::random(geometry.open(), EYES, EYE_SEED, false);
+    drawn.into_iter().map(|pose| back.point(pose.position)).collect()
 }
 
 impl EmptySpace {
@@ -85,6 +95,11 @@ impl EmptySpace {
             ));
         }
         Ok(cameras)
+    }
+
+    /// Places from which all of the empty space is seen.
+    pub fn eyes(&self) -> Vec<DVec3> {
+        eyes(&self.geometry)
     }
 
     /// Cameras where a person could hold them: one inside an object, or nearer than the clearance, moves to the nearest empty

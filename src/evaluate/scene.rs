@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::room::EmptySpace;
+use super::room::{self, EmptySpace};
 use super::settings::Settings;
 use super::situation::Situation;
 use super::views;
@@ -165,6 +165,17 @@ impl Scene {
             return Ok(Vec::new());
         }
         self.situation.kept(&self.target(&intrinsics)?.geometry()?, intrinsics, views, seed)
+    }
+
+    /// Places from which the scene is photographed, by whatever method.
+    ///
+    /// # Errors
+    /// Where the region leaves no place for cameras.
+    pub fn eyes(&self, intrinsics: &Intrinsics) -> Result<Vec<DVec3>> {
+        match &self.views {
+            Around::Object(_) => Ok(room::eyes(&self.target(intrinsics)?.geometry()?)),
+            Around::Room(space) => Ok(space.eyes()),
+        }
     }
 
     fn preset(&self) -> Preset {

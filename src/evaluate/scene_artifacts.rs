@@ -8,6 +8,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::artifact::{Artifact, Event, Observe};
@@ -20,6 +21,7 @@ use crate::gaussians::config::{Config, Strategy};
 use crate::gaussians::data::split::{Split, Test};
 use crate::gaussians::run::record::TrainRecord;
 use crate::io::photos::{self, Images, Options};
+use crate::photograph::lightmap::{self, Light, LightMap};
 use crate::photograph::outputs::{Outputs, Record, named};
 use crate::photograph::tracer::Tracer;
 use crate::photos::{Photo, PhotoSet};
@@ -53,25 +55,42 @@ pub(crate) struct SceneArtifacts<'a> {
     pub(super) kind: Kind,
     pub(super) settings: Settings,
     pub(super) viewers: Viewers,
+    /// How the light map was baked; none where light is traced.
+    light: Option<lightmap::Settings>,
     pub(super) tracer: Tracer,
     pub(super) scene: &'a Scene,
 }
 
 impl<'a> SceneArtifacts<'a> {
-    /// Uploads a scene, whose outputs lie below `root`.
+    /// Uploads a scene, whose outputs lie below `root`, with its light map where photographs have one: it is the first output.
     ///
     /// # Errors
-    /// Where the device has too little memory for it.
-    pub fn new(context: &Arc<Context>, root: &Path, request: &Request, scene: &'a Scene) -> Result<Self> {
+    /// Where the device has too little memory for it, or the light map was not finished.
+    pub fn new(
+        context: &Arc<Context>,
+        root: &Path,
+        request: &Request,
+        scene: &'a Scene,
+        observe: Observe,
+    ) -> Result<Self> {
         let Request { kind, settings, .. } = *request;
         let pixels = u64::from(settings.size).pow(2);
-        let tracer = Tracer::new(context, scene.assembly.clone(), pixels)?;
+        let light = (settings.light == Light::Baked).then(|| lightmap::Settings::new(pixels, SEED));
+        let tracer = match &light {
+            None => Tracer::new(context, scene.assembly.clone(), pixels)?,
+            Some(light) => {
+                let eyes = scene.eyes(&settings.intrinsics())?;
+                let map = light_map(context, root, scene, light, &eyes, observe)?;
+                Tracer::lit(context, &scene.assembly, pixels, &map)?
+            }
+        };
         Ok(Self {
             context: context.clone(),
             root: root.to_owned(),
             kind,
             settings,
             viewers: request.viewers.clone(),
+            light,
             tracer,
             scene,
         })
@@ -159,10 +178,10 @@ impl<'a> SceneArtifacts<'a> {
     fn photographs_in(&self, root: &Path, cameras: &[Camera], samples: u32, observe: Observe) -> Result<Artifact> {
         let record = Record {
             version: env!("CARGO_PKG_VERSION").into(),
-            scene: self.tracer.assembly().checksum(),
+            scene: self.scene.assembly.checksum(),
             cameras: named(cameras)?,
             samples,
-            light: None,
+            light: self.light,
             seed: SEED,
             exposure: 0.0,
             // A room's background is what its windows show; an object has none.
@@ -344,6 +363,29 @@ impl<'a> SceneArtifacts<'a> {
     pub(super) fn artifact(&self, name: &str, inputs: Value) -> Artifact {
         Artifact::new(&self.root, name, inputs)
     }
+}
+
+/// The light map of a scene.
+fn light_map(
+    context: &Arc<Context>,
+    root: &Path,
+    scene: &Scene,
+    settings: &lightmap::Settings,
+    eyes: &[DVec3],
+    observe: Observe,
+) -> Result<LightMap> {
+    let places: Vec<[f64; 3]> = eyes.iter().map(DVec3::to_array).collect();
+    let inputs = json!({ "scene": scene.assembly.checksum(), "settings": settings, "eyes": places });
+    let artifact = Artifact::new(root, "light", inputs);
+    let file = artifact.file(lightmap::FILE);
+    if !artifact.begins(observe)? {
+        let map = LightMap::read(&file, &scene.assembly, settings, eyes)?;
+        return map.ok_or_else(|| artifact.damaged(lightmap::FILE));
+    }
+    let map = LightMap::bake(context, &scene.assembly, settings, eyes, |_| observe(Event::Working))?;
+    map.write(&file, &scene.assembly, settings, eyes)?;
+    artifact.finish()?;
+    Ok(map)
 }
 
 /// Whether all pixels of a photo are alike.

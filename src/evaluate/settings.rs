@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::photograph::lightmap::Light;
 use crate::plan::target::RegionChoice;
 use crate::scene::camera::Intrinsics;
 
@@ -45,6 +46,8 @@ pub(crate) const BY_BOUNDS: RegionChoice = RegionChoice { shape: None, floor: No
 pub struct Settings {
     /// Side of the pictures in pixels.
     pub size: u32,
+    /// Where diffuse light comes from.
+    pub light: Light,
     /// Samples of a pixel.
     pub samples: u32,
     /// Samples of a pixel of the input photos.
@@ -77,6 +80,7 @@ impl Settings {
     /// The whole protocol, for a GPU.
     pub const WHOLE: Self = Self {
         size: 800,
+        light: Light::Traced,
         samples: 256,
         input_samples: 256,
         test_samples: 256,
@@ -94,6 +98,7 @@ impl Settings {
     /// What two cores compute in minutes.
     pub const QUICK: Self = Self {
         size: 96,
+        light: Light::Traced,
         samples: 8,
         input_samples: 8,
         test_samples: 8,

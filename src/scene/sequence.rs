@@ -14,11 +14,11 @@ fn permuted(v: u32, key: u32) -> u32 {
 
 /// The second dimension's digits, reversed: the product with Pascal's matrix over two elements.
 fn pascal(v: u32) -> u32 {
-    let v = v ^ v << 16;
-    let v = v ^ (v & 0x00ff_00ff) << 8;
-    let v = v ^ (v & 0x0f0f_0f0f) << 4;
-    let v = v ^ (v & 0x3333_3333) << 2;
-    v ^ (v & 0x5555_5555) << 1
+    let v = v ^ v >> 16;
+    let v = v ^ (v & 0xff00_ff00) >> 8;
+    let v = v ^ (v & 0xf0f0_f0f0) >> 4;
+    let v = v ^ (v & 0xcccc_cccc) >> 2;
+    v ^ (v & 0xaaaa_aaaa) >> 1
 }
 
 /// Two words of a point of the sequence that `seed`, `stream` and `dimension` name. The first 2^k points have one in each of 2^k

@@ -8,6 +8,7 @@ mod gaussian_fisher;
 mod gaussian_passes;
 mod image_metrics;
 mod io_data;
+mod lightmap;
 mod links;
 mod manifold;
 mod metrics;

@@ -7,6 +7,9 @@ const uint MAX_HITS = 32;
 const uint SURE_HITS = 4;
 // Lobes with wider slopes scatter in all directions as far as later hits are concerned.
 const float MIRROR = 0.03;
+// What a camera sees of wider lobes that reflect little is as good as diffuse.
+const float DULL = 0.4;
+const float DULL_ALBEDO = 0.2;
 // A path goes on with this many times the chance of what its lobes reflect: at what a camera sees, and later.
 const float SEEN_CHANCE = 32.0;
 const float LATER_CHANCE = 2.0;
@@ -100,7 +103,8 @@ bool extend(inout Path path, uint item, uint number) {
         + hit.at.y * primitives[3 * hit.slot + 2].xyz;
 
     vec3 matte = matte_albedo(s);
-    bool reflection = path.seen || s.alpha <= MIRROR, coat = path.seen || s.coat_alpha <= MIRROR;
+    bool reflection = s.alpha <= MIRROR || (path.seen && (s.alpha <= DULL || luma(s.glossy) > DULL_ALBEDO));
+    bool coat = path.seen || s.coat_alpha <= MIRROR;
     if (!reflection) matte += s.below_coat * s.below_sheen * s.glossy;
     if (!coat) matte += 1.0 - s.below_coat;
     if (max(matte.r, max(matte.g, matte.b)) > 0.0) {

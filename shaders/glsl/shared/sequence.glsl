@@ -13,11 +13,11 @@ uint permuted(uint v, uint key) {
 
 // The second dimension's digits, reversed: the product with Pascal's matrix over two elements.
 uint pascal(uint v) {
-    v ^= v << 16u;
-    v ^= (v & 0x00ff00ffu) << 8u;
-    v ^= (v & 0x0f0f0f0fu) << 4u;
-    v ^= (v & 0x33333333u) << 2u;
-    v ^= (v & 0x55555555u) << 1u;
+    v ^= v >> 16u;
+    v ^= (v & 0xff00ff00u) >> 8u;
+    v ^= (v & 0xf0f0f0f0u) >> 4u;
+    v ^= (v & 0xccccccccu) >> 2u;
+    v ^= (v & 0xaaaaaaaau) >> 1u;
     return v;
 }
 

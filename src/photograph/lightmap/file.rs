@@ -104,7 +104,8 @@ impl LightMap {
             return None;
         }
         let layout = Layout::new(assembly, settings.cells, eyes);
-        let words = content[end + 1..].chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
+        let words =
+            content[end + 1..].chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
         let mut light: Vec<Vec3> = words.map(|word| unpacked(word, header.scale)).collect();
         if light.len() != layout.owners.len() + layout.corners as usize {
             return None;

@@ -315,7 +315,9 @@ impl Surroundings<'_> {
                 break;
             }
             wider.around(place, normal, thickness(wider), OWN_REACH, near);
-            let Some(mean) = mean(near, |found| found.direct).filter(|mean| (range[0]..=range[1]).contains(&luma(*mean))) else {
+            let Some(mean) =
+                mean(near, |found| found.direct).filter(|mean| (range[0]..=range[1]).contains(&luma(*mean)))
+            else {
                 break;
             };
             direct = mean;
