@@ -52,11 +52,11 @@ fn the_whole_way_is_gone_and_the_page_shows_what_is_there() {
         if stopping { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     assert!(matches!(broken_off, Err(camsplat::Error::Interrupted)));
-    assert_eq!(told, ["plan", "tests"]);
+    assert_eq!(told, ["light", "plan", "tests"]);
 
     let demo = demo::run(&context, &out, SMALL, &subject(), &mut |_| ControlFlow::Continue(())).unwrap();
     let kept = |name: &str| demo.steps.iter().any(|step| step.name == name && step.what.contains("earlier run"));
-    assert!(kept("tests") && !kept("photos") && !kept("training"), "{:?}", demo.steps);
+    assert!(kept("light") && kept("tests") && !kept("photos") && !kept("training"), "{:?}", demo.steps);
     let methods: Vec<&str> = demo.outcome.rows.iter().map(|row| row.method.name()).collect();
     assert_eq!(methods, ["ours", "random", "grid"]);
     let sentence = demo.sentence();

@@ -209,7 +209,7 @@ mod tests {
         let context = Context::new(&crate::vulkan::Options::default())?;
         let sum = |i: u32| {
             let [a, b, c, d] = random::bits(1, 2, i).map(random::uniform);
-            let rays = if i % 7 == 0 { 0.0 } else { 1.0 + (100.0 * d).floor() };
+            let rays = if i.is_multiple_of(7) { 0.0 } else { 1.0 + (100.0 * d).floor() };
             Sum { direct: [a, b, c], bounced: [b, c, a], compact: [c, 0.0, a], rays, halves: 0.3 * b, ..Sum::default() }
         };
         let sums: Vec<Sum> = (0..1000).map(sum).collect();

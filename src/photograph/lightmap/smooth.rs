@@ -84,7 +84,7 @@ impl Shape {
         let triangle = &assembly.primitives[slot];
         let [v0, e1, e2] = [triangle.v0, triangle.e1, triangle.e2].map(Vec3::from);
         let own = e1.cross(e2).normalize_or_zero();
-        let turn = if patch.side % 2 == 0 { 1.0 } else { -1.0 };
+        let turn = if patch.side.is_multiple_of(2) { 1.0 } else { -1.0 };
         let face = &assembly.faces[slot];
         let normals = [face.a, face.b, face.c].map(|v| {
             let normal = Vec3::from(assembly.vertices[v as usize].normal);
