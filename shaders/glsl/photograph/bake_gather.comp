@@ -75,11 +75,11 @@ void main() {
     if (i >= count) return;
     uint cell = first + i;
     Patch own_patch = patches[owners[cell]];
-    // Cells smaller than usual have a part of the rays, one at least while sums begin anew.
-    uint begin = uint(float(first_ray) * own_patch.share), end = uint(float(first_ray + rays) * own_patch.share);
+    // Cells smaller than usual have a part of the rays, the first at least.
+    uint begin = uint(ceil(float(first_ray) * own_patch.share)), end = uint(ceil(float(first_ray + rays) * own_patch.share));
     if (anew != 0) {
         begin = first_ray;
-        end = first_ray + max(uint(float(rays) * own_patch.share), 1);
+        end = first_ray + uint(ceil(float(rays) * own_patch.share));
     }
     Sum sum = sums[cell];
     // Small cells have as small a part of the rays below which nothing is said.
