@@ -117,14 +117,15 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let most = cameras.iter().map(pixels).max().unwrap_or(1);
     let within = cameras.iter().all(|camera| assembly.contains(camera.pose.position));
     let light = arguments.light.unwrap_or(if within { Light::Baked } else { Light::Traced });
+    let samples = arguments.spp.unwrap_or(light.samples());
     // A metered capture that was stopped continues as it was metered.
     let recorded =
         (arguments.exposure == Stops::Auto && !arguments.force).then(|| recorded_exposure(&arguments.out)).flatten();
     let mut record = Record {
         version: env!("CARGO_PKG_VERSION").into(),
         scene: assembly.checksum(),
-        samples: arguments.spp.unwrap_or(light.samples()),
-        light: (light == Light::Baked).then(|| lightmap::Settings::new(most, arguments.seed)),
+        samples,
+        light: (light == Light::Baked).then(|| lightmap::Settings::new(most, samples, arguments.seed)),
         seed: arguments.seed,
         exposure: match arguments.exposure {
             Stops::At(stops) => stops,

@@ -5,24 +5,17 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
-use glam::DVec3;
 
-use super::options::{DeviceOptions, print_messages, print_target};
-use super::outcome::print_plan;
-use super::progress::{Progress, stop_on_interrupt};
+use super::options::{DeviceOptions, print_messages};
+use super::progress::stop_on_interrupt;
 use super::session::{Ended, go_on};
-use crate::evaluate::demo::{self, Event, Size, Step};
+use crate::evaluate::demo::{self, Event, METHODS, Size, Step, title};
 use crate::evaluate::results::{Interval, Row, measured};
 use crate::evaluate::scene::{Scene, Setting};
 use crate::evaluate::situation::Situation;
-use crate::io::folder::{OutputFolder, check_folder, write_files};
-use crate::plan::config::{Config, Preset};
-use crate::plan::job::{self, Tools};
-use crate::plan::target::{RegionChoice, Target};
-use crate::scene::camera::Intrinsics;
-use crate::scene::samples;
+use crate::io::folder::{check_folder, write_files};
+use crate::plan::config::Preset;
 use crate::scene::samples::textured::two_rooms_model;
-use crate::scene::surface::Surface;
 use crate::vulkan::Context;
 use crate::{Error, Result, report};
 
@@ -42,8 +35,8 @@ pub struct Arguments {
     device: DeviceOptions,
 }
 
-/// Plans for two scenes, then photographs two rooms as planned and in other ways, and trains on that. Reports of an earlier demo in the same folder are
-/// replaced; its photographs and splats are taken as they are.
+/// Photographs two rooms as planned and in other ways, and trains on that. The page of an earlier demo in the same folder is replaced;
+/// its photographs and splats are taken as they are.
 pub fn run(arguments: &Arguments) -> Result<Ended> {
     stop_on_interrupt()?;
     let start = Instant::now();
@@ -59,15 +52,10 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     write_files(&[(&mark, env!("CARGO_PKG_VERSION").as_bytes())])?;
     let context = device.open()?;
     say!("device   {}", context.physical().title());
-    let scenes = [("object", samples::object(), Preset::Object, 50), ("room", samples::room(), Preset::Room, 300)];
-    for (name, surface, preset, views) in scenes {
-        say!("");
-        if !plan(&context, out, name, &surface, preset, views)? {
-            return Ok(Ended::Stopped);
-        }
-    }
+    let Size { views, .. } = Size::DEMO;
     say!(
-        "\nNow the full pipeline: two rooms are photographed as planned, at random and on a grid, and splats trained on each."
+        "\nWhere should the cameras stand? Two rooms are photographed {views} times from planned places, {views} times from random places and\n\
+         {views} times from a grid at eye height. A 3D model is trained on each set of photos, and asked for views that nobody took.\n"
     );
     match photograph(&context, out) {
         Err(Error::Interrupted) => {
@@ -80,26 +68,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     Ok(Ended::Done)
 }
 
-/// Plans for a scene that is known; false where it was broken off.
-fn plan(context: &Arc<Context>, out: &Path, name: &str, surface: &Surface, preset: Preset, views: u32) -> Result<bool> {
-    let intrinsics = Intrinsics::from_fov(800, 800, 50f64.to_radians());
-    let folder = OutputFolder::create(&out.join(name), true)?;
-    let target = Target::new(surface, name, preset, &RegionChoice::default(), DVec3::Z, &intrinsics)?;
-    print_target(&target);
-    let config = Config::new(preset, views);
-    let progress = Progress::new(config.iterations);
-    let plan = job::run(context, &target, intrinsics, &[], config, Tools::default(), |event| progress.observe(event));
-    progress.finish();
-    let plan = plan?;
-    print_messages(context);
-    let path = folder.path().join("report.html");
-    report::folder::write(&plan, &target, folder)?;
-    print_plan(&plan);
-    say!("report   {}", path.display());
-    Ok(!plan.interrupted())
-}
-
-/// Runs the full pipeline in two rooms, and writes the demo's page.
+/// Plans, photographs, trains and tests, and writes the demo's page.
 fn photograph(context: &Arc<Context>, out: &Path) -> Result<()> {
     let size = Size::DEMO;
     let model = two_rooms_model();
@@ -108,28 +77,25 @@ fn photograph(context: &Arc<Context>, out: &Path) -> Result<()> {
     let scene = Scene::new(Path::new(PHOTOGRAPHED), &setting, (model, None), surface, &intrinsics)?;
     let demo = demo::run(context, out, size, &scene, &mut |event| {
         if let Event::Done(Step { name, what, seconds }) = event {
-            say!("{name:<8} {what}: {seconds:.1} s");
+            say!("{name:<8} {what} ({seconds:.0} s)");
         }
         go_on()
     });
     print_messages(context);
     let demo = demo?;
-    let plans = [("object", "An object that is known, 50 views"), ("room", "A furnished room, 300 views")];
-    report::demo::write(&demo, out, &plans)?;
+    report::demo::write(&demo, &scene, out)?;
     print_scores(&demo.outcome.rows);
     say!("\n{}", demo.sentence());
     Ok(())
 }
 
 fn print_scores(rows: &[Row]) {
-    say!("\nheld-out views");
+    say!("\nviews that nobody took");
     for (metric, name) in measured(rows) {
-        for row in rows {
-            let cell = |interval: &Option<_>| {
-                interval.map_or_else(|| "-".into(), |Interval { mean, .. }| format!("{mean:.3}"))
-            };
-            let cells: String = row.measured[metric].iter().map(|value| format!(" {:>12}", cell(value))).collect();
-            say!("{name:<6} {:<11}{cells}", row.method.name());
+        for (method, row) in METHODS.iter().zip(rows) {
+            let value = row.measured[metric].first().copied().flatten();
+            let value = value.map_or_else(|| "-".into(), |Interval { mean, .. }| format!("{mean:.3}"));
+            say!("{name:<6} {:<21} {value:>7}", title(*method));
         }
     }
 }

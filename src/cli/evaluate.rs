@@ -223,6 +223,8 @@ impl Arguments {
             first_seed: self.first_seed,
             settings: Settings {
                 size: self.size.unwrap_or(of.size),
+                fov_deg: of.fov_deg,
+                degree: of.degree,
                 light,
                 samples,
                 input_samples: self.input_spp.unwrap_or(match kind {

@@ -10,7 +10,7 @@ use clap::Args;
 use super::options::{DeviceOptions, ImageOptions, print_messages};
 use super::progress::{Progress, stop_on_interrupt};
 use super::session::{Ended, go_on};
-use crate::gaussians::config::{Background, Config, Preset, Strategy};
+use crate::gaussians::config::{Background, Config, Preset, Start, Strategy};
 use crate::gaussians::data::pictures::cameras;
 use crate::gaussians::data::split::{Split, Test};
 use crate::gaussians::run::evaluate::Pair;
@@ -64,11 +64,11 @@ pub struct Arguments {
     #[arg(long)]
     fast: bool,
     /// Opacity of splats at the start [default: 0.5; adc, and below 10000 iterations
-    /// (1000 without points that a photo saw), 0.1]
+    /// (1000 without points that a photo saw), 0.1, or 0.95 at points with normals]
     #[arg(long)]
     init_opacity: Option<f64>,
     /// Size of splats at the start, in distances to their neighbours [default: 0.1; adc, and below 10000 iterations
-    /// (1000 without points that a photo saw), 1]
+    /// (1000 without points that a photo saw), 1, or 0.9 at points with normals]
     #[arg(long)]
     init_scale: Option<f64>,
     /// Hold out every Nth photo, in order of name, for testing; 0 for none [default: transforms_test.json where there is one, else 8]
@@ -118,7 +118,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     if !(1..=64).contains(&arguments.shrink) {
         return Err(Error::request(format!("--shrink is {}; give 1 to 64", arguments.shrink)));
     }
-    configuration(arguments, true).validate()?;
+    configuration(arguments, Start::Points).validate()?;
     if let Some(file) = &arguments.trace {
         check_file(file)?;
         check_output_file(file, [&arguments.capture])?;
@@ -139,7 +139,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     for note in &split.notes {
         say!("{note}");
     }
-    let mut config = configuration(arguments, split.train.has_surface_points());
+    let mut config = configuration(arguments, Start::of(&split.train));
     config.background = arguments.background.unwrap_or_else(|| split.usual_background());
     let context = arguments.device.open()?;
     say!("device   {}", context.physical().title());
@@ -213,13 +213,13 @@ fn is_complete(request: &Request) -> bool {
     serde_json::from_str(&text).is_ok_and(is_of)
 }
 
-/// What was asked for, of a run that starts at `points` or at random places.
-fn configuration(arguments: &Arguments, points: bool) -> Config {
+/// What was asked for.
+fn configuration(arguments: &Arguments, start: Start) -> Config {
     let config = Config::new(
         arguments.iterations.unwrap_or(arguments.preset.iterations()),
         arguments.max_splats.unwrap_or(USUAL),
     )
-    .with_strategy(arguments.strategy, points);
+    .with_strategy(arguments.strategy, start);
     Config {
         degree: arguments.degree,
         antialiased: arguments.antialiased,

@@ -15,7 +15,7 @@ use super::pool::Pool;
 use super::request::Request;
 use super::settings::Settings;
 use super::training::{self, Training};
-use crate::gaussians::config::{Config, Strategy};
+use crate::gaussians::config::{Config, Start, Strategy};
 use crate::gaussians::data::split::Split;
 use crate::gaussians::run::record::TrainRecord;
 use crate::photos::{Photo, PhotoSet};
@@ -182,13 +182,13 @@ impl<'a> PoolArtifacts<'a> {
         let kept: HashSet<&str> = names.iter().map(String::as_str).collect();
         let of_these = |photo: &Photo| kept.contains(photo.camera.name.as_str());
         let train: PhotoSet = self.pool.candidates.clone().filtered(of_these).with_points_seen();
-        let points = !train.points.positions.is_empty();
+        let start = Start::of(&train);
         let split = Split { train, test, notes: Vec::new() };
         let config = Config {
             background: split.usual_background(),
             antialiased,
             seed,
-            ..Config::new(iterations, max_splats).with_strategy(Strategy::Mcmc, points)
+            ..Config::new(iterations, max_splats).with_strategy(Strategy::Mcmc, start)
         };
         let inputs = json!({
             "pool": self.pool.checksum, "photos": names, "tests": split.test.len(), "config": config, "shrink": shrink,

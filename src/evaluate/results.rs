@@ -89,12 +89,12 @@ pub(crate) fn first_pictures(record: &TrainRecord, sets: &[&str]) -> Vec<String>
     of_sets(record, sets).into_iter().map(|views| first(views).unwrap_or_default()).collect()
 }
 
-/// The pictures of the first so many views by name.
-pub(crate) fn few_pictures(record: &TrainRecord, count: usize) -> Vec<String> {
+/// The pictures of all views, by name.
+pub(crate) fn pictures(record: &TrainRecord) -> Vec<String> {
     let names: Vec<String> = record.test_views.iter().map(|view| view.name.clone()).collect();
     let mut pictures: Vec<_> = names.iter().zip(picture_names(&names)).collect();
     pictures.sort_by(|a, b| a.0.cmp(b.0));
-    pictures.into_iter().take(count).map(|(_, file)| file.to_string_lossy().into_owned()).collect()
+    pictures.into_iter().map(|(_, file)| file.to_string_lossy().into_owned()).collect()
 }
 
 /// Number and name of the metrics that tables have: VGG16's, which is optional, only where some row has it.

@@ -17,7 +17,7 @@ use super::request::Request;
 use super::scene::{Around, Scene};
 use super::settings::{Settings, Shown};
 use super::training::{self, Training};
-use crate::gaussians::config::{Config, Strategy};
+use crate::gaussians::config::{Config, Start, Strategy};
 use crate::gaussians::data::split::{Split, Test};
 use crate::gaussians::run::record::TrainRecord;
 use crate::io::photos::{self, Images, Options};
@@ -75,7 +75,7 @@ impl<'a> SceneArtifacts<'a> {
     ) -> Result<Self> {
         let Request { kind, settings, .. } = *request;
         let pixels = u64::from(settings.size).pow(2);
-        let light = (settings.light == Light::Baked).then(|| lightmap::Settings::new(pixels, SEED));
+        let light = (settings.light == Light::Baked).then(|| lightmap::Settings::new(pixels, settings.samples, SEED));
         let tracer = match &light {
             None => Tracer::new(context, scene.assembly.clone(), pixels)?,
             Some(light) => {
@@ -336,12 +336,13 @@ impl<'a> SceneArtifacts<'a> {
         seed: u64,
         observe: Observe,
     ) -> Result<(Artifact, TrainRecord)> {
-        let Settings { iterations, max_splats, antialiased, .. } = self.settings;
+        let Settings { iterations, max_splats, degree, antialiased, .. } = self.settings;
         let config = Config {
             background: self.kind.background(),
+            degree,
             antialiased,
             seed,
-            ..Config::new(iterations, max_splats).with_strategy(Strategy::Mcmc, true)
+            ..Config::new(iterations, max_splats).with_strategy(Strategy::Mcmc, Start::Surface)
         };
         let tested = tests.map(|tests| tests.artifact.key());
         let artifact = self.artifact("training", json!({ "photos": photos.key(), "tests": tested, "config": config }));

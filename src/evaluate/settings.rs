@@ -5,6 +5,7 @@ use serde::Serialize;
 use crate::photograph::lightmap::Light;
 use crate::plan::target::RegionChoice;
 use crate::scene::camera::Intrinsics;
+use crate::scene::gaussians::MAX_DEGREE;
 
 /// What the methods are shown of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
@@ -46,6 +47,8 @@ pub(crate) const BY_BOUNDS: RegionChoice = RegionChoice { shape: None, floor: No
 pub struct Settings {
     /// Side of the pictures in pixels.
     pub size: u32,
+    /// Field of view of all cameras that photograph a scene, in degrees.
+    pub fov_deg: f64,
     /// Where diffuse light comes from.
     pub light: Light,
     /// Samples of a pixel.
@@ -72,6 +75,8 @@ pub struct Settings {
     pub baselines_from: BaselinesFrom,
     /// The user's limits on where in a room cameras may be placed.
     pub region: RegionChoice,
+    /// Degree of the harmonics of the splats.
+    pub degree: u32,
     /// Whether splats are trained and rendered with the antialiasing filter.
     pub antialiased: bool,
 }
@@ -80,6 +85,7 @@ impl Settings {
     /// The whole protocol, for a GPU.
     pub const WHOLE: Self = Self {
         size: 800,
+        fov_deg: Self::FOV_DEG,
         light: Light::Traced,
         samples: 256,
         input_samples: 256,
@@ -93,11 +99,13 @@ impl Settings {
         shrink: 1,
         baselines_from: BaselinesFrom::Region,
         region: BY_BOUNDS,
+        degree: MAX_DEGREE,
         antialiased: false,
     };
     /// What two cores compute in minutes.
     pub const QUICK: Self = Self {
         size: 96,
+        fov_deg: Self::FOV_DEG,
         light: Light::Traced,
         samples: 8,
         input_samples: 8,
@@ -111,14 +119,15 @@ impl Settings {
         shrink: 8,
         baselines_from: BaselinesFrom::Region,
         region: BY_BOUNDS,
+        degree: MAX_DEGREE,
         antialiased: false,
     };
 
-    /// Horizontal field of view of all cameras that photograph a scene, in degrees: the planner's default.
-    pub const FOV_DEG: f64 = 50.0;
+    /// The planner's default.
+    const FOV_DEG: f64 = 50.0;
 
     /// The camera of all photographs.
     pub fn intrinsics(&self) -> Intrinsics {
-        Intrinsics::from_fov(self.size, self.size, Self::FOV_DEG.to_radians())
+        Intrinsics::from_fov(self.size, self.size, self.fov_deg.to_radians())
     }
 }

@@ -1,7 +1,9 @@
 //! The configuration of a training run.
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::photos::PhotoSet;
 use crate::scene::gaussians::MAX_DEGREE;
 use crate::{Error, Result};
 
@@ -32,6 +34,28 @@ impl Preset {
         match self {
             Self::Full => 30_000,
             Self::Fast => 7000,
+        }
+    }
+}
+
+/// Where the Gaussians of a run lie at its start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// Anywhere in the scene.
+    Random,
+    /// At points of surfaces.
+    Points,
+    /// At points of surfaces whose normals are known: flat on the surface.
+    Surface,
+}
+
+impl Start {
+    /// What a capture gives.
+    pub fn of(set: &PhotoSet) -> Self {
+        match set.points.normals.iter().any(|normal| *normal != DVec3::ZERO) {
+            _ if !set.has_surface_points() => Self::Random,
+            true => Self::Surface,
+            false => Self::Points,
         }
     }
 }
@@ -132,7 +156,7 @@ pub struct Schedule {
 impl Config {
     /// Defaults for a run of so many iterations that starts at a capture's points.
     pub fn new(iterations: u32, max_splats: u32) -> Self {
-        let (init_opacity, init_scale) = beginning(Strategy::Mcmc, iterations, true);
+        let (init_opacity, init_scale) = beginning(Strategy::Mcmc, iterations, Start::Points);
         Self {
             iterations,
             max_splats,
@@ -148,9 +172,9 @@ impl Config {
         }
     }
 
-    /// The same with another strategy and its start values, at `points` or at random places.
-    pub fn with_strategy(self, strategy: Strategy, points: bool) -> Self {
-        let (init_opacity, init_scale) = beginning(strategy, self.iterations, points);
+    /// The same with another strategy and its start values.
+    pub fn with_strategy(self, strategy: Strategy, start: Start) -> Self {
+        let (init_opacity, init_scale) = beginning(strategy, self.iterations, start);
         Self { strategy, init_opacity, init_scale, ..self }
     }
 
@@ -224,11 +248,15 @@ impl Config {
     }
 }
 
-/// Opacity and scale at the start: small and dense Gaussians that spread, or wide and faint ones, where there is no time to
-/// spread or they are split.
-fn beginning(strategy: Strategy, iterations: u32, points: bool) -> (f64, f64) {
-    let long = LONG[usize::from(!points)];
-    if strategy == Strategy::Mcmc && iterations >= long { (0.5, 0.1) } else { (0.1, 1.0) }
+/// Opacity and scale at the start: small and dense Gaussians that spread; where there is no time to spread or they are split, wide
+/// ones, which are faint where they may be in the way of one another, and opaque where they cover a surface.
+fn beginning(strategy: Strategy, iterations: u32, start: Start) -> (f64, f64) {
+    let long = LONG[usize::from(start == Start::Random)];
+    match start {
+        _ if strategy == Strategy::Mcmc && iterations >= long => (0.5, 0.1),
+        Start::Surface => (0.95, 0.9),
+        Start::Points | Start::Random => (0.1, 1.0),
+    }
 }
 
 impl Schedule {
@@ -295,7 +323,7 @@ mod tests {
             assert_eq!(schedule(iterations, photos).refine_every, every, "{iterations} iterations, {photos} photos");
         }
         assert_eq!(schedule(7000, 50).growth, GROWTH);
-        let adaptive = Config::new(7000, 100_000).with_strategy(Strategy::Adc, true).schedule(300);
+        let adaptive = Config::new(7000, 100_000).with_strategy(Strategy::Adc, Start::Points).schedule(300);
         assert_eq!(adaptive.refine_every, 23);
     }
 
@@ -324,7 +352,7 @@ mod tests {
             assert!((weights[iteration] - weight).abs() < 1e-12, "{iteration}: {}", weights[iteration]);
         }
         assert!((0..1000).all(|iteration| schedule.regularisation(iteration, false) == 0.01));
-        let classic = Config::new(1000, 9).with_strategy(Strategy::Adc, true);
+        let classic = Config::new(1000, 9).with_strategy(Strategy::Adc, Start::Points);
         let refused = Config { suppress_floaters: true, ..classic }.validate().unwrap_err().to_string();
         assert!(refused.contains("suppress_floaters") && refused.contains("mcmc"), "{refused}");
     }

@@ -4,14 +4,14 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::thread;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::metering;
 use super::outputs::{Found, Outputs, Record};
 use super::tracer::{Exposure, Tracer};
 use crate::io::camera_files;
 use crate::io::folder::OutputFolder;
-use crate::scene::random;
+use crate::scene::sequence::sequence_pair;
 use crate::scene::surface::Points;
 use crate::{Error, Result};
 
@@ -106,7 +106,7 @@ fn joined(writing: Option<thread::ScopedJoinHandle<'_, Result<()>>>) -> Result<(
     writing.map_or(Ok(()), wait)
 }
 
-/// Points where the middles of random pixels lie on the surface, in the colours of the photographs, and the camera that each
+/// Points where the middles of pixels lie on the surface, spread evenly over each picture, in the colours of the photographs, and the camera that each
 /// was seen by.
 fn surface(tracer: &Tracer, record: &Record, outputs: &Outputs) -> Result<(Points, Vec<Vec<u32>>)> {
     let each = (POINTS / record.cameras.len().max(1) as u32).max(MIN_POINTS);
@@ -115,8 +115,12 @@ fn surface(tracer: &Tracer, record: &Record, outputs: &Outputs) -> Result<(Point
     for (number, camera) in (0u32..).zip(&record.cameras) {
         let k = camera.intrinsics;
         let count = k.width * k.height;
+        let within = |word: u32, length: u32| (u64::from(word) * u64::from(length) >> 32) as u32;
         let mut chosen: Vec<u32> = (0..each.min(count))
-            .map(|i| random::below(random::bits(record.seed, POINT_STREAM.wrapping_add(number), i)[0], count))
+            .map(|i| {
+                let [x, y] = sequence_pair(record.seed as u32, POINT_STREAM.wrapping_add(number), i, 0);
+                within(y, k.height) * k.width + within(x, k.width)
+            })
             .collect();
         chosen.sort_unstable();
         chosen.dedup();
@@ -138,6 +142,7 @@ fn surface(tracer: &Tracer, record: &Record, outputs: &Outputs) -> Result<(Point
                 1.0,
             );
             points.positions.push(camera.pose.position + camera.pose.rotation * (f64::from(hit[3]) * ray));
+            points.normals.push(Vec3::from_slice(&hit[..3]).as_dvec3());
             points.colours.push([r, g, b]);
             tracks.push(vec![number]);
         }

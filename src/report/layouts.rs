@@ -9,7 +9,7 @@ use super::scene_data::{
 };
 use super::{SurfacePoint, Triangles};
 use crate::evaluate::results::Entry;
-use crate::evaluate::scene::UP;
+use crate::evaluate::scene::{Scene, UP};
 use crate::evaluate::subject::Subject;
 use crate::scene::camera::{Camera, Pose, common_up};
 use crate::scene::region::Region;
@@ -21,22 +21,23 @@ const GREY: [u8; 3] = [150; 3];
 /// What the 3D view of a subject is drawn from: the cameras of some runs, a layout each, and at most so many triangles of its
 /// surface. None where there is nothing to show.
 pub fn scene<'a>(subject: &'a Subject, runs: &[&'a Entry], triangles: usize) -> Option<SceneData<'a>> {
-    let (region, up) = match subject {
-        Subject::Scene(scene) => (Some(scene.region), UP),
-        Subject::Pool(pool) => {
-            let poses: Vec<Pose> = pool.candidates.photos.iter().map(|photo| photo.camera.pose).collect();
-            (None, common_up(&poses).unwrap_or(DVec3::Z))
-        }
-    };
-    let (points, corners, colours) = match subject {
-        Subject::Scene(scene) => shown(&scene.surface, triangles),
-        Subject::Pool(pool) => {
-            (cloud(&pool.candidates.points.positions, &pool.candidates.points.colours), Vec::new(), Vec::new())
-        }
-    };
     let layouts = runs.iter().filter(|entry| !entry.cameras.is_empty());
     let layouts: Vec<_> = layouts.map(|entry| (entry.method.name(), &entry.cameras[..])).collect();
-    drawn(region, up, (&points, &corners, &colours), &layouts)
+    match subject {
+        Subject::Scene(scene) => of_scene(scene, &layouts, triangles),
+        Subject::Pool(pool) => {
+            let poses: Vec<Pose> = pool.candidates.photos.iter().map(|photo| photo.camera.pose).collect();
+            let points = cloud(&pool.candidates.points.positions, &pool.candidates.points.colours);
+            drawn(None, common_up(&poses).unwrap_or(DVec3::Z), (&points, &[], &[]), &layouts)
+        }
+    }
+}
+
+/// What the 3D view of a scene is drawn from: named layouts of cameras, and at most so many triangles of its surface. None without
+/// cameras.
+pub fn of_scene<'a>(scene: &Scene, layouts: &[(&'a str, &'a [Camera])], triangles: usize) -> Option<SceneData<'a>> {
+    let (points, corners, colours) = shown(&scene.surface, triangles);
+    drawn(Some(scene.region), UP, (&points, &corners, &colours), layouts)
 }
 
 /// What the 3D view of a capture is drawn from: its cameras, and its points where there are any. None without cameras.

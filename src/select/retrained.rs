@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::information;
 use super::pool::Pool;
-use crate::gaussians::config::{Background, Config, Strategy};
+use crate::gaussians::config::{Background, Config, Start, Strategy};
 use crate::gaussians::data::pictures;
 use crate::gaussians::data::start;
 use crate::gaussians::data::store::PhotoStore;
@@ -121,7 +121,7 @@ pub fn fisher(
     }
     let Settings { background, antialiased, .. } = settings;
     let config = Config { seed: pool.seed, background, antialiased, ..Config::new(iterations, settings.max_splats) }
-        .with_strategy(Strategy::Mcmc, true);
+        .with_strategy(Strategy::Mcmc, Start::Points);
     let mut trainer = trainer(context, pool, proxy, config, settings.shrink)?;
     let mut fisher = Fisher::of_training(context, &trainer, settings.lambda)?;
     for view in &chosen {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use crate::support::splats::{capture, context, silent};
 use camsplat::Result;
-use camsplat::gaussians::config::{Config, MIN_OPACITY, Strategy};
+use camsplat::gaussians::config::{Config, MIN_OPACITY, Start, Strategy};
 use camsplat::gaussians::data::split::{Split, Test};
 use camsplat::gaussians::data::store::PhotoStore;
 use camsplat::gaussians::data::{pictures, start};
@@ -50,7 +50,7 @@ fn trainer(context: &Arc<Context>, path: &Path, config: &Config, shrink: u32) ->
 
 /// A short run that refines on the way; of adaptive density control, with an early reset of the opacities.
 fn short(strategy: Strategy) -> Config {
-    let config = Config::new(120, 300).with_strategy(strategy, true);
+    let config = Config::new(120, 300).with_strategy(strategy, Start::Points);
     Config { degree: 1, init_opacity: 0.3, init_scale: 0.5, ..config }
 }
 

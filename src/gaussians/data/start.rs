@@ -2,7 +2,7 @@
 
 use std::num::NonZero;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
 use crate::gaussians::config::Config;
@@ -29,6 +29,9 @@ const SCALES: [f64; 2] = [1e-4, 0.1];
 
 /// Half the side of the cube in the training frame in which Gaussians lie where cameras have no common focus, as in gsplat.
 const REACH: f64 = 3.0;
+
+/// Thickness of a Gaussian on a surface, in its widths.
+const FLATNESS: f32 = 0.1;
 
 /// Points to a chunk of work.
 const CHUNK: usize = 1024;
@@ -81,12 +84,20 @@ pub fn start(set: &PhotoSet, frame: &Frame, settings: &Settings) -> Result<Gauss
     }
 }
 
-/// Gaussians at points of the world, of their colours (grey where they have none), as wide as the points' spacing.
+/// Gaussians at points of the world, of their colours (grey where they have none), as wide as the points' spacing; flat on the
+/// surface, where points have a normal.
 fn at_points(points: &Points, frame: &Frame, settings: &Settings) -> Result<Gaussians> {
     let chosen = chosen(points.positions.len(), settings);
     let centres = chosen.iter().map(|i| frame.to_training.point(points.positions[*i as usize])).collect();
     let colour = |i: &u32| points.colours.get(*i as usize).map_or([0.5; 3], |c| c.map(|v| f64::from(v) / 255.0));
-    gaussians(centres, chosen.iter().map(colour), settings)
+    let mut gaussians = gaussians(centres, chosen.iter().map(colour), settings)?;
+    for (i, &point) in chosen.iter().enumerate() {
+        let Some(normal) = points.normals.get(point as usize).filter(|normal| **normal != DVec3::ZERO) else { continue };
+        let turn = DQuat::from_rotation_arc(DVec3::Z, frame.to_training.direction(*normal));
+        gaussians.rotations[i] = [turn.w, turn.x, turn.y, turn.z].map(|v| v as f32);
+        gaussians.log_scales[i][2] += FLATNESS.ln();
+    }
+    Ok(gaussians)
 }
 
 /// Gaussians anywhere in the cube around what the cameras look at, of any colours.

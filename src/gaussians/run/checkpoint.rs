@@ -278,7 +278,7 @@ mod tests {
         check(Path::new("c"), &checkpoint().header, &config, &input).unwrap();
         let other = Config { degree: 2, ..config.clone() };
         assert!(refusal(&other, &input).contains("`degree` 0, not 2"), "{}", refusal(&other, &input));
-        let other = config.clone().with_strategy(Strategy::Adc, true);
+        let other = config.clone().with_strategy(Strategy::Adc, crate::gaussians::config::Start::Points);
         assert!(refusal(&other, &input).contains("`strategy` mcmc, not adc"), "{}", refusal(&other, &input));
         let other = Input { cameras: 8, ..input };
         assert!(refusal(&config, &other).contains("another capture (cameras: 7, not 8)"));

@@ -22,6 +22,9 @@ pub mod trajectory;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
+
+
 use self::files::Settled;
 use super::{colmap, ply, transforms};
 use crate::error::{Error, Result, bounded};
@@ -280,6 +283,7 @@ fn from_colmap(path: &Path, model: &Path) -> Result<Found> {
     }
     if let Some((Surface::Points(surface), sparse)) = parts.points {
         found.points = surface;
+        found.points.normals = normals_beside(&root, &found.points.positions);
         for point in sparse {
             let mut track: Vec<u32> = point.track.iter().filter_map(|[id, _]| number.get(id).copied()).collect();
             track.sort_unstable();
@@ -289,6 +293,18 @@ fn from_colmap(path: &Path, model: &Path) -> Result<Found> {
         }
     }
     Ok(found)
+}
+
+/// The normals of a model's points, which COLMAP's files have no place for: from a `points.ply` of the same points, as captures of
+/// rendered scenes have it; none where there is no such file.
+fn normals_beside(root: &Path, positions: &[DVec3]) -> Vec<DVec3> {
+    let file = root.join("points.ply");
+    let cloud = super::read_file(&file).ok().and_then(|bytes| ply::parse(&file, &bytes, &mut Vec::new()).ok());
+    let Some(Surface::Points(Points { positions: others, normals, .. })) = cloud else { return Vec::new() };
+    // The file has its positions as float.
+    let same = |(a, b): (&DVec3, &DVec3)| (*a - *b).abs().max_element() <= 1e-6 * a.abs().max_element();
+    let matches = positions.len() == others.len() && positions.iter().zip(&others).all(same);
+    if matches { normals } else { Vec::new() }
 }
 
 /// The folder that the images of a model lie under: the capture itself, or one above the model.

@@ -38,15 +38,15 @@ pub struct Settings {
 /// Cells for each pixel of a picture, and how few and many they are in all.
 const CELLS_OF_A_PIXEL: u64 = 4;
 const CELLS: [u64; 2] = [20_000, 3_000_000];
-/// Pixels for each ray of a cell, and how few and many rays it has at most.
-const PIXELS_OF_A_RAY: u64 = 128;
-const RAYS: [u64; 2] = [128, 2048];
+/// Samples of a picture for each ray of a cell, and how few and many rays it has at most.
+const SAMPLES_OF_A_RAY: u64 = 8192;
+const RAYS: [u64; 2] = [64, 2048];
 
 impl Settings {
-    /// What pictures of so many pixels show without noise to the eye; small ones are made on CPUs too.
-    pub fn new(pixels: u64, seed: u64) -> Self {
+    /// As fine as pictures of so many pixels show, with rays in proportion to the samples of a picture, which are few on CPUs.
+    pub fn new(pixels: u64, samples: u32, seed: u64) -> Self {
         let cells = (CELLS_OF_A_PIXEL * pixels).clamp(CELLS[0], CELLS[1]) as u32;
-        let rays = (pixels / PIXELS_OF_A_RAY).clamp(RAYS[0], RAYS[1]) as u32;
+        let rays = (pixels * u64::from(samples) / SAMPLES_OF_A_RAY).clamp(RAYS[0], RAYS[1]) as u32;
         Self { cells, rays, tolerance: 0.03, seed }
     }
 }
