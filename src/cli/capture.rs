@@ -21,6 +21,7 @@ use crate::photograph::inside::cameras_inside;
 use crate::photograph::job::{self, Outcome};
 use crate::photograph::lightmap::{self, Light, LightMap};
 use crate::photograph::metering::metered;
+use crate::photograph::noise::Noise;
 use crate::photograph::outputs::{Outputs, Record, named, recorded_exposure};
 use crate::photograph::tracer::Tracer;
 use crate::scene::camera::Camera;
@@ -198,7 +199,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         done.map_or_else(go_on, |done| progress.advance(done, all))
     });
     progress.finish();
-    let Outcome { pictures, kept, mended, empty, mut dark, brighter, points } = outcome?;
+    let Outcome { pictures, kept, mended, empty, mut dark, brighter, points, noise } = outcome?;
     print_messages(&context);
     if kept > 0 {
         say!("kept     {kept} pictures of an earlier run");
@@ -212,6 +213,9 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         return Ok(Ended::Stopped);
     }
     say!("pictures {} in {:.2} s", all - kept, start.elapsed().as_secs_f64());
+    if let Some(Noise { psnr, pictures }) = noise {
+        say!("noise    {psnr:.1} dB, the most that a perfect model scores against these pictures (mean of {pictures})");
+    }
     if empty > 0 {
         say!("         {empty} show nothing: check that the cameras are in the scene's frame");
     }

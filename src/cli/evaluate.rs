@@ -417,7 +417,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         say!("complete shard {shard}; once all are, the same command without --shard writes the tables");
         return Ok(Ended::Done);
     }
-    say!("{}", table::markdown(&request, &outcome.rows, outcome.left).trim_end());
+    say!("{}", table::markdown(&request, &outcome).trim_end());
     if let Some(page) = page {
         say!("written  {}, {}", arguments.out.join("table.md").display(), page.display());
     }
@@ -457,7 +457,7 @@ mod tests {
             let text = std::fs::read_to_string(folder.path().join("report.html")).unwrap_or_default();
             text.contains(&format!("{left} runs to come"))
         };
-        let outcome = |left| Outcome { kind: Kind::Object, entries: Vec::new(), rows: Vec::new(), left };
+        let outcome = |left| Outcome { left, ..Outcome::new(Kind::Object, Vec::new(), 0) };
         page.show(&outcome(3));
         assert!(shows(3), "the first is made at once");
         page.made = Some((Instant::now(), Duration::from_secs(3600)));

@@ -1,5 +1,6 @@
 //! A whole evaluation: every scene, method, budget and seed.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::ops::{ControlFlow, Range};
 use std::panic::resume_unwind;
@@ -48,12 +49,15 @@ pub struct Outcome {
     pub rows: Vec<Row>,
     /// Runs still to come.
     pub left: usize,
+    /// Decibels that a perfect model would have for the noise of a scene's test photographs, where that is known.
+    pub ceilings: BTreeMap<String, f64>,
 }
 
 impl Outcome {
     /// Of these runs out of `all`.
     pub fn new(kind: Kind, entries: Vec<Entry>, all: usize) -> Self {
-        Self { kind, rows: results::rows(&entries), left: all.saturating_sub(entries.len()), entries }
+        let (rows, left) = (results::rows(&entries), all.saturating_sub(entries.len()));
+        Self { kind, rows, left, entries, ceilings: BTreeMap::new() }
     }
 }
 
@@ -151,6 +155,7 @@ pub fn run(
         stopped: AtomicBool::new(false),
         made: AtomicBool::new(false),
         entries: Mutex::default(),
+        ceilings: Mutex::default(),
     };
     spread(contexts, &board, subjects)?;
     let entries = lock(&board.entries);
@@ -176,6 +181,8 @@ struct Board<'b> {
     made: AtomicBool,
     /// What is complete, in the order of subjects and runs: the numbers of both.
     entries: Mutex<Vec<([usize; 2], Entry)>>,
+    /// As [`Outcome::ceilings`].
+    ceilings: Mutex<BTreeMap<String, f64>>,
 }
 
 impl Board<'_> {
@@ -206,17 +213,18 @@ impl Board<'_> {
     /// Writes the tables of what is complete.
     fn write(&self, entries: &[([usize; 2], Entry)]) -> Result<Outcome> {
         let Self { request, folder, .. } = self;
-        let outcome =
+        let mut outcome =
             Outcome::new(request.kind, entries.iter().map(|(_, entry)| entry.clone()).collect(), self.runs.len());
+        outcome.ceilings.clone_from(&lock(&self.ceilings));
         if !self.has_tables {
             return Ok(outcome);
         }
-        let Outcome { rows, entries: runs, left, .. } = &outcome;
+        let Outcome { rows, entries: runs, left, ceilings, .. } = &outcome;
         let vgg = self.weights.map(Weights::fingerprint);
-        let written = json!({ "request": request, "lpips_vgg": vgg, "rows": rows, "runs": runs, "left": left });
+        let written = json!({ "request": request, "lpips_vgg": vgg, "rows": rows, "runs": runs, "left": left, "ceilings": ceilings });
         write_files(&[
             (&folder.join(ASKED), self.asked.as_bytes()),
-            (&folder.join("table.md"), table::markdown(request, rows, *left).as_bytes()),
+            (&folder.join("table.md"), table::markdown(request, &outcome).as_bytes()),
             (&folder.join("table.csv"), table::csv(request, rows).as_bytes()),
             (&folder.join("results.json"), format!("{written:#}\n").as_bytes()),
         ])?;
@@ -301,6 +309,9 @@ impl Runs<'_, '_> {
         let inputs = artifacts.input_photographs(&inputs, &mut shared)?;
         let shown = artifacts.shown(&inputs, &mut shared)?;
         let tests = artifacts.test_photographs(&tests, &mut shared)?;
+        if let Some(ceiling) = tests.ceiling() {
+            lock(&self.board.ceilings).insert(self.subject.name().to_owned(), ceiling);
+        }
         let model = match request.needs_model() {
             true => Some(artifacts.training(&inputs, None, 0, &mut shared)?.0),
             false => None,

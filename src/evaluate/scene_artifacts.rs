@@ -22,7 +22,7 @@ use crate::gaussians::data::split::{Split, Test};
 use crate::gaussians::run::record::TrainRecord;
 use crate::io::photos::{self, Images, Options};
 use crate::photograph::lightmap::{self, Light, LightMap};
-use crate::photograph::outputs::{Outputs, Record, named};
+use crate::photograph::outputs::{Outputs, Record, named, noise_of};
 use crate::photograph::tracer::Tracer;
 use crate::photos::{Photo, PhotoSet};
 use crate::plan::target::{RegionChoice, Target};
@@ -46,6 +46,13 @@ pub struct Tests {
     artifact: Artifact,
     /// Names of those that are of one colour.
     plain: HashSet<String>,
+}
+
+impl Tests {
+    /// Decibels that a perfect model would have, for the noise of the photographs; none where it is not known.
+    pub fn ceiling(&self) -> Option<f64> {
+        noise_of(self.artifact.folder()).map(|noise| noise.psnr)
+    }
 }
 
 /// A scene with its outputs.

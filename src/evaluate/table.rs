@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::competitor::Competitor;
+use super::job::Outcome;
 use super::kind::Kind;
 use super::request::Request;
 use super::results::{Interval, METRICS, Row, measured};
@@ -11,6 +12,9 @@ use crate::gaussians::run::record::DIVERGED_DB;
 use crate::plan::target::RegionChoice;
 use crate::quality::viewers::Viewers;
 use crate::scene::region::Shape;
+
+/// Twice the squared error, in decibels.
+const TWICE_DB: f64 = 3.01;
 
 /// Decimals of each metric.
 pub(crate) const DECIMALS: [usize; METRICS.len()] = [2, 4, 4, 4];
@@ -48,10 +52,11 @@ fn seeds(request: &Request) -> String {
 }
 
 /// A table for each metric, as Markdown.
-pub(crate) fn markdown(request: &Request, rows: &[Row], left: usize) -> String {
-    let mut text = description(request, left) + "\n";
-    if let Some(apart) = apart(rows) {
-        text += &format!("\n{apart}\n");
+pub(crate) fn markdown(request: &Request, outcome: &Outcome) -> String {
+    let Outcome { rows, left, .. } = outcome;
+    let mut text = description(request, *left) + "\n";
+    for line in [ceilings(outcome), drowned(outcome), apart(rows)].into_iter().flatten() {
+        text += &format!("\n{line}\n");
     }
     let columns = request.columns();
     for (metric, name) in measured(rows) {
@@ -82,6 +87,26 @@ pub fn apart(rows: &[Row]) -> Option<String> {
     (!rows.is_empty()).then(|| {
         let listed = rows.join("; ");
         format!("Trainings that diverged (PSNR on the training photos fell by more than {DIVERGED_DB} dB): {listed}.")
+    })
+}
+
+/// What the noise of the test photographs keeps any model from.
+pub(crate) fn ceilings(outcome: &Outcome) -> Option<String> {
+    let of: Vec<String> = outcome.ceilings.iter().map(|(scene, psnr)| format!("{scene} {psnr:.1} dB")).collect();
+    (!of.is_empty()).then(|| format!("PSNR of a perfect model, for the noise of the test photos: {}.", of.join(", ")))
+}
+
+/// Rows whose error is so little above the noise's that this decides.
+pub(crate) fn drowned(outcome: &Outcome) -> Option<String> {
+    let drowned = |row: &&Row| {
+        let psnr = row.measured[0].last().copied().flatten().map(|interval| interval.mean);
+        psnr.zip(outcome.ceilings.get(&row.scene)).is_some_and(|(psnr, ceiling)| psnr > ceiling - TWICE_DB)
+    };
+    let of = |row: &Row| format!("{}, {}, {} views", row.scene, row.method.name(), row.views);
+    let rows: Vec<String> = outcome.rows.iter().filter(drowned).map(of).collect();
+    (!rows.is_empty()).then(|| {
+        let listed = rows.join("; ");
+        format!("Noise hides differences: the error of these is less than twice that of the test photos' noise, of which `--test-spp` makes less: {listed}.")
     })
 }
 
@@ -210,6 +235,29 @@ mod tests {
         }
     }
 
+    fn outcome(rows: &[Row]) -> Outcome {
+        Outcome { rows: rows.to_vec(), ..Outcome::new(Kind::Object, Vec::new(), 0) }
+    }
+
+    /// If this failed, a table of grain would look like one of methods, or a clean one like grain.
+    #[test]
+    fn rows_near_the_noise_of_the_tests_are_named() {
+        let of = |ceiling: Option<f64>| {
+            let ceilings = ceiling.map(|ceiling| (row().scene, ceiling)).into_iter().collect();
+            let outcome = Outcome { ceilings, ..outcome(&[row()]) };
+            (super::ceilings(&outcome), drowned(&outcome))
+        };
+        assert_eq!(of(None), (None, None));
+        // The mean over the sets is 20 dB.
+        let (line, warning) = of(Some(23.1));
+        assert!(line.unwrap().contains("cup, \"red\" 23.1 dB") && warning.is_none());
+        let warning = of(Some(22.9)).1.unwrap();
+        assert!(
+            warning.contains("--test-spp") && warning.ends_with(": cup, \"red\", ours-no-vds, 20 views."),
+            "{warning}"
+        );
+    }
+
     /// If this failed, numbers would be under the wrong headings, or a missing one would look like a zero.
     #[test]
     fn known_numbers_stand_where_they_belong() {
@@ -224,7 +272,7 @@ mod tests {
             situation: Situation::Free,
             limits: Limits::default(),
         };
-        let text = markdown(&request, &[row()], 0);
+        let text = markdown(&request, &outcome(&[row()]));
         assert!(text.contains(", 3 seeds from 7. Mean"), "{text}");
         let line = "| cup, \"red\" | ours-no-vds | 20 | 20.00 ± 0.50 | 21.00 ± 0.25 | 19.00 | 20.00 ± 0.30 | 1.50 |";
         assert!(text.contains(line), "{text}");
@@ -232,7 +280,7 @@ mod tests {
         assert!(!text.contains("VGG16") && !text.contains("diverged"), "{text}");
         let broken = [Row { diverged: 2, ..row() }];
         assert!(csv(&request, &broken).ends_with("\"cup, \"\"red\"\"\",ours-no-vds,20,3,,diverged,2,\n"));
-        let broken = markdown(&request, &broken, 0);
+        let broken = markdown(&request, &outcome(&broken));
         assert!(
             broken.contains("fell by more than 1 dB): cup, \"red\", ours-no-vds, 20 views (2 of 3).\n"),
             "{broken}"
@@ -245,7 +293,7 @@ mod tests {
         assert!(lines[13].ends_with(",,choice_seconds,1.5,"));
         let given = Given { name: "cameras:a|\"b\".json".into(), poses: Vec::new(), notes: Vec::new() };
         let given = Row { method: Competitor::Cameras(std::sync::Arc::new(given)), ..row() };
-        assert!(markdown(&request, std::slice::from_ref(&given), 0).contains("| cameras:a\\|\"b\".json | 20 |"));
+        assert!(markdown(&request, &outcome(std::slice::from_ref(&given))).contains("| cameras:a\\|\"b\".json | 20 |"));
         assert!(super::csv(&request, &[given]).contains(",\"cameras:a|\"\"b\"\".json\",20,3,half,PSNR,20,0.5"));
     }
 
@@ -264,7 +312,7 @@ mod tests {
             situation: Situation::Free,
             limits: Limits::default(),
         };
-        let text = markdown(&request, std::slice::from_ref(&one), 0);
+        let text = markdown(&request, &outcome(std::slice::from_ref(&one)));
         assert!(text.contains("| scene | method | views | held-out | choice, s |\n|---|---|---|---|---|\n"), "{text}");
         assert!(text.contains("| 20 | 20.00 ± 0.50 | 1.50 |") && text.contains("shrunk by 8"), "{text}");
         // The views of an object's three sets are explained, where these are the tests.

@@ -82,8 +82,12 @@ pub fn capture(folder: &OutputFolder, cameras: &[Camera], points: &Points, track
     folder.write("sparse/0/images.bin", colmap::write::images(cameras, &lenses, positions, tracks))?;
     folder.write("sparse/0/points3D.bin", colmap::write::points(positions, colours, cameras, tracks))?;
     folder.write("transforms.json", transforms::write(cameras, Some("points.ply")))?;
-    let cloud =
-        Points { positions: positions.clone(), colours: colours.clone(), normals: normals.clone(), ..Points::default() };
+    let cloud = Points {
+        positions: positions.clone(),
+        colours: colours.clone(),
+        normals: normals.clone(),
+        ..Points::default()
+    };
     folder.write("points.ply", ply::write::surface_points(&cloud))?;
     folder.write("cameras.csv", cameras_csv(cameras))
 }

@@ -7,6 +7,7 @@ use std::thread;
 use glam::{DVec3, Vec3};
 
 use super::metering;
+use super::noise::{self, Noise};
 use super::outputs::{Found, Outputs, Record};
 use super::tracer::{Exposure, Tracer};
 use crate::io::camera_files;
@@ -22,7 +23,7 @@ const MIN_POINTS: u32 = 200;
 const POINT_STREAM: u32 = 0x706f_696e;
 
 /// The result of a capture.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
     /// Photographs that are there.
     pub pictures: u32,
@@ -38,6 +39,8 @@ pub struct Outcome {
     pub brighter: [u64; 2],
     /// Points of the surface that were written.
     pub points: usize,
+    /// The noise of the pictures, of this run where any of those that it took was measured.
+    pub noise: Option<Noise>,
 }
 
 /// Takes the photographs that are not there yet, and writes everything into `folder`; `observe` receives their number, changed or
@@ -57,6 +60,7 @@ pub fn run(
     let exposure = Exposure { samples: record.samples, seed: record.seed, show_sky: record.show_sky };
     let mut outcome = Outcome::default();
     let all = record.cameras.len() as u32;
+    let mut errors = Vec::new();
     thread::scope(|scope| {
         // One picture is written while the next is taken.
         let mut writing = None;
@@ -65,7 +69,15 @@ pub fn run(
                 outcome.kept += 1;
                 outcome.pictures += 1;
             } else {
-                let taken = match tracer.photograph(camera, number, exposure, || observe(None)) {
+                let taken = if number % all.div_ceil(noise::PICTURES) == 0 {
+                    tracer.photograph_and_error(camera, number, exposure, || observe(None)).map(|(taken, error)| {
+                        errors.extend(error);
+                        taken
+                    })
+                } else {
+                    tracer.photograph(camera, number, exposure, || observe(None))
+                };
+                let taken = match taken {
                     Err(Error::Interrupted) => break,
                     taken => taken?,
                 };
@@ -91,6 +103,7 @@ pub fn run(
     if outcome.pictures == all {
         let (points, tracks) = surface(tracer, record, outputs)?;
         outcome.points = points.positions.len();
+        outcome.noise = outputs.noise(Noise::of(&errors))?;
         let staged = OutputFolder::create(folder, true)?;
         camera_files::capture(&staged, &record.cameras, &points, &tracks)?;
         staged.commit()?;

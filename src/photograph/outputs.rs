@@ -9,6 +9,7 @@ use image::GenericImageView as _;
 use serde::{Deserialize, Serialize};
 
 use super::lightmap;
+use super::noise::Noise;
 use super::tracer::{FirstHits, Photograph};
 use crate::io::folder::{check_folder, check_no_links, replace_file};
 use crate::io::picture::{self, Format, stem};
@@ -20,6 +21,14 @@ use crate::{Error, Result};
 pub(crate) const RECORD: &str = "capture.json";
 /// The file that is written last.
 pub(crate) const LAST: &str = "transforms.json";
+
+/// The file that has the noise of the pictures.
+const NOISE: &str = "noise.json";
+
+/// The noise of a folder's pictures, where it was measured.
+pub(crate) fn noise_of(folder: &Path) -> Option<Noise> {
+    fs::read(folder.join(NOISE)).ok().and_then(|text| serde_json::from_slice(&text).ok())
+}
 
 /// What a capture shows, and its settings: two captures of the same record have the same bits on the same device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -230,6 +239,21 @@ impl Outputs {
         };
         let shown: Vec<[f32; 4]> = pixels.iter().map(straight).collect();
         self.write(&format!("images/{name}"), &picture::colours(Format::Png, *width, &shown, with_alpha)?)
+    }
+
+    /// Puts the pictures' noise down, or reads what an earlier run has put down where this one has measured none.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn noise(&self, measured: Option<Noise>) -> Result<Option<Noise>> {
+        let file = self.folder.join(NOISE);
+        match measured {
+            Some(noise) => self.write(NOISE, &serde_json::to_vec_pretty(&noise).unwrap_or_default())?,
+            None if self.resumes => return Ok(noise_of(&self.folder)),
+            None if file.is_file() => fs::remove_file(&file).map_err(|source| Error::io(&file, source))?,
+            None => {}
+        }
+        Ok(measured)
     }
 
     /// The photograph of a camera as it is in the folder.

@@ -13,6 +13,7 @@ use super::layout::{
     FirstHitPush, FirstHitStage, Light, Map, PhotographBakedStage, PhotographConstants, PhotographPush, PhotographStage,
 };
 use super::lightmap::LightMap;
+use super::noise::{self, Halves};
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::random;
 use crate::vulkan::footprint::Footprint;
@@ -259,9 +260,38 @@ impl Tracer {
         camera: &Camera,
         number: u32,
         exposure: Exposure,
-        mut go_on: impl FnMut() -> ControlFlow<()>,
+        go_on: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Photograph> {
+        self.taken(camera, number, exposure, 0, go_on).map(|(photograph, _)| photograph)
+    }
+
+    /// The same, with the mean squared error of the picture's sRGB values, from 0 to 1, by two halves of its samples; none of one sample.
+    ///
+    /// # Errors
+    /// As [`Tracer::photograph`].
+    pub(super) fn photograph_and_error(
+        &self,
+        camera: &Camera,
+        number: u32,
+        exposure: Exposure,
+        go_on: impl FnMut() -> ControlFlow<()>,
+    ) -> Result<(Photograph, Option<f64>)> {
+        let (photograph, halves) = self.taken(camera, number, exposure, exposure.samples / 2, go_on)?;
+        let error = halves.and_then(|halves| noise::error(&photograph, &halves, self.gain));
+        Ok((photograph, error))
+    }
+
+    /// Takes a photograph, and puts down what its first `half` samples show where there are any.
+    fn taken(
+        &self,
+        camera: &Camera,
+        number: u32,
+        exposure: Exposure,
+        half: u32,
+        mut go_on: impl FnMut() -> ControlFlow<()>,
+    ) -> Result<(Photograph, Option<Halves>)> {
         let pixels = self.check(&camera.intrinsics)?;
+        let mut first_half = Vec::new();
         let on_cpu = self.context.physical().kind == "CPU";
         let first_paths = if on_cpu { CPU_PATHS } else { GPU_PATHS };
         let part = first_paths.min(u64::from(pixels)) as u32;
@@ -280,7 +310,8 @@ impl Tracer {
                 Error::unless_stopped(go_on())?;
                 let begun = Instant::now();
                 let mut commands = Recorder::new(&self.context)?;
-                let last = all_samples.min(sample.saturating_add(per_submission));
+                let until = if sample < half { half } else { all_samples };
+                let last = until.min(sample.saturating_add(per_submission));
                 while sample < last {
                     let samples = most_samples.min(last - sample).min(asked(sample) - sample);
                     let push = self.push(camera, number, exposure, [first, count], [sample, samples]);
@@ -294,18 +325,23 @@ impl Tracer {
                     _ => {}
                 }
                 per_submission = per_submission.min(all_samples);
+                if sample == half && half > 0 {
+                    first_half.extend(self.exposure.download_from::<[f32; 4]>(first as usize, count as usize)?);
+                }
             }
         }
         let sums: Vec<[f32; 4]> = self.exposure.download(pixels as usize)?;
         let mean = |sum: [f32; 4], samples: f32| sum.map(|v| v / samples);
-        let pixels = match &self.light {
-            None => sums.into_iter().map(|sum| mean(sum, exposure.samples as f32)).collect(),
+        let samples: Vec<u32> = match &self.light {
+            None => vec![exposure.samples; pixels as usize],
             Some(light) => {
                 let spread: Vec<[f32; 2]> = light.spread.download(pixels as usize)?;
-                sums.into_iter().zip(spread).map(|(sum, [_, samples])| mean(sum, samples)).collect()
+                spread.into_iter().map(|[_, samples]| samples as u32).collect()
             }
         };
-        Ok(Photograph { width: camera.intrinsics.width, pixels })
+        let pixels = sums.into_iter().zip(&samples).map(|(sum, samples)| mean(sum, *samples as f32)).collect();
+        let halves = (half > 0).then_some(Halves { first: first_half, count: half, all: samples });
+        Ok((Photograph { width: camera.intrinsics.width, pixels }, halves))
     }
 
     /// Records `samples` of a part of a picture, each a first one and a count, for callers that submit and time it themselves.

@@ -177,8 +177,10 @@ fn view(file: String, picture: &GrayImage) -> View {
 fn figures(demo: &Demo) -> String {
     let mut text = String::new();
     let mut figure = |name: &str, value: &str, beside: &str| {
-        let _ =
-            writeln!(text, "<div class=\"figure\"><span>{name}</span><strong>{value}</strong><span>{beside}</span></div>");
+        let _ = writeln!(
+            text,
+            "<div class=\"figure\"><span>{name}</span><strong>{value}</strong><span>{beside}</span></div>"
+        );
     };
     let metrics = [("PSNR, higher is better", " dB"), ("SSIM, higher is better", ""), ("LPIPS, lower is better", "")];
     for (metric, (name, unit)) in metrics.into_iter().enumerate() {
@@ -211,7 +213,8 @@ fn photos(demo: &Demo) -> String {
 fn steps(steps: &[Step]) -> String {
     let mut text = String::from("<div class=\"scroll\"><table><tbody>\n");
     for Step { name, what, seconds } in steps {
-        let _ = writeln!(text, "<tr><th scope=\"row\">{name}</th><td>{}</td><td>{seconds:.1} s</td></tr>", escape(what));
+        let _ =
+            writeln!(text, "<tr><th scope=\"row\">{name}</th><td>{}</td><td>{seconds:.1} s</td></tr>", escape(what));
     }
     text + "</tbody></table></div>\n\
             <p class=\"line\">Rooms, light and photos are made by camsplat itself. Training is short and there is one run of each: \
@@ -240,6 +243,9 @@ mod tests {
                 assert!(low >= 0.0 && high <= 64.0 && low <= f64::from(busy + 4) && high >= f64::from(busy + 12));
             }
         }
-        assert!(cropped("a'b.png", [0.0, 1.0 - CROP]).contains("url('a%27b.png');background-size:266.7%;background-position:0.0% 100.0%"));
+        assert!(
+            cropped("a'b.png", [0.0, 1.0 - CROP])
+                .contains("url('a%27b.png');background-size:266.7%;background-position:0.0% 100.0%")
+        );
     }
 }

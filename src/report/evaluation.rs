@@ -14,7 +14,7 @@ use crate::evaluate::job::Outcome;
 use crate::evaluate::request::Request;
 use crate::evaluate::results::{Entry, Interval, Row, measured};
 use crate::evaluate::subject::Subject;
-use crate::evaluate::table::{DECIMALS, apart, cell, description};
+use crate::evaluate::table::{DECIMALS, apart, ceilings, cell, description, drowned};
 use crate::{Error, Result};
 
 /// Triangles of all 3D views of a page together, of one of them, and views at most: browsers draw no more.
@@ -35,7 +35,7 @@ struct Data<'a> {
 /// # Errors
 /// [`Error::Request`] if the layouts cannot be put into it.
 pub fn html(request: &Request, outcome: &Outcome, subjects: &[Subject]) -> Result<String> {
-    let Outcome { rows, entries, left, .. } = outcome;
+    let Outcome { rows, entries, .. } = outcome;
     let mut data = Data { scenes: Vec::new() };
     let names = in_order(rows.iter().map(|row| row.scene.as_str()));
     let triangles = TRIANGLES.min(MAX_TRIANGLES / names.len().max(1));
@@ -68,21 +68,25 @@ pub fn html(request: &Request, outcome: &Outcome, subjects: &[Subject]) -> Resul
         "scene3d" => include_str!("scene3d.js").into(),
         "fault" => include_str!("fault.js").into(),
         "data" => data.as_str().into(),
-        "heading" => heading(request, rows, *left).into(),
+        "heading" => heading(request, outcome).into(),
         "scenes" => sections.as_str().into(),
         _ => String::new().into(),
     }))
 }
 
-fn heading(request: &Request, rows: &[Row], left: usize) -> String {
+fn heading(request: &Request, outcome: &Outcome) -> String {
+    let Outcome { rows, left, .. } = outcome;
     let badge = match left {
         0 => "<span class=\"badge\">complete</span>".into(),
         left => format!("<span class=\"badge warn\">{left} runs to come</span>"),
     };
     let mut html =
-        format!("<h1>Evaluation {badge}</h1>\n<p class=\"line\">{}</p>\n", with_code(&description(request, left)));
-    if let Some(apart) = apart(rows) {
-        let _ = writeln!(html, "<p class=\"notice\" role=\"status\">{}</p>", escape(&apart));
+        format!("<h1>Evaluation {badge}</h1>\n<p class=\"line\">{}</p>\n", with_code(&description(request, *left)));
+    if let Some(line) = ceilings(outcome) {
+        let _ = writeln!(html, "<p class=\"line\">{}</p>", escape(&line));
+    }
+    for notice in [drowned(outcome), apart(rows)].into_iter().flatten() {
+        let _ = writeln!(html, "<p class=\"notice\" role=\"status\">{}</p>", with_code(&notice));
     }
     html
 }

@@ -60,10 +60,7 @@ fn the_whole_way_is_gone_and_the_page_shows_what_is_there() {
     let methods: Vec<&str> = demo.outcome.rows.iter().map(|row| row.method.name()).collect();
     assert_eq!(methods, ["ours", "random", "grid"]);
     let sentence = demo.sentence();
-    assert!(
-        sentence.contains("8 photos from planned places") && sentence.matches(" dB").count() == 3,
-        "{sentence}"
-    );
+    assert!(sentence.contains("8 photos from planned places") && sentence.matches(" dB").count() == 3, "{sentence}");
     // LPIPS of VGG16 was not requested.
     for interval in demo.outcome.rows.iter().flat_map(|row| row.measured[..3].iter().flatten()) {
         assert!(interval.is_some_and(|interval| interval.mean.is_finite()), "{:?}", demo.outcome.rows);

@@ -92,7 +92,9 @@ fn at_points(points: &Points, frame: &Frame, settings: &Settings) -> Result<Gaus
     let colour = |i: &u32| points.colours.get(*i as usize).map_or([0.5; 3], |c| c.map(|v| f64::from(v) / 255.0));
     let mut gaussians = gaussians(centres, chosen.iter().map(colour), settings)?;
     for (i, &point) in chosen.iter().enumerate() {
-        let Some(normal) = points.normals.get(point as usize).filter(|normal| **normal != DVec3::ZERO) else { continue };
+        let Some(normal) = points.normals.get(point as usize).filter(|normal| **normal != DVec3::ZERO) else {
+            continue;
+        };
         let turn = DQuat::from_rotation_arc(DVec3::Z, frame.to_training.direction(*normal));
         gaussians.rotations[i] = [turn.w, turn.x, turn.y, turn.z].map(|v| v as f32);
         gaussians.log_scales[i][2] += FLATNESS.ln();

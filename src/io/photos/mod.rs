@@ -24,7 +24,6 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-
 use self::files::Settled;
 use super::{colmap, ply, transforms};
 use crate::error::{Error, Result, bounded};

@@ -1,0 +1,55 @@
+//! The demo at the size of a GPU, whose held-out views are the README's first picture:
+//!
+//! ```text
+//! cargo run --release --example demo_on_gpu -- OUT
+//! scripts/first_picture.sh OUT docs/images/first.png
+//! ```
+//!
+//! The first writes `OUT/report.html`; the second needs chromium.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+use camsplat::evaluate::demo::{self, Event, Size};
+use camsplat::evaluate::scene::{Scene, Setting};
+use camsplat::evaluate::settings::Settings;
+use camsplat::evaluate::situation::Situation;
+use camsplat::plan::config::Preset;
+use camsplat::scene::samples::textured::two_rooms_model;
+use camsplat::vulkan::{Context, Options};
+use camsplat::{Error, Result, report};
+
+/// Photos of 800 pixels, trained on for a minute.
+const SIZE: Size = Size {
+    settings: Settings {
+        size: 800,
+        samples: 32,
+        test_samples: 64,
+        tests: 24,
+        iterations: 10_000,
+        max_splats: 1_000_000,
+        degree: 3,
+        ..Size::DEMO.settings
+    },
+    views: 50,
+    seed: 0,
+};
+
+fn main() -> Result<()> {
+    let out = std::env::args_os().nth(1).map(PathBuf::from);
+    let out = out.ok_or_else(|| Error::Request("give the folder to write".into()))?;
+    let model = two_rooms_model();
+    let surface = model.surface();
+    let setting = Setting { preset: Preset::Room, situation: Situation::TwoRooms, ..Setting::default() };
+    let scene = Scene::new(Path::new("two-rooms"), &setting, (model, None), surface, &SIZE.settings.intrinsics())?;
+    let context = Context::new(&Options::default())?;
+    let demo = demo::run(&context, &out, SIZE, &scene, &mut |event| {
+        if let Event::Done(step) = event {
+            println!("{:<8} {} ({:.1} s)", step.name, step.what, step.seconds);
+        }
+        ControlFlow::Continue(())
+    })?;
+    report::demo::write(&demo, &scene, &out)?;
+    println!("{}", demo.sentence());
+    Ok(())
+}
