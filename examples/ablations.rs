@@ -1,4 +1,4 @@
-//! The tables of docs/results/2026-11/ablations.md: what each choice is worth, by held-out metrics, over scenes and seeds.
+//! Tables like that of docs/results/planner.md: what each choice is worth, by held-out metrics, over scenes and seeds.
 //!
 //! ```text
 //! cargo run --release --example ablations -- shipped|defaults|parts|starts|voronoi|search [--seeds N] [--scene NAME] [--data DIR]

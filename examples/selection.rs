@@ -1,4 +1,5 @@
-//! The tables of docs/results/2026-11/selection.md: subsets of 20 and 40 photos from each pool, ours against every baseline, over seeds.
+//! The tables whose mean is in docs/results/selection.md: subsets of 20 and 40 photos from each pool, ours against every baseline, over
+//! seeds.
 //!
 //! ```text
 //! CAMSPLAT_DATA=... cargo run --release --example selection -- [--seeds 5] [--counts 20,40] [POOL ...]

@@ -5,7 +5,7 @@ usage: connect_colmap.py make DIR            the scenes: a room (room.gltf), a r
        connect_colmap.py register CAPTURE... COLMAP on what `camsplat capture` rendered of a plan; a line each
        connect_colmap.py pairs CAPTURE...    matches of its pairs of photos by their angle at the origin, after register
 
-Needs numpy and pillow, and colmap 3.8 for register. docs/results/2026-11/connect.md has the commands between the two and what came out.
+Needs numpy and pillow, and colmap 3.8 for register. docs/results/others.md has the commands between the two and what came out.
 """
 import base64
 import io

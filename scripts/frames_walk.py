@@ -8,7 +8,7 @@ usage: frames_walk.py make DIR a|b|c|d|e|f    a room (room.gltf), the cameras of
               half as many frames again are posed, and the best COUNT trained on. SKIP frames are left out at the walk's beginning.
 
 Between make and film: camsplat capture DIR/room.gltf DIR/subs.json --out DIR/subs --spp 4, and DIR/tests.json --out DIR/tests --spp 16.
-Needs numpy and pillow, colmap 3.8 for compare, and camsplat on the path. docs/results/2026-11/frames.md has what came out.
+Needs numpy and pillow, colmap 3.8 for compare, and camsplat on the path. docs/results/frames.md has what came out.
 """
 import base64
 import csv

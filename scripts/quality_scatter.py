@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Expected quality against trained PSNR, from docs/results/2026-11/quality-layouts.csv: a table on standard output and an SVG scatter plot.
+"""Expected quality against trained PSNR, from docs/results/quality-layouts.csv: a table on standard output and an SVG scatter plot.
 
 usage: quality_scatter.py LAYOUTS.csv OUT.svg
 """

@@ -399,10 +399,10 @@ class TrainOptions(TypedDict, total=False):
     """Sum gradients by atomic additions in any order: faster, but no two runs are the same"""
 
     init_opacity: float
-    """Opacity of splats at the start [default: 0.5; adc, and below 10000 iterations (1000 without points that a photo saw), 0.1]"""
+    """Opacity of splats at the start [default: 0.5; adc, and below 10000 iterations (1000 without points that a photo saw), 0.1, or 0.95 at points with normals]"""
 
     init_scale: float
-    """Size of splats at the start, in distances to their neighbours [default: 0.1; adc, and below 10000 iterations (1000 without points that a photo saw), 1]"""
+    """Size of splats at the start, in distances to their neighbours [default: 0.1; adc, and below 10000 iterations (1000 without points that a photo saw), 1, or 0.9 at points with normals]"""
 
     test_every: int
     """Hold out every Nth photo, in order of name, for testing; 0 for none [default: transforms_test.json where there is one, else 8]"""

@@ -7,7 +7,7 @@ usage: python3 scripts/read_outputs cloud FILE       a house in UTM coordinates 
 `run` plans for the surface and exports the plan. Of a glTF surface it also takes small photos, selects among them, makes a proxy, trains
 splats and renders them, and does these four again with the capture moved far away from the origin. Every file is read, and points of the
 surface are projected by the cameras as read and by those of plan.json. DIR/table.md has the largest deviation of each; the exit status is 1
-where a file is refused or a deviation is beyond its bound. docs/results/2026-11/read-by-others.md has what came out.
+where a file is refused or a deviation is beyond its bound. docs/results/others.md has what came out.
 
 Needs Python 3.11 and Node.js:
     pip install numpy scipy pillow pycolmap open3d trimesh plyfile pygltflib usd-core bpy==4.2.0 pyyaml rosbags pymavlink mavsdk \

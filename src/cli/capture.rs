@@ -21,7 +21,6 @@ use crate::photograph::inside::cameras_inside;
 use crate::photograph::job::{self, Outcome};
 use crate::photograph::lightmap::{self, Light, LightMap};
 use crate::photograph::metering::metered;
-use crate::photograph::noise::Noise;
 use crate::photograph::outputs::{Outputs, Record, named, recorded_exposure};
 use crate::photograph::tracer::Tracer;
 use crate::scene::camera::Camera;
@@ -213,8 +212,11 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         return Ok(Ended::Stopped);
     }
     say!("pictures {} in {:.2} s", all - kept, start.elapsed().as_secs_f64());
-    if let Some(Noise { psnr, pictures }) = noise {
-        say!("noise    {psnr:.1} dB, the most that a perfect model scores against these pictures (mean of {pictures})");
+    if let Some(psnr) = noise.psnr() {
+        say!(
+            "noise    {psnr:.1} dB, the PSNR of a perfect model against these pictures (mean of {})",
+            noise.pictures()
+        );
     }
     if empty > 0 {
         say!("         {empty} show nothing: check that the cameras are in the scene's frame");

@@ -51,7 +51,7 @@ pub struct Tests {
 impl Tests {
     /// Decibels that a perfect model would have, for the noise of the photographs; none where it is not known.
     pub fn ceiling(&self) -> Option<f64> {
-        noise_of(self.artifact.folder()).map(|noise| noise.psnr)
+        noise_of(self.artifact.folder()).psnr()
     }
 }
 

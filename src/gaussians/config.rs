@@ -111,7 +111,7 @@ pub const MIN_OPACITY: f32 = 0.005;
 pub(super) const HARMONICS_EVERY: u32 = 2;
 /// Runs of at least so many iterations end with falling rates. The papers let that of the centres fall alone: the other parameters
 /// then jitter about their best values until the last iteration, which costs 0.15 to 0.2 dB. Shorter runs need every step
-/// (docs/results/2026-11/benchmarks.md).
+/// (docs/results/training.md).
 const SETTLING_FROM: u32 = 5000;
 /// One over the share of a run in which rates fall.
 const SETTLING: u32 = 5;
@@ -272,7 +272,7 @@ impl Schedule {
     }
 
     /// Weight of the mean opacity and of the mean standard deviation in the loss of an iteration (MCMC): that of the paper or, where
-    /// floaters are suppressed, falling to that geometrically from 32 times as much (docs/results/2026-11/benchmarks.md).
+    /// floaters are suppressed, falling to that geometrically from 32 times as much (docs/results/training.md).
     pub fn regularisation(&self, iteration: u32, suppress_floaters: bool) -> f64 {
         let left = 1.0 - f64::from(iteration) / f64::from(self.iterations);
         if suppress_floaters { REGULARISATION * SUPPRESSION.powf(left) } else { REGULARISATION }

@@ -39,8 +39,8 @@ pub struct Outcome {
     pub brighter: [u64; 2],
     /// Points of the surface that were written.
     pub points: usize,
-    /// The noise of the pictures, of this run where any of those that it took was measured.
-    pub noise: Option<Noise>,
+    /// The noise of the pictures, of which some are measured.
+    pub noise: Noise,
 }
 
 /// Takes the photographs that are not there yet, and writes everything into `folder`; `observe` receives their number, changed or
@@ -60,7 +60,7 @@ pub fn run(
     let exposure = Exposure { samples: record.samples, seed: record.seed, show_sky: record.show_sky };
     let mut outcome = Outcome::default();
     let all = record.cameras.len() as u32;
-    let mut errors = Vec::new();
+    let mut noise = outputs.noise();
     thread::scope(|scope| {
         // One picture is written while the next is taken.
         let mut writing = None;
@@ -70,10 +70,13 @@ pub fn run(
                 outcome.pictures += 1;
             } else {
                 let taken = if number % all.div_ceil(noise::PICTURES) == 0 {
-                    tracer.photograph_and_error(camera, number, exposure, || observe(None)).map(|(taken, error)| {
-                        errors.extend(error);
-                        taken
-                    })
+                    match tracer.photograph_and_error(camera, number, exposure, || observe(None)) {
+                        Ok((taken, Some(error))) => {
+                            noise.add(&camera.name, error);
+                            outputs.write_noise(&noise).map(|()| taken)
+                        }
+                        taken => taken.map(|(taken, _)| taken),
+                    }
                 } else {
                     tracer.photograph(camera, number, exposure, || observe(None))
                 };
@@ -103,7 +106,7 @@ pub fn run(
     if outcome.pictures == all {
         let (points, tracks) = surface(tracer, record, outputs)?;
         outcome.points = points.positions.len();
-        outcome.noise = outputs.noise(Noise::of(&errors))?;
+        outcome.noise = noise;
         let staged = OutputFolder::create(folder, true)?;
         camera_files::capture(&staged, &record.cameras, &points, &tracks)?;
         staged.commit()?;

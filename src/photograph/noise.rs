@@ -1,5 +1,7 @@
 //! How noisy photographs are, by two halves of their samples.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::tracer::Photograph;
@@ -10,20 +12,28 @@ pub(super) const PICTURES: u32 = 8;
 /// The squared error that eight bits make, uniform within half a step.
 const EIGHT_BITS: f64 = 1.0 / (12.0 * 255.0 * 255.0);
 
-/// The noise of a capture's pictures.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// The noise of a capture's pictures: for some of them the PSNR in decibels of the scene without noise against the picture.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
 pub struct Noise {
-    /// Decibels: the PSNR of the scene without noise against a picture, the mean over pictures.
-    pub psnr: f64,
-    /// Pictures that were measured.
-    pub pictures: u32,
+    pictures: BTreeMap<String, f64>,
 }
 
 impl Noise {
-    /// Of the squared errors of some pictures; none of none.
-    pub(super) fn of(errors: &[f64]) -> Option<Self> {
-        let psnr = errors.iter().map(|error| -10.0 * (error + EIGHT_BITS).log10()).sum::<f64>() / errors.len() as f64;
-        (!errors.is_empty()).then_some(Self { psnr, pictures: errors.len() as u32 })
+    /// Adds a picture of a mean squared error of sRGB values from 0 to 1, as it is once it has eight bits.
+    pub(super) fn add(&mut self, name: &str, error: f64) {
+        self.pictures.insert(name.to_owned(), -10.0 * (error + EIGHT_BITS).log10());
+    }
+
+    /// The mean over pictures; none of none.
+    pub fn psnr(&self) -> Option<f64> {
+        let sum: f64 = self.pictures.values().sum();
+        (!self.pictures.is_empty()).then(|| sum / self.pictures.len() as f64)
+    }
+
+    /// Pictures that were measured.
+    pub fn pictures(&self) -> usize {
+        self.pictures.len()
     }
 }
 
@@ -84,8 +94,10 @@ mod tests {
         // White is white, however noisy the light is.
         assert_eq!(error(&taken, &halves, 10.0), Some(0.0));
         assert_eq!(error(&taken, &Halves { all: vec![count; pixels as usize], ..halves }, 1.0), None);
-        let noise = Noise::of(&[0.0, 0.0]).unwrap();
-        assert!((noise.psnr - 58.92).abs() < 0.01 && noise.pictures == 2, "{noise:?}");
-        assert_eq!(Noise::of(&[]), None);
+        let mut noise = Noise::default();
+        assert_eq!(noise.psnr(), None);
+        noise.add("a", 0.0);
+        noise.add("b", 1e-4);
+        assert!((noise.psnr().unwrap() - 0.5 * (58.92 + 39.94)).abs() < 0.01, "{noise:?}");
     }
 }

@@ -25,9 +25,9 @@ pub(crate) const LAST: &str = "transforms.json";
 /// The file that has the noise of the pictures.
 const NOISE: &str = "noise.json";
 
-/// The noise of a folder's pictures, where it was measured.
-pub(crate) fn noise_of(folder: &Path) -> Option<Noise> {
-    fs::read(folder.join(NOISE)).ok().and_then(|text| serde_json::from_slice(&text).ok())
+/// The noise of a folder's pictures, of those that were measured.
+pub(crate) fn noise_of(folder: &Path) -> Noise {
+    fs::read(folder.join(NOISE)).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
 }
 
 /// What a capture shows, and its settings: two captures of the same record have the same bits on the same device.
@@ -161,6 +161,10 @@ impl Outputs {
         if !complete && last.is_file() {
             fs::remove_file(&last).map_err(|source| Error::io(&last, source))?;
         }
+        let noise = self.folder.join(NOISE);
+        if !self.resumes && noise.is_file() {
+            fs::remove_file(&noise).map_err(|source| Error::io(&noise, source))?;
+        }
         for camera in record.cameras.iter().filter(|_| !self.resumes) {
             let name = &camera.name;
             let stem = name.strip_suffix(".png").unwrap_or(name);
@@ -241,19 +245,18 @@ impl Outputs {
         self.write(&format!("images/{name}"), &picture::colours(Format::Png, *width, &shown, with_alpha)?)
     }
 
-    /// Puts the pictures' noise down, or reads what an earlier run has put down where this one has measured none.
+    /// The noise of pictures that an earlier run of this capture has measured.
+    pub fn noise(&self) -> Noise {
+        if self.resumes { noise_of(&self.folder) } else { Noise::default() }
+    }
+
+    /// Puts the pictures' noise down.
     ///
     /// # Errors
     /// Where the system refuses.
-    pub fn noise(&self, measured: Option<Noise>) -> Result<Option<Noise>> {
-        let file = self.folder.join(NOISE);
-        match measured {
-            Some(noise) => self.write(NOISE, &serde_json::to_vec_pretty(&noise).unwrap_or_default())?,
-            None if self.resumes => return Ok(noise_of(&self.folder)),
-            None if file.is_file() => fs::remove_file(&file).map_err(|source| Error::io(&file, source))?,
-            None => {}
-        }
-        Ok(measured)
+    pub fn write_noise(&self, noise: &Noise) -> Result<()> {
+        // Plain numbers and text can always be written.
+        self.write(NOISE, &serde_json::to_vec_pretty(noise).unwrap_or_default())
     }
 
     /// The photograph of a camera as it is in the folder.

@@ -262,7 +262,7 @@ impl Config {
         Self { seed, held_out, checkpoint_every, viewers, connect, ..Self::of(objective, preset, views) }
     }
 
-    /// The defaults of an objective, settled in docs/results/2026-11/quality.md and docs/results/2026-11/ablations.md.
+    /// The defaults of an objective, settled in docs/results/objects.md and docs/results/planner.md.
     pub fn of(objective: Objective, preset: Preset, views: u32) -> Self {
         let quality = objective == Objective::Quality;
         Self {

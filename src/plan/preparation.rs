@@ -20,7 +20,7 @@ use crate::vulkan::footprint::Footprint;
 use crate::vulkan::physical::Physical;
 use crate::{Error, Result};
 
-/// Pairs of texel and visible splat an iteration from which on binning pays; see docs/results/2026-11/benchmarks.md.
+/// Pairs of texel and visible splat an iteration from which on binning pays; see docs/results/planner.md.
 const DENSE_WORK: f64 = 3e7;
 
 /// Points that test whether the region sees the surface at all, where no point cameras are drawn from it.

@@ -11,7 +11,7 @@ use crate::scene::region::Shape;
 use crate::visibility::device_scene::SceneGeometry;
 
 /// Cameras in all the turned even spheres together. Two rotations of 20 views differ by 0.2 dB when trained, which expected
-/// quality predicts in part, and the more views there are the less a rotation matters (docs/results/2026-11/quality.md).
+/// quality predicts in part, and the more views there are the less a rotation matters (docs/results/objects.md).
 const TURNED: u32 = 640;
 /// Fewest and most rotations.
 const ROTATIONS: [u32; 2] = [8, 32];

@@ -77,6 +77,44 @@ fn the_folder_is_a_capture_as_it_is() {
     }
 }
 
+/// The noise of two captures that differ by their random numbers alone is half of what they differ by. If this failed, `capture` would
+/// call grain clean, or `evaluate` blame noise for what methods make.
+#[test]
+fn the_noise_that_is_said_is_that_of_the_pictures() {
+    let place = place(2, 64);
+    let said = |out: &str| {
+        let line =
+            out.lines().find_map(|line| line.strip_prefix("noise    ")).map(|rest| rest.split(' ').next().unwrap());
+        line.unwrap_or_else(|| panic!("{out}")).parse::<f64>().unwrap()
+    };
+    let mut grain = Vec::new();
+    for samples in [8, 64] {
+        let taken = |seed: u32| {
+            let out = format!("{samples}-{seed}");
+            let asked = format!("capture cube.gltf cameras.json --env sky.hdr --spp {samples} --background env");
+            place.done(&format!("{asked} --seed {seed} --out {out}")).out
+        };
+        let noise = said(&taken(1));
+        assert!((said(&taken(2)) - noise).abs() < 0.5);
+        let mut differ = 0.0;
+        for view in 0..2 {
+            let picture = |seed: u32| {
+                let file = place.path(&format!("{samples}-{seed}/images/view {view}.png"));
+                image::open(file).unwrap().into_rgb8().into_raw()
+            };
+            let squares = picture(1).into_iter().zip(picture(2)).map(|(a, b)| (f64::from(a) - f64::from(b)).powi(2));
+            let all: Vec<f64> = squares.collect();
+            differ += -10.0 * (all.iter().sum::<f64>() / all.len() as f64 / (2.0 * 255.0 * 255.0)).log10() / 2.0;
+        }
+        assert!((noise - differ).abs() < 0.5, "{samples} samples: {noise} dB is said, {differ} dB are there");
+        grain.push(noise);
+    }
+    assert!(grain[1] > grain[0] + 6.0, "{grain:?}");
+    // Of one sample nothing can be said.
+    let ran = place.done("capture cube.gltf cameras.json --env sky.hdr --spp 1 --out one");
+    assert!(!ran.out.contains("noise"), "{}", ran.out);
+}
+
 /// If this failed, a capture of hours would start over after a stop, or continue with other pictures than it would have made.
 #[test]
 fn a_stopped_capture_goes_on_at_the_first_missing_picture() {
