@@ -395,7 +395,7 @@ mod tests {
     fn a_preset_sets_the_iterations_unless_they_are_given() {
         let iterations = |options: &str| {
             let words = "train capture --out o".split(' ').chain(options.split_whitespace());
-            configuration(&Line::parse_from(words).arguments, true).iterations
+            configuration(&Line::parse_from(words).arguments, Start::Points).iterations
         };
         assert_eq!(["", "--preset fast"].map(iterations), [30_000, 7000]);
         assert_eq!(iterations("--preset fast --iterations 12"), 12);

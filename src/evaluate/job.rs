@@ -486,6 +486,7 @@ mod tests {
             stopped: AtomicBool::new(false),
             made: AtomicBool::new(false),
             entries: Mutex::default(),
+            ceilings: Mutex::default(),
         };
         let product = |event| board.report(Event::Artifact(event));
         assert!(product(artifact::Event::Kept).is_continue());

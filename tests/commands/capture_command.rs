@@ -64,6 +64,11 @@ fn the_folder_is_a_capture_as_it_is() {
         assert!((p.abs().max_element() - 1.0).abs() < 1e-4, "{p} is not on the cube");
         assert!(r > g && g > b, "{p} is not orange");
     }
+    // Trainers lay splats along the surface.
+    for (p, normal) in points.positions.iter().zip(&points.normals) {
+        assert!((p.dot(*normal) - 1.0).abs() < 1e-4, "{normal} is not the normal at {p}");
+    }
+    assert_eq!(points.normals.len(), points.positions.len());
     // Background, picture, mask and depth agree on where the cube is.
     let picture = image::open(place.path("o/images/view 1.png")).unwrap().into_rgba8();
     let mask = image::open(place.path("o/masks/view 1.png.png")).unwrap().into_luma8();

@@ -187,6 +187,7 @@ fn spacings(centres: &[DVec3]) -> Result<Vec<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gaussians::config::Start;
     use crate::photos::Photo;
     use crate::scene::camera::{Intrinsics, Pose};
     use crate::scene::lens::Distortion;
@@ -280,6 +281,29 @@ mod tests {
         assert!(super::start(&set, &frame, &settings).unwrap().harmonics.iter().all(|h| *h == 0.0));
         let faint = super::start(&set, &frame, &Settings::default()).unwrap();
         assert!((f64::from(faint.opacities[0]) + 9f64.ln()).abs() < 1e-6);
+    }
+
+    /// If this failed, a short training would begin as a fog of balls, or with discs that stand on end.
+    #[test]
+    fn points_with_normals_become_discs_that_lie_on_the_surface() {
+        let mut set = cloud(scattered(3));
+        set.points.normals = vec![DVec3::new(0.6, 0.0, 0.8), DVec3::ZERO, -DVec3::Z];
+        let turned = Similarity { rotation: DQuat::from_rotation_x(0.5), ..STILL.to_training };
+        let start = start(&set, &Frame { to_training: turned }, &Settings::default()).unwrap();
+        for (i, normal) in set.points.normals.iter().enumerate() {
+            let [x, y, z] = start.log_scales[i];
+            let flat = if *normal == DVec3::ZERO { 1.0 } else { FLATNESS };
+            assert!(x == y && ((z - x).exp() - flat).abs() < 1e-6, "{i}");
+            let [w, x, y, z] = start.rotations[i].map(f64::from);
+            let thin = DQuat::from_xyzw(x, y, z, w) * DVec3::Z;
+            assert!(flat == 1.0 || (thin - turned.direction(*normal)).length() < 1e-6, "{i}: {thin}");
+        }
+        let from = |set: &PhotoSet| Start::of(set);
+        assert_eq!(from(&set), Start::Surface);
+        set.points.normals = vec![DVec3::ZERO; 3];
+        assert_eq!(from(&set), Start::Points);
+        set.tracks = vec![Vec::new(); 3];
+        assert_eq!(from(&set), Start::Random);
     }
 
     /// If this failed, a capture of many points would not fit the budget, or two runs differ.

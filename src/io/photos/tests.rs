@@ -83,6 +83,26 @@ fn a_capture_by_hand() {
     assert_eq!(inner.photos, set.photos);
 }
 
+/// If this failed, splats would start flat along the normals of other points, or as balls where normals are known.
+#[test]
+fn normals_come_from_a_cloud_of_the_same_points() {
+    let place = Place::colmap();
+    let normals = |points: &[[f64; 3]]| {
+        let vertices: String = points.iter().map(|[x, y, z]| format!("{x} {y} {z} 0 0 -1\n")).collect();
+        let names: String =
+            ["x", "y", "z", "nx", "ny", "nz"].iter().map(|name| format!("property float {name}\n")).collect();
+        let count = points.len();
+        let text = format!("ply\nformat ascii 1.0\nelement vertex {count}\n{names}end_header\n{vertices}");
+        fs::write(place.path("points.ply"), text).unwrap();
+        place.read(Images::Optional).unwrap().points.normals
+    };
+    assert_eq!(normals(&[[0.0, 0.0, 5.000_000_1], [1.0, 0.0, 5.0]]), [-DVec3::Z; 2]);
+    assert!(normals(&[[0.0, 0.0, 5.0], [1.0, 0.1, 5.0]]).is_empty(), "another point");
+    assert!(normals(&[[0.0, 0.0, 5.0]]).is_empty(), "fewer points");
+    fs::write(place.path("points.ply"), "no cloud").unwrap();
+    assert!(place.read(Images::Optional).unwrap().points.normals.is_empty());
+}
+
 /// If this failed, shrunk copies of photos would get the lens of the originals.
 #[test]
 fn shrunk_copies_rescale_the_lens() {
