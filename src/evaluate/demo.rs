@@ -160,10 +160,11 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     let config = Competitor::Method(Method::Ours).config(kind.preset(), views, seed)?;
 
     let tools = Tools::default();
-    let plan = plan::job::run(context, &target, intrinsics, &[], config.clone(), tools, |_| walk.work())?;
+    let mut plan = plan::job::run(context, &target, intrinsics, &[], config.clone(), tools, |_| walk.work())?;
     if plan.interrupted() {
         return Err(Error::Interrupted);
     }
+    plan.sort_for_a_tour();
     let expected = plan.record.expected.as_ref().map(|expected| format!("; expected {}", expected.line()));
     walk.done("plan", format!("where to take {views} photos{}", expected.unwrap_or_default()));
 

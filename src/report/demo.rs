@@ -6,7 +6,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use image::GrayImage;
+use image::RgbImage;
 use serde::Serialize;
 
 use super::folder;
@@ -18,18 +18,21 @@ use crate::evaluate::results::Entry;
 use crate::evaluate::scene::Scene;
 use crate::evaluate::table::DECIMALS;
 use crate::io::folder::{OutputFolder, write_files};
+use crate::methods::Method;
 use crate::scene::camera::Camera;
 use crate::{Error, Result};
 
 /// Where the plan's own folder lies in the scene's folder.
 const PLAN: &str = "plan";
-/// Held-out views that are shown.
-const SHOWN: usize = 3;
+/// Which held-out views are shown, in the order of what planning gains in them, and how they are called.
+const SHOWN: [&str; 3] = ["Where planning helps most", "A typical view", "Where planning helps least"];
 /// Triangles of the 3D view.
 const TRIANGLES: usize = 60_000;
 /// A crop is this share of a picture's side, at the best of so many places a side.
 const CROP: f64 = 0.375;
 const PLACES: u32 = 6;
+/// Pictures of fewer pixels a side are small.
+const SMALL: u32 = 400;
 
 /// What the page draws from.
 #[derive(Serialize)]
@@ -37,14 +40,23 @@ struct Data<'a> {
     scene: Option<SceneData<'a>>,
 }
 
-/// A held-out view that is shown.
+/// A held-out view.
 struct View {
     /// Its file in the folders `test` and `reference` of each training.
     file: String,
+    /// How much there is to see in the photo.
+    detail: f64,
+    /// PSNR of each method's model.
+    psnr: Vec<f64>,
     /// Upper left corner of the crop, in shares of the picture's sides.
     crop: [f64; 2],
-    /// Mean difference of neighbouring pixels.
-    detail: f64,
+}
+
+impl View {
+    /// Decibels of the planned photos over the best others.
+    fn gain(&self) -> f64 {
+        self.psnr[0] - self.psnr[1..].iter().copied().fold(f64::NEG_INFINITY, f64::max)
+    }
 }
 
 /// Writes the page into `out`, the folder that holds the scene's, and into this one the plan's own folder.
@@ -85,48 +97,78 @@ fn html(demo: &Demo, scene: &Scene, out: &Path) -> Result<String> {
 }
 
 fn heading(demo: &Demo) -> String {
-    let count = demo.plan.record.cameras.len();
+    let cameras = &demo.plan.record.cameras;
+    let small = match cameras.first() {
+        Some(camera) if camera.intrinsics.width < SMALL => {
+            "<p class=\"line\">Photos are small and training is short here, so that it takes a minute or two without a GPU: all three models \
+             are blurred. Look for holes and smears.</p>\n"
+        }
+        _ => "",
+    };
     format!(
         "<h1>Where should the cameras stand?</h1>\n\
          <p class=\"lead\">camsplat takes the rough shape of a place and a number of photos, and says where to take them so that a 3D model \
-         trained on them looks right from everywhere. Here, two rooms were photographed {count} times in each of three ways, a model was \
-         trained on each set of photos, and all three were asked for views that nobody photographed.</p>\n\
-         <p class=\"lead\">{}</p>\n",
+         trained on them looks right from everywhere. Here, two rooms were photographed {} times in each of three ways, a model was \
+         trained on each set of photos, and all three were asked for views that were kept back.</p>\n\
+         <p class=\"lead\">{}</p>\n{small}",
+        cameras.len(),
         escape(&demo.sentence())
     )
 }
 
-/// The held-out views with the most detail, which does not depend on what was trained.
+/// What the columns of models are called.
+fn column(method: Method, views: usize) -> String {
+    match method {
+        Method::Ours => format!("{views} planned photos"),
+        Method::Grid => format!("{views} on a grid"),
+        _ => format!("{views} random photos"),
+    }
+}
+
+/// Of the views with much to see, those in which planning gains most, a middling amount and least.
 fn views(demo: &Demo, out: &Path) -> Result<String> {
     let entries = &demo.outcome.entries;
     let Some(first) = entries.first() else { return Ok(String::new()) };
+    let count = demo.plan.record.cameras.len();
     let path = |entry: &Entry, of: &str, file: &str| format!("{}/{}/{of}/{file}", demo.name, entry.folder);
+    let read = |entry: &Entry, of: &str, file: &str| {
+        let place = out.join(path(entry, of, file));
+        image::open(&place).map(|picture| picture.into_rgb8()).map_err(|e| Error::input(&place, e.to_string()))
+    };
     let mut views = Vec::new();
     for file in &first.pictures {
-        let place = out.join(path(first, "reference", file));
-        let picture = image::open(&place).map_err(|e| Error::input(&place, e.to_string()))?;
-        views.push(view(file.clone(), &picture.into_luma8()));
+        let photo = read(first, "reference", file)?;
+        let models: Vec<RgbImage> = entries.iter().map(|entry| read(entry, "test", file)).collect::<Result<_>>()?;
+        let psnr = models.iter().map(|model| psnr(model, &photo)).collect();
+        views.push(View { file: file.clone(), detail: detail(&photo), psnr, crop: crop(&models) });
     }
+    // Nobody recognises a plain wall.
     views.sort_by(|a, b| b.detail.total_cmp(&a.detail));
+    views.truncate(views.len().div_ceil(2).max(SHOWN.len()));
+    views.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
     let mut text = format!(
-        "<section>\n<h2>Views that nobody photographed</h2>\n<p class=\"line\">Of {} held-out views the {} with the most detail; below \
-         each, a part enlarged, and how far it is from the photo.</p>\n",
+        "<section>\n<h2>Views that were kept back</h2>\n<p class=\"line\">Three of the {} with the most detail, of {}.</p>\n",
         views.len(),
-        SHOWN.min(views.len())
+        first.pictures.len()
     );
-    for View { file, crop, .. } in views.iter().take(SHOWN) {
+    let last = views.len().saturating_sub(1);
+    for (name, View { file, psnr, crop }) in SHOWN.iter().zip([0, last / 2, last].iter().filter_map(|i| views.get(*i)))
+    {
         let photo = address(&path(first, "reference", file));
         let _ = write!(
             text,
-            "<div class=\"view\">\n<figure><figcaption>photo</figcaption><img src=\"{photo}\" alt=\"a held-out view, photographed\">{}\
-             <p class=\"error\">Right: the difference to this photo. Black is none.</p></figure>\n",
+            "<h3>{name}</h3>\n<div class=\"view\">\n<figure><figcaption>the truth</figcaption>\
+             <img src=\"{photo}\" alt=\"a held-out view, photographed\">{}\
+             <p class=\"error\">Above: where the models differ most, enlarged. Beside: how far the whole of each is from the truth. Black is \
+             equal, white a quarter of full scale or more.</p></figure>\n",
             cropped(&photo, *crop)
         );
-        for (method, entry) in METHODS.iter().zip(entries) {
-            let (shown, title) = (address(&path(entry, "test", file)), title(*method));
+        for ((method, entry), psnr) in METHODS.iter().zip(entries).zip(psnr) {
+            let (shown, title) = (address(&path(entry, "test", file)), column(*method, count));
             let _ = writeln!(
                 text,
-                "<figure><figcaption>{title}</figcaption><img src=\"{shown}\" alt=\"the same view by the model of photos: {title}\">{}\
+                "<figure><figcaption>{title}<span>{psnr:.1} dB</span></figcaption>\
+                 <img src=\"{shown}\" alt=\"the same view by the model of {title}\">{}\
                  <div class=\"error\"><img src=\"{photo}\" alt=\"\"><img src=\"{shown}\" alt=\"\"></div></figure>",
                 cropped(&shown, *crop)
             );
@@ -149,52 +191,89 @@ fn cropped(picture: &str, [x, y]: [f64; 2]) -> String {
     )
 }
 
-/// How much there is to see in a picture, and where the most of it is.
-fn view(file: String, picture: &GrayImage) -> View {
+/// Mean difference of pixels side by side, over all channels.
+fn detail(picture: &RgbImage) -> f64 {
     let (width, height) = picture.dimensions();
-    let level = |x: u32, y: u32| f64::from(picture.get_pixel(x, y).0[0]);
-    let step = |x: u32, y: u32| {
-        let (right, below) = ((x + 1).min(width - 1), (y + 1).min(height - 1));
-        (level(right, y) - level(x, y)).abs() + (level(x, below) - level(x, y)).abs()
+    let step = |x: u32, y: u32| -> u32 {
+        let [a, b] = [x - 1, x].map(|x| picture.get_pixel(x, y).0);
+        a.iter().zip(b).map(|(a, b)| u32::from(a.abs_diff(b))).sum()
     };
-    let detail = |left: u32, top: u32, right: u32, bottom: u32| {
-        let sum: f64 = (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y))).map(|(x, y)| step(x, y)).sum();
-        sum / f64::from(((right - left) * (bottom - top)).max(1))
-    };
-    let side = |length: u32| ((f64::from(length) * CROP) as u32).max(1);
-    let (crop_width, crop_height) = (side(width), side(height));
-    let corner = |i: u32| {
-        let part = |place: u32, room: u32| room * place / (PLACES - 1);
-        [part(i % PLACES, width - crop_width), part(i / PLACES, height - crop_height)]
-    };
-    let of = |[x, y]: [u32; 2]| detail(x, y, x + crop_width, y + crop_height);
-    let best = (0..PLACES * PLACES).map(corner).max_by(|a, b| of(*a).total_cmp(&of(*b))).unwrap_or_default();
-    let crop = [f64::from(best[0]) / f64::from(width), f64::from(best[1]) / f64::from(height)];
-    View { file, crop, detail: detail(0, 0, width, height) }
+    let sum: f64 = (0..height).flat_map(|y| (1..width).map(move |x| (x, y))).map(|(x, y)| f64::from(step(x, y))).sum();
+    sum / f64::from(width * height)
 }
 
-/// What was measured of the planned photos and, smaller, of the others.
-fn figures(demo: &Demo) -> String {
-    let mut text = String::new();
-    let mut figure = |name: &str, value: &str, beside: &str| {
-        let _ = writeln!(
-            text,
-            "<div class=\"figure\"><span>{name}</span><strong>{value}</strong><span>{beside}</span></div>"
-        );
+/// Decibels between two pictures of one size.
+fn psnr(a: &RgbImage, b: &RgbImage) -> f64 {
+    let sum: f64 = a.iter().zip(b.iter()).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
+    -10.0 * (sum / (a.len() as f64 * 255.0 * 255.0)).log10()
+}
+
+/// Where pictures of one size differ most from each other.
+fn crop(pictures: &[RgbImage]) -> [f64; 2] {
+    let Some((width, height)) = pictures.first().map(RgbImage::dimensions) else { return [0.0; 2] };
+    let spread = |x: u32, y: u32| {
+        (0..3).map(move |c| {
+            let values = || pictures.iter().map(|picture| picture.get_pixel(x, y).0[c]);
+            f64::from(values().max().unwrap_or_default() - values().min().unwrap_or_default())
+        })
     };
-    let metrics = [("PSNR, higher is better", " dB"), ("SSIM, higher is better", ""), ("LPIPS, lower is better", "")];
-    for (metric, (name, unit)) in metrics.into_iter().enumerate() {
-        let of = |row: usize| {
-            let measured = demo.outcome.rows.get(row).and_then(|row| row.measured[metric].first().copied().flatten());
-            measured.map_or_else(|| "–".into(), |value| format!("{:.*}{unit}", DECIMALS[metric].min(3), value.mean))
-        };
-        figure(name, &of(0), &format!("{} {}, {} {}", title(METHODS[1]), of(1), title(METHODS[2]), of(2)));
+    let side = |length: u32| ((f64::from(length) * CROP) as u32).max(1);
+    let (across, down) = (side(width), side(height));
+    let corner = |i: u32| {
+        let part = |place: u32, room: u32| room * place / (PLACES - 1);
+        [part(i % PLACES, width - across), part(i / PLACES, height - down)]
+    };
+    let of = |[x, y]: [u32; 2]| -> f64 {
+        (y..y + down).flat_map(|y| (x..x + across).map(move |x| (x, y))).flat_map(|(x, y)| spread(x, y)).sum()
+    };
+    let best = (0..PLACES * PLACES).map(corner).max_by(|a, b| of(*a).total_cmp(&of(*b))).unwrap_or_default();
+    [f64::from(best[0]) / f64::from(width), f64::from(best[1]) / f64::from(height)]
+}
+
+/// What was measured over all views that were kept back, and what was expected before.
+fn figures(demo: &Demo) -> String {
+    let count = demo.plan.record.cameras.len();
+    let mut text = String::from("<div class=\"scroll\"><table><thead><tr><th></th>");
+    for method in METHODS {
+        let _ = write!(text, "<th>{}</th>", column(method, count));
     }
+    text += "</tr></thead>\n<tbody>\n";
+    let metrics = [
+        ("PSNR", "how close to the truth, in dB; 3 dB halve the squared error"),
+        ("SSIM", "likeness of structure; 1 is equal"),
+        ("LPIPS", "unlikeness as people see it; 0 is equal"),
+    ];
+    let of = |row: usize, metric: usize| {
+        demo.outcome
+            .rows
+            .get(row)
+            .and_then(|row| row.measured[metric].first().copied().flatten())
+            .map(|value| value.mean)
+    };
+    for (metric, (name, words)) in metrics.into_iter().enumerate() {
+        let _ = write!(text, "<tr><th scope=\"row\">{name}<small>{words}</small></th>");
+        for row in 0..METHODS.len() {
+            let value =
+                of(row, metric).map_or_else(|| "–".into(), |value| format!("{:.*}", DECIMALS[metric].min(3), value));
+            let class = if row == 0 { " class=\"plan\"" } else { "" };
+            let _ = write!(text, "<td{class}>{value}</td>");
+        }
+        text += "</tr>\n";
+    }
+    text += "</tbody>";
     if let Some(expected) = &demo.plan.record.expected {
-        let reference = escape(&expected.against);
-        figure("Expected before a photo was taken", &format!("{:+.1} dB", expected.db), &format!("over {reference}"));
+        let against = METHODS.iter().position(|method| expected.against.starts_with(method.name()));
+        let measured = against.and_then(|row| Some(of(0, 0)? - of(row, 0)?));
+        let measured = measured.map_or_else(String::new, |db| format!("; measured {db:+.1} dB"));
+        let _ = write!(
+            text,
+            "<caption>Expected before a photo was taken: {:+.1} dB (standard deviation {:.1}) over the {}{measured}.</caption>",
+            expected.db,
+            expected.sd,
+            escape(&expected.against)
+        );
     }
-    text
+    text + "</table></div>\n"
 }
 
 /// All photos, a column for each way to take them.
@@ -211,7 +290,7 @@ fn photos(demo: &Demo) -> String {
 }
 
 fn steps(steps: &[Step]) -> String {
-    let mut text = String::from("<div class=\"scroll\"><table><tbody>\n");
+    let mut text = String::from("<div class=\"scroll steps\"><table><tbody>\n");
     for Step { name, what, seconds } in steps {
         let _ =
             writeln!(text, "<tr><th scope=\"row\">{name}</th><td>{}</td><td>{seconds:.1} s</td></tr>", escape(what));
@@ -225,20 +304,16 @@ fn steps(steps: &[Step]) -> String {
 mod tests {
     use super::*;
 
-    /// If this failed, plain walls would be shown enlarged, or a crop reach out of its picture.
+    /// If this failed, what is enlarged would be where all models agree, or a crop reach out of its picture.
     #[test]
-    fn the_crop_lies_where_there_is_most_to_see() {
-        let picture = |busy: [u32; 2]| {
-            GrayImage::from_fn(64, 64, |x, y| {
-                let inside = [x, y].iter().zip(busy).all(|(v, low)| (low..low + 16).contains(v));
-                image::Luma([if inside && (x + y) % 2 == 0 { 255 } else { 90 }])
-            })
-        };
-        let plain = view(String::new(), &GrayImage::new(64, 64));
+    fn the_crop_lies_where_pictures_differ() {
         for busy in [[0, 0], [48, 0], [20, 44], [48, 48]] {
-            let View { crop, detail, .. } = view(String::new(), &picture(busy));
-            assert!(detail > plain.detail);
-            for (low, busy) in crop.into_iter().zip(busy) {
+            let other = RgbImage::from_fn(64, 64, |x, y| {
+                let inside = [x, y].iter().zip(busy).all(|(v, low)| (low..low + 16).contains(v));
+                image::Rgb([if inside { 255 } else { 90 }; 3])
+            });
+            let plain = RgbImage::from_pixel(64, 64, image::Rgb([90; 3]));
+            for (low, busy) in crop(&[plain.clone(), plain, other]).into_iter().zip(busy) {
                 let (low, high) = (64.0 * low, 64.0 * (low + CROP));
                 assert!(low >= 0.0 && high <= 64.0 && low <= f64::from(busy + 4) && high >= f64::from(busy + 12));
             }
@@ -247,5 +322,10 @@ mod tests {
             cropped("a'b.png", [0.0, 1.0 - CROP])
                 .contains("url('a%27b.png');background-size:266.7%;background-position:0.0% 100.0%")
         );
+        let grey = |level: u8| RgbImage::from_pixel(2, 2, image::Rgb([level; 3]));
+        assert_eq!(detail(&grey(100)), 0.0);
+        let steps = RgbImage::from_fn(4, 2, |x, _| image::Rgb([if x % 2 == 0 { 0 } else { 10 }; 3]));
+        assert!((detail(&steps) - 3.0 * 30.0 / 4.0).abs() < 1e-9);
+        assert!((psnr(&grey(100), &grey(151)) - 13.98).abs() < 0.01);
     }
 }

@@ -5,6 +5,9 @@ use ash::vk;
 use super::instance::Instance;
 use crate::{Error, Result};
 
+/// Storage buffers of the stage that has the most, `photograph_baked`.
+const STAGE_BUFFERS: u32 = 18;
+
 /// NVIDIA's number at the PCI SIG.
 const NVIDIA: u32 = 0x10de;
 
@@ -114,6 +117,7 @@ impl Physical {
         need(family.is_some(), "a compute queue");
         need(has(ash::khr::push_descriptor::NAME), "VK_KHR_push_descriptor");
         need(limits.max_push_constants_size >= 128, "128 bytes of push constants");
+        need(limits.max_per_stage_descriptor_storage_buffers >= STAGE_BUFFERS, "18 storage buffers to a stage");
         need(limits.max_compute_shared_memory_size >= 32 << 10, "32 KiB of shared memory");
         need(limits.max_compute_work_group_invocations >= 256, "workgroups of 256 threads");
         let operations = vk::SubgroupFeatureFlags::BASIC
