@@ -8,10 +8,9 @@ use std::time::Instant;
 
 use super::artifact::{self, Artifact};
 use super::competitor::Competitor;
-use super::job::Outcome;
 use super::kind::Kind;
 use super::request::Request;
-use super::results::{self, Entry};
+use super::results::{self, Entry, Outcome};
 use super::scene::Scene;
 use super::scene_artifacts::SceneArtifacts;
 use super::settings::{Settings, Shown};

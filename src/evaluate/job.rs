@@ -13,12 +13,11 @@ use serde_json::json;
 
 use super::artifact::{self, Artifact, Observe};
 use super::competitor::Competitor;
-use super::kind::Kind;
 use super::perceptual;
 use super::pool::Pool;
 use super::pool_artifacts::PoolArtifacts;
 use super::request::Request;
-use super::results::{self, Entry, Row};
+use super::results::{self, Entry, Outcome};
 use super::scene::Scene;
 use super::scene_artifacts::SceneArtifacts;
 use super::shard::Shard;
@@ -37,29 +36,6 @@ use crate::{Error, Result};
 pub const ASKED: &str = "evaluation.json";
 /// Files beside the folders of subjects.
 const WRITTEN: [&str; 5] = [ASKED, "table.md", "table.csv", "results.json", "report.html"];
-
-/// The results of an evaluation, so far or in the end.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Outcome {
-    /// The kind of its subjects.
-    pub kind: Kind,
-    /// Every run that is complete.
-    pub entries: Vec<Entry>,
-    /// Their means.
-    pub rows: Vec<Row>,
-    /// Runs still to come.
-    pub left: usize,
-    /// Decibels that a perfect model would have for the noise of a scene's test photographs, where that is known.
-    pub ceilings: BTreeMap<String, f64>,
-}
-
-impl Outcome {
-    /// Of these runs out of `all`.
-    pub fn new(kind: Kind, entries: Vec<Entry>, all: usize) -> Self {
-        let (rows, left) = (results::rows(&entries), all.saturating_sub(entries.len()));
-        Self { kind, rows, left, entries, ceilings: BTreeMap::new() }
-    }
-}
 
 /// Progress events.
 pub enum Event<'e> {
@@ -438,6 +414,7 @@ fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evaluate::kind::Kind;
     use crate::evaluate::settings::Settings;
     use crate::evaluate::situation::Situation;
     use crate::gaussians::run::record::Quality;

@@ -1,8 +1,11 @@
 //! Scores of single runs, and their means with intervals over seeds.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
 use super::competitor::Competitor;
+use super::kind::Kind;
 use crate::gaussians::run::evaluate::mean;
 use crate::gaussians::run::outputs::picture_names;
 use crate::gaussians::run::record::{Quality, TestView, TrainRecord};
@@ -64,6 +67,29 @@ pub struct Row {
     pub seconds: Interval,
     /// [`METRICS`] by [`Kind::columns`](super::kind::Kind::columns); none where one was not measured.
     pub measured: [Vec<Option<Interval>>; METRICS.len()],
+}
+
+/// The results of an evaluation, so far or in the end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// The kind of its subjects.
+    pub kind: Kind,
+    /// Every run that is complete.
+    pub entries: Vec<Entry>,
+    /// Their means.
+    pub rows: Vec<Row>,
+    /// Runs still to come.
+    pub left: usize,
+    /// Decibels that a perfect model would have for the noise of a scene's test photographs, where that is known.
+    pub ceilings: BTreeMap<String, f64>,
+}
+
+impl Outcome {
+    /// Of these runs out of `all`.
+    pub fn new(kind: Kind, entries: Vec<Entry>, all: usize) -> Self {
+        let (rows, left) = (rows(&entries), all.saturating_sub(entries.len()));
+        Self { kind, rows, left, entries, ceilings: BTreeMap::new() }
+    }
 }
 
 /// Views of each set of tests, by the beginnings of their names; of one set alone all are.

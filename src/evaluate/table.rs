@@ -3,10 +3,9 @@
 use std::fmt::Write;
 
 use super::competitor::Competitor;
-use super::job::Outcome;
 use super::kind::Kind;
 use super::request::Request;
-use super::results::{Interval, METRICS, Row, measured};
+use super::results::{Interval, METRICS, Outcome, Row, measured};
 use super::settings::{BaselinesFrom, InputsFrom, Shown};
 use crate::gaussians::run::record::DIVERGED_DB;
 use crate::plan::target::RegionChoice;

@@ -131,7 +131,7 @@ fn surface(tracer: &Tracer, record: &Record, outputs: &Outputs) -> Result<(Point
     for (number, camera) in (0u32..).zip(&record.cameras) {
         let k = camera.intrinsics;
         let count = k.width * k.height;
-        let within = |word: u32, length: u32| (u64::from(word) * u64::from(length) >> 32) as u32;
+        let within = |word: u32, length: u32| ((u64::from(word) * u64::from(length)) >> 32) as u32;
         let mut chosen: Vec<u32> = (0..each.min(count))
             .map(|i| {
                 let [x, y] = sequence_pair(record.seed as u32, POINT_STREAM.wrapping_add(number), i, 0);

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::tracer::Photograph;
 use crate::scene::colour::encoded;
 
 /// Pictures of a capture that are measured at most, evenly chosen.
@@ -49,10 +48,10 @@ pub(super) struct Halves {
 /// Mean squared error of the picture's sRGB values from 0 to 1 over black, estimated from what the means of both halves differ by.
 /// Samples of a sequence, of which each half is spread as evenly as the whole, are less noisy than that says. None where no pixel has
 /// two halves.
-pub(super) fn error(taken: &Photograph, halves: &Halves, gain: f32) -> Option<f64> {
+pub(super) fn error(taken: &[[f32; 4]], halves: &Halves, gain: f32) -> Option<f64> {
     let shown = |value: f32| encoded(f64::from(gain * value).clamp(0.0, 1.0));
     let (mut sum, mut pixels) = (0.0, 0u64);
-    for ((mean, first), &all) in taken.pixels.iter().zip(&halves.first).zip(&halves.all) {
+    for ((mean, first), &all) in taken.iter().zip(&halves.first).zip(&halves.all) {
         let (a, n) = (f64::from(halves.count), f64::from(all));
         let b = n - a;
         if b < 1.0 {
@@ -87,7 +86,6 @@ mod tests {
             first.push([sum(0..count); 4]);
             truth += (encoded(f64::from(mean)) - encoded(0.3)).powi(2) / f64::from(pixels);
         }
-        let taken = Photograph { width: pixels, pixels: taken };
         let halves = Halves { first, count, all: vec![samples; pixels as usize] };
         let found = error(&taken, &halves, 1.0).unwrap();
         assert!((found / truth - 1.0).abs() < 0.03, "{found} is not {truth}");

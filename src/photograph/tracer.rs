@@ -277,7 +277,7 @@ impl Tracer {
         go_on: impl FnMut() -> ControlFlow<()>,
     ) -> Result<(Photograph, Option<f64>)> {
         let (photograph, halves) = self.taken(camera, number, exposure, exposure.samples / 2, go_on)?;
-        let error = halves.and_then(|halves| noise::error(&photograph, &halves, self.gain));
+        let error = halves.and_then(|halves| noise::error(&photograph.pixels, &halves, self.gain));
         Ok((photograph, error))
     }
 

@@ -152,7 +152,8 @@ fn views(demo: &Demo, out: &Path) -> Result<String> {
         first.pictures.len()
     );
     let last = views.len().saturating_sub(1);
-    for (name, View { file, psnr, crop }) in SHOWN.iter().zip([0, last / 2, last].iter().filter_map(|i| views.get(*i)))
+    for (name, View { file, psnr, crop, .. }) in
+        SHOWN.iter().zip([0, last / 2, last].iter().filter_map(|i| views.get(*i)))
     {
         let photo = address(&path(first, "reference", file));
         let _ = write!(
