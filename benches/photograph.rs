@@ -1,6 +1,6 @@
 //! Path tracing: rays and paths per second, without building the hierarchy.
 //!
-//! The scene is the demo's room with a lamp in it, seen from its middle, or one that `CAMSPLAT_BENCH_SCENE` (a .glb file)
+//! The scene is the sample room with a lamp in it, seen from its middle, or one that `CAMSPLAT_BENCH_SCENE` (a .glb file)
 //! names, seen by the first camera of `CAMSPLAT_BENCH_CAMERAS`, under `CAMSPLAT_BENCH_ENV` where that is given. All rays that
 //! paths cast are counted, shadow rays included; all but the first of each path are incoherent, and shading is included.
 
@@ -97,7 +97,7 @@ fn job<'a>(context: &Arc<Context>, tracer: &'a Tracer, camera: &Camera, exposure
     )
 }
 
-/// The demo's room in grey, with a lamp under its ceiling.
+/// The sample room in grey, with a lamp under its ceiling.
 fn own() -> (String, Model, Option<Environment>, Camera) {
     let mut model = Model::default();
     if let Surface::Mesh(mesh) = samples::room() {

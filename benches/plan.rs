@@ -1,7 +1,7 @@
 //! GPU time of the planner: whole runs by both objectives, and an iteration per stage over growing view budgets, through both
 //! passes of the splat objective.
 //!
-//! The scene is the furnished room of the demo (the object for 50 views); the cameras have been optimised for a few
+//! The scene is the sample room (the sample object for 50 views); the cameras have been optimised for a few
 //! iterations, so that as many are visible as in a real run.
 
 mod report;

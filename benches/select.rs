@@ -1,4 +1,4 @@
-//! Time and memory of selection: 40 of 300 and 1,000 of 20,000 poses around the demo's object, no images.
+//! Time and memory of selection: 40 of 300 and 1,000 of 20,000 poses around the sample object, no images.
 //!
 //! Poses lie on a Fibonacci sphere, jittered, and look in. Wall time in whole, and its parts; memory is what the matrices of
 //! visibility and the swaps take, and the peak of the process. On a CPU device the large pool is left out unless a filter

@@ -4,7 +4,7 @@
 //! cargo run --release --example ablations -- shipped|defaults|parts|starts|voronoi|search [--seeds N] [--scene NAME] [--data DIR]
 //! ```
 //!
-//! Scenes are the two of the demo and, where DIR (or the environment variable CAMSPLAT_DATA) has them, four more; `search`
+//! Scenes are the two samples and, where DIR (or the environment variable CAMSPLAT_DATA) has them, four more; `search`
 //! also knows `donut`, a trained splat file.
 
 use std::ops::ControlFlow;

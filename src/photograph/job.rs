@@ -122,8 +122,8 @@ fn joined(writing: Option<thread::ScopedJoinHandle<'_, Result<()>>>) -> Result<(
     writing.map_or(Ok(()), wait)
 }
 
-/// Points where the middles of pixels lie on the surface, spread evenly over each picture, in the colours of the photographs, and the camera that each
-/// was seen by.
+/// Points where the middles of pixels lie on the surface, spread evenly over each picture, with its normals and in the colours of the
+/// photographs, and the camera that each was seen by.
 fn surface(tracer: &Tracer, record: &Record, outputs: &Outputs) -> Result<(Points, Vec<Vec<u32>>)> {
     let each = (POINTS / record.cameras.len().max(1) as u32).max(MIN_POINTS);
     let mut points = Points::default();

@@ -1,7 +1,8 @@
 //! Photographs of a scene of triangles with materials and lights, by path tracing on the hierarchy that occlusion uses.
 //!
 //! [`assembly`] lays a model out for the device, [`lights`] decides where lights are sampled, [`albedo`] has the tables that
-//! keep lobes from losing light, [`tracer`] takes the photographs, `metering` exposes them, [`noise`] measures theirs, [`job`] makes a whole capture of them.
+//! keep lobes from losing light, [`tracer`] takes the photographs, `metering` exposes them, [`noise`] measures theirs, [`job`] makes a
+//! whole capture of them.
 //! `docs/reference/capture.md` lists what is modelled.
 
 pub mod albedo;

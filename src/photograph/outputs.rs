@@ -106,6 +106,13 @@ pub fn named(cameras: &[Camera]) -> Result<Vec<Camera>> {
     Ok(named)
 }
 
+/// Whether a capture was stopped in a folder after its light was baked and before anything else was written.
+fn holds_light_alone(folder: &Path) -> bool {
+    let names = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.file_name());
+    let names: Vec<_> = names.collect();
+    !names.is_empty() && names.iter().all(|name| name == lightmap::FILE)
+}
+
 /// What there is of a photograph with its mask and maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Found {
@@ -143,7 +150,7 @@ impl Outputs {
                 return Err(Error::input(folder, what));
             }
         }
-        check_folder(folder, force || resumes)?;
+        check_folder(folder, force || resumes || holds_light_alone(folder))?;
         let subfolders = FOLDERS.iter().map(|name| folder.join(name).join("any"));
         let nested = record.cameras.iter().flat_map(|camera| FOLDERS.map(|name| folder.join(name).join(&camera.name)));
         subfolders.chain(nested).try_for_each(|file| check_no_links(folder, &file))?;

@@ -283,6 +283,7 @@ fn from_colmap(path: &Path, model: &Path) -> Result<Found> {
     if let Some((Surface::Points(surface), sparse)) = parts.points {
         found.points = surface;
         found.points.normals = normals_beside(&root, &found.points.positions);
+        found.points.oriented = !found.points.normals.is_empty();
         for point in sparse {
             let mut track: Vec<u32> = point.track.iter().filter_map(|[id, _]| number.get(id).copied()).collect();
             track.sort_unstable();
