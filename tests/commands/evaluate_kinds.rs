@@ -97,7 +97,7 @@ fn a_room_is_evaluated_from_inside() {
 #[test]
 fn a_box_holds_the_cameras_of_a_room_and_its_tests() {
     let place = room();
-    let tiny = TINY_ROOM.replace("--preset room ", "").replace("random,fvs,ours", "random,ours");
+    let tiny = TINY_ROOM.replace("--preset room ", "--light traced ").replace("random,fvs,ours", "random,ours");
     let places = |out: &str| -> Vec<DVec3> {
         let records: Vec<Record> = named(&place, &format!("{out}/room"), "capture.json");
         records.iter().flat_map(|record| &record.cameras).map(|camera| camera.pose.position).collect()

@@ -63,7 +63,9 @@ fn photos_from_one_side_are_kept_by_all() {
 fn two_rooms_are_a_scene_by_themselves() {
     let place = lit_cube();
     let tiny = TINY.replace("--env sky.hdr ", "");
-    place.done(&format!("evaluate --situation two-rooms --methods ours,grid,rings --budgets 8 {tiny} --out o"));
+    place.done(&format!(
+        "evaluate --situation two-rooms --methods ours,grid,rings --budgets 8 --light traced {tiny} --out o"
+    ));
     let plans = choices(&place, "o/two-rooms");
     assert_eq!(plans.len(), 3);
     let ours = plans.iter().find(|plan| plan.method == "ours").unwrap();
