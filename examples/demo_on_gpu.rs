@@ -8,14 +8,10 @@
 //! The first writes `OUT/report.html`; the second needs chromium.
 
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use camsplat::evaluate::demo::{self, Event, Size};
-use camsplat::evaluate::scene::{Scene, Setting};
 use camsplat::evaluate::settings::Settings;
-use camsplat::evaluate::situation::Situation;
-use camsplat::plan::config::Preset;
-use camsplat::scene::samples::textured::two_rooms_model;
 use camsplat::vulkan::{Context, Options};
 use camsplat::{Error, Result, report};
 
@@ -38,10 +34,7 @@ const SIZE: Size = Size {
 fn main() -> Result<()> {
     let out = std::env::args_os().nth(1).map(PathBuf::from);
     let out = out.ok_or_else(|| Error::Request("give the folder to write".into()))?;
-    let model = two_rooms_model();
-    let surface = model.surface();
-    let setting = Setting { preset: Preset::Room, situation: Situation::TwoRooms, ..Setting::default() };
-    let scene = Scene::new(Path::new("two-rooms"), &setting, (model, None), surface, &SIZE.settings.intrinsics())?;
+    let scene = SIZE.scene("two-rooms")?;
     let context = Context::new(&Options::default())?;
     let demo = demo::run(&context, &out, SIZE, &scene, &mut |event| {
         if let Event::Done(step) = event {

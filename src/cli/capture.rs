@@ -173,11 +173,11 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let (tracer, baked) = match &record.light {
         None => (Tracer::new(&context, assembly, most)?, None),
         Some(settings) => {
-            let Some(light) = light_of(&context, &assembly, settings, &eyes, &arguments.out)? else {
+            let Some((light, kept)) = light_of(&context, &assembly, settings, &eyes, &arguments.out)? else {
                 return Ok(Ended::Stopped);
             };
             let tracer = Tracer::lit(&context, &assembly, most, &light)?;
-            (tracer, Some((light, assembly)))
+            (tracer, Some((light, assembly, kept)))
         }
     };
     if arguments.exposure == Stops::Auto {
@@ -187,8 +187,9 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         say!("exposure {:+.2} stops, metered", record.exposure);
     }
     let tracer = tracer.exposed(record.exposure);
-    if let (Some((light, assembly)), Some(settings)) = (&baked, &record.light) {
-        std::fs::create_dir_all(&arguments.out).map_err(|source| Error::io(&arguments.out, source))?;
+    if let (Some((light, assembly, false)), Some(settings)) = (&baked, &record.light) {
+        // The record first: a folder with nothing but light would be nobody's.
+        outputs.begin(&record, false)?;
         light.write(&arguments.out.join(lightmap::FILE), assembly, settings, &eyes)?;
     }
     let start = Instant::now();
@@ -242,17 +243,17 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     Ok(Ended::Done)
 }
 
-/// The light map that lies in the folder, or a new one; none where it was stopped.
+/// The light map that lies in the folder, or a new one, and whether it was there; none where it was stopped.
 fn light_of(
     context: &Arc<Context>,
     assembly: &Assembly,
     settings: &lightmap::Settings,
     eyes: &[DVec3],
     folder: &Path,
-) -> Result<Option<LightMap>> {
+) -> Result<Option<(LightMap, bool)>> {
     if let Some(light) = LightMap::read(&folder.join(lightmap::FILE), assembly, settings, eyes)? {
         say!("light    kept from an earlier run, {} cells", light.cells());
-        return Ok(Some(light));
+        return Ok(Some((light, true)));
     }
     let start = Instant::now();
     let progress = Progress::over("baking light", 100, "%");
@@ -269,7 +270,7 @@ fn light_of(
         baked => {
             let light = baked?;
             say!("light    {} cells, baked in {:.2} s", light.cells(), start.elapsed().as_secs_f64());
-            Ok(Some(light))
+            Ok(Some((light, false)))
         }
     }
 }

@@ -11,11 +11,7 @@ use super::progress::stop_on_interrupt;
 use super::session::{Ended, go_on};
 use crate::evaluate::demo::{self, Event, METHODS, Size, Step, title};
 use crate::evaluate::results::{Interval, Row, measured};
-use crate::evaluate::scene::{Scene, Setting};
-use crate::evaluate::situation::Situation;
 use crate::io::folder::{check_folder, write_files};
-use crate::plan::config::Preset;
-use crate::scene::samples::textured::two_rooms_model;
 use crate::vulkan::Context;
 use crate::{Error, Result, report};
 
@@ -55,7 +51,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let Size { views, .. } = Size::DEMO;
     say!(
         "\nWhere should the cameras stand? Two rooms are photographed {views} times from planned places, {views} times from random places and\n\
-         {views} times from a grid at eye height. A 3D model is trained on each set of photos, and asked for views that nobody took.\n"
+         {views} times from a grid at eye height. A 3D model is trained on each set of photos, and asked for held-out views.\n"
     );
     match photograph(&context, out) {
         Err(Error::Interrupted) => {
@@ -71,10 +67,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
 /// Plans, photographs, trains and tests, and writes the demo's page.
 fn photograph(context: &Arc<Context>, out: &Path) -> Result<()> {
     let size = Size::DEMO;
-    let model = two_rooms_model();
-    let (surface, intrinsics) = (model.surface(), size.settings.intrinsics());
-    let setting = Setting { preset: Preset::Room, situation: Situation::TwoRooms, ..Setting::default() };
-    let scene = Scene::new(Path::new(PHOTOGRAPHED), &setting, (model, None), surface, &intrinsics)?;
+    let scene = size.scene(PHOTOGRAPHED)?;
     let demo = demo::run(context, out, size, &scene, &mut |event| {
         if let Event::Done(Step { name, what, seconds }) = event {
             say!("{name:<8} {what} ({seconds:.0} s)");
@@ -90,7 +83,7 @@ fn photograph(context: &Arc<Context>, out: &Path) -> Result<()> {
 }
 
 fn print_scores(rows: &[Row]) {
-    say!("\nviews that nobody took");
+    say!("\nheld-out views");
     for (metric, name) in measured(rows) {
         for (method, row) in METHODS.iter().zip(rows) {
             let value = row.measured[metric].first().copied().flatten();

@@ -11,17 +11,20 @@ use super::competitor::Competitor;
 use super::kind::Kind;
 use super::request::Request;
 use super::results::{self, Entry, Outcome};
-use super::scene::Scene;
+use super::scene::{Scene, Setting};
 use super::scene_artifacts::SceneArtifacts;
 use super::settings::{Settings, Shown};
+use super::situation::Situation;
 use crate::baselines::request::Request as Baseline;
 use crate::methods::Method;
 use crate::photograph::lightmap::Light;
 use crate::photograph::outputs::named;
+use crate::plan::config::Preset;
 use crate::plan::job::{Plan, Tools};
 use crate::plan::target::Target;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::Camera;
+use crate::scene::samples::textured::two_rooms_model;
 use crate::vulkan::Context;
 use crate::{Error, Result, baselines, plan};
 
@@ -67,6 +70,17 @@ impl Size {
         views: 30,
         seed: 0,
     };
+
+    /// The scene that is photographed: two rooms of our own, under a name.
+    ///
+    /// # Errors
+    /// Where its limits leave no place for cameras.
+    pub fn scene(&self, name: &str) -> Result<Scene> {
+        let model = two_rooms_model();
+        let surface = model.surface();
+        let setting = Setting { preset: Preset::Room, situation: Situation::TwoRooms, ..Setting::default() };
+        Scene::new(Path::new(name), &setting, (model, None), surface, &self.settings.intrinsics())
+    }
 }
 
 /// The step.
@@ -105,6 +119,8 @@ pub struct Demo {
     pub photos: Vec<Vec<String>>,
     /// The splats trained on them, with their tests.
     pub outcome: Outcome,
+    /// PSNR of each of [`METHODS`] in each test view, ordered as the pictures of an entry.
+    pub psnr: Vec<Vec<f64>>,
 }
 
 impl Demo {
@@ -168,9 +184,9 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     walk.done("plan", format!("where to take {views} photos{}", expected.unwrap_or_default()));
 
     let tests = artifacts.test_photographs(&tests, &mut |event| walk.observe(&event))?;
-    walk.done("tests", format!("{} photos of views to be asked for later, which no method knows", settings.tests));
+    walk.done("tests", format!("{} photos of held-out views, which no method knows", settings.tests));
 
-    let (mut entries, mut photos) = (Vec::new(), Vec::new());
+    let (mut entries, mut photos, mut psnr) = (Vec::new(), Vec::new(), Vec::new());
     for placing in METHODS {
         let other = match placing {
             Method::Ours => None,
@@ -189,6 +205,8 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
             "training",
             format!("a 3D model of {} splats from these photos, and its pictures of the tests", training.splats),
         );
+        let (pictures, of_pictures) = results::pictures(&training).into_iter().unzip();
+        psnr.push(of_pictures);
         entries.push(Entry {
             scene: name.clone(),
             method: Competitor::Method(placing),
@@ -198,13 +216,13 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
             quality: results::by_set(&training, kind.sets()),
             diverged: training.diverged(),
             folder: trained.key().to_owned(),
-            pictures: results::pictures(&training),
+            pictures,
             cameras: record.cameras.clone(),
         });
         photos.push(files(&artifact, &record.cameras)?);
     }
     let outcome = Outcome::new(kind, entries, METHODS.len());
-    Ok(Demo { steps: walk.steps, name, target, plan, photos, outcome })
+    Ok(Demo { steps: walk.steps, name, target, plan, photos, outcome, psnr })
 }
 
 /// Steps, reported as they are done.

@@ -115,12 +115,12 @@ pub(crate) fn first_pictures(record: &TrainRecord, sets: &[&str]) -> Vec<String>
     of_sets(record, sets).into_iter().map(|views| first(views).unwrap_or_default()).collect()
 }
 
-/// The pictures of all views, by name.
-pub(crate) fn pictures(record: &TrainRecord) -> Vec<String> {
+/// The pictures of all views with their PSNR, ordered by name.
+pub(crate) fn pictures(record: &TrainRecord) -> Vec<(String, f64)> {
     let names: Vec<String> = record.test_views.iter().map(|view| view.name.clone()).collect();
-    let mut pictures: Vec<_> = names.iter().zip(picture_names(&names)).collect();
-    pictures.sort_by(|a, b| a.0.cmp(b.0));
-    pictures.into_iter().map(|(_, file)| file.to_string_lossy().into_owned()).collect()
+    let mut pictures: Vec<_> = record.test_views.iter().zip(picture_names(&names)).collect();
+    pictures.sort_by(|(a, _), (b, _)| a.name.cmp(&b.name));
+    pictures.into_iter().map(|(view, file)| (file.to_string_lossy().into_owned(), view.quality.psnr)).collect()
 }
 
 /// Number and name of the metrics that tables have: VGG16's, which is optional, only where some row has it.

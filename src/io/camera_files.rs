@@ -76,19 +76,13 @@ pub fn coverage_ply(positions: &[DVec3], values: &[f32], range: (f32, f32)) -> V
 /// # Errors
 /// When the folder cannot be written.
 pub fn capture(folder: &OutputFolder, cameras: &[Camera], points: &Points, tracks: Tracks) -> Result<()> {
-    let Points { positions, colours, normals, .. } = points;
+    let Points { positions, colours, .. } = points;
     let lenses = colmap::write::pinholes(cameras);
     folder.write("sparse/0/cameras.bin", colmap::write::cameras(&lenses))?;
     folder.write("sparse/0/images.bin", colmap::write::images(cameras, &lenses, positions, tracks))?;
     folder.write("sparse/0/points3D.bin", colmap::write::points(positions, colours, cameras, tracks))?;
     folder.write("transforms.json", transforms::write(cameras, Some("points.ply")))?;
-    let cloud = Points {
-        positions: positions.clone(),
-        colours: colours.clone(),
-        normals: normals.clone(),
-        ..Points::default()
-    };
-    folder.write("points.ply", ply::write::surface_points(&cloud))?;
+    folder.write("points.ply", ply::write::surface_points(points))?;
     folder.write("cameras.csv", cameras_csv(cameras))
 }
 

@@ -7,6 +7,7 @@
 
 pub mod albedo;
 pub mod assembly;
+pub(crate) mod buffers;
 pub(crate) mod inside;
 pub mod job;
 pub(crate) mod layout;

@@ -106,13 +106,6 @@ pub fn named(cameras: &[Camera]) -> Result<Vec<Camera>> {
     Ok(named)
 }
 
-/// Whether a capture was stopped in a folder after its light was baked and before anything else was written.
-fn holds_light_alone(folder: &Path) -> bool {
-    let names = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.file_name());
-    let names: Vec<_> = names.collect();
-    !names.is_empty() && names.iter().all(|name| name == lightmap::FILE)
-}
-
 /// What there is of a photograph with its mask and maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Found {
@@ -150,7 +143,7 @@ impl Outputs {
                 return Err(Error::input(folder, what));
             }
         }
-        check_folder(folder, force || resumes || holds_light_alone(folder))?;
+        check_folder(folder, force || resumes)?;
         let subfolders = FOLDERS.iter().map(|name| folder.join(name).join("any"));
         let nested = record.cameras.iter().flat_map(|camera| FOLDERS.map(|name| folder.join(name).join(&camera.name)));
         subfolders.chain(nested).try_for_each(|file| check_no_links(folder, &file))?;

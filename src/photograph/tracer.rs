@@ -4,13 +4,13 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use bytemuck::Zeroable;
 use glam::Vec3;
 
 use super::assembly::Assembly;
+use super::buffers::{SceneBuffers, bound};
 pub use super::layout::Strategy;
 use super::layout::{
-    FirstHitPush, FirstHitStage, Light, Map, PhotographBakedStage, PhotographConstants, PhotographPush, PhotographStage,
+    FirstHitPush, FirstHitStage, PhotographBakedStage, PhotographConstants, PhotographPush, PhotographStage,
 };
 use super::lightmap::LightMap;
 use super::noise::{self, Halves};
@@ -135,42 +135,6 @@ impl LightBuffers {
             cells: Buffer::from_slice(context, "cells", &words(&light.cells))?,
             corners: Buffer::from_slice(context, "corners", &words(&light.corners))?,
             spread: Buffer::device(context, "spread", SPREAD * pixels)?,
-        })
-    }
-}
-
-/// A scene on the device.
-pub(super) struct SceneBuffers {
-    pub nodes: Buffer,
-    pub primitives: Buffer,
-    pub vertices: Buffer,
-    pub faces: Buffer,
-    pub materials: Buffer,
-    pub maps: Buffer,
-    pub texels: Buffer,
-    pub lights: Buffer,
-    pub sky: Buffer,
-    pub aliases: Buffer,
-    pub albedo: Buffer,
-    pub setting: Buffer,
-}
-
-impl SceneBuffers {
-    pub fn new(context: &Arc<Context>, a: &Assembly) -> Result<Self> {
-        // A shader may not be bound to nothing: where there is nothing, one element is bound that no index refers to.
-        Ok(Self {
-            nodes: Buffer::from_slice(context, "nodes", &a.bvh.nodes)?,
-            primitives: Buffer::from_slice(context, "primitives", &a.primitives)?,
-            vertices: Buffer::from_slice(context, "vertices", &a.vertices)?,
-            faces: Buffer::from_slice(context, "faces", &a.faces)?,
-            materials: Buffer::from_slice(context, "materials", &a.materials)?,
-            maps: filled(context, "maps", &a.maps, Map::zeroed())?,
-            texels: filled(context, "texels", &a.texels, [0; 4])?,
-            lights: filled(context, "lights", &a.lights, Light::zeroed())?,
-            sky: filled(context, "sky", &a.sky, [0.0; 4])?,
-            aliases: filled(context, "aliases", &a.aliases, [0; 2])?,
-            albedo: Buffer::from_slice(context, "albedo", &a.albedo)?,
-            setting: Buffer::from_slice(context, "setting", &[a.setting])?,
         })
     }
 }
@@ -371,47 +335,16 @@ impl Tracer {
     }
 
     fn record<'a>(&'a self, commands: &mut Recorder<'a>, push: &PhotographPush) {
-        let b = &self.scene;
         let groups = push.count.div_ceil(PhotographStage::SHADER.local_size[0]);
         if let Some(light) = &self.light {
-            let bound = PhotographBakedStage {
-                nodes: &b.nodes,
-                primitives: &b.primitives,
-                vertices: &b.vertices,
-                faces: &b.faces,
-                materials: &b.materials,
-                maps: &b.maps,
-                texels: &b.texels,
-                lights: &b.lights,
-                sky: &b.sky,
-                aliases: &b.aliases,
-                albedo: &b.albedo,
-                setting: &b.setting,
-                sides: &light.sides,
-                patches: &light.patches,
-                cells: &light.cells,
-                corners: &light.corners,
-                exposure: &self.exposure,
-                spread: &light.spread,
-            };
+            let bound = bound!(
+                PhotographBakedStage, self.scene, sides: &light.sides, patches: &light.patches, cells: &light.cells,
+                corners: &light.corners, exposure: &self.exposure, spread: &light.spread
+            );
             commands.stage(&light.photograph, bound).push(push).linear(groups);
             return;
         }
-        let bound = PhotographStage {
-            nodes: &b.nodes,
-            primitives: &b.primitives,
-            vertices: &b.vertices,
-            faces: &b.faces,
-            materials: &b.materials,
-            maps: &b.maps,
-            texels: &b.texels,
-            lights: &b.lights,
-            sky: &b.sky,
-            aliases: &b.aliases,
-            albedo: &b.albedo,
-            setting: &b.setting,
-            exposure: &self.exposure,
-        };
+        let bound = bound!(PhotographStage, self.scene, exposure: &self.exposure);
         commands.stage(&self.photograph, bound).push(push).linear(groups);
     }
 
@@ -506,12 +439,4 @@ impl Tracer {
 
 fn lens(intrinsics: &Intrinsics) -> [[f32; 2]; 2] {
     [intrinsics.focal, intrinsics.principal].map(|pair| pair.map(|v| v as f32))
-}
-
-fn filled<T: bytemuck::NoUninit>(context: &Arc<Context>, name: &str, data: &[T], instead: T) -> Result<Buffer> {
-    if data.is_empty() {
-        Buffer::from_slice(context, name, &[instead])
-    } else {
-        Buffer::from_slice(context, name, data)
-    }
 }

@@ -148,23 +148,24 @@ fn a_stopped_capture_goes_on_at_the_first_missing_picture() {
     assert_same(&place, "o", "whole");
 }
 
-/// If this failed, a capture that ended between its light and its first picture could only begin anew, with `--force`.
+/// If this failed, a capture that ended between its light and its first picture would bake again, or only begin anew with `--force`; or
+/// one would write over the light of another.
 #[test]
 fn a_capture_goes_on_from_its_light() {
     let place = place(2, 32);
     let asked = "capture cube.gltf cameras.json --env sky.hdr --light baked --spp 4 --out";
     place.done(&format!("{asked} whole"));
-    std::fs::create_dir(place.path("o")).unwrap();
-    std::fs::copy(place.path("whole/light.map"), place.path("o/light.map")).unwrap();
+    for folder in ["o", "mine"] {
+        std::fs::create_dir(place.path(folder)).unwrap();
+        std::fs::copy(place.path("whole/light.map"), place.path(&format!("{folder}/light.map"))).unwrap();
+    }
+    std::fs::copy(place.path("whole/capture.json"), place.path("o/capture.json")).unwrap();
     let went_on = place.done(&format!("{asked} o"));
     assert!(went_on.out.contains("light    kept from an earlier run"), "{}", went_on.out);
     assert_same(&place, "o", "whole");
-    // Beside anything else it is the user's.
-    std::fs::create_dir(place.path("mine")).unwrap();
-    place.write("mine/light.map", "");
-    place.write("mine/notes.txt", "");
-    let refused = place.run(&format!("{asked} mine"));
+    let refused = place.run(&format!("{asked} mine --seed 2"));
     assert!(refused.code == Some(2) && refused.err.contains("not empty"), "{}", refused.err);
+    assert_eq!(place.files("mine"), ["light.map"]);
 }
 
 /// If this failed, pictures of an earlier capture would count as those of one that was stopped, and be trained on as its own.

@@ -1,16 +1,12 @@
 //! The whole demo pipeline, from photographs of its own scene to scores and the page, and what a stop leaves.
 
 use std::ops::ControlFlow;
-use std::path::Path;
 
 use crate::support::command::{Place, assert_refused, read_until, stop};
 use camsplat::evaluate::demo::{self, Event, Size};
-use camsplat::evaluate::scene::{Scene, Setting};
+use camsplat::evaluate::scene::Scene;
 use camsplat::evaluate::settings::Settings;
-use camsplat::evaluate::situation::Situation;
-use camsplat::plan::config::Preset;
 use camsplat::report;
-use camsplat::scene::samples::textured::two_rooms_model;
 use camsplat::vulkan::{Context, Options};
 
 /// A demo of seconds.
@@ -30,10 +26,7 @@ const SMALL: Size = Size {
 };
 
 fn subject() -> Scene {
-    let model = two_rooms_model();
-    let surface = model.surface();
-    let setting = Setting { preset: Preset::Room, situation: Situation::TwoRooms, ..Setting::default() };
-    Scene::new(Path::new("rooms"), &setting, (model, None), surface, &SMALL.settings.intrinsics()).unwrap()
+    SMALL.scene("rooms").unwrap()
 }
 
 /// If this failed, the demo would end without scores, with a page whose pictures and links lead nowhere, or start over after a

@@ -204,6 +204,7 @@ const SETTINGS: [&str; 12] = [
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gaussians::config::Start;
     use crate::gaussians::run::record::Quality;
 
     fn checkpoint() -> Checkpoint {
@@ -278,7 +279,7 @@ mod tests {
         check(Path::new("c"), &checkpoint().header, &config, &input).unwrap();
         let other = Config { degree: 2, ..config.clone() };
         assert!(refusal(&other, &input).contains("`degree` 0, not 2"), "{}", refusal(&other, &input));
-        let other = config.clone().with_strategy(Strategy::Adc, crate::gaussians::config::Start::Points);
+        let other = config.clone().with_strategy(Strategy::Adc, Start::Points);
         assert!(refusal(&other, &input).contains("`strategy` mcmc, not adc"), "{}", refusal(&other, &input));
         let other = Input { cameras: 8, ..input };
         assert!(refusal(&config, &other).contains("another capture (cameras: 7, not 8)"));

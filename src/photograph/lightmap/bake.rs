@@ -9,8 +9,9 @@ use glam::Vec3;
 use super::layout::Layout;
 use super::{LightMap, Settings};
 use crate::photograph::assembly::Assembly;
+use crate::photograph::buffers::{SceneBuffers, bound};
 use crate::photograph::layout::{BakeGatherPush, BakeGatherStage, BakeSettlePush, BakeSettleStage, Sum};
-use crate::photograph::tracer::{Pace, SceneBuffers};
+use crate::photograph::tracer::Pace;
 use crate::scene::random;
 use crate::vulkan::footprint::Footprint;
 use crate::vulkan::stage::Stage;
@@ -137,26 +138,10 @@ impl Baker<'_> {
     }
 
     fn record<'a>(&'a self, commands: &mut Recorder<'a>, push: &BakeGatherPush) {
-        let b = &self.scene;
-        let bound = BakeGatherStage {
-            nodes: &b.nodes,
-            primitives: &b.primitives,
-            vertices: &b.vertices,
-            faces: &b.faces,
-            materials: &b.materials,
-            maps: &b.maps,
-            texels: &b.texels,
-            lights: &b.lights,
-            sky: &b.sky,
-            aliases: &b.aliases,
-            albedo: &b.albedo,
-            setting: &b.setting,
-            sides: &self.sides,
-            patches: &self.patches,
-            cells: &self.cells,
-            owners: &self.owners,
-            sums: &self.sums,
-        };
+        let bound = bound!(
+            BakeGatherStage, self.scene, sides: &self.sides, patches: &self.patches, cells: &self.cells,
+            owners: &self.owners, sums: &self.sums
+        );
         let groups = push.count.div_ceil(BakeGatherStage::SHADER.local_size[0]);
         commands.stage(&self.gather, bound).push(push).linear(groups);
     }
