@@ -17,8 +17,8 @@ use crate::{Error, Result};
 
 /// Indices of refraction nearer to 1 than this bend nothing, and leave no normal to be found from two directions.
 const MIN_IOR: f32 = 1.01;
-/// Half angle in radians above which nothing in an environment is looked for apart from the rest, however wide cells are.
-const MAX_COMPACT: f64 = 0.08;
+/// Half angle in radians of a disc as large as what is looked for apart from the rest of an environment: a sun, hazy ones too.
+const COMPACT: f64 = 0.1;
 
 /// Everything that the device needs, about the origin.
 #[derive(Clone)]
@@ -158,10 +158,9 @@ impl Assembly {
         self.lights.len()
     }
 
-    /// The same scene as it is photographed with a light map whose cells are `cell` wide: lamps without extent, and what of the
-    /// environment casts sharper shadows than that at a tenth of the scene's `reach`, come after the other lights and are chosen
-    /// among one another.
-    pub(super) fn for_light_map(&self, cell: f64, reach: f64) -> Self {
+    /// The same scene as it is photographed with a light map: lamps without extent, and what of the environment casts sharp shadows, come
+    /// after the other lights and are chosen among one another.
+    pub(super) fn for_light_map(&self) -> Self {
         let mut laid_out = self.clone();
         let Setting { sky_width: width, radius, .. } = self.setting;
         let is_lamp = |light: &Light| light.kind != LIGHT_TRIANGLE;
@@ -170,8 +169,7 @@ impl Assembly {
         let mut powers = self.powers.clone();
         let mut limit = f32::MAX;
         if width > 0 {
-            let angle = (cell / (0.1 * reach)).min(MAX_COMPACT);
-            let compact = lights::compact_sky(&self.sky, width, angle, f64::from(radius));
+            let compact = lights::compact_sky(&self.sky, width, COMPACT, f64::from(radius));
             limit = compact.0;
             for (light, power) in compact.1 {
                 laid_out.lights.push(light);

@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use glam::Vec3;
 
 use super::assembly::Assembly;
 use super::buffers::{SceneBuffers, bound};
@@ -127,13 +126,15 @@ struct LightBuffers {
 
 impl LightBuffers {
     fn new(context: &Arc<Context>, light: &LightMap, pixels: u64) -> Result<Self> {
-        let words = |light: &[Vec3]| light.iter().map(|v| v.extend(0.0).to_array()).collect::<Vec<_>>();
+        let corners: Vec<[f32; 4]> = light.corners.iter().map(|v| v.extend(0.0).to_array()).collect();
+        let followed = light.followed.iter().map(|followed| f32::from(u8::from(*followed)));
+        let cells: Vec<[f32; 4]> = light.cells.iter().zip(followed).map(|(v, w)| v.extend(w).to_array()).collect();
         Ok(Self {
             photograph: Pipeline::new::<PhotographBakedStage>(context, &())?,
             sides: Buffer::from_slice(context, "sides", &light.layout.sides)?,
             patches: Buffer::from_slice(context, "patches", &light.layout.patches)?,
-            cells: Buffer::from_slice(context, "cells", &words(&light.cells))?,
-            corners: Buffer::from_slice(context, "corners", &words(&light.corners))?,
+            cells: Buffer::from_slice(context, "cells", &cells)?,
+            corners: Buffer::from_slice(context, "corners", &corners)?,
             spread: Buffer::device(context, "spread", SPREAD * pixels)?,
         })
     }
@@ -167,7 +168,7 @@ impl Tracer {
     /// # Errors
     /// As [`Tracer::new`].
     pub fn lit(context: &Arc<Context>, assembly: &Assembly, pixels: u64, light: &LightMap) -> Result<Self> {
-        let laid_out = assembly.for_light_map(light.layout.area.sqrt(), light.layout.reach);
+        let laid_out = assembly.for_light_map();
         Self::made(context, laid_out, pixels, Strategy::Both, false, Some(light))
     }
 

@@ -50,6 +50,9 @@ layout(binding = 16, std430) buffer Sums { Sum sums[]; };
 vec3 arriving_light(Patch own, vec2 at, bool seen) {
     return cells[own.cells + part_at(own.rows, at)].rgb;
 }
+bool is_followed(Patch own, vec2 at) {
+    return false;
+}
 #include "photograph/baked.glsl"
 
 // Even and odd rays have sequences of their own, so that their difference tells the error of their mean.
@@ -127,7 +130,7 @@ void main() {
             vec3 t, b;
             frame_of(n, t, b);
             vec3 direction = r * cos(turn) * t + r * sin(turn) * b + z * n;
-            path = Path(start, direction, vec3(0.0), vec3(0.0), vec3(1.0), z / PI, 0.0, MISS, 0, slot, true, false, true, false);
+            path = Path(start, direction, vec3(0.0), vec3(0.0), vec3(1.0), z / PI, 0.0, MISS, 0, slot, true, false, true, false, true);
             lives = dot(direction, side) > 0.0 && z > 0.0;
         } else {
             lives = extend(path, cell, number);

@@ -1,15 +1,19 @@
-// Paths in a scene with a light map. Light that scatters widely is not followed: it is read off the map. What mirrors, glass and glossy surfaces show is followed. Needs what
-// photograph.comp has, shared/sequence.glsl, lightmap.glsl, the binding `cells`, the push constant `seed`, and a function
-// of the stage, `arriving_light`: the map's light at a place of a patch, with that of compact sources where nobody looks for it.
+// Paths in a scene with a light map. Light that scatters widely is read off the map, but where that is off: there it is followed to the
+// next hit. What mirrors, glass and glossy surfaces show is followed. Needs what photograph.comp has, shared/sequence.glsl,
+// lightmap.glsl, the binding `cells`, the push constant `seed`, and two functions of the stage: `arriving_light`, the map's light at
+// a place of a patch, with that of compact sources where nobody looks for it, and `is_followed`, whether what a camera sees there
+// must not be read off the map.
 
 // Hits of a path at most, and the first after which it may end by chance.
 const uint MAX_HITS = 32;
 const uint SURE_HITS = 4;
 // Lobes with wider slopes scatter in all directions as far as later hits are concerned.
 const float MIRROR = 0.03;
-// What a camera sees of wider lobes that reflect little is as good as diffuse.
+// At what a camera sees, or a surface that it sees is lit by, only wider lobes that reflect little are as good as diffuse.
 const float DULL = 0.4;
 const float DULL_ALBEDO = 0.2;
+// Lobes are at least as wide where a later hit throws a sun's light.
+const float WIDENED = 0.15;
 // A path goes on with this many times the chance of what its lobes reflect: at what a camera sees, and later.
 const float SEEN_CHANCE = 32.0;
 const float LATER_CHANCE = 2.0;
@@ -29,6 +33,7 @@ struct Path {
     bool seen;      // whether only mirrors lie between the camera and where it is
     bool sky;       // whether the environment counts where nothing is hit at all
     bool dim;       // whether compact sources do not count where they are met
+    bool soft;      // whether it comes from a surface whose diffuse light is looked for
 };
 
 // A surface without its diffuse lobes, and without those that are named.
@@ -103,30 +108,55 @@ bool extend(inout Path path, uint item, uint number) {
         + hit.at.y * primitives[3 * hit.slot + 2].xyz;
 
     vec3 matte = matte_albedo(s);
-    bool reflection = s.alpha <= MIRROR || (path.seen && (s.alpha <= DULL || luma(s.glossy) > DULL_ALBEDO));
-    bool coat = path.seen || s.coat_alpha <= MIRROR;
+    bool early = path.seen || path.soft;
+    bool reflection = s.alpha <= MIRROR || (early && (s.alpha <= DULL || luma(s.glossy) > DULL_ALBEDO));
+    bool coat = early || s.coat_alpha <= MIRROR;
     if (!reflection) matte += s.below_coat * s.below_sheen * s.glossy;
     if (!coat) matte += 1.0 - s.below_coat;
+    bool followed = false;
     if (max(matte.r, max(matte.g, matte.b)) > 0.0) {
         vec2 at = hit.at;
         Patch own = patches[patch_at(hit.slot, front, at)];
-        path.bounced += path.left * matte * arriving_light(own, at, path.seen) / PI;
+        followed = path.seen && is_followed(own, at);
+        if (!followed) path.bounced += path.left * matte * arriving_light(own, at, path.seen) / PI;
     }
-    if (path.seen && setting[0].compact > 0) path.light += path.left * looked_for(s, hit, place, wo, item, number, 8 * k + 1, true);
 
-    Surface rest = remaining(s, reflection, coat);
-    float chance = rest.p_coat + rest.p_spec + rest.p_thin + rest.p_glass;
-    if (!(chance > 0.0)) return false;
+    Surface rest = s;
+    if (!followed) rest = remaining(s, reflection, coat);
+    float chance = rest.p_diffuse + rest.p_sheen + rest.p_coat + rest.p_spec + rest.p_thin + rest.p_glass;
     float goes_on = min((path.seen ? SEEN_CHANCE : LATER_CHANCE) * s.albedo * chance, 1.0);
     vec2 picks = uniform_pair(item, number, 8 * k + 3);
-    if (picks.y >= goes_on) return false;
+    bool ends = !(chance > 0.0) || picks.y >= goes_on;
+    if (!ends) {
+        rest.p_diffuse /= chance;
+        rest.p_sheen /= chance;
+        rest.p_coat /= chance;
+        rest.p_spec /= chance;
+        rest.p_thin /= chance;
+        rest.p_glass /= chance;
+    }
+    path.looked = !ends && path.seen && is_wide(rest);
+    bool compact = setting[0].compact > 0 && (path.seen || is_wide(rest));
+    for (uint which = 0; which < 2; ++which) {
+        bool of_compact = which == 0;
+        if (of_compact ? !compact : !path.looked) continue;
+        Surface own = rest;
+        if (of_compact && path.seen) {
+            own = s;
+        } else if (of_compact) {
+            // Later hits have compact sources' light in the map, but for what lobes throw of it that are followed. Narrow ones are widened,
+            // since what they throw is met too seldom (Kaplanyan and Dachsbacher 2013). What passes sheets and glass is met by chance.
+            own.alpha = max(own.alpha, WIDENED);
+            own.coat_alpha = max(own.coat_alpha, WIDENED);
+            own.p_thin = 0.0;
+            own.p_glass = 0.0;
+        }
+        float of_all = of_compact ? 1.0 : goes_on;
+        path.light += path.left / of_all * looked_for(own, hit, place, wo, item, number, 8 * k + (of_compact ? 1 : 4), of_compact);
+    }
+    if (ends) return false;
     path.left /= goes_on;
-    rest.p_coat /= chance;
-    rest.p_spec /= chance;
-    rest.p_thin /= chance;
-    rest.p_glass /= chance;
-    path.looked = path.seen && is_wide(rest);
-    if (path.looked) path.light += path.left * looked_for(rest, hit, place, wo, item, number, 8 * k + 4, false);
+    path.soft = path.looked && followed;
     path.seen = path.seen && !path.looked;
 
     vec3 wi = sampled(rest, wo, vec4(uniform_pair(item, number, 8 * k + 6), picks.x, uniform_pair(item, number, 8 * k + 7).x));

@@ -92,7 +92,7 @@ pub(super) fn bake(
     }
     let sums: Vec<Sum> = baker.sums.download(count as usize)?;
     drop(baker);
-    Ok(LightMap::of(assembly, layout, &sums))
+    Ok(LightMap::of(assembly, layout, &sums, settings.samples))
 }
 
 impl Baker<'_> {

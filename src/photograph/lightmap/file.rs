@@ -1,4 +1,5 @@
-//! Light maps as files: a line of JSON that says what light it is, then a word for each cell and corner, and a checksum.
+//! Light maps as files: a line of JSON that says what light it is, then a word for each
+//! cell and corner, a bit for each cell, and a checksum.
 
 use std::fs;
 use std::path::Path;
@@ -15,7 +16,7 @@ use crate::{Error, Result};
 /// Name of the file in a folder of photographs.
 pub(crate) const FILE: &str = "light.map";
 /// Raised with every change of what is baked under the same settings.
-const REVISION: u32 = 1;
+const REVISION: u32 = 2;
 
 /// What a light map is of.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -74,6 +75,8 @@ impl LightMap {
         for light in self.cells.iter().chain(&self.corners) {
             bytes.extend(packed(*light, scale).to_le_bytes());
         }
+        let bits = |cells: &[bool]| (0..).zip(cells).map(|(bit, followed)| u8::from(*followed) << bit).sum::<u8>();
+        bytes.extend(self.followed.chunks(8).map(bits));
         bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
         replace_file(path, |file| file.write_all(&bytes))
     }
@@ -104,14 +107,16 @@ impl LightMap {
             return None;
         }
         let layout = Layout::new(assembly, settings.cells, eyes);
-        let words =
-            content[end + 1..].chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
-        let mut light: Vec<Vec3> = words.map(|word| unpacked(word, header.scale)).collect();
-        if light.len() != layout.owners.len() + layout.corners as usize {
+        let cells = layout.owners.len();
+        let (words, bits) = content[end + 1..].split_at_checked(4 * (cells + layout.corners as usize))?;
+        if bits.len() != cells.div_ceil(8) {
             return None;
         }
-        let corners = light.split_off(layout.owners.len());
-        Some(Self { layout, cells: light, corners, scale: header.scale })
+        let words = words.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
+        let mut light: Vec<Vec3> = words.map(|word| unpacked(word, header.scale)).collect();
+        let corners = light.split_off(cells);
+        let followed = (0..cells).map(|cell| bits[cell / 8] >> (cell % 8) & 1 != 0).collect();
+        Some(Self { layout, cells: light, corners, followed, scale: header.scale })
     }
 }
 

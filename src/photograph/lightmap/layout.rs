@@ -24,8 +24,9 @@ const SLIVER: f64 = 2.0;
 const PATCHES: f64 = 4.0;
 const MAX_SPLITS: f64 = 64.0;
 const MAX_ROWS: f64 = 2048.0;
-/// Of the rays of a usual cell, what the smallest and hidden ones get.
-const MIN_SHARE: f32 = 1.0 / 16.0;
+/// Of the rays of a usual cell, what the smallest get, and hidden ones.
+const MIN_SHARE: f32 = 1.0 / 8.0;
+const HIDDEN_SHARE: f32 = 1.0 / 16.0;
 
 /// Cells of a light map, in the order of the hierarchy's triangles.
 pub(crate) struct Layout {
@@ -39,8 +40,6 @@ pub(crate) struct Layout {
     pub corners: u32,
     /// Area of a usual cell.
     pub area: f64,
-    /// How far views reach, by their median.
-    pub reach: f64,
 }
 
 /// Area of a triangle, and that by which it is cut: slivers, whose parts are as long as they are, count for more.
@@ -62,7 +61,6 @@ impl Layout {
             hidden: Vec::new(),
             corners: 0,
             area: 0.0,
-            reach: views.length,
         };
         let mut areas = Vec::new();
         for (slot, triangle) in (0..).zip(&assembly.primitives) {
@@ -108,17 +106,19 @@ impl Layout {
         let weighted: Vec<f64> = areas.iter().zip(seen).map(detailed).collect();
         let rows = |weighted: f64, area: f64| (weighted / area).sqrt().round().clamp(1.0, MAX_ROWS);
         let count = |area: f64| weighted.iter().map(|weighted| rows(*weighted, area).powi(2)).sum::<f64>();
+        // A mesh of many triangles has a cell for each side of them all; what is large is cut finely nonetheless.
+        let most = f64::from(cells).max(weighted.len() as f64 + 0.5 * f64::from(cells));
         // The number of cells falls with their area.
         let [mut small, mut large] = [1e-12, 1.0].map(|part| part * weighted.iter().sum::<f64>());
         for _ in 0..60 {
             let area = (small * large).sqrt();
-            if count(area) > f64::from(cells) { small = area } else { large = area }
+            if count(area) > most { small = area } else { large = area }
         }
         self.area = large;
         for (index, patch) in self.patches.iter_mut().enumerate() {
             let rows = rows(weighted[index], self.area) as u32;
             let share = match self.hidden[index] {
-                true => MIN_SHARE,
+                true => HIDDEN_SHARE,
                 false => ((areas[index][0] / self.area) as f32 / (rows * rows) as f32).clamp(MIN_SHARE, 1.0),
             };
             *patch = Patch { cells: self.owners.len() as u32, corners: self.corners, rows, share, side: patch.side };
@@ -223,6 +223,7 @@ pub(crate) fn place_in_part(rows: u32, part: u32, [x, y]: [f32; 2]) -> [f32; 2] 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::model::{Face, Vertex};
     use crate::scene::samples;
     use crate::scene::samples::textured::two_rooms_model;
 
@@ -258,7 +259,8 @@ mod tests {
         for cells in [0, 100_000, 400_000] {
             let layout = Layout::new(&assembly, cells, &eyes);
             let made = layout.owners.len() as f64;
-            let wanted = f64::from(cells.max(layout.patches.len() as u32));
+            let patches = layout.patches.len() as f64;
+            let wanted = f64::from(cells).max(patches + 0.5 * f64::from(cells));
             assert!((made / wanted - 1.0).abs() < 0.15, "{made} for {wanted}");
             assert!(layout.patches.len() < 2 * least as usize);
             let mut end = 0;
@@ -268,6 +270,19 @@ mod tests {
             }
             assert_eq!(end as usize, layout.owners.len());
         }
+        // However many triangles there are, a wall among them is cut finely.
+        let mut model = samples::object_model();
+        let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| {
+            model.vertices.push(Vertex { position: DVec3::new(4.0 * x, 4.0 * y, -3.0), ..Vertex::default() });
+            model.vertices.len() as u32 - 1
+        });
+        let wall = [[0, 1, 2], [0, 2, 3]].map(|wall| wall.map(|corner: usize| corners[corner]));
+        model.faces.extend(wall.map(|corners| Face { corners, material: 0 }));
+        let assembly = Assembly::new(&model, Some(&samples::studio())).unwrap();
+        let cells = assembly.primitives.len() as u32;
+        let layout = Layout::new(&assembly, cells, &eyes);
+        let most = layout.patches.iter().map(|patch| patch.rows).max();
+        assert!(most >= Some(8), "{most:?} rows of cells on a wall");
         // Walls of rooms face in.
         let rooms = Assembly::new(&two_rooms_model(), None).unwrap();
         let layout = Layout::new(&rooms, 400_000, &[DVec3::new(1.5, 1.5, 3.0), DVec3::new(8.0, 1.5, 2.0)]);

@@ -5,6 +5,7 @@ mod bake;
 mod file;
 pub(crate) mod layout;
 mod smooth;
+mod trust;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -31,6 +32,8 @@ pub struct Settings {
     /// Error of a cell's direct light, relative to all of its light, from which it needs no more rays. Photographs show the mean of
     /// some ten cells.
     pub tolerance: f32,
+    /// Samples of a picture's pixel: with more of them less is read off the map where it is off.
+    pub samples: u32,
     /// Key of the random numbers.
     pub seed: u64,
 }
@@ -47,7 +50,7 @@ impl Settings {
     pub fn new(pixels: u64, samples: u32, seed: u64) -> Self {
         let cells = (CELLS_OF_A_PIXEL * pixels).clamp(CELLS[0], CELLS[1]) as u32;
         let rays = (pixels * u64::from(samples) / SAMPLES_OF_A_RAY).clamp(RAYS[0], RAYS[1]) as u32;
-        Self { cells, rays, tolerance: 0.03, seed }
+        Self { cells, rays, tolerance: 0.03, samples, seed }
     }
 }
 
@@ -80,6 +83,8 @@ pub struct LightMap {
     pub(super) cells: Vec<Vec3>,
     /// Irradiance at each corner of cells, of all else.
     pub(super) corners: Vec<Vec3>,
+    /// Whether photographs follow what a cell throws back in place of reading it off the corners.
+    pub(super) followed: Vec<bool>,
     /// At which light is packed.
     scale: f32,
 }
@@ -97,11 +102,11 @@ impl LightMap {
         observe: impl FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Self> {
         let layout = Layout::new(assembly, settings.cells, eyes);
-        let laid_out = assembly.for_light_map(layout.area.sqrt(), layout.reach);
+        let laid_out = assembly.for_light_map();
         bake::bake(context, &laid_out, layout, settings, observe)
     }
 
-    fn of(assembly: &Assembly, layout: Layout, sums: &[Sum]) -> Self {
+    fn of(assembly: &Assembly, layout: Layout, sums: &[Sum], samples: u32) -> Self {
         let found: Vec<Found> = sums.iter().map(Found::new).collect();
         let mut corners = smooth::smooth(assembly, &layout, &found);
         let mut cells: Vec<Vec3> = sums.iter().map(bake::compact).collect();
@@ -110,7 +115,8 @@ impl LightMap {
         for light in cells.iter_mut().chain(&mut corners) {
             *light = file::unpacked(file::packed(*light, scale), scale);
         }
-        Self { layout, cells, corners, scale }
+        let followed = trust::followed(assembly, &layout, sums, &corners, samples);
+        Self { layout, cells, corners, followed, scale }
     }
 
     /// Number of cells.

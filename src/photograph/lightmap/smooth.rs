@@ -13,9 +13,10 @@ use super::bake::Found;
 use super::layout::{Layout, place_in_part};
 use crate::parallel::{in_parallel, mapped};
 use crate::photograph::assembly::Assembly;
-use crate::photograph::layout::Side;
+use crate::photograph::layout::{Patch, Side};
 use crate::scene::colour::LUMA;
 use crate::scene::random::pcg4d;
+use crate::visibility::bvh::Triangle;
 use crate::visibility::raycast::Ray;
 
 /// Reach of a mean in widths of a cell, or of a cluster of its level.
@@ -66,6 +67,13 @@ struct Cell {
     corners: [Vec3; 2],
 }
 
+/// The longest edge of a patch's cells.
+pub(super) fn longest_edge(assembly: &Assembly, layout: &Layout, patch: &Patch) -> f32 {
+    let Triangle { e1, e2, .. } = &assembly.primitives[patch.side as usize / 2];
+    let [e1, e2] = [*e1, *e2].map(Vec3::from);
+    e1.length().max(e2.length()).max(e1.distance(e2)) / (layout.sides[patch.side as usize].splits * patch.rows) as f32
+}
+
 /// A patch with the normals of its corners.
 struct Shape {
     places: [Vec3; 3],
@@ -94,7 +102,7 @@ impl Shape {
         let parts = f64::from(splits * patch.rows);
         let area = 0.5 * e1.as_dvec3().cross(e2.as_dvec3()).length() / (parts * parts);
         // Cells of slivers are long.
-        let longest = f64::from(e1.length().max(e2.length()).max(e1.distance(e2))) / parts;
+        let longest = f64::from(longest_edge(assembly, layout, patch));
         let width = (0.5 * longest * longest).max(area) / layout.area;
         let level = (0.5 * width.log2()).round().clamp(0.0, f64::from(LEVELS - 1)) as u32;
         Self {
@@ -232,7 +240,10 @@ fn clusters(cells: &[(u32, Cell)], level: u32, width: f32) -> Vec<Cell> {
             clusters.push(Cell::default());
             clusters.len() - 1
         });
-        let (cluster, weight) = (&mut clusters[index], cell.weight);
+        // Cells in crevices and behind boards tell nothing of what is before them.
+        let reach = OWN_REACH / cell.found.nearness.max(1e-30);
+        let weight = cell.weight * (reach * reach / (width * width)).clamp(DARK, 1.0).powi(2);
+        let cluster = &mut clusters[index];
         cluster.place += weight * cell.place;
         cluster.normal += weight * cell.normal;
         cluster.found.direct += weight * cell.found.direct;
@@ -240,7 +251,7 @@ fn clusters(cells: &[(u32, Cell)], level: u32, width: f32) -> Vec<Cell> {
         cluster.found.nearness += weight * cell.found.nearness;
         cluster.found.variance += weight * cell.found.variance;
         cluster.weight += weight;
-        cluster.squares += cell.squares;
+        cluster.squares += weight * weight;
     }
     for Cell { place, normal, found, weight, .. } in &mut clusters {
         *place /= *weight;
