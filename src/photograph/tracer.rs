@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-
 use super::assembly::Assembly;
 use super::buffers::{SceneBuffers, bound};
 pub use super::layout::Strategy;

@@ -134,20 +134,6 @@ fn a_hazy_sun_casts_its_shadows_at_the_pixel() {
     assert!(errors[57] < 0.05, "a tenth of the blocks differ by {}", errors[57]);
 }
 
-/// If this failed, boards would be stained by the dark of the wall behind them.
-#[test]
-fn a_board_shows_nothing_of_the_wall_behind_it() {
-    let mut model = Model::default();
-    add_quad(&mut model, DVec3::ZERO, 2.0 * DVec3::X, 2.0 * DVec3::Y, lambert(0.5));
-    add_quad(&mut model, DVec3::new(0.0, 0.0, 0.01), 0.8 * DVec3::X, 0.8 * DVec3::Y, lambert(0.5));
-    let lamp = Material { emission: Vec3::splat(4.0), ..Material { double_sided: true, ..lambert(0.0) } };
-    add_quad(&mut model, DVec3::new(0.0, 1.6, 2.0), 0.6 * DVec3::X, 0.6 * DVec3::Z, lamp);
-    let camera = camera(DVec3::new(0.0, 0.0, 2.0), DVec3::ZERO, 32, 0.34);
-    let (_, taken) = baked(&model, None, &camera, Settings { cells: 20_000, ..SETTINGS });
-    let errors = errors(&taken, &photograph(&model, None, &camera, 512), 32);
-    assert!(errors[63] < 0.05, "a block of the board differs by {}", errors[63]);
-}
-
 /// If this failed, walls would lack what glossy floors throw on them, or have it twice: of lamps, and of suns.
 #[test]
 fn a_glossy_floor_throws_light_on_a_wall() {

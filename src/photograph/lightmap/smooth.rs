@@ -394,3 +394,24 @@ pub(super) fn smooth(assembly: &Assembly, layout: &Layout, found: &[Found]) -> V
     });
     by_patch.concat()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, boards would be stained by the dark of the wall behind them, where both lie in one cluster.
+    #[test]
+    fn a_cluster_shows_nothing_of_what_lies_behind_a_board() {
+        let cell = |z: f32, light: f32, reach: f32| {
+            let found = Found { bounced: Vec3::splat(light), nearness: 1.0 / reach, ..Found::default() };
+            (0, Cell { place: Vec3::new(0.05, 0.05, z), normal: Vec3::Z, found, weight: 1.0, ..Cell::default() })
+        };
+        let [board, wall] = [cell(0.06, 1.0, 2.0), cell(0.05, 0.1, 0.01)];
+        let clusters = clusters(&[board, wall], 1, 0.1);
+        assert_eq!(clusters.len(), 1);
+        assert!((clusters[0].found.bounced.x - 1.0).abs() < 0.02, "{}", clusters[0].found.bounced);
+        // In a gap in which all is near there is nothing better.
+        let [a, b] = [cell(0.06, 0.2, 0.01), cell(0.05, 0.1, 0.01)];
+        assert!((super::clusters(&[a, b], 1, 0.1)[0].found.bounced.x - 0.15).abs() < 1e-5);
+    }
+}

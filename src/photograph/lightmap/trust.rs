@@ -133,7 +133,10 @@ mod tests {
         assert!(!off(&sum(1.0, 3.0, 1000.0), 0.8), "within the noise of a pixel");
         assert!(!off(&sum(1.0, 0.5, 4.0), 0.2), "of four rays nothing is said");
         assert!(!off(&sum(1.0, 0.01, 1000.0), 1.005), "nobody would see it");
-        assert!(!is_off(&sum(1.0, 0.0, 1000.0), [Vec3::splat(0.8); 3], 9.0, false, 128.0), "the patch is noisier than the cell");
+        assert!(
+            !is_off(&sum(1.0, 0.0, 1000.0), [Vec3::splat(0.8); 3], 9.0, false, 128.0),
+            "the patch is noisier than the cell"
+        );
         let bent = [Vec3::splat(0.4), Vec3::ONE, Vec3::splat(1.6)];
         assert!(is_off(&sum(1.0, 0.5, 1000.0), bent, 0.0, true, 128.0), "light bends along a sliver");
         assert!(!is_off(&sum(1.0, 0.5, 1000.0), bent, 0.0, false, 128.0));
