@@ -50,6 +50,8 @@ layout(binding = 16, std430) buffer Sums { Sum sums[]; };
 vec3 arriving_light(Patch own, vec2 at, bool seen) {
     return cells[own.cells + part_at(own.rows, at)].rgb;
 }
+
+// No camera sees anything here.
 bool is_followed(Patch own, vec2 at) {
     return false;
 }

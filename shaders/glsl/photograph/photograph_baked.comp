@@ -41,7 +41,7 @@ layout(binding = 10, std430) readonly buffer Albedo { float albedo[]; };
 layout(binding = 11, std430) readonly buffer SettingBlock { Setting setting[]; };
 layout(binding = 12, std430) readonly buffer Sides { Side sides[]; };
 layout(binding = 13, std430) readonly buffer Patches { Patch patches[]; };
-layout(binding = 14, std430) readonly buffer Cells { vec4 cells[]; };  // irradiance of compact sources alone; the fourth is 1 where light is followed
+layout(binding = 14, std430) readonly buffer Cells { vec4 cells[]; };  // irradiance of compact sources; w: 1 where light is followed
 layout(binding = 15, std430) readonly buffer Corners { vec4 corners[]; };  // irradiance of all else
 layout(binding = 16, std430) buffer Exposure { vec4 exposure[]; };
 layout(binding = 17, std430) buffer Spread { vec2 spread[]; };  // squares of the samples' luma, and their number
@@ -68,6 +68,7 @@ vec3 arriving_light(Patch own, vec2 at, bool seen) {
     }
     return compact + max(1.0 - f.x - f.y, 0.0) * corners[own.corners + corner_at(own.rows, i, j)].rgb + f.x * along + f.y * up;
 }
+
 // Whether light is followed where a camera sees the place.
 bool is_followed(Patch own, vec2 at) {
     return cells[own.cells + part_at(own.rows, at)].w > 0.0;
