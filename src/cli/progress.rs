@@ -94,6 +94,15 @@ fn hear_interrupts(what: OnInterrupt) -> Result<()> {
 /// Time between two lines of progress where there is no terminal.
 const BETWEEN_LINES: Duration = Duration::from_secs(10);
 
+/// A time as a person would guess it.
+fn roughly(time: Duration) -> String {
+    match time.as_secs() {
+        seconds @ 0..100 => format!("{} s", seconds.max(1)),
+        seconds @ 100..6000 => format!("{} min", (seconds + 30) / 60),
+        seconds => format!("{:.1} h", seconds as f64 / 3600.0),
+    }
+}
+
 /// A bar that follows a run; without a terminal, a line as soon as units are done and then one every ten seconds; in a program that listens,
 /// neither.
 pub struct Progress {
@@ -136,7 +145,7 @@ impl Progress {
         if done > 0 && done < all {
             self.tell(|| match self.told.get() {
                 None => format!("running  {all} {}; a line every {} s", self.unit, BETWEEN_LINES.as_secs()),
-                Some(_) => format!("running  {done} of {all} {}", self.unit),
+                Some(_) => format!("running  {done} of {all} {}, {} left", self.unit, roughly(self.bar.eta())),
             });
         }
         go_on()
@@ -186,5 +195,17 @@ impl Progress {
     /// Takes the bar away.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, whoever waits for photographs would be told hours for minutes.
+    #[test]
+    fn times_are_told_in_units_that_suit_them() {
+        let told = |seconds| roughly(Duration::from_secs(seconds));
+        assert_eq!([0, 9, 99, 100, 3599, 7200].map(told), ["1 s", "9 s", "99 s", "2 min", "60 min", "2.0 h"]);
     }
 }

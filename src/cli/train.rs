@@ -371,7 +371,7 @@ fn print(record: &TrainRecord, folder: &Path) {
     if let (Status::Complete, Some(last)) = (record.status, record.evaluations.last()) {
         say!("test     {} views: {}", last.views, text(&last.quality));
     }
-    for line in [record.diverged_line(), record.short_line()].into_iter().flatten() {
+    for line in [record.diverged_line(), record.overfitted_line(), record.short_line()].into_iter().flatten() {
         say!("warning  {line}");
     }
     say!("model    {}", folder.join(MODEL).display());

@@ -1,7 +1,8 @@
 //! A whole plan: proxy, region, optimisation, held-out metrics and baselines, from a surface to a record.
 
+use std::collections::HashSet;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -326,9 +327,12 @@ pub fn score(
     Ok((expected, aggregate(&Scorer::new(context, &scene, &points)?.score(cameras, field)?)))
 }
 
-/// Planned cameras named "0000", "0001", ..., then the kept ones.
+/// Planned cameras named "0000", "0001", ..., then the kept ones. No planned name is a kept one with another ending: new photos may be
+/// put beside the old, and be rendered to files of another format.
 fn named(poses: &[Pose], intrinsics: Intrinsics, kept: &[Camera]) -> Vec<Camera> {
-    let taken = |name: &str| kept.iter().any(|camera| camera.name == name || camera.name == format!("{name}.png"));
+    let stem = |camera: &Camera| Path::new(&camera.name).file_stem().map(|stem| stem.to_string_lossy().to_lowercase());
+    let stems: HashSet<String> = kept.iter().filter_map(stem).collect();
+    let taken = |name: &str| stems.contains(name);
     let planned = poses.iter().enumerate().map(|(i, pose)| {
         let mut name = format!("{i:04}");
         while taken(&name) {
@@ -403,5 +407,22 @@ impl Plan {
     /// Whether the user stopped the run.
     pub fn interrupted(&self) -> bool {
         self.record.status == Status::Interrupted
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, new photos would take the names of old ones: 0001.png beside 0001.jpg, which a rendering cannot keep apart.
+    #[test]
+    fn planned_cameras_have_names_that_no_kept_photo_has() {
+        let pose = Pose::looking(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let intrinsics = Intrinsics::from_fov(64, 48, 1.0);
+        let kept = ["0001.jpg", "images/0002.JPEG", "planned_0001.png", "0003"];
+        let kept = kept.map(|name| Camera { name: name.into(), pose, intrinsics });
+        let names: Vec<String> = named(&[pose; 5], intrinsics, &kept).into_iter().map(|camera| camera.name).collect();
+        assert_eq!(names[..5], ["0000", "planned_planned_0001", "planned_0002", "planned_0003", "0004"]);
+        assert_eq!(names[5..], kept.map(|camera| camera.name));
     }
 }

@@ -179,7 +179,7 @@ fn heading(record: &TrainRecord) -> String {
     );
     let (class, notice) = match record.status {
         Status::Complete => {
-            for line in [record.diverged_line(), record.short_line()].into_iter().flatten() {
+            for line in [record.diverged_line(), record.overfitted_line(), record.short_line()].into_iter().flatten() {
                 let _ = writeln!(html, "<p class=\"notice\" role=\"status\">Warning: {}.</p>", escape(&line));
             }
             return html;

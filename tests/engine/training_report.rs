@@ -367,6 +367,31 @@ fn a_training_that_diverged_says_so() {
     assert_eq!(serde_json::from_str::<TrainRecord>(&text).unwrap(), record);
 }
 
+/// If this failed, whoever overfits a model would be told to train it for longer.
+#[test]
+fn a_training_that_overfits_is_called_too_long_and_not_too_short() {
+    let mut record = run(30_000, Status::Complete);
+    for (i, point) in record.curve.iter_mut().enumerate() {
+        point.psnr = 20.0 + 0.02 * i as f64;
+    }
+    let warns =
+        |record: &TrainRecord, what: &str| page_with(record, 1).contains(&format!("Warning: training was {what}"));
+    assert!(warns(&record, "too short") && !warns(&record, "too long"));
+    let tests = [21.0, 23.8, 23.7, 23.0, 22.8];
+    for (evaluation, psnr) in record.evaluations.iter_mut().zip(tests) {
+        evaluation.quality.psnr = psnr;
+    }
+    assert!(warns(&record, "too long") && !warns(&record, "too short"));
+    let line = record.overfitted_line().unwrap();
+    assert!(line.contains("fell from 23.8 dB after 3000 iterations to 22.8"), "{line}");
+    // At the end there are more views, harder ones: only those on the way are compared.
+    record.evaluations[4].views = 200;
+    record.evaluations[4].quality.psnr = 18.0;
+    assert!(record.overfitted_line().is_some_and(|line| line.contains("to 23.0")));
+    record.evaluations[3].quality.psnr = 23.7;
+    assert_eq!(record.overfitted_line(), None);
+}
+
 /// A path or a name is text wherever it lands: in headings, tables, bars, and the attributes of pictures.
 #[test]
 fn hostile_strings_stay_text() {

@@ -160,6 +160,9 @@ pub(crate) const DIVERGED_DB: f64 = 1.0;
 /// Rise in decibels in the last fifth of a training from which it counts as too short.
 const RISING_DB: f64 = 0.3;
 
+/// Drop in decibels of the test views' PSNR from which a training counts as too long.
+const OVERFITTED_DB: f64 = 0.3;
+
 impl TrainRecord {
     /// Mean PSNR of the training pictures in decibels, in the best fifth of the run and in the last, where the last is worse by
     /// more than [`DIVERGED_DB`]: with MCMC most likely because of relocation (docs/reference/training.md, What can go wrong). None of
@@ -170,12 +173,32 @@ impl TrainRecord {
         judged.then(|| fallen(&self.curve)).flatten()
     }
 
-    /// What to do where a complete training was too short to show what its photos can: its pictures still improved when it ended.
+    /// What to do where a complete training was too short to show what its photos can: its pictures still improved when it ended, and
+    /// those of the test views were not the worse for it.
     pub fn short_line(&self) -> Option<String> {
-        let rise = rising(&self.curve).filter(|_| self.status == Status::Complete)?;
+        let judged = self.status == Status::Complete && self.overfitted().is_none();
+        let rise = rising(&self.curve).filter(|_| judged)?;
         Some(format!(
             "training was too short: PSNR on the training photos still rose by {rise:.1} dB in its last fifth; train for more iterations"
         ))
+    }
+
+    /// The best evaluation of a complete training and its last, where the last has a test PSNR that is lower by more than
+    /// [`OVERFITTED_DB`]: the model comes to fit its photos at the cost of all other views. None of trainings that diverged.
+    pub fn overfitted(&self) -> Option<[Evaluation; 2]> {
+        let judged = self.status == Status::Complete && self.diverged().is_none();
+        judged.then(|| worsened(&self.evaluations)).flatten()
+    }
+
+    /// [`Self::overfitted`] in a sentence.
+    pub fn overfitted_line(&self) -> Option<String> {
+        self.overfitted().map(|[best, last]| {
+            format!(
+                "training was too long for so few photos: PSNR on the test views fell from {:.1} dB after {} iterations to {:.1}; train for \
+                 {} iterations, or take more photos",
+                best.quality.psnr, best.iteration, last.quality.psnr, best.iteration
+            )
+        })
     }
 
     /// [`Self::diverged`] in a sentence.
@@ -186,6 +209,17 @@ impl TrainRecord {
             )
         })
     }
+}
+
+/// Of evaluations of as many test views the best and the last, where the last is worse by more than [`OVERFITTED_DB`]: on the way fewer
+/// views are looked at than at the end.
+fn worsened(evaluations: &[Evaluation]) -> Option<[Evaluation; 2]> {
+    evaluations.iter().rev().find_map(|last| {
+        let mut alike = evaluations.iter().filter(|evaluation| evaluation.views == last.views);
+        let best = alike.clone().max_by(|a, b| a.quality.psnr.total_cmp(&b.quality.psnr))?;
+        let is_last = alike.next_back() == Some(last);
+        (is_last && best.quality.psnr - last.quality.psnr > OVERFITTED_DB).then_some([*best, *last])
+    })
 }
 
 /// By how much the last fifth of a training is better than the one before it, where that is more than [`RISING_DB`].
