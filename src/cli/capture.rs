@@ -46,7 +46,7 @@ pub struct Arguments {
     /// Samples of each pixel [default: 256; where light is baked 64, and up to four times as many where their error would be seen]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     spp: Option<u32>,
-    /// Diffuse light: baked once into a map of the scene (light.map), so that photographs have no noise of it, or traced for each pixel
+    /// Diffuse light: baked once into a map of the scene (light.map), so that photographs have next to no noise of it, or traced for each pixel
     /// [default: baked where all cameras stand within the scene's bounds, as in a room]
     #[arg(long, value_enum)]
     light: Option<Light>,

@@ -145,7 +145,7 @@ impl Progress {
         if done > 0 && done < all {
             self.tell(|| match self.told.get() {
                 None => format!("running  {all} {}; a line every {} s", self.unit, BETWEEN_LINES.as_secs()),
-                Some(_) => format!("running  {done} of {all} {}, {} left", self.unit, roughly(self.bar.eta())),
+                Some(_) => format!("running  {done} of {all} {}, {} left", self.unit, self.left()),
             });
         }
         go_on()
@@ -161,6 +161,11 @@ impl Progress {
         if let Some(listener) = self.session.listener() {
             listener.progress(&self.doing.borrow(), u64::from(done), u64::from(all));
         }
+    }
+
+    /// How much time is left, by the pace so far.
+    pub fn left(&self) -> String {
+        roughly(self.bar.eta())
     }
 
     /// Prints a line where nothing shows the bar and the last such line is old.

@@ -293,8 +293,10 @@ impl Watch {
                 self.progress.name(&format!("training{psnr}"));
                 if record.status == Status::Running && record.iterations > 0 {
                     let (done, all) = (record.iterations, record.config.iterations);
-                    self.progress
-                        .tell(|| format!("running  {done} of {all} iterations, {} splats{psnr}", record.splats));
+                    let left = self.progress.left();
+                    self.progress.tell(|| {
+                        format!("running  {done} of {all} iterations, {} splats{psnr}, {left} left", record.splats)
+                    });
                 }
                 if let Err(error) = self.write(record, worst) {
                     self.progress.line(&format!("warning: no report was written: {error}"));

@@ -137,6 +137,7 @@ bool extend(inout Path path, uint item, uint number) {
     }
     path.looked = !ends && path.seen && is_wide(rest);
     bool compact = setting[0].compact > 0 && (path.seen || is_wide(rest));
+    // One call in a loop: drivers put a copy of the whole search in the place of every call.
     for (uint which = 0; which < 2; ++which) {
         bool of_compact = which == 0;
         if (of_compact ? !compact : !path.looked) continue;

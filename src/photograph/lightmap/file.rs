@@ -1,5 +1,5 @@
-//! Light maps as files: a line of JSON that says what light it is, then a word for each
-//! cell and corner, a bit for each cell, and a checksum.
+//! Light maps as files: a line of JSON that says what light it is, then a word for each cell and corner, a bit for each cell, and a
+//! checksum.
 
 use std::fs;
 use std::path::Path;

@@ -220,6 +220,11 @@ pub(crate) fn place_in_part(rows: u32, part: u32, [x, y]: [f32; 2]) -> [f32; 2] 
     [((along / 2) as f32 + x) / of, (j as f32 + y) / of]
 }
 
+/// Number of a corner of cells: the i-th in the j-th row.
+pub(crate) fn corner_at(rows: u32, [i, j]: [u32; 2]) -> u32 {
+    j * (2 * rows + 3 - j) / 2 + i
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -224,7 +224,7 @@ fn deviation(near: &[(f32, Cell)], variance: f32) -> f32 {
     (variance * squares).sqrt() / weights.max(f32::MIN_POSITIVE)
 }
 
-fn luma(light: Vec3) -> f32 {
+pub(super) fn luma(light: Vec3) -> f32 {
     light.dot(LUMA.as_vec3())
 }
 

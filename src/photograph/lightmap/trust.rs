@@ -3,15 +3,14 @@
 
 use glam::Vec3;
 
-use super::layout::{Layout, place_in_part};
-use super::smooth::longest_edge;
+use super::layout::{Layout, corner_at, place_in_part};
+use super::smooth::{longest_edge, luma};
 use crate::parallel::mapped;
 use crate::photograph::assembly::Assembly;
 use crate::photograph::layout::{Patch, Sum};
-use crate::scene::colour::LUMA;
 
-/// How many times as many samples a pixel has where it follows one more bounce; some have up to four times as many.
-const MORE_SAMPLES: f32 = 2.0;
+/// How many times as many samples a pixel has where it follows one more bounce: between one and the tracer's four.
+const TIMES_SAMPLES: f32 = 2.0;
 /// With fewer samples the noise of a pixel is worse than what the map is off by, which is the same in all views.
 const LEAST_SAMPLES: u32 = 8;
 /// Rays below which nothing is said of a cell.
@@ -24,29 +23,25 @@ const UNSEEN: f32 = 0.015;
 const LONG: f32 = 3.0;
 const BEND: f32 = 0.25;
 
-fn luma(light: Vec3) -> f32 {
-    light.dot(LUMA.as_vec3())
-}
-
 /// The numbers of the corners of a cell in its patch.
 fn corners_of(rows: u32, cell: u32) -> [u32; 3] {
     let [x, y] = place_in_part(rows, cell, [1.0 / 3.0; 2]).map(|v| v * rows as f32);
     let (i, j) = (x as u32, y as u32);
-    let at = |i: u32, j: u32| j * (2 * rows + 3 - j) / 2 + i;
     let inverted = x - i as f32 + y - j as f32 > 1.0;
-    [if inverted { at(i + 1, j + 1) } else { at(i, j) }, at(i + 1, j), at(i, j + 1)]
+    let opposite = if inverted { [i + 1, j + 1] } else { [i, j] };
+    [opposite, [i + 1, j], [i, j + 1]].map(|at| corner_at(rows, at))
 }
 
-/// Luma of the light that a cell's rays brought, and its variance from ray to ray; light that was thrown back is taken to come from half of
-/// all directions.
+/// Luma of the light that a cell's rays brought, and its variance from ray to ray; light that was thrown back is taken to come from half
+/// of all directions.
 fn moments(sum: &Sum) -> [f32; 2] {
     let n = sum.rays.max(1.0);
     let [direct, bounced] = [sum.direct, sum.bounced].map(|light| luma(Vec3::from(light)) / n);
     [direct + bounced, (sum.squares / n - direct * direct).max(0.0) + bounced * bounced]
 }
 
-/// Whether a cell's light is to be followed: `own` is what its rays brought, `smooth` what its corners have, `variance` that of a ray, as a pixel
-/// has `samples`.
+/// Whether a cell's light is to be followed where a pixel has `samples`: `own` is what its rays brought, `smooth` what its corners have,
+/// `variance` that of a ray in its patch.
 fn is_off(own: &Sum, smooth: [Vec3; 3], variance: f32, is_long: bool, samples: f32) -> bool {
     if own.rays < LEAST_RAYS {
         return false;
@@ -73,7 +68,7 @@ pub(super) fn followed(
     if samples < LEAST_SAMPLES {
         return vec![false; sums.len()];
     }
-    let samples = MORE_SAMPLES * samples as f32;
+    let samples = TIMES_SAMPLES * samples as f32;
     let usual = layout.area.sqrt() as f32;
     let by_patch = mapped(&layout.patches, |_, patch: &Patch| {
         let is_long = longest_edge(assembly, layout, patch) > LONG * usual;
