@@ -45,13 +45,19 @@ class PlanOptions(TypedDict, total=False):
     """Keep cameras and viewers out of a volume, which itself blocks no view: a closed mesh (.obj, .glb, .gltf, .ply), boxes, .json with {"boxes": [[X0,Y0,Z0,X1,Y1,Z1], ...]}, or, at all heights, polygons of GeoJSON or KML (needs --geo); repeatable"""
 
     wall: Union[Numbers, Sequence[Numbers]]
-    """Keep cameras and viewers on one side of a plane, given by a point and the direction to the free side; repeatable"""
+    """Keep cameras and viewers on one side of a plane, given by a point and the direction to the free side; repeatable; `none` leaves out the walls that points and photos of a capture show"""
 
     heights: Numbers
     """Restrict cameras to heights that a tripod or drone reaches: coordinates along --up, not distances from the floor"""
 
     walk: Numbers
     """Restrict cameras to level ground that a person or robot of this radius and height can walk to from a start: coordinates of the feet on open floor, in the frame of the surface"""
+
+    space: str
+    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open]"""
+
+    reach: float
+    """How far from the nearest photo known space reaches [default: a photographer's step, as the spacing of the photos shows it]"""
 
     geo: str
     """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""
@@ -232,13 +238,19 @@ class ScoreOptions(TypedDict, total=False):
     """Keep cameras and viewers out of a volume, which itself blocks no view: a closed mesh (.obj, .glb, .gltf, .ply), boxes, .json with {"boxes": [[X0,Y0,Z0,X1,Y1,Z1], ...]}, or, at all heights, polygons of GeoJSON or KML (needs --geo); repeatable"""
 
     wall: Union[Numbers, Sequence[Numbers]]
-    """Keep cameras and viewers on one side of a plane, given by a point and the direction to the free side; repeatable"""
+    """Keep cameras and viewers on one side of a plane, given by a point and the direction to the free side; repeatable; `none` leaves out the walls that points and photos of a capture show"""
 
     heights: Numbers
     """Restrict cameras to heights that a tripod or drone reaches: coordinates along --up, not distances from the floor"""
 
     walk: Numbers
     """Restrict cameras to level ground that a person or robot of this radius and height can walk to from a start: coordinates of the feet on open floor, in the frame of the surface"""
+
+    space: str
+    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open]"""
+
+    reach: float
+    """How far from the nearest photo known space reaches [default: a photographer's step, as the spacing of the photos shows it]"""
 
     geo: str
     """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""
@@ -296,13 +308,19 @@ class SelectOptions(TypedDict, total=False):
     """Keep cameras and viewers out of a volume, which itself blocks no view: a closed mesh (.obj, .glb, .gltf, .ply), boxes, .json with {"boxes": [[X0,Y0,Z0,X1,Y1,Z1], ...]}, or, at all heights, polygons of GeoJSON or KML (needs --geo); repeatable"""
 
     wall: Union[Numbers, Sequence[Numbers]]
-    """Keep cameras and viewers on one side of a plane, given by a point and the direction to the free side; repeatable"""
+    """Keep cameras and viewers on one side of a plane, given by a point and the direction to the free side; repeatable; `none` leaves out the walls that points and photos of a capture show"""
 
     heights: Numbers
     """Restrict cameras to heights that a tripod or drone reaches: coordinates along --up, not distances from the floor"""
 
     walk: Numbers
     """Restrict cameras to level ground that a person or robot of this radius and height can walk to from a start: coordinates of the feet on open floor, in the frame of the surface"""
+
+    space: str
+    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open]"""
+
+    reach: float
+    """How far from the nearest photo known space reaches [default: a photographer's step, as the spacing of the photos shows it]"""
 
     geo: str
     """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""
@@ -517,7 +535,7 @@ class EvaluateOptions(TypedDict, total=False):
     """Keep cameras and viewers out of a volume, which itself blocks no view: a closed mesh (.obj, .glb, .gltf, .ply), boxes, .json with {"boxes": [[X0,Y0,Z0,X1,Y1,Z1], ...]}, or, at all heights, polygons of GeoJSON or KML (needs --geo); repeatable"""
 
     wall: Union[Numbers, Sequence[Numbers]]
-    """Keep cameras and viewers on one side of a plane, given by a point and the direction to the free side; repeatable"""
+    """Keep cameras and viewers on one side of a plane, given by a point and the direction to the free side; repeatable; `none` leaves out the walls that points and photos of a capture show"""
 
     heights: Numbers
     """Restrict cameras to heights that a tripod or drone reaches: coordinates along --up, not distances from the floor"""

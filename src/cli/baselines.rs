@@ -13,6 +13,7 @@ use crate::baselines::job;
 use crate::baselines::request::Request;
 use crate::io::folder::OutputFolder;
 use crate::methods::Method;
+use crate::photos::PhotoSet;
 use crate::plan::config::Config;
 use crate::plan::target::Target;
 use crate::scene::camera::{Camera, Intrinsics};
@@ -98,7 +99,7 @@ impl BaselineOptions {
 pub fn run(
     context: &Arc<Context>,
     (request, model): &(Request, Option<Model>),
-    target: &Target,
+    (target, photos): (&Target, Option<&PhotoSet>),
     (intrinsics, kept): (Intrinsics, &[Camera]),
     order: Order,
     folder: OutputFolder,
@@ -109,7 +110,7 @@ pub fn run(
     // From here on the first Ctrl-C is not heard, so that no half of a folder is left.
     stop_on_interrupt()?;
     let path = folder.path().to_owned();
-    report::folder::write(&plan, target, folder)?;
+    report::folder::write(&plan, target, photos, folder)?;
     print_plan(&plan);
     say!("report   {}", path.join("report.html").display());
     Ok(Ended::Done)

@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 
-use super::options::{DeviceOptions, LimitOptions, box_of, print_messages};
+use super::options::{DeviceOptions, print_messages};
 use super::progress::stop_on_interrupt;
+use super::region::{LimitOptions, box_of};
 use super::session::{self, Ended, go_on};
 use super::viewers::ViewerOptions;
 use crate::evaluate::artifact::Event;

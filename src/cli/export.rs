@@ -6,8 +6,8 @@ use clap::{Args, ValueEnum as _};
 use glam::DVec3;
 use serde::Deserialize;
 
-use super::options::parse_up;
 use super::place::georeference;
+use super::region::parse_up;
 use super::session::Ended;
 use crate::export::georeference::Georeference;
 use crate::export::mission::{Flight, Mission, Rules};

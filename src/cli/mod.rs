@@ -28,6 +28,7 @@ mod plan;
 mod progress;
 mod proxy;
 mod quality;
+mod region;
 mod render;
 mod retraining;
 mod score;

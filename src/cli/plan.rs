@@ -6,23 +6,25 @@ use std::sync::Arc;
 use clap::{ArgGroup, Args};
 
 use super::baselines::{self, BaselineOptions};
-use super::options::{CameraOptions, DeviceOptions, RegionOptions, print_messages, read_surface};
+use super::options::{CameraOptions, DeviceOptions, print_messages, read_surface};
 use super::order::Order;
 use super::outcome::print_plan;
 use super::progress::{Progress, leave_on_interrupt, stop_on_interrupt};
+use super::region::RegionOptions;
 use super::session::{Ended, go_on};
 use super::vds;
 use super::viewers::ViewerOptions;
 use crate::io;
 use crate::io::folder::{OutputFolder, check_file, write_files};
 use crate::io::overwrite_guard::{check_output_file, check_output_folder};
+use crate::photos::PhotoSet;
 use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Preset, Start};
 use crate::plan::job::{self, Tools};
 use crate::plan::preparation::Preparation;
 use crate::plan::target::Target;
 use crate::plan::{curve, footprint};
 use crate::report;
-use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::surface::Surface;
 use crate::vds::job::Settings;
 use crate::vulkan::Context;
@@ -310,16 +312,16 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         Some(path) => io::read_cameras(path)?,
         None => Vec::new(),
     };
-    let (intrinsics, target) = match captured(arguments, reads_photos, &mut opened)? {
+    let (intrinsics, target, photos) = match captured(arguments, reads_photos, &mut opened)? {
         Some((surface, photos)) => {
             let path = arguments.surface.as_ref().unwrap_or(&arguments.scene);
-            let intrinsics = arguments.camera.intrinsics(&photos)?;
-            let poses: Vec<Pose> = photos.iter().map(|camera| camera.pose).collect();
-            (intrinsics, arguments.region.target_of(&surface, path, &poses, &intrinsics, None)?)
+            let intrinsics = arguments.camera.intrinsics(&photos.cameras())?;
+            let target = arguments.region.target_of(&surface, path, Some(&photos), &intrinsics, None)?;
+            (intrinsics, target, Some(photos))
         }
         None => {
             let intrinsics = arguments.camera.intrinsics(&kept)?;
-            (intrinsics, arguments.region.target(&arguments.scene, &intrinsics, None)?)
+            (intrinsics, arguments.region.target(&arguments.scene, &intrinsics, None)?, None)
         }
     };
     if baseline.is_some() {
@@ -339,7 +341,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         return draw_curve(&context, &target, (intrinsics, &kept), &config, folder);
     }
     if let Some(request) = &baseline {
-        return baselines::run(&context, request, &target, (intrinsics, &kept), order, folder);
+        return baselines::run(&context, request, (&target, photos.as_ref()), (intrinsics, &kept), order, folder);
     }
 
     stop_on_interrupt()?;
@@ -352,7 +354,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     order.apply(&mut plan);
     print_messages(&context);
     let path = folder.path().to_owned();
-    report::folder::write(&plan, &target, folder)?;
+    report::folder::write(&plan, &target, photos.as_ref(), folder)?;
     if let (Some(file), Some(profile)) = (&arguments.trace, &profile) {
         write_files(&[(file, profile.trace().as_bytes())])?;
     }
@@ -407,7 +409,7 @@ fn captured(
     arguments: &Arguments,
     reads_photos: bool,
     opened: &mut Option<Arc<Context>>,
-) -> Result<Option<(Surface, Vec<Camera>)>> {
+) -> Result<Option<(Surface, PhotoSet)>> {
     if !io::may_be_capture(&arguments.scene) {
         return match &arguments.surface {
             Some(_) => {
@@ -420,13 +422,12 @@ fn captured(
     for note in &capture.notes {
         say!("{note}");
     }
-    let cameras = capture.cameras();
     if let Some(file) = &arguments.surface {
         let surface = read_surface(file)?;
         if reads_photos {
             say!("vds      the photos are left unread (--surface); `camsplat vds --surface` scores it");
         }
-        return Ok(Some((surface, cameras)));
+        return Ok(Some((surface, capture)));
     }
     if capture.points.positions.is_empty() {
         let what = "the capture holds no points; make a surface from its photos with `camsplat proxy` and give it with --surface";
@@ -445,12 +446,12 @@ fn captured(
     };
     if let Some(reason) = unread {
         say!("vds      the photos are left unread ({reason})");
-        return Ok(Some((surface, cameras)));
+        return Ok(Some((surface, capture)));
     }
     let context = opened.insert(arguments.device.open()?);
     let settings = Settings { seed: arguments.tuning.seed, skip_unreadable: true, ..Settings::default() };
     let scored = vds::score(context, &capture, &surface, &settings)?.onto(&capture.points);
-    Ok(Some((Surface::Points(scored), cameras)))
+    Ok(Some((Surface::Points(scored), capture)))
 }
 
 #[cfg(test)]

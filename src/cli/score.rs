@@ -5,14 +5,16 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::options::{DeviceOptions, RegionOptions, print_messages};
+use super::options::{DeviceOptions, print_messages};
 use super::outcome::table;
+use super::region::RegionOptions;
 use super::session::Ended;
 use super::viewers::ViewerOptions;
 use crate::io::folder::{check_file, write_files};
 use crate::io::overwrite_guard::check_output_file;
 use crate::metrics::Metrics;
 use crate::plan::config::{Config, Gate, Preset};
+use crate::plan::enough::{Enough, MORE};
 use crate::plan::job::{self};
 use crate::plan::record::Expected;
 use crate::plan::target::Target;
@@ -26,8 +28,8 @@ use crate::{Error, Result, io};
 pub struct Arguments {
     /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model or capture folder
     surface: PathBuf,
-    /// COLMAP or NSVF folder, transforms.json, plan.json or .log
-    cameras: PathBuf,
+    /// COLMAP or NSVF folder, transforms.json, plan.json or .log [default: the photos of the capture, and whether they are enough]
+    cameras: Option<PathBuf>,
     #[command(flatten)]
     region: RegionOptions,
     #[command(flatten)]
@@ -54,6 +56,8 @@ pub struct Arguments {
 /// What `--json` writes.
 #[derive(Serialize)]
 struct Scores {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    enough: Option<Enough>,
     expected: Expected,
     #[serde(flatten)]
     metrics: Metrics,
@@ -64,18 +68,26 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     if !(1..=1 << 20).contains(&arguments.held_out) {
         return Err(Error::request(format!("--held-out is {}; give 1 to {}", arguments.held_out, 1 << 20)));
     }
+    // Of a capture alone, and of a capture by its own photos, the question is the same.
+    let (cameras, of_capture) = match &arguments.cameras {
+        Some(cameras) => (cameras, cameras == &arguments.surface && io::may_be_capture(cameras)),
+        None if io::may_be_capture(&arguments.surface) => (&arguments.surface, true),
+        None => {
+            return Err(Error::input(&arguments.surface, "a surface has no photos; name the cameras to score as well"));
+        }
+    };
     if let Some(file) = &arguments.json {
         check_file(file)?;
-        let inputs = [&arguments.surface, &arguments.cameras];
+        let inputs = [&arguments.surface, cameras];
         check_output_file(file, inputs.into_iter().chain(&arguments.region.limits.keep_out))?;
     }
-    let file = io::plan_file(&arguments.cameras);
+    let (path, file) = (cameras, io::plan_file(cameras));
     let (cameras, notes) = io::read_cameras_with_notes(&file)?;
     for note in notes {
         say!("{note}");
     }
     // A default region follows from the cameras that are there, as far as they agree.
-    let first = cameras.first().ok_or_else(|| Error::input(&arguments.cameras, "it holds no cameras"))?;
+    let first = cameras.first().ok_or_else(|| Error::input(path, "it holds no cameras"))?;
     let (stored, kept) = stored(&file).unwrap_or_else(|note| {
         say!("{note}");
         (None, 0)
@@ -100,7 +112,16 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         ..Config::new(arguments.region.preset.unwrap_or(preset), cameras.len() as u32)
     };
     let (expected, metrics) = job::score(&context, &target, &cameras, kept, &config)?;
+    let enough = if of_capture { Some(Enough::new(&context, &target, &cameras, &config)?) } else { None };
     print_messages(&context);
+    if let Some(enough) = &enough {
+        say!("enough   {}", enough.line());
+        for part in &enough.weak {
+            say!("weak     {}", part.line());
+        }
+        let path = path.display();
+        say!("next     camsplat plan {path} --keep {path} --views {MORE} --out next");
+    }
     say!("expected {}", expected.line());
     if expected.unseen >= 1.0 {
         say!("warning  no camera sees anything that viewers look at: are both in one frame?");
@@ -112,7 +133,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         say!("ground sampling {:.6} units a pixel", metrics.sampling_distance_mean);
     }
     if let Some(file) = &arguments.json {
-        let text = serde_json::to_string_pretty(&Scores { expected, metrics })
+        let text = serde_json::to_string_pretty(&Scores { enough, expected, metrics })
             .map_err(|e| Error::request(format!("the metrics cannot be written: {e}")))?;
         write_files(&[(file, text.as_bytes())])?;
     }

@@ -7,10 +7,11 @@ use std::time::Instant;
 use clap::Args;
 
 use super::options::{
-    CameraOptions, DeviceOptions, ModelOptions, RegionOptions, method_parser, parse_size, print_messages, read_surface,
+    CameraOptions, DeviceOptions, ModelOptions, method_parser, parse_size, print_messages, read_surface,
 };
 use super::outcome::table;
 use super::progress::{leave_on_interrupt, stop_on_interrupt};
+use super::region::RegionOptions;
 use super::retraining::RetrainingOptions;
 use super::session::Ended;
 use super::viewers::ViewerOptions;
@@ -22,7 +23,6 @@ use crate::metrics::Metrics;
 use crate::photos::PhotoSet;
 use crate::plan::target::Target;
 use crate::report::selection::{self, Written};
-use crate::scene::camera::Pose;
 use crate::scene::surface::Surface;
 use crate::select::job::{Selection, SelectionContext};
 use crate::select::request::Request;
@@ -229,7 +229,6 @@ fn check_apart(out: &Path, set: &PhotoSet) -> Result<()> {
 
 fn target(arguments: &Arguments, set: &PhotoSet) -> Result<Target> {
     let Some(first) = set.photos.first() else { return Err(Error::input(&set.path, "it holds no posed photos")) };
-    let poses: Vec<Pose> = set.photos.iter().map(|photo| photo.camera.pose).collect();
     let (surface, path) = match &arguments.surface {
         Some(path) => (read_surface(path)?, path.as_path()),
         None if set.points.positions.is_empty() => {
@@ -240,7 +239,7 @@ fn target(arguments: &Arguments, set: &PhotoSet) -> Result<Target> {
         }
         None => (Surface::Points(set.points.clone()), set.path.as_path()),
     };
-    arguments.region.target_of(&surface, path, &poses, &first.camera.intrinsics, None)
+    arguments.region.target_of(&surface, path, Some(set), &first.camera.intrinsics, None)
 }
 
 fn print_selection(selection: &Selection, set: &PhotoSet, method: Method) {

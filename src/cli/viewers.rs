@@ -5,7 +5,7 @@ use std::path::Path;
 use clap::Args;
 use glam::DVec3;
 
-use super::options::box_of;
+use super::region::box_of;
 use crate::quality::viewers::Viewers;
 use crate::scene::region::Shape;
 use crate::{Error, Result, io};

@@ -5,11 +5,34 @@ use std::path::Path;
 use glam::DVec3;
 use serde::Deserialize;
 
-use super::{json, read_file, read_surface};
-use crate::scene::limits::{FARTHEST, Triangle, Volume, box_triangles};
+use super::{json, json_file, read_file, read_surface};
+use crate::scene::known::KnownSpace;
+use crate::scene::limits::{FARTHEST, Limits, Triangle, Volume, box_triangles};
 use crate::scene::proxy::{Occluder, Orientation, Proxy};
 use crate::scene::surface::Surface;
 use crate::{Error, Result};
+
+/// Reads a space that cameras stay in: that of a plan.json (or its folder), or the inside of a volume.
+///
+/// # Errors
+/// As [`read_volume`], and where a plan was made without known space.
+pub fn read_space(path: &Path) -> Result<KnownSpace> {
+    /// What of a plan is read.
+    #[derive(Deserialize)]
+    struct Plan {
+        limits: Limits,
+    }
+    let wrong = |what: String| Error::input(path, what);
+    if let Ok(file) = json_file(path)
+        && let Ok(plan) = json::<serde_json::Value>(&file, &read_file(&file)?)
+        && plan.get("cameras").is_some()
+    {
+        let plan = serde_json::from_value::<Plan>(plan).ok().and_then(|plan| plan.limits.space);
+        return plan
+            .ok_or_else(|| wrong("this plan has no known space; name one that was made with it, or a volume".into()));
+    }
+    KnownSpace::inside(&read_volume(path)?.triangles).map_err(|error| wrong(error.to_string()))
+}
 
 /// A file of boxes: `{"boxes": [[X0, Y0, Z0, X1, Y1, Z1], ...]}`, two opposite corners each.
 #[derive(Deserialize)]

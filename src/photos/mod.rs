@@ -4,6 +4,8 @@ mod convention;
 pub(crate) mod decode;
 mod describe;
 mod header;
+pub mod preview;
+mod space;
 pub mod volume;
 
 use std::path::PathBuf;
@@ -44,6 +46,8 @@ pub struct PhotoSet {
     pub tracks: Vec<Vec<u32>>,
     /// Mean reprojection error of each point in pixels; as long as `points`, or empty.
     pub errors: Vec<f32>,
+    /// Whether its unit is a metre, as with phones that measure.
+    pub is_metric: bool,
     /// Images that were not found, and files that cannot be read, with the reason.
     pub missing: Vec<String>,
     /// What was understood, for the user to check: one line each.

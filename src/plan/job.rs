@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 
+use super::aim::aim;
 use super::config::{Config, Objective, Preset};
 use super::planner::Planner;
 use super::preparation::Preparation;
@@ -122,6 +123,9 @@ pub fn run(
     check_finite(&outcome.poses)?;
     if let Some(reference) = reference {
         reference.guard(&mut outcome)?;
+        if target.limits.space.is_some() {
+            aim(&reference, &scene.geometry, &intrinsics, &mut outcome.poses)?;
+        }
         let points = held_out(target, &config);
         outlook = Some(reference.outlook(&named(&outcome.poses, intrinsics, kept), &positions(&points))?);
         began_from = Some(reference.best().name.clone());
@@ -262,7 +266,7 @@ pub fn conclude(
 }
 
 /// The points that plans are scored at.
-fn held_out(target: &Target, config: &Config) -> Vec<SurfacePoint> {
+pub(super) fn held_out(target: &Target, config: &Config) -> Vec<SurfacePoint> {
     target.proxy.sample(config.held_out as usize, config.seed, HELD_OUT_STREAM)
 }
 

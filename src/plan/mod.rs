@@ -1,10 +1,12 @@
 //! Planning: from a surface and a region to the camera poses that sample it best.
 
+mod aim;
 pub(crate) mod binned;
 mod buffers;
 pub mod config;
 pub mod curve;
 pub mod dense;
+pub mod enough;
 pub(crate) mod footprint;
 pub mod job;
 pub mod links;

@@ -191,7 +191,13 @@ impl Viewers {
                 .into_iter()
                 .flat_map(|kind| (0..TRIES).map(move |k| (k, kind)))
                 .map(|(k, kind)| place(POSITIONS + k, i, kind));
-            let position = places.find(|place| fits(*place))?;
+            // Known space may be a small part of what is drawn from.
+            let anywhere = || {
+                let known = geometry.limits.space.is_some() && self.is_default();
+                let drawn = (0..TRIES).map(|k| back.point(geometry.open().sample(seed, POSITIONS + k, i)));
+                drawn.filter(|_| known).find(|place| fits(*place))
+            };
+            let position = places.find(|place| fits(*place)).or_else(anywhere)?;
             let [u, v, ..] = random::uniforms(seed, DIRECTIONS, i);
             let pose = match around {
                 Some(_) if i % 3 < 2 => Pose::looking(position, centre - position, up),

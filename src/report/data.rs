@@ -6,7 +6,8 @@ use serde::Serialize;
 
 use super::geometry::{bounds, robust_bounds};
 use super::scene_data::{
-    CameraData, Layout, MAX_POINTS, PointData, RegionData, Role, SceneData, TriangleData, Words, in_script, thin,
+    CameraData, CloudData, Layout, MAX_POINTS, PointData, RegionData, Role, SceneData, TriangleData, Words, in_script,
+    thin, walls, zones,
 };
 use super::{Kind, ReportScene, SurfacePoint, choice};
 use crate::plan::record::PlanRecord;
@@ -90,6 +91,9 @@ pub fn json(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<
             layouts: vec![Layout { name: "", cameras: cameras(record, kind, origin) }],
             tour: record.tour.iter().flat_map(|tour| &tour.path).map(|corner| *corner - origin).collect(),
             triangles: scene.triangles.and_then(|triangles| TriangleData::new(&triangles, &points, origin)),
+            cloud: scene.cloud.and_then(|cloud| CloudData::new(&cloud, &points, origin)),
+            walls: walls(&record.limits, origin),
+            zones: zones(&record.limits, origin),
             points: PointData::new(&points, origin),
         },
     };

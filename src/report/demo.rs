@@ -64,7 +64,7 @@ impl View {
 /// # Errors
 /// When a test picture cannot be read any more, or the files cannot be written.
 pub fn write(demo: &Demo, scene: &Scene, out: &Path) -> Result<()> {
-    folder::write(&demo.plan, &demo.target, OutputFolder::create(&out.join(&demo.name).join(PLAN), true)?)?;
+    folder::write(&demo.plan, &demo.target, None, OutputFolder::create(&out.join(&demo.name).join(PLAN), true)?)?;
     write_files(&[(&out.join("report.html"), html(demo, scene, out)?.as_bytes())])
 }
 

@@ -2,10 +2,12 @@
 
 use glam::DVec3;
 
-use super::{ReportScene, SurfacePoint, Triangles, decimate};
+use super::shots::Shots;
+use super::{Cloud, ReportScene, SurfacePoint, Triangles, decimate};
 use crate::error::{Error, Result};
 use crate::io::camera_files;
 use crate::io::folder::OutputFolder;
+use crate::photos::PhotoSet;
 use crate::plan::job::Plan;
 use crate::plan::target::Target;
 use crate::scene::camera::Camera;
@@ -27,11 +29,11 @@ const PLANNED: [u8; 3] = [230, 126, 34];
 const KEPT: [u8; 3] = [52, 120, 200];
 
 /// Writes `transforms.json`, `sparse/0`, `points.ply`, `cameras.csv`, `frusta.ply`, `coverage.ply`, `plan.json` and
-/// `report.html` and commits the folder.
+/// `report.html`, where the plan keeps `photos` also `shots.json` and the pictures in `shots`, and commits the folder.
 ///
 /// # Errors
-/// When the folder cannot be written.
-pub fn write(plan: &Plan, target: &Target, folder: OutputFolder) -> Result<()> {
+/// When the folder cannot be written, or an image cannot be read.
+pub fn write(plan: &Plan, target: &Target, photos: Option<&PhotoSet>, folder: OutputFolder) -> Result<()> {
     let record = &plan.record;
     let seeds = target.proxy.sample(SEED_POINTS, record.seed, SEED_STREAM);
     let tracks = if seeds.len() * record.cameras.len() <= MAX_PAIRS {
@@ -59,11 +61,21 @@ pub fn write(plan: &Plan, target: &Target, folder: OutputFolder) -> Result<()> {
     let json = serde_json::to_string_pretty(record)
         .map_err(|e| Error::request(format!("plan.json cannot be written: {e}")))?;
     folder.write("plan.json", json)?;
-    folder.write("report.html", page(plan, target)?)?;
+    let shots = match photos {
+        Some(photos) => Shots::new(record, photos)?,
+        None => None,
+    };
+    if let Some(shots) = &shots {
+        folder.write("shots.json", shots.json()?)?;
+        for (shot, picture) in shots.list.shots.iter().zip(&shots.pictures) {
+            folder.write(&shot.picture, picture)?;
+        }
+    }
+    folder.write("report.html", page(plan, target, shots.as_ref())?)?;
     folder.commit()
 }
 
-fn page(plan: &Plan, target: &Target) -> Result<String> {
+fn page(plan: &Plan, target: &Target, shots: Option<&Shots>) -> Result<String> {
     let points: Vec<SurfacePoint> = plan
         .points
         .iter()
@@ -83,7 +95,10 @@ fn page(plan: &Plan, target: &Target) -> Result<String> {
         Occluder::Discs(_) => None,
     };
     let triangles = few.as_ref().map(|(corners, colours)| Triangles { corners, colours });
-    super::html(&plan.record, &ReportScene { points: &points, triangles, worst: &plan.map.worst })
+    super::html(
+        &plan.record,
+        &ReportScene { points: &points, triangles, cloud: Cloud::of(&target.proxy), worst: &plan.map.worst, shots },
+    )
 }
 
 /// Indices of the cameras in whose image `point` lies, unblocked.

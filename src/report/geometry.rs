@@ -89,15 +89,14 @@ fn split_to(corners: &[[DVec3; 3]], length: f64) -> Option<(Vec<[DVec3; 3]>, Vec
     Some((out, sources))
 }
 
-/// Index of the nearest of `points` to each of `corners`; zeros where there are no points to choose from.
-pub fn nearest(points: &[SurfacePoint], corners: &[[DVec3; 3]]) -> Vec<u16> {
+/// Index of the nearest of `points` to each place; zeros where there are no points to choose from.
+pub fn nearest(points: &[SurfacePoint], places: impl Iterator<Item = DVec3>) -> Vec<u16> {
     let positions: Vec<[f64; 3]> = points.iter().map(|p| p.position.to_array()).collect();
-    let flat = corners.iter().flatten();
     match ImmutableKdTree::<f64, 3>::new_from_slice(&positions) {
-        Ok(tree) if !points.is_empty() => flat
+        Ok(tree) if !points.is_empty() => places
             .map(|c| tree.query(&c.to_array()).nearest_one::<SquaredEuclidean<f64>>().execute().item as u16)
             .collect(),
-        _ => vec![0; flat.count()],
+        _ => vec![0; places.count()],
     }
 }
 

@@ -71,6 +71,9 @@ fn drawn<'a>(
         layouts: layouts.iter().map(layout).collect(),
         tour: Vec::new(),
         triangles: TriangleData::new(&Triangles { corners, colours }, points, origin),
+        cloud: None,
+        walls: Vec::new(),
+        zones: Vec::new(),
         points: PointData::new(points, origin),
     })
 }

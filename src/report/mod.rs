@@ -22,6 +22,7 @@ mod pictures;
 mod plots;
 mod scene_data;
 pub mod selection;
+pub mod shots;
 mod splats;
 mod text;
 pub mod training;
@@ -34,8 +35,10 @@ use glam::DVec3;
 pub(crate) use self::text::escape;
 
 use self::choice::Choice;
+use self::shots::Shots;
 use crate::plan::record::PlanRecord;
 use crate::quality::map::Worst;
+use crate::scene::proxy::{Disc, Occluder, Proxy};
 use crate::{Error, Result};
 
 /// A held-out point of the surface and what the plan gives it.
@@ -65,15 +68,38 @@ pub struct Triangles<'a> {
     pub colours: &'a [[u8; 3]],
 }
 
-/// Geometry the page draws. Triangles take their heat from the nearest point, so points should lie densely on them.
+/// The surface as discs, for display only.
 #[derive(Clone, Copy, Debug)]
+pub struct Cloud<'a> {
+    /// The discs.
+    pub discs: &'a [Disc],
+    /// Colour of each, 8-bit sRGB.
+    pub colours: &'a [[u8; 3]],
+}
+
+impl<'a> Cloud<'a> {
+    /// What a proxy blocks rays with, where that is discs.
+    pub(crate) fn of(proxy: &'a Proxy) -> Option<Self> {
+        match &proxy.occluder {
+            Occluder::Triangles(_) => None,
+            Occluder::Discs(discs) => Some(Self { discs, colours: proxy.colours() }),
+        }
+    }
+}
+
+/// Geometry the page draws. Triangles take their heat from the nearest point, so points should lie densely on them.
+#[derive(Clone, Copy)]
 pub struct ReportScene<'a> {
     /// Held-out points; all of them enter the histograms, some 20,000 at most are embedded.
     pub points: &'a [SurfacePoint],
     /// The surface, if it is a mesh.
     pub triangles: Option<Triangles<'a>>,
+    /// The surface, if it is made of points.
+    pub cloud: Option<Cloud<'a>>,
     /// Viewers that see most error, the worst first.
     pub worst: &'a [Worst],
+    /// Photos to take, where there are photos to start from.
+    pub shots: Option<&'a Shots>,
 }
 
 /// The subject of the page, which decides its wording.
@@ -131,6 +157,7 @@ fn html_of(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<S
         "data" => data.as_str().into(),
         "choice" => choice.as_str().into(),
         "worst" => worst.as_str().into(),
+        "shots" => scene.shots.map_or_else(String::new, |shots| shots.html(&record.cameras)).into(),
         slot => text::slot(slot, record, kind).into(),
     }))
 }

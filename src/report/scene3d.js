@@ -30,6 +30,12 @@ function drawScene(plan, root = document.querySelector(".scene")) {
     colours: unpack(plan.triangles.colours, Uint8Array),
     nearest: unpack(plan.triangles.nearest, Uint16Array),
   };
+  const cloud = plan.cloud && {
+    ...plan.cloud,
+    positions: unpack(plan.cloud.positions, Uint16Array),
+    colours: unpack(plan.cloud.colours, Uint8Array),
+    nearest: unpack(plan.cloud.nearest, Uint16Array),
+  };
 
   /* ---- sizes and the first view ---- */
 
@@ -53,7 +59,8 @@ function drawScene(plan, root = document.querySelector(".scene")) {
   /* ---- GPU state ---- */
 
   const trianglesProgram = program(gl, TRIANGLE_SHADERS), pointsProgram = program(gl, POINT_SHADERS), linesProgram = program(gl, LINE_SHADERS);
-  const pointArray = vertexArray(gl, [{ data: points.positions, size: 3 }, { data: points.colours, size: 3 }]);
+  const places = cloud ? Float32Array.from(cloud.positions, (v, i) => cloud.low[i % 3] + v * cloud.step[i % 3]) : points.positions;
+  const pointArray = vertexArray(gl, [{ data: places, size: 3 }, { data: cloud?.colours ?? points.colours, size: 3 }]);
   const meshArray = mesh && vertexArray(gl, [{ data: mesh.positions, size: 3 }, { data: new Uint8Array(9 * mesh.count), size: 3 }]);
   const lineArray = vertexArray(gl, [
     { data: new Float32Array(0), size: 3, divisor: 1 }, { data: new Float32Array(0), size: 3, divisor: 1 }, { data: new Uint8Array(0), size: 4, divisor: 1 },
@@ -70,7 +77,7 @@ function drawScene(plan, root = document.querySelector(".scene")) {
   function recolour() {
     const choice = form.colour.value;
     const { colours, keys, ramp } = pointColours(points, choice);
-    pointArray.update(1, colours);
+    pointArray.update(1, cloud ? (choice === "own" ? cloud.colours : atNearest(colours, cloud.nearest)) : colours);
     if (mesh) {
       const out = new Uint8Array(9 * mesh.count).fill(170);
       for (let i = 0; i < 3 * mesh.count; i++) {
@@ -81,6 +88,13 @@ function drawScene(plan, root = document.querySelector(".scene")) {
     }
     drawLegend(keys, ramp);
     redraw();
+  }
+
+  /** The colours of the points that are nearest to others. */
+  function atNearest(colours, nearest) {
+    const out = new Uint8Array(3 * nearest.length);
+    nearest.forEach((point, i) => out.set(colours.subarray(3 * point, 3 * point + 3), 3 * i));
+    return out;
   }
 
   function drawLegend(swatches, ramp) {
@@ -116,6 +130,8 @@ function drawScene(plan, root = document.querySelector(".scene")) {
     if (form.region.checked) {
       push(floorGrid, styleColour("--region"), 70);
       push(regionOutline, styleColour("--region"), 150);
+      for (const wall of plan.walls) push(wallLines(wall, bulk, up), styleColour("--region"), 110);
+      push(plan.zones, styleColour("--bad"), 170);
     }
     if (form.tour.checked) push(tour.slice(1).map((to, i) => [tour[i], to]), styleColour("--tour"), 230);
     if (form.cameras.checked) {
@@ -164,10 +180,11 @@ function drawScene(plan, root = document.querySelector(".scene")) {
       gl.drawArrays(gl.TRIANGLES, 0, 3 * mesh.count);
     } else {
       // About as wide as the points' spacing on a surface; those of a reconstruction lie in clumps.
-      const diameter = ((known ? 1.7 : 0.5) * bulkSize) / Math.sqrt(points.count + 1);
+      const diameter = cloud?.diameter ?? ((known ? 1.7 : 0.5) * bulkSize) / Math.sqrt(points.count + 1);
       surface.set("diameter", "1f", 0.5 * diameter * view.focal[1] * height);
+      surface.set("largest", "1f", cloud ? 7 * ratio : 48);
       pointArray.bind();
-      gl.drawArrays(gl.POINTS, 0, points.count);
+      gl.drawArrays(gl.POINTS, 0, cloud?.count ?? points.count);
     }
 
     // Through a camera one sees what its photo would show: the surface alone.

@@ -5,12 +5,16 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::geometry::{bounds, nearest, pack, split};
-use super::{SurfacePoint, Triangles};
+use super::{Cloud, SurfacePoint, Triangles};
 use crate::scene::camera::Camera;
+use crate::scene::limits::{Limits, Triangle};
 use crate::scene::region::{Region, Shape};
 
 /// Points embedded at most: index of the nearest point must fit 16 bits, and the page 4 MB.
 pub const MAX_POINTS: usize = 20_000;
+/// Discs of a cloud, and triangles of volumes, embedded at most.
+const MAX_DISCS: usize = 40_000;
+const MAX_ZONE_TRIANGLES: usize = 2000;
 
 /// A scene.
 #[derive(Serialize)]
@@ -33,6 +37,19 @@ pub struct SceneData<'a> {
     pub points: PointData,
     /// Its triangles, where it is a mesh.
     pub triangles: Option<TriangleData>,
+    /// Its discs, where it is made of points.
+    pub cloud: Option<CloudData>,
+    /// Planes that nobody is behind.
+    pub walls: Vec<WallData>,
+    /// Edges of the volumes that nobody is in.
+    pub zones: Vec<[DVec3; 2]>,
+}
+
+/// A plane that nobody is behind.
+#[derive(Serialize)]
+pub struct WallData {
+    point: DVec3,
+    normal: DVec3,
 }
 
 /// A layout of cameras.
@@ -133,6 +150,23 @@ pub struct PointData {
     error: String,
 }
 
+/// The surface, where it is made of points.
+#[derive(Serialize)]
+pub struct CloudData {
+    count: usize,
+    low: DVec3,
+    /// World units per step of `positions`.
+    step: DVec3,
+    /// u16, three per disc.
+    positions: String,
+    /// u8, three per disc.
+    colours: String,
+    /// u16, the point nearest to each disc.
+    nearest: String,
+    /// Usual diameter of a disc.
+    diameter: f64,
+}
+
 /// The surface.
 #[derive(Serialize)]
 pub struct TriangleData {
@@ -203,9 +237,48 @@ impl TriangleData {
             // A cast from NaN or beyond the range saturates, so that no corner can panic.
             positions: pack(quantised.map(|v| v as u16), u16::to_le_bytes),
             colours,
-            nearest: pack(nearest(points, &corners), u16::to_le_bytes),
+            nearest: pack(nearest(points, corners.iter().flatten().copied()), u16::to_le_bytes),
         })
     }
+}
+
+impl CloudData {
+    /// Discs, relative to `origin`, with the points that they take their colours from; none where there are none.
+    pub fn new(cloud: &Cloud, points: &[SurfacePoint], origin: DVec3) -> Option<Self> {
+        let discs: Vec<(DVec3, f64, [u8; 3])> = thin(cloud.discs, MAX_DISCS)
+            .zip(thin(cloud.colours, MAX_DISCS))
+            .filter(|(disc, _)| disc.centre.is_finite())
+            .map(|(disc, colour)| (disc.centre, disc.radius, colour))
+            .collect();
+        let centres: Vec<DVec3> = discs.iter().map(|(centre, ..)| *centre).collect();
+        let (low, high) = bounds(centres.iter().copied())?;
+        let step = ((high - low) / f64::from(u16::MAX)).max(DVec3::splat(f64::MIN_POSITIVE));
+        let quantised = centres.iter().flat_map(|p| ((*p - low) / step).round().to_array());
+        let mut radii: Vec<f64> = discs.iter().map(|(_, radius, _)| *radius).collect();
+        let rank = radii.len() / 2;
+        Some(Self {
+            count: discs.len(),
+            low: low - origin,
+            step,
+            positions: pack(quantised.map(|v| v as u16), u16::to_le_bytes),
+            colours: pack(discs.iter().map(|(.., colour)| *colour), |c| c),
+            nearest: pack(nearest(points, centres.iter().copied()), u16::to_le_bytes),
+            diameter: 2.0 * *radii.select_nth_unstable_by(rank, f64::total_cmp).1,
+        })
+    }
+}
+
+/// Walls of limits, relative to `origin`.
+pub fn walls(limits: &Limits, origin: DVec3) -> Vec<WallData> {
+    limits.walls.iter().map(|wall| WallData { point: wall.point - origin, normal: wall.normal }).collect()
+}
+
+/// Edges of the volumes of limits, relative to `origin`, so many at most.
+pub fn zones(limits: &Limits, origin: DVec3) -> Vec<[DVec3; 2]> {
+    let triangles: Vec<_> = limits.keep_out.iter().flat_map(|volume| &volume.triangles).copied().collect();
+    let edges = |[a, b, c]: Triangle| [[a, b], [b, c], [c, a]];
+    let edges = thin(&triangles, MAX_ZONE_TRIANGLES).flat_map(edges);
+    edges.map(|edge| edge.map(|corner| corner - origin)).collect()
 }
 
 /// JSON that is safe inside a `<script>` element: no `</script>` or `<!--` may end it early.

@@ -17,7 +17,7 @@ use serde::Serialize;
 
 use super::choice::{Choice, ChosenPhoto, pictures};
 use super::folder::{SEED_POINTS, SEED_STREAM};
-use super::{Kind, ReportScene, SurfacePoint, Triangles, decimate};
+use super::{Cloud, Kind, ReportScene, SurfacePoint, Triangles, decimate};
 use crate::error::{Error, Result};
 use crate::io::folder::OutputFolder;
 use crate::io::{camera_files, colmap, ply, transforms};
@@ -375,7 +375,13 @@ fn page(written: &Written<'_>) -> Result<String> {
     };
     super::html_of(
         &record,
-        &ReportScene { points: &points, triangles, worst: &selection.map.worst },
+        &ReportScene {
+            points: &points,
+            triangles,
+            cloud: Cloud::of(&target.proxy),
+            worst: &selection.map.worst,
+            shots: None,
+        },
         Kind::Selection(&Choice { pool: &selection.pool, photos: &chosen_photos(written)?, suggested }),
     )
 }

@@ -163,6 +163,18 @@ function floorLines(region, up) {
   return steps.flatMap((t) => [[at(t, -1), at(t, 1)], [at(-1, t), at(1, t)]]);
 }
 
+/** A grid on a wall, as wide and high as the bulk of the surface before it. */
+function wallLines(wall, bulk, up) {
+  const aside = Math.abs(dot(wall.normal, up)) > 0.9 ? horizontal(up)[0] : normalize(cross(up, wall.normal));
+  const other = cross(wall.normal, aside);
+  const corners = [...Array(8).keys()].map((i) => sub([0, 1, 2].map((k) => bulk[(i >> k) & 1][k]), wall.point));
+  const [xs, ys] = [aside, other].map((axis) => corners.map((p) => dot(p, axis)));
+  const [x0, x1, y0, y1] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+  const at = (s, t) => add(wall.point, add(scale(aside, x0 + s * (x1 - x0)), scale(other, y0 + t * (y1 - y0))));
+  const steps = [...Array(9).keys()].map((i) => i / 8);
+  return steps.flatMap((t) => [[at(t, 0), at(t, 1)], [at(0, t), at(1, t)]]);
+}
+
 /** What a camera is called in the picture: its number, or its name where that is short. */
 function shortName(name) {
   const stem = name.replace(/^.*\//, "").replace(/\.[A-Za-z]+$/, "");

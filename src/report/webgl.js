@@ -35,14 +35,14 @@ void main() {
 
 const POINT_SHADERS = [`
 uniform mat4 clipFromWorld;
-uniform float diameter;${VISIBLE}
+uniform float diameter, largest;${VISIBLE}
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 colour;
 out vec3 tint;
 void main() {
   tint = colour;
   gl_Position = hidden(position) ? vec4(2.0, 2.0, 2.0, 1.0) : clipFromWorld * vec4(position, 1.0);
-  gl_PointSize = clamp(diameter / gl_Position.w, 2.0, 48.0);
+  gl_PointSize = clamp(diameter / gl_Position.w, 2.0, largest);
 }`, `
 in vec3 tint;
 out vec4 pixel;

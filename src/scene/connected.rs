@@ -33,6 +33,12 @@ impl Air {
     }
 }
 
+/// Indices, in rising order, of the open voxels that are connected through faces with one of `from`.
+pub(super) fn connected_with(grid: &Grid, open: &[bool], from: impl Iterator<Item = usize>) -> Vec<u32> {
+    let air = Air::new(*grid, from.filter(|i| open[*i]), |i| open[i]);
+    (0..).zip(air.reached).filter(|(_, reached)| *reached).map(|(i, _)| i).collect()
+}
+
 /// Indices of the set of open voxels connected through faces that counts most, in rising order; of equals the first.
 pub(super) fn best_component(grid: &Grid, open: &[bool], count: impl Fn(&[u32]) -> usize) -> Vec<u32> {
     let mut unseen = open.to_vec();

@@ -2,8 +2,9 @@
 
 use glam::{DVec3, Vec3};
 
-use super::connected::{Air, best_component};
+use super::connected::{Air, best_component, connected_with};
 use super::distance_transform::nearest_sites;
+use super::known::KnownSpace;
 use super::limits::Limits;
 use super::proxy::Occluder;
 use super::random;
@@ -27,7 +28,7 @@ const MAX_VOXELS: f64 = 6.4e7;
 /// A voxel is free where it may hold a point of the region above the floor, the surface does not touch it, its
 /// centre is at least the clearance away from the centre of every voxel that the surface touches, and it is connected
 /// (through faces) to the largest such set, which leaves out the insides of closed furniture and what lies behind a
-/// wall. Any point of a free voxel is at least clearance - sqrt(3) cells away from the surface. Limits bar voxels too; heights,
+/// wall; where photos were taken, to where they were. Any point of a free voxel is at least clearance - sqrt(3) cells away from the surface. Limits bar voxels too; heights,
 /// which a voxel may be larger than, hold within it.
 #[derive(Clone, Debug)]
 pub struct FreeSpace {
@@ -109,14 +110,21 @@ impl FreeSpace {
             !is_barred(&own, *i as usize)
                 && (heights.is_none() || place_in(&grid, grid.coordinates(*i as usize), region, heights).is_some())
         };
-        let component = best_component(&grid, &open, |component| component.iter().filter(|i| is_own(i)).count());
+        let photos: Vec<DVec3> = limits.space.iter().flat_map(KnownSpace::photos).collect();
+        let component = if photos.is_empty() {
+            best_component(&grid, &open, |component| component.iter().filter(|i| is_own(i)).count())
+        } else {
+            // Next to a thing a photo's own place may be nearer to it than the clearance.
+            let near = |p: &DVec3| grid.around(*p, *p, region.clearance + grid.cell);
+            connected_with(&grid, &open, photos.iter().filter(|p| grid.holds(**p)).flat_map(near))
+        };
         let free: Vec<u32> = component.iter().copied().filter(is_own).collect();
         if free.is_empty() {
             return Err(Error::request(if limits.is_empty() {
                 "region: no free space; every position is closer than the clearance to the surface: enlarge the region or lower `clearance`"
             } else {
-                "region: no free space; `wall`, `keep_out`, `heights` and `walk` leave nothing of it that is as far from the surface as the \
-                 clearance: allow more, or lower `clearance`"
+                "region: no free space; `wall`, `keep_out`, `heights`, `walk` and `space` leave nothing of it that is as far from the surface \
+                 as the clearance: allow more, or lower `clearance`"
             }));
         }
         let all_open = open.iter().filter(|open| **open).count().max(1);

@@ -6,6 +6,7 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::known::KnownSpace;
 use super::proxy::Occluder;
 use super::similarity::Similarity;
 use super::voxels::{Grid, enclosed, touched};
@@ -31,7 +32,7 @@ pub struct Volume {
     pub triangles: Vec<Triangle>,
 }
 
-/// Limits in the frame of the surface. Walls and volumes apply to cameras and viewers, heights and ground to cameras only.
+/// Limits in the frame of the surface. Walls, volumes and known space apply to cameras and viewers, heights and ground to cameras only.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {
@@ -47,6 +48,9 @@ pub struct Limits {
     /// Cameras are above ground that a photographer can walk to.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub walk: Option<Walk>,
+    /// Cameras and viewers are in this space, connected with where photos were taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub space: Option<KnownSpace>,
 }
 
 /// A plane with no camera or viewer behind it.
@@ -99,7 +103,8 @@ impl Limits {
             )
         };
         let walls = self.walls.iter().map(wall).chain(self.keep_out.iter().map(volume));
-        walls.chain(self.heights.map(heights)).chain(self.walk.map(walk)).collect()
+        let space = self.space.as_ref().map(KnownSpace::line);
+        walls.chain(self.heights.map(heights)).chain(self.walk.map(walk)).chain(space).collect()
     }
 
     /// The limits themselves, checked, with normals of unit length.
@@ -161,6 +166,7 @@ impl Limits {
             keep_out: self.keep_out.iter().map(volume).collect(),
             heights: self.heights.map(|heights| heights.map(height)),
             walk: self.walk.map(walk),
+            space: self.space.as_ref().map(|space| space.transformed(similarity)),
         }
     }
 
@@ -208,7 +214,8 @@ impl Limits {
             let behind = |wall: &Wall| {
                 (centre - wall.point).dot(wall.normal) < half * wall.normal.abs().element_sum() * (1.0 - 1e-9)
             };
-            *barred |= self.walls.iter().any(behind);
+            *barred |= self.walls.iter().any(behind)
+                || self.space.as_ref().is_some_and(|space| !space.holds_cube(centre, half));
         }
         barred
     }
@@ -393,6 +400,7 @@ mod tests {
             keep_out: vec![volume(DVec3::ZERO, DVec3::ONE)],
             heights: Some([0.5, 1.5]),
             walk: Some(Walk { start: DVec3::ZERO, radius: 0.3, height: 1.7 }),
+            space: None,
         };
         let shape = Shape::Box { min: DVec3::splat(-2.0), max: DVec3::splat(4.0) };
         let region = Region { shape, up: DVec3::Y, floor: None, clearance: 0.1 };

@@ -46,6 +46,15 @@ impl Similarity {
         Pose { position: self.point(pose.position), rotation: (self.rotation * pose.rotation).normalize() }
     }
 
+    /// This transform after another one.
+    pub fn after(&self, first: &Self) -> Self {
+        Self {
+            rotation: (self.rotation * first.rotation).normalize(),
+            scale: self.scale * first.scale,
+            translation: self.point(first.translation),
+        }
+    }
+
     /// The transform that undoes this one.
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.inverse();

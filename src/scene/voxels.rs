@@ -16,6 +16,28 @@ pub struct Grid {
 }
 
 impl Grid {
+    /// The grid over a box with so many voxels along its longest side, and one more around.
+    pub(super) fn over(low: DVec3, high: DVec3, resolution: f64) -> Self {
+        let cell = (high - low).max_element() / resolution;
+        let dims = ((high - low) / cell - 1e-9).ceil().max(DVec3::ONE) + 2.0;
+        // Each side is at most the resolution and two more.
+        Self { origin: 0.5 * (low + high) - 0.5 * cell * dims, cell, dims: dims.to_array().map(|n| n as u32) }
+    }
+
+    /// Indices of the voxels whose centres are within `radius` of the straight way from `a` to `b`, and those that `a` and `b` lie in.
+    pub(super) fn around(&self, a: DVec3, b: DVec3, radius: f64) -> impl Iterator<Item = usize> + '_ {
+        let (low, high) = (self.voxel(a.min(b) - radius), self.voxel(a.max(b) + radius));
+        let ends = [a, b].map(|p| self.index(self.voxel(p)));
+        let along = b - a;
+        let away = move |p: DVec3| {
+            let share = (p - a).dot(along) / along.length_squared().max(f64::MIN_POSITIVE);
+            p.distance(a + share.clamp(0.0, 1.0) * along)
+        };
+        let rows = (low[2]..=high[2]).flat_map(move |z| (low[1]..=high[1]).map(move |y| (y, z)));
+        let voxels = rows.flat_map(move |(y, z)| (low[0]..=high[0]).map(move |x| [x, y, z]));
+        voxels.filter(move |voxel| away(self.centre(*voxel)) <= radius).map(|voxel| self.index(voxel)).chain(ends)
+    }
+
     /// Number of voxels.
     pub fn voxels(&self) -> usize {
         self.dims.iter().map(|n| *n as usize).product()

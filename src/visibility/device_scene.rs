@@ -102,18 +102,21 @@ impl SceneGeometry {
 
     /// Whether limits allow a viewer at `p` in the planner's frame.
     pub fn is_allowed(&self, p: DVec3) -> bool {
-        let held = if self.open().grid.holds(p) { self.open().is_barred(p) } else { self.limits.in_a_volume(p) };
+        let unknown = self.limits.space.as_ref().is_some_and(|space| !space.holds(p));
+        let held =
+            if self.open().grid.holds(p) { self.open().is_barred(p) } else { self.limits.in_a_volume(p) || unknown };
         !held && !self.limits.behind_a_wall(p)
     }
 
-    /// Whether a camera at `p` in the planner's frame keeps all limits: walls, volumes and heights exactly, ground by the voxel.
+    /// Whether a camera at `p` in the planner's frame keeps all limits: walls, volumes and heights exactly, ground and known space by the
+    /// voxel.
     pub fn keeps_limits(&self, p: DVec3) -> bool {
-        let Limits { heights, walk, .. } = &self.limits;
+        let Limits { heights, walk, space, .. } = &self.limits;
         let slack = 1e-9;
         !self.limits.behind_a_wall(p)
             && !self.limits.in_a_volume(p)
             && heights.is_none_or(|[low, high]| (low - slack..=high + slack).contains(&p.z))
-            && (walk.is_none() || !self.free.is_barred(p))
+            && ((walk.is_none() && space.is_none()) || !self.free.is_barred(p))
     }
 
     /// The feasible place nearest to `position` in the planner's frame, to the resolution of the free space's voxels:

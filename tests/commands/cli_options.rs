@@ -55,10 +55,22 @@ fn every_option_of_the_help_is_accepted() {
     place.write("boxes.json", r#"{"boxes": [[-4, -4, 1, 4, -0.5, 4]]}"#);
     let known = options(&place, "plan");
     let mut tried: BTreeSet<String> = BTreeSet::new();
-    // Capturing, the baselines and --surface have their own tests, and help ends every run.
+    // Capturing, the baselines, --surface and known space have their own tests, and help ends every run.
     tried.extend(
-        ["renderdoc", "curve", "help", "method", "candidates", "nodes", "hidden-nodes", "model", "surface"]
-            .map(str::to_owned),
+        [
+            "renderdoc",
+            "curve",
+            "help",
+            "method",
+            "candidates",
+            "nodes",
+            "hidden-nodes",
+            "model",
+            "surface",
+            "space",
+            "reach",
+        ]
+        .map(str::to_owned),
     );
     tried.extend(["renders", "steps", "look-size", "noise-steps", "antialiased"].map(str::to_owned));
     let mut try_with = |given: &str| {
@@ -80,7 +92,7 @@ fn every_option_of_the_help_is_accepted() {
     let given = "--preset room --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --floor -0.5 --up z --clearance 0.1 \
                  --device 0 --debug-sync --held-out 50 --seed 4 --cone --all --viewers heights:-0.9,0.5 --json m.json \
                  --wall 0,0,-0.7,0,0,1 --keep-out small.json --keep-out zone.json --geo -0.001,0,0 --heights -0.4,0.4 \
-                 --walk 0.5,0.5,-0.5,0.05,0.3";
+                 --walk 0.5,0.5,-0.5,0.05,0.3 --space open";
     place.write("small.json", r#"{"boxes": [[-0.9, -0.9, 0.2, -0.6, -0.6, 0.4]]}"#);
     place.done(&format!("score ball.ply first/plan.json {given}"));
     place.done("score ball.ply first/plan.json --shell 0,0,0,2,3");
@@ -99,7 +111,7 @@ fn every_option_of_the_help_is_accepted() {
     );
     let untried: Vec<String> =
         options(&place, "score").into_keys().filter(|name| !given.contains(name) && name != "shell").collect();
-    assert_eq!(untried, ["help"]);
+    assert_eq!(untried, ["help", "reach"]);
 
     place.write("splats.ply", io::ply::write::gaussians(&one_splat()));
     let given = "--out r --format exr --alpha --depth --antialiased --size 64x64 --near 0.1 --device 0 --debug-sync";

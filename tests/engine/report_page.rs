@@ -24,7 +24,8 @@ impl Stage {
     fn page(&self) -> String {
         let triangles =
             (!self.corners.is_empty()).then_some(Triangles { corners: &self.corners, colours: &self.colours });
-        html(&self.record, &ReportScene { points: &self.points, triangles, worst: &[] }).unwrap()
+        html(&self.record, &ReportScene { points: &self.points, triangles, cloud: None, worst: &[], shots: None })
+            .unwrap()
     }
 }
 
@@ -439,6 +440,8 @@ fn colours_must_match_the_triangles() {
     let mut stage = ball();
     stage.colours.pop();
     let triangles = Some(Triangles { corners: &stage.corners, colours: &stage.colours });
-    let error = html(&stage.record, &ReportScene { points: &stage.points, triangles, worst: &[] }).unwrap_err();
+    let error =
+        html(&stage.record, &ReportScene { points: &stage.points, triangles, cloud: None, worst: &[], shots: None })
+            .unwrap_err();
     assert!(error.to_string().contains("colours"));
 }

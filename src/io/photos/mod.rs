@@ -103,8 +103,10 @@ pub fn read(path: &Path, options: &Options) -> Result<PhotoSet> {
         found.notes.push(what);
     }
     let Found { photos, convention, points, tracks, errors, notes, .. } = found;
+    let is_metric = path.is_dir() && phone::is_layout(path);
+    let path_of = path.to_owned();
     let mut set =
-        PhotoSet { path: path.to_owned(), photos, convention, points, tracks, errors, missing, notes: Vec::new() };
+        PhotoSet { path: path_of, photos, convention, points, tracks, errors, is_metric, missing, notes: Vec::new() };
     if options.images == Images::SkipMissing {
         set = set.filtered(|photo| photo.image.is_some());
         if set.photos.is_empty() {

@@ -1,0 +1,154 @@
+//! The shot list: how a person gets from a photo that exists to one that is planned, and what it should show.
+
+use std::fs;
+
+use crate::support::command::{Place, SHORT};
+use camsplat::io;
+use camsplat::io::camera_files;
+use camsplat::io::folder::OutputFolder;
+use camsplat::photos::preview::Previews;
+use camsplat::scene::camera::{Camera, Intrinsics, Pose};
+use camsplat::scene::random;
+use camsplat::scene::surface::Points;
+use glam::{DVec2, DVec3};
+use image::{Rgb, RgbImage};
+use serde_json::Value;
+
+/// The colour of a wall in the plane y = 0, which fills every picture here.
+fn painted(x: f64, z: f64) -> Rgb<u8> {
+    let wave = |t: f64| (127.5 + 110.0 * t.sin()) as u8;
+    Rgb([wave(2.1 * x), wave(1.7 * z + 0.4 * x), wave(1.3 * (x - z))])
+}
+
+/// What a camera sees of the wall, in a picture of so many pixels.
+fn photographed(camera: &Camera, [width, height]: [u32; 2]) -> RgbImage {
+    let lens = camera.intrinsics;
+    let scale = f64::from(lens.width) / f64::from(width);
+    RgbImage::from_fn(width, height, |x, y| {
+        let pixel = scale * (DVec2::new(f64::from(x), f64::from(y)) + 0.5);
+        let local = ((pixel - DVec2::from(lens.principal)) / DVec2::from(lens.focal)).extend(1.0);
+        let direction = camera.pose.rotation * local;
+        let at = camera.pose.position - camera.pose.position.y / direction.y * direction;
+        painted(at.x, at.z)
+    })
+}
+
+fn camera(name: &str, position: DVec3, toward: DVec3) -> Camera {
+    let pose = Pose::looking(position, toward - position, DVec3::Z);
+    Camera { name: name.into(), pose, intrinsics: Intrinsics::from_fov(320, 240, 1.0) }
+}
+
+/// A place with a capture of the wall: twelve photos in a row, with images unless `bare`, as a COLMAP model.
+fn captured(bare: bool) -> Place {
+    let place = Place::new();
+    let photo = |i: u32| {
+        let x = 0.6 * f64::from(i) - 3.3;
+        camera(&format!("{i:03}.png"), DVec3::new(x, -4.0 - 0.5 * f64::from(i % 2), 1.6), DVec3::new(0.7 * x, 0.0, 1.4))
+    };
+    let cameras: Vec<Camera> = (0..12).map(photo).collect();
+    let point = |i: u32| {
+        let [u, v, ..] = random::uniforms(4, 0, i);
+        DVec3::new(14.0 * u - 7.0, 0.0, 10.0 * v - 3.5)
+    };
+    let points: Vec<DVec3> = (0..3000).map(point).collect();
+    let track = |p: &DVec3| (0..12).zip(&cameras).filter(|(_, camera)| camera.sees(*p)).map(|(i, _)| i).collect();
+    let tracks: Vec<Vec<u32>> = points.iter().map(track).collect();
+    let folder = OutputFolder::create(&place.path("wall"), false).unwrap();
+    let cloud = Points { positions: points, ..Points::default() };
+    camera_files::capture(&folder, &cameras, &cloud, &tracks).unwrap();
+    folder.commit().unwrap();
+    fs::create_dir_all(place.path("wall/images")).unwrap();
+    for camera in cameras.iter().filter(|_| !bare) {
+        photographed(camera, [320, 240]).save(place.path(&format!("wall/images/{}", camera.name))).unwrap();
+    }
+    place
+}
+
+/// If this failed, a photographer would compare the viewfinder with a picture of something else.
+#[test]
+fn a_preview_shows_what_the_photo_will() {
+    let place = captured(false);
+    let set = io::photos::read(&place.path("wall"), &io::photos::Options::default()).unwrap();
+    let previews = Previews::new(&set, set.step());
+    let aims = [
+        camera("a", DVec3::new(0.2, -4.2, 1.9), DVec3::new(0.0, 0.0, 1.5)),
+        camera("b", DVec3::new(-2.0, -3.4, 1.2), DVec3::new(-2.4, 0.0, 1.6)),
+    ];
+    let (pictures, photos) = previews.pictures(&aims).unwrap();
+    assert_eq!(photos.len(), 12);
+    for (aim, picture) in aims.iter().zip(&pictures) {
+        let truth = photographed(aim, [picture.width(), picture.height()]);
+        let shown: Vec<_> = picture.pixels().zip(truth.pixels()).filter(|(Rgb(a), _)| *a != [208, 210, 214]).collect();
+        let off: f64 = shown
+            .iter()
+            .map(|(Rgb(a), Rgb(b))| (0..3).map(|c| f64::from(a[c].abs_diff(b[c]))).sum::<f64>() / 3.0)
+            .sum();
+        let (mean, part) = (off / shown.len() as f64, shown.len() as f64 / truth.pixels().len() as f64);
+        assert!(mean < 6.0 && part > 0.97, "{}: {mean} of 255 off, {part} shown", aim.name);
+    }
+    assert_eq!(set.photos[previews.nearest(&aims[1])[0]].camera.name, "002.png");
+}
+
+/// If this failed, words, numbers and pictures of a shot would tell of different places.
+#[test]
+fn a_plan_for_a_capture_has_a_shot_list_that_leads_to_it() {
+    let place = captured(false);
+    place.done(&format!("plan wall --keep wall {SHORT} --out o"));
+    let plan = place.plan("o");
+    let list: Value = serde_json::from_str(&place.read("o/shots.json")).unwrap();
+    let shots = list["shots"].as_array().unwrap();
+    assert_eq!(shots.len(), 5);
+    assert!(list["unit"].as_str().unwrap().starts_with("a step, which is about as far as from 0"), "{list}");
+    let page = place.read("o/report.html");
+    assert!(page.contains("Shot list") && page.contains("colmap image_registrator"));
+    for (shot, camera) in shots.iter().zip(&plan.cameras) {
+        assert_eq!(shot["name"], camera.name);
+        let from = plan.cameras.iter().find(|kept| shot["from"] == kept.name).unwrap();
+        // Level with the ground, as the photo looks.
+        let up = plan.region.up;
+        let ahead = (from.pose.forward() - from.pose.forward().dot(up) * up).normalize();
+        let [right, forward, rise] = ["right", "ahead", "up"].map(|key| shot[key].as_f64().unwrap());
+        let led = from.pose.position + right * ahead.cross(up) + forward * ahead + rise * up;
+        assert!(led.distance(camera.pose.position) < 1e-6, "{shot}");
+        let words = shot["words"].as_str().unwrap();
+        let step = list["unit_length"].as_f64().unwrap();
+        for (length, positive, negative) in
+            [(right, " right", " left"), (forward, " forward", " back"), (rise, " up", " down")]
+        {
+            if length.abs() > 0.11 * step {
+                let moves = words.split("; ").next().unwrap();
+                assert_eq!(moves.contains(positive), length > 0.0, "{shot}");
+                assert_eq!(moves.contains(negative), length < 0.0, "{shot}");
+            }
+        }
+        let picture = image::open(place.path(&format!("o/{}", shot["picture"].as_str().unwrap()))).unwrap();
+        assert_eq!(picture.width(), 320);
+        assert!(page.contains(words), "{words}");
+    }
+    let bare = captured(true);
+    bare.done(&format!("plan wall --keep wall {SHORT} --out o"));
+    assert!(!bare.path("o/shots.json").exists() && !bare.read("o/report.html").contains("Shot list"));
+}
+
+/// If this failed, a photographer would not be told whether the photos are enough, or be told the same of a third of them.
+#[test]
+fn a_capture_is_told_whether_its_photos_are_enough() {
+    let place = captured(true);
+    let gain = |options: &str| {
+        let ran = place.done(&format!("score {options} --held-out 300 --json s.json"));
+        let scores: Value = serde_json::from_str(&place.read("s.json")).unwrap();
+        (scores["enough"]["gain_db"].as_f64().unwrap(), ran.out)
+    };
+    let (_, out) = gain("wall");
+    assert!(out.contains("enough   ") && out.contains("next     camsplat plan wall --keep wall --views 10"), "{out}");
+    // By the same viewers.
+    let (all, _) = gain("wall wall --viewers wall");
+    place.done("select wall --count 4 --points 300 --out few");
+    let (few, _) = gain("few --viewers wall");
+    assert!(few > all + 0.2, "ten more photos gain {all} dB beside twelve, {few} beside four of them");
+    // Of cameras that are none of the capture's photos nobody asks.
+    place.done(&format!("plan wall --keep wall {SHORT} --out o"));
+    assert!(!place.done("score wall o --held-out 300").out.contains("enough   "));
+    let refused = place.run("score wall/sparse/0/points3D.bin");
+    assert!(refused.code == Some(2) && refused.err.lines().count() == 1, "{}", refused.err);
+}
