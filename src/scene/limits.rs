@@ -414,4 +414,18 @@ mod tests {
         assert!((back.walk.unwrap().height - 1.7).abs() < 1e-12);
         assert!(back.keep_out[0].triangles[0][1].distance(limits.keep_out[0].triangles[0][1]) < 1e-12);
     }
+
+    /// If this failed, a user's own volume would hold other cameras than those inside.
+    #[test]
+    fn a_volume_is_a_space() {
+        let (low, high) = (DVec3::ZERO, DVec3::new(4.0, 2.0, 1.0));
+        let space = KnownSpace::inside(&box_triangles(low, high)).unwrap();
+        for i in 0..4000 {
+            let [u, v, w, _] = crate::scene::random::uniforms(9, 0, i);
+            let p = 6.0 * DVec3::new(u, v, w) - 1.0;
+            let depth = (p - low).min(high - p).min_element();
+            assert!(depth.abs() < 0.05 || space.holds(p) == (depth > 0.0), "{p}");
+        }
+        assert!(KnownSpace::inside(&[]).is_err());
+    }
 }
