@@ -115,7 +115,12 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     })?;
     let pixels = |camera: &Camera| u64::from(camera.intrinsics.width) * u64::from(camera.intrinsics.height);
     let most = cameras.iter().map(pixels).max().unwrap_or(1);
-    let within = cameras.iter().all(|camera| assembly.contains(camera.pose.position));
+    // One that strays through a window makes no object of a room.
+    let inside = cameras.iter().filter(|camera| assembly.contains(camera.pose.position)).count();
+    let within = 10 * inside >= 9 * cameras.len();
+    if inside > 0 && inside < cameras.len() {
+        notes.push(format!("{} of {} cameras stand outside of the scene", cameras.len() - inside, cameras.len()));
+    }
     let light = arguments.light.unwrap_or(if within { Light::Baked } else { Light::Traced });
     let samples = arguments.spp.unwrap_or(light.samples());
     // A metered capture that was stopped continues as it was metered.

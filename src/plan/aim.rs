@@ -3,7 +3,7 @@
 //! What is expected of a camera depends on what is in its picture, and hardly on what part of the picture that fills. Of sparse points
 //! much is unknown beside the surface, and a photo that is half of it is half a photo.
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 use super::reference::Reference;
 use crate::Result;
@@ -86,12 +86,7 @@ fn seen(geometry: &SceneGeometry, intrinsics: &Intrinsics, pose: &Pose) -> (f64,
         let x = (place[0] * width - intrinsics.principal[0]) / intrinsics.focal[0];
         let y = (place[1] * height - intrinsics.principal[1]) / intrinsics.focal[1];
         let direction = pose.rotation * DVec3::new(x, y, 1.0).normalize();
-        let ray = Ray {
-            origin: pose.position.as_vec3(),
-            direction: Vec3::from(direction.as_vec3()),
-            t_min: 0.0,
-            t_max: f32::MAX,
-        };
+        let ray = Ray { origin: pose.position.as_vec3(), direction: direction.as_vec3(), t_min: 0.0, t_max: f32::MAX };
         let hit = geometry.bvh.any_hit(&ray);
         let is_inside = place.iter().all(|at| (0.0..1.0).contains(at));
         all += u32::from(is_inside);

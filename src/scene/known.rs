@@ -12,9 +12,10 @@ use crate::{Error, Result, parallel};
 /// Voxels along the longest side of the space.
 const RESOLUTION: f64 = 128.0;
 /// How many steps a photographer goes from where photos were taken. A step is as long as nine of ten between neighbouring photos, and at
-/// least this part of the distance of what they saw, since frames of a video are closer to each other than anybody steps.
+/// least one part of the distance of what they saw, since frames of a video are closer to each other than anybody steps, and at most another.
 const STEPS: f64 = 2.0;
 const LEAST_STEP: f64 = 0.125;
+const MOST_STEP: f64 = 0.5;
 /// Around a photo so much is free, as a part of the median distance of what it saw and of the step: somebody stood there, and could have
 /// held the camera elsewhere.
 const ARM: [f64; 2] = [0.1, 0.5];
@@ -164,7 +165,8 @@ pub fn step(sights: &[Sight]) -> f64 {
     let mut edges = spanning_tree(&places);
     let usual = quantile(&mut edges, 0.9);
     let mut distances: Vec<f64> = sights.iter().map(|sight| sight.middle).filter(|middle| *middle > 0.0).collect();
-    usual.max(LEAST_STEP * quantile(&mut distances, 0.5))
+    let away = quantile(&mut distances, 0.5);
+    usual.max(LEAST_STEP * away).min(if away > 0.0 { MOST_STEP * away } else { f64::INFINITY })
 }
 
 /// The value below which a share of all lie; zero where there are none.
@@ -263,7 +265,7 @@ mod tests {
         let point = |i: u32| {
             let [u, v, w, _] = random::uniforms(5, 2, i);
             let on_wall = DVec3::new(0.01 * w, 12.0 * u - 6.0, 8.0 * v - 3.0);
-            if i % 100 == 0 { on_wall - DVec3::X * 4.0 } else { on_wall }
+            if i.is_multiple_of(100) { on_wall - DVec3::X * 4.0 } else { on_wall }
         };
         (0..2000).map(point).collect()
     }

@@ -10,6 +10,10 @@ const CELLS: f64 = 40.0;
 const POINTS: usize = 3;
 /// How many cells off these may be.
 const AROUND: isize = 5;
+/// So many points around a cell without points tell whether it lies between them, or beside all of them, where something plain may be
+/// nearer: the length of the mean of their offsets over their mean length is below this.
+const SURROUNDING: usize = 8;
+const ONE_SIDED: f64 = 0.7;
 /// Part of the way to them that counts: points are a little off, and surfaces come nearer between them.
 const PROVEN: f64 = 0.95;
 /// Tangent of the widest angle from the axis at which rays count; lenses may see more.
@@ -77,24 +81,28 @@ impl Sight {
         let at = |x: isize, y: isize| y as usize * columns + x as usize;
         let range = |x: isize, y: isize| {
             let middle = low + cell * (DVec2::new(x as f64, y as f64) + 0.5);
-            let mut near: Vec<(f64, f64)> = Vec::new();
+            let mut near: Vec<(DVec2, f64)> = Vec::new();
             // Ring by ring; of a ring farther out no point is nearer than all found.
             for ring in 0..=AROUND {
                 for (dx, dy) in ring_of(ring) {
                     if within(x + dx, y + dy) {
                         let points = &seen[at(x + dx, y + dy)];
-                        near.extend(points.iter().map(|(place, range)| (place.distance_squared(middle), *range)));
+                        near.extend(points.iter().map(|(place, range)| (*place - middle, *range)));
                     }
                 }
-                let certain = (ring as f64 * cell).powi(2);
-                if near.iter().filter(|(away, _)| *away <= certain).count() >= POINTS {
+                let certain = ring as f64 * cell;
+                if near.iter().filter(|(offset, _)| offset.length() <= certain).count() >= SURROUNDING {
                     break;
                 }
             }
-            near.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let seen = near
-                .get(POINTS - 1)
-                .map(|_| near[..POINTS].iter().map(|(_, range)| *range).fold(f64::INFINITY, f64::min));
+            near.sort_by(|a, b| a.0.length_squared().total_cmp(&b.0.length_squared()));
+            let few = &near[..near.len().min(SURROUNDING)];
+            let (sum, lengths) = few
+                .iter()
+                .fold((DVec2::ZERO, 0.0), |(sum, lengths), (offset, _)| (sum + *offset, lengths + offset.length()));
+            let between = !seen[at(x, y)].is_empty() || sum.length() < ONE_SIDED * lengths;
+            let nearest = few.get(..POINTS).filter(|_| between);
+            let seen = nearest.map(|few| few.iter().map(|(_, range)| *range).fold(f64::INFINITY, f64::min));
             let around = (0..=1).flat_map(ring_of).filter(|(dx, dy)| within(x + dx, y + dy));
             let beside =
                 around.flat_map(|(dx, dy)| &beside[at(x + dx, y + dy)]).map(|(_, range)| *range).reduce(f64::min);

@@ -1,0 +1,247 @@
+#!/usr/bin/env python3
+"""Plans for captures with a known world: photos of rooms posed by COLMAP, places proved free, and what more photos gain.
+
+usage: captures_study.py make ROOMS OUT     cameras of seven captures (OUT/NAME.json) in the rooms of ROOMS (.glb)
+       captures_study.py pose OUT           COLMAP on OUT/photos/NAME/images, into OUT/NAME; its similarity to the world
+       captures_study.py truth ROOMS OUT PLAN...   of plans for captures (OUT/NAME beside the folders PLAN-NAME), who stands in the open
+       captures_study.py choose ROOMS OUT   10, 20 and 40 more cameras by plan, evenly, at random; room-ROOM.json and sets.json
+
+Between make and pose: camsplat capture ROOM.glb OUT/NAME.json --env ROOM.env.hdr --exposure auto --out OUT/photos/NAME. After choose,
+the same of room-ROOM.json, and a training of 4,000 iterations and 200,000 splats (--sh 2) on the old photos with those of each set,
+tested on the set `test`. Needs numpy, trimesh, embreex, pycolmap, and camsplat on the path. docs/results/captures.md has what came out.
+"""
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+
+# Units of a room to a metre.
+METRE = {"living-room": 1.0, "dining-room": 3.0, "classroom": 1.0}
+# Name: room; what is looked at, radii, heights, photos and angles of a ring, or the box of a walk and what height it looks at.
+RINGS = {
+    "lr-table": ("living-room", (2.6, 0.6, -1.95), (0.8, 1.5), (0.9, 1.7), 40, (0, 2)),
+    "lr-sofa": ("living-room", (1.9, 0.55, -3.3), (1.0, 2.0), (0.9, 1.7), 36, (0.12, 0.88)),
+    "dr-table": ("dining-room", (-0.4, 1.2, -2.2), (3.5, 6.0), (1.8, 4.5), 36, (0.08, 0.92)),
+    "cl-desks": ("classroom", (-0.2, 0.9, -0.6), (1.2, 2.0), (1.35, 1.85), 56, (-0.05, 1.05)),
+    "cl-corner": ("classroom", (-2.3, 1.36, -4.7), (1.2, 2.5), (1.3, 1.85), 36, (0.03, 0.5)),
+}
+WALKS = {
+    "lr-walk": ("living-room", (0.6, 1.35, -3.0), (4.5, 1.75, -0.7), 56, 0.9),
+    "cl-walk": ("classroom", (-2.6, 1.3, -4.0), (2.5, 1.9, 3.0), 72, 1.1),
+}
+ROOM = {name: of[0] for name, of in {**RINGS, **WALKS}.items()}
+SIZE, FOV = (800, 600), 65.0
+COUNTS, TESTS = (10, 20, 40), 24
+
+
+class World:
+    """A room's triangles, to cast rays at."""
+
+    def __init__(self, rooms, room):
+        import trimesh
+        from trimesh.ray.ray_pyembree import RayMeshIntersector
+
+        self.rays = RayMeshIntersector(trimesh.load(os.path.join(rooms, room + ".glb"), force="mesh", process=False))
+
+    def first(self, origins, directions):
+        """Distance to the first hit of each ray."""
+        places, rays, _ = self.rays.intersects_location(origins, directions, multiple_hits=False)
+        away = np.full(len(origins), np.inf)
+        away[rays] = np.linalg.norm(places - origins[rays], axis=1)
+        return away
+
+    def clearance(self, place, rng):
+        directions = rng.normal(size=(200, 3))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        return self.first(np.repeat(place[None], 200, 0), directions).min()
+
+    def sees(self, origins, place):
+        way = place - origins
+        length = np.linalg.norm(way, axis=1)
+        return self.first(origins, way / length[:, None]) > length - 1e-3
+
+
+def looking(place, at):
+    """Camera-to-world matrix, OpenGL axes, +Y up."""
+    forward = (at - place) / np.linalg.norm(at - place)
+    right = np.cross(forward, [0.0, 1.0, 0.0])
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = right, np.cross(right, forward), -forward, place
+    return matrix
+
+
+def write(path, named, size=SIZE):
+    focal = size[0] / 2 / np.tan(np.radians(FOV / 2))
+    frames = [{"file_path": f"images/{name}.png", "transform_matrix": matrix.tolist()} for name, matrix in named]
+    lens = {"fl_x": focal, "fl_y": focal, "cx": size[0] / 2, "cy": size[1] / 2, "w": size[0], "h": size[1]}
+    with open(path, "w") as file:
+        json.dump({**lens, "frames": frames}, file)
+
+
+def make(rooms, out):
+    os.makedirs(out, exist_ok=True)
+    rng = np.random.default_rng(7)
+    worlds = {room: World(rooms, room) for room in METRE}
+    for name in ROOM:
+        world, metre, poses = worlds[ROOM[name]], METRE[ROOM[name]], []
+        while name in RINGS and len(poses) < RINGS[name][4]:
+            _, at, radii, heights, count, angles = RINGS[name]
+            turn = np.pi * rng.uniform(*angles)
+            radius = rng.uniform(*radii)
+            place = np.array([at[0] + radius * np.cos(turn), rng.uniform(*heights), at[2] + radius * np.sin(turn)])
+            near = np.array(at) + 0.25 * (place - at) / np.linalg.norm(place - at)
+            if world.sees(place[None], near)[0] and world.clearance(place, rng) > 0.2 * metre:
+                poses.append(looking(place, np.array(at) + 0.12 * radius * rng.normal(size=3)))
+        while name in WALKS and len(poses) < WALKS[name][3]:
+            _, low, high, count, height = WALKS[name]
+            low, high = np.array(low), np.array(high)
+            middle, half = (low + high) / 2, (high - low) / 2 * rng.uniform(0.8, 1.0)
+            turn = 2 * np.pi * (len(poses) + 0.5 * rng.random()) / count
+            place = middle + half * [np.cos(turn), rng.uniform(-1, 1), np.sin(turn)]
+            across = 2 * middle - place
+            across[1] = height + 0.15 * rng.normal()
+            if world.clearance(place, rng) > 0.2 * metre:
+                poses.append(looking(place, across + metre * 0.2 * rng.normal(size=3) * [1, 0, 1]))
+        write(os.path.join(out, name + ".json"), [(f"{i:03d}", pose) for i, pose in enumerate(poses)])
+
+
+def umeyama(a, b):
+    """Scale, rotation and translation that bring a to b by least squares, without pairs that are far off."""
+    keep = np.ones(len(a), bool)
+    for _ in range(10):
+        ma, mb = a[keep].mean(0), b[keep].mean(0)
+        u, s, vt = np.linalg.svd((b[keep] - mb).T @ (a[keep] - ma) / keep.sum())
+        sign = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
+        rotation = (u * sign) @ vt
+        scale = (s * sign).sum() / ((a[keep] - ma) ** 2).sum(1).mean()
+        moved = scale * (a - ma) @ rotation.T + mb
+        off = np.linalg.norm(moved - b, axis=1)
+        keep = off < max(5 * np.median(off), 1e-3)
+    return scale, rotation, mb - scale * rotation @ ma
+
+
+def pose(out):
+    import pycolmap
+
+    for name in ROOM:
+        folder = os.path.join(out, name)
+        shutil.rmtree(folder, ignore_errors=True)
+        shutil.copytree(os.path.join(out, "photos", name, "images"), folder + "/images")
+        os.makedirs(folder + "/sparse")
+        database = folder + "/database.db"
+        pycolmap.extract_features(database, folder + "/images", camera_mode=pycolmap.CameraMode.SINGLE)
+        pycolmap.match_exhaustive(database)
+        models = pycolmap.incremental_mapping(database, folder + "/images", folder + "/all")
+        best = max(models, key=lambda i: models[i].num_reg_images())
+        os.rename(f"{folder}/all/{best}", folder + "/sparse/0")
+        shutil.rmtree(folder + "/all")
+        with open(os.path.join(out, name + ".json")) as file:
+            truth = {os.path.basename(f["file_path"]): f["transform_matrix"] for f in json.load(file)["frames"]}
+        posed = [image for image in models[best].images.values() if image.has_pose]
+        centres = np.array([image.projection_center() for image in posed])
+        scale, rotation, shift = umeyama(centres, np.array([truth[image.name] for image in posed])[:, :3, 3])
+        with open(folder + "/world.json", "w") as file:
+            json.dump({"scale": scale, "rotation": rotation.tolist(), "shift": shift.tolist()}, file)
+        print(name, len(posed), "photos posed,", models[best].num_points3D(), "points")
+
+
+def planned(out, name, plan):
+    """World poses of planned and of kept cameras of a plan."""
+    with open(os.path.join(out, name, "world.json")) as file:
+        world = json.load(file)
+    rotation = np.array(world["rotation"])
+    with open(os.path.join(plan, "plan.json")) as file:
+        record = json.load(file)
+    poses = []
+    for camera in record["cameras"]:
+        x, y, z, w = camera["pose"]["rotation"]
+        own = np.array([
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ])
+        matrix = np.eye(4)
+        matrix[:3, :3] = rotation @ own @ np.diag([1, -1, -1])
+        matrix[:3, 3] = world["scale"] * rotation @ camera["pose"]["position"] + world["shift"]
+        poses.append(matrix)
+    count = len(poses) - record["kept"]
+    return poses[:count], poses[count:]
+
+
+def truth(rooms, out, plans):
+    """A place is in the open if a photo, or a place that a photo sees, sees it through the true mesh."""
+    total = {}
+    for name in ROOM:
+        world, rng = World(rooms, ROOM[name]), np.random.default_rng(3)
+        for plan in plans:
+            new, old = planned(out, name, f"{plan}-{name}")
+            photos = np.array([pose[:3, 3] for pose in old])
+            starts = photos[rng.integers(len(photos), size=300)]
+            ways = rng.normal(size=(300, 3))
+            ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+            reach = 0.9 * np.minimum(world.first(starts, ways), 3 * METRE[ROOM[name]]) * rng.random(300)
+            open_places = np.concatenate([photos, starts + ways * reach[:, None]])
+            free = sum(bool(world.sees(open_places, pose[:3, 3]).any()) for pose in new)
+            before = total.get(plan, (0, 0))
+            total[plan] = (before[0] + free, before[1] + len(new))
+            print(name, plan, f"{free} of {len(new)} in the open")
+    print({plan: f"{100 * free / count:.1f}%" for plan, (free, count) in total.items()})
+
+
+def choose(rooms, out):
+    of_room, sets = {}, {}
+    for name in ROOM:
+        def plan(arguments, to, name=name):
+            folder = os.path.join(out, f"{to}-{name}")
+            capture = os.path.join(out, name)
+            command = ["camsplat", "plan", capture, "--keep", capture, *arguments.split(), "--out", folder, "--force"]
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+            return planned(out, name, folder)
+
+        chosen = {f"plan{count}": plan(f"--views {count}", f"plan{count}")[0] for count in COUNTS}
+        candidates, chosen["old"] = plan("--views 400 --method random", "random")
+        order = np.random.default_rng(11).permutation(len(candidates))
+        chosen["random"] = [candidates[i] for i in order[: COUNTS[-1]]]
+        places = np.array([pose[:3, 3] for pose in candidates])
+        photos = np.array([pose[:3, 3] for pose in chosen["old"]])
+        away = np.linalg.norm(places[:, None] - photos[None], axis=2).min(1)
+        chosen["even"] = []
+        for _ in range(COUNTS[-1]):
+            farthest = int(away.argmax())
+            chosen["even"].append(candidates[farthest])
+            away = np.minimum(away, np.linalg.norm(places - places[farthest], axis=1))
+        # Viewers that no choice saw: up to a metre from a photo, looking about as one of the five nearest does.
+        world, metre, rng = World(rooms, ROOM[name]), METRE[ROOM[name]], np.random.default_rng(23)
+        chosen["test"] = []
+        while len(chosen["test"]) < TESTS:
+            start, way = photos[rng.integers(len(photos))], rng.normal(size=3)
+            place = start + way / np.linalg.norm(way) * rng.random() * metre
+            if world.sees(start[None], place)[0] and world.clearance(place, rng) > 0.15 * metre:
+                near = np.argsort(np.linalg.norm(photos - place, axis=1))[rng.integers(5)]
+                forward = -chosen["old"][near][:3, 2] + 0.2 * rng.normal(size=3)
+                chosen["test"].append(looking(place, place + forward))
+        sets[name] = {kind: [f"{name}-{kind}-{i:03d}" for i in range(len(poses))] for kind, poses in chosen.items()}
+        named = [(f"{name}-{kind}-{i:03d}", pose) for kind, poses in chosen.items() for i, pose in enumerate(poses)]
+        of_room.setdefault(ROOM[name], []).extend(named)
+    for room, named in of_room.items():
+        write(os.path.join(out, f"room-{room}.json"), named, (640, 480))
+    with open(os.path.join(out, "sets.json"), "w") as file:
+        json.dump(sets, file)
+
+
+if __name__ == "__main__":
+    match sys.argv[1:]:
+        case ["make", rooms, out]:
+            make(rooms, out)
+        case ["pose", out]:
+            pose(out)
+        case ["truth", rooms, out, *plans] if plans:
+            truth(rooms, out, plans)
+        case ["choose", rooms, out]:
+            choose(rooms, out)
+        case _:
+            sys.exit(__doc__)
