@@ -52,7 +52,7 @@ pub struct RegionOptions {
     /// [default: known for captures, else open]
     #[arg(long, value_name = "SPACE", value_parser = parse_space)]
     pub space: Option<SpaceOption>,
-    /// How far from the nearest photo known space reaches [default: a photographer's step, as the spacing of the photos shows it]
+    /// How far from the nearest photo known space reaches [default: two of a photographer's steps, as the spacing of the photos shows them]
     #[arg(long, value_name = "LENGTH")]
     pub reach: Option<f64>,
     /// Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or

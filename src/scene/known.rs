@@ -37,8 +37,8 @@ pub struct KnownSpace {
 }
 
 impl KnownSpace {
-    /// What `sights` prove free within `reach` of where photos were taken, by default two of a photographer's steps: what their rays pass, what
-    /// an arm reaches around each, and the ways between neighbours that are no farther apart and `joined`.
+    /// What `sights` prove free within `reach` of where photos were taken, by default two of a photographer's steps: what their rays
+    /// pass, what an arm reaches around each, and the ways between neighbours that are no farther apart and `joined`.
     ///
     /// # Errors
     /// [`Error::Request`] where there are no sights, or all of one place.
