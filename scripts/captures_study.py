@@ -7,7 +7,7 @@ usage: captures_study.py make ROOMS OUT     cameras of seven captures (OUT/NAME.
        captures_study.py choose ROOMS OUT   10, 20 and 40 more cameras by plan, evenly, at random; room-ROOM.json and sets.json
 
 Between make and pose: camsplat capture ROOM.glb OUT/NAME.json --env ROOM.env.hdr --exposure auto --out OUT/photos/NAME. After choose,
-the same of room-ROOM.json, and a training of 4,000 iterations and 200,000 splats (--sh 2) on the old photos with those of each set,
+the same of room-ROOM.json with --spp 32, and a training of 4,000 iterations and 200,000 splats (--sh 2) on the old photos with those of each set,
 tested on the set `test`. Needs numpy, trimesh, embreex, pycolmap, and camsplat on the path. docs/results/captures.md has what came out.
 """
 import json

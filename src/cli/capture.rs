@@ -47,7 +47,7 @@ pub struct Arguments {
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     spp: Option<u32>,
     /// Diffuse light: baked once into a map of the scene (light.map), so that photographs have next to no noise of it, or traced for each pixel
-    /// [default: baked where all cameras stand within the scene's bounds, as in a room]
+    /// [default: baked where nine of ten cameras stand within the scene's bounds, as in a room]
     #[arg(long, value_enum)]
     light: Option<Light>,
     /// Size of the pictures in pixels, of the same shape as the cameras' [default: the cameras']
@@ -86,7 +86,7 @@ enum Stops {
 /// What is behind the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Background {
-    /// The environment where all cameras stand within the scene's bounds, as in a room; else nothing
+    /// The environment where nine of ten cameras stand within the scene's bounds, as in a room; else nothing
     Auto,
     /// Nothing: alpha is 0, and masks are written
     Alpha,

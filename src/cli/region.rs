@@ -236,14 +236,13 @@ impl RegionOptions {
                 preset = Preset::Room;
             }
         }
-        // A surface may be of the object alone, of which the capture's points know more.
-        let points = capture.map_or(&[][..], |set| &set.points.positions);
-        let around: Vec<DVec3> = if capture.is_some_and(|set| path != set.path) {
-            [surface.positions(), points].concat()
-        } else {
-            surface.positions().to_vec()
+        // A surface may be of the object alone, of whose surroundings the capture's points know more.
+        let planes = match capture {
+            Some(set) if path != set.path => {
+                Planes::of(&[surface.positions(), &set.points.positions].concat(), &photographed)
+            }
+            _ => Planes::of(surface.positions(), &photographed),
         };
-        let planes = Planes::of(&around, &photographed);
         let up = self.up.or(stored.map(|region| region.up)).or(planes.up).unwrap_or_else(|| usual_up(path));
         limits.space = self.space(surface, path, capture, (stored.is_some(), limits.space.take()))?;
         if preset == Preset::Object && choice.shape.is_none() {

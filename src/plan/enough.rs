@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::config::Config;
-use super::job::{expected_plan, held_out};
+use super::job::{expected_beside, held_out};
 use super::reference::Reference;
 use super::target::Target;
 use crate::scene::camera::Camera;
@@ -58,10 +58,11 @@ impl Enough {
     pub fn new(context: &Arc<Context>, target: &Target, cameras: &[Camera], config: &Config) -> Result<Self> {
         let first = cameras.first().ok_or_else(|| Error::request("there are no photos to judge"))?;
         let config = Config { views: MORE, ..config.clone() };
-        let scene = DeviceScene::new(context, target.geometry()?)?;
-        let reference = Reference::new(context, &scene, target, (first.intrinsics, cameras), &config)?;
+        let scene = Arc::new(DeviceScene::new(context, target.geometry()?)?);
+        let photos = (first.intrinsics, cameras);
+        let reference = Reference::new(context, &scene, target, photos, &config)?;
         let before = reference.expect(&[])?;
-        let (after, _) = expected_plan(context, target, first.intrinsics, cameras, config.clone())?;
+        let (after, _) = expected_beside(context, target, (&scene, &reference), photos, config.clone())?;
         let points: Vec<DVec3> = held_out(target, &config).iter().map(|point| point.position).collect();
         let errors = reference.outlook(cameras, &points)?.map.points;
         let radius = RADIUS * target.proxy.sphere.1;

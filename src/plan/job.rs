@@ -156,12 +156,25 @@ pub fn expected_plan(
     kept: &[Camera],
     config: Config,
 ) -> Result<(Expectation, Vec<Pose>)> {
-    let geometry = target.geometry()?;
-    let preparation = Preparation::new(context, &geometry, &target.proxy, &intrinsics, kept, config.clone())?;
-    let scene = Arc::new(DeviceScene::new(context, geometry)?);
+    let scene = Arc::new(DeviceScene::new(context, target.geometry()?)?);
     let reference = Reference::new(context, &scene, target, (intrinsics, kept), &config)?;
+    expected_beside(context, target, (&scene, &reference), (intrinsics, kept), config)
+}
+
+/// [`expected_plan`] of a scene whose simple layouts have been judged.
+///
+/// # Errors
+/// As [`run`].
+pub(super) fn expected_beside(
+    context: &Arc<Context>,
+    target: &Target,
+    (scene, reference): (&Arc<DeviceScene>, &Reference),
+    (intrinsics, kept): (Intrinsics, &[Camera]),
+    config: Config,
+) -> Result<(Expectation, Vec<Pose>)> {
+    let preparation = Preparation::new(context, &scene.geometry, &target.proxy, &intrinsics, kept, config)?;
     let preparation = preparation.starting_from(&reference.best().poses);
-    let (planner, mut outcome) = optimise(context, &scene, preparation, None, |_, _| ControlFlow::Continue(()))?;
+    let (planner, mut outcome) = optimise(context, scene, preparation, None, |_, _| ControlFlow::Continue(()))?;
     drop(planner);
     check_finite(&outcome.poses)?;
     Ok((reference.guard(&mut outcome)?, outcome.poses))

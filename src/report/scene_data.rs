@@ -150,19 +150,26 @@ pub struct PointData {
     error: String,
 }
 
+/// Places on the surface.
+#[derive(Serialize)]
+struct Placed {
+    low: DVec3,
+    /// World units per step of `positions`.
+    step: DVec3,
+    /// u16, three per place.
+    positions: String,
+    /// u16, the point nearest to each place.
+    nearest: String,
+}
+
 /// The surface, where it is made of points.
 #[derive(Serialize)]
 pub struct CloudData {
     count: usize,
-    low: DVec3,
-    /// World units per step of `positions`.
-    step: DVec3,
-    /// u16, three per disc.
-    positions: String,
+    #[serde(flatten)]
+    placed: Placed,
     /// u8, three per disc.
     colours: String,
-    /// u16, the point nearest to each disc.
-    nearest: String,
     /// Usual diameter of a disc.
     diameter: f64,
 }
@@ -171,15 +178,11 @@ pub struct CloudData {
 #[derive(Serialize)]
 pub struct TriangleData {
     count: usize,
-    low: DVec3,
-    /// World units per step of `positions`.
-    step: DVec3,
-    /// u16, nine per triangle.
-    positions: String,
+    /// Three corners per triangle.
+    #[serde(flatten)]
+    placed: Placed,
     /// u8, three per triangle; empty where the mesh has no colours.
     colours: String,
-    /// u16, the point nearest to each corner.
-    nearest: String,
 }
 
 impl RegionData {
@@ -218,27 +221,33 @@ impl PointData {
     }
 }
 
+impl Placed {
+    /// Places, relative to `origin`, and the points nearest to them; none where there are none.
+    fn new(places: &[DVec3], points: &[SurfacePoint], origin: DVec3) -> Option<Self> {
+        let (low, high) = bounds(places.iter().copied())?;
+        let step = ((high - low) / f64::from(u16::MAX)).max(DVec3::splat(f64::MIN_POSITIVE));
+        let quantised = places.iter().flat_map(|p| ((p - low) / step).round().to_array());
+        Some(Self {
+            low: low - origin,
+            step,
+            // A cast from NaN or beyond the range saturates, so that no place can panic.
+            positions: pack(quantised.map(|v| v as u16), u16::to_le_bytes),
+            nearest: pack(nearest(points, places.iter().copied()), u16::to_le_bytes),
+        })
+    }
+}
+
 impl TriangleData {
     /// Triangles, relative to `origin`, with the points that they take their colours from; none where there are none.
     pub fn new(triangles: &Triangles, points: &[SurfacePoint], origin: DVec3) -> Option<Self> {
         let (corners, sources) = split(triangles.corners, points.len());
-        let (low, high) = bounds(corners.iter().flatten().copied())?;
-        let step = ((high - low) / f64::from(u16::MAX)).max(DVec3::splat(f64::MIN_POSITIVE));
-        let quantised = corners.iter().flatten().flat_map(|p| ((p - low) / step).round().to_array());
+        let placed = Placed::new(corners.as_flattened(), points, origin)?;
         let colours = if triangles.colours.is_empty() {
             String::new()
         } else {
             pack(sources.iter().map(|s| triangles.colours[*s]), |c| c)
         };
-        Some(Self {
-            count: corners.len(),
-            low: low - origin,
-            step,
-            // A cast from NaN or beyond the range saturates, so that no corner can panic.
-            positions: pack(quantised.map(|v| v as u16), u16::to_le_bytes),
-            colours,
-            nearest: pack(nearest(points, corners.iter().flatten().copied()), u16::to_le_bytes),
-        })
+        Some(Self { count: corners.len(), placed, colours })
     }
 }
 
@@ -251,18 +260,13 @@ impl CloudData {
             .map(|(disc, colour)| (disc.centre, disc.radius, colour))
             .collect();
         let centres: Vec<DVec3> = discs.iter().map(|(centre, ..)| *centre).collect();
-        let (low, high) = bounds(centres.iter().copied())?;
-        let step = ((high - low) / f64::from(u16::MAX)).max(DVec3::splat(f64::MIN_POSITIVE));
-        let quantised = centres.iter().flat_map(|p| ((*p - low) / step).round().to_array());
+        let placed = Placed::new(&centres, points, origin)?;
         let mut radii: Vec<f64> = discs.iter().map(|(_, radius, _)| *radius).collect();
         let rank = radii.len() / 2;
         Some(Self {
             count: discs.len(),
-            low: low - origin,
-            step,
-            positions: pack(quantised.map(|v| v as u16), u16::to_le_bytes),
+            placed,
             colours: pack(discs.iter().map(|(.., colour)| *colour), |c| c),
-            nearest: pack(nearest(points, centres.iter().copied()), u16::to_le_bytes),
             diameter: 2.0 * *radii.select_nth_unstable_by(rank, f64::total_cmp).1,
         })
     }

@@ -168,6 +168,27 @@ fn a_capture_goes_on_from_its_light() {
     assert_eq!(place.files("mine"), ["light.map"]);
 }
 
+/// If this failed, one camera beyond a window would have a whole room photographed as an object, in grain, without a word; or a few
+/// cameras within an object's bounds would have it photographed as a room.
+#[test]
+fn a_room_stays_one_where_a_camera_strays() {
+    let place = place(1, 16);
+    for (strays, out, is_room) in [(0, "none", true), (1, "one", true), (2, "two", false)] {
+        let all = cameras(12, 16).into_iter().enumerate().map(|(i, mut camera)| {
+            if i >= strays {
+                camera.pose.position *= 0.05;
+            }
+            camera
+        });
+        place.write("cameras.json", serde_json::json!({ "cameras": all.collect::<Vec<_>>() }).to_string());
+        let ran = place.done(&format!("capture cube.gltf cameras.json --out {out} --env sky.hdr --spp 1"));
+        assert_eq!(ran.out.contains("light    "), is_room, "{strays}: {}", ran.out);
+        assert_eq!(ran.out.contains("behind   the environment"), is_room, "{strays}: {}", ran.out);
+        let said = format!("{strays} of 12 cameras stand outside of the scene");
+        assert_eq!(ran.out.contains(&said), strays > 0, "{strays}: {}", ran.out);
+    }
+}
+
 /// If this failed, pictures of an earlier capture would count as those of one that was stopped, and be trained on as its own.
 #[test]
 fn a_stopped_capture_takes_no_pictures_of_an_earlier_one() {
