@@ -11,9 +11,6 @@ const NOTEWORTHY: f64 = 0.2;
 /// Part of the cameras around an object that see a point of it at least, in the mean. Of a room they see the outside of its walls.
 const INSIDE: f64 = 0.1;
 
-/// Unseen part of what viewers look at from which on the user is warned.
-const BLIND: f64 = 0.25;
-
 /// Prints the metrics of a plan beside those of its baselines.
 pub fn print_plan(plan: &Plan) {
     let record = &plan.record;
@@ -27,9 +24,8 @@ pub fn print_plan(plan: &Plan) {
     }
     let kept = if record.kept > 0 { format!(", {} kept", record.kept) } else { String::new() };
     say!("plan     {} views{kept}, {how}", record.cameras.len() - record.kept);
-    if let Some(connection) = &record.connection {
-        let name = if connection.is_whole() { "connect" } else { "warning" };
-        say!("{name}  {}", connection.line());
+    if let Some(connection) = record.connection.as_ref().filter(|connection| connection.is_whole()) {
+        say!("connect  {}", connection.line());
     }
     if let Some(tour) = &record.tour {
         say!("tour     {}", tour.line());
@@ -47,18 +43,15 @@ pub fn print_plan(plan: &Plan) {
     }
     if let Some(expected) = &record.expected {
         say!("expected {}", expected.line());
-        if expected.unseen > BLIND {
-            say!(
-                "warning  much of what viewers look at is seen by no camera: give more --views, or allow more with --heights, \
-                 --walk or --box"
-            );
-        }
         if record.began_from.as_ref() == Some(&expected.against) && expected.db == 0.0 {
             let least = Fitted::embedded().spread(0.0);
             say!(
                 "         the plan is that layout itself: the descent gains less than {least:.2} dB, too little to be distinguished"
             );
         }
+    }
+    for doubt in record.doubts() {
+        say!("warning  {doubt}");
     }
 }
 

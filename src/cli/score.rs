@@ -28,7 +28,7 @@ use crate::{Error, Result, io};
 pub struct Arguments {
     /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model or capture folder
     surface: PathBuf,
-    /// COLMAP or NSVF folder, transforms.json, plan.json or .log [default: the photos of the capture, and whether they are enough]
+    /// COLMAP or NSVF folder, transforms.json, plan.json or .log [default: the photos of the capture]
     cameras: Option<PathBuf>,
     #[command(flatten)]
     region: RegionOptions,
@@ -68,10 +68,10 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     if !(1..=1 << 20).contains(&arguments.held_out) {
         return Err(Error::request(format!("--held-out is {}; give 1 to {}", arguments.held_out, 1 << 20)));
     }
-    // Of a capture alone, and of a capture by its own photos, the question is the same.
-    let (cameras, of_capture) = match &arguments.cameras {
-        Some(cameras) => (cameras, cameras == &arguments.surface && io::may_be_capture(cameras)),
-        None if io::may_be_capture(&arguments.surface) => (&arguments.surface, true),
+    let of_capture = io::may_be_capture(&arguments.surface);
+    let cameras = match &arguments.cameras {
+        Some(cameras) => cameras,
+        None if of_capture => &arguments.surface,
         None => {
             return Err(Error::input(&arguments.surface, "a surface has no photos; name the cameras to score as well"));
         }
@@ -112,15 +112,20 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         ..Config::new(arguments.region.preset.unwrap_or(preset), cameras.len() as u32)
     };
     let (expected, metrics) = job::score(&context, &target, &cameras, kept, &config)?;
-    let enough = if of_capture { Some(Enough::new(&context, &target, &cameras, &config)?) } else { None };
+    let own = if of_capture && path != &arguments.surface { Some(io::read_cameras(&arguments.surface)?) } else { None };
+    let enough =
+        if of_capture { Some(Enough::new(&context, &target, &cameras, own.as_deref(), &config)?) } else { None };
     print_messages(&context);
     if let Some(enough) = &enough {
         say!("enough   {}", enough.line());
         for part in &enough.weak {
             say!("weak     {}", part.line());
         }
-        let path = path.display();
-        say!("next     camsplat plan {path} --keep {path} --views {MORE} --out next");
+        let (surface, path) = (arguments.surface.display(), path.display());
+        if let (Some(own), Some(db)) = (&own, enough.over_own_db) {
+            say!("change   {db:+.1} dB against the {} photos of {surface}", own.len());
+        }
+        say!("next     camsplat plan {surface} --keep {path} --views {MORE} --out next");
     }
     say!("expected {}", expected.line());
     if expected.unseen >= 1.0 {

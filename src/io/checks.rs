@@ -17,6 +17,13 @@ pub(crate) fn usable(p: DVec3) -> bool {
     p.is_finite() && p.abs().max_element() <= LARGEST
 }
 
+/// What is said of cameras with lens distortion where it plays no part.
+pub(crate) fn taken_as_pinholes(distorted: usize, all: usize) -> String {
+    format!(
+        "{distorted} of {all} images have lens distortion, which placing cameras ignores: it takes them as pinholes (training honours it)"
+    )
+}
+
 /// Refuses positions that are not finite, with their count and the first one; `what` names one ("vertex").
 pub(crate) fn finite(path: &Path, positions: &[DVec3], what: &str) -> Result<()> {
     let bad = positions.iter().filter(|p| !usable(**p)).count();

@@ -33,6 +33,9 @@ pub struct Enough {
     pub gain_db: f64,
     /// Share of what viewers look at that no photo sees.
     pub unseen: f64,
+    /// Decibels that these are expected to be ahead of the photos of the capture, where they are others; negative where behind.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub over_own_db: Option<f64>,
     /// Parts of the surface with much error, the largest first.
     pub weak: Vec<Weak>,
 }
@@ -51,17 +54,26 @@ pub struct Weak {
 }
 
 impl Enough {
-    /// Of the photos `cameras`, by the viewers, seed and held-out points of `config`.
+    /// Of the photos `cameras`, by the viewers, seed and held-out points of `config`; beside `own`, the photos of the capture, where
+    /// these are others.
     ///
     /// # Errors
     /// As a plan.
-    pub fn new(context: &Arc<Context>, target: &Target, cameras: &[Camera], config: &Config) -> Result<Self> {
+    pub fn new(
+        context: &Arc<Context>,
+        target: &Target,
+        cameras: &[Camera],
+        own: Option<&[Camera]>,
+        config: &Config,
+    ) -> Result<Self> {
         let first = cameras.first().ok_or_else(|| Error::request("there are no photos to judge"))?;
         let config = Config { views: MORE, ..config.clone() };
         let scene = Arc::new(DeviceScene::new(context, target.geometry()?)?);
         let photos = (first.intrinsics, cameras);
         let reference = Reference::new(context, &scene, target, photos, &config)?;
         let before = reference.expect(&[])?;
+        let own = own.map(|own| reference.expect_cameras(own)).transpose()?;
+        let over_own_db = own.map(|own| own.error_db - before.error_db);
         let (after, _) = expected_beside(context, target, (&scene, &reference), photos, config.clone())?;
         let points: Vec<DVec3> = held_out(target, &config).iter().map(|point| point.position).collect();
         let errors = reference.outlook(cameras, &points)?.map.points;
@@ -69,6 +81,7 @@ impl Enough {
         Ok(Self {
             gain_db: before.error_db - after.error_db,
             unseen: before.unseen,
+            over_own_db,
             weak: weak(&points, &errors, radius, cameras),
         })
     }
@@ -187,7 +200,7 @@ mod tests {
     /// If this failed, a capture that ten photos would help much would be called good enough.
     #[test]
     fn the_answer_follows_the_gain() {
-        let line = |gain_db: f64| Enough { gain_db, unseen: 0.021, weak: Vec::new() }.line();
+        let line = |gain_db: f64| Enough { gain_db, unseen: 0.021, over_own_db: None, weak: Vec::new() }.line();
         assert!(line(0.1).starts_with("yes: 10 more photos, wherever") && line(0.1).contains("2.1%"));
         assert!(line(0.6).starts_with("nearly: the 10 photos that help most would gain about 0.6 dB"));
         assert!(line(2.4).starts_with("not yet"));

@@ -212,3 +212,33 @@ pub struct PlanRecord {
     /// Wall time of the optimisation or the choice, seconds.
     pub seconds: f64,
 }
+
+/// Share of what viewers look at above which cameras that miss it are a doubt about a plan.
+const BLIND: f64 = 0.25;
+
+impl PlanRecord {
+    /// What a user should look at before following the plan, each on one line.
+    pub fn doubts(&self) -> Vec<String> {
+        let mut doubts = Vec::new();
+        if let Some(expected) = self.expected.as_ref().filter(|expected| expected.unseen > BLIND) {
+            let elsewhere = match self.limits.narrows() {
+                true => {
+                    "; viewers stand also where heights or ground keep cameras from, unless other viewers are given"
+                }
+                false => "",
+            };
+            doubts.push(format!(
+                "much of what viewers look at is seen by no camera ({:.0}%): more views help, or wider limits (heights, walk, box){elsewhere}",
+                100.0 * expected.unseen
+            ));
+        }
+        doubts.extend(self.connection.iter().filter(|c| !c.is_whole()).map(Connection::line));
+        if let Some(tour) = self.tour.as_ref().filter(|tour| tour.blocked > 0) {
+            doubts.push(format!("{} legs of the tour lead through the surface or a limit: go around", tour.blocked));
+        }
+        if self.kept > 0 && self.region.floor.is_none() && self.limits.walls.is_empty() {
+            doubts.push("neither a floor nor a wall was found, so that up is as given or as photos were held: see that it is in the 3D view".into());
+        }
+        doubts
+    }
+}

@@ -90,7 +90,7 @@ fn html(demo: &Demo, scene: &Scene, out: &Path) -> Result<String> {
         "vectors" => include_str!("vectors.js").into(),
         "views-js" => include_str!("views.js").into(),
         "webgl" => include_str!("webgl.js").into(),
-        "scene3d" => include_str!("scene3d.js").into(),
+        "scene3d" => super::SCENE3D.into(),
         "fault" => include_str!("fault.js").into(),
         _ => String::new().into(),
     }))

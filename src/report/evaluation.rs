@@ -64,7 +64,7 @@ pub fn html(request: &Request, outcome: &Outcome, subjects: &[Subject]) -> Resul
         "vectors" => include_str!("vectors.js").into(),
         "views" => include_str!("views.js").into(),
         "webgl" => include_str!("webgl.js").into(),
-        "scene3d" => include_str!("scene3d.js").into(),
+        "scene3d" => super::SCENE3D.into(),
         "fault" => include_str!("fault.js").into(),
         "data" => data.as_str().into(),
         "heading" => heading(request, outcome).into(),

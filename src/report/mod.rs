@@ -22,6 +22,7 @@ mod pictures;
 mod plots;
 mod scene_data;
 pub mod selection;
+mod shot_map;
 pub mod shots;
 mod splats;
 mod text;
@@ -40,6 +41,9 @@ use crate::plan::record::PlanRecord;
 use crate::quality::map::Worst;
 use crate::scene::proxy::{Disc, Occluder, Proxy};
 use crate::{Error, Result};
+
+/// The script of the 3D view.
+const SCENE3D: &str = concat!(include_str!("marks.js"), include_str!("scene3d.js"));
 
 /// A held-out point of the surface and what the plan gives it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -153,7 +157,7 @@ fn html_of(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<S
         "views" => include_str!("views.js").into(),
         "scene" => include_str!("scene.html").into(),
         "webgl" => include_str!("webgl.js").into(),
-        "scene3d" => include_str!("scene3d.js").into(),
+        "scene3d" => SCENE3D.into(),
         "data" => data.as_str().into(),
         "choice" => choice.as_str().into(),
         "worst" => worst.as_str().into(),

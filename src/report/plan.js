@@ -37,4 +37,7 @@ function drawCharts(plan) {
   const unreachable = [histograms.unreachable, "out of reach"];
   note("chart-views", [unreachable]);
   note("chart-gaps", [[histograms.unseen, "unseen"], unreachable]);
+
+  // Open until here, so that plots have a width.
+  document.querySelector(".fold").open = false;
 }

@@ -37,6 +37,8 @@ function drawScene(plan, root = document.querySelector(".scene")) {
     nearest: unpack(plan.cloud.nearest, Uint16Array),
   };
 
+  const places = cloud ? Float32Array.from(cloud.positions, (v, i) => cloud.low[i % 3] + v * cloud.step[i % 3]) : points.positions;
+
   /* ---- sizes and the first view ---- */
 
   const room = region?.kind === "box", everywhere = layouts.flatMap((layout) => layout.cameras.map((c) => c.position));
@@ -50,6 +52,7 @@ function drawScene(plan, root = document.querySelector(".scene")) {
   /** A view from above and aside. */
   const home = () => orbit.fit(extremes, room ? { yaw: 1.0, pitch: 0.8 } : { yaw: 0.6, pitch: 0.3 });
   let chosen = null, hovered = null, through = null;
+  const marks = markSurface(form, { positions: places, origin, up, bulk });
   // Heights the cut runs through.
   const heights = [...corners, ...(room ? regionOutline.flat() : [])].map((p) => dot(p, up));
   const lowest = Math.min(...heights), highest = Math.max(...heights) + 0.01 * radius;
@@ -59,7 +62,6 @@ function drawScene(plan, root = document.querySelector(".scene")) {
   /* ---- GPU state ---- */
 
   const trianglesProgram = program(gl, TRIANGLE_SHADERS), pointsProgram = program(gl, POINT_SHADERS), linesProgram = program(gl, LINE_SHADERS);
-  const places = cloud ? Float32Array.from(cloud.positions, (v, i) => cloud.low[i % 3] + v * cloud.step[i % 3]) : points.positions;
   const pointArray = vertexArray(gl, [{ data: places, size: 3 }, { data: cloud?.colours ?? points.colours, size: 3 }]);
   const meshArray = mesh && vertexArray(gl, [{ data: mesh.positions, size: 3 }, { data: new Uint8Array(9 * mesh.count), size: 3 }]);
   const lineArray = vertexArray(gl, [
@@ -133,6 +135,7 @@ function drawScene(plan, root = document.querySelector(".scene")) {
       for (const wall of plan.walls) push(wallLines(wall, bulk, up), styleColour("--region"), 110);
       push(plan.zones, styleColour("--bad"), 170);
     }
+    push(marks.lines(), styleColour("--chosen"), 230);
     if (form.tour.checked) push(tour.slice(1).map((to, i) => [tour[i], to]), styleColour("--tour"), 230);
     if (form.cameras.checked) {
       const marked = styleColour("--chosen");
@@ -305,7 +308,12 @@ function drawScene(plan, root = document.querySelector(".scene")) {
   listen(canvas, orbit, {
     move,
     hover: (at) => (at ? hover(pick(...at, 14), ...at) : hover(null)),
-    pick: (at, within) => choose(pick(...at, within)),
+    pick: (at, within) => {
+      if (!form.mark.value) return choose(pick(...at, within));
+      const cut = Number(form.cut.value), top = cut >= 1 ? Infinity : lowest + cut * (highest - lowest);
+      marks.click((p) => (dot(p, up) > top ? null : onCanvas(currentView().clip, p)), currentView().eye, at);
+      rebuildLines();
+    },
   });
 
   function showLayout(index) {
@@ -333,7 +341,8 @@ function drawScene(plan, root = document.querySelector(".scene")) {
   form.addEventListener("submit", (event) => event.preventDefault());
   form.addEventListener("input", (event) => {
     if (["colour", "cameras", "tour"].includes(event.target.name)) recolour();
-    if (["cameras", "region", "size", "tour"].includes(event.target.name)) rebuildLines();
+    if (event.target.name === "mark") marks.begin();
+    if (["cameras", "mark", "region", "size", "tour"].includes(event.target.name)) rebuildLines();
     showCut();
     redraw();
   });
@@ -347,6 +356,8 @@ function drawScene(plan, root = document.querySelector(".scene")) {
   form.tour.closest("label").hidden = tour.length < 2;
   root.querySelector(".surface-choice").hidden = !mesh || points.count === 0;
   form.region.closest("label").hidden = !region;
+  root.querySelector(".mark").hidden = !region;
+  marks.begin();
   home();
   showLayout(0);
   showCut();

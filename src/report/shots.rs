@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use super::pictures::{MAX_BYTES, jpeg, jpeg_url};
+use super::shot_map;
 use super::text::escape;
 use crate::io::picture::stem;
 use crate::photos::PhotoSet;
@@ -70,6 +71,8 @@ pub struct Shots {
     shown: Vec<(usize, Vec<u8>)>,
     /// Index of the photo to start from of each shot, among the record's cameras.
     from: Vec<usize>,
+    /// The scene from above, as SVG.
+    map: String,
 }
 
 impl Shots {
@@ -132,9 +135,10 @@ impl Shots {
                 break;
             }
         }
+        let map = shot_map::svg(record, &set.points, &from);
         let list = ShotList { unit: said, unit_length: unit.length(), shots };
         let shown = photos.into_iter().map(|(photo, _)| photo).zip(files.1).collect();
-        Ok(Some(Self { list, pictures: files.0, shown, from }))
+        Ok(Some(Self { list, pictures: files.0, shown, from, map }))
     }
 
     /// `shots.json`.
@@ -152,17 +156,14 @@ impl Shots {
         let unit = if metric { String::new() } else { format!(" Lengths are in steps: {}.", escape(&self.list.unit)) };
         let mut html = format!(
             "<section aria-labelledby=\"shots-title\">\n<h2 id=\"shots-title\">Shot list</h2>\n<p>Stand where the photo on the right was \
-             taken, go from there, and match the picture on the left, which is made of photos nearby: grey is what none of them shows. Left, \
-             right and forward are as one looks in that photo.{unit}</p>\n<ol class=\"shots\">\n"
+             taken; move, left, right and forward as one looks in that photo and level; then turn and aim, until the viewfinder shows the \
+             picture on the left. That is made of photos nearby: edges may be frayed, and grey is what none of them shows. Off by a tenth of \
+             the distance to what you photograph is near enough.{unit}</p>\n{}<ol class=\"shots\">\n",
+            self.map
         );
         for ((i, shot), (picture, from)) in self.list.shots.iter().enumerate().zip(self.pictures.iter().zip(&self.from))
         {
             let photo = self.shown.iter().find(|(photo, _)| photo == from).map(|(_, file)| jpeg_url(file));
-            let level = match shot.pitch_deg.round() {
-                0.0 => "level".into(),
-                degrees if degrees > 0.0 => format!("{degrees:.0}° up"),
-                degrees => format!("{:.0}° down", -degrees),
-            };
             let height = shot.height.map(|height| {
                 let (length, unit) = (height / self.list.unit_length, if metric { "m" } else { "steps" });
                 format!(" The lens is {length:.1} {unit} above the floor.")
@@ -170,8 +171,7 @@ impl Shots {
             let _ = write!(
                 html,
                 "<li><div class=\"pair\"><figure data-camera=\"{i}\"><img src=\"{}\" alt=\"what shot {} should show\"></figure>\
-                 <figure data-camera=\"{from}\"><img src=\"{}\" alt=\"photo {}\"></figure></div>\n<p><strong>{}</strong> From <b>{}</b>: {}. \
-                 It looks {level}.{}</p></li>\n",
+                 <figure data-camera=\"{from}\"><img src=\"{}\" alt=\"photo {}\"></figure></div>\n<p><strong>{}</strong> From <b>{}</b>: {}.{}</p></li>\n",
                 jpeg_url(picture),
                 i + 1,
                 photo.unwrap_or_default(),

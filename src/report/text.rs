@@ -83,9 +83,11 @@ fn views(count: usize) -> String {
 }
 
 fn heading(record: &PlanRecord, kind: Kind<'_>) -> String {
-    let status = match record.status {
-        Status::Complete => r#"<span class="badge">complete</span>"#,
-        Status::Interrupted => r#"<span class="badge warn">INTERRUPTED</span>"#,
+    let doubts = if matches!(kind, Kind::Plan) { record.doubts() } else { Vec::new() };
+    let status = match (record.status, doubts.len()) {
+        (Status::Interrupted, _) => r#"<span class="badge warn">INTERRUPTED</span>"#,
+        (Status::Complete, 0) => "",
+        (Status::Complete, _) => r#"<span class="badge warn">look before you follow it</span>"#,
     };
     let mut html = format!("<h1>{} {status}</h1>\n", escape(surface_name(record)));
     let planned = record.cameras.len().saturating_sub(record.kept);
@@ -108,6 +110,9 @@ fn heading(record: &PlanRecord, kind: Kind<'_>) -> String {
         record.version
     );
     let _ = write!(html, "</p>\n<p class=\"line\">{}</p>", escape(&line));
+    for doubt in doubts {
+        let _ = write!(html, "\n<p class=\"notice\">{}</p>", escape(&doubt));
+    }
     if record.status == Status::Interrupted {
         let _ = write!(
             html,

@@ -123,7 +123,7 @@ fn page(title: &str, line: &str, body: &str, data: &Data) -> Result<String> {
         "vectors" => include_str!("vectors.js").into(),
         "views" => include_str!("views.js").into(),
         "webgl" => include_str!("webgl.js").into(),
-        "scene3d" => include_str!("scene3d.js").into(),
+        "scene3d" => super::SCENE3D.into(),
         "splats" => include_str!("splats.js").into(),
         "fault" => include_str!("fault.js").into(),
         "title" => escape(title).into(),

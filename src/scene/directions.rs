@@ -39,7 +39,8 @@ impl Way {
         }
     }
 
-    /// In words; lengths are so many of `unit` each of which is `length` in units of the scene.
+    /// In words: moves first, then the turn from where the first looks, then how far above or below the horizon the second looks, since
+    /// a camera's level shows that and no tilt since the last photo. Lengths are so many of `unit`.
     pub fn words(&self, unit: &Unit) -> String {
         let moved = [(self.right, ["right", "left"]), (self.ahead, ["forward", "back"]), (self.up, ["up", "down"])];
         let moves: Vec<String> = moved
@@ -49,21 +50,18 @@ impl Way {
                 Some(format!("{much} {}", if length > 0.0 { positive } else { negative }))
             })
             .collect();
-        let turned = [(self.turn, ["turn right", "turn left"]), (self.tilt, ["tilt up", "tilt down"])];
-        let turns: Vec<String> = turned
-            .into_iter()
-            .filter(|(angle, _)| angle.to_degrees().abs() >= 2.5)
-            .map(|(angle, [positive, negative])| {
-                let degrees = (angle.to_degrees().abs() / 5.0).round() * 5.0;
-                format!("{} {degrees:.0}°", if angle > 0.0 { positive } else { negative })
-            })
-            .collect();
-        match (moves.is_empty(), turns.is_empty()) {
-            (true, true) => "the same place, looking the same way".into(),
-            (true, false) => format!("stay there; {}", turns.join(", ")),
-            (false, true) => format!("{}; look the same way", moves.join(", ")),
-            (false, false) => format!("{}; {}", moves.join(", "), turns.join(", ")),
-        }
+        let turn = match (self.turn.to_degrees() / 5.0).round() * 5.0 {
+            0.0 => "do not turn".into(),
+            degrees if degrees > 0.0 => format!("turn right {degrees:.0}°"),
+            degrees => format!("turn left {:.0}°", -degrees),
+        };
+        let aim = match self.pitch.to_degrees().round() {
+            0.0 => "aim level".into(),
+            degrees if degrees > 0.0 => format!("aim {degrees:.0}° up"),
+            degrees => format!("aim {:.0}° down", -degrees),
+        };
+        let moves = if moves.is_empty() { "stay there".into() } else { moves.join(", ") };
+        format!("{moves}; {turn}, {aim}")
     }
 }
 
@@ -126,12 +124,12 @@ mod tests {
         assert!((way.turn.to_degrees() - 45.0).abs() < 1e-9 && way.tilt < 0.0 && way.pitch == way.tilt);
         assert_eq!(
             way.words(&Unit::Step(1.0)),
-            "one step right, 2.0 steps forward, half a step up; turn right 45°, tilt down 20°"
+            "one step right, 2.0 steps forward, half a step up; turn right 45°, aim 19° down"
         );
-        assert_eq!(way.words(&Unit::Metre(1.0)), "1.0 m right, 2.0 m forward, 50 cm up; turn right 45°, tilt down 20°");
+        assert_eq!(way.words(&Unit::Metre(1.0)), "1.0 m right, 2.0 m forward, 50 cm up; turn right 45°, aim 19° down");
         let back = Way::new(&to, &from, DVec3::Z);
         assert!((back.turn + way.turn).abs() < 1e-9 && back.ahead < 0.0 && back.tilt > 0.0);
-        assert_eq!(Way::new(&from, &from, DVec3::Z).words(&Unit::Step(1.0)), "the same place, looking the same way");
+        assert_eq!(Way::new(&from, &from, DVec3::Z).words(&Unit::Step(1.0)), "stay there; do not turn, aim level");
     }
 
     /// If this failed, photos from above would have no left and right.

@@ -1,7 +1,7 @@
 //! Ways from camera to camera that keep the clearance from the surface and stay within all limits.
 
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BTreeMap, BinaryHeap};
 
 use glam::DVec3;
 
@@ -14,17 +14,19 @@ use crate::parallel;
 const NONE: u32 = u32::MAX;
 /// Samples of a straight way, per side of a voxel.
 const SAMPLES: f64 = 2.0;
+/// Nearest places out of sight to which a way of their own is looked for.
+const NEAR: usize = 12;
 
-/// The shortest way known between every two of some places: straight where that is clear, otherwise by way of other places and
-/// around what is between.
+/// The shortest way known between every two of some places: straight where that is clear, around what is between to the nearest
+/// places out of sight, otherwise by way of other places.
 pub struct Legs {
     places: Vec<DVec3>,
     /// Length of the way from place i to place j at `i * places + j`.
     lengths: Vec<f64>,
     /// The place before j on the way from i, at the same index.
     before: Vec<u32>,
-    /// Corners of the ways around something, from the first place to the second.
-    around: Vec<(u32, u32, Vec<DVec3>)>,
+    /// Corners of the ways around something, from the first place to the second, which has the higher index.
+    around: BTreeMap<(u32, u32), Vec<DVec3>>,
 }
 
 impl Legs {
@@ -42,17 +44,21 @@ impl Legs {
         for i in 0..n {
             (i + 1..n).filter(|j| lengths[i * n + j].is_finite()).for_each(|j| _ = sets.join(i, j));
         }
-        let mut around = Vec::new();
+        let mut around = BTreeMap::new();
+        let nearest = parallel::mapped(&indices, |i, _| passages.to_nearest(places, i, &lengths[i * n..(i + 1) * n]));
+        for (i, ways) in nearest.into_iter().enumerate() {
+            for (j, way) in ways {
+                sets.join(i, j);
+                add(&mut lengths, &mut around, n, (i, j, way));
+            }
+        }
         if sets.count() > 1 {
-            let found = Distances::from(&passages, places);
+            let found = Distances::from(&passages, places, &[]);
             for (voxel, other, _) in found.meetings(&passages.grid) {
                 let [a, b] = [voxel, other].map(|voxel| found.place[voxel as usize]);
                 if sets.join(a as usize, b as usize) {
                     let way = passages.pulled_tight(found.way(&passages, places, (voxel, other)));
-                    let length = length(&way);
-                    let (i, j) = (a as usize, b as usize);
-                    (lengths[i * n + j], lengths[j * n + i]) = (length, length);
-                    around.push((a, b, way));
+                    add(&mut lengths, &mut around, n, (a as usize, b as usize, way));
                 }
             }
         }
@@ -89,16 +95,32 @@ impl Legs {
                 break;
             }
             let (a, b) = (before, at as u32);
-            let around = self.around.iter().find(|(i, j, _)| (*i, *j) == (a, b) || (*i, *j) == (b, a));
-            match around {
-                Some((i, _, corners)) if *i == a => backwards.extend(corners.iter().skip(1).rev()),
-                Some((_, _, corners)) => backwards.extend(corners.iter().take(corners.len() - 1)),
+            match self.around.get(&(a.min(b), a.max(b))) {
+                Some(corners) if a < b => backwards.extend(corners.iter().skip(1).rev()),
+                Some(corners) => backwards.extend(corners.iter().take(corners.len() - 1)),
                 None => backwards.push(self.places[at]),
             }
             at = before as usize;
         }
         backwards.reverse();
         backwards
+    }
+}
+
+/// Keeps a way from one place of `n` to another where it is the shortest so far.
+fn add(
+    lengths: &mut [f64],
+    around: &mut BTreeMap<(u32, u32), Vec<DVec3>>,
+    n: usize,
+    (from, to, mut way): (usize, usize, Vec<DVec3>),
+) {
+    let length = length(&way);
+    if length < lengths[from * n + to] {
+        (lengths[from * n + to], lengths[to * n + from]) = (length, length);
+        if from > to {
+            way.reverse();
+        }
+        around.insert((from.min(to) as u32, from.max(to) as u32), way);
     }
 }
 
@@ -163,6 +185,30 @@ impl Passages {
         tight
     }
 
+    /// Ways from place `from` to the nearest of those that are not in a straight line (`straight` is infinite), as far as there are any.
+    fn to_nearest(&self, places: &[DVec3], from: usize, straight: &[f64]) -> Vec<(usize, Vec<DVec3>)> {
+        let mut wanted: Vec<usize> = (0..places.len()).filter(|to| straight[*to].is_infinite()).collect();
+        let away = |to: &usize| places[from].distance_squared(places[*to]);
+        wanted.sort_by(|a, b| away(a).total_cmp(&away(b)));
+        wanted.truncate(NEAR);
+        wanted.retain(|to| self.passes(places[*to]));
+        if wanted.is_empty() || !self.passes(places[from]) {
+            return Vec::new();
+        }
+        let voxel = |place: usize| self.grid.index(self.grid.voxel(places[place]));
+        let found =
+            Distances::from(self, &places[from..=from], &wanted.iter().map(|to| voxel(*to)).collect::<Vec<_>>());
+        let reached = wanted.into_iter().filter(|to| found.place[voxel(*to)] != NONE);
+        reached
+            .map(|to| {
+                let mut way = found.back(self, &places[from..=from], voxel(to) as u32);
+                way.reverse();
+                way.push(places[to]);
+                (to, self.pulled_tight(way))
+            })
+            .collect()
+    }
+
     /// A place to pass in a voxel: its centre, as high as is allowed.
     fn place(&self, voxel: u32) -> DVec3 {
         let centre = self.grid.centre(self.grid.coordinates(voxel as usize));
@@ -194,7 +240,9 @@ struct Distances {
 }
 
 impl Distances {
-    fn from(passages: &Passages, places: &[DVec3]) -> Self {
+    /// From `places`, until all voxels of `wanted` are reached where any are; else to all that can be.
+    fn from(passages: &Passages, places: &[DVec3], wanted: &[usize]) -> Self {
+        let mut left: Vec<usize> = wanted.to_vec();
         let voxels = passages.grid.voxels();
         let mut found =
             Self { distance: vec![f64::INFINITY; voxels], place: vec![NONE; voxels], before: vec![NONE; voxels] };
@@ -211,6 +259,10 @@ impl Distances {
             let distance = f64::from_bits(bits);
             if distance > found.distance[voxel as usize] {
                 continue;
+            }
+            left.retain(|wanted| *wanted != voxel as usize);
+            if left.is_empty() && !wanted.is_empty() {
+                break;
             }
             for (other, step) in passages.neighbours(voxel) {
                 let (to, length) = (other as usize, distance + step);
@@ -244,18 +296,52 @@ impl Distances {
 
     /// From the place of one voxel through both to the place of the other.
     fn way(&self, passages: &Passages, places: &[DVec3], (voxel, other): (u32, u32)) -> Vec<DVec3> {
-        let back = |mut at: u32| {
-            let mut corners = Vec::new();
-            while self.before[at as usize] != NONE {
-                corners.push(passages.place(at));
-                at = self.before[at as usize];
-            }
-            corners.push(places[self.place[at as usize] as usize]);
-            corners
-        };
-        let mut way = back(voxel);
+        let mut way = self.back(passages, places, voxel);
         way.reverse();
-        way.extend(back(other));
+        way.extend(self.back(passages, places, other));
         way
+    }
+
+    /// From a voxel back to its place.
+    fn back(&self, passages: &Passages, places: &[DVec3], mut at: u32) -> Vec<DVec3> {
+        let mut corners = Vec::new();
+        while self.before[at as usize] != NONE {
+            corners.push(passages.place(at));
+            at = self.before[at as usize];
+        }
+        corners.push(places[self.place[at as usize] as usize]);
+        corners
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::proxy::Occluder;
+    use crate::scene::region::{Region, Shape};
+
+    /// If this failed, a photographer would be sent all the way back to the one place that sees both sides of a wall, although its end is
+    /// near: one tour was two fifths longer than it had to be.
+    #[test]
+    fn the_way_around_a_wall_is_not_by_a_place_far_off() {
+        let at = |y: f64, z: f64| DVec3::new(0.0, y, z);
+        let [a, b, c, d] = [at(-1.9, -2.0), at(0.5, -2.0), at(0.5, 2.0), at(-1.9, 2.0)];
+        let region = Region {
+            shape: Shape::Box { min: DVec3::splat(-1.9), max: DVec3::splat(1.9) },
+            up: DVec3::Z,
+            floor: None,
+            clearance: 0.1,
+        };
+        let space = FreeSpace::new(&Occluder::Triangles(vec![[a, b, c], [a, c, d]]), &region, 48).unwrap();
+        let places = [DVec3::new(-0.5, 0.2, 0.0), DVec3::new(0.5, 0.2, 0.0), DVec3::new(0.0, 1.8, 0.0)];
+        let legs = Legs::new(&space, &places);
+        // Around the wall's end, which the clearance makes thicker.
+        let best = 2.0 * 0.4f64.hypot(0.4) + 0.2;
+        let by_the_other = legs.length(0, 2) + legs.length(2, 1);
+        assert!(by_the_other > 3.0 && legs.length(0, 1) < 1.2 * best, "{} for {best}", legs.length(0, 1));
+        let mut way = vec![places[1]];
+        way.extend(legs.way(1, 0));
+        assert!((length(&way) - legs.length(0, 1)).abs() < 1e-9 && way.len() > 2, "{way:?}");
+        assert!(!legs.blocked(0, 1));
     }
 }

@@ -110,6 +110,7 @@ fn a_plan_for_a_capture_has_a_shot_list_that_leads_to_it() {
         let [right, forward, rise] = ["right", "ahead", "up"].map(|key| shot[key].as_f64().unwrap());
         let led = from.pose.position + right * ahead.cross(up) + forward * ahead + rise * up;
         assert!(led.distance(camera.pose.position) < 1e-6, "{shot}");
+        let aimed = (-shot["pitch_deg"].as_f64().unwrap()).round();
         let words = shot["words"].as_str().unwrap();
         let step = list["unit_length"].as_f64().unwrap();
         for (length, positive, negative) in
@@ -121,10 +122,17 @@ fn a_plan_for_a_capture_has_a_shot_list_that_leads_to_it() {
                 assert_eq!(moves.contains(negative), length < 0.0, "{shot}");
             }
         }
+        assert!(aimed <= 0.0 || words.ends_with(&format!("aim {aimed:.0}° down")), "{shot}");
         let picture = image::open(place.path(&format!("o/{}", shot["picture"].as_str().unwrap()))).unwrap();
         assert_eq!(picture.width(), 320);
         assert!(page.contains(words), "{words}");
     }
+    // From above: a disc and a line for each camera, and no more than the photos to start from have names.
+    let map = page.split("class=\"map\"").nth(1).unwrap().split("</svg>").next().unwrap();
+    let [kept, planned] = ["kept", "planned"].map(|class| map.split(&format!("<g class=\"{class}\">")).nth(1).unwrap());
+    let planned_paths = planned.matches("<path").count();
+    assert_eq!((kept.matches("<path").count() - planned_paths, planned_paths), (plan.kept, 5));
+    assert!((1..=5).all(|number| planned.contains(&format!(">{number}</text>"))), "{planned}");
     let bare = captured(true);
     bare.done(&format!("plan wall --keep wall {SHORT} --out o"));
     assert!(!bare.path("o/shots.json").exists() && !bare.read("o/report.html").contains("Shot list"));
@@ -146,9 +154,17 @@ fn a_capture_is_told_whether_its_photos_are_enough() {
     place.done("select wall --count 4 --points 300 --out few");
     let (few, _) = gain("few --viewers wall");
     assert!(few > all + 0.2, "ten more photos gain {all} dB beside twelve, {few} beside four of them");
-    // Of cameras that are none of the capture's photos nobody asks.
+    // Fewer photos are said to be so much worse than all, and a plan beside them better, as the same viewers see them.
     place.done(&format!("plan wall --keep wall {SHORT} --out o"));
-    assert!(!place.done("score wall o --held-out 300").out.contains("enough   "));
+    let change = |cameras: &str| {
+        let ran = place.done(&format!("score wall {cameras} --held-out 300 --json s.json"));
+        let scores: Value = serde_json::from_str(&place.read("s.json")).unwrap();
+        let db = scores["enough"]["over_own_db"].as_f64().unwrap();
+        assert!(ran.out.contains(&format!("change   {db:+.1} dB against the 12 photos of wall")), "{}", ran.out);
+        db
+    };
+    let (fewer, more) = (change("few"), change("o"));
+    assert!(fewer < -0.2 && more > 0.05, "four photos {fewer} dB, five more {more} dB");
     let refused = place.run("score wall/sparse/0/points3D.bin");
     assert!(refused.code == Some(2) && refused.err.lines().count() == 1, "{}", refused.err);
 }

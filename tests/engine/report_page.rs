@@ -4,7 +4,7 @@
 use crate::support::browser::{acting, figure, number_after, rendered, write};
 use camsplat::metrics::Metrics;
 use camsplat::plan::record::{
-    BaselineRecord, CheckpointRecord, IterationRecord, PlanRecord, Status, SurfaceRecord, TourRecord,
+    BaselineRecord, CheckpointRecord, Expected, IterationRecord, PlanRecord, Status, SurfaceRecord, TourRecord,
 };
 use camsplat::report::{ReportScene, SurfacePoint, Triangles, html};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
@@ -291,9 +291,12 @@ fn a_camera_is_found_and_looked_through() {
     let act = r#"<script>setTimeout(() => {
         const form = document.querySelector("form"), canvas = document.querySelector("canvas");
         const box = canvas.getBoundingClientRect();
-        const at = (x) => ({ clientX: box.left + x, clientY: box.top + box.height / 2, bubbles: true });
-        for (let x = 0; x < box.width && document.querySelector(".tip").hidden; x += 5) {
-            canvas.dispatchEvent(new PointerEvent("pointermove", at(x)));
+        const found = () => !document.querySelector(".tip").hidden;
+        for (let y = 0.3; y < 0.7 && !found(); y += 0.05) {
+            for (let x = 0; x < box.width && !found(); x += 5) {
+                const at = { clientX: box.left + x, clientY: box.top + y * box.height, bubbles: true };
+                canvas.dispatchEvent(new PointerEvent("pointermove", at));
+            }
         }
         document.body.dataset.tip = document.querySelector(".tip b")?.textContent;
         form.camera.value = 20;
@@ -307,6 +310,66 @@ fn a_camera_is_found_and_looked_through() {
         assert!(dom.contains(r#"class="frame" style="left:"#), "the frame of the image is not shown");
         assert!(dom.contains("Leave the camera"));
     }
+}
+
+/// If this failed, the options that a click on a wall gives would put the wall elsewhere, or bar the side that cameras are on; or a box
+/// would not hold what was clicked.
+#[test]
+fn clicks_on_the_surface_give_options_to_paste() {
+    let script = r#"
+        const form = document.querySelector("form"), canvas = document.querySelector("canvas"), size = canvas.getBoundingClientRect();
+        const click = (x, y) => {
+            const at = { clientX: size.left + x * size.width, clientY: size.top + y * size.height, bubbles: true, button: 0, pointerId: 1 };
+            canvas.setPointerCapture = () => {};
+            for (const kind of ["pointerdown", "pointerup"]) canvas.dispatchEvent(new PointerEvent(kind, at));
+        };
+        const mark = (name) => {
+            form.mark.value = name;
+            form.mark.dispatchEvent(new Event("input", { bubbles: true }));
+        };
+        mark("wall");
+        document.body.dataset.before = String(form.options.hidden);
+        click(0.5, 0.5);
+        document.body.dataset.wall = form.options.value;
+        mark("box");
+        click(0.47, 0.47);
+        click(0.55, 0.55);
+        document.body.dataset.box = form.options.value;
+        mark("");
+        document.body.dataset.after = String(form.options.hidden);"#;
+    let Some(dom) = rendered(&write("marks", &acting(&ball().page(), script)), &[]) else { return };
+    assert!(dom.contains(r#"data-ready="ok""#), "a script failed");
+    assert!(dom.contains(r#"data-before="true""#) && dom.contains(r#"data-after="true""#));
+    let said = |name: &str| {
+        let rest = &dom[dom.find(&format!("data-{name}=\"")).unwrap() + name.len() + 7..];
+        rest[..rest.find('"').unwrap()].to_owned()
+    };
+    let numbers = |text: &str| text.split(',').map(|n| n.parse::<f64>().unwrap()).collect::<Vec<_>>();
+    // The ball's surface is tangent to what is laid through its points, and cameras are outside.
+    let wall = said("wall");
+    let wall = numbers(wall.strip_prefix("--wall ").unwrap());
+    let [point, normal] = [0, 3].map(|k| DVec3::from_slice(&wall[k..k + 3]));
+    assert!((point.length() - 1.0).abs() < 0.05 && normal.dot(point.normalize()) > 0.97, "{wall:?}");
+    let text = said("box");
+    let corners = numbers(text.strip_prefix("--box ").unwrap().lines().next().unwrap());
+    let [low, high] = [0, 3].map(|k| DVec3::from_slice(&corners[k..k + 3]));
+    assert!((high - low).min_element() >= 0.0 && (0.05..0.8).contains(&(high - low).length()), "{text}");
+    assert!(text.contains("{&quot;boxes&quot;") || text.contains("keep-out box.json"), "{text}");
+}
+
+/// If this failed, a plan that misses half of what is looked at would be shown as if nothing were to be said of it.
+#[test]
+fn doubts_are_on_the_page() {
+    let mut stage = ball();
+    assert!(!stage.page().contains("class=\"notice\">") && !stage.page().contains("look before you follow it"));
+    stage.record.expected = Some(Expected { db: 1.0, sd: 0.3, unseen: 0.4, against: "rings".into() });
+    let page = stage.page();
+    assert!(page.contains("look before you follow it") && page.contains("seen by no camera (40%)"));
+    assert!(!page.contains("heights or ground keep cameras from"));
+    stage.record.limits.heights = Some([0.0, 1.0]);
+    assert!(stage.page().contains("heights or ground keep cameras from"));
+    stage.record.region.floor = None;
+    assert!(stage.page().contains("neither a floor nor a wall was found"));
 }
 
 /// If this failed, a switch of the 3D view would do nothing, or the numbers and the way of a tour would stay where they are not wanted.

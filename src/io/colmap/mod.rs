@@ -324,10 +324,7 @@ pub fn join(
         cameras.push(Camera { name: image.name, pose: image.pose, intrinsics: lens.intrinsics });
     }
     if distorted > 0 {
-        notes.push(format!(
-            "{distorted} of {} images have lens distortion, which is left out: their cameras are taken as pinholes",
-            cameras.len()
-        ));
+        notes.push(checks::taken_as_pinholes(distorted, cameras.len()));
     }
     checks::cameras(path, cameras.iter())?;
     Ok(cameras)

@@ -103,10 +103,7 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<C
     let photos = photos(path, bytes, false, notes)?.photos;
     let distorted = photos.iter().filter(|photo| !photo.distortion.is_none()).count();
     if distorted > 0 {
-        notes.push(format!(
-            "{distorted} of {} images have lens distortion, which is left out: their cameras are taken as pinholes",
-            photos.len()
-        ));
+        notes.push(checks::taken_as_pinholes(distorted, photos.len()));
     }
     Ok(photos.into_iter().map(|photo| photo.camera).collect())
 }
