@@ -4,11 +4,12 @@
 usage: captures_study.py make ROOMS OUT     cameras of seven captures (OUT/NAME.json) in the rooms of ROOMS (.glb)
        captures_study.py pose OUT           COLMAP on OUT/photos/NAME/images, into OUT/NAME; its similarity to the world
        captures_study.py truth ROOMS OUT PLAN...   of plans for captures (OUT/NAME beside the folders PLAN-NAME), who stands in the open
-       captures_study.py choose ROOMS OUT   10, 20 and 40 more cameras by plan, evenly, at random; room-ROOM.json and sets.json
+       captures_study.py choose ROOMS OUT   10, 20 and 40 more cameras by plan, evenly, at random; views-NAME.json and sets.json
 
 Between make and pose: camsplat capture ROOM.glb OUT/NAME.json --env ROOM.env.hdr --exposure auto --out OUT/photos/NAME. After choose,
-the same of room-ROOM.json with --spp 32, and a training of 4,000 iterations and 200,000 splats (--sh 2) on the old photos with those of each set,
-tested on the set `test`. Needs numpy, trimesh, embreex, pycolmap, and camsplat on the path. docs/results/captures.md has what came out.
+the same of views-NAME.json with --spp 32, and a training of 4,000 iterations and 200,000 splats (--sh 2) on the old photos with those of each
+set, tested on the set `test`; each capture with an exposure of its own (a room's, metered on its windows, leaves tables almost black), and with
+coloured points (grey ones die in dark photos). Needs numpy, trimesh, embreex, pycolmap, and camsplat on the path. docs/results/captures.md has what came out.
 """
 import json
 import os
@@ -34,7 +35,7 @@ WALKS = {
 }
 ROOM = {name: of[0] for name, of in {**RINGS, **WALKS}.items()}
 SIZE, FOV = (800, 600), 65.0
-COUNTS, TESTS = (10, 20, 40), 24
+COUNTS, TESTS = (10, 20, 40), 48
 
 
 class World:
@@ -193,7 +194,7 @@ def truth(rooms, out, plans):
 
 
 def choose(rooms, out):
-    of_room, sets = {}, {}
+    sets = {}
     for name in ROOM:
         def plan(arguments, to, name=name):
             folder = os.path.join(out, f"{to}-{name}")
@@ -226,9 +227,7 @@ def choose(rooms, out):
                 chosen["test"].append(looking(place, place + forward))
         sets[name] = {kind: [f"{name}-{kind}-{i:03d}" for i in range(len(poses))] for kind, poses in chosen.items()}
         named = [(f"{name}-{kind}-{i:03d}", pose) for kind, poses in chosen.items() for i, pose in enumerate(poses)]
-        of_room.setdefault(ROOM[name], []).extend(named)
-    for room, named in of_room.items():
-        write(os.path.join(out, f"room-{room}.json"), named, (640, 480))
+        write(os.path.join(out, f"views-{name}.json"), named, (640, 480))
     with open(os.path.join(out, "sets.json"), "w") as file:
         json.dump(sets, file)
 

@@ -57,7 +57,7 @@ class PlanOptions(TypedDict, total=False):
     """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open]"""
 
     reach: float
-    """How far from the nearest photo known space reaches [default: two of a photographer's steps, as the spacing of the photos shows them]"""
+    """How far from the nearest photo known space reaches, half of it up or down [default: two of a photographer's steps, as the spacing of the photos shows them]"""
 
     geo: str
     """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""
@@ -250,7 +250,7 @@ class ScoreOptions(TypedDict, total=False):
     """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open]"""
 
     reach: float
-    """How far from the nearest photo known space reaches [default: two of a photographer's steps, as the spacing of the photos shows them]"""
+    """How far from the nearest photo known space reaches, half of it up or down [default: two of a photographer's steps, as the spacing of the photos shows them]"""
 
     geo: str
     """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""
@@ -320,7 +320,7 @@ class SelectOptions(TypedDict, total=False):
     """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open]"""
 
     reach: float
-    """How far from the nearest photo known space reaches [default: two of a photographer's steps, as the spacing of the photos shows them]"""
+    """How far from the nearest photo known space reaches, half of it up or down [default: two of a photographer's steps, as the spacing of the photos shows them]"""
 
     geo: str
     """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""

@@ -52,7 +52,8 @@ pub struct RegionOptions {
     /// [default: known for captures, else open]
     #[arg(long, value_name = "SPACE", value_parser = parse_space)]
     pub space: Option<SpaceOption>,
-    /// How far from the nearest photo known space reaches [default: two of a photographer's steps, as the spacing of the photos shows them]
+    /// How far from the nearest photo known space reaches, half of it up or down [default: two of a photographer's steps, as the spacing
+    /// of the photos shows them]
     #[arg(long, value_name = "LENGTH")]
     pub reach: Option<f64>,
     /// Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or
@@ -260,7 +261,10 @@ impl RegionOptions {
         }
         let target = Target::new(surface, &path.to_string_lossy(), preset, &choice, up, intrinsics)?;
         let limits = self.limits.read(limits, |file| place::areas(file, self.geo.as_deref(), &target.region))?;
-        let target = target.within(limits)?;
+        let mut target = target.within(limits)?;
+        if capture.is_some_and(|set| !set.is_cut_out()) {
+            target = target.with_surroundings()?;
+        }
         print_target(&target);
         Ok(target)
     }
@@ -375,7 +379,7 @@ pub fn print_target(target: &Target) {
     }
     let assumed = target.proxy.assumed;
     if assumed > 0 {
-        say!("         {assumed} of them stand for walls that nothing shows, where the room ends");
+        say!("         {assumed} more stand for surroundings that no point shows");
     }
     let buried = target.proxy.buried.iter().filter(|buried| **buried).count() - assumed;
     if buried > 0 {

@@ -234,7 +234,12 @@ impl PlanRecord {
         }
         doubts.extend(self.connection.iter().filter(|c| !c.is_whole()).map(Connection::line));
         if let Some(tour) = self.tour.as_ref().filter(|tour| tour.blocked > 0) {
-            doubts.push(format!("{} legs of the tour lead through the surface or a limit: go around", tour.blocked));
+            let legs = if tour.blocked == 1 {
+                "1 leg of the tour leads".into()
+            } else {
+                format!("{} legs of the tour lead", tour.blocked)
+            };
+            doubts.push(format!("{legs} through the surface or a limit: go around"));
         }
         if self.kept > 0 && self.region.floor.is_none() && self.limits.walls.is_empty() {
             doubts.push("neither a floor nor a wall was found, so that up is as given or as photos were held: see that it is in the 3D view".into());

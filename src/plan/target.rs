@@ -104,14 +104,19 @@ impl Target {
         .validated()?;
         let (min, max) = proxy.bounds();
         if preset == Preset::Room {
-            closing::close(&mut proxy, &region)?;
+            closing::close(&mut proxy, &region, &Limits::default())?;
         }
         let kind = match proxy.occluder {
             Occluder::Triangles(_) => "triangles",
             Occluder::Discs(_) => "discs",
         };
-        let record =
-            SurfaceRecord { path: path.to_owned(), kind: kind.into(), primitives: proxy.occluder.len(), min, max };
+        let record = SurfaceRecord {
+            path: path.to_owned(),
+            kind: kind.into(),
+            primitives: proxy.occluder.len() - proxy.assumed,
+            min,
+            max,
+        };
         Ok(Self { proxy, region, limits: Limits::default(), record })
     }
 
@@ -128,6 +133,18 @@ impl Target {
             )));
         }
         Ok(Self { limits: limits.validated()?, ..self })
+    }
+
+    /// The same with something all around known space, where rays from it meet nothing: viewers of a capture look past what its points
+    /// show, and splats are to be right there too. A target without known space, or a room, stays as it is.
+    ///
+    /// # Errors
+    /// Where region and limits leave no free space, or the surface cannot be represented.
+    pub fn with_surroundings(mut self) -> Result<Self> {
+        if self.limits.space.is_some() && self.proxy.assumed == 0 {
+            closing::close(&mut self.proxy, &self.region, &self.limits)?;
+        }
+        Ok(self)
     }
 
     /// The scene in the planner's frame.

@@ -82,11 +82,13 @@ pub struct Cloud<'a> {
 }
 
 impl<'a> Cloud<'a> {
-    /// What a proxy blocks rays with, where that is discs.
+    /// What a proxy blocks rays with, where that is discs, but for what is only assumed.
     pub(crate) fn of(proxy: &'a Proxy) -> Option<Self> {
         match &proxy.occluder {
             Occluder::Triangles(_) => None,
-            Occluder::Discs(discs) => Some(Self { discs, colours: proxy.colours() }),
+            Occluder::Discs(discs) => {
+                Some(Self { discs: &discs[..discs.len() - proxy.assumed], colours: proxy.colours() })
+            }
         }
     }
 }

@@ -7,6 +7,8 @@ use super::raycast::Ray;
 use crate::Result;
 use crate::parallel::mapped;
 use crate::scene::free_space::{FreeSpace, RESOLUTION};
+use crate::scene::known::KnownSpace;
+use crate::scene::limits::Limits;
 use crate::scene::proxy::{Disc, Occluder, Proxy};
 use crate::scene::random;
 use crate::scene::region::Region;
@@ -23,21 +25,21 @@ const ALONG: f64 = 48.0;
 const MIN_RAYS: i32 = 2;
 const NEAR: f64 = 3.0;
 
-/// Puts discs on the bounds of a room made from photos wherever rays from the region leave it: a room has an end, and cameras
+/// Puts discs on the bounds of what photos show wherever rays from free space leave it: a room has an end, and cameras
 /// that look towards unknown space are better than none. The discs block rays, and no point is drawn from them. The bounds are
-/// those of the proxy, without stray points, and of the region with its clearance. Returns how many discs there are; triangles stay
-/// as they are.
+/// those of the proxy, without stray points, and of the space of cameras with its clearance. Returns how many discs there are; triangles
+/// stay as they are.
 ///
 /// # Errors
-/// Where the region leaves no free space, or the surface cannot be represented.
-pub fn close(proxy: &mut Proxy, region: &Region) -> Result<usize> {
+/// Where region and limits leave no free space, or the surface cannot be represented.
+pub fn close(proxy: &mut Proxy, region: &Region, limits: &Limits) -> Result<usize> {
     let Occluder::Discs(_) = &proxy.occluder else { return Ok(0) };
     let (low, high) = proxy.robust_bounds();
-    let (least, most) = region.bounds();
+    let (least, most) = limits.space.as_ref().map_or_else(|| region.bounds(), KnownSpace::bounds);
     let (low, high) = (low.min(least - region.clearance), high.max(most + region.clearance));
     let to_internal = region.to_planner_frame();
     let bvh = Bvh::new(&proxy.occluder, &to_internal)?;
-    let free = FreeSpace::new(&proxy.occluder, region, RESOLUTION)?;
+    let free = FreeSpace::among(&proxy.occluder, region, limits, RESOLUTION)?;
     let cell = (high - low).max_element() / ALONG;
     let cells = ((high - low) / cell).ceil().max(DVec3::ONE);
     // A grid on each of the six sides: two axes along it, the third across.
@@ -128,10 +130,10 @@ mod tests {
     fn a_wall_that_is_missing_is_put_where_the_room_ends() {
         let (mut whole, region) = points(|_| false);
         let (low, high) = whole.robust_bounds();
-        let few = close(&mut whole, &region).unwrap();
+        let few = close(&mut whole, &region, &Limits::default()).unwrap();
         let (mut open, _) = points(|p| p.x > high.x - 0.05 && p.z > 0.1);
         let before = open.occluder.len();
-        let found = close(&mut open, &region).unwrap();
+        let found = close(&mut open, &region, &Limits::default()).unwrap();
         let size = high - low;
         let cell = size.max_element() / ALONG;
         let wall = size.y * size.z / (cell * cell);

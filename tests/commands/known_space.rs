@@ -181,3 +181,29 @@ fn nobody_is_sent_behind_the_fox() {
         }
     }
 }
+
+/// If this failed, plans would leave plain walls and ceilings out, which viewers see and no point shows (a corner lost 3 dB by that); or
+/// photos that are cut out, of which nobody looks at the surroundings, would be planned for them.
+#[test]
+fn surroundings_that_no_point_shows_are_planned_for_unless_photos_are_cut_out() {
+    let place = captured();
+    let plan = |out: &str| {
+        let said = place.done(&format!("plan phone --keep phone --out {out} {TWENTY}")).out;
+        let line = said.lines().find(|line| line.contains("more stand for surroundings that no point shows"));
+        let count = line.map(|line| line.split_whitespace().next().unwrap().parse::<u32>().unwrap());
+        (count, place.plan(out).surface.primitives, place.read(&format!("{out}/report.html")))
+    };
+    let (around, primitives, page) = plan("with");
+    assert!(around.unwrap() > 1000, "{around:?}");
+    let text = place.read("phone/transforms.json");
+    let path = serde_json::from_str::<serde_json::Value>(&text).unwrap()["frames"][0]["file_path"].clone();
+    let image = place.path("phone").join(path.as_str().unwrap());
+    fs::create_dir_all(image.parent().unwrap()).unwrap();
+    image::RgbaImage::new(800, 600).save(image).unwrap();
+    let (none, same, other) = plan("without");
+    assert_eq!((none, same), (None, primitives));
+    // What is only assumed is not drawn.
+    let drawn =
+        |page: &str| page.split("\"cloud\":{\"count\":").nth(1).map(|rest| rest.split(',').next().unwrap().to_owned());
+    assert!(drawn(&page).is_some() && drawn(&page) == drawn(&other), "{:?} {:?}", drawn(&page), drawn(&other));
+}

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::gaussians::config::Background;
 use crate::gaussians::render::frame::Frame;
 use crate::io;
-use crate::photos::{Convention, Header, Photo, PhotoSet};
+use crate::photos::{Convention, Photo, PhotoSet};
 use crate::{Error, Result};
 
 /// Every how many photos one is for testing, as in 3DGS and gsplat.
@@ -68,11 +68,7 @@ impl Split {
 
     /// The default background: white where photos mark what belongs to the object, else black.
     pub fn usual_background(&self) -> Background {
-        let masked = self.train.photos.iter().any(|photo| {
-            let alpha = photo.image.as_deref().and_then(|file| Header::read(file).ok());
-            photo.mask.is_some() || alpha.is_some_and(|header| header.alpha)
-        });
-        if masked { Background::White } else { Background::Black }
+        if self.train.is_cut_out() { Background::White } else { Background::Black }
     }
 
     fn every(set: PhotoSet, every: usize) -> Self {
