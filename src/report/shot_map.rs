@@ -40,7 +40,7 @@ pub fn svg(record: &PlanRecord, points: &Points, from: &[usize]) -> String {
     for place in cameras() {
         (low, high) = (low.min(place), high.max(place));
     }
-    let size = (high - low).max(DVec2::splat(1e-9 * (high - low).max_element().max(1e-300)));
+    let size = (high - low).max(DVec2::splat((1e-9 * (high - low).max_element()).max(1e-9)));
     let scale = (SIDE - 2.0 * BORDER) / size.max_element();
     let [width, height] = (scale * size + 2.0 * BORDER).to_array();
     let at = |p: DVec2| DVec2::new(BORDER + scale * (p.x - low.x), height - BORDER - scale * (p.y - low.y));

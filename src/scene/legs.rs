@@ -14,8 +14,10 @@ use crate::parallel;
 const NONE: u32 = u32::MAX;
 /// Samples of a straight way, per side of a voxel.
 const SAMPLES: f64 = 2.0;
-/// Nearest places out of sight to which a way of their own is looked for.
+/// Nearest places out of sight to which a way of their own is looked for, where that by other places is so many times as long as the
+/// straight line: around something round it is not.
 const NEAR: usize = 12;
+const DETOUR: f64 = 1.6;
 
 /// The shortest way known between every two of some places: straight where that is clear, around what is between to the nearest
 /// places out of sight, otherwise by way of other places.
@@ -45,15 +47,8 @@ impl Legs {
             (i + 1..n).filter(|j| lengths[i * n + j].is_finite()).for_each(|j| _ = sets.join(i, j));
         }
         let mut around = BTreeMap::new();
-        let nearest = parallel::mapped(&indices, |i, _| passages.to_nearest(places, i, &lengths[i * n..(i + 1) * n]));
-        for (i, ways) in nearest.into_iter().enumerate() {
-            for (j, way) in ways {
-                sets.join(i, j);
-                add(&mut lengths, &mut around, n, (i, j, way));
-            }
-        }
         if sets.count() > 1 {
-            let found = Distances::from(&passages, places, &[]);
+            let found = Distances::from(&passages, places, (&[], f64::INFINITY));
             for (voxel, other, _) in found.meetings(&passages.grid) {
                 let [a, b] = [voxel, other].map(|voxel| found.place[voxel as usize]);
                 if sets.join(a as usize, b as usize) {
@@ -62,7 +57,15 @@ impl Legs {
                 }
             }
         }
-        let rows = parallel::mapped(&indices, |i, _| shortest(&lengths, n, i));
+        let all_shortest = |lengths: &[f64]| parallel::mapped(&indices, |i, _| shortest(lengths, n, i));
+        let mut rows = all_shortest(&lengths);
+        let nearest = parallel::mapped(&indices, |i, _| passages.to_nearest(places, i, &rows[i].0));
+        if nearest.iter().any(|ways| !ways.is_empty()) {
+            for (i, ways) in nearest.into_iter().enumerate() {
+                ways.into_iter().for_each(|(j, way)| add(&mut lengths, &mut around, n, (i, j, way)));
+            }
+            rows = all_shortest(&lengths);
+        }
         let (mut all, mut before) = (Vec::with_capacity(n * n), Vec::with_capacity(n * n));
         for (i, (row, previous)) in rows.into_iter().enumerate() {
             all.extend(row.iter().enumerate().map(|(j, length)| match length.is_finite() {
@@ -185,19 +188,21 @@ impl Passages {
         tight
     }
 
-    /// Ways from place `from` to the nearest of those that are not in a straight line (`straight` is infinite), as far as there are any.
-    fn to_nearest(&self, places: &[DVec3], from: usize, straight: &[f64]) -> Vec<(usize, Vec<DVec3>)> {
-        let mut wanted: Vec<usize> = (0..places.len()).filter(|to| straight[*to].is_infinite()).collect();
-        let away = |to: &usize| places[from].distance_squared(places[*to]);
-        wanted.sort_by(|a, b| away(a).total_cmp(&away(b)));
-        wanted.truncate(NEAR);
+    /// Ways from place `from` to the nearest of those to which the ways known, which are so long, are detours.
+    fn to_nearest(&self, places: &[DVec3], from: usize, known: &[f64]) -> Vec<(usize, Vec<DVec3>)> {
+        let away = |to: usize| places[from].distance(places[to]);
+        let detour = |to: &usize| known[*to].is_finite() && known[*to] > DETOUR * away(*to);
+        let mut wanted: Vec<usize> = (0..places.len()).filter(detour).collect();
+        wanted.sort_by(|a, b| away(*a).total_cmp(&away(*b)));
         wanted.retain(|to| self.passes(places[*to]));
+        wanted.truncate(NEAR);
         if wanted.is_empty() || !self.passes(places[from]) {
             return Vec::new();
         }
         let voxel = |place: usize| self.grid.index(self.grid.voxel(places[place]));
-        let found =
-            Distances::from(self, &places[from..=from], &wanted.iter().map(|to| voxel(*to)).collect::<Vec<_>>());
+        let most = wanted.iter().map(|to| known[*to]).fold(0.0, f64::max) / self.grid.cell;
+        let voxels: Vec<usize> = wanted.iter().map(|to| voxel(*to)).collect();
+        let found = Distances::from(self, &places[from..=from], (&voxels, most));
         let reached = wanted.into_iter().filter(|to| found.place[voxel(*to)] != NONE);
         reached
             .map(|to| {
@@ -240,8 +245,8 @@ struct Distances {
 }
 
 impl Distances {
-    /// From `places`, until all voxels of `wanted` are reached where any are; else to all that can be.
-    fn from(passages: &Passages, places: &[DVec3], wanted: &[usize]) -> Self {
+    /// From `places`, until all voxels of `wanted` are reached where any are, or those at most `most` voxels away; else to all that can be.
+    fn from(passages: &Passages, places: &[DVec3], (wanted, most): (&[usize], f64)) -> Self {
         let mut left: Vec<usize> = wanted.to_vec();
         let voxels = passages.grid.voxels();
         let mut found =
@@ -261,7 +266,7 @@ impl Distances {
                 continue;
             }
             left.retain(|wanted| *wanted != voxel as usize);
-            if left.is_empty() && !wanted.is_empty() {
+            if distance > most || (left.is_empty() && !wanted.is_empty()) {
                 break;
             }
             for (other, step) in passages.neighbours(voxel) {

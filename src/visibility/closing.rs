@@ -39,7 +39,8 @@ pub fn close(proxy: &mut Proxy, region: &Region, limits: &Limits) -> Result<usiz
     let (low, high) = (low.min(least - region.clearance), high.max(most + region.clearance));
     let to_internal = region.to_planner_frame();
     let bvh = Bvh::new(&proxy.occluder, &to_internal)?;
-    let free = FreeSpace::among(&proxy.occluder, region, limits, RESOLUTION)?;
+    // Heights and ground, which hold for cameras alone, are along an up that is not this frame's third axis.
+    let free = FreeSpace::among(&proxy.occluder, region, &limits.of_everybody(), RESOLUTION)?;
     let cell = (high - low).max_element() / ALONG;
     let cells = ((high - low) / cell).ceil().max(DVec3::ONE);
     // A grid on each of the six sides: two axes along it, the third across.
