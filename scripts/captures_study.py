@@ -4,12 +4,15 @@
 usage: captures_study.py make ROOMS OUT     cameras of seven captures (OUT/NAME.json) in the rooms of ROOMS (.glb)
        captures_study.py pose OUT           COLMAP on OUT/photos/NAME/images, into OUT/NAME; its similarity to the world
        captures_study.py truth ROOMS OUT PLAN...   of plans for captures (OUT/NAME beside the folders PLAN-NAME), who stands in the open
+       captures_study.py thin CAPTURE OUT   the capture without every eighth photo (OUT/full), those (OUT/test), and parts of it: a third left
+                                            out at random (r1, r2), on one side (s1, s2), two thirds (t1), five sixths (x1)
        captures_study.py choose ROOMS OUT   10, 20 and 40 more cameras by plan, evenly, at random; views-NAME.json and sets.json
 
 Between make and pose: camsplat capture ROOM.glb OUT/NAME.json --env ROOM.env.hdr --exposure auto --out OUT/photos/NAME. After choose,
-the same of views-NAME.json with --spp 32, and a training of 4,000 iterations and 200,000 splats (--sh 2) on the old photos with those of each
-set, tested on the set `test`; each capture with an exposure of its own (a room's, metered on its windows, leaves tables almost black), and with
-coloured points (grey ones die in dark photos). Needs numpy, trimesh, embreex, pycolmap, and camsplat on the path. docs/results/captures.md has what came out.
+the same of views-NAME.json with --spp 32, and a training of 4,000 iterations and 200,000 splats (--sh 2) on the old photos with those of
+each set, tested on the set `test`; each capture with an exposure of its own (a room's, metered on its windows, leaves tables almost black),
+and with coloured points (grey ones die in dark photos). After thin: camsplat score OUT/full OUT/PART, and such a training on each part,
+tested on OUT/test. Needs numpy, trimesh, embreex, pycolmap, and camsplat on the path. docs/results/captures.md has what came out.
 """
 import json
 import os
@@ -232,6 +235,32 @@ def choose(rooms, out):
         json.dump(sets, file)
 
 
+def thin(capture, out):
+    import pycolmap
+
+    model = os.path.join(capture, "sparse", "0")
+    posed = [image for image in pycolmap.Reconstruction(model).images.values() if image.has_pose]
+    centre = {image.name: np.array(image.projection_center()) for image in posed}
+    names = sorted(centre)
+    full = [name for index, name in enumerate(names) if index % 8 != 3]
+    rng = np.random.default_rng(41)
+    parts = {"full": full, "test": names[3::8]}
+    for part, share in (("r1", 2 / 3), ("r2", 2 / 3), ("t1", 1 / 3), ("x1", 1 / 6)):
+        parts[part] = rng.choice(full, round(len(full) * share), replace=False)
+    for part in ("s1", "s2"):
+        side = centre[full[rng.integers(len(full))]]
+        parts[part] = sorted(full, key=lambda name, side=side: np.linalg.norm(centre[name] - side))[len(full) // 3 :]
+    for part, kept in parts.items():
+        folder, kept = os.path.join(out, part), set(kept)
+        os.makedirs(folder + "/sparse/0")
+        whole = pycolmap.Reconstruction(model)
+        for image in list(whole.images.values()):
+            if image.has_pose and image.name not in kept:
+                whole.deregister_frame(image.frame_id)
+        whole.write_binary(folder + "/sparse/0")
+        os.symlink(os.path.abspath(os.path.join(capture, "images")), folder + "/images")
+
+
 if __name__ == "__main__":
     match sys.argv[1:]:
         case ["make", rooms, out]:
@@ -240,6 +269,8 @@ if __name__ == "__main__":
             pose(out)
         case ["truth", rooms, out, *plans] if plans:
             truth(rooms, out, plans)
+        case ["thin", capture, out]:
+            thin(capture, out)
         case ["choose", rooms, out]:
             choose(rooms, out)
         case _:

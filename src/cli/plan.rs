@@ -380,6 +380,7 @@ fn draw_curve(
 ) -> Result<Ended> {
     leave_on_interrupt()?;
     say!("{:>5} {:>9} {:>8}", "views", "expected", "unseen");
+    let kept = cameras.1.len();
     let progress = Progress::over("planning", curve::BUDGETS.len() as u32, "plans");
     let mut begun = 0;
     let points = curve::curve(context, target, cameras, config, |_| {
@@ -393,9 +394,9 @@ fn draw_curve(
         say!("{:>5} {:>+6.2} dB {:>7.1}%", point.views, point.db, 100.0 * point.unseen);
     }
     print_messages(context);
-    say!("{}", curve::sentence(&points));
+    say!("{}", curve::sentence(&points, kept));
     let path = folder.path().join("curve.svg");
-    folder.write("curve.svg", curve::svg(&points))?;
+    folder.write("curve.svg", curve::svg(&points, kept))?;
     let text = serde_json::to_string_pretty(&points);
     folder.write("curve.json", text.map_err(|e| Error::request(format!("the curve cannot be written: {e}")))?)?;
     folder.commit()?;

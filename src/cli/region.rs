@@ -245,7 +245,7 @@ impl RegionOptions {
             _ => Planes::of(surface.positions(), &photographed),
         };
         let up = self.up.or(stored.map(|region| region.up)).or(planes.up).unwrap_or_else(|| usual_up(path));
-        limits.space = self.space(surface, path, capture, (stored.is_some(), limits.space.take()))?;
+        limits.space = self.space(surface, path, (capture, up), (stored.is_some(), limits.space.take()))?;
         if preset == Preset::Object && choice.shape.is_none() {
             choice.shape = Shape::around_cameras(&photographed);
             if let (None, None, Some(space)) = (choice.shape, self.preset, &limits.space) {
@@ -262,8 +262,11 @@ impl RegionOptions {
         let target = Target::new(surface, &path.to_string_lossy(), preset, &choice, up, intrinsics)?;
         let limits = self.limits.read(limits, |file| place::areas(file, self.geo.as_deref(), &target.region))?;
         let mut target = target.within(limits)?;
-        if capture.is_some_and(|set| !set.is_cut_out()) {
-            target = target.with_surroundings()?;
+        if target.limits.space.as_ref().is_some_and(|space| space.reach().is_some()) {
+            match capture.filter(|set| 2 * set.cut_out() > set.photos.len()) {
+                Some(_) => say!("         surroundings are left out, as photos are cut out by masks or alpha"),
+                None => target = target.with_surroundings()?,
+            }
         }
         print_target(&target);
         Ok(target)
@@ -275,7 +278,7 @@ impl RegionOptions {
         &self,
         surface: &Surface,
         path: &Path,
-        capture: Option<&PhotoSet>,
+        (capture, up): (Option<&PhotoSet>, DVec3),
         (replanned, stored): (bool, Option<KnownSpace>),
     ) -> Result<Option<KnownSpace>> {
         if self.reach.is_some() && matches!(self.space, Some(SpaceOption::Open | SpaceOption::File(_))) {
@@ -291,7 +294,7 @@ impl RegionOptions {
             )),
             (_, Some(set)) if asked || (!replanned && (set.has_surface_points() || path != set.path)) => {
                 let beside = if path == set.path { &[] } else { surface.positions() };
-                set.known_space(beside, self.reach).map(Some)
+                set.known_space(beside, self.reach, up).map(Some)
             }
             _ => Ok(stored),
         }

@@ -98,6 +98,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     }
     let target = arguments.region.target(&arguments.surface, &first.intrinsics, stored)?;
     note_outside(&target, &cameras)?;
+    let own = if of_capture && path != &arguments.surface { Some(io::read_cameras(&arguments.surface)?) } else { None };
     let context = arguments.device.open()?;
     let viewers = arguments.viewers.viewers()?;
     let preset = match target.region.shape {
@@ -112,7 +113,6 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         ..Config::new(arguments.region.preset.unwrap_or(preset), cameras.len() as u32)
     };
     let (expected, metrics) = job::score(&context, &target, &cameras, kept, &config)?;
-    let own = if of_capture && path != &arguments.surface { Some(io::read_cameras(&arguments.surface)?) } else { None };
     let enough =
         if of_capture { Some(Enough::new(&context, &target, &cameras, own.as_deref(), &config)?) } else { None };
     print_messages(&context);

@@ -73,12 +73,13 @@ impl PhotoSet {
         Reach::of_cameras(&positions, &self.points.positions)
     }
 
-    /// Whether photos mark what belongs to the object, by masks or alpha: their surroundings are no part of the scene.
-    pub fn is_cut_out(&self) -> bool {
-        self.photos.iter().any(|photo| {
+    /// How many photos mark what belongs to the object, by masks or alpha.
+    pub fn cut_out(&self) -> usize {
+        let marks = |photo: &&Photo| {
             let header = photo.image.as_deref().and_then(|file| Header::read(file).ok());
             photo.mask.is_some() || header.is_some_and(|header| header.alpha)
-        })
+        };
+        self.photos.iter().filter(marks).count()
     }
 
     /// Whether there are points to take for surfaces. Where the capture tells which photos saw a point and none saw any, they are

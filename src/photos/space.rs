@@ -24,15 +24,15 @@ impl PhotoSet {
     }
 
     /// The space that its photos prove free, `reach` around where they were taken, by default two of a photographer's steps. `surface`:
-    /// points of a surface in the same frame that is denser than its own points.
+    /// points of a surface in the same frame that is denser than its own points. `up`, a unit vector: half of `reach` goes up and down.
     ///
     /// # Errors
     /// As [`KnownSpace::proven`].
-    pub fn known_space(&self, surface: &[DVec3], reach: Option<f64>) -> Result<KnownSpace> {
+    pub fn known_space(&self, surface: &[DVec3], reach: Option<f64>, up: DVec3) -> Result<KnownSpace> {
         let seen = self.seen();
         let (taken, sights) = self.sights(&seen, surface);
         let joined = |a: usize, b: usize| !self.tells() || shared(&seen[taken[a]], &seen[taken[b]]) >= SHARED;
-        KnownSpace::proven(&sights, joined, reach)
+        KnownSpace::proven(&sights, joined, (reach, up))
     }
 
     /// A photographer's step, as its photos show it; see [`step`].

@@ -52,21 +52,27 @@ pub fn curve(
     Ok(errors.into_iter().map(|(views, error, unseen)| Point { views, db: last - error, unseen }).collect())
 }
 
-/// The curve in a sentence.
-pub fn sentence(points: &[Point]) -> String {
+/// The curve in a sentence; beside `kept` views.
+pub fn sentence(points: &[Point], kept: usize) -> String {
+    let views = counted(kept);
     let gain = |pair: &[Point]| 10.0 * (pair[1].db - pair[0].db) / f64::from(pair[1].views - pair[0].views);
     let enough = points.windows(2).rposition(|pair| gain(pair) >= WORTH).map_or(0, |last| last + 1);
     match points.get(enough) {
         Some(point) if enough + 1 < points.len() => {
-            format!("beyond {} views each further ten gain less than {WORTH} dB", point.views)
+            format!("beyond {} {views} each further ten gain less than {WORTH} dB", point.views)
         }
-        Some(point) => format!("up to {} views each further ten gain {WORTH} dB or more", point.views),
+        Some(point) => format!("up to {} {views} each further ten gain {WORTH} dB or more", point.views),
         None => String::new(),
     }
 }
 
-/// The curve as an SVG picture: across the number of views, logarithmic; upwards decibels.
-pub fn svg(points: &[Point]) -> String {
+/// What is counted: all views, or those on top of the kept ones.
+fn counted(kept: usize) -> String {
+    if kept > 0 { format!("views on top of the {kept} kept") } else { "views".into() }
+}
+
+/// The curve as an SVG picture: across the number of views beside `kept`, logarithmic; upwards decibels.
+pub fn svg(points: &[Point], kept: usize) -> String {
     let (left, top, right, bottom) = (80.0, 50.0, 760.0, 430.0);
     let (first, last) = (points.first().map_or(1, |p| p.views), points.last().map_or(2, |p| p.views));
     let low = points.iter().map(|point| point.db).fold(0.0, f64::min).floor().min(-1.0);
@@ -84,7 +90,7 @@ pub fn svg(points: &[Point]) -> String {
     let mut add = |line: std::fmt::Arguments<'_>| _ = writeln!(svg, "{line}");
     add(format_args!(
         "<text x=\"420\" y=\"28\" text-anchor=\"middle\" font-size=\"17\">Expected quality: {}</text>",
-        sentence(points)
+        sentence(points, kept)
     ));
     let step = if high - low > 6.0 { 2.0 } else { 1.0 };
     for db in (0..).map(|i| low + step * f64::from(i)).take_while(|db| *db <= high) {
@@ -99,7 +105,7 @@ pub fn svg(points: &[Point]) -> String {
     }
     let line: Vec<String> = points.iter().map(|point| format!("{:.1},{:.1}", x(point.views), y(point.db))).collect();
     add(format_args!("<polyline points=\"{}\" fill=\"none\" stroke=\"#2060c0\" stroke-width=\"2\"/>", line.join(" ")));
-    add(format_args!("<text x=\"420\" y=\"{}\" text-anchor=\"middle\">views</text>", bottom + 48.0));
+    add(format_args!("<text x=\"420\" y=\"{}\" text-anchor=\"middle\">{}</text>", bottom + 48.0, counted(kept)));
     svg + "</svg>\n"
 }
 
@@ -112,11 +118,20 @@ mod tests {
     fn the_sentence_names_the_last_gain_that_counts() {
         let of = |db: [f64; 4]| {
             let points = [10, 20, 40, 100].into_iter().zip(db);
-            sentence(&points.map(|(views, db)| Point { views, db, unseen: 0.0 }).collect::<Vec<_>>())
+            points.map(|(views, db)| Point { views, db, unseen: 0.0 }).collect::<Vec<_>>()
         };
         // Gains for ten views: 1.0, 0.15, 0.05.
-        assert_eq!(of([-1.6, -0.6, -0.3, 0.0]), "beyond 40 views each further ten gain less than 0.1 dB");
-        assert_eq!(of([-0.4, -0.35, -0.3, 0.0]), "beyond 10 views each further ten gain less than 0.1 dB");
-        assert_eq!(of([-9.0, -6.0, -3.0, 0.0]), "up to 100 views each further ten gain 0.1 dB or more");
+        assert_eq!(sentence(&of([-1.6, -0.6, -0.3, 0.0]), 0), "beyond 40 views each further ten gain less than 0.1 dB");
+        assert_eq!(
+            sentence(&of([-0.4, -0.35, -0.3, 0.0]), 0),
+            "beyond 10 views each further ten gain less than 0.1 dB"
+        );
+        let all = of([-9.0, -6.0, -3.0, 0.0]);
+        assert_eq!(sentence(&all, 0), "up to 100 views each further ten gain 0.1 dB or more");
+        // Beside photos that are there, nobody takes the count for that of all.
+        assert_eq!(sentence(&all, 67), "up to 100 views on top of the 67 kept each further ten gain 0.1 dB or more");
+        assert!(
+            svg(&all, 67).contains(">views on top of the 67 kept</text>") && svg(&all, 0).contains(">views</text>")
+        );
     }
 }

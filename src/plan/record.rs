@@ -140,11 +140,7 @@ pub struct TourRecord {
 impl TourRecord {
     /// In words, on one line.
     pub fn line(&self) -> String {
-        let blocked = match self.blocked {
-            0 => String::new(),
-            legs => format!("; {legs} of its legs lead through the surface or a limit"),
-        };
-        format!("{:.3} long from the first camera to the last{blocked}", self.length)
+        format!("{:.3} long from the first camera to the last", self.length)
     }
 }
 
@@ -232,17 +228,14 @@ impl PlanRecord {
                 100.0 * expected.unseen
             ));
         }
-        doubts.extend(self.connection.iter().filter(|c| !c.is_whole()).map(Connection::line));
-        if let Some(tour) = self.tour.as_ref().filter(|tour| tour.blocked > 0) {
-            let legs = if tour.blocked == 1 {
-                "1 leg of the tour leads".into()
-            } else {
-                format!("{} legs of the tour lead", tour.blocked)
-            };
-            doubts.push(format!("{legs} through the surface or a limit: go around"));
+        let legs = self.tour.as_ref().map_or(0, |tour| tour.blocked);
+        if legs > 0 {
+            doubts.push(format!("legs of the tour that lead through the surface or a limit: {legs}; go around"));
         }
-        if self.kept > 0 && self.region.floor.is_none() && self.limits.walls.is_empty() {
-            doubts.push("neither a floor nor a wall was found, so that up is as given or as photos were held: see that it is in the 3D view".into());
+        doubts.extend(self.connection.iter().filter(|c| !c.is_whole()).map(Connection::line));
+        let proven = self.limits.space.as_ref().is_some_and(|space| space.reach().is_some());
+        if proven && self.region.floor.is_none() && self.limits.walls.is_empty() {
+            doubts.push("neither a floor nor a wall limits these cameras: see in the 3D view that up is up".into());
         }
         doubts
     }

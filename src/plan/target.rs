@@ -136,12 +136,14 @@ impl Target {
     }
 
     /// The same with something all around known space, where rays from it meet nothing: viewers of a capture look past what its points
-    /// show, and splats are to be right there too. A target without known space, or a room, stays as it is.
+    /// show, and splats are to be right there too. A target without known space stays as it is; of a room what was assumed before makes
+    /// place.
     ///
     /// # Errors
     /// Where region and limits leave no free space, or the surface cannot be represented.
     pub fn with_surroundings(mut self) -> Result<Self> {
-        if self.limits.space.is_some() && self.proxy.assumed == 0 {
+        if self.limits.space.is_some() {
+            self.proxy.forget_assumed();
             closing::close(&mut self.proxy, &self.region, &self.limits)?;
         }
         Ok(self)

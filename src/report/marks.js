@@ -6,7 +6,7 @@ const WALL_POINTS = 40;
 const MARK_WITHIN = 12;
 
 /** What clicks have marked so far. */
-function markSurface(form, { positions, origin, up, bulk }) {
+function markSurface(form, { positions, origin, up, bulk, cameras }) {
   const said = form.querySelector(".mark .detail"), options = form.elements.namedItem("options");
   const at = (i) => [positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]];
   let places = [], wall = null;
@@ -23,8 +23,8 @@ function markSurface(form, { positions, origin, up, bulk }) {
     return best;
   }
 
-  /** The plane through the points around a place, its normal to the side that is seen. */
-  function plane(place, eye) {
+  /** The plane through the points around a place, its normal to the side of the nearest camera. */
+  function plane(place) {
     const away = (i) => { const d = sub(at(i), place); return dot(d, d); };
     const near = [...Array(positions.length / 3).keys()].map((i) => [away(i), i]).sort((a, b) => a[0] - b[0]).slice(0, WALL_POINTS);
     const around = near.map(([, i]) => at(i));
@@ -45,18 +45,21 @@ function markSurface(form, { positions, origin, up, bulk }) {
     const first = spread([0.36, 0.48, 0.8], null), second = first && spread(cross(first, Math.abs(first[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]), first);
     if (!second) return null;
     const normal = normalize(cross(first, second));
-    return { point, normal: scale(normal, dot(sub(eye, point), normal) < 0 ? -1 : 1) };
+    const nearest = cameras.reduce((a, b) => (length(sub(b.position, place)) < length(sub(a.position, place)) ? b : a), cameras[0]);
+    return { point, normal: scale(normal, nearest && dot(sub(nearest.position, point), normal) < 0 ? -1 : 1) };
   }
 
   const corners = () => [0, 1].map((k) => places.reduce((a, b) => a.map((v, axis) => (k ? Math.max : Math.min)(v, b[axis]))));
-  const numbers = (list) => list.map((v) => v.toFixed(3)).join(",");
+  // Four digits of the scene's size, which may be in any unit.
+  const digits = Math.min(Math.max(3 - Math.floor(Math.log10(length(sub(bulk[1], bulk[0])) || 1)), 0), 12), unit = 10 ** -digits;
+  const numbers = (list) => list.map((v) => v.toFixed(digits)).join(",");
 
   function say() {
     const mode = form.mark.value;
     let text = "";
-    if (mode === "wall" && wall) text = `--wall ${numbers(add(wall.point, origin))},${numbers(wall.normal)}`;
+    if (mode === "wall" && wall) text = `--wall ${numbers(add(wall.point, origin))},${wall.normal.map((v) => v.toFixed(4)).join(",")}`;
     if (mode === "box" && places.length > 1) {
-      const box = numbers(corners().map((p) => add(p, origin)).flat());
+      const box = numbers(corners().flatMap((p, k) => add(p, origin).map((v) => v + (k - 0.5) * unit)));
       text = `--box ${box}\n\nto keep cameras out of it, save\n{"boxes": [[${box}]]}\nas box.json and give --keep-out box.json`;
     }
     said.textContent = { wall: "Click the surface where the wall is.", box: "Click two or more places that the box is to hold." }[mode] ?? "";
@@ -73,7 +76,7 @@ function markSurface(form, { positions, origin, up, bulk }) {
       const place = clicked(project, eye, on);
       if (!place) return;
       places.push(place);
-      if (form.mark.value === "wall") wall = plane(place, eye);
+      if (form.mark.value === "wall") wall = plane(place);
       say();
     },
     /** What is marked, as lines. */

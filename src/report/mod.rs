@@ -87,7 +87,8 @@ impl<'a> Cloud<'a> {
         match &proxy.occluder {
             Occluder::Triangles(_) => None,
             Occluder::Discs(discs) => {
-                Some(Self { discs: &discs[..discs.len() - proxy.assumed], colours: proxy.colours() })
+                let known = discs.len() - proxy.assumed;
+                Some(Self { discs: &discs[..known], colours: &proxy.colours()[..known] })
             }
         }
     }

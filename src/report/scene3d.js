@@ -52,7 +52,7 @@ function drawScene(plan, root = document.querySelector(".scene")) {
   /** A view from above and aside. */
   const home = () => orbit.fit(extremes, room ? { yaw: 1.0, pitch: 0.8 } : { yaw: 0.6, pitch: 0.3 });
   let chosen = null, hovered = null, through = null;
-  const marks = markSurface(form, { positions: places, origin, up, bulk });
+  const marks = markSurface(form, { positions: places, origin, up, bulk, cameras });
   // Heights the cut runs through.
   const heights = [...corners, ...(room ? regionOutline.flat() : [])].map((p) => dot(p, up));
   const lowest = Math.min(...heights), highest = Math.max(...heights) + 0.01 * radius;

@@ -18,8 +18,6 @@ const LEAST_STEP: f64 = 0.125;
 const MOST_STEP: f64 = 0.5;
 /// How many times as far it is up or down: a photographer walks, but does not fly, and ceilings are plain.
 const CLIMB: f64 = 2.0;
-/// Length of the mean of photos' up below which they were held in all ways, and none is known.
-const UPRIGHT: f64 = 0.5;
 /// Around a photo so much is free, as a part of the median distance of what it saw and of the step: somebody stood there, and could have
 /// held the camera elsewhere.
 const ARM: [f64; 2] = [0.1, 0.5];
@@ -43,10 +41,15 @@ pub struct KnownSpace {
 impl KnownSpace {
     /// What `sights` prove free within `reach` of where photos were taken, half of it up or down, by default two of a photographer's
     /// steps: what their rays pass, what an arm reaches around each, and the ways between neighbours that are no farther apart and `joined`.
+    /// `up` is a unit vector.
     ///
     /// # Errors
     /// [`Error::Request`] where there are no sights, or all of one place.
-    pub fn proven(sights: &[Sight], joined: impl Fn(usize, usize) -> bool + Sync, reach: Option<f64>) -> Result<Self> {
+    pub fn proven(
+        sights: &[Sight],
+        joined: impl Fn(usize, usize) -> bool + Sync,
+        (reach, up): (Option<f64>, DVec3),
+    ) -> Result<Self> {
         let places: Vec<DVec3> = sights.iter().map(|sight| sight.position).collect();
         let reach = reach.unwrap_or_else(|| STEPS * step(sights));
         if !(reach > 0.0 && reach.is_finite()) {
@@ -61,13 +64,17 @@ impl KnownSpace {
         let mut is_photo = vec![false; grid.voxels()];
         photos.iter().for_each(|i| is_photo[*i as usize] = true);
         let nearest = nearest_sites(grid.dims, |i| is_photo[i]);
-        let up = up(sights);
-        // From centre to centre, so that no place in a voxel is beyond.
+        // From centre to centre, so that no place in a voxel is beyond. Up or down it is farther, and another photo may be nearer.
+        let most = reach - 3f64.sqrt() * grid.cell;
+        let centre = |i: u32| grid.centre(grid.coordinates(i as usize));
+        let near = |place: DVec3, photo: u32| {
+            let offset = place - centre(photo);
+            (offset + (CLIMB - 1.0) * offset.dot(up) * up).length() <= most
+        };
         let within = |i: usize| {
-            let photo = grid.centre(grid.coordinates(nearest[i] as usize));
-            let offset = grid.centre(grid.coordinates(i)) - photo;
-            let climbed = offset + (CLIMB - 1.0) * offset.dot(up) * up;
-            climbed.length() <= reach - 3f64.sqrt() * grid.cell
+            let (place, first) = (centre(i as u32), nearest[i]);
+            near(place, first)
+                || (place.distance(centre(first)) <= most && photos.iter().any(|photo| near(place, *photo)))
         };
         let mut free = vec![false; grid.voxels()];
         let layer = grid.dims[0] as usize * grid.dims[1] as usize;
@@ -168,12 +175,6 @@ impl KnownSpace {
             None => "cameras in the space that was given".into(),
         }
     }
-}
-
-/// Up as photos were held, in the mean; zero where they do not agree.
-fn up(sights: &[Sight]) -> DVec3 {
-    let mean = sights.iter().map(|sight| sight.rotation * DVec3::NEG_Y).sum::<DVec3>() / sights.len().max(1) as f64;
-    if mean.length() < UPRIGHT { DVec3::ZERO } else { mean.normalize() }
 }
 
 /// A photographer's step, as photos show it.
@@ -293,7 +294,7 @@ mod tests {
             .iter()
             .map(|camera| Sight::new(camera, points.iter().copied().filter(|p| camera.sees(*p)), &[]))
             .collect();
-        let space = KnownSpace::proven(&sights, |_, _| true, reach).unwrap();
+        let space = KnownSpace::proven(&sights, |_, _| true, (reach, DVec3::Z)).unwrap();
         (cameras, space)
     }
 
@@ -309,6 +310,9 @@ mod tests {
     fn nothing_is_known_behind_what_was_photographed_and_the_way_to_it_is() {
         let (cameras, space) = space(Some(1.2));
         let nearest = |p: DVec3| cameras.iter().map(|c| c.pose.position.distance(p)).fold(f64::INFINITY, f64::min);
+        // Up and down it is twice as far, from whichever photo that is least.
+        let climb = |from: DVec3, to: DVec3| (to - from).truncate().length().hypot(2.0 * (to - from).z);
+        let climbed = |p: DVec3| cameras.iter().map(|c| climb(c.pose.position, p)).fold(f64::INFINITY, f64::min);
         let (mut held, mut open) = (0, 0);
         let heights = cameras.iter().map(|c| c.pose.position.z);
         let (lowest, highest) =
@@ -320,7 +324,7 @@ mod tests {
             assert!(!inside || (p.x > 0.0 && nearest(p) <= 1.2), "{p} is behind the wall or out of reach");
             held += usize::from(inside);
             // Before the wall, among the photos and within reach of them.
-            if (1.0..2.5).contains(&p.x) && p.y.abs() < 1.0 && (1.0..2.0).contains(&p.z) && nearest(p) < 0.55 {
+            if (1.0..2.5).contains(&p.x) && p.y.abs() < 1.0 && (1.0..2.0).contains(&p.z) && climbed(p) < 1.0 {
                 assert!(inside, "{p} was seen to be free");
                 open += 1;
             }
@@ -342,9 +346,10 @@ mod tests {
             Sight::new(&camera, seen, &[])
         };
         let spaced = |step: f64| (0..20).map(|i| sight(step * f64::from(i))).collect::<Vec<_>>();
-        let reach = |step: f64| KnownSpace::proven(&spaced(step), |_, _| true, None).unwrap().reach().unwrap();
+        let reach =
+            |step: f64| KnownSpace::proven(&spaced(step), |_, _| true, (None, DVec3::Z)).unwrap().reach().unwrap();
         assert!((reach(0.8) - 1.6).abs() < 1e-9 && (reach(0.01) - 1.0).abs() < 0.02, "{} {}", reach(0.8), reach(0.01));
-        assert!(KnownSpace::proven(&[sight(0.0)], |_, _| true, Some(0.0)).is_err());
+        assert!(KnownSpace::proven(&[sight(0.0)], |_, _| true, (Some(0.0), DVec3::Z)).is_err());
     }
 
     /// If this failed, a plan that is scored, or replanned, would be so within another space than its own.

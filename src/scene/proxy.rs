@@ -207,6 +207,15 @@ impl Proxy {
         discs.extend(assumed);
     }
 
+    /// Takes away what [`Self::assume`] added.
+    pub fn forget_assumed(&mut self) {
+        let Occluder::Discs(discs) = &mut self.occluder else { return };
+        discs.truncate(discs.len() - std::mem::take(&mut self.assumed));
+        self.buried.truncate(discs.len());
+        self.colours.truncate(discs.len());
+        self.scores.truncate(discs.len());
+    }
+
     /// 8-bit sRGB colour of each primitive.
     pub fn colours(&self) -> &[[u8; 3]] {
         &self.colours

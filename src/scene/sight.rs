@@ -28,8 +28,7 @@ pub struct Sight {
     pub middle: f64,
     /// Distance of the nearest thing that it saw; infinite where that was nothing.
     pub nearest: f64,
-    /// From camera axes.
-    pub rotation: DQuat,
+    rotation: DQuat,
     /// Upper left corner of the first cell where the picture's plane is at distance one, and the side of a cell.
     low: DVec2,
     cell: f64,

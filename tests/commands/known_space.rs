@@ -187,20 +187,30 @@ fn nobody_is_sent_behind_the_fox() {
 #[test]
 fn surroundings_that_no_point_shows_are_planned_for_unless_photos_are_cut_out() {
     let place = captured();
-    let plan = |out: &str| {
-        let said = place.done(&format!("plan phone --keep phone --out {out} {TWENTY}")).out;
+    let plan = |out: &str, limits: &str| {
+        let said = place.done(&format!("plan phone --keep phone --out {out} {TWENTY} {limits}")).out;
         let line = said.lines().find(|line| line.contains("more stand for surroundings that no point shows"));
         let count = line.map(|line| line.split_whitespace().next().unwrap().parse::<u32>().unwrap());
         (count, place.plan(out).surface.primitives, place.read(&format!("{out}/report.html")))
     };
-    let (around, primitives, page) = plan("with");
+    let (around, primitives, page) = plan("with", "");
     assert!(around.unwrap() > 1000, "{around:?}");
+    // Viewers look there wherever cameras may stand.
+    assert_eq!(plan("low", "--heights 0.9,1.1").0, around);
     let text = place.read("phone/transforms.json");
-    let path = serde_json::from_str::<serde_json::Value>(&text).unwrap()["frames"][0]["file_path"].clone();
-    let image = place.path("phone").join(path.as_str().unwrap());
-    fs::create_dir_all(image.parent().unwrap()).unwrap();
-    image::RgbaImage::new(800, 600).save(image).unwrap();
-    let (none, same, other) = plan("without");
+    let frames = serde_json::from_str::<serde_json::Value>(&text).unwrap()["frames"].as_array().unwrap().clone();
+    let cut_out = |count: usize| {
+        for frame in &frames[..count] {
+            let image = place.path("phone").join(frame["file_path"].as_str().unwrap());
+            fs::create_dir_all(image.parent().unwrap()).unwrap();
+            image::RgbaImage::new(800, 600).save(image).unwrap();
+        }
+    };
+    // One odd photo among many changes nothing.
+    cut_out(1);
+    assert_eq!(plan("odd", "").0, around);
+    cut_out(30);
+    let (none, same, other) = plan("without", "");
     assert_eq!((none, same), (None, primitives));
     // What is only assumed is not drawn.
     let drawn =

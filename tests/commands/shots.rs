@@ -110,7 +110,11 @@ fn a_plan_for_a_capture_has_a_shot_list_that_leads_to_it() {
         let [right, forward, rise] = ["right", "ahead", "up"].map(|key| shot[key].as_f64().unwrap());
         let led = from.pose.position + right * ahead.cross(up) + forward * ahead + rise * up;
         assert!(led.distance(camera.pose.position) < 1e-6, "{shot}");
-        let aimed = (-shot["pitch_deg"].as_f64().unwrap()).round();
+        let aim = match shot["pitch_deg"].as_f64().unwrap().round() {
+            0.0 => "aim level".to_owned(),
+            up if up > 0.0 => format!("aim {up:.0}° up"),
+            down => format!("aim {:.0}° down", -down),
+        };
         let words = shot["words"].as_str().unwrap();
         let step = list["unit_length"].as_f64().unwrap();
         for (length, positive, negative) in
@@ -122,7 +126,7 @@ fn a_plan_for_a_capture_has_a_shot_list_that_leads_to_it() {
                 assert_eq!(moves.contains(negative), length < 0.0, "{shot}");
             }
         }
-        assert!(aimed <= 0.0 || words.ends_with(&format!("aim {aimed:.0}° down")), "{shot}");
+        assert!(words.ends_with(&aim), "{shot}");
         let picture = image::open(place.path(&format!("o/{}", shot["picture"].as_str().unwrap()))).unwrap();
         assert_eq!(picture.width(), 320);
         assert!(page.contains(words), "{words}");

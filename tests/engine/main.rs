@@ -22,6 +22,7 @@ mod primitives_scan;
 mod recorder;
 mod relocation;
 mod report_page;
+mod report_scene;
 mod retrained;
 mod scene_preparation;
 mod select;

@@ -68,7 +68,7 @@ impl Split {
 
     /// The default background: white where photos mark what belongs to the object, else black.
     pub fn usual_background(&self) -> Background {
-        if self.train.is_cut_out() { Background::White } else { Background::Black }
+        if self.train.cut_out() > 0 { Background::White } else { Background::Black }
     }
 
     fn every(set: PhotoSet, every: usize) -> Self {
