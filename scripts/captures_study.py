@@ -6,12 +6,13 @@ usage: captures_study.py make ROOMS OUT     cameras of seven captures (OUT/NAME.
        captures_study.py truth ROOMS OUT PLAN...   of plans for captures (OUT/NAME beside the folders PLAN-NAME), who stands in the open
        captures_study.py thin CAPTURE OUT   the capture without every eighth photo (OUT/full), those (OUT/test), and parts of it: a third left
                                             out at random (r1, r2), on one side (s1, s2), two thirds (t1), five sixths (x1)
-       captures_study.py choose ROOMS OUT   10, 20 and 40 more cameras by plan, evenly, at random; views-NAME.json and sets.json
+       captures_study.py choose ROOMS OUT   10, 20 and 40 more cameras by plan, evenly, at random, with three seeds; writes views-NAME.json,
+                                            sets.json, and the points in the room's frame, points-NAME.ply
 
-Between make and pose: camsplat capture ROOM.glb OUT/NAME.json --env ROOM.env.hdr --exposure auto --out OUT/photos/NAME. After choose,
-the same of views-NAME.json with --spp 32, and a training of 4,000 iterations and 200,000 splats (--sh 2) on the old photos with those of
-each set, tested on the set `test`; each capture with an exposure of its own (a room's, metered on its windows, leaves tables almost black),
-and with coloured points (grey ones die in dark photos). After thin: camsplat score OUT/full OUT/PART, and such a training on each part,
+Between make and pose: camsplat capture ROOM.glb OUT/NAME.json --env ROOM.env.hdr --exposure E --out OUT/photos/NAME, E -0.67 for the
+classroom and the living room, -1 for the dining room (one metered on the windows leaves the tables almost black). After choose, the same
+of views-NAME.json with --spp 32 --light baked, and a training of 4,000 iterations and 200,000 splats (--sh 2) from those points on the old
+photos with those of each set, tested on the set `test`. After thin: camsplat score OUT/full OUT/PART, and such a training on each part,
 tested on OUT/test. Needs numpy, trimesh, embreex, pycolmap, and camsplat on the path. docs/results/captures.md has what came out.
 """
 import json
@@ -38,7 +39,7 @@ WALKS = {
 }
 ROOM = {name: of[0] for name, of in {**RINGS, **WALKS}.items()}
 SIZE, FOV = (800, 600), 65.0
-COUNTS, TESTS = (10, 20, 40), 48
+COUNTS, SEEDS, TESTS = (10, 20, 40), (1, 2, 3), 48
 
 
 class World:
@@ -196,6 +197,46 @@ def truth(rooms, out, plans):
     print({plan: f"{100 * free / count:.1f}%" for plan, (free, count) in total.items()})
 
 
+def spread(candidates, photos):
+    """Candidates one by one, each farthest from the photos and from those before it."""
+    places = np.array([pose[:3, 3] for pose in candidates])
+    away = np.linalg.norm(places[:, None] - photos[None], axis=2).min(1)
+    chosen = []
+    for _ in range(COUNTS[-1]):
+        farthest = int(away.argmax())
+        chosen.append(candidates[farthest])
+        away = np.minimum(away, np.linalg.norm(places - places[farthest], axis=1))
+    return chosen
+
+
+def viewers(world, metre, old):
+    """Viewers that no choice saw: up to a metre from a photo, looking about as one of the five nearest does."""
+    rng, photos, poses = np.random.default_rng(23), np.array([pose[:3, 3] for pose in old]), []
+    while len(poses) < TESTS:
+        start, way = photos[rng.integers(len(photos))], rng.normal(size=3)
+        place = start + way / np.linalg.norm(way) * rng.random() * metre
+        if world.sees(start[None], place)[0] and world.clearance(place, rng) > 0.15 * metre:
+            near = np.argsort(np.linalg.norm(photos - place, axis=1))[rng.integers(5)]
+            poses.append(looking(place, place - old[near][:3, 2] + 0.2 * rng.normal(size=3)))
+    return poses
+
+
+def write_points(out, name):
+    """The capture's points in the room's frame, with their colours."""
+    import pycolmap
+
+    with open(os.path.join(out, name, "world.json")) as file:
+        world = json.load(file)
+    rotation, points = np.array(world["rotation"]), pycolmap.Reconstruction(os.path.join(out, name, "sparse", "0")).points3D
+    with open(os.path.join(out, f"points-{name}.ply"), "w") as file:
+        axes = "".join(f"property float {axis}\n" for axis in "xyz")
+        colours = "".join(f"property uchar {colour}\n" for colour in ("red", "green", "blue"))
+        file.write(f"ply\nformat ascii 1.0\nelement vertex {len(points)}\n{axes}{colours}end_header\n")
+        for point in points.values():
+            place = world["scale"] * rotation @ point.xyz + world["shift"]
+            file.write("{:.5f} {:.5f} {:.5f} {} {} {}\n".format(*place, *point.color))
+
+
 def choose(rooms, out):
     sets = {}
     for name in ROOM:
@@ -206,28 +247,16 @@ def choose(rooms, out):
             subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
             return planned(out, name, folder)
 
-        chosen = {f"plan{count}": plan(f"--views {count}", f"plan{count}")[0] for count in COUNTS}
-        candidates, chosen["old"] = plan("--views 400 --method random", "random")
-        order = np.random.default_rng(11).permutation(len(candidates))
-        chosen["random"] = [candidates[i] for i in order[: COUNTS[-1]]]
-        places = np.array([pose[:3, 3] for pose in candidates])
-        photos = np.array([pose[:3, 3] for pose in chosen["old"]])
-        away = np.linalg.norm(places[:, None] - photos[None], axis=2).min(1)
-        chosen["even"] = []
-        for _ in range(COUNTS[-1]):
-            farthest = int(away.argmax())
-            chosen["even"].append(candidates[farthest])
-            away = np.minimum(away, np.linalg.norm(places - places[farthest], axis=1))
-        # Viewers that no choice saw: up to a metre from a photo, looking about as one of the five nearest does.
-        world, metre, rng = World(rooms, ROOM[name]), METRE[ROOM[name]], np.random.default_rng(23)
-        chosen["test"] = []
-        while len(chosen["test"]) < TESTS:
-            start, way = photos[rng.integers(len(photos))], rng.normal(size=3)
-            place = start + way / np.linalg.norm(way) * rng.random() * metre
-            if world.sees(start[None], place)[0] and world.clearance(place, rng) > 0.15 * metre:
-                near = np.argsort(np.linalg.norm(photos - place, axis=1))[rng.integers(5)]
-                forward = -chosen["old"][near][:3, 2] + 0.2 * rng.normal(size=3)
-                chosen["test"].append(looking(place, place + forward))
+        chosen = {}
+        for seed in SEEDS:
+            for count in COUNTS:
+                chosen[f"plan{count}-{seed}"] = plan(f"--views {count} --seed {seed}", f"plan{count}-{seed}")[0]
+            candidates, chosen["old"] = plan(f"--views 400 --method random --seed {seed}", f"random-{seed}")
+            order = np.random.default_rng(10 + seed).permutation(len(candidates))
+            chosen[f"random-{seed}"] = [candidates[i] for i in order[: COUNTS[-1]]]
+            chosen[f"even-{seed}"] = spread(candidates, np.array([pose[:3, 3] for pose in chosen["old"]]))
+        chosen["test"] = viewers(World(rooms, ROOM[name]), METRE[ROOM[name]], chosen["old"])
+        write_points(out, name)
         sets[name] = {kind: [f"{name}-{kind}-{i:03d}" for i in range(len(poses))] for kind, poses in chosen.items()}
         named = [(f"{name}-{kind}-{i:03d}", pose) for kind, poses in chosen.items() for i, pose in enumerate(poses)]
         write(os.path.join(out, f"views-{name}.json"), named, (640, 480))

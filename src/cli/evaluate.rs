@@ -18,7 +18,7 @@ use crate::evaluate::pool::Pool;
 use crate::evaluate::request::Request;
 use crate::evaluate::results::{Entry, Outcome};
 use crate::evaluate::scene::{Scene, Setting};
-use crate::evaluate::settings::{BaselinesFrom, InputsFrom, Settings, Shown};
+use crate::evaluate::settings::{BaselinesFrom, InputsFrom, Settings, Shown, Space};
 use crate::evaluate::shard::Shard;
 use crate::evaluate::situation::Situation;
 use crate::evaluate::subject::Subject;
@@ -43,7 +43,7 @@ pub struct Arguments {
     #[arg(long, value_enum)]
     preset: Option<Preset>,
     /// Select from captures of photos instead of planning; every eighth photo is held out
-    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "box_", "clearance", "env", "surface", "size", "light", "spp", "input_spp", "test_spp", "tests", "viewers", "situation", "keep_out", "wall", "heights", "walk"])]
+    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "box_", "clearance", "env", "surface", "space", "size", "light", "spp", "input_spp", "test_spp", "tests", "viewers", "situation", "keep_out", "wall", "heights", "walk"])]
     pool: Vec<PathBuf>,
     /// In a room, cameras and test views stand in a box: corners X0,Y0,Z0,X1,Y1,Z1 [default: the room's bounds less the clearance]
     #[arg(long = "box", value_delimiter = ',', allow_hyphen_values = true, value_name = "NUMBERS")]
@@ -79,6 +79,9 @@ pub struct Arguments {
     /// Surface that methods plan on [default: proxy; quick rooms: true]
     #[arg(long, value_enum)]
     surface: Option<Shown>,
+    /// Space in which methods place cameras; viewers stand in all of the region [default: open]
+    #[arg(long, value_enum)]
+    space: Option<Space>,
     /// Side of the images in pixels [default: 800; quick: 96]
     #[arg(long, value_name = "PIXELS")]
     size: Option<u32>,
@@ -239,6 +242,7 @@ impl Arguments {
                 iterations: self.iterations.unwrap_or(of.iterations),
                 max_splats: self.max_splats.unwrap_or(of.max_splats),
                 shown: self.surface.unwrap_or(shown),
+                space: self.space.unwrap_or_default(),
                 shrink: self.shrink.unwrap_or(of.shrink),
                 baselines_from: self.baselines_from.unwrap_or(match (self.paper, kind) {
                     (true, Kind::Object) => BaselinesFrom::Sphere,

@@ -8,6 +8,8 @@ use crate::scene::region::Shape;
 /// Unconnected part of the free space from which on it is mentioned: insides of furniture are less.
 const NOTEWORTHY: f64 = 0.2;
 
+/// The same of what is beyond the walls of a room: surfaces are not as straight as a box.
+const MARGIN: f64 = 0.02;
 /// Part of the cameras around an object that see a point of it at least, in the mean. Of a room they see the outside of its walls.
 const INSIDE: f64 = 0.1;
 
@@ -21,6 +23,10 @@ pub fn print_plan(plan: &Plan) {
     if plan.geometry.free.unconnected > NOTEWORTHY {
         let part = 100.0 * plan.geometry.free.unconnected;
         say!("note     {part:.0}% of the free space is not connected with the rest, and no camera is placed there");
+    }
+    if plan.geometry.free.beyond > MARGIN {
+        let part = 100.0 * plan.geometry.free.beyond;
+        say!("note     {part:.0}% of the box lies beyond the walls of the room in it, and no camera is placed there");
     }
     let kept = if record.kept > 0 { format!(", {} kept", record.kept) } else { String::new() };
     say!("plan     {} views{kept}, {how}", record.cameras.len() - record.kept);
@@ -49,6 +55,9 @@ pub fn print_plan(plan: &Plan) {
                 "         the plan is that layout itself: the descent gains less than {least:.2} dB, too little to be distinguished"
             );
         }
+    }
+    if let Some(hidden) = record.out_of_sight() {
+        say!("note     {hidden}");
     }
     for doubt in record.doubts() {
         say!("warning  {doubt}");

@@ -7,6 +7,7 @@ use glam::DVec3;
 use crate::export::georeference::{Fit, Geodetic, Georeference};
 use crate::export::gps;
 use crate::io::{areas, photos};
+use crate::photos::PhotoSet;
 use crate::scene::limits::Volume;
 use crate::scene::prism::prism;
 use crate::scene::region::Region;
@@ -20,6 +21,8 @@ const REMOTE: f64 = 50e3;
 const STEP: f64 = 2e3;
 /// Corners of an area so divided.
 const MAX_CORNERS: f64 = 2000.0;
+/// Part of how far photos are spread that their GPS may be off by for lengths in metres: these are then off by its square, 4%, at most.
+const ROUGH: f64 = 0.2;
 /// Of a degree of latitude.
 const METRES_A_DEGREE: f64 = 111_320.0;
 
@@ -58,6 +61,17 @@ pub fn georeference(text: &str, middle: DVec3, up: DVec3) -> Result<Georeference
         return Err(wrong("give LAT,LON,ALT[,HEADING], utm:ZONE, ecef, or a capture, which this is not"));
     }
     let capture = photos::read(Path::new(text), &photos::Options::from(photos::Images::SkipMissing))?;
+    let (positions, places) = with_gps(&capture)?;
+    let (earth, Fit { used, photos, rms }) = Georeference::fitted(&positions, &places)?;
+    say!(
+        "place    by {used} of {photos} photos with GPS, which are {rms:.2} m off (root mean square); a unit is {:.4} m",
+        earth.scale()
+    );
+    Ok(earth)
+}
+
+/// Where photos that say where on Earth they were taken stand in the scene, and those places.
+fn with_gps(capture: &PhotoSet) -> Result<(Vec<DVec3>, Vec<Geodetic>)> {
     let (mut positions, mut places) = (Vec::new(), Vec::new());
     for photo in &capture.photos {
         if let Some(image) = &photo.image
@@ -67,12 +81,26 @@ pub fn georeference(text: &str, middle: DVec3, up: DVec3) -> Result<Georeference
             places.push(place);
         }
     }
-    let (earth, Fit { used, photos, rms }) = Georeference::fitted(&positions, &places)?;
-    say!(
-        "place    by {used} of {photos} photos with GPS, which are {rms:.2} m off (root mean square); a unit is {:.4} m",
-        earth.scale()
-    );
-    Ok(earth)
+    Ok((positions, places))
+}
+
+/// How long a metre is in units of a capture, by the GPS of its photos; none where few have any, or where it is too rough for that.
+///
+/// # Errors
+/// Where an image cannot be opened.
+pub fn metre(capture: &PhotoSet) -> Result<Option<f64>> {
+    let (positions, places) = with_gps(capture)?;
+    // Photos in a line give no turn, and then no scale.
+    let Ok((earth, Fit { used, photos, rms })) = Georeference::fitted(&positions, &places) else { return Ok(None) };
+    let middle = positions.iter().sum::<DVec3>() / positions.len() as f64;
+    let square = positions.iter().map(|place| place.distance_squared(middle)).sum::<f64>() / positions.len() as f64;
+    let spread = earth.scale() * square.sqrt();
+    if rms > ROUGH * spread {
+        say!("scale    in steps between photos: their GPS is {rms:.1} m off, and they stand within {spread:.1} m");
+        return Ok(None);
+    }
+    say!("scale    a unit is {:.3} m by {used} of {photos} photos with GPS, {rms:.2} m off", earth.scale());
+    Ok(Some(1.0 / earth.scale()))
 }
 
 /// The areas of a file as upright prisms that reach over all heights of a region, in the frame of the scene.

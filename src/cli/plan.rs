@@ -9,6 +9,7 @@ use super::baselines::{self, BaselineOptions};
 use super::options::{CameraOptions, DeviceOptions, print_messages, read_surface};
 use super::order::Order;
 use super::outcome::print_plan;
+use super::place;
 use super::progress::{Progress, leave_on_interrupt, stop_on_interrupt};
 use super::region::RegionOptions;
 use super::session::{Ended, go_on};
@@ -419,7 +420,10 @@ fn captured(
             None => Ok(None),
         };
     }
-    let capture = io::photos::read(&arguments.scene, &io::photos::Options::default())?;
+    let mut capture = io::photos::read(&arguments.scene, &io::photos::Options::default())?;
+    if arguments.keep.is_some() && capture.metre.is_none() {
+        capture.metre = place::metre(&capture)?;
+    }
     for note in &capture.notes {
         say!("{note}");
     }

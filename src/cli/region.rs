@@ -113,6 +113,16 @@ pub enum SpaceOption {
     File(PathBuf),
 }
 
+/// What an earlier plan was made for.
+pub struct Stored {
+    /// Its region.
+    pub region: Region,
+    /// Its limits.
+    pub limits: Limits,
+    /// Whether surroundings were assumed that no point shows, if it says so.
+    pub surrounded: Option<bool>,
+}
+
 impl LimitOptions {
     /// Whether something is said of walls.
     pub fn walls_given(&self) -> bool {
@@ -205,8 +215,8 @@ impl RegionOptions {
     }
 
     /// Reads a surface and settles its region; prints what was understood. What the options leave out is taken from
-    /// `stored`, the region and the limits of an earlier plan, where there is one.
-    pub fn target(&self, path: &Path, intrinsics: &Intrinsics, stored: Option<(Region, Limits)>) -> Result<Target> {
+    /// an earlier plan, where there is one.
+    pub fn target(&self, path: &Path, intrinsics: &Intrinsics, stored: Option<Stored>) -> Result<Target> {
         self.choice()?;
         let surface = read_surface(path)?;
         // A reconstruction knows where cameras could stand: where they did.
@@ -222,13 +232,15 @@ impl RegionOptions {
         path: &Path,
         capture: Option<&PhotoSet>,
         intrinsics: &Intrinsics,
-        stored: Option<(Region, Limits)>,
+        stored: Option<Stored>,
     ) -> Result<Target> {
         let mut choice = self.choice()?;
         let mut preset = self.preset();
         let photographed: Vec<Pose> =
             capture.iter().flat_map(|set| &set.photos).map(|photo| photo.camera.pose).collect();
-        let (stored, mut limits) = stored.map_or((None, Limits::default()), |(region, limits)| (Some(region), limits));
+        let surrounded = stored.as_ref().and_then(|stored| stored.surrounded);
+        let (stored, mut limits) =
+            stored.map_or((None, Limits::default()), |stored| (Some(stored.region), stored.limits));
         if let (None, Some(region)) = (choice.shape, stored) {
             choice.shape = Some(region.shape);
             choice.floor = if self.floor == FloorOption::None { None } else { choice.floor.or(region.floor) };
@@ -265,6 +277,7 @@ impl RegionOptions {
         if target.limits.space.as_ref().is_some_and(|space| space.reach().is_some()) {
             match capture.filter(|set| 2 * set.cut_out() > set.photos.len()) {
                 Some(_) => say!("         surroundings are left out, as photos are cut out by masks or alpha"),
+                None if surrounded == Some(false) => {}
                 None => target = target.with_surroundings()?,
             }
         }
@@ -372,7 +385,7 @@ fn count(option: &str, form: &str, wanted: usize, given: usize) -> Error {
 
 /// Prints a surface and its region.
 pub fn print_target(target: &Target) {
-    let SurfaceRecord { path, kind, primitives, min, max } = &target.record;
+    let SurfaceRecord { path, kind, primitives, min, max, .. } = &target.record;
     say!("surface  {path}: {primitives} {kind}, from {min:.3} to {max:.3}");
     if target.proxy.dropped + target.proxy.thinned > 0 {
         say!("         {} dropped, {} thinned out", target.proxy.dropped, target.proxy.thinned);

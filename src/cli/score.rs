@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::options::{DeviceOptions, print_messages};
 use super::outcome::table;
-use super::region::RegionOptions;
+use super::region::{RegionOptions, Stored};
 use super::session::Ended;
 use super::viewers::ViewerOptions;
 use crate::io::folder::{check_file, write_files};
@@ -20,7 +20,7 @@ use crate::plan::record::Expected;
 use crate::plan::target::Target;
 use crate::scene::camera::Camera;
 use crate::scene::limits::Limits;
-use crate::scene::region::{Region, Shape};
+use crate::scene::region::Shape;
 use crate::{Error, Result, io};
 
 /// Arguments of `camsplat score`.
@@ -92,8 +92,8 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         say!("{note}");
         (None, 0)
     });
-    if let (Some(file), Some((_, limits))) = (&arguments.json, &stored) {
-        let files: Vec<PathBuf> = limits.keep_out.iter().map(|volume| PathBuf::from(&volume.file)).collect();
+    if let (Some(file), Some(stored)) = (&arguments.json, &stored) {
+        let files: Vec<PathBuf> = stored.limits.keep_out.iter().map(|volume| PathBuf::from(&volume.file)).collect();
         check_output_file(file, files.iter().filter(|file| file.exists()))?;
     }
     let target = arguments.region.target(&arguments.surface, &first.intrinsics, stored)?;
@@ -170,13 +170,15 @@ fn note_outside(target: &Target, cameras: &[Camera]) -> Result<()> {
     Ok(())
 }
 
-/// The region and the limits that a plan.json was made for, which is what its cameras are fairly measured by, and how many of these were kept.
+/// What a plan.json was made for, which is what its cameras are fairly measured by, and how many of these were kept.
 ///
 /// # Errors
 /// A note where there is one that cannot be read.
-fn stored(cameras: &Path) -> Result<(Option<(Region, Limits)>, usize), String> {
+fn stored(cameras: &Path) -> Result<(Option<Stored>, usize), String> {
     #[derive(serde::Deserialize)]
     struct Plan {
+        #[serde(default)]
+        surface: serde_json::Value,
         region: serde_json::Value,
         #[serde(default)]
         limits: serde_json::Value,
@@ -186,7 +188,7 @@ fn stored(cameras: &Path) -> Result<(Option<(Region, Limits)>, usize), String> {
     // Whether there is a file that can be read has been settled by whoever read its cameras; those of others have no region.
     let plan = io::json_file(cameras)
         .and_then(|file| io::json::<Plan>(&file, &std::fs::read(&file).map_err(|e| Error::io(&file, e))?));
-    let Ok(Plan { region, limits, kept }) = plan else { return Ok((None, 0)) };
+    let Ok(Plan { surface, region, limits, kept }) = plan else { return Ok((None, 0)) };
     let file = cameras.display();
     let region = serde_json::from_value(region).map_err(|error| {
         format!("the region in {file} cannot be read ({error}), and that of the options, or the usual one, is taken")
@@ -198,5 +200,6 @@ fn stored(cameras: &Path) -> Result<(Option<(Region, Limits)>, usize), String> {
         })?,
         _ => return Err(format!("the limits in {file} are no object, and its region is not taken either")),
     };
-    Ok((Some((region, limits)), kept))
+    let surrounded = surface["assumed"].as_u64().map(|count| count > 0);
+    Ok((Some(Stored { region, limits, surrounded }), kept))
 }

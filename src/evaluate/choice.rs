@@ -10,7 +10,7 @@ use super::competitor::Competitor;
 use super::kind::Kind;
 use super::passes;
 use super::scene_artifacts::SceneArtifacts;
-use super::settings::BaselinesFrom;
+use super::settings::{BaselinesFrom, Space};
 use super::training;
 use crate::baselines::job::Outside;
 use crate::methods::Method;
@@ -56,7 +56,7 @@ impl SceneArtifacts<'_> {
         let kept = self.scene.kept(intrinsics, views, seed)?;
         let limits = &self.scene.limits;
         let photographs = matches!(method, Competitor::Method(placing) if placing.needs_photographs());
-        let made_of = match method {
+        let mut made_of = match method {
             // Independent of their names and the seed.
             Competitor::Cameras(given) => json!({
                 "surface": shown.key(), "given": given.poses, "region": region, "camera": intrinsics, "device": device,
@@ -68,12 +68,15 @@ impl SceneArtifacts<'_> {
                 "samples": photographs.then_some(self.settings.samples),
             }),
         };
+        if self.settings.space == Space::Known {
+            made_of["space"] = json!(self.settings.space);
+        }
         let artifact = self.artifact("choice", made_of);
         if !artifact.begins(observe)? {
             return artifact.read(PLAN);
         }
         let scored = baseline.is_none() && config.objective != Objective::Quality;
-        let target = self.target(shown, &region, scored)?;
+        let target = self.target((inputs, shown), &region, scored)?;
         let plan = match (baseline, method) {
             (Some(request), _) => {
                 let model = model.map(training::model).transpose()?;

@@ -26,7 +26,7 @@ pub fn run(
     let (context, intrinsics) = (artifacts.context(), artifacts.intrinsics());
     let first = Config { views: config.views / 2, ..config.clone() };
     let rest = Config { views: config.views - first.views, ..config.clone() };
-    let target = artifacts.target(shown, &artifacts.scene().region, false)?;
+    let target = artifacts.target((inputs, shown), &artifacts.scene().region, false)?;
     let tools = Tools::default();
     let begun = job::run(context, &target, intrinsics, kept, first, tools, |_| observe(Event::Working))?;
     if begun.interrupted() {
@@ -37,7 +37,7 @@ pub fn run(
     let mut set = read_photos(inputs)?;
     set.photos.extend(read_photos(&photos)?.photos);
     let known = Surface::Points(artifacts.reconstructed(&set)?);
-    let target = artifacts.target_of(&known, &artifacts.scene().region)?;
+    let target = artifacts.held(artifacts.target_of(&known, &artifacts.scene().region)?, &known, || Ok(set))?;
     let tools = Tools::default();
     let mut plan = job::run(context, &target, intrinsics, &taken, rest, tools, |_| observe(Event::Working))?;
     plan.record.method = Method::OursTwoPasses.name().to_owned();

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::competitor::Competitor;
 use super::kind::Kind;
-use super::settings::{BY_BOUNDS, BaselinesFrom, InputsFrom, Settings, Shown};
+use super::settings::{BY_BOUNDS, BaselinesFrom, InputsFrom, Settings, Shown, Space};
 use super::situation::Situation;
 use crate::methods::Method;
 use crate::quality::viewers::Viewers;
@@ -97,6 +97,11 @@ impl Request {
             return Err(Error::request(
                 "--methods ours-two-passes: its second pass goes by what the photographs of the first show, 2 or more each; give \
                  --surface proxy and --budgets of 4 or more",
+            ));
+        }
+        if settings.space == Space::Known && settings.shown == Shown::True {
+            return Err(Error::request(
+                "--space known: the input photos prove it together with the surface made of them; give --surface proxy, or leave it out",
             ));
         }
         if settings.inputs_from != InputsFrom::Uniform && *kind != Kind::Object {

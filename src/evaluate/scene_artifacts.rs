@@ -15,7 +15,7 @@ use super::artifact::{Artifact, Event, Observe};
 use super::kind::Kind;
 use super::request::Request;
 use super::scene::{Around, Scene};
-use super::settings::{Settings, Shown};
+use super::settings::{Settings, Shown, Space};
 use super::training::{self, Training};
 use crate::gaussians::config::{Config, Start, Strategy};
 use crate::gaussians::data::split::{Split, Test};
@@ -28,6 +28,7 @@ use crate::photos::{Photo, PhotoSet};
 use crate::plan::target::{RegionChoice, Target};
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::limits::Limits;
 use crate::scene::proxy::Orientation;
 use crate::scene::region::Region;
 use crate::scene::surface::{Points, Surface};
@@ -307,18 +308,36 @@ impl<'a> SceneArtifacts<'a> {
         }
     }
 
-    /// What is shown, in a region, ready to be planned for. Scores belong to points, which the objective that uses scores gets,
+    /// What is shown, in a region and the space that cameras are held to, ready to be planned for. Scores belong to points, which the objective that uses scores gets,
     /// with or without them; all others get the mesh itself, whose sheets have two sides, where the mesh is shown.
     ///
     /// # Errors
     /// Where its file cannot be read any more.
-    pub fn target(&self, shown: &Artifact, region: &Region, scored: bool) -> Result<Target> {
+    pub fn target(&self, (inputs, shown): (&Artifact, &Artifact), region: &Region, scored: bool) -> Result<Target> {
         let read = || io::read_surface(&shown.file(SURFACE)).map_err(|error| shown.damaged(&error.to_string()));
         let surface = match (self.settings.shown, scored) {
             (Shown::True, false) => self.scene.surface.clone(),
             _ => read()?,
         };
-        self.target_of(&surface, region)
+        self.held(self.target_of(&surface, region)?, &surface, || read_photos(inputs))
+    }
+
+    /// A target in the space that cameras are held to: what photos prove free, with a surface made of them.
+    ///
+    /// # Errors
+    /// Where they prove nothing.
+    pub(super) fn held(
+        &self,
+        target: Target,
+        surface: &Surface,
+        photos: impl FnOnce() -> Result<PhotoSet>,
+    ) -> Result<Target> {
+        if self.settings.space == Space::Open {
+            return Ok(target);
+        }
+        let space = photos()?.known_space(surface.positions(), None, target.region.up)?;
+        let limits = Limits { space: Some(space), ..target.limits.clone() };
+        target.within(limits)
     }
 
     /// A surface in a region, ready to be planned for.

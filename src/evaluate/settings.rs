@@ -17,6 +17,17 @@ pub enum Shown {
     True,
 }
 
+/// Which space methods may place cameras in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Space {
+    /// Wherever the region, the limits and the surface leave room
+    #[default]
+    Open,
+    /// Where the input photos prove that one can stand, as for captures
+    Known,
+}
+
 /// Where around an object baselines may put cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -37,6 +48,10 @@ pub enum InputsFrom {
     Random,
     /// Evenly from one side, a third of the sphere
     Biased,
+}
+
+fn is_open(space: &Space) -> bool {
+    *space == Space::Open
 }
 
 /// A region that follows from a scene's bounds.
@@ -69,6 +84,9 @@ pub struct Settings {
     pub max_splats: u32,
     /// What the methods are shown of the scene.
     pub shown: Shown,
+    /// Which space they may place cameras in; viewers stand in the whole region.
+    #[serde(skip_serializing_if = "is_open")]
+    pub space: Space,
     /// Each pixel of a pool's photo is a square of so many stored ones.
     pub shrink: u32,
     /// Where around an object baselines may put cameras.
@@ -96,6 +114,7 @@ impl Settings {
         iterations: 30_000,
         max_splats: 1_000_000,
         shown: Shown::Proxy,
+        space: Space::Open,
         shrink: 1,
         baselines_from: BaselinesFrom::Region,
         region: BY_BOUNDS,
@@ -116,6 +135,7 @@ impl Settings {
         iterations: 300,
         max_splats: 5000,
         shown: Shown::Proxy,
+        space: Space::Open,
         shrink: 8,
         baselines_from: BaselinesFrom::Region,
         region: BY_BOUNDS,

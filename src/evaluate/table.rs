@@ -6,7 +6,7 @@ use super::competitor::Competitor;
 use super::kind::Kind;
 use super::request::Request;
 use super::results::{Interval, METRICS, Outcome, Row, measured};
-use super::settings::{BaselinesFrom, InputsFrom, Shown};
+use super::settings::{BaselinesFrom, InputsFrom, Shown, Space};
 use crate::gaussians::run::record::DIVERGED_DB;
 use crate::plan::target::RegionChoice;
 use crate::quality::viewers::Viewers;
@@ -131,6 +131,9 @@ fn conditions(request: &Request) -> String {
         samples => format!("{inputs} with {samples} samples"),
     };
     let shown = match settings.shown {
+        Shown::Proxy if settings.space == Space::Known => {
+            format!("a surface made from {inputs}, within the space that these prove free (`--space known`)")
+        }
         Shown::Proxy => format!("a surface made from {inputs}"),
         Shown::True => format!("the scene's own mesh (`--surface true`), scored from {inputs}"),
     };

@@ -46,8 +46,8 @@ pub struct PhotoSet {
     pub tracks: Vec<Vec<u32>>,
     /// Mean reprojection error of each point in pixels; as long as `points`, or empty.
     pub errors: Vec<f32>,
-    /// Whether its unit is a metre, as with phones that measure.
-    pub is_metric: bool,
+    /// How long a metre is in its units; none where that is not known.
+    pub metre: Option<f64>,
     /// Images that were not found, and files that cannot be read, with the reason.
     pub missing: Vec<String>,
     /// What was understood, for the user to check: one line each.

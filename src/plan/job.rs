@@ -271,6 +271,7 @@ pub fn conclude(
         began_from: None,
         connection: None,
         tour: None,
+        elsewhere: scene.geometry.elsewhere(),
         baselines,
         seconds: outcome.seconds,
     };

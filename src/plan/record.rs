@@ -27,6 +27,9 @@ pub struct SurfaceRecord {
     pub kind: String,
     /// Triangles or discs that block rays.
     pub primitives: usize,
+    /// Discs beside them that stand for surroundings that no point shows; none in files that do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub assumed: Option<usize>,
     /// Lowest corner of the bounds.
     pub min: DVec3,
     /// Highest corner of the bounds.
@@ -202,6 +205,9 @@ pub struct PlanRecord {
     /// The way from the first planned camera to the last, where they are in the order of a tour.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tour: Option<TourRecord>,
+    /// Lowest and highest corner of what may be the room of a box, where the cameras stand outside of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub elsewhere: Option<[DVec3; 2]>,
     /// Baselines on the same points.
     #[serde(alias = "controls")]
     pub baselines: Vec<BaselineRecord>,
@@ -212,7 +218,22 @@ pub struct PlanRecord {
 /// Share of what viewers look at above which cameras that miss it are a doubt about a plan.
 const BLIND: f64 = 0.25;
 
+/// Share of the surface that can be seen below which it is said, where cameras are held to a space. Of points that photos saw up to a
+/// tenth is hidden by the discs that stand for others.
+const IN_SIGHT: f64 = 0.85;
+
 impl PlanRecord {
+    /// How much of the surface is seen from nowhere in the space that cameras are held to, on one line.
+    pub fn out_of_sight(&self) -> Option<String> {
+        let held = self.limits.space.is_some() && self.metrics.reachable < IN_SIGHT;
+        held.then(|| {
+            format!(
+                "{:.0}% of the surface is seen from nowhere in the space that cameras are held to; it counts neither as seen nor as a hole",
+                100.0 * (1.0 - self.metrics.reachable)
+            )
+        })
+    }
+
     /// What a user should look at before following the plan, each on one line.
     pub fn doubts(&self) -> Vec<String> {
         let mut doubts = Vec::new();
@@ -226,6 +247,11 @@ impl PlanRecord {
             doubts.push(format!(
                 "much of what viewers look at is seen by no camera ({:.0}%): more views help, or wider limits (heights, walk, box){elsewhere}",
                 100.0 * expected.unseen
+            ));
+        }
+        if let Some([low, high]) = self.elsewhere {
+            doubts.push(format!(
+                "these cameras stand outside of what walls enclose, from {low:.2} to {high:.2}: where that is the room, give its box"
             ));
         }
         let legs = self.tour.as_ref().map_or(0, |tour| tour.blocked);

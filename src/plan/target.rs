@@ -114,6 +114,7 @@ impl Target {
             path: path.to_owned(),
             kind: kind.into(),
             primitives: proxy.occluder.len() - proxy.assumed,
+            assumed: Some(proxy.assumed),
             min,
             max,
         };
@@ -145,6 +146,7 @@ impl Target {
         if self.limits.space.is_some() {
             self.proxy.forget_assumed();
             closing::close(&mut self.proxy, &self.region, &self.limits)?;
+            self.record.assumed = Some(self.proxy.assumed);
         }
         Ok(self)
     }

@@ -369,6 +369,7 @@ fn page(written: &Written<'_>) -> Result<String> {
         began_from: None,
         connection: None,
         tour: None,
+        elsewhere: None,
         metrics: selection.metrics,
         baselines: selection.baselines.clone(),
         seconds: selection.seconds.iter().sum(),

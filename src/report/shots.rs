@@ -89,7 +89,7 @@ impl Shots {
         }
         let set = set.clone().filtered(|photo| number(&photo.camera.name).is_some());
         let step = set.step();
-        let unit = if set.is_metric { Unit::Metre(1.0) } else { Unit::Step(step) };
+        let unit = set.metre.map_or(Unit::Step(step), Unit::Metre);
         let said = match (unit, apart(&set, step)) {
             (Unit::Metre(_), _) => METRE.into(),
             (Unit::Step(_), None) => "a step".into(),

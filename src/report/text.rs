@@ -110,6 +110,9 @@ fn heading(record: &PlanRecord, kind: Kind<'_>) -> String {
         record.version
     );
     let _ = write!(html, "</p>\n<p class=\"line\">{}</p>", escape(&line));
+    if let Some(hidden) = record.out_of_sight().filter(|_| matches!(kind, Kind::Plan)) {
+        let _ = write!(html, "\n<p class=\"line\">{}</p>", escape(&format!("{hidden}.")));
+    }
     for doubt in doubts {
         let _ = write!(html, "\n<p class=\"notice\">{}</p>", escape(&doubt));
     }

@@ -4,11 +4,12 @@ use glam::{DVec3, Vec3};
 
 use super::connected::{Air, best_component, connected_with};
 use super::distance_transform::nearest_sites;
+use super::enclosure::Enclosure;
 use super::known::KnownSpace;
 use super::limits::Limits;
 use super::proxy::Occluder;
 use super::random;
-use super::region::Region;
+use super::region::{Region, Shape};
 pub use super::voxels::Grid;
 use super::voxels::touched;
 use crate::{Error, Result};
@@ -28,7 +29,8 @@ const MAX_VOXELS: f64 = 6.4e7;
 /// A voxel is free where it may hold a point of the region above the floor, the surface does not touch it, its
 /// centre is at least the clearance away from the centre of every voxel that the surface touches, and it is connected
 /// (through faces) to the largest such set, which leaves out the insides of closed furniture and what lies behind a
-/// wall; where photos were taken, to where they were. Any point of a free voxel is at least clearance - sqrt(3) cells away from the surface. Limits bar voxels too; heights,
+/// wall; where photos were taken, to where they were. Of a box around a room what lies beyond its walls is left out.
+/// Any point of a free voxel is at least clearance - sqrt(3) cells away from the surface. Limits bar voxels too; heights,
 /// which a voxel may be larger than, hold within it.
 #[derive(Clone, Debug)]
 pub struct FreeSpace {
@@ -40,6 +42,10 @@ pub struct FreeSpace {
     pub free_fraction: f64,
     /// Fraction of the places that would be free, were they connected with the rest.
     pub unconnected: f64,
+    /// Fraction of what would be free that lies beyond the walls of the room that the box surrounds.
+    pub beyond: f64,
+    /// Lowest and highest corner of what may be a room, where free space is not in it.
+    pub elsewhere: Option<[DVec3; 2]>,
     /// The region.
     pub region: Region,
     /// Index of the free voxel nearest to each voxel.
@@ -111,8 +117,28 @@ impl FreeSpace {
                 && (heights.is_none() || place_in(&grid, grid.coordinates(*i as usize), region, heights).is_some())
         };
         let photos: Vec<DVec3> = limits.space.iter().flat_map(KnownSpace::photos).collect();
+        let (mut beyond, mut elsewhere) = (0.0, None);
         let component = if photos.is_empty() {
-            best_component(&grid, &open, |component| component.iter().filter(|i| is_own(i)).count())
+            let largest = |open: &[bool]| best_component(&grid, open, |some| some.iter().filter(|i| is_own(i)).count());
+            let all = largest(&open);
+            let is_box = matches!(region.shape, Shape::Box { .. });
+            match if is_box { Enclosure::of(&grid, &occupied, &open, &all) } else { Enclosure::All } {
+                Enclosure::Room(inside) => {
+                    open.iter_mut().zip(inside).for_each(|(open, inside)| *open &= inside);
+                    let room = largest(&open);
+                    beyond = 1.0 - room.len() as f64 / all.len() as f64;
+                    room
+                }
+                Enclosure::Elsewhere(room) => {
+                    let centres = || room.iter().map(|i| grid.centre(grid.coordinates(*i as usize)));
+                    elsewhere = Some([
+                        centres().fold(DVec3::INFINITY, DVec3::min),
+                        centres().fold(DVec3::NEG_INFINITY, DVec3::max),
+                    ]);
+                    all
+                }
+                Enclosure::All => all,
+            }
         } else {
             // Next to a thing a photo's own place may be nearer to it than the clearance.
             let near = |p: &DVec3| grid.around(*p, *p, region.clearance + grid.cell);
@@ -156,6 +182,8 @@ impl FreeSpace {
                 distance,
                 free_fraction,
                 unconnected,
+                beyond,
+                elsewhere,
                 region: *region,
                 nearest,
                 free,

@@ -10,6 +10,7 @@ mod connected;
 pub mod directions;
 mod discs;
 mod distance_transform;
+mod enclosure;
 pub mod free_space;
 pub mod gaussians;
 pub(crate) mod harmonics;

@@ -95,6 +95,13 @@ impl SceneGeometry {
         Ok(Self { to_internal, region: internal, free, limits, everywhere, bvh })
     }
 
+    /// Lowest and highest corner, in the user's world, of what may be a room, where free space is not in it.
+    pub fn elsewhere(&self) -> Option<[DVec3; 2]> {
+        let back = self.to_internal.inverse();
+        let [a, b] = self.free.elsewhere?.map(|corner| back.point(corner));
+        Some([a.min(b), a.max(b)])
+    }
+
     /// The free space of viewers.
     pub fn open(&self) -> &FreeSpace {
         self.everywhere.as_ref().unwrap_or(&self.free)

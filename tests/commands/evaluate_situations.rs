@@ -89,11 +89,31 @@ fn the_second_pass_stands_beside_the_first() {
     assert!(!again.out.contains("making"), "{}", again.out);
 }
 
+/// If this failed, `--space known` would hold only one method, or none, or results of one space be taken for those of the other.
+#[test]
+fn input_photos_prove_where_all_methods_may_stand() {
+    let place = lit_cube();
+    let run = format!("evaluate cube.gltf --inputs-from biased --methods ours,random --budgets 6 {TINY} --out o");
+    place.done(&run);
+    place.done(&format!("{run} --space known"));
+    let plans = choices(&place, "o/cube");
+    let (known, open): (Vec<_>, Vec<_>) = plans.iter().partition(|plan| plan.limits.space.is_some());
+    assert_eq!((known.len(), open.len()), (2, 2));
+    for plan in &known {
+        let space = plan.limits.space.as_ref().unwrap();
+        assert!(plan.cameras.iter().all(|camera| space.holds(camera.pose.position)), "{}", plan.method);
+        // Photos are from one side, and so is what they prove.
+        let others = open.iter().flat_map(|plan| &plan.cameras);
+        assert!(others.filter(|camera| !space.holds(camera.pose.position)).count() > 2);
+    }
+    assert!(place.read("o/table.md").contains("`--space known`"));
+}
+
 /// If this failed, an invalid request would be detected after hours.
 #[test]
 fn what_does_not_fit_is_refused() {
     let place = lit_cube();
-    let cases: [(&str, &[&str]); 8] = [
+    let cases: [(&str, &[&str]); 9] = [
         ("--situation two-rooms cube.gltf", &["two-rooms", "leave the scenes out"]),
         ("--situation corner", &["there are no scenes"]),
         ("--situation corner cube.gltf --preset room", &["corner", "of objects"]),
@@ -102,6 +122,7 @@ fn what_does_not_fit_is_refused() {
         ("cube.gltf --methods ours-two-passes --surface true", &["--surface proxy"]),
         ("cube.gltf --methods ours-two-passes --budgets 3", &["4 or more"]),
         ("cube.gltf --wall 0,0,0,0,0,0", &["--wall"]),
+        ("cube.gltf --surface true --space known", &["--space known", "--surface proxy"]),
     ];
     for (given, says) in cases {
         assert_refused(&place, &[(&format!("evaluate {given} {TINY} --out o"), says)]);

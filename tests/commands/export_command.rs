@@ -5,6 +5,7 @@ use std::fs;
 use std::io::{Cursor, Read as _};
 
 use crate::support::command::{Place, SHORT, assert_refused};
+use crate::support::gps::jpeg_at;
 use camsplat::io;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::similarity::Similarity;
@@ -313,47 +314,6 @@ fn a_plan_gives_its_tour_its_floor_and_no_kept_cameras() {
     assert_refused(&place, &[(low, &["--lowest", "above the take-off"])]);
 }
 
-/// The bytes of a JPEG with a position in its EXIF data.
-fn jpeg_at(latitude: f64, longitude: f64, altitude: f64) -> Vec<u8> {
-    let mut plain = Cursor::new(Vec::new());
-    image::RgbImage::from_pixel(64, 48, image::Rgb([90, 120, 60]))
-        .write_to(&mut plain, image::ImageFormat::Jpeg)
-        .unwrap();
-    // TIFF, little-endian: an entry that leads to the GPS data, these (references, and rationals that follow), then the numbers.
-    let mut tiff = b"II*\0\x08\0\0\0\x01\0\x25\x88\x04\0\x01\0\0\0\x1a\0\0\0\0\0\0\0".to_vec();
-    let numbers_at = 26 + 2 + 6 * 12 + 4;
-    tiff.extend(6u16.to_le_bytes());
-    let mut entry = |tag: u16, kind: u16, count: u32, value: [u8; 4]| {
-        tiff.extend([tag.to_le_bytes(), kind.to_le_bytes()].concat());
-        tiff.extend(count.to_le_bytes());
-        tiff.extend(value);
-    };
-    let place = |i: u32| (numbers_at + 24 * i).to_le_bytes();
-    entry(1, 2, 2, if latitude < 0.0 { *b"S\0\0\0" } else { *b"N\0\0\0" });
-    entry(2, 5, 3, place(0));
-    entry(3, 2, 2, if longitude < 0.0 { *b"W\0\0\0" } else { *b"E\0\0\0" });
-    entry(4, 5, 3, place(1));
-    entry(5, 1, 1, [u8::from(altitude < 0.0), 0, 0, 0]);
-    entry(6, 5, 1, place(2));
-    tiff.extend([0; 4]);
-    let mut rational = |value: f64, parts: u32| {
-        tiff.extend(((value * f64::from(parts)).round() as u32).to_le_bytes());
-        tiff.extend(parts.to_le_bytes());
-    };
-    for degrees in [latitude.abs(), longitude.abs()] {
-        let minutes = degrees.fract() * 60.0;
-        rational(degrees.trunc(), 1);
-        rational(minutes.trunc(), 1);
-        rational(minutes.fract() * 60.0, 100_000);
-    }
-    rational(altitude.abs(), 1000);
-    let exif = [&b"Exif\0\0"[..], &tiff].concat();
-    let mut bytes = plain.into_inner();
-    let segment = [&b"\xff\xe1"[..], &(exif.len() as u16 + 2).to_be_bytes(), &exif].concat();
-    bytes.splice(2..2, segment);
-    bytes
-}
-
 /// If this failed, photos with GPS could not say where a reconstruction of any scale and turn lies, or would say it south of the equator or
 /// below the sea wrongly.
 #[test]
@@ -367,13 +327,14 @@ fn photos_with_gps_place_the_scene() {
     };
     fs::create_dir_all(place.path("capture/images")).unwrap();
     let mut cameras = Vec::new();
+    let picture = image::RgbImage::from_pixel(64, 48, image::Rgb([90, 120, 60]));
     for (i, camera) in truth.iter().enumerate() {
         // Twelve cameras in a ring are level; every other one is taken higher, so that all axes show.
         let position = camera.pose.position + DVec3::new(0.0, 0.0, if i % 2 == 0 { -30.0 } else { 5.0 });
         let pose = Pose::looking(position, -position, DVec3::Z);
         // 33 degrees south: a degree is 110,911 m north and 93,453 m east there.
         let (latitude, longitude) = (-33.0 + position.y / 110_911.0, -70.0 + position.x / 93_453.0);
-        place.write(&format!("capture/images/{}", camera.name), jpeg_at(latitude, longitude, position.z));
+        place.write(&format!("capture/images/{}", camera.name), jpeg_at(&picture, latitude, longitude, position.z));
         let intrinsics = Intrinsics::from_fov(64, 48, 1.0);
         cameras.push(Camera { pose: hidden.pose(&pose), intrinsics, ..camera.clone() });
     }

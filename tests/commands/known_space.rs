@@ -212,6 +212,11 @@ fn surroundings_that_no_point_shows_are_planned_for_unless_photos_are_cut_out() 
     cut_out(30);
     let (none, same, other) = plan("without", "");
     assert_eq!((none, same), (None, primitives));
+    // A plan is judged as it was made, also beside a surface of its own.
+    fs::copy(place.path("phone/points.ply"), place.path("points.ply")).unwrap();
+    let scored =
+        |plan: &str| place.done(&format!("score points.ply {plan}")).out.contains("more stand for surroundings");
+    assert!(scored("with") && !scored("without"));
     // What is only assumed is not drawn.
     let drawn =
         |page: &str| page.split("\"cloud\":{\"count\":").nth(1).map(|rest| rest.split(',').next().unwrap().to_owned());

@@ -56,6 +56,60 @@ fn space_that_is_cut_off_is_reported() {
     assert!(!whole.contains("not connected"), "{whole}");
 }
 
+/// A room as wide as an L: walls of sheets a metre wide with a door in each of the two that the corner cut out of its box lies behind.
+fn l_shaped_room() -> String {
+    let corners: [[i32; 2]; 6] = [[0, 0], [6, 0], [6, 3], [3, 3], [3, 6], [0, 6]];
+    let (mut vertices, mut faces) = (String::new(), String::new());
+    let mut sheet = |corners: [[f64; 3]; 4]| {
+        let first = 4 * faces.lines().count() + 1;
+        corners.iter().for_each(|[x, y, z]| vertices += &format!("v {x} {y} {z}\n"));
+        faces += &format!("f {first} {} {} {}\n", first + 1, first + 2, first + 3);
+    };
+    for height in [0.0, 2.5] {
+        for [low, high] in [[[0.0, 0.0], [6.0, 3.0]], [[0.0, 3.0], [3.0, 6.0]]] {
+            let [[x0, y0], [x1, y1]] = [low, high];
+            sheet([[x0, y0, height], [x1, y0, height], [x1, y1, height], [x0, y1, height]]);
+        }
+    }
+    for (i, from) in corners.iter().enumerate() {
+        let to = corners[(i + 1) % corners.len()];
+        let [dx, dy] = [0, 1].map(|axis| (to[axis] - from[axis]).signum());
+        for step in 0..(to[0] - from[0] + to[1] - from[1]).abs() {
+            let ([ax, ay], is_door) =
+                ([from[0] + step * dx, from[1] + step * dy].map(f64::from), [2, 3].contains(&i) && step == 1);
+            let [bx, by] = [ax + f64::from(dx), ay + f64::from(dy)];
+            if !is_door {
+                sheet([[ax, ay, 0.0], [bx, by, 0.0], [bx, by, 2.5], [ax, ay, 2.5]]);
+            }
+        }
+    }
+    vertices + &faces
+}
+
+/// If this failed, a plan for a scanned room would stand outside of its walls, in the void of the box around it.
+#[test]
+fn nobody_stands_beyond_the_walls_of_a_room() {
+    let place = Place::new();
+    place.write("room.obj", l_shaped_room());
+    for method in ["ours", "random"] {
+        let options =
+            format!("{} --preset room --up z --clearance 0.2", short(method).replace("--views 5", "--views 40"));
+        let ran = place.done(&format!("plan room.obj --out {method} --method {method} {options}"));
+        assert!(ran.out.contains("of the box lies beyond the walls of the room"), "{}", ran.out);
+        for camera in &place.plan(method).cameras {
+            let p = camera.pose.position;
+            // In a door is not outside.
+            assert!(p.x < 3.15 || p.y < 3.15, "{method}: {p} is outside");
+        }
+    }
+    // In a box that is mostly outside nobody knows which part is meant.
+    let ran = place.done(&format!("plan room.obj --out wide --box=-12,-12,0.2,12,12,2.3 --up z {SHORT}"));
+    let doubt = "these cameras stand outside of what walls enclose, from";
+    assert!(ran.out.contains(doubt) && place.read("wide/report.html").contains(doubt), "{}", ran.out);
+    let ran = place.done(&format!("plan room.obj --out near --box 0.2,0.2,0.2,2.8,5.8,2.3 --up z {SHORT}"));
+    assert!(!ran.out.contains("enclose") && !ran.out.contains("beyond"), "{}", ran.out);
+}
+
 /// If this failed, a plan whose limits leave half of the thing unseen would look as good as any other.
 #[test]
 fn what_no_camera_can_see_is_reported() {

@@ -3,6 +3,7 @@
 use std::fs;
 
 use crate::support::command::{Place, SHORT};
+use crate::support::gps::jpeg_at;
 use camsplat::io;
 use camsplat::io::camera_files;
 use camsplat::io::folder::OutputFolder;
@@ -40,10 +41,19 @@ fn camera(name: &str, position: DVec3, toward: DVec3) -> Camera {
 
 /// A place with a capture of the wall: twelve photos in a row, with images unless `bare`, as a COLMAP model.
 fn captured(bare: bool) -> Place {
+    captured_as("png", bare)
+}
+
+/// The same with photos of this file format.
+fn captured_as(format: &str, bare: bool) -> Place {
     let place = Place::new();
     let photo = |i: u32| {
         let x = 0.6 * f64::from(i) - 3.3;
-        camera(&format!("{i:03}.png"), DVec3::new(x, -4.0 - 0.5 * f64::from(i % 2), 1.6), DVec3::new(0.7 * x, 0.0, 1.4))
+        camera(
+            &format!("{i:03}.{format}"),
+            DVec3::new(x, -4.0 - 0.5 * f64::from(i % 2), 1.6),
+            DVec3::new(0.7 * x, 0.0, 1.4),
+        )
     };
     let cameras: Vec<Camera> = (0..12).map(photo).collect();
     let point = |i: u32| {
@@ -171,4 +181,37 @@ fn a_capture_is_told_whether_its_photos_are_enough() {
     assert!(fewer < -0.2 && more > 0.05, "four photos {fewer} dB, five more {more} dB");
     let refused = place.run("score wall/sparse/0/points3D.bin");
     assert!(refused.code == Some(2) && refused.err.lines().count() == 1, "{}", refused.err);
+}
+
+/// If this failed, who has GPS would be sent about in steps, or in metres that are wrong where GPS is rougher than the photos are apart.
+#[test]
+fn lengths_are_in_metres_where_gps_says_how_long_these_are() {
+    // A unit is 6 m; photos are 5 cm off, or 5 m.
+    for (off, unit) in [(0.05, Some(1.0 / 6.0)), (5.0, None)] {
+        let place = captured_as("jpg", true);
+        for i in 0..12u32 {
+            let x = 6.0 * (0.6 * f64::from(i) - 3.3);
+            let [u, v, w, _] = random::uniforms(8, 1, i).map(|u| 2.0 * off * (u - 0.5));
+            // Higher every third time, so that they do not lie on a line; on the equator a degree is as long either way.
+            let (east, north, up) = (x + u, 6.0 * (-4.0 - 0.5 * f64::from(i % 2)) + v, 9.6 + w);
+            let camera = camera("a", DVec3::new(x / 6.0, -4.0, 1.6), DVec3::new(0.1 * x, 0.0, 1.4));
+            let picture = photographed(&camera, [320, 240]);
+            let bytes = jpeg_at(&picture, north / 110_574.0, east / 111_320.0, up);
+            fs::write(place.path(&format!("wall/images/{i:03}.jpg")), bytes).unwrap();
+        }
+        let told = place.done(&format!("plan wall --keep wall {SHORT} --out o")).out;
+        let list: Value = serde_json::from_str(&place.read("o/shots.json")).unwrap();
+        let length = list["unit_length"].as_f64().unwrap();
+        match unit {
+            Some(metre) => {
+                assert!((length / metre - 1.0).abs() < 0.05 && list["unit"] == "a metre", "{length} {}", list["unit"]);
+                assert!(told.contains("by 12 of 12 photos with GPS"), "{told}");
+                let words = list["shots"][0]["words"].as_str().unwrap();
+                assert!(words.contains(" m ") || words.contains(" cm "), "{words}");
+            }
+            None => {
+                assert!(list["unit"].as_str().unwrap().starts_with("a step") && told.contains("their GPS is"), "{told}")
+            }
+        }
+    }
 }

@@ -112,6 +112,7 @@ fn record(path: &str, region: Region, cameras: Vec<Camera>, kept: usize) -> Plan
             path: path.into(),
             kind: "mesh".into(),
             primitives: 48_200,
+            assumed: None,
             min: centre - radius,
             max: centre + radius,
         },
@@ -129,6 +130,7 @@ fn record(path: &str, region: Region, cameras: Vec<Camera>, kept: usize) -> Plan
         began_from: None,
         connection: None,
         tour: None,
+        elsewhere: None,
         baselines: vec![baseline("random", 0.0), baseline("fibonacci", 0.55)],
         seconds: 83.4,
     }

@@ -103,10 +103,11 @@ pub fn read(path: &Path, options: &Options) -> Result<PhotoSet> {
         found.notes.push(what);
     }
     let Found { photos, convention, points, tracks, errors, notes, .. } = found;
-    let is_metric = path.is_dir() && phone::is_layout(path);
+    // Phones that measure depth give metres.
+    let metre = (path.is_dir() && phone::is_layout(path)).then_some(1.0);
     let path_of = path.to_owned();
     let mut set =
-        PhotoSet { path: path_of, photos, convention, points, tracks, errors, is_metric, missing, notes: Vec::new() };
+        PhotoSet { path: path_of, photos, convention, points, tracks, errors, metre, missing, notes: Vec::new() };
     if options.images == Images::SkipMissing {
         set = set.filtered(|photo| photo.image.is_some());
         if set.photos.is_empty() {
