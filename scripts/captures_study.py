@@ -6,7 +6,7 @@ usage: captures_study.py make ROOMS OUT     cameras of seven captures (OUT/NAME.
        captures_study.py truth ROOMS OUT PLAN...   of plans for captures (OUT/NAME beside the folders PLAN-NAME), who stands in the open
        captures_study.py thin CAPTURE OUT   the capture without every eighth photo (OUT/full), those (OUT/test), and parts of it: a third left
                                             out at random (r1, r2), on one side (s1, s2), two thirds (t1), five sixths (x1)
-       captures_study.py choose ROOMS OUT   10, 20 and 40 more cameras by plan, evenly, at random, with three seeds; writes views-NAME.json,
+       captures_study.py choose ROOMS OUT   10, 20 and 40 more cameras by plan, evenly, at random, with three seeds: views-NAME.json,
                                             sets.json, and the points in the room's frame, points-NAME.ply
 
 Between make and pose: camsplat capture ROOM.glb OUT/NAME.json --env ROOM.env.hdr --exposure E --out OUT/photos/NAME, E -0.67 for the

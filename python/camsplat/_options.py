@@ -501,6 +501,9 @@ class EvaluateOptions(TypedDict, total=False):
     surface: Literal["proxy", "true"]
     """Surface that methods plan on [default: proxy; quick rooms: true]"""
 
+    space: Literal["open", "known"]
+    """Space in which methods place cameras; viewers stand in all of the region [default: open]"""
+
     size: int
     """Side of the images in pixels [default: 800; quick: 96]"""
 

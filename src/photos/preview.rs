@@ -104,6 +104,12 @@ impl<'a> Previews<'a> {
     }
 }
 
+/// Share of a preview that no photo shows.
+pub fn unseen(picture: &RgbImage) -> f64 {
+    let unseen = picture.pixels().filter(|pixel| **pixel == UNSEEN).count();
+    unseen as f64 / picture.pixels().len().max(1) as f64
+}
+
 /// A photo's image, small.
 ///
 /// # Errors

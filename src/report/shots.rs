@@ -9,7 +9,7 @@ use super::shot_map;
 use super::text::escape;
 use crate::io::picture::stem;
 use crate::photos::PhotoSet;
-use crate::photos::preview::Previews;
+use crate::photos::preview::{Previews, unseen};
 use crate::plan::record::PlanRecord;
 use crate::scene::camera::{Camera, Pose};
 use crate::scene::directions::{Unit, Way};
@@ -17,6 +17,8 @@ use crate::{Error, Result};
 
 /// What lengths are said in where the scale is known.
 const METRE: &str = "a metre";
+/// Part of a picture that is new from which on that is said: a shot that looks beside an object is for what lies behind it in other views.
+const MOSTLY: f64 = 0.6;
 /// Qualities of pictures that are tried until all fit the page.
 const QUALITIES: [u8; 4] = [80, 65, 50, 35];
 
@@ -46,6 +48,8 @@ pub struct Shot {
     /// Height of the lens above the floor in units of the scene, where there is a floor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub height: Option<f64>,
+    /// Share of it that no photo nearby shows.
+    pub unseen: f64,
     /// Where it is, camera axes X right, Y down, Z forward.
     pub pose: Pose,
 }
@@ -117,6 +121,7 @@ impl Shots {
                 tilt_up_deg: way.tilt.to_degrees(),
                 pitch_deg: way.pitch.to_degrees(),
                 height: record.region.floor.map(|floor| camera.pose.position.dot(up) - floor),
+                unseen: unseen(&pictures[i]),
                 pose: camera.pose,
             });
         }
@@ -157,7 +162,8 @@ impl Shots {
         let mut html = format!(
             "<section aria-labelledby=\"shots-title\">\n<h2 id=\"shots-title\">Shot list</h2>\n<p>Stand where the photo on the right was \
              taken; move, left, right and forward as one looks in that photo and level; then turn and aim, until the viewfinder shows the \
-             picture on the left. That is made of photos nearby: edges may be frayed, and grey is what none of them shows. Off by a few \
+             picture on the left. That is made of photos nearby: edges may be frayed, and grey is what none of them shows; where most of it \
+             is, the shot is for surroundings that views of the object have behind it. Off by a few \
              hundredths of the distance to what you photograph is near enough.{unit}</p>\n{}<ol class=\"shots\">\n",
             self.map
         );
@@ -168,10 +174,11 @@ impl Shots {
                 let (length, unit) = (height / self.list.unit_length, if metric { "m" } else { "steps" });
                 format!(" The lens is {length:.1} {unit} above the floor.")
             });
+            let new = if shot.unseen > MOSTLY { " Most of this no photo nearby shows yet." } else { "" };
             let _ = write!(
                 html,
                 "<li><div class=\"pair\"><figure data-camera=\"{i}\"><img src=\"{}\" alt=\"what shot {} should show\"></figure>\
-                 <figure data-camera=\"{from}\"><img src=\"{}\" alt=\"photo {}\"></figure></div>\n<p><strong>{}</strong> From <b>{}</b>: {}.{}</p></li>\n",
+                 <figure data-camera=\"{from}\"><img src=\"{}\" alt=\"photo {}\"></figure></div>\n<p><strong>{}</strong> From <b>{}</b>: {}.{}{new}</p></li>\n",
                 jpeg_url(picture),
                 i + 1,
                 photo.unwrap_or_default(),

@@ -140,6 +140,11 @@ fn a_plan_for_a_capture_has_a_shot_list_that_leads_to_it() {
         let picture = image::open(place.path(&format!("o/{}", shot["picture"].as_str().unwrap()))).unwrap();
         assert_eq!(picture.width(), 320);
         assert!(page.contains(words), "{words}");
+        // Grey in the file is what no photo shows.
+        let grey =
+            picture.to_rgb8().pixels().filter(|Rgb(c)| (0..3).all(|i| c[i].abs_diff([208, 210, 214][i]) < 5)).count();
+        let share = grey as f64 / f64::from(picture.width() * picture.height());
+        assert!((shot["unseen"].as_f64().unwrap() - share).abs() < 0.05, "{share} {shot}");
     }
     // From above: a disc and a line for each camera, and no more than the photos to start from have names.
     let map = page.split("class=\"map\"").nth(1).unwrap().split("</svg>").next().unwrap();
