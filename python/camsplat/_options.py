@@ -502,7 +502,7 @@ class EvaluateOptions(TypedDict, total=False):
     """Surface that methods plan on [default: proxy; quick rooms: true]"""
 
     space: Literal["open", "known"]
-    """Space in which methods place cameras; viewers stand in all of the region [default: open]"""
+    """Space in which methods place cameras; test views are from all of the region [default: open]"""
 
     size: int
     """Side of the images in pixels [default: 800; quick: 96]"""

@@ -79,7 +79,7 @@ pub struct Arguments {
     /// Surface that methods plan on [default: proxy; quick rooms: true]
     #[arg(long, value_enum)]
     surface: Option<Shown>,
-    /// Space in which methods place cameras; viewers stand in all of the region [default: open]
+    /// Space in which methods place cameras; test views are from all of the region [default: open]
     #[arg(long, value_enum)]
     space: Option<Space>,
     /// Side of the images in pixels [default: 800; quick: 96]

@@ -308,8 +308,9 @@ impl<'a> SceneArtifacts<'a> {
         }
     }
 
-    /// What is shown, in a region and the space that cameras are held to, ready to be planned for. Scores belong to points, which the objective that uses scores gets,
-    /// with or without them; all others get the mesh itself, whose sheets have two sides, where the mesh is shown.
+    /// What is shown, in a region and the space that cameras are held to, ready to be planned for. Scores belong to points, which
+    /// the objective that uses scores gets, with or without them; all others get the mesh itself, whose sheets have two sides, where
+    /// the mesh is shown.
     ///
     /// # Errors
     /// Where its file cannot be read any more.

@@ -84,7 +84,7 @@ pub struct Settings {
     pub max_splats: u32,
     /// What the methods are shown of the scene.
     pub shown: Shown,
-    /// Which space they may place cameras in; viewers stand in the whole region.
+    /// Which space they may place cameras in; tests are from the whole region.
     #[serde(skip_serializing_if = "is_open")]
     pub space: Space,
     /// Each pixel of a pool's photo is a square of so many stored ones.

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-use crate::support::command::{Place, assert_refused};
+use crate::support::command::{Place, SHORT, assert_refused};
 use camsplat::io;
 use camsplat::io::camera_files;
 use camsplat::io::folder::OutputFolder;
@@ -179,6 +179,23 @@ fn nobody_is_sent_behind_the_fox() {
                 "{name}: {p} is {before} before the plane, {nearest} from a photo"
             );
         }
+    }
+}
+
+/// If this failed, what cannot be seen from a space would be taken for a hole of the plan, or for seen.
+#[test]
+fn what_a_space_hides_is_said() {
+    let place = Place::new();
+    place.write("side.json", r#"{"boxes": [[1.8, -1, -1, 3, 1, 1]]}"#);
+    let hidden = "of the surface is seen from nowhere in the space that cameras are held to";
+    for (options, said) in [("--space side.json", true), ("--space open", false)] {
+        let ran = place.done(&format!("plan ball.ply --shell 0,0,0,1.5,3.5 --up z {options} {SHORT} --out o --force"));
+        assert_eq!(
+            (ran.out.contains(hidden), place.read("o/report.html").contains(hidden)),
+            (said, said),
+            "{}",
+            ran.out
+        );
     }
 }
 
