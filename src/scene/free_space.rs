@@ -11,7 +11,7 @@ use super::proxy::Occluder;
 use super::random;
 use super::region::{Region, Shape};
 pub use super::voxels::Grid;
-use super::voxels::touched;
+use super::voxels::{touched, touched_by};
 use crate::{Error, Result};
 
 /// Default number of voxels along the region's longest side.
@@ -75,16 +75,17 @@ impl FreeSpace {
     /// # Errors
     /// As [`FreeSpace::new`], also where the limits leave nothing.
     pub fn among(occluder: &Occluder, region: &Region, limits: &Limits, resolution: u32) -> Result<Self> {
-        Self::with_everybody(occluder, region, limits, resolution).map(|(own, _)| own)
+        Self::with_everybody((occluder, 0), region, limits, resolution).map(|(own, _)| own)
     }
 
     /// The free space within all limits, and the one within those that apply to viewers too, where others exist. The second is
-    /// connected, and the first a part of it: of several unconnected spaces the one of which most is left.
+    /// connected, and the first a part of it: of several unconnected spaces the one of which most is left. The last `assumed` primitives
+    /// of the surface are walls that nobody saw: they block, and say nothing of where a room ends.
     ///
     /// # Errors
     /// As [`FreeSpace::among`].
     pub fn with_everybody(
-        occluder: &Occluder,
+        (occluder, assumed): (&Occluder, usize),
         region: &Region,
         limits: &Limits,
         resolution: u32,
@@ -122,7 +123,11 @@ impl FreeSpace {
             let largest = |open: &[bool]| best_component(&grid, open, |some| some.iter().filter(|i| is_own(i)).count());
             let all = largest(&open);
             let is_box = matches!(region.shape, Shape::Box { .. });
-            match if is_box { Enclosure::of(&grid, &occupied, &open, &all) } else { Enclosure::All } {
+            let enclosure = || {
+                let seen = (assumed > 0).then(|| touched_by(&grid, occluder, occluder.len() - assumed));
+                Enclosure::of(&grid, seen.as_ref().unwrap_or(&occupied), &open, &all)
+            };
+            match if is_box { enclosure() } else { Enclosure::All } {
                 Enclosure::Room(inside) => {
                     open.iter_mut().zip(inside).for_each(|(open, inside)| *open &= inside);
                     let room = largest(&open);

@@ -76,9 +76,14 @@ impl Grid {
 /// For every voxel, whether the surface touches it. Exact for triangles; a disc may mark a voxel at its rim that it only
 /// nearly touches.
 pub(super) fn touched(grid: &Grid, occluder: &Occluder) -> Vec<bool> {
+    touched_by(grid, occluder, occluder.len())
+}
+
+/// The same of the surface's first `count` primitives.
+pub(super) fn touched_by(grid: &Grid, occluder: &Occluder, count: usize) -> Vec<bool> {
     let mut occupied = vec![false; grid.voxels()];
     let far = grid.origin + grid.cell * DVec3::from_array(grid.dims.map(f64::from));
-    for i in 0..occluder.len() {
+    for i in 0..count {
         let (lo, hi) = occluder.primitive_bounds(i);
         if lo.cmpgt(far).any() || hi.cmplt(grid.origin).any() {
             continue;

@@ -90,7 +90,8 @@ impl SceneGeometry {
         let internal = region.transformed(&to_internal)?;
         let occluder = proxy.occluder.transformed(&to_internal);
         let limits = limits.transformed(&to_internal, region.up);
-        let (free, everywhere) = FreeSpace::with_everybody(&occluder, &internal, &limits, free_space::RESOLUTION)?;
+        let (free, everywhere) =
+            FreeSpace::with_everybody((&occluder, proxy.assumed), &internal, &limits, free_space::RESOLUTION)?;
         let bvh = Bvh::new(&proxy.occluder, &to_internal)?;
         Ok(Self { to_internal, region: internal, free, limits, everywhere, bvh })
     }

@@ -1,6 +1,7 @@
 //! Where cameras may not be: how plans, other methods and scores treat walls, volumes to keep out of, heights and ground.
 
 use crate::support::command::{Place, SHORT, assert_refused};
+use camsplat::io;
 use glam::DVec3;
 
 const SHELL: &str = "--shell 0,0,0,2,3 --up z";
@@ -86,6 +87,22 @@ fn l_shaped_room() -> String {
     vertices + &faces
 }
 
+/// Points on the quads of an OBJ file, as PLY.
+fn cloud_of(obj: &str) -> Vec<u8> {
+    let numbers = |line: &str| line.split(' ').skip(1).map(|word| word.parse().unwrap()).collect::<Vec<f64>>();
+    let lines = |kind: char| obj.lines().filter(move |line| line.starts_with(kind)).map(numbers);
+    let vertices: Vec<DVec3> = lines('v').map(|v| DVec3::from_slice(&v)).collect();
+    let mut positions = Vec::new();
+    for face in lines('f') {
+        let [a, b, _, d] = [0, 1, 2, 3].map(|i| vertices[face[i] as usize - 1]);
+        let [u, v] = [b - a, d - a];
+        let [nu, nv] = [u, v].map(|side| (side.length() / 0.1) as u32);
+        let place = |i: u32| a + f64::from(i % nu) / f64::from(nu) * u + f64::from(i / nu) / f64::from(nv) * v;
+        positions.extend((0..nu * nv).map(place));
+    }
+    io::ply::write::points(&positions, &[], None)
+}
+
 /// If this failed, a plan for a scanned room would stand outside of its walls, in the void of the box around it.
 #[test]
 fn nobody_stands_beyond_the_walls_of_a_room() {
@@ -101,6 +118,14 @@ fn nobody_stands_beyond_the_walls_of_a_room() {
             // In a door is not outside.
             assert!(p.x < 3.15 || p.y < 3.15, "{method}: {p} is outside");
         }
+    }
+    // Of points of its sheets alone, where walls that nobody saw are assumed on the bounds of the box.
+    place.write("cloud.ply", cloud_of(&l_shaped_room()));
+    let options = "--method random --views 40 --held-out 60 --preset room --up z --clearance 0.2";
+    place.done(&format!("plan cloud.ply --out cloud {options}"));
+    for camera in &place.plan("cloud").cameras {
+        let p = camera.pose.position;
+        assert!(p.x < 3.3 || p.y < 3.3, "{p} is outside");
     }
     // In a box that is mostly outside nobody knows which part is meant.
     let ran = place.done(&format!("plan room.obj --out wide --box=-12,-12,0.2,12,12,2.3 --up z {SHORT}"));
