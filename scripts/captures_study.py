@@ -4,7 +4,8 @@
 usage: captures_study.py make ROOMS OUT     cameras of seven captures (OUT/NAME.json) in the rooms of ROOMS (.glb)
        captures_study.py pose OUT           COLMAP on OUT/photos/NAME/images, into OUT/NAME; its similarity to the world
        captures_study.py truth ROOMS OUT PLAN...   of plans for captures (OUT/NAME beside the folders PLAN-NAME), who stands in the open
-       captures_study.py thin CAPTURE OUT   the capture without every eighth photo (OUT/full), those (OUT/test), and parts of it: a third left
+       captures_study.py object OUT NAME PHOTOS RENDERED   of test views (folders of the pictures), PSNR within a disc around the object
+       captures_study.py thin CAPTURE OUT   the capture without every eighth photo (OUT/full), those (OUT/test), and parts: a third left
                                             out at random (r1, r2), on one side (s1, s2), two thirds (t1), five sixths (x1)
        captures_study.py choose ROOMS OUT   10, 20 and 40 more cameras by plan, evenly, at random, with three seeds: views-NAME.json,
                                             sets.json, and the points in the room's frame, points-NAME.ply
@@ -37,6 +38,8 @@ WALKS = {
     "lr-walk": ("living-room", (0.6, 1.35, -3.0), (4.5, 1.75, -0.7), 56, 0.9),
     "cl-walk": ("classroom", (-2.6, 1.3, -4.0), (2.5, 1.9, 3.0), 72, 1.1),
 }
+# Radius of what is looked at.
+OBJECT = {"lr-table": 0.55, "lr-sofa": 0.9, "dr-table": 2.5, "cl-desks": 0.8, "cl-corner": 0.8}
 ROOM = {name: of[0] for name, of in {**RINGS, **WALKS}.items()}
 SIZE, FOV = (800, 600), 65.0
 COUNTS, SEEDS, TESTS = (10, 20, 40), (1, 2, 3), 48
@@ -264,6 +267,29 @@ def choose(rooms, out):
         json.dump(sets, file)
 
 
+def of_object(out, name, photos, rendered):
+    """Mean PSNR within the disc that a sphere around the object of a ring becomes, over the test views of which it is two hundredths."""
+    from PIL import Image
+
+    with open(os.path.join(out, f"views-{name}.json")) as file:
+        views = json.load(file)
+    with open(os.path.join(out, "sets.json")) as file:
+        tests = set(json.load(file)[name]["test"])
+    centre, radius, found = np.array([*RINGS[name][1], 1.0]), OBJECT[name], []
+    for frame in views["frames"]:
+        picture = os.path.basename(frame["file_path"])
+        x, y, z, _ = np.linalg.inv(frame["transform_matrix"]) @ centre
+        if os.path.splitext(picture)[0] not in tests or -z < radius:
+            continue
+        a, b = (np.asarray(Image.open(os.path.join(of, picture)).convert("RGB"), float) for of in (photos, rendered))
+        rows, columns = np.mgrid[: a.shape[0], : a.shape[1]]
+        place = np.array([views["cx"] + views["fl_x"] * x / -z, views["cy"] - views["fl_y"] * y / -z])
+        disc = np.hypot(columns - place[0], rows - place[1]) < views["fl_x"] * radius / -z
+        if disc.mean() >= 0.02:
+            found.append(10 * np.log10(255**2 / max(((a - b)[disc] ** 2).mean(), 1e-9)))
+    print(f"{np.mean(found):.2f} dB, {len(found)} views")
+
+
 def thin(capture, out):
     import pycolmap
 
@@ -298,6 +324,8 @@ if __name__ == "__main__":
             pose(out)
         case ["truth", rooms, out, *plans] if plans:
             truth(rooms, out, plans)
+        case ["object", out, name, photos, rendered]:
+            of_object(out, name, photos, rendered)
         case ["thin", capture, out]:
             thin(capture, out)
         case ["choose", rooms, out]:

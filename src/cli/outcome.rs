@@ -26,7 +26,9 @@ pub fn print_plan(plan: &Plan) {
     }
     if plan.geometry.free.beyond > MARGIN {
         let part = 100.0 * plan.geometry.free.beyond;
-        say!("note     {part:.0}% of the box lies beyond the walls of the room in it, and no camera is placed there");
+        say!(
+            "note     {part:.0}% of the free space lies beyond the walls of the room in the box, and no camera is placed there"
+        );
     }
     let kept = if record.kept > 0 { format!(", {} kept", record.kept) } else { String::new() };
     say!("plan     {} views{kept}, {how}", record.cameras.len() - record.kept);

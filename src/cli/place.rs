@@ -21,7 +21,7 @@ const REMOTE: f64 = 50e3;
 const STEP: f64 = 2e3;
 /// Corners of an area so divided.
 const MAX_CORNERS: f64 = 2000.0;
-/// Part of how far photos are spread that their GPS may be off by for lengths in metres: these are then off by its square, 4%, at most.
+/// Part of how far photos are spread that their GPS may be off by for lengths in metres, which are then off by some percent.
 const ROUGH: f64 = 0.2;
 /// Of a degree of latitude.
 const METRES_A_DEGREE: f64 = 111_320.0;
@@ -90,8 +90,13 @@ fn with_gps(capture: &PhotoSet) -> Result<(Vec<DVec3>, Vec<Geodetic>)> {
 /// Where an image cannot be opened.
 pub fn metre(capture: &PhotoSet) -> Result<Option<f64>> {
     let (positions, places) = with_gps(capture)?;
-    // Photos in a line give no turn, and then no scale.
-    let Ok((earth, Fit { used, photos, rms })) = Georeference::fitted(&positions, &places) else { return Ok(None) };
+    if places.is_empty() {
+        return Ok(None);
+    }
+    let Ok((earth, Fit { used, photos, rms })) = Georeference::fitted(&positions, &places) else {
+        say!("scale    in steps between photos: {} of them have GPS, too few, or in a line", places.len());
+        return Ok(None);
+    };
     let middle = positions.iter().sum::<DVec3>() / positions.len() as f64;
     let square = positions.iter().map(|place| place.distance_squared(middle)).sum::<f64>() / positions.len() as f64;
     let spread = earth.scale() * square.sqrt();

@@ -162,9 +162,9 @@ impl Shots {
         let mut html = format!(
             "<section aria-labelledby=\"shots-title\">\n<h2 id=\"shots-title\">Shot list</h2>\n<p>Stand where the photo on the right was \
              taken; move, left, right and forward as one looks in that photo and level; then turn and aim, until the viewfinder shows the \
-             picture on the left. That is made of photos nearby: edges may be frayed, and grey is what none of them shows; where most of it \
-             is, the shot is for surroundings that views of the object have behind it. Off by a few \
-             hundredths of the distance to what you photograph is near enough.{unit}</p>\n{}<ol class=\"shots\">\n",
+             picture on the left. That is made of photos nearby: edges may be frayed, and grey is what none of them shows; a shot that is \
+             mostly grey is for surroundings that views of the object have behind it. Off by a few hundredths of the distance to what you \
+             photograph is near enough.{unit}</p>\n{}<ol class=\"shots\">\n",
             self.map
         );
         for ((i, shot), (picture, from)) in self.list.shots.iter().enumerate().zip(self.pictures.iter().zip(&self.from))

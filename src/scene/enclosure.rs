@@ -1,5 +1,7 @@
 //! What a room encloses, of a box that reaches beyond its walls.
 
+use glam::DVec3;
+
 use super::connected::best_component;
 use super::voxels::Grid;
 
@@ -14,7 +16,7 @@ const LEAST: f64 = 0.005;
 
 /// What walls enclose of a box.
 #[derive(Debug, PartialEq)]
-pub(super) enum Enclosure {
+enum Enclosure {
     /// Nothing, or all of the space.
     All,
     /// A room: for every voxel, whether it lies inside.
@@ -25,7 +27,7 @@ pub(super) enum Enclosure {
 
 impl Enclosure {
     /// Of a connected `space` among the `open` voxels; the surface touches those that are `occupied`.
-    pub(super) fn of(grid: &Grid, occupied: &[bool], open: &[bool], space: &[u32]) -> Self {
+    fn of(grid: &Grid, occupied: &[bool], open: &[bool], space: &[u32]) -> Self {
         let sides = sides_that_end(grid, occupied);
         let with = |least: u8| space.iter().filter(|i| sides[**i as usize] >= least).count();
         if with(ENCLOSED) as f64 >= ROOM * space.len() as f64 {
@@ -36,6 +38,43 @@ impl Enclosure {
         let largest = best_component(grid, &enclosed, |some| some.len());
         let may_be_a_room = largest.len() as f64 >= LEAST * grid.voxels() as f64;
         if may_be_a_room { Self::Elsewhere(largest) } else { Self::All }
+    }
+}
+
+/// The space that cameras and viewers get.
+pub(super) struct Indoors {
+    /// Its voxels, rising.
+    pub(super) space: Vec<u32>,
+    /// Fraction of the space without walls that lies beyond them.
+    pub(super) beyond: f64,
+    /// Lowest and highest corner of what may be a room, where the space is not in it.
+    pub(super) elsewhere: Option<[DVec3; 2]>,
+}
+
+impl From<Vec<u32>> for Indoors {
+    fn from(space: Vec<u32>) -> Self {
+        Self { space, beyond: 0.0, elsewhere: None }
+    }
+}
+
+/// Of the connected spaces among the `open` voxels the one that counts most, within the walls of a room where there is one: what is beyond
+/// them is no longer open then. `seen` are the voxels that a surface which somebody saw touches.
+pub(super) fn indoors(grid: &Grid, seen: &[bool], open: &mut [bool], count: impl Fn(&[u32]) -> usize) -> Indoors {
+    let all = best_component(grid, open, &count);
+    match Enclosure::of(grid, seen, open, &all) {
+        Enclosure::All => all.into(),
+        Enclosure::Room(inside) => {
+            let outside = all.iter().filter(|i| !inside[**i as usize]).count();
+            open.iter_mut().zip(inside).for_each(|(open, inside)| *open &= inside);
+            let space = best_component(grid, open, count);
+            Indoors { space, beyond: outside as f64 / all.len() as f64, elsewhere: None }
+        }
+        Enclosure::Elsewhere(room) => {
+            let centres = || room.iter().map(|i| grid.centre(grid.coordinates(*i as usize)));
+            let (low, high) =
+                (centres().fold(DVec3::INFINITY, DVec3::min), centres().fold(DVec3::NEG_INFINITY, DVec3::max));
+            Indoors { space: all, beyond: 0.0, elsewhere: Some([low, high]) }
+        }
     }
 }
 
@@ -63,8 +102,6 @@ fn sides_that_end(grid: &Grid, occupied: &[bool]) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::*;
 
     /// A box of 24 by 24 by 12 voxels with walls one voxel thick around an L, the corner beyond (12, 12) cut out.

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 
 use super::connected::{Air, best_component, connected_with};
 use super::distance_transform::nearest_sites;
-use super::enclosure::Enclosure;
+use super::enclosure::{Indoors, indoors};
 use super::known::KnownSpace;
 use super::limits::Limits;
 use super::proxy::Occluder;
@@ -75,7 +75,7 @@ impl FreeSpace {
     /// # Errors
     /// As [`FreeSpace::new`], also where the limits leave nothing.
     pub fn among(occluder: &Occluder, region: &Region, limits: &Limits, resolution: u32) -> Result<Self> {
-        Self::with_everybody((occluder, 0), region, limits, resolution).map(|(own, _)| own)
+        Self::with_everybody(occluder, 0, region, limits, resolution).map(|(own, _)| own)
     }
 
     /// The free space within all limits, and the one within those that apply to viewers too, where others exist. The second is
@@ -85,7 +85,8 @@ impl FreeSpace {
     /// # Errors
     /// As [`FreeSpace::among`].
     pub fn with_everybody(
-        (occluder, assumed): (&Occluder, usize),
+        occluder: &Occluder,
+        assumed: usize,
         region: &Region,
         limits: &Limits,
         resolution: u32,
@@ -118,36 +119,16 @@ impl FreeSpace {
                 && (heights.is_none() || place_in(&grid, grid.coordinates(*i as usize), region, heights).is_some())
         };
         let photos: Vec<DVec3> = limits.space.iter().flat_map(KnownSpace::photos).collect();
-        let (mut beyond, mut elsewhere) = (0.0, None);
-        let component = if photos.is_empty() {
-            let largest = |open: &[bool]| best_component(&grid, open, |some| some.iter().filter(|i| is_own(i)).count());
-            let all = largest(&open);
-            let is_box = matches!(region.shape, Shape::Box { .. });
-            let enclosure = || {
-                let seen = (assumed > 0).then(|| touched_by(&grid, occluder, occluder.len() - assumed));
-                Enclosure::of(&grid, seen.as_ref().unwrap_or(&occupied), &open, &all)
-            };
-            match if is_box { enclosure() } else { Enclosure::All } {
-                Enclosure::Room(inside) => {
-                    open.iter_mut().zip(inside).for_each(|(open, inside)| *open &= inside);
-                    let room = largest(&open);
-                    beyond = 1.0 - room.len() as f64 / all.len() as f64;
-                    room
-                }
-                Enclosure::Elsewhere(room) => {
-                    let centres = || room.iter().map(|i| grid.centre(grid.coordinates(*i as usize)));
-                    elsewhere = Some([
-                        centres().fold(DVec3::INFINITY, DVec3::min),
-                        centres().fold(DVec3::NEG_INFINITY, DVec3::max),
-                    ]);
-                    all
-                }
-                Enclosure::All => all,
-            }
-        } else {
+        let count = |some: &[u32]| some.iter().filter(|i| is_own(i)).count();
+        let Indoors { space: component, beyond, elsewhere } = if !photos.is_empty() {
             // Next to a thing a photo's own place may be nearer to it than the clearance.
             let near = |p: &DVec3| grid.around(*p, *p, region.clearance + grid.cell);
-            connected_with(&grid, &open, photos.iter().filter(|p| grid.holds(**p)).flat_map(near))
+            connected_with(&grid, &open, photos.iter().filter(|p| grid.holds(**p)).flat_map(near)).into()
+        } else if matches!(region.shape, Shape::Box { .. }) && limits.space.is_none() {
+            let seen = (assumed > 0).then(|| touched_by(&grid, occluder, occluder.len() - assumed));
+            indoors(&grid, seen.as_ref().unwrap_or(&occupied), &mut open, count)
+        } else {
+            best_component(&grid, &open, count).into()
         };
         let free: Vec<u32> = component.iter().copied().filter(is_own).collect();
         if free.is_empty() {
@@ -160,7 +141,6 @@ impl FreeSpace {
         }
         let all_open = open.iter().filter(|open| **open).count().max(1);
         let unconnected = 1.0 - component.len() as f64 / all_open as f64;
-        let narrowed = limits.narrows();
         let barred = if own.is_empty() {
             shared.clone()
         } else {
@@ -197,7 +177,7 @@ impl FreeSpace {
                 heights,
             }
         };
-        let everybody = narrowed.then(|| space(component, shared, None, occupied.clone()));
+        let everybody = limits.narrows().then(|| space(component, shared, None, occupied.clone()));
         Ok((space(free, barred, heights, occupied), everybody))
     }
 

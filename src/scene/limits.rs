@@ -323,7 +323,7 @@ mod tests {
         let spaces = |limits: Limits, closed: bool| {
             let door = if closed { block([1.0, -0.6, -1.5], [1.1, 0.6, 1.5]) } else { Vec::new() };
             let occluder = Occluder::Triangles([partition.concat(), door].concat());
-            FreeSpace::with_everybody((&occluder, 0), &region, &limits, 60).unwrap()
+            FreeSpace::with_everybody(&occluder, 0, &region, &limits, 60).unwrap()
         };
         let sides = |space: &FreeSpace| {
             let right = places(space).iter().filter(|p| p.x > 1.0).count();

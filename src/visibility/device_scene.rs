@@ -91,7 +91,7 @@ impl SceneGeometry {
         let occluder = proxy.occluder.transformed(&to_internal);
         let limits = limits.transformed(&to_internal, region.up);
         let (free, everywhere) =
-            FreeSpace::with_everybody((&occluder, proxy.assumed), &internal, &limits, free_space::RESOLUTION)?;
+            FreeSpace::with_everybody(&occluder, proxy.assumed, &internal, &limits, free_space::RESOLUTION)?;
         let bvh = Bvh::new(&proxy.occluder, &to_internal)?;
         Ok(Self { to_internal, region: internal, free, limits, everywhere, bvh })
     }
