@@ -4,6 +4,7 @@
 usage: captures_study.py make ROOMS OUT     cameras of seven captures (OUT/NAME.json) in the rooms of ROOMS (.glb)
        captures_study.py pose OUT           COLMAP on OUT/photos/NAME/images, into OUT/NAME; its similarity to the world
        captures_study.py truth ROOMS OUT PLAN...   of plans for captures (OUT/NAME beside the folders PLAN-NAME), who stands in the open
+       captures_study.py hall OUT COUNT     a capture of so many photos of a hall, 50 points each, without tracks: for times of known space
        captures_study.py object OUT NAME PHOTOS RENDERED   of test views (folders of the pictures), PSNR within a disc around the object
        captures_study.py thin CAPTURE OUT   the capture without every eighth photo (OUT/full), those (OUT/test), and parts: a third left
                                             out at random (r1, r2), on one side (s1, s2), two thirds (t1), five sixths (x1)
@@ -290,6 +291,34 @@ def of_object(out, name, photos, rendered):
     print(f"{np.mean(found):.2f} dB, {len(found)} views")
 
 
+def hall(out, count):
+    """A hall of 12 x 8 x 3 with +Z up, walked through; points on its floor and walls."""
+    os.makedirs(out, exist_ok=True)
+    rng, size = np.random.default_rng(1), np.array([12.0, 8.0, 3.0])
+    points = size * rng.random((max(4000, min(100_000, 50 * count)), 3))
+    sides = rng.integers(5, size=len(points))
+    for side, (axis, value) in enumerate([(2, 0.0), (1, 0.0), (1, 8.0), (0, 0.0), (0, 12.0)]):
+        points[sides == side, axis] = value
+    frames = []
+    for i in range(count):
+        place = [1, 1, 1.2] + rng.random(3) * [10, 6, 0.5]
+        forward = np.array([12, 8, 2.4]) - 2 * place
+        forward = np.array([*forward[:2], 1.2 - place[2]]) / np.linalg.norm([*forward[:2], 1.2 - place[2]])
+        right = np.cross(forward, [0, 0, 1]) / np.linalg.norm(np.cross(forward, [0, 0, 1]))
+        matrix = np.eye(4)
+        matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = right, np.cross(right, forward), -forward, place
+        frames.append((f"{i:05d}", matrix))
+    write(os.path.join(out, "transforms.json"), frames)
+    with open(os.path.join(out, "transforms.json")) as file:
+        capture = json.load(file)
+    with open(os.path.join(out, "transforms.json"), "w") as file:
+        json.dump({**capture, "ply_file_path": "points.ply"}, file)
+    header = "".join(f"property float {axis}\n" for axis in "xyz")
+    with open(os.path.join(out, "points.ply"), "w") as file:
+        file.write(f"ply\nformat ascii 1.0\nelement vertex {len(points)}\n{header}end_header\n")
+        np.savetxt(file, points, "%.4f")
+
+
 def thin(capture, out):
     import pycolmap
 
@@ -324,6 +353,8 @@ if __name__ == "__main__":
             pose(out)
         case ["truth", rooms, out, *plans] if plans:
             truth(rooms, out, plans)
+        case ["hall", out, count]:
+            hall(out, int(count))
         case ["object", out, name, photos, rendered]:
             of_object(out, name, photos, rendered)
         case ["thin", capture, out]:

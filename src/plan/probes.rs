@@ -41,7 +41,7 @@ pub(super) fn reachable(
 /// The error where the region sees nothing of the surface.
 pub(super) fn unseen(preset: Preset) -> Error {
     let outside = match preset {
-        Preset::Object => "",
+        Preset::Object => ", or give `preset` room for a room that is seen from inside",
         Preset::Room => ", or give `preset` object for a surface that is seen from outside",
     };
     Error::request(format!(

@@ -8,6 +8,7 @@ use super::text::escape;
 use crate::io::picture::stem;
 use crate::plan::record::PlanRecord;
 use crate::scene::camera::Camera;
+use crate::scene::directions::Unit;
 use crate::scene::surface::Points;
 
 /// Width of the drawing, and its height at most, in pixels.
@@ -22,8 +23,9 @@ const ARROW: f64 = 22.0;
 
 /// The drawing. `from` are the photos, by index among the record's cameras, that shots are started from; they have their names.
 ///
-/// Points above nine tenths of the lenses are left out: ceilings would hide what they cover.
-pub fn svg(record: &PlanRecord, points: &Points, from: &[usize]) -> String {
+/// Points above nine tenths of the lenses are left out: ceilings would hide what they cover. A bar in the corner is as long as
+/// the `unit` that lengths are said in, and says which.
+pub fn svg(record: &PlanRecord, points: &Points, from: &[usize], unit: &Unit) -> String {
     let up = record.region.up;
     // As on a map: the second axis points up the page, and both with `up` are right-handed.
     let beside = if up.dot(DVec3::X).abs() < 0.9 { DVec3::X } else { DVec3::Y };
@@ -79,6 +81,14 @@ pub fn svg(record: &PlanRecord, points: &Points, from: &[usize]) -> String {
     for (index, camera) in record.cameras[..planned].iter().enumerate() {
         svg += &arrow(camera, &(index + 1).to_string());
     }
+    let (x, y, length) = (BORDER, height - 0.5 * BORDER, scale * unit.length());
+    let _ = write!(
+        svg,
+        "</g>\n<g class=\"bar\"><path d=\"M{x:.1} {y:.1}h{length:.1}\"/><text x=\"{:.1}\" y=\"{:.1}\">{}</text>",
+        x + 0.5 * length,
+        y - 5.0,
+        unit.name()
+    );
     svg += "</g>\n</svg><figcaption>From above: numbers are the shots, names the photos to start from, lines where they look.</figcaption></figure>\n";
     svg
 }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use glam::DVec3;
 use serde::Serialize;
 
 use super::pictures::{MAX_BYTES, jpeg, jpeg_url};
@@ -15,10 +16,8 @@ use crate::scene::camera::{Camera, Pose};
 use crate::scene::directions::{Unit, Way};
 use crate::{Error, Result};
 
-/// What lengths are said in where the scale is known.
-const METRE: &str = "a metre";
 /// Part of a picture that is new from which on that is said: a shot that looks beside an object is for what lies behind it in other views.
-const MOSTLY: f64 = 0.6;
+const MOSTLY: f64 = 0.5;
 /// Qualities of pictures that are tried until all fit the page.
 const QUALITIES: [u8; 4] = [80, 65, 50, 35];
 
@@ -69,6 +68,8 @@ pub struct ShotList {
 pub struct Shots {
     /// The list.
     pub list: ShotList,
+    /// Whether lengths are said in metres.
+    is_metric: bool,
     /// JPEG files of what each shot should see.
     pub pictures: Vec<Vec<u8>>,
     /// Of photos that exist and are shown: index among the record's cameras, and file.
@@ -94,10 +95,9 @@ impl Shots {
         let set = set.clone().filtered(|photo| number(&photo.camera.name).is_some());
         let step = set.step();
         let unit = set.metre.map_or(Unit::Step(step), Unit::Metre);
-        let said = match (unit, apart(&set, step)) {
-            (Unit::Metre(_), _) => METRE.into(),
-            (Unit::Step(_), None) => "a step".into(),
-            (Unit::Step(_), Some([a, b])) => format!("a step, which is about as far as from {a} to {b}"),
+        let said = match (unit, apart(&set, step, record.region.up)) {
+            (Unit::Step(_), Some([a, b])) => format!("{}, which is about as far as from {a} to {b}", unit.name()),
+            _ => unit.name().into(),
         };
         let previews = Previews::new(&set, step);
         let (pictures, photos) = previews.pictures(planned)?;
@@ -140,10 +140,10 @@ impl Shots {
                 break;
             }
         }
-        let map = shot_map::svg(record, &set.points, &from);
+        let map = shot_map::svg(record, &set.points, &from, &unit);
         let list = ShotList { unit: said, unit_length: unit.length(), shots };
         let shown = photos.into_iter().map(|(photo, _)| photo).zip(files.1).collect();
-        Ok(Some(Self { list, pictures: files.0, shown, from, map }))
+        Ok(Some(Self { list, is_metric: set.metre.is_some(), pictures: files.0, shown, from, map }))
     }
 
     /// `shots.json`.
@@ -157,14 +157,14 @@ impl Shots {
 
     /// The section of the page.
     pub fn html(&self, cameras: &[Camera]) -> String {
-        let metric = self.list.unit == METRE;
+        let metric = self.is_metric;
         let unit = if metric { String::new() } else { format!(" Lengths are in steps: {}.", escape(&self.list.unit)) };
         let mut html = format!(
             "<section aria-labelledby=\"shots-title\">\n<h2 id=\"shots-title\">Shot list</h2>\n<p>Stand where the photo on the right was \
-             taken; move, left, right and forward as one looks in that photo and level; then turn and aim, until the viewfinder shows the \
-             picture on the left. That is made of photos nearby: edges may be frayed, and grey is what none of them shows; a shot that is \
-             mostly grey is for surroundings that views of the object have behind it. Off by a few hundredths of the distance to what you \
-             photograph is near enough.{unit}</p>\n{}<ol class=\"shots\">\n",
+             taken; move, left, right and forward as one looks in that photo and level; turn from where it looks and aim above or below the \
+             horizon, until the viewfinder shows the picture on the left. That is made of photos nearby: edges may be frayed, and grey is what \
+             none of them shows; a shot that is mostly grey is for surroundings that views of the object have behind it. Off by a few \
+             hundredths of the distance to what you photograph is near enough.{unit}</p>\n{}<ol class=\"shots\">\n",
             self.map
         );
         for ((i, shot), (picture, from)) in self.list.shots.iter().enumerate().zip(self.pictures.iter().zip(&self.from))
@@ -202,11 +202,14 @@ impl Shots {
     }
 }
 
-/// The photos whose distance is nearest to a step.
-fn apart(set: &PhotoSet, step: f64) -> Option<[&str; 2]> {
+/// The photos that are most nearly a step apart on the level, as a map shows it.
+fn apart(set: &PhotoSet, step: f64, up: DVec3) -> Option<[&str; 2]> {
     let photos: Vec<&Camera> = set.photos.iter().map(|photo| &photo.camera).collect();
     let pairs = photos.iter().enumerate().flat_map(|(i, a)| photos[..i].iter().map(move |b| (*b, *a)));
-    let off = |(a, b): &(&Camera, &Camera)| (a.pose.position.distance(b.pose.position) - step).abs();
+    let off = |(a, b): &(&Camera, &Camera)| {
+        let way = b.pose.position - a.pose.position;
+        (way.length() - step).abs() + way.dot(up).abs()
+    };
     pairs.min_by(|a, b| off(a).total_cmp(&off(b))).map(|(a, b)| [&a.name[..], &b.name[..]])
 }
 

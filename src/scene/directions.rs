@@ -101,6 +101,14 @@ impl Unit {
         }
     }
 
+    /// One of it, in words.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Metre(_) => "a metre",
+            Self::Step(_) => "a step",
+        }
+    }
+
     /// Its length in units of the scene.
     pub fn length(&self) -> f64 {
         match *self {

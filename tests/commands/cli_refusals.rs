@@ -75,7 +75,12 @@ fn regions_that_are_none() {
     assert_options_refused(&[
         (
             "--shell 100,0,0,1,2",
-            &["no point of the surface can be seen from the region", "move or enlarge it", "--shell"],
+            &[
+                "no point of the surface can be seen from the region",
+                "move or enlarge it",
+                "--shell",
+                "--preset room for a room",
+            ],
         ),
         (
             "--box -3,-3,-3,3,3,3",

@@ -148,10 +148,23 @@ fn a_plan_for_a_capture_has_a_shot_list_that_leads_to_it() {
     }
     // From above: a disc and a line for each camera, and no more than the photos to start from have names.
     let map = page.split("class=\"map\"").nth(1).unwrap().split("</svg>").next().unwrap();
-    let [kept, planned] = ["kept", "planned"].map(|class| map.split(&format!("<g class=\"{class}\">")).nth(1).unwrap());
-    let planned_paths = planned.matches("<path").count();
-    assert_eq!((kept.matches("<path").count() - planned_paths, planned_paths), (plan.kept, 5));
+    let part = |class: &str| map.split(&format!("<g class=\"{class}\">")).nth(1).unwrap().split("</g>").next().unwrap();
+    let [kept, planned, bar] = ["kept", "planned", "bar"].map(part);
+    assert_eq!((kept.matches("<path").count(), planned.matches("<path").count()), (plan.kept, 5));
     assert!((1..=5).all(|number| planned.contains(&format!(">{number}</text>"))), "{planned}");
+    // The bar is a step long, by the scale at which photos are drawn.
+    let number =
+        |text: &str| text.split(|c: char| !c.is_ascii_digit() && c != '.').next().unwrap().parse::<f64>().unwrap();
+    let after = |text: &str, name: &str| number(text.split(name).nth(1).unwrap());
+    let drawn: Vec<DVec2> =
+        kept.split("<circle ").skip(1).map(|of| DVec2::new(after(of, "cx=\""), after(of, "cy=\""))).collect();
+    let way = plan.cameras[plan.cameras.len() - 1].pose.position - plan.cameras[5].pose.position;
+    let scale = drawn[0].distance(drawn[plan.kept - 1]) / way.reject_from_normalized(plan.region.up).length();
+    let step = list["unit_length"].as_f64().unwrap();
+    assert!(
+        (after(bar.split("d=\"").nth(1).unwrap(), "h") / scale / step - 1.0).abs() < 0.02 && bar.contains(">a step<"),
+        "{bar} {scale}"
+    );
     let bare = captured(true);
     bare.done(&format!("plan wall --keep wall {SHORT} --out o"));
     assert!(!bare.path("o/shots.json").exists() && !bare.read("o/report.html").contains("Shot list"));
