@@ -29,6 +29,8 @@ pub struct Binding {
 /// What a module declares.
 pub struct Module {
     pub local_size: [u32; 3],
+    /// Whether it has operations of subgroups.
+    pub subgroups: bool,
     pub bindings: Vec<Binding>,
     pub push: Layout,
     pub structs: Vec<Layout>,
@@ -62,6 +64,7 @@ struct Tables {
     workgroup_size: Option<u32>,
     variables: Vec<(u32, u32, u32)>,
     local_size: [u32; 3],
+    subgroups: bool,
 }
 
 const STORAGE_BUFFER: u32 = 12;
@@ -72,6 +75,7 @@ pub fn reflect(words: &[u32]) -> Result<Module, String> {
     let tables = read(words)?;
     let mut module = Module {
         local_size: tables.local_size,
+        subgroups: tables.subgroups,
         bindings: Vec::new(),
         push: Layout::default(),
         structs: Vec::new(),
@@ -147,6 +151,8 @@ impl Tables {
             (6, [id, member, rest @ ..]) => drop(self.member_names.insert((*id, *member), text(rest))),
             // OpExecutionMode LocalSize
             (16, [_, 17, x, y, z]) => self.local_size = [*x, *y, *z],
+            // OpCapability GroupNonUniform and what builds on it
+            (17, [61..=68]) => self.subgroups = true,
             // OpTypeInt, OpTypeFloat
             (21 | 22, [id, bits, ..]) => drop(self.types.insert(*id, Type::Scalar(bits / 8))),
             (23, [id, element, count]) => drop(self.types.insert(*id, Type::Vector(*element, *count))),

@@ -72,6 +72,9 @@ impl Host {
             queue: self.queue,
             queue_lock: self.queue_lock.clone(),
             debug_utils: false,
+            prefix: String::new(),
+            memory_budget: false,
+            wait_limit: None,
         }
     }
 
@@ -131,16 +134,17 @@ fn main() -> Result<(), Box<dyn Error>> {
         host.device.begin_command_buffer(commands, &begin)?;
         commands
     };
-    // SAFETY: the command buffer is in the recording state, and the planner lives until it has run.
+    // SAFETY: the command buffer is in the recording state, and `kept` lives until it has run.
     let mut recorder = unsafe { Recorder::host(&context, commands) };
     planner.record_block(&mut recorder)?;
-    recorder.finish();
+    let kept = recorder.finish()?;
     // SAFETY: the command buffer is in the recording state.
     unsafe { host.device.end_command_buffer(commands) }?;
 
     // The device counts the iterations, so the same commands run again and again, and do nothing once the run is over.
     let blocks = planner.settings().iterations.div_ceil(planner.block());
     host.run(commands, blocks)?;
+    drop(kept);
 
     let outcome = planner.outcome()?;
     println!("{} iterations, loss {:.4}", planner.done(), outcome.history.last().map_or(f32::NAN, |row| row.loss));

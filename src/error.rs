@@ -60,6 +60,19 @@ pub enum Error {
         /// The stage's name, as in `--profile`.
         stage: String,
     },
+    /// A submission took longer than it may: the device hangs, or others use it. What was submitted stays in memory.
+    #[error(
+        "the device has not finished what was submitted in {seconds} s, stages from {first} to {last}; free the device of other work, or \
+         find the stage with `debug_sync`"
+    )]
+    Unfinished {
+        /// The first stage, as in `--profile`.
+        first: &'static str,
+        /// The last one.
+        last: &'static str,
+        /// How long was waited.
+        seconds: f64,
+    },
     /// A Vulkan call failed in a way that none of the above explains.
     #[error("Vulkan: {what}: {code:?}")]
     Vulkan {
@@ -98,7 +111,7 @@ impl Error {
     /// change.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::DeviceLost { .. } | Self::Vulkan { .. } => 1,
+            Self::DeviceLost { .. } | Self::Unfinished { .. } | Self::Vulkan { .. } => 1,
             Self::Interrupted => 130,
             _ => 2,
         }

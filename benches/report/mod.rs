@@ -24,8 +24,8 @@ pub fn context() -> Result<Arc<Context>> {
 
 /// A recording to measure, and one that brings back what it changes.
 pub struct Job<'a> {
-    restore: Recorder<'a>,
-    work: Recorder<'a>,
+    restore: Recorder,
+    work: Recorder,
 }
 
 impl<'a> Job<'a> {
@@ -33,8 +33,8 @@ impl<'a> Job<'a> {
     pub fn new(
         context: &Arc<Context>,
         stages: u32,
-        restore: impl FnOnce(&mut Recorder<'a>),
-        work: impl FnOnce(&mut Recorder<'a>) -> Result<()>,
+        restore: impl FnOnce(&mut Recorder),
+        work: impl FnOnce(&mut Recorder) -> Result<()>,
     ) -> Result<Self> {
         let mut job = Self { restore: Recorder::new(context)?, work: Recorder::timed(context, stages)? };
         restore(&mut job.restore);
@@ -64,7 +64,7 @@ fn median(values: &mut [f64]) -> f64 {
 pub fn measure<'a>(
     context: &Arc<Context>,
     samples: usize,
-    work: impl FnOnce(&mut Recorder<'a>) -> Result<()>,
+    work: impl FnOnce(&mut Recorder) -> Result<()>,
 ) -> Result<f64> {
     let mut job = Job::new(context, 64, |_| {}, work)?;
     let mut spans = (0..samples).map(|_| Ok(span(&job.run()?))).collect::<Result<Vec<_>>>()?;
@@ -101,7 +101,7 @@ impl Sample {
 }
 
 /// Keeps the device busy for a while: an idle GPU runs at a fraction of its clock and needs time to leave it.
-fn wake(commands: &mut Recorder<'_>) -> Result<()> {
+fn wake(commands: &mut Recorder) -> Result<()> {
     let start = Instant::now();
     while start.elapsed() < Duration::from_millis(500) {
         for _ in 0..20 {

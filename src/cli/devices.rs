@@ -26,6 +26,9 @@ pub fn run() -> Result<Ended> {
             device.storage_range >> 20
         );
         if device.lacks.is_empty() {
+            if !device.keeps_nan {
+                say!("   may lose numbers that are none, so that some broken input goes unnoticed");
+            }
             say!("   largest plan with 200 probes a step: about {} views", footprint::largest(device, 200));
         } else {
             say!("   cannot be used: lacks {}", device.lacks.join(", "));

@@ -114,11 +114,22 @@ impl DeviceOptions {
 
     /// Opens the device. With the environment variable CAMSPLAT_VALIDATION set, the validation layers watch it.
     pub fn open(&self) -> Result<Arc<Context>> {
-        Context::new(&vulkan::Options {
+        self.open_to_capture(false)
+    }
+
+    /// The same; RenderDoc takes captures of it if `capture` is set.
+    pub fn open_to_capture(&self, capture: bool) -> Result<Arc<Context>> {
+        let context = Context::new(&vulkan::Options {
             device: self.device.clone(),
             validation: std::env::var_os("CAMSPLAT_VALIDATION").is_some(),
             debug_sync: self.debug_sync,
-        })
+            capture,
+            ..vulkan::Options::default()
+        })?;
+        for note in context.notes() {
+            say!("{note}");
+        }
+        Ok(context)
     }
 }
 

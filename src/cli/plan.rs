@@ -299,7 +299,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
             .chain(&arguments.region.limits.keep_out)
     };
     arguments.trace.iter().try_for_each(|file| check_output_file(file, inputs()))?;
-    // Before any thread or Vulkan instance is made: RenderDoc's layer is switched on through the environment.
+    // Before any Vulkan instance is made.
     let renderdoc = arguments.renderdoc.as_ref().map(|_| RenderDoc::load()).transpose()?;
     arguments.camera.intrinsics(&[])?;
     let folder = if arguments.dry_run { None } else { Some(OutputFolder::create(&arguments.out, arguments.force)?) };
@@ -328,7 +328,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     if baseline.is_some() {
         leave_on_interrupt()?;
     }
-    let context = opened.map_or_else(|| arguments.device.open(), Ok)?;
+    let context = opened.map_or_else(|| arguments.device.open_to_capture(arguments.renderdoc.is_some()), Ok)?;
     say!("device   {}", context.physical().title());
     let Some(folder) = folder else {
         let geometry = target.geometry()?;
@@ -453,7 +453,7 @@ fn captured(
         say!("vds      the photos are left unread ({reason})");
         return Ok(Some((surface, capture)));
     }
-    let context = opened.insert(arguments.device.open()?);
+    let context = opened.insert(arguments.device.open_to_capture(arguments.renderdoc.is_some())?);
     let settings = Settings { seed: arguments.tuning.seed, skip_unreadable: true, ..Settings::default() };
     let scored = vds::score(context, &capture, &surface, &settings)?.onto(&capture.points);
     Ok(Some((Surface::Points(scored), capture)))

@@ -14,7 +14,8 @@ use crate::visibility::bvh::{Node, TraversalConstants};
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::visibility::probe_depth::{Probe, ProbeMaps};
 use crate::visibility::raycast::Ray;
-use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::vulkan::pace::{Pace, in_parts};
+use crate::vulkan::{Buffer, Context, Pipeline};
 
 crate::gpu_struct! {
     /// Push constants of `score_point`.
@@ -85,6 +86,8 @@ crate::stage!(
 pub const RESOLUTION: u32 = 24;
 /// Bytes of the list of directions; larger camera sets take the points in several dispatches.
 const RAYS_BYTES: u64 = 64 << 20;
+/// Points of the first submission.
+const FIRST_POINTS: u32 = 256;
 
 /// Bytes of device memory that scoring so many cameras on so many points takes.
 pub fn footprint(points: u64, cameras: u64) -> u64 {
@@ -137,38 +140,38 @@ impl<'a> Scorer<'a> {
         let views: Vec<View> = cameras.iter().map(|camera| view(&self.scene.geometry, camera)).collect();
         let points = self.maps.probes.len();
         let rows = ((RAYS_BYTES / (16 * views.len().max(1) as u64)) as usize).clamp(1, points.max(1));
-        let rows = rows.min(self.context.physical().groups_x as usize);
+        let rows = rows.min(self.context.physical().groups[0] as usize);
         let camera_buffer = Buffer::from_slice(&self.context, "cameras", &views)?;
         let rays = Buffer::device(&self.context, "rays", (16 * rows * views.len()) as u64)?;
         let cells = Buffer::device(&self.context, "cells", (4 * rows * views.len()) as u64)?;
         let scores = Buffer::device(&self.context, "scores", (size_of::<Score>() * points) as u64)?;
-        let mut commands = Recorder::new(&self.context)?;
-        for first in (0..points).step_by(rows) {
+        in_parts(&self.context, &mut Pace::new(FIRST_POINTS), points as u32, |commands, part| {
             let (scene, maps) = (self.scene, &self.maps);
-            commands
-                .stage(
-                    &self.pipeline,
-                    ScorePointStage {
-                        nodes: &scene.nodes,
-                        primitives: &scene.primitives,
-                        probes: &maps.probe_buffer,
-                        depth: &maps.depth,
-                        cameras: &camera_buffer,
-                        rays: &rays,
-                        cells: &cells,
-                        scores: &scores,
-                    },
-                )
-                .push(&ScorePush {
-                    first: first as u32,
-                    views: views.len() as u32,
-                    resolution: maps.resolution,
-                    frustum: (field == Field::Frustum) as u32,
-                })
-                .groups([rows.min(points - first) as u32, 1, 1]);
-        }
-        commands.submit_and_wait()?;
-        drop(commands);
+            for first in part.clone().step_by(rows) {
+                commands
+                    .stage(
+                        &self.pipeline,
+                        ScorePointStage {
+                            nodes: &scene.nodes,
+                            primitives: &scene.primitives,
+                            probes: &maps.probe_buffer,
+                            depth: &maps.depth,
+                            cameras: &camera_buffer,
+                            rays: &rays,
+                            cells: &cells,
+                            scores: &scores,
+                        },
+                    )
+                    .push(&ScorePush {
+                        first,
+                        views: views.len() as u32,
+                        resolution: maps.resolution,
+                        frustum: (field == Field::Frustum) as u32,
+                    })
+                    .groups([(rows as u32).min(part.end - first), 1, 1]);
+            }
+            Ok(())
+        })?;
         let world = 1.0 / self.scene.geometry.to_internal.scale as f32;
         let scores: Vec<Score> = scores.download(points)?;
         Ok(scores

@@ -15,6 +15,7 @@ use super::noise::{self, Halves};
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::random;
 use crate::vulkan::footprint::Footprint;
+use crate::vulkan::pace::Pace;
 use crate::vulkan::stage::Stage;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
@@ -25,8 +26,6 @@ const SEED_STREAM: u32 = 0x7068_6f74;
 /// that a run can be stopped, on a GPU long before a watchdog interferes.
 const CPU_PATHS: u64 = 1 << 17;
 const GPU_PATHS: u64 = 1 << 20;
-/// How long a submission should take: it has twice as many samples while it takes less than half of that.
-const SUBMISSION: Duration = Duration::from_millis(200);
 /// Paths of one dispatch on a GPU: the more samples a thread takes, the less it waits for others in the end. On CPU devices
 /// it takes one, since the loops of a thread must stay short there: past 65,535 iterations they end silently.
 const GPU_DISPATCH: u64 = 1 << 23;
@@ -53,22 +52,21 @@ pub struct Exposure {
     pub show_sky: bool,
 }
 
-/// How much is submitted at once where the work is independent paths: more as long as it takes less than half of what a submission
-/// should.
-pub(super) struct Pace {
+/// How much is submitted at once where the work is independent paths from places.
+pub(super) struct PathPace {
     on_cpu: bool,
-    paths: u64,
+    paths: Pace,
 }
 
-impl Pace {
+impl PathPace {
     pub fn new(context: &Context) -> Self {
         let on_cpu = context.physical().kind == "CPU";
-        Self { on_cpu, paths: if on_cpu { CPU_PATHS } else { GPU_PATHS } }
+        Self { on_cpu, paths: Pace::new(if on_cpu { CPU_PATHS } else { GPU_PATHS } as u32) }
     }
 
     /// How many places of so many paths a submission should have.
     pub fn items(&self, paths: u32) -> u32 {
-        (self.paths / u64::from(paths.max(1))).clamp(u64::from(MIN_ITEMS), 1 << 30) as u32
+        (self.paths.items() / paths.max(1)).max(MIN_ITEMS)
     }
 
     /// How many paths a thread takes in a dispatch.
@@ -76,12 +74,9 @@ impl Pace {
         if self.on_cpu { 1 } else { paths.clamp(1, THREAD_PATHS) }
     }
 
-    pub fn took(&mut self, time: Duration) {
-        match time {
-            short if short < SUBMISSION / 2 => self.paths *= 2,
-            long if long > SUBMISSION => self.paths = (self.paths / 2).max(u64::from(MIN_ITEMS)),
-            _ => {}
-        }
+    /// A submission of so many places of so many paths took so long.
+    pub fn took(&mut self, [items, paths]: [u32; 2], time: Duration) {
+        self.paths.took(items.saturating_mul(paths), time);
     }
 }
 
@@ -260,7 +255,6 @@ impl Tracer {
         let first_paths = if on_cpu { CPU_PATHS } else { GPU_PATHS };
         let part = first_paths.min(u64::from(pixels)) as u32;
         let most_samples = if on_cpu { 1 } else { (GPU_DISPATCH / u64::from(part)) as u32 };
-        let mut per_submission = (first_paths / u64::from(part)) as u32;
         let all_samples = exposure.samples * if self.light.is_some() { MORE_SAMPLES } else { 1 };
         // Pixels are asked whether they are known when their samples have doubled.
         let asked = |sample: u32| match &self.light {
@@ -270,25 +264,23 @@ impl Tracer {
         for first in (0..pixels).step_by(part as usize) {
             let count = part.min(pixels - first);
             let mut sample = 0;
+            // Of samples, anew for each part: what sky takes says nothing of glass.
+            let mut pace = Pace::new((first_paths / u64::from(part)) as u32);
             while sample < all_samples {
                 Error::unless_stopped(go_on())?;
-                let begun = Instant::now();
                 let mut commands = Recorder::new(&self.context)?;
+                let from = sample;
                 let until = if sample < half { half } else { all_samples };
-                let last = until.min(sample.saturating_add(per_submission));
+                let last = until.min(sample.saturating_add(pace.items()));
                 while sample < last {
                     let samples = most_samples.min(last - sample).min(asked(sample) - sample);
                     let push = self.push(camera, number, exposure, [first, count], [sample, samples]);
                     self.record(&mut commands, &push);
                     sample += samples;
                 }
+                let begun = Instant::now();
                 commands.submit_and_wait()?;
-                match begun.elapsed() {
-                    short if short < SUBMISSION / 2 => per_submission *= 2,
-                    long if long > SUBMISSION => per_submission = (per_submission / 2).max(1),
-                    _ => {}
-                }
-                per_submission = per_submission.min(all_samples);
+                pace.took(sample - from, begun.elapsed());
                 if sample == half && half > 0 {
                     first_half.extend(self.exposure.download_from::<[f32; 4]>(first as usize, count as usize)?);
                 }
@@ -312,9 +304,9 @@ impl Tracer {
     ///
     /// # Errors
     /// Where the picture is larger than announced.
-    pub fn record_part<'a>(
-        &'a self,
-        commands: &mut Recorder<'a>,
+    pub fn record_part(
+        &self,
+        commands: &mut Recorder,
         camera: &Camera,
         exposure: Exposure,
         pixels: [u32; 2],
@@ -334,7 +326,7 @@ impl Tracer {
         self.exposure.download(pixels)
     }
 
-    fn record<'a>(&'a self, commands: &mut Recorder<'a>, push: &PhotographPush) {
+    fn record(&self, commands: &mut Recorder, push: &PhotographPush) {
         let groups = push.count.div_ceil(PhotographStage::SHADER.local_size[0]);
         if let Some(light) = &self.light {
             let bound = bound!(

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::shared::{Gradient, Moments, Record, Splat, Tally, Terms};
+use super::shared::{Gradient, Moments, Record, Splat, Tally};
 use crate::Result;
 use crate::scene::octahedral;
 use crate::vulkan::footprint::Footprint;
@@ -67,7 +67,7 @@ pub(super) fn element_sizes() -> [u64; 6] {
         size_of::<Gradient>(),
         size_of::<Tally>(),
         size_of::<Moments>(),
-        size_of::<Terms>(),
+        2 * size_of::<f32>(),
         size_of::<Record>(),
     ]
     .map(|size| size as u64)

@@ -1,5 +1,6 @@
 //! The planner: device state and the recording of iterations.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::binned::Binned;
@@ -192,7 +193,31 @@ impl Planner {
     ///
     /// # Errors
     /// None that the settings do not rule out.
-    pub fn record_block<'a>(&'a self, commands: &mut Recorder<'a>) -> Result<()> {
+    pub fn record_block(&self, commands: &mut Recorder) -> Result<()> {
+        self.record_part(commands, 0..self.block())
+    }
+
+    /// Records some iterations of a block, for submissions that must be short: all parts of a block are to be submitted in order. What comes
+    /// before the iterations goes with the first.
+    ///
+    /// # Errors
+    /// As [`Planner::record_block`].
+    pub fn record_part(&self, commands: &mut Recorder, iterations: Range<u32>) -> Result<()> {
+        if iterations.start == 0 {
+            self.record_start(commands);
+        }
+        let (block, draws) = (self.block(), draws(self.settings.probes, self.block()));
+        for i in iterations {
+            if let (Way::Viewed(viewed), 0) = (&self.pipelines.splat, i % draws) {
+                viewed.draw(commands, &self.scene, &self.buffers, draws.min(block - i));
+            }
+            self.record_drawn(commands, i % draws)?;
+        }
+        Ok(())
+    }
+
+    /// Records what a block begins with: a snapshot, and a relocation where one is due.
+    fn record_start(&self, commands: &mut Recorder) {
         let (b, p, s) = (&self.buffers, &self.pipelines, &self.settings);
         commands
             .stage(
@@ -210,17 +235,9 @@ impl Planner {
         if s.relocate_every > 0 {
             self.record_relocation(commands);
         }
-        let (block, draws) = (self.block(), draws(s.probes, self.block()));
-        for i in 0..block {
-            if let (Way::Viewed(viewed), 0) = (&p.splat, i % draws) {
-                viewed.draw(commands, &self.scene, b, draws.min(block - i));
-            }
-            self.record_drawn(commands, i % draws)?;
-        }
-        Ok(())
     }
 
-    fn record_relocation<'a>(&'a self, commands: &mut Recorder<'a>) {
+    fn record_relocation(&self, commands: &mut Recorder) {
         let (b, p, s, scene, maps) = (&self.buffers, &self.pipelines, &self.settings, &*self.scene, &self.maps);
         let least = ((s.splats - s.kept) / 10).max(1);
         commands
@@ -254,7 +271,7 @@ impl Planner {
     ///
     /// # Errors
     /// None that the settings do not rule out.
-    pub fn record_iteration<'a>(&'a self, commands: &mut Recorder<'a>) -> Result<()> {
+    pub fn record_iteration(&self, commands: &mut Recorder) -> Result<()> {
         if let Way::Viewed(viewed) = &self.pipelines.splat {
             viewed.draw(commands, &self.scene, &self.buffers, 1);
         }
@@ -262,7 +279,7 @@ impl Planner {
     }
 
     /// Records an iteration whose looks are the `nth` that were drawn.
-    fn record_drawn<'a>(&'a self, commands: &mut Recorder<'a>, nth: u32) -> Result<()> {
+    fn record_drawn(&self, commands: &mut Recorder, nth: u32) -> Result<()> {
         let (b, p, s, scene, maps) = (&self.buffers, &self.pipelines, &self.settings, &*self.scene, &self.maps);
         match &p.splat {
             Way::Binned(binned) => binned.record(commands, s, maps, b)?,

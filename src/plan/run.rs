@@ -12,6 +12,7 @@ use super::shared::{Record, Splat};
 use super::tally::mailbox;
 use crate::scene::camera::Pose;
 use crate::vulkan::Recorder;
+use crate::vulkan::pace::Pace;
 use crate::vulkan::profile::Profile;
 use crate::{Error, Result};
 
@@ -50,8 +51,10 @@ impl Planner {
         mut observe: impl FnMut(u32) -> ControlFlow<()>,
     ) -> Result<Outcome> {
         let started = Instant::now();
-        let blocks = self.settings.iterations.div_ceil(self.block());
+        let (block, blocks) = (self.block(), self.settings.iterations.div_ceil(self.block()));
         let mut asked = false;
+        // Of iterations; the first is submitted alone.
+        let mut pace = Pace::new(1);
         if profile.is_some() || self.context.debug_sync() || self.links.is_some() {
             for block in 0..blocks {
                 // The first links were made with the start.
@@ -63,9 +66,10 @@ impl Planner {
                     Some(_) => Recorder::timed(&self.context, stages)?,
                     None => Recorder::new(&self.context)?,
                 };
-                self.record_block(&mut commands)?;
+                self.record_in_parts(&mut commands, pace.items())?;
                 let submitted = Instant::now();
                 commands.submit_and_wait()?;
+                pace.took(block, submitted.elapsed());
                 if let Some(profile) = profile.as_deref_mut() {
                     profile.device(submitted, &commands.timings()?);
                 }
@@ -75,13 +79,26 @@ impl Planner {
                 }
             }
         } else {
-            let mut commands = Recorder::new(&self.context)?;
-            self.record_block(&mut commands)?;
-            let ahead = (AHEAD / self.block()).max(2) as usize;
-            let mut left = blocks;
+            asked = self.run_first_block(&mut pace, &mut observe)?;
+            let ahead = (AHEAD / block).max(2) as usize;
+            let mut left = if asked { 0 } else { blocks - 1 };
+            let (mut commands, mut each) = (Recorder::new(&self.context)?, pace.items());
+            self.record_in_parts(&mut commands, each)?;
+            let mut looked = (Instant::now(), self.done());
             loop {
+                let (now, done) = (Instant::now(), self.done());
+                if done >= looked.1 + each {
+                    pace.took(done - looked.1, now - looked.0);
+                    looked = (now, done);
+                }
+                // Iterations have become so slow that submissions would be too long: shorter ones follow when these have run.
+                let too_long = pace.items() < each.min(block) / 3;
+                if too_long && commands.pending() == 0 {
+                    (commands, each) = (Recorder::new(&self.context)?, pace.items());
+                    self.record_in_parts(&mut commands, each)?;
+                }
                 // The device continues meanwhile: two reads may differ.
-                let due = due(commands.pending(), left, ahead);
+                let due = if too_long { 0 } else { due(commands.pending(), left, ahead) };
                 for _ in 0..due {
                     commands.submit()?;
                 }
@@ -105,6 +122,35 @@ impl Planner {
             )));
         }
         Ok(outcome)
+    }
+
+    /// Records a block in submissions of so many iterations.
+    fn record_in_parts(&self, commands: &mut Recorder, each: u32) -> Result<()> {
+        for first in (0..self.block()).step_by(each as usize) {
+            if first > 0 {
+                commands.cut()?;
+            }
+            self.record_part(commands, first..(first + each).min(self.block()))?;
+        }
+        Ok(())
+    }
+
+    /// Runs the first block in submissions whose length `pace` learns from one another, and answers whether a stop was requested.
+    fn run_first_block(&self, pace: &mut Pace, observe: &mut impl FnMut(u32) -> ControlFlow<()>) -> Result<bool> {
+        let mut first = 0;
+        while first < self.block() {
+            let end = (first + pace.items()).min(self.block());
+            let mut commands = Recorder::new(&self.context)?;
+            self.record_part(&mut commands, first..end)?;
+            let submitted = Instant::now();
+            commands.submit_and_wait()?;
+            pace.took(end - first, submitted.elapsed());
+            first = end;
+            if observe(self.done()).is_break() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// Pairs of probe and visible splat and (tile, splat) instances of the iteration of the binned pass that had most;

@@ -177,16 +177,6 @@ gpu_struct! {
 }
 
 gpu_struct! {
-    /// What a splat adds to the loss, unweighted.
-    pub struct Terms {
-        /// Its part of the regulariser.
-        pub reg: f32,
-        /// Its squared distance outside the region.
-        pub bound: f32,
-    }
-}
-
-gpu_struct! {
     /// A point that a camera shares with a neighbour.
     pub struct Anchor {
         /// The point.

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::dense::Batch;
-use super::shared::{Anchor, Control, Gradient, Moments, PlanConstants, Record, Settings, Splat, Tally, Terms};
+use super::shared::{Anchor, Control, Gradient, Moments, PlanConstants, Record, Settings, Splat, Tally};
 use super::tally::Clock;
 use crate::scene::octahedral;
 use crate::visibility::device_scene::DeviceRegion;
@@ -15,7 +15,7 @@ crate::stage!(
         read settings, write control, write splats, read slots, read partials, read tallies, write moments, write terms,
         write gradients, read region, read free_distance, write history, write mailbox, write arrivals, read probes,
         read depth,
-    } with [Settings, Control, Splat, Probe, Gradient, Tally, Moments, Terms, DeviceRegion, Record]
+    } with [Settings, Control, Splat, Probe, Gradient, Tally, Moments, DeviceRegion, Record]
 );
 crate::stage!(
     /// The same where the objective is what viewers are expected to see.
@@ -23,7 +23,7 @@ crate::stage!(
         read settings, write control, write splats, read slots, read partials, read tallies, write moments, write terms,
         write gradients, read region, read free_distance, write history, write mailbox, write arrivals, read anchor_starts,
         read anchors,
-    } with [Settings, Control, Splat, Gradient, Tally, Moments, Terms, DeviceRegion, Record, Anchor]
+    } with [Settings, Control, Splat, Gradient, Tally, Moments, DeviceRegion, Record, Anchor]
 );
 
 /// Coverage regulariser of a batch with the given coverage weights: the mean over probes and splats of

@@ -203,13 +203,7 @@ impl Viewed {
     }
 
     /// Records the looks of so many iterations to come, [`draws`] at most: many rays take as long as few, since they wait for memory.
-    pub(super) fn draw<'a>(
-        &'a self,
-        commands: &mut Recorder<'a>,
-        scene: &'a DeviceScene,
-        b: &'a Buffers,
-        iterations: u32,
-    ) {
+    pub(super) fn draw(&self, commands: &mut Recorder, scene: &DeviceScene, b: &Buffers, iterations: u32) {
         let count = iterations * self.push.count;
         commands
             .stage(
@@ -227,7 +221,7 @@ impl Viewed {
     }
 
     /// Records the gradients of an iteration by its looks, which are the `nth` that were drawn.
-    pub(super) fn record<'a>(&'a self, commands: &mut Recorder<'a>, scene: &'a DeviceScene, b: &'a Buffers, nth: u32) {
+    pub(super) fn record(&self, commands: &mut Recorder, scene: &DeviceScene, b: &Buffers, nth: u32) {
         let looks = self.push.count * LOOKS;
         commands
             .stage(

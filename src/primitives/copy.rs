@@ -34,7 +34,7 @@ impl Copy {
     }
 
     /// Copies as many whole vectors of sixteen bytes as both buffers hold.
-    pub fn record<'a>(&'a self, commands: &mut Recorder<'a>, source: &'a Buffer, target: &'a Buffer) {
+    pub fn record(&self, commands: &mut Recorder, source: &Buffer, target: &Buffer) {
         let count = (source.size().min(target.size()) / 16) as u32;
         commands
             .stage(&self.pipeline, CopyWordsStage { source, target })

@@ -132,7 +132,7 @@ impl Counted {
 
     pub fn record<'a>(
         &'a self,
-        recorder: &mut Recorder<'a>,
+        recorder: &mut Recorder,
         bound: Bound<'a>,
         has_values: bool,
         bits: u32,

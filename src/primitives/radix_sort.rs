@@ -50,12 +50,19 @@ impl RadixSort {
 
     /// As [`Self::new`], with passes in which workgroups wait for one another, on any device: the sort goes wrong or hangs where they
     /// do not run on meanwhile
-    /// ([`Physical::runs_begun_groups`](crate::vulkan::physical::Physical::runs_begun_groups)). For tests: a device that runs one
-    /// workgroup after another never waits.
+    /// ([`Physical::runs_begun_groups`](crate::vulkan::physical::Physical::runs_begun_groups)). For tests on CPU devices, one of which that
+    /// runs a workgroup after another never waits, and none hangs.
     ///
     /// # Errors
-    /// As for [`Self::new`].
+    /// As for [`Self::new`], and on other GPUs than those that sort this way by themselves, which it could hang.
     pub fn with_waiting(context: &Arc<Context>, most: u32) -> Result<Self> {
+        let physical = context.physical();
+        if !Sweep::suits(context) && physical.kind != "CPU" {
+            let name = &physical.name;
+            return Err(Error::request(format!(
+                "workgroups of {name} are not known to run on while others wait for them"
+            )));
+        }
         check_most(most)?;
         Self::by(context, most, Passes::Sweep(Sweep::new(context, most)?))
     }
@@ -100,7 +107,7 @@ impl RadixSort {
     /// Where there are more elements than the capacity, or `bits` is out of range.
     pub fn keys<'a>(
         &'a self,
-        recorder: &mut Recorder<'a>,
+        recorder: &mut Recorder,
         keys: &'a Buffer,
         count: Count<'a>,
         bits: u32,
@@ -119,7 +126,7 @@ impl RadixSort {
     /// Where there are more elements than the capacity, or `bits` is out of range.
     pub fn pairs<'a>(
         &'a self,
-        recorder: &mut Recorder<'a>,
+        recorder: &mut Recorder,
         keys: &'a Buffer,
         values: &'a Buffer,
         count: Count<'a>,
@@ -133,7 +140,7 @@ impl RadixSort {
 
     fn record<'a>(
         &'a self,
-        recorder: &mut Recorder<'a>,
+        recorder: &mut Recorder,
         has_values: bool,
         ways: [Sorted<'a>; 2],
         bound: Bound<'a>,

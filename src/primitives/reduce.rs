@@ -86,7 +86,7 @@ impl Reduce {
     /// Where there are more elements than the capacity, or `output` has no such index.
     pub fn record<'a>(
         &'a self,
-        recorder: &mut Recorder<'a>,
+        recorder: &mut Recorder,
         input: &'a Buffer,
         count: Count<'a>,
         output: &'a Buffer,
@@ -112,7 +112,7 @@ impl Reduce {
 
 /// Reduces every block of `input` to one element of `partials`.
 pub(super) fn record_blocks<'a>(
-    recorder: &mut Recorder<'a>,
+    recorder: &mut Recorder,
     pipeline: &'a Pipeline,
     bound: Bound<'a>,
     input: &'a Buffer,

@@ -82,7 +82,7 @@ impl Scan {
     /// Where there are more elements than the capacity, or the total has no such place.
     pub fn record<'a>(
         &'a self,
-        recorder: &mut Recorder<'a>,
+        recorder: &mut Recorder,
         input: &'a Buffer,
         output: &'a Buffer,
         count: Count<'a>,
@@ -106,7 +106,7 @@ impl Scan {
 
 /// Scans a table of `rows` rows, `stride` apart, each with an element per `block` counted elements.
 pub(super) fn record_rows<'a>(
-    recorder: &mut Recorder<'a>,
+    recorder: &mut Recorder,
     pipeline: &'a Pipeline,
     bound: Bound<'a>,
     table: &'a Buffer,

@@ -138,7 +138,7 @@ impl Sweep {
 
     pub fn record<'a>(
         &'a self,
-        recorder: &mut Recorder<'a>,
+        recorder: &mut Recorder,
         bound: Bound<'a>,
         has_values: bool,
         bits: u32,

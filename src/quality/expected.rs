@@ -9,6 +9,7 @@ use crate::metrics::score_point::{View, view};
 use crate::scene::camera::Camera;
 use crate::visibility::bvh::{Node, TraversalConstants};
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
+use crate::vulkan::pace::{Pace, in_parts};
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
 
@@ -47,6 +48,8 @@ crate::stage!(
 pub const SIDE: u32 = 8;
 /// Looks of a viewer.
 pub const LOOKS: u32 = SIDE * SIDE;
+/// Viewers of the first submission.
+const FIRST_VIEWERS: u32 = 64;
 /// Cameras that the walks over them can take before lavapipe would end them: 65,535 iterations an invocation, of which the rays of
 /// a look take up to a third.
 pub(crate) const MAX_ON_CPU: u32 = 2500;
@@ -151,27 +154,27 @@ impl<'a> Judge<'a> {
         let views: Vec<View> = cameras.iter().map(|camera| view(&self.scene.geometry, camera)).collect();
         let views = if views.is_empty() { vec![View::default()] } else { views };
         let camera_buffer = Buffer::from_slice(&self.context, "cameras", &views)?;
-        let mut commands = Recorder::new(&self.context)?;
-        let most = self.context.physical().groups_x as usize;
-        for first in (0..self.viewers.len()).step_by(most) {
-            commands
-                .stage(
-                    &self.pipeline,
-                    ExpectedStage {
-                        nodes: &self.scene.nodes,
-                        primitives: &self.scene.primitives,
-                        looks: &self.looks,
-                        cameras: &camera_buffer,
-                        law: &self.law,
-                        errors: &self.errors,
-                        verdicts: &self.verdicts,
-                    },
-                )
-                .push(&ExpectedPush { views: cameras.len() as u32, first: first as u32 })
-                .groups([most.min(self.viewers.len() - first) as u32, 1, 1]);
-        }
-        commands.submit_and_wait()?;
-        drop(commands);
+        let most = self.context.physical().groups[0];
+        in_parts(&self.context, &mut Pace::new(FIRST_VIEWERS), self.viewers.len() as u32, |commands, part| {
+            for first in part.clone().step_by(most as usize) {
+                commands
+                    .stage(
+                        &self.pipeline,
+                        ExpectedStage {
+                            nodes: &self.scene.nodes,
+                            primitives: &self.scene.primitives,
+                            looks: &self.looks,
+                            cameras: &camera_buffer,
+                            law: &self.law,
+                            errors: &self.errors,
+                            verdicts: &self.verdicts,
+                        },
+                    )
+                    .push(&ExpectedPush { views: cameras.len() as u32, first })
+                    .groups([most.min(part.end - first), 1, 1]);
+            }
+            Ok(())
+        })?;
         Ok(aggregate(&self.verdicts.download::<Verdict>(self.viewers.len())?))
     }
 

@@ -14,7 +14,8 @@ use crate::visibility::bvh::{Node, TraversalConstants};
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 use crate::visibility::probe_depth::Probe;
 use crate::visibility::raycast::Ray;
-use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::vulkan::pace::{Pace, in_parts};
+use crate::vulkan::{Buffer, Context, Pipeline};
 
 crate::gpu_struct! {
     /// Push constants of `sight`.
@@ -201,31 +202,26 @@ fn cast(
     let framed_on_device = Buffer::from_slice(context, "framed", &framed.bits)?;
     let seen = Buffer::device(context, "seen", framed.bytes() as u64)?;
     let rows = (RAYS / (32 * framed.words)).max(1);
-    let mut commands = Recorder::new(context)?;
-    for first in (0..probes.len()).step_by(rows) {
-        let points = rows.min(probes.len() - first);
-        commands
-            .stage(
-                &pipeline,
-                SightStage {
-                    nodes: &scene.nodes,
-                    primitives: &scene.primitives,
-                    probes: &probes_on_device,
-                    centres: &centres_on_device,
-                    framed: &framed_on_device,
-                    seen: &seen,
-                },
-            )
-            .push(&SightPush {
-                first: first as u32,
-                points: points as u32,
-                photos: framed.photos as u32,
-                words: framed.words as u32,
-            })
-            .linear((points * framed.words / 2) as u32);
-    }
-    commands.submit_and_wait()?;
-    drop(commands);
+    in_parts(context, &mut Pace::new(rows as u32), probes.len() as u32, |commands, part| {
+        for first in part.clone().step_by(rows) {
+            let points = (rows as u32).min(part.end - first);
+            commands
+                .stage(
+                    &pipeline,
+                    SightStage {
+                        nodes: &scene.nodes,
+                        primitives: &scene.primitives,
+                        probes: &probes_on_device,
+                        centres: &centres_on_device,
+                        framed: &framed_on_device,
+                        seen: &seen,
+                    },
+                )
+                .push(&SightPush { first, points, photos: framed.photos as u32, words: framed.words as u32 })
+                .linear(points * framed.words as u32 / 2);
+        }
+        Ok(())
+    })?;
     Ok(Sight { bits: seen.download(framed.bits.len())?, ..*framed })
 }
 

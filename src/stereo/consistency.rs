@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use super::frame::StereoView;
 use crate::Result;
-use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::vulkan::pace::{Pace, in_parts};
+use crate::vulkan::{Buffer, Context, Pipeline};
 
 crate::gpu_struct! {
     /// Push constants of `check_depth`.
@@ -46,15 +47,16 @@ pub fn check(
     let pipeline = Pipeline::new::<CheckDepthStage>(context, &())?;
     let depth_buffer = Buffer::from_slice(context, "depths", depths)?;
     let support = Buffer::device(context, "support", 4 * depths.len() as u64)?;
-    let mut commands = Recorder::new(context)?;
-    for (reference, view) in views.iter().enumerate() {
-        commands
-            .stage(&pipeline, CheckDepthStage { views: view_buffer, depths: &depth_buffer, support: &support })
-            .push(&CheckPush { reference: reference as u32, count: views.len() as u32, tolerance })
-            .groups([view.width.div_ceil(8), view.height.div_ceil(8), 1]);
-    }
-    commands.submit_and_wait()?;
-    drop(commands);
+    in_parts(context, &mut Pace::new(1), views.len() as u32, |commands, part| {
+        for reference in part {
+            let view = &views[reference as usize];
+            commands
+                .stage(&pipeline, CheckDepthStage { views: view_buffer, depths: &depth_buffer, support: &support })
+                .push(&CheckPush { reference, count: views.len() as u32, tolerance })
+                .groups([view.width.div_ceil(8), view.height.div_ceil(8), 1]);
+        }
+        Ok(())
+    })?;
     let words: Vec<u32> = support.download(depths.len())?;
     Ok(words.into_iter().map(|word| Support { agree: word & 0xffff, through: word >> 16 }).collect())
 }

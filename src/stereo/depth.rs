@@ -1,6 +1,6 @@
 //! Depth maps: the sweep and its refinement on the device.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use glam::{DVec3, Vec2};
 
@@ -8,8 +8,10 @@ use super::cost::{NO_MATCH, Plane};
 use super::frame::{StereoPair, StereoView};
 use super::hull::Hull;
 use crate::Result;
+use crate::parallel::lock;
 use crate::scene::camera::Intrinsics;
-use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::vulkan::pace::{Pace, in_parts};
+use crate::vulkan::{Buffer, Context, Pipeline};
 
 crate::gpu_struct! {
     /// Push constants of `plane_sweep`.
@@ -28,6 +30,8 @@ crate::gpu_struct! {
         pub reference: u32,
         /// Planes.
         pub hypotheses: u32,
+        /// First row of the dispatch.
+        pub first_row: u32,
     }
 }
 
@@ -62,6 +66,8 @@ crate::gpu_struct! {
         pub shift: f32,
         /// Largest change of slope, as a fraction of inverse depth in a whole picture's width.
         pub turn: f32,
+        /// First row of the dispatch.
+        pub first_row: u32,
     }
 }
 
@@ -74,6 +80,9 @@ crate::stage!(
 
 /// Iterations of refinement: how far planes are taken over from, and the largest move and change of slope.
 const ROUNDS: [(i32, f32, f32); 4] = [(1, 0.01, 2.0), (4, 0.005, 1.0), (2, 0.0025, 0.5), (1, 0.00125, 0.25)];
+
+/// Rows of workgroups of the first submission.
+const FIRST_ROWS: u32 = 8;
 
 /// Largest change of inverse depth from a pixel to the next within a patch, as a fraction.
 const PATCH_STEP: f32 = 0.01;
@@ -170,6 +179,8 @@ pub struct Sweeper {
     pictures: Buffer,
     pairs: Buffer,
     planes: [Buffer; 2],
+    // Of rows of workgroups.
+    pace: Mutex<Pace>,
 }
 
 impl Sweeper {
@@ -189,6 +200,7 @@ impl Sweeper {
             pictures: Buffer::from_slice(context, "pictures", pictures)?,
             pairs: Buffer::from_slice(context, "pairs", pairs)?,
             planes: [planes()?, planes()?],
+            pace: Mutex::new(Pace::new(FIRST_ROWS)),
         })
     }
 
@@ -201,53 +213,66 @@ impl Sweeper {
         let ([origin_x, origin_y, origin_z], cell, [cells_x, cells_y, cells_z]) = hull.device_grid();
         let origin = [origin_x, origin_y, origin_z];
         let reference = reference as u32;
-        let mut commands = Recorder::new(&self.context)?;
-        commands
-            .stage(
-                &self.sweep,
-                PlaneSweepStage {
-                    views: &self.view_buffer,
-                    pictures: &self.pictures,
-                    pairs: &self.pairs,
-                    hull: hull.buffer(),
-                    planes: &self.planes[0],
-                },
-            )
-            .push(&SweepPush { origin, cell, cells_x, cells_y, cells_z, reference, hypotheses })
-            .groups([view.width.div_ceil(8), view.height.div_ceil(8), 1]);
         let rounds = rounds.min(ROUNDS.len());
-        for (round, (reach, shift, turn)) in ROUNDS.into_iter().take(rounds).enumerate() {
-            let [from, to] = [round % 2, (round + 1) % 2].map(|i| &self.planes[i]);
-            let (iteration, seed) = (round as u32, seed as u32);
-            commands
-                .stage(
-                    &self.refine,
-                    RefineDepthStage {
-                        views: &self.view_buffer,
-                        pictures: &self.pictures,
-                        pairs: &self.pairs,
-                        hull: hull.buffer(),
-                        planes: from,
-                        refined: to,
-                    },
-                )
-                .push(&RefinePush {
-                    origin,
-                    cell,
-                    cells_x,
-                    cells_y,
-                    cells_z,
-                    reference,
-                    iteration,
-                    seed,
-                    reach,
-                    shift,
-                    turn,
-                })
-                .groups([view.width.div_ceil(8), view.height.div_ceil(8), 1]);
-        }
-        commands.submit_and_wait()?;
-        drop(commands);
+        let columns = view.width.div_ceil(8);
+        // Rows of workgroups of all passes, one pass after another.
+        let rows = view.height.div_ceil(8);
+        in_parts(&self.context, &mut lock(&self.pace), rows * (1 + rounds as u32), |commands, part| {
+            let mut at = part.start;
+            while at < part.end {
+                let (pass, row) = ((at / rows) as usize, at % rows);
+                let count = (rows - row).min(part.end - at);
+                let groups = [columns, count, 1];
+                let first_row = 8 * row;
+                at += count;
+                let Some((reach, shift, turn)) = pass.checked_sub(1).map(|round| ROUNDS[round]) else {
+                    let push = SweepPush { origin, cell, cells_x, cells_y, cells_z, reference, hypotheses, first_row };
+                    commands
+                        .stage(
+                            &self.sweep,
+                            PlaneSweepStage {
+                                views: &self.view_buffer,
+                                pictures: &self.pictures,
+                                pairs: &self.pairs,
+                                hull: hull.buffer(),
+                                planes: &self.planes[0],
+                            },
+                        )
+                        .push(&push)
+                        .groups(groups);
+                    continue;
+                };
+                let [from, to] = [(pass + 1) % 2, pass % 2].map(|i| &self.planes[i]);
+                commands
+                    .stage(
+                        &self.refine,
+                        RefineDepthStage {
+                            views: &self.view_buffer,
+                            pictures: &self.pictures,
+                            pairs: &self.pairs,
+                            hull: hull.buffer(),
+                            planes: from,
+                            refined: to,
+                        },
+                    )
+                    .push(&RefinePush {
+                        origin,
+                        cell,
+                        cells_x,
+                        cells_y,
+                        cells_z,
+                        reference,
+                        iteration: pass as u32 - 1,
+                        seed: seed as u32,
+                        reach,
+                        shift,
+                        turn,
+                        first_row,
+                    })
+                    .groups(groups);
+            }
+            Ok(())
+        })?;
         let found: Vec<[f32; 4]> = self.planes[rounds % 2].download((view.width * view.height) as usize)?;
         let plane =
             |[x, y, inverse_depth, _]: &[f32; 4]| Plane { slope: Vec2::new(*x, *y), inverse_depth: *inverse_depth };

@@ -7,8 +7,9 @@ use glam::{DVec3, Vec3};
 use super::frame::StereoView;
 use crate::Result;
 use crate::scene::voxels::Grid;
+use crate::vulkan::pace::{Pace, in_parts};
 use crate::vulkan::shaders::glsl::stereo::carve as glsl;
-use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::vulkan::{Buffer, Context, Pipeline};
 
 /// Coverage of a pixel from which it counts as the object: a thin part does not fill its pixels.
 const COVERED: f32 = glsl::COVERED as f32;
@@ -17,6 +18,8 @@ const VOTES: u32 = glsl::VOTES;
 
 /// A part of the hull stays where it is at least this much of the largest.
 const MIN_PART: f64 = 0.01;
+/// Workgroups of the first submission.
+const FIRST_GROUPS: u32 = 1 << 10;
 
 crate::gpu_struct! {
     /// Push constants of `carve`.
@@ -37,6 +40,8 @@ crate::gpu_struct! {
         pub least: u32,
         /// How far behind a voxel a depth is that sees through it; nearer, it is there.
         pub behind: f32,
+        /// First workgroup.
+        pub first: u32,
     }
 }
 
@@ -88,7 +93,8 @@ impl Hull {
         let depths = Buffer::from_slice(context, "depths", evidence.depths)?;
         let buffer = Buffer::device(context, "hull", 4 * grid.voxels() as u64)?;
         let [cells_x, cells_y, cells_z] = grid.dims;
-        let push = CarvePush {
+        let push = |first| CarvePush {
+            first,
             origin: grid.origin.as_vec3().to_array(),
             cell: grid.cell as f32,
             cells_x,
@@ -98,14 +104,14 @@ impl Hull {
             least: evidence.least,
             behind: evidence.behind,
         };
-        let mut commands = Recorder::new(context)?;
         let groups = grid.voxels().div_ceil(64) as u32;
-        commands
-            .stage(&pipeline, CarveStage { views: &views, masks: &masks, depths: &depths, hull: &buffer })
-            .push(&push)
-            .linear(groups);
-        commands.submit_and_wait()?;
-        drop(commands);
+        in_parts(context, &mut Pace::new(FIRST_GROUPS), groups, |commands, part| {
+            commands
+                .stage(&pipeline, CarveStage { views: &views, masks: &masks, depths: &depths, hull: &buffer })
+                .push(&push(part.start))
+                .linear(part.len() as u32);
+            Ok(())
+        })?;
         let mut cells = buffer.download(grid.voxels())?;
         drop_fragments(&mut cells, grid.dims);
         buffer.upload(&cells)?;

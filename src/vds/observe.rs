@@ -172,16 +172,17 @@ impl Scene {
         };
         let slots = (0..SLOTS).map(|_| slot()).collect::<Result<Vec<_>>>()?;
         let mut seen: Vec<Vec<(u32, f32)>> = vec![Vec::new(); self.views.len()];
-        let mut running: VecDeque<(usize, &Slot, Recorder<'_>)> = VecDeque::new();
+        let mut running: VecDeque<(usize, &Slot, Recorder)> = VecDeque::new();
         let mut free: Vec<&Slot> = slots.iter().collect();
+        let mut intensities = vec![0f32; self.points.len()];
         loop {
             let photo = next()?;
             if (free.is_empty() || photo.is_none())
                 && let Some((view, slot, mut commands)) = running.pop_front()
             {
                 commands.wait()?;
-                let intensities: &[f32] = bytemuck::cast_slice(slot.intensities.mapped());
-                let shown = || (0..).zip(&intensities[..self.points.len()]).filter(|(_, v)| **v >= 0.0);
+                slot.intensities.read_into(&mut intensities)?;
+                let shown = || (0..).zip(&intensities).filter(|(_, v)| **v >= 0.0);
                 // Counted first: spare capacity in thousands of lists would add up.
                 seen[view].reserve_exact(shown().count());
                 seen[view].extend(shown().map(|(point, v)| (point, *v)));

@@ -10,6 +10,7 @@ use super::raycast::{MISS, Ray, inverse_slope};
 use crate::Result;
 use crate::scene::proxy::SurfacePoint;
 use crate::visibility::bvh::TraversalConstants;
+use crate::vulkan::pace::{Pace, in_parts};
 use crate::vulkan::shaders::glsl::visibility::probe_depth as glsl;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
@@ -85,7 +86,7 @@ crate::stage!(
 
 /// Depth of the directions behind a disc: everything there is hidden.
 const BEHIND: f32 = glsl::BEHIND as f32;
-/// Rays of one dispatch: short enough for any watchdog.
+/// Rays of one dispatch, and of the first submission: short on any device.
 const RAYS: u32 = 1 << 20;
 
 /// Probes and what each sees of the surface.
@@ -111,24 +112,27 @@ impl ProbeMaps {
         let pipeline = Pipeline::new::<ProbeDepthStage>(context, &scene.constants())?;
         let sky = Pipeline::new::<ProbeSkyStage>(context, &())?;
         let rows = (RAYS / texels).max(1);
+        in_parts(context, &mut Pace::new(rows), probes.len() as u32, |commands, part| {
+            for first in part.clone().step_by(rows as usize) {
+                let rays = rows.min(part.end - first) * texels;
+                commands
+                    .stage(
+                        &pipeline,
+                        ProbeDepthStage {
+                            nodes: &scene.nodes,
+                            primitives: &scene.primitives,
+                            probes: &probe_buffer,
+                            region: &scene.region,
+                            free_distance: &scene.free_distance,
+                            depth: &depth,
+                        },
+                    )
+                    .push(&ProbeDepthPush { first, rays, resolution })
+                    .linear(rays.div_ceil(64));
+            }
+            Ok(())
+        })?;
         let mut commands = Recorder::new(context)?;
-        for first in (0..probes.len() as u32).step_by(rows as usize) {
-            let rays = rows.min(probes.len() as u32 - first) * texels;
-            commands
-                .stage(
-                    &pipeline,
-                    ProbeDepthStage {
-                        nodes: &scene.nodes,
-                        primitives: &scene.primitives,
-                        probes: &probe_buffer,
-                        region: &scene.region,
-                        free_distance: &scene.free_distance,
-                        depth: &depth,
-                    },
-                )
-                .push(&ProbeDepthPush { first, rays, resolution })
-                .linear(rays.div_ceil(64));
-        }
         commands
             .stage(&sky, ProbeSkyStage { depth: &depth, probes: &probe_buffer })
             .push(&ProbeSkyPush { resolution })

@@ -6,6 +6,18 @@ use std::path::{Path, PathBuf};
 
 use crate::{Error, Result};
 
+/// Where RenderDoc's library is: loaded already or on the system's path, or where its packages put it.
+const LIBRARIES: &[&str] = if cfg!(windows) {
+    &["renderdoc.dll", r"C:\Program Files\RenderDoc\renderdoc.dll"]
+} else {
+    &[
+        "librenderdoc.so",
+        "/usr/lib/x86_64-linux-gnu/renderdoc/librenderdoc.so",
+        "/usr/lib/renderdoc/librenderdoc.so",
+        "/usr/lib64/renderdoc/librenderdoc.so",
+    ]
+};
+
 /// The first entries of RenderDoc's function table of API version 1.0.0; later versions only append to it.
 #[repr(C)]
 struct Table {
@@ -39,26 +51,19 @@ pub struct RenderDoc {
 }
 
 impl RenderDoc {
-    /// Loads RenderDoc. Must be called before the Vulkan instance is made, and before the process has other threads:
-    /// RenderDoc's layer is switched on through the environment.
+    /// Loads RenderDoc. It must come before the context that is to be captured, which is made with [`Options::capture`](super::Options).
     ///
     /// # Errors
     /// Where RenderDoc is not installed.
     pub fn load() -> Result<Self> {
-        // SAFETY: the caller must call this first, while no other thread reads the environment; the
-        // library is RenderDoc's, its entry point has this signature, and it is never unloaded, so that the table it
-        // hands out stays valid.
+        // SAFETY: the library is RenderDoc's, its entry point has this signature, and it is never unloaded, so that the table it hands out
+        // stays valid.
         unsafe {
-            std::env::set_var("ENABLE_VULKAN_RENDERDOC_CAPTURE", "1");
-            let names = [
-                "librenderdoc.so",
-                "/usr/lib/x86_64-linux-gnu/renderdoc/librenderdoc.so",
-                "/usr/lib/renderdoc/librenderdoc.so",
-            ];
-            let library = names.iter().find_map(|name| libloading::Library::new(*name).ok()).ok_or_else(|| {
-                Error::NoDevice(
-                    "RenderDoc is not installed (librenderdoc.so): install renderdoc, or leave out `renderdoc`".into(),
-                )
+            let library = LIBRARIES.iter().find_map(|name| libloading::Library::new(*name).ok()).ok_or_else(|| {
+                let name = LIBRARIES[0];
+                Error::NoDevice(format!(
+                    "RenderDoc is not installed ({name}): install renderdoc, or leave out `renderdoc`"
+                ))
             })?;
             let library = Box::leak(Box::new(library));
             let get_api: libloading::Symbol<unsafe extern "C" fn(c_int, *mut *mut c_void) -> c_int> = library

@@ -1,14 +1,18 @@
 //! The context: one device and one queue, our own or a host application's.
 
+use std::borrow::Cow;
+use std::ffi::{CStr, CString};
 use std::mem::ManuallyDrop;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use ash::vk;
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
+use super::choice::{Choice, choose};
 use super::instance::Instance;
-use super::physical::Physical;
+use super::physical::{Physical, free_memory};
 use super::reuse::{Commands, Queries, Reusable, keep};
 use super::timeline::Timeline;
 use crate::parallel::lock;
@@ -23,7 +27,15 @@ pub struct Options {
     pub validation: bool,
     /// Wait after every stage, so that a lost device names the stage that lost it.
     pub debug_sync: bool,
+    /// Let RenderDoc take captures, see [`RenderDoc`](super::capture::RenderDoc).
+    pub capture: bool,
+    /// How long a submission may take before waiting for it is an error; a minute where absent, and without end on CPU devices, which are
+    /// slow and do not hang.
+    pub wait_limit: Option<Duration>,
 }
+
+/// Longer than any submission is meant to take by a hundred times.
+const WAIT_LIMIT: Duration = Duration::from_secs(60);
 
 /// A device, its compute queue and its memory. Shared by everything that lives on the device.
 pub struct Context {
@@ -33,6 +45,10 @@ pub struct Context {
     pub(super) debug_utils: Option<ash::ext::debug_utils::Device>,
     pub(super) checkpoints: Option<ash::nv::device_diagnostic_checkpoints::Device>,
     pub(super) debug_sync: bool,
+    wait_limit: Option<Duration>,
+    notes: Vec<String>,
+    /// Before names and labels, so that a host application's capture keeps them apart.
+    prefix: String,
     /// Cache of compiled pipelines.
     pub(super) pipeline_cache: vk::PipelineCache,
     pub(super) reusable: Reusable,
@@ -54,6 +70,9 @@ pub(super) struct Parts {
     pub queue_lock: Arc<Mutex<()>>,
     pub checkpoints: bool,
     pub debug_sync: bool,
+    pub wait_limit: Option<Duration>,
+    pub notes: Vec<String>,
+    pub prefix: String,
     pub owned: bool,
 }
 
@@ -63,8 +82,10 @@ impl Context {
     /// # Errors
     /// No loader, no driver, no such device, or a device that lacks what the engine needs.
     pub fn new(options: &Options) -> Result<Arc<Self>> {
-        let instance = Instance::new(options.validation)?;
-        let physical = Physical::choose(&instance, options.device.as_deref())?;
+        let instance = Instance::with_layers(options.validation, options.capture)?;
+        let mut devices = Physical::all(&instance)?;
+        let Choice { device, notes } = choose(&devices, options.device.as_deref())?;
+        let physical = devices.swap_remove(device);
         let queue_info =
             [vk::DeviceQueueCreateInfo::default().queue_family_index(physical.queue_family).queue_priorities(&[1.0])];
         let mut extensions = vec![ash::khr::push_descriptor::NAME.as_ptr()];
@@ -77,15 +98,28 @@ impl Context {
         if physical.portability {
             extensions.push(ash::khr::portability_subset::NAME.as_ptr());
         }
+        let mut sizes = vk::PhysicalDeviceSubgroupSizeControlFeatures::default()
+            .subgroup_size_control(true)
+            .compute_full_subgroups(true);
+        if physical.asked_width.is_some() {
+            extensions.push(ash::ext::subgroup_size_control::NAME.as_ptr());
+        }
         let mut floats =
             vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default().shader_buffer_float32_atomic_add(true);
         if physical.atomic_floats {
             extensions.push(ash::ext::shader_atomic_float::NAME.as_ptr());
         }
-        let mut info =
-            vk::DeviceCreateInfo::default().queue_create_infos(&queue_info).enabled_extension_names(&extensions);
+        // Every device of Vulkan 1.2 has it.
+        let mut timelines = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);
+        let mut info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queue_info)
+            .enabled_extension_names(&extensions)
+            .push_next(&mut timelines);
         if physical.atomic_floats {
             info = info.push_next(&mut floats);
+        }
+        if physical.asked_width.is_some() {
+            info = info.push_next(&mut sizes);
         }
         // SAFETY: the physical device belongs to this instance and lists every extension and feature that is enabled.
         let device = unsafe { instance.raw.create_device(physical.raw, &info, None) }
@@ -101,12 +135,16 @@ impl Context {
             queue_lock: Arc::default(),
             checkpoints,
             debug_sync: options.debug_sync,
+            wait_limit: options.wait_limit,
+            notes,
+            prefix: String::new(),
             owned: true,
         })
     }
 
     pub(super) fn assemble(parts: Parts) -> Result<Arc<Self>> {
-        let Parts { instance, physical, device, queue, queue_lock, checkpoints, debug_sync, owned } = parts;
+        let Parts { instance, physical, device, queue, queue_lock, checkpoints, debug_sync, .. } = parts;
+        let Parts { wait_limit, notes, prefix, owned, .. } = parts;
         let mut debug_settings = gpu_allocator::AllocatorDebugSettings::default();
         debug_settings.log_leaks_on_shutdown = false;
         let allocator = Allocator::new(&AllocatorCreateDesc {
@@ -129,6 +167,9 @@ impl Context {
             checkpoints: checkpoints
                 .then(|| ash::nv::device_diagnostic_checkpoints::Device::new(&instance.raw, &device)),
             debug_sync,
+            wait_limit: wait_limit.or((physical.kind != "CPU").then_some(WAIT_LIMIT)),
+            notes,
+            prefix,
             pipeline_cache,
             reusable: Reusable::default(),
             queue,
@@ -146,9 +187,24 @@ impl Context {
         &self.physical
     }
 
+    /// What the user should know of the choice of the device: which GPU was passed over and for what, and whether there is none. A line each.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// How long a submission may take; for ever where absent.
+    pub(super) fn wait_limit(&self) -> Option<Duration> {
+        self.wait_limit
+    }
+
     /// Whether every stage is waited for.
     pub fn debug_sync(&self) -> bool {
         self.debug_sync
+    }
+
+    /// Bytes of buffers in device memory that are allocated now; those on the host do not count.
+    pub fn allocated(&self) -> u64 {
+        self.allocated[0].load(Ordering::Relaxed)
     }
 
     /// Most bytes of buffers in device memory that were allocated at once so far; those on the host do not count.
@@ -175,47 +231,44 @@ impl Context {
         if !self.physical.memory_budget {
             return self.physical.heap;
         }
-        let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
-        let mut memory = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut budget);
-        // SAFETY: the device lists the memory-budget extension, whose struct is chained.
-        unsafe { self.instance.raw.get_physical_device_memory_properties2(self.physical.raw, &mut memory) };
-        let heaps = memory.memory_properties;
-        let free = |i: usize| budget.heap_budget[i].saturating_sub(budget.heap_usage[i]);
-        (0..heaps.memory_heap_count as usize)
-            .filter(|&i| heaps.memory_heaps[i].flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))
-            .map(free)
-            .max()
-            .unwrap_or(self.physical.heap)
+        free_memory(&self.instance, self.physical.raw)
     }
 
-    /// Submits a command buffer between timeline semaphores, and signals `fence` when it has run. An adopted queue is locked for the
-    /// call.
+    /// Submits command buffers one by one between timeline semaphores, and signals `fence` when they have run. An adopted queue is locked
+    /// for the call.
     pub(super) fn submit(
         &self,
-        commands: vk::CommandBuffer,
+        parts: &[vk::CommandBuffer],
         after: &[Timeline],
         signal: &[Timeline],
         fence: vk::Fence,
     ) -> Result<()> {
-        let commands = [commands];
         let [waits, signals] = [after, signal].map(|list| list.iter().map(|at| at.semaphore).collect::<Vec<_>>());
         let [from, to] = [after, signal].map(|list| list.iter().map(|at| at.value).collect::<Vec<_>>());
         let stages = vec![vk::PipelineStageFlags::ALL_COMMANDS; after.len()];
-        let mut values =
-            vk::TimelineSemaphoreSubmitInfo::default().wait_semaphore_values(&from).signal_semaphore_values(&to);
-        let mut submit = vk::SubmitInfo::default()
-            .command_buffers(&commands)
-            .wait_semaphores(&waits)
-            .wait_dst_stage_mask(&stages)
-            .signal_semaphores(&signals);
-        if !(after.is_empty() && signal.is_empty()) {
-            submit = submit.push_next(&mut values);
-        }
         let _guard = lock(&self.queue_lock);
-        // SAFETY: the command buffer is recorded and of this device, the semaphores as the caller of `submit_between` guarantees; the
-        // lock makes the queue ours for the call.
-        unsafe { self.device.queue_submit(self.queue, &[submit], fence) }
-            .map_err(|code| self.failure("vkQueueSubmit", code))
+        for (i, commands) in parts.chunks(1).enumerate() {
+            let mut submit = vk::SubmitInfo::default().command_buffers(commands);
+            let mut values = vk::TimelineSemaphoreSubmitInfo::default();
+            if i == 0 && !after.is_empty() {
+                submit = submit.wait_semaphores(&waits).wait_dst_stage_mask(&stages);
+                values = values.wait_semaphore_values(&from);
+            }
+            let last = i + 1 == parts.len();
+            if last && !signal.is_empty() {
+                submit = submit.signal_semaphores(&signals);
+                values = values.signal_semaphore_values(&to);
+            }
+            if !(after.is_empty() && signal.is_empty()) {
+                submit = submit.push_next(&mut values);
+            }
+            let fence = if last { fence } else { vk::Fence::null() };
+            // SAFETY: the command buffer is recorded and of this device, the semaphores as the caller of `submit_between` guarantees; the
+            // lock makes the queue ours for the call.
+            unsafe { self.device.queue_submit(self.queue, &[submit], fence) }
+                .map_err(|code| self.failure("vkQueueSubmit", code))?;
+        }
+        Ok(())
     }
 
     /// The error for a failed call; a lost device names the last stage that started, where the driver reports it.
@@ -238,16 +291,27 @@ impl Context {
             let top = data.iter().find(|entry| entry.stage == vk::PipelineStageFlags::TOP_OF_PIPE);
             match top.or(data.first()) {
                 Some(entry) if !entry.p_checkpoint_marker.is_null() => {
-                    std::ffi::CStr::from_ptr(entry.p_checkpoint_marker.cast()).to_string_lossy().into_owned()
+                    CStr::from_ptr(entry.p_checkpoint_marker.cast()).to_string_lossy().into_owned()
                 }
                 _ => "unknown".into(),
             }
         }
     }
 
-    pub(super) fn name<T: vk::Handle>(&self, handle: T, name: &std::ffi::CStr) {
+    /// A name or label behind the host's prefix.
+    pub(super) fn prefixed<'n>(&self, name: &'n CStr) -> Cow<'n, CStr> {
+        let both = || CString::new([self.prefix.as_bytes(), name.to_bytes()].concat());
+        match self.prefix.is_empty() {
+            true => Cow::Borrowed(name),
+            // A prefix with a NUL is none.
+            false => both().map_or(Cow::Borrowed(name), Cow::Owned),
+        }
+    }
+
+    pub(super) fn name<T: vk::Handle>(&self, handle: T, name: &CStr) {
         if let Some(functions) = &self.debug_utils {
-            let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(name);
+            let name = self.prefixed(name);
+            let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
             // SAFETY: the handle is live and of this device. A name that could not be set is not worth an error.
             let _ = unsafe { functions.set_debug_utils_object_name(&info) };
         }

@@ -1,6 +1,7 @@
 //! Adopting a device that a host application made.
 
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use ash::vk::{self, Handle};
 
@@ -27,8 +28,14 @@ pub struct HostDevice {
     /// Taken by the engine around every submission to `queue`; the host takes the same lock around its own. A host that lends a queue
     /// that it does not use itself need not take it, and orders its work by timeline semaphores ([`Timeline`]).
     pub queue_lock: Arc<Mutex<()>>,
-    /// Whether `VK_EXT_debug_utils` is enabled on the instance.
+    /// Whether `VK_EXT_debug_utils` is enabled on the instance: buffers, pipelines and stages then have names in captures.
     pub debug_utils: bool,
+    /// What those names begin with ("camsplat/").
+    pub prefix: String,
+    /// Whether `VK_EXT_memory_budget` is enabled on the device: what fits is then decided by what is free, not by the heap's size.
+    pub memory_budget: bool,
+    /// As [`Options::wait_limit`](super::Options::wait_limit).
+    pub wait_limit: Option<Duration>,
 }
 
 /// A host application's Vulkan objects as other bindings and C have them: dispatchable handles are pointers, and all may be cast to
@@ -70,6 +77,9 @@ impl HostDevice {
                 queue: vk::Queue::from_raw(queue),
                 queue_lock: Arc::default(),
                 debug_utils: false,
+                prefix: String::new(),
+                memory_budget: false,
+                wait_limit: None,
             }
         }
     }
@@ -85,7 +95,7 @@ impl Context {
     /// # Errors
     /// Where the physical device lacks what the engine needs.
     pub unsafe fn adopt(host: HostDevice) -> Result<Arc<Self>> {
-        let HostDevice { entry, instance, physical, device, queue_family, queue, queue_lock, debug_utils } = host;
+        let HostDevice { entry, instance, physical, device, queue_family, queue, queue_lock, debug_utils, .. } = host;
         let instance = Instance::adopt(entry, instance, debug_utils);
         let handle = physical;
         let mut physical = Physical::read(&instance, handle);
@@ -110,8 +120,12 @@ impl Context {
             return Err(Error::NoDevice(format!("queue family {queue_family} of {} cannot compute", physical.name)));
         }
         physical.queue_family = queue_family;
-        physical.memory_budget = false;
+        physical.memory_budget &= host.memory_budget;
         physical.atomic_floats = false;
+        // The host may not have enabled it.
+        if physical.asked_width.take().is_some() {
+            physical.subgroup_width = None;
+        }
         Self::assemble(Parts {
             instance,
             physical,
@@ -120,6 +134,9 @@ impl Context {
             queue_lock,
             checkpoints: false,
             debug_sync: false,
+            wait_limit: host.wait_limit,
+            notes: Vec::new(),
+            prefix: host.prefix,
             owned: false,
         })
     }

@@ -8,6 +8,7 @@ use ash::vk;
 use crate::{Error, Result};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+const CAPTURE_LAYER: &CStr = c"VK_LAYER_RENDERDOC_Capture";
 /// What is said where the loader is missing.
 const NO_LOADER: &str = if cfg!(target_os = "macos") {
     "no Vulkan loader (libvulkan.dylib): install vulkan-loader and molten-vk, or the Vulkan SDK"
@@ -37,13 +38,24 @@ impl Instance {
     /// # Errors
     /// Where there is no loader, or the layers were requested and are not installed; the message names what to install.
     pub fn new(validation: bool) -> Result<Self> {
+        Self::with_layers(validation, false)
+    }
+
+    /// The same, with RenderDoc's layer too if captures are wanted.
+    pub(super) fn with_layers(validation: bool, capture: bool) -> Result<Self> {
         // SAFETY: loading the system's Vulkan loader runs its initialisers; it has no other preconditions.
         let entry = unsafe { ash::Entry::load() }.map_err(|_| Error::NoDevice(NO_LOADER.into()))?;
         // SAFETY: `entry` is a loaded Vulkan library; the same holds for each call on it below.
         let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
-        if validation && !layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
+        let missing = |name| !layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(name));
+        if validation && missing(VALIDATION_LAYER) {
             return Err(Error::NoDevice(
                 "the validation layers are not installed: install vulkan-validationlayers".into(),
+            ));
+        }
+        if capture && missing(CAPTURE_LAYER) {
+            return Err(Error::NoDevice(
+                "RenderDoc's Vulkan layer is not registered: run `renderdoccmd vulkanlayer --register --system`".into(),
             ));
         }
         // SAFETY: no layer's name is given, and the loader fills the list.
@@ -57,7 +69,10 @@ impl Instance {
             .application_name(c"camsplat")
             .engine_name(c"camsplat")
             .api_version(vk::API_VERSION_1_2);
-        let layer_names = if validation { vec![VALIDATION_LAYER.as_ptr()] } else { Vec::new() };
+        let layer_names: Vec<_> = [(validation, VALIDATION_LAYER), (capture, CAPTURE_LAYER)]
+            .into_iter()
+            .filter_map(|(wanted, name)| wanted.then_some(name.as_ptr()))
+            .collect();
         let wanted =
             [(debug_utils, ash::ext::debug_utils::NAME), (portability, ash::khr::portability_enumeration::NAME)];
         let extension_names: Vec<_> =

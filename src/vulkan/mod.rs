@@ -6,11 +6,16 @@
 
 pub(crate) mod buffer;
 pub mod capture;
+mod choice;
 mod clock;
 pub(crate) mod context;
+mod dispatch;
 pub mod footprint;
 pub mod host;
 pub mod instance;
+mod kept;
+mod mapping;
+pub(crate) mod pace;
 pub mod physical;
 pub(crate) mod pipeline;
 pub mod profile;

@@ -12,14 +12,19 @@ use crate::Result;
 /// [`Pipeline::new`] of a stage.
 type Compile<C> = fn(&Arc<Context>, &C) -> Result<Pipeline>;
 
-/// A stage, compiled for a device.
+/// A stage, compiled for a device. What is recorded with it keeps it until it has run, also where the pipeline is dropped before.
 pub struct Pipeline {
+    pub(super) compiled: Arc<Compiled>,
+}
+
+/// What a pipeline is made of.
+pub(super) struct Compiled {
     pub(super) raw: vk::Pipeline,
     pub(super) layout: vk::PipelineLayout,
     pub(super) shader: &'static Shader,
     set_layout: vk::DescriptorSetLayout,
     module: vk::ShaderModule,
-    context: Arc<Context>,
+    pub(super) context: Arc<Context>,
 }
 
 impl Pipeline {
@@ -32,7 +37,7 @@ impl Pipeline {
     }
 
     fn compile(context: &Arc<Context>, shader: &'static Shader, constants: &[u32]) -> Result<Self> {
-        let mut pipeline = Self {
+        let mut pipeline = Compiled {
             raw: vk::Pipeline::null(),
             layout: vk::PipelineLayout::null(),
             shader,
@@ -77,17 +82,24 @@ impl Pipeline {
             };
             let entries: Vec<_> = shader.constants.iter().map(entry).collect();
             let special = vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
-            let stage = vk::PipelineShaderStageCreateInfo::default()
+            let asked = context.physical().asked_width.filter(|_| shader.subgroups);
+            let mut width = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
+                .required_subgroup_size(asked.unwrap_or_default());
+            let mut stage = vk::PipelineShaderStageCreateInfo::default()
                 .stage(vk::ShaderStageFlags::COMPUTE)
                 .module(pipeline.module)
                 .name(c"main")
                 .specialization_info(&special);
+            if asked.is_some() {
+                let full = vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS;
+                stage = stage.flags(full).push_next(&mut width);
+            }
             let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(pipeline.layout)];
             let made = device.create_compute_pipelines(context.pipeline_cache, &info, None);
             pipeline.raw = made.map_err(|(_, code)| context.failure("vkCreateComputePipelines", code))?[0];
         }
         context.name(pipeline.raw, shader.label);
-        Ok(pipeline)
+        Ok(Self { compiled: Arc::new(pipeline) })
     }
 
     /// Compiles several stages with the same constants side by side, as a driver takes its time over each:
@@ -107,9 +119,9 @@ impl Pipeline {
     }
 }
 
-impl Drop for Pipeline {
+impl Drop for Compiled {
     fn drop(&mut self) {
-        // SAFETY: recorders wait for their submissions; destroying a null handle does nothing.
+        // SAFETY: whatever was recorded with the pipeline holds this until it has run; destroying a null handle does nothing.
         unsafe {
             let device = &self.context.device;
             device.destroy_pipeline(self.raw, None);

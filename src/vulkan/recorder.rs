@@ -3,35 +3,45 @@
 use std::sync::Arc;
 
 use ash::vk;
-use bytemuck::Pod;
 
 use super::buffer::Buffer;
 use super::clock::Clock;
 pub use super::clock::Timing;
 use super::context::Context;
+pub use super::dispatch::{StageRecord, linear_groups};
+pub use super::kept::Kept;
 use super::pipeline::Pipeline;
 use super::reuse::Commands;
-use super::stage::{Access, Stage};
+use super::stage::Stage;
 use super::timeline::Timeline;
 use crate::{Error, Result};
 
-/// Writes stages into a command buffer. It borrows what it records, and waits for its submissions when dropped.
-pub struct Recorder<'a> {
-    context: Arc<Context>,
-    raw: vk::CommandBuffer,
+/// Writes stages into a command buffer. It keeps what it records in memory, and waits for its submissions when dropped; one that is
+/// forgotten instead frees nothing.
+pub struct Recorder {
+    pub(super) context: Arc<Context>,
+    pub(super) raw: vk::CommandBuffer,
     // Null where the command buffer is a host application's.
     pool: vk::CommandPool,
+    // Parts before it, which have ended.
+    earlier: Vec<Commands>,
     ended: bool,
     fences: Vec<vk::Fence>,
     // Buffers touched since the last barrier.
     read: Vec<vk::Buffer>,
     written: Vec<vk::Buffer>,
-    clock: Option<Clock>,
-    failure: Option<Error>,
-    borrowed: std::marker::PhantomData<&'a Buffer>,
+    pub(super) clock: Option<Clock>,
+    pub(super) failure: Option<Error>,
+    pub(super) kept: Kept,
+    // The stages that were recorded first and last.
+    stages: Option<[&'static str; 2]>,
+    // Whether waiting has met its limit.
+    given_up: bool,
+    // Whether something may run that no fence reports.
+    lost_sight: bool,
 }
 
-impl<'a> Recorder<'a> {
+impl Recorder {
     /// Begins a command buffer of our own, which may be submitted many times.
     ///
     /// # Errors
@@ -76,18 +86,22 @@ impl<'a> Recorder<'a> {
     /// Records into a host application's command buffer, which the host begins, ends and submits.
     ///
     /// # Safety
-    /// `raw` must be in the recording state, of the device that `context` adopted, and everything recorded must stay
-    /// alive until the host's submission has ended. [`Recorder::finish`] must come before the host reads results.
+    /// `raw` must be in the recording state, outside a render pass, and of the device that `context` adopted. [`Recorder::finish`] must
+    /// end the part, and what it answers must be kept until every submission of the command buffer has ended.
     pub unsafe fn host(context: &Arc<Context>, raw: vk::CommandBuffer) -> Self {
-        let mut recorder = Self::around(context, raw, vk::CommandPool::null());
-        recorder.barrier();
+        let recorder = Self::around(context, raw, vk::CommandPool::null());
+        recorder.barrier_at_an_edge();
         recorder
     }
 
-    /// Ends the part of a host's command buffer that this recorder wrote: what the host records next, and the host itself
-    /// once its submission has ended, see the results.
-    pub fn finish(mut self) {
-        self.barrier();
+    /// Ends the part of a host's command buffer that this recorder wrote: whatever the host records next, draws and copies too, and the host
+    /// itself once its submission has ended, see the results. The answer keeps in memory what was recorded.
+    ///
+    /// # Errors
+    /// Where something could not be recorded; the command buffer must not be submitted then.
+    pub fn finish(mut self) -> Result<Kept> {
+        self.barrier_at_an_edge();
+        self.failure.take().map_or_else(|| Ok(std::mem::take(&mut self.kept)), Err)
     }
 
     fn around(context: &Arc<Context>, raw: vk::CommandBuffer, pool: vk::CommandPool) -> Self {
@@ -95,18 +109,48 @@ impl<'a> Recorder<'a> {
             context: context.clone(),
             raw,
             pool,
+            earlier: Vec::new(),
             ended: false,
             fences: Vec::new(),
             read: Vec::new(),
             written: Vec::new(),
             clock: None,
             failure: None,
-            borrowed: std::marker::PhantomData,
+            kept: Kept::default(),
+            stages: None,
+            given_up: false,
+            lost_sight: false,
         }
     }
 
+    /// What follows is another submission, behind what was recorded so far: none is then longer than drivers allow. In a host's command
+    /// buffer it does nothing.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn cut(&mut self) -> Result<()> {
+        if !self.owned() || self.context.debug_sync {
+            return Ok(());
+        }
+        let Commands { pool, raw } = self.context.take_commands()?;
+        let ended = self.end();
+        self.earlier.push(Commands { pool: self.pool, raw: self.raw });
+        (self.pool, self.raw) = (pool, raw);
+        ended?;
+        self.begin()
+    }
+
+    fn end(&mut self) -> Result<()> {
+        self.barrier_at_an_edge();
+        self.read.clear();
+        self.written.clear();
+        // SAFETY: the command buffer is in the recording state.
+        unsafe { self.context.device.end_command_buffer(self.raw) }
+            .map_err(|code| self.context.failure("vkEndCommandBuffer", code))
+    }
+
     /// Whether the command buffer is ours to submit.
-    fn owned(&self) -> bool {
+    pub(super) fn owned(&self) -> bool {
         self.pool != vk::CommandPool::null()
     }
 
@@ -116,55 +160,76 @@ impl<'a> Recorder<'a> {
         unsafe { self.context.device.begin_command_buffer(self.raw, &info) }
             .map_err(|code| self.context.failure("vkBeginCommandBuffer", code))?;
         // Whatever was submitted before may still be writing what this reads.
-        self.barrier_now();
+        self.barrier_at_an_edge();
         Ok(())
     }
 
     /// Starts the record of one stage: `recorder.stage(&fade, FadeStage { source, target }).push(&push).linear(groups)`.
-    pub fn stage<'r, S: Stage<'a>>(&'r mut self, pipeline: &'a Pipeline, stage: S) -> StageRecord<'r, 'a, S::Push> {
+    pub fn stage<'r, 'a, S: Stage<'a>>(&'r mut self, pipeline: &'a Pipeline, stage: S) -> StageRecord<'r, 'a, S::Push> {
+        let shader = pipeline.compiled.shader;
         // A mismatch here is a mistake in this crate that no input can cause.
-        assert_eq!(
-            pipeline.shader.buffers,
-            S::SHADER.buffers,
-            "`{}` bound as `{}`",
-            pipeline.shader.name,
-            S::SHADER.name
-        );
-        StageRecord { recorder: self, pipeline, buffers: stage.in_order(), push: None }
+        assert_eq!(shader.buffers, S::SHADER.buffers, "`{}` bound as `{}`", shader.name, S::SHADER.name);
+        StageRecord::new(self, pipeline, stage.in_order())
     }
 
     /// Copies the first `bytes` bytes of `from` to the start of `to`.
-    pub fn copy(&mut self, from: &'a Buffer, to: &'a Buffer, bytes: u64) {
+    pub fn copy(&mut self, from: &Buffer, to: &Buffer, bytes: u64) {
         self.copy_region(from, 0, to, 0, bytes);
     }
 
-    /// Copies `bytes` bytes between offsets.
-    pub fn copy_region(&mut self, from: &'a Buffer, from_offset: u64, to: &'a Buffer, to_offset: u64, bytes: u64) {
-        if from_offset.saturating_add(bytes) > from.size() || to_offset.saturating_add(bytes) > to.size() {
-            let (from, to) = (from.name(), to.name());
-            self.failure = Some(Error::Request(format!("a copy from {from:?} to {to:?} passes the end of a buffer")));
+    /// Copies `bytes` bytes between offsets of two buffers.
+    pub fn copy_region(&mut self, from: &Buffer, from_offset: u64, to: &Buffer, to_offset: u64, bytes: u64) {
+        let fits = |buffer: &Buffer, offset: u64| offset.checked_add(bytes).is_some_and(|end| end <= buffer.size());
+        if !fits(from, from_offset) || !fits(to, to_offset) {
+            return self.refuse(format!("a copy from {:?} to {:?} passes the end of a buffer", from.name(), to.name()));
+        }
+        let [begin, end] = [from.memory.offset + from_offset, to.memory.offset + to_offset];
+        if from.handle() == to.handle() && begin.abs_diff(end) < bytes {
+            return self.refuse(format!("a copy from {:?} to {:?} overlaps itself", from.name(), to.name()));
+        }
+        if bytes == 0 || !self.keep([from, to]) {
             return;
         }
         self.touch(&[from.handle()], &[to.handle()]);
-        self.start_clock("copy");
-        let region = [vk::BufferCopy::default().src_offset(from_offset).dst_offset(to_offset).size(bytes)];
-        // SAFETY: both buffers are live for `'a`; the ranges lie within them.
+        self.begin_step("copy");
+        let region = [vk::BufferCopy::default().src_offset(begin).dst_offset(end).size(bytes)];
+        // SAFETY: both buffers are of this device and kept until this has run; the ranges lie within them and do not overlap.
         unsafe { self.context.device.cmd_copy_buffer(self.raw, from.handle(), to.handle(), &region) };
         self.stop_clock();
     }
 
     /// Fills a buffer with a 32-bit value.
-    pub fn fill(&mut self, buffer: &'a Buffer, value: u32) {
+    pub fn fill(&mut self, buffer: &Buffer, value: u32) {
+        if !self.keep([buffer]) {
+            return;
+        }
         self.touch(&[], &[buffer.handle()]);
-        self.start_clock("fill");
-        // SAFETY: as in `copy_region`; buffer sizes are multiples of four.
-        unsafe { self.context.device.cmd_fill_buffer(self.raw, buffer.handle(), 0, vk::WHOLE_SIZE, value) };
+        self.begin_step("fill");
+        let (memory, size) = (&buffer.memory, buffer.size());
+        // SAFETY: as in `copy_region`; sizes of buffers and offsets in them are multiples of four.
+        unsafe { self.context.device.cmd_fill_buffer(self.raw, memory.raw, memory.offset, size, value) };
         self.stop_clock();
+    }
+
+    /// Keeps buffers until this has run; false where that is in vain, since something cannot be recorded.
+    pub(super) fn keep<'b>(&mut self, buffers: impl IntoIterator<Item = &'b Buffer>) -> bool {
+        for buffer in buffers {
+            if !Arc::ptr_eq(buffer.context(), &self.context) {
+                self.refuse(format!("the buffer {:?} is of another context", buffer.name()));
+            }
+            self.kept.buffer(&buffer.memory);
+        }
+        self.failure.is_none()
+    }
+
+    /// Remembers what is wrong, of which the first is reported when this is submitted.
+    pub(super) fn refuse(&mut self, what: String) {
+        self.failure.get_or_insert(Error::Request(what));
     }
 
     /// The one place that decides on barriers: what is read must not be pending as written, what is written must not
     /// be pending at all.
-    fn touch(&mut self, read: &[vk::Buffer], written: &[vk::Buffer]) {
+    pub(super) fn touch(&mut self, read: &[vk::Buffer], written: &[vk::Buffer]) {
         let hazard = read.iter().any(|buffer| self.written.contains(buffer))
             || written.iter().any(|buffer| self.written.contains(buffer) || self.read.contains(buffer));
         if hazard {
@@ -174,33 +239,29 @@ impl<'a> Recorder<'a> {
         self.written.extend_from_slice(written);
     }
 
+    /// Between what this records.
     fn barrier(&mut self) {
         self.read.clear();
         self.written.clear();
-        self.barrier_now();
-    }
-
-    fn barrier_now(&self) {
         let work = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
         let writes = vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE;
-        let reads = vk::AccessFlags::SHADER_READ
-            | vk::AccessFlags::TRANSFER_READ
-            | vk::AccessFlags::INDIRECT_COMMAND_READ
-            | vk::AccessFlags::HOST_READ;
-        let barrier = [vk::MemoryBarrier::default().src_access_mask(writes).dst_access_mask(reads | writes)];
-        let after = work | vk::PipelineStageFlags::DRAW_INDIRECT | vk::PipelineStageFlags::HOST;
+        let reads =
+            vk::AccessFlags::SHADER_READ | vk::AccessFlags::TRANSFER_READ | vk::AccessFlags::INDIRECT_COMMAND_READ;
+        self.barrier_of([work, work | vk::PipelineStageFlags::DRAW_INDIRECT], [writes, reads | writes]);
+    }
+
+    /// Where others come before and after: whatever they do, and the host.
+    fn barrier_at_an_edge(&self) {
+        let all = vk::PipelineStageFlags::ALL_COMMANDS;
+        let any = vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE;
+        self.barrier_of([all, all | vk::PipelineStageFlags::HOST], [vk::AccessFlags::MEMORY_WRITE, any]);
+    }
+
+    fn barrier_of(&self, [before, after]: [vk::PipelineStageFlags; 2], [made, seen]: [vk::AccessFlags; 2]) {
+        let barrier = [vk::MemoryBarrier::default().src_access_mask(made).dst_access_mask(seen)];
+        let none = vk::DependencyFlags::empty();
         // SAFETY: the command buffer is in the recording state.
-        unsafe {
-            self.context.device.cmd_pipeline_barrier(
-                self.raw,
-                work,
-                after,
-                vk::DependencyFlags::empty(),
-                &barrier,
-                &[],
-                &[],
-            );
-        }
+        unsafe { self.context.device.cmd_pipeline_barrier(self.raw, before, after, none, &barrier, &[], &[]) };
     }
 
     /// Ends the recording and submits it; may be called again, also while earlier submissions run.
@@ -216,8 +277,8 @@ impl<'a> Recorder<'a> {
     /// host application orders its own submissions, on whatever queue, around the engine's without waiting on the host side.
     ///
     /// # Safety
-    /// The semaphores must be timeline semaphores of the context's device, live until the submission has ended, and the host must have
-    /// enabled `timelineSemaphore`; values that are signalled must be greater than the semaphores have by then.
+    /// The semaphores must be timeline semaphores of the context's device, live until the submission has ended, and of a host's device it must
+    /// have enabled `timelineSemaphore`; values that are signalled must be greater than the semaphores have by then.
     ///
     /// # Errors
     /// Where the device fails.
@@ -226,19 +287,19 @@ impl<'a> Recorder<'a> {
             return Err(failure);
         }
         if !self.ended {
-            self.barrier();
             if let Some(clock) = self.clock.as_ref().filter(|clock| clock.whole) {
                 clock.stop(&self.context, self.raw);
             }
-            // SAFETY: the command buffer is in the recording state.
-            unsafe { self.context.device.end_command_buffer(self.raw) }
-                .map_err(|code| self.context.failure("vkEndCommandBuffer", code))?;
+            self.end()?;
             self.ended = true;
         }
         let fence = self.context.take_fence()?;
-        let submitted = self.context.submit(self.raw, after, signal, fence);
+        let parts = self.earlier.iter().map(|part| part.raw).chain([self.raw]).collect::<Vec<_>>();
+        let submitted = self.context.submit(&parts, after, signal, fence);
         match submitted {
             Ok(()) => self.fences.push(fence),
+            // Some parts may run, and nothing will tell of their end.
+            Err(_) if parts.len() > 1 => self.lost_sight = true,
             Err(_) => self.context.give_fence(fence),
         }
         submitted
@@ -247,18 +308,38 @@ impl<'a> Recorder<'a> {
     /// Waits for every submission so far. Where that fails but the device is not lost, they may still run: it can be called again.
     ///
     /// # Errors
-    /// Where the device is lost; the error names the last stage that started, where the driver reports it.
+    /// Where the device is lost; the error names the last stage that started, where the driver reports it. Where a submission takes longer
+    /// than [`Options::wait_limit`](super::Options) after those before it.
     pub fn wait(&mut self) -> Result<()> {
-        if self.fences.is_empty() {
-            return Ok(());
+        let limit = self.context.wait_limit();
+        let nanoseconds = limit.map_or(u64::MAX, |limit| limit.as_nanos().try_into().unwrap_or(u64::MAX));
+        while let Some(fence) = self.fences.first() {
+            // SAFETY: the fence is live and was submitted.
+            let waited = unsafe { self.context.device.wait_for_fences(&[*fence], true, nanoseconds) };
+            match waited {
+                Ok(()) => self.give_fences(1),
+                Err(vk::Result::TIMEOUT) => {
+                    let [first, last] = self.stages.unwrap_or(["none"; 2]);
+                    let seconds = limit.unwrap_or_default().as_secs_f64();
+                    self.given_up = true;
+                    return Err(Error::Unfinished { first, last, seconds });
+                }
+                Err(code) => {
+                    if code == vk::Result::ERROR_DEVICE_LOST {
+                        // Nothing will signal the fences any more.
+                        self.give_fences(self.fences.len());
+                    }
+                    return Err(self.context.failure("vkWaitForFences", code));
+                }
+            }
         }
-        // SAFETY: the fences are live and each was submitted.
-        let waited = unsafe { self.context.device.wait_for_fences(&self.fences, true, u64::MAX) };
-        if matches!(waited, Ok(()) | Err(vk::Result::ERROR_DEVICE_LOST)) {
-            // Nothing will signal them any more.
-            self.fences.drain(..).for_each(|fence| self.context.give_fence(fence));
-        }
-        waited.map_err(|code| self.context.failure("vkWaitForFences", code))
+        self.given_up = false;
+        Ok(())
+    }
+
+    /// Returns the first fences, which nothing will signal any more.
+    fn give_fences(&mut self, count: usize) {
+        self.fences.drain(..count).for_each(|fence| self.context.give_fence(fence));
     }
 
     /// Submissions that have not ended yet.
@@ -290,20 +371,22 @@ impl<'a> Recorder<'a> {
         self.clock.as_ref().map_or_else(|| Ok(Vec::new()), |clock| clock.timings(&self.context))
     }
 
-    fn start_clock(&mut self, name: &'static str) {
+    /// Before a stage, copy or fill is recorded.
+    pub(super) fn begin_step(&mut self, name: &'static str) {
+        self.stages = Some([self.stages.map_or(name, |[first, _]| first), name]);
         if let Some(clock) = self.clock.as_mut().filter(|clock| !clock.whole) {
             clock.start(&self.context, self.raw, name);
         }
     }
 
-    fn stop_clock(&self) {
+    pub(super) fn stop_clock(&self) {
         if let Some(clock) = self.clock.as_ref().filter(|clock| !clock.whole) {
             clock.stop(&self.context, self.raw);
         }
     }
 
     /// Under `--debug-sync`: runs what was recorded so far, so that a failure can be attributed to `stage`.
-    fn run_now(&mut self, stage: &'static str) -> Result<()> {
+    pub(super) fn run_now(&mut self, stage: &'static str) -> Result<()> {
         self.submit()?;
         self.wait().map_err(|error| match error {
             Error::DeviceLost { .. } => Error::DeviceLost { stage: stage.into() },
@@ -314,134 +397,23 @@ impl<'a> Recorder<'a> {
     }
 }
 
-/// A stage being recorded; nothing happens before one of its last three methods is called.
-pub struct StageRecord<'r, 'a, P> {
-    recorder: &'r mut Recorder<'a>,
-    pipeline: &'a Pipeline,
-    buffers: Vec<&'a Buffer>,
-    push: Option<P>,
-}
-
-enum Size<'a> {
-    Groups([u32; 3]),
-    Indirect(&'a Buffer, u64),
-}
-
-impl<'a, P: Pod> StageRecord<'_, 'a, P> {
-    /// The push constants.
-    pub fn push(mut self, constants: &P) -> Self {
-        self.push = Some(*constants);
-        self
-    }
-
-    /// Dispatches so many workgroups.
-    pub fn groups(self, groups: [u32; 3]) {
-        self.dispatch(&Size::Groups(groups));
-    }
-
-    /// Dispatches at least `count` workgroups, laid out in x and y so that no limit is met; the shader finds its own
-    /// number with `group_index()` and returns where that is `count` or more.
-    pub fn linear(self, count: u32) {
-        let [x, y] = linear_groups(count);
-        self.groups([x, y, 1]);
-    }
-
-    /// Dispatches as many workgroups as the three `u32` at byte `offset` of `buffer` give.
-    pub fn indirect(self, buffer: &'a Buffer, offset: u64) {
-        self.dispatch(&Size::Indirect(buffer, offset));
-    }
-
-    fn dispatch(self, size: &Size<'a>) {
-        let Self { recorder, pipeline, buffers, push } = self;
-        let shader = pipeline.shader;
-        let push = push.as_ref().map_or(&[][..], bytemuck::bytes_of);
-        // A mismatch here is a mistake in this crate that no input can cause.
-        assert_eq!(push.len(), shader.push_size as usize, "push constants of `{}`", shader.name);
-        if matches!(size, Size::Groups(groups) if groups.contains(&0)) || recorder.failure.is_some() {
-            return;
-        }
-        let of = |access| {
-            let bound = buffers.iter().zip(shader.buffers).filter(move |(_, (_, a))| *a == access);
-            bound.map(|(buffer, _)| buffer.handle()).collect::<Vec<_>>()
-        };
-        let mut read = of(Access::Read);
-        if let Size::Indirect(buffer, _) = size {
-            read.push(buffer.handle());
-        }
-        recorder.touch(&read, &of(Access::Write));
-        let infos: Vec<_> = buffers
-            .iter()
-            .map(|buffer| [vk::DescriptorBufferInfo::default().buffer(buffer.handle()).range(vk::WHOLE_SIZE)])
-            .collect();
-        let writes: Vec<_> = infos
-            .iter()
-            .enumerate()
-            .map(|(slot, info)| {
-                vk::WriteDescriptorSet::default()
-                    .dst_binding(slot as u32)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
-                    .buffer_info(info)
-            })
-            .collect();
-        recorder.start_clock(shader.name);
-        // SAFETY: the command buffer is recording; pipeline and buffers are live for `'a`, which outlives the
-        // recorder's submissions; as many buffers are bound as the stage declares.
-        unsafe {
-            let context = &recorder.context;
-            let (device, raw) = (&context.device, recorder.raw);
-            if let Some(labels) = &context.debug_utils {
-                labels.cmd_begin_debug_utils_label(raw, &vk::DebugUtilsLabelEXT::default().label_name(shader.label));
-            }
-            if let Some(checkpoints) = &context.checkpoints {
-                checkpoints.cmd_set_checkpoint(raw, shader.label.as_ptr().cast());
-            }
-            device.cmd_bind_pipeline(raw, vk::PipelineBindPoint::COMPUTE, pipeline.raw);
-            if !writes.is_empty() {
-                context.push_descriptor.cmd_push_descriptor_set(
-                    raw,
-                    vk::PipelineBindPoint::COMPUTE,
-                    pipeline.layout,
-                    0,
-                    &writes,
-                );
-            }
-            if !push.is_empty() {
-                let flags = vk::ShaderStageFlags::COMPUTE;
-                device.cmd_push_constants(raw, pipeline.layout, flags, 0, push);
-            }
-            match size {
-                Size::Groups([x, y, z]) => device.cmd_dispatch(raw, *x, *y, *z),
-                Size::Indirect(buffer, offset) => device.cmd_dispatch_indirect(raw, buffer.handle(), *offset),
-            }
-            if let Some(labels) = &context.debug_utils {
-                labels.cmd_end_debug_utils_label(raw);
-            }
-        }
-        recorder.stop_clock();
-        if recorder.context.debug_sync && recorder.owned() && recorder.clock.is_none() {
-            recorder.failure = recorder.run_now(shader.name).err();
-        }
-    }
-}
-
-/// Workgroups in x and y for a linear dispatch of `count`: y is 1 up to the 65,535 groups that every device takes.
-pub fn linear_groups(count: u32) -> [u32; 2] {
-    if count <= 65_535 { [count, 1] } else { [32_768, count.div_ceil(32_768)] }
-}
-
-impl Drop for Recorder<'_> {
+impl Drop for Recorder {
     fn drop(&mut self) {
         if !self.owned() {
             return;
         }
-        // A failure cannot be acted on here; a lost device runs nothing any more. What may still run is left to its device.
-        let _ = self.wait();
-        if !self.fences.is_empty() {
+        // A failure cannot be acted on here; a lost device runs nothing any more. What may still run is left as it is, and with it what it uses.
+        if !self.given_up {
+            let _ = self.wait();
+        }
+        if self.lost_sight || !self.fences.is_empty() {
+            std::mem::forget(std::mem::take(&mut self.kept));
             return;
         }
         if let Some(clock) = self.clock.take() {
             clock.give_back(&self.context);
         }
-        self.context.give_commands(Commands { pool: self.pool, raw: self.raw });
+        self.earlier.push(Commands { pool: self.pool, raw: self.raw });
+        self.earlier.drain(..).for_each(|part| self.context.give_commands(part));
     }
 }

@@ -26,6 +26,8 @@ pub struct Layout {
 pub struct Reflected {
     /// Threads per workgroup.
     pub local_size: [u32; 3],
+    /// Whether it has operations of subgroups.
+    pub subgroups: bool,
     /// Slot, name and whether the shader may write, of each storage buffer.
     pub bindings: &'static [(u32, &'static str, bool)],
     /// The push-constant block.
@@ -55,6 +57,8 @@ pub struct Shader {
     pub code: &'static [u8],
     /// Threads per workgroup.
     pub local_size: [u32; 3],
+    /// Whether it has operations of subgroups.
+    pub subgroups: bool,
     /// Name and access of each buffer, by slot.
     pub buffers: &'static [(&'static str, Access)],
     /// Size of the push constants in bytes.
@@ -172,6 +176,7 @@ macro_rules! stage {
                     name: stringify!($shader),
                     code: $crate::vulkan::shaders::$shader::CODE,
                     local_size: REFLECTED.local_size,
+                    subgroups: REFLECTED.subgroups,
                     buffers: BUFFERS,
                     push_size: size_of::<$push>() as u32,
                     constants: &$crate::vulkan::stage::places::<{ REFLECTED.constants.len() }>(

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use bytemuck::{AnyBitPattern, NoUninit};
 use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::Allocation;
 
 use super::buffer::Buffer;
 use super::context::Context;
@@ -31,19 +30,17 @@ impl Buffer {
     /// Where `data` is larger than the buffer, or the device fails.
     pub fn upload<T: NoUninit>(&self, data: &[T]) -> Result<()> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
-        if bytes.len() as u64 > self.size {
-            return Err(Error::Request(format!("{} bytes do not fit the buffer {:?}", bytes.len(), self.name)));
+        if bytes.len() as u64 > self.size() {
+            return Err(Error::Request(format!("{} bytes do not fit the buffer {:?}", bytes.len(), self.name())));
         }
         if bytes.is_empty() {
             return Ok(());
         }
         let longest = bytes.len().min(STAGING);
-        let mut staging = Buffer::new(&self.context, "staging", longest as u64, MemoryLocation::CpuToGpu)?;
+        let staging = Buffer::new(self.context(), "staging", longest as u64, MemoryLocation::CpuToGpu)?;
         for (i, part) in bytes.chunks(longest).enumerate() {
-            if let Some(target) = staging.allocation.as_mut().and_then(Allocation::mapped_slice_mut) {
-                target[..part.len()].copy_from_slice(part);
-            }
-            let mut commands = Recorder::new(&self.context)?;
+            staging.write(part)?;
+            let mut commands = Recorder::new(self.context())?;
             commands.copy_region(&staging, 0, self, (i * longest) as u64, part.len() as u64);
             commands.submit_and_wait()?;
         }
@@ -63,22 +60,22 @@ impl Buffer {
     /// # Errors
     /// As for [`Buffer::download`].
     pub fn download_from<T: AnyBitPattern + NoUninit>(&self, first: usize, count: usize) -> Result<Vec<T>> {
-        let [begin, bytes] = [first, count].map(|n| (n * size_of::<T>()) as u64);
-        if begin + bytes > self.size {
-            return Err(Error::Request(format!("{bytes} bytes are more than the buffer {:?} holds", self.name)));
+        let [begin, bytes] = [first, count].map(|n| (n as u64).saturating_mul(size_of::<T>() as u64));
+        if begin.saturating_add(bytes) > self.size() {
+            return Err(Error::Request(format!("{bytes} bytes are more than the buffer {:?} holds", self.name())));
         }
         if count == 0 {
             return Ok(Vec::new());
         }
         let longest = bytes.min(STAGING as u64);
-        let staging = Buffer::new(&self.context, "staging", longest, MemoryLocation::GpuToCpu)?;
+        let staging = Buffer::new(self.context(), "staging", longest, MemoryLocation::GpuToCpu)?;
         let mut values: Vec<T> = vec![T::zeroed(); count];
         let target: &mut [u8] = bytemuck::cast_slice_mut(&mut values);
         for (i, part) in target.chunks_mut(longest as usize).enumerate() {
-            let mut commands = Recorder::new(&self.context)?;
+            let mut commands = Recorder::new(self.context())?;
             commands.copy_region(self, begin + i as u64 * longest, &staging, 0, part.len() as u64);
             commands.submit_and_wait()?;
-            part.copy_from_slice(&staging.mapped()[..part.len()]);
+            staging.read_into(part)?;
         }
         Ok(values)
     }

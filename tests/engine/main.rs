@@ -37,6 +37,7 @@ mod visibility;
 mod support {
     pub mod browser;
     pub mod buffers;
+    pub mod host;
     pub mod images;
     pub mod lpips_weights;
     pub mod photographs;

@@ -2,9 +2,15 @@
 
 use std::sync::Arc;
 use std::thread;
+use std::time::Duration;
 
-use camsplat::Result;
+use ash::vk;
+use camsplat::primitives::Copy;
+use camsplat::vulkan::host::{HostDevice, Timeline};
 use camsplat::vulkan::{Buffer, Context, Options, Recorder};
+use camsplat::{Error, Result};
+
+use crate::support::host::Host;
 
 /// More than are kept at once.
 const MANY: usize = 20;
@@ -74,5 +80,124 @@ fn recorders_after_others_do_their_own_work() -> Result<()> {
         workers.into_iter().try_for_each(|worker| worker.join().unwrap())
     })?;
     assert_eq!(context.messages(), [""; 0]);
+    Ok(())
+}
+
+/// If this failed, twenty lines of safe code could free memory that the device uses: the process or the whole desktop would go down, or
+/// the buffer of someone else would be written.
+#[test]
+fn what_was_submitted_stays_in_memory_whatever_becomes_of_its_owners() -> Result<()> {
+    let context = context()?;
+    let bytes = 64 << 20;
+    let (from, to) = (Buffer::device(&context, "from", bytes)?, Buffer::device(&context, "to", bytes)?);
+    let copy = Copy::new(&context)?;
+    let allocated = context.allocated();
+    let mut commands = Recorder::new(&context)?;
+    for value in 0..20 {
+        commands.fill(&from, value);
+        copy.record(&mut commands, &from, &to);
+    }
+    commands.submit()?;
+    drop((copy, from));
+    assert_eq!(context.allocated(), allocated, "freed while it ran");
+    std::mem::forget(commands);
+    // All that was submitted before has run when this has.
+    assert_eq!(to.download::<u32>(1)?, [19]);
+    drop(to);
+    assert_eq!(context.allocated(), allocated, "a forgotten recorder frees nothing");
+
+    // One that is dropped frees what it alone has kept.
+    let other = Buffer::device(&context, "other", bytes)?;
+    let mut commands = Recorder::new(&context)?;
+    commands.fill(&other, 1);
+    drop(other);
+    commands.submit_and_wait()?;
+    assert_eq!(context.allocated(), allocated + bytes);
+    drop(commands);
+    assert_eq!(context.allocated(), allocated);
+    assert_eq!(context.messages(), [""; 0]);
+    Ok(())
+}
+
+/// If this failed, safe code could hand one device the buffers of another, run past the end of a buffer, or ask for more than a device does.
+#[test]
+fn what_the_device_cannot_do_is_refused_and_nothing_runs() -> Result<()> {
+    let [context, other] = [context()?, context()?];
+    let (buffer, foreign) =
+        (Buffer::from_slice(&context, "buffer", &[7u32; 8])?, Buffer::device(&other, "foreign", 32)?);
+    let refusal = |record: &dyn Fn(&mut Recorder)| {
+        let mut commands = Recorder::new(&context)?;
+        record(&mut commands);
+        commands.fill(&buffer, 1);
+        let refusal = commands.submit_and_wait().unwrap_err().to_string();
+        assert_eq!(buffer.download::<u32>(8)?, [7; 8], "{refusal}");
+        Ok(refusal)
+    };
+    let copy = Copy::new(&context)?;
+    for (record, part) in [
+        (
+            &(|commands: &mut Recorder| commands.copy(&buffer, &foreign, 32)) as &dyn Fn(&mut Recorder),
+            "of another context",
+        ),
+        (&|commands| commands.fill(&foreign, 0), "\"foreign\" is of another context"),
+        (&|commands| copy.record(commands, &buffer, &foreign), "of another context"),
+        (&|commands| commands.copy_region(&buffer, 8, &buffer, 16, 16), "overlaps itself"),
+        (&|commands| commands.copy_region(&buffer, u64::MAX, &buffer, 0, 16), "passes the end"),
+    ] {
+        let refusal: Result<String> = refusal(record);
+        assert!(refusal.as_ref().is_ok_and(|refusal| refusal.contains(part)), "{refusal:?}, not {part}");
+    }
+    // Copies within a buffer that do not overlap are fine.
+    let mut commands = Recorder::new(&context)?;
+    commands.copy_region(&buffer, 0, &buffer, 16, 16);
+    commands.submit_and_wait()?;
+    assert!(buffer.download_from::<u32>(usize::MAX / 2, 8).is_err() && buffer.read::<u32>(1).is_err());
+    assert_eq!([context.messages(), other.messages()].concat(), [""; 0]);
+    Ok(())
+}
+
+/// If this failed, values read from a buffer could change under the reader: a value checked would not be the value used.
+#[test]
+fn what_is_read_from_a_host_buffer_is_a_copy() -> Result<()> {
+    let context = context()?;
+    let buffer = Buffer::host(&context, "host", 32)?;
+    buffer.write(&[1u32, 2, 3])?;
+    let held: Vec<u32> = buffer.read(3)?;
+    buffer.write(&[9u32; 3])?;
+    assert_eq!((held, buffer.read::<u32>(3)?), (vec![1, 2, 3], vec![9; 3]));
+    assert!(buffer.read::<u32>(9).is_err() && buffer.write(&[0u32; 9]).is_err());
+    Ok(())
+}
+
+/// If this failed, a device that hangs would hang the program with it, without a word of what it was doing.
+#[test]
+fn waiting_has_an_end_that_names_the_stages() -> Result<()> {
+    let host = Host::new(&context()?.physical().name);
+    // SAFETY: the host outlives the context, which ends before it.
+    let context = unsafe { Context::adopt(HostDevice { wait_limit: Some(Duration::from_millis(50)), ..host.lend() }) }?;
+    let buffer = Buffer::device(&context, "buffer", 32)?;
+    let copy = Copy::new(&context)?;
+    let other = Buffer::device(&context, "other", 32)?;
+    // SAFETY: the device lives until the end, and the semaphore until all has run.
+    let semaphore = unsafe {
+        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        host.device.create_semaphore(&vk::SemaphoreCreateInfo::default().push_next(&mut kind), None).unwrap()
+    };
+    let mut commands = Recorder::new(&context)?;
+    commands.fill(&buffer, 1);
+    copy.record(&mut commands, &buffer, &other);
+    // SAFETY: the semaphore is a timeline of this device and lives until all has run.
+    unsafe { commands.submit_between(&[Timeline { semaphore, value: 1 }], &[])? };
+    let error = commands.wait().unwrap_err();
+    assert!(matches!(error, Error::Unfinished { first: "fill", last: "copy_words", .. }), "{error}");
+    assert_eq!((error.exit_code(), commands.pending()), (1, 1));
+    let reached = vk::SemaphoreSignalInfo::default().semaphore(semaphore).value(1);
+    // SAFETY: as above.
+    unsafe { host.device.signal_semaphore(&reached) }.unwrap();
+    commands.wait()?;
+    assert_eq!(other.download::<u32>(1)?, [1]);
+    // SAFETY: nothing waits for it any more.
+    unsafe { host.device.destroy_semaphore(semaphore, None) };
+    assert_eq!(*host.messages.lock().unwrap(), [""; 0]);
     Ok(())
 }

@@ -62,7 +62,7 @@ fn folder() -> tempfile::TempDir {
 
 /// Mean PSNR of some iterations.
 fn psnr(trainer: &Trainer, from: usize, to: usize) -> f64 {
-    trainer.history()[from..to].iter().map(|record| record.psnr()).sum::<f64>() / (to - from) as f64
+    trainer.history().unwrap()[from..to].iter().map(|record| record.psnr()).sum::<f64>() / (to - from) as f64
 }
 
 /// If this failed, training would not train: with the scales' gradient turned round it ends at 15 dB. (That every gradient is
@@ -111,12 +111,12 @@ fn a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> Result<()> {
         // Neither at the end of a block nor of an epoch, and between refinements.
         let mut first = trainer(&context, folder.path(), &config, 1)?;
         first.run(43, None, go_on)?;
-        let (state, history) = (first.state()?, first.history());
+        let (state, history) = (first.state()?, first.history()?);
         drop(first);
         let mut second = trainer(&context, folder.path(), &config, 1)?;
         second.restore(&state, &history)?;
         second.run(70, None, go_on)?;
-        assert_eq!(second.history(), whole.history(), "{strategy:?}");
+        assert_eq!(second.history()?, whole.history()?, "{strategy:?}");
         assert!(same(&second.state()?, &whole.state()?), "{strategy:?}: the models differ");
     }
     Ok(())
@@ -130,7 +130,7 @@ fn colours_step_where_a_photo_shows_them_and_harmonics_every_other_time() -> Res
     let config = Config { iterations: 12, ..short(Strategy::Mcmc) };
     let mut trainer = trainer(&context, folder.path(), &config, 1)?;
     trainer.run(4, None, go_on)?;
-    let (mut before, history) = (trainer.state()?, trainer.history());
+    let (mut before, history) = (trainer.state()?, trainer.history()?);
     let count = before.population as usize;
     // The first of them is too faint to be seen from here on, with moments that are not zero.
     before.planes[0][layout::OPACITY * count] = -12.0;
@@ -210,7 +210,7 @@ fn many_photos_set_the_schedule_and_the_population() -> Result<()> {
         (0..schedule.refinements_before(iteration)).fold(begun, |n, _| grown(n, schedule.growth, config.max_splats))
     };
     first.run(53, None, go_on)?;
-    let (state, history) = (first.state()?, first.history());
+    let (state, history) = (first.state()?, first.history()?);
     drop(first);
     assert_eq!(state.population, expected(PHOTOS, 53));
     assert_ne!(state.population, expected(9, 53), "the photos do not count");
@@ -241,8 +241,8 @@ fn too_little_room_changes_nothing() -> Result<()> {
     let mut narrow = trainer(&context, folder.path(), &config, 1)?;
     narrow.set_room(100)?;
     narrow.run(40, None, go_on)?;
-    assert!(roomy.history().iter().any(|record| record.instances > 100), "there was room enough");
-    assert_eq!(narrow.history(), roomy.history());
+    assert!(roomy.history()?.iter().any(|record| record.instances > 100), "there was room enough");
+    assert_eq!(narrow.history()?, roomy.history()?);
     assert!(same(&narrow.state()?, &roomy.state()?));
     Ok(())
 }
@@ -257,7 +257,7 @@ fn a_loss_that_is_no_number_ends_the_run() -> Result<()> {
     // The constant harmonics of every Gaussian.
     let n = state.population as usize;
     state.planes[0][11 * n..12 * n].fill(f32::INFINITY);
-    let history = trainer.history();
+    let history = trainer.history()?;
     trainer.restore(&state, &history)?;
     let message = trainer.run(20, None, go_on).unwrap_err().to_string();
     assert!(message.contains("iteration 10 is no number"), "{message}");

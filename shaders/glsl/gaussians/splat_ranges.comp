@@ -15,6 +15,7 @@ void main() {
     uint i = group_index() * 256 + gl_LocalInvocationIndex, count = min(counts[0], room);
     if (i >= count) return;
     uint key = tile_keys[i];
+    if (key >= ranges.length()) return;
     if (i == 0 || tile_keys[i - 1] != key) ranges[key].x = i;
     if (i + 1 == count || tile_keys[i + 1] != key) ranges[key].y = i + 1;
 }

@@ -22,12 +22,10 @@ void main() {
     if (control[0].halt != 0 || rank >= min(counts[0], s.capacity)) return;
     uint pair = pairs[depth_slots[rank]];
     uint index = (control[0].iteration * s.probes + pair / s.splats) % s.pool;
-    vec3 ray = splats[pair % s.splats].centre - probes[index].position;
-    float d = max(length(ray), 1e-6);
-    vec2 cut = cut_off(exp(control[0].log_scale), d);
+    Disc disc = disc_of(splats[pair % s.splats].centre, probes[index].position, control[0].log_scale);
     uint found = 0;
     for (uint tile = 0; tile < TILES; ++tile) {
-        if (reaches(ray / d, cut, cones[tile])) ++found;
+        if (reaches(disc, cones[tile])) ++found;
     }
     tile_counts[rank] = found;
 }

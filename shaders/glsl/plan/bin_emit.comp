@@ -24,15 +24,17 @@ layout(binding = 12, std430) writeonly buffer Runs { uvec2 runs[]; };
 void main() {
     Settings s = settings[0];
     uint rank = group_index() * 64 + gl_LocalInvocationIndex;
-    if (control[0].halt != 0 || rank >= min(counts[0], s.capacity)) return;
+    uint count = min(counts[0], s.capacity);
+    if (control[0].halt != 0 || rank >= count) return;
     uint slot = depth_slots[rank], pair = pairs[slot], probe = pair / s.splats;
     uint index = (control[0].iteration * s.probes + probe) % s.pool;
-    vec3 ray = splats[pair % s.splats].centre - probes[index].position;
-    float d = max(length(ray), 1e-6);
-    vec2 cut = cut_off(exp(control[0].log_scale), d);
+    Disc disc = disc_of(splats[pair % s.splats].centre, probes[index].position, control[0].log_scale);
     uint first = tile_offsets[rank], instance = first;
+    // Room for as many as were counted: of that all is filled and nothing behind it, whatever is found here.
+    uint end = min(rank + 1 < count ? tile_offsets[rank + 1] : counts[1], s.instances);
     for (uint tile = 0; tile < TILES; ++tile) {
-        if (instance < s.instances && reaches(ray / d, cut, cones[tile])) {
+        bool left_over = end - min(end, instance) >= TILES - tile;
+        if (instance < end && (left_over || reaches(disc, cones[tile]))) {
             tile_keys[instance] = probe * TILES + tile;
             tile_instances[instance] = instance;
             instance_slots[instance] = slot;

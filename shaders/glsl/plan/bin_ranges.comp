@@ -17,6 +17,7 @@ void main() {
     uint count = min(counts[1], settings[0].instances);
     if (control[0].halt != 0 || i >= count) return;
     uint key = tile_keys[i];
+    if (key >= ranges.length()) return;
     if (i == 0 || tile_keys[i - 1] != key) ranges[key].x = i;
     if (i + 1 == count || tile_keys[i + 1] != key) ranges[key].y = i + 1;
 }

@@ -98,12 +98,6 @@ struct Moments {
     float utility;    // running mean, decay 0.9
 };
 
-// What a splat adds to the loss, unweighted.
-struct Terms {
-    float reg;
-    float bound;
-};
-
 // Sums over the texels of one tile for one splat: the input of `splat_gradient`.
 struct InstanceSum {
     vec3 moment;

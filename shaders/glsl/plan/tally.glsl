@@ -16,7 +16,7 @@ layout(binding = 11, std430) writeonly buffer History { Record history[]; };
 layout(binding = 12, std430) buffer Mailbox { uint mailbox[]; };
 // [0] workgroups that are done with this iteration; [1] the host requests a stop. Separate from `control`, which every thread
 // reads: coherent loads of one word by all of them would queue up.
-layout(binding = 13, std430) coherent buffer Arrivals { uint arrivals[]; };
+layout(binding = 13, std430) buffer Arrivals { uint arrivals[]; };
 
 shared uint most[THREADS];
 shared bool last;
@@ -38,7 +38,7 @@ void tally(Settings s, Control c, uint thread) {
         sum.w += tallies[i].log_scale;
         seen = max(seen, tallies[i].visible);
     }
-    for (uint j = thread; j < c.live; j += THREADS) sum.yz += vec2(terms[j].reg, terms[j].bound);
+    for (uint j = thread; j < c.live; j += THREADS) sum.yz += vec2(got(terms[2 * j]), got(terms[2 * j + 1]));
     sums[thread] = sum;
     most[thread] = seen;
     FOLD(thread, THREADS, sums[thread] += sums[thread + apart]; most[thread] = max(most[thread], most[thread + apart]));

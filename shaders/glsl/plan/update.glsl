@@ -5,6 +5,7 @@
 #include "shared/adam.glsl"
 #include "shared/fold.glsl"
 #include "shared/octahedral.glsl"
+#include "shared/across.glsl"
 #include "plan/plan.glsl"
 layout(local_size_x_id = 6) in;
 layout(constant_id = 6) const uint THREADS = 256;  // a power of two from 64 to 1024
@@ -16,7 +17,9 @@ layout(binding = 3, std430) readonly buffer Slots { uint slots[]; };
 layout(binding = 4, std430) readonly buffer Partials { Gradient partials[]; };
 layout(binding = 5, std430) readonly buffer Tallies { Tally tallies[]; };
 layout(binding = 6, std430) buffer MomentsBlock { Moments moments[]; };
-layout(binding = 7, std430) coherent buffer TermsBlock { Terms terms[]; };
+// What each splat adds to the loss, unweighted: its part of the regulariser and its squared distance outside the region, as bits, since
+// only atomics reach the other workgroups of a dispatch on every device (Metal has no coherent buffers).
+layout(binding = 7, std430) buffer TermsBlock { uint terms[]; };
 layout(binding = 8, std430) writeonly buffer Gradients { Gradient gradients[]; };
 #include "shared/region_types.glsl"
 layout(binding = 9, std430) readonly buffer RegionBlock { DeviceRegion region[]; };
@@ -55,7 +58,8 @@ void update(uint j, Settings s, Control c, uint thread) {
     if (thread != 0) return;
 
     vec3 by_centre = sums[0].xyz + s.lambda_bound * outward, by_direction = more_sums[0].xyz;
-    terms[j] = Terms(sums[0].w, bound);
+    put(terms[2 * j], sums[0].w);
+    put(terms[2 * j + 1], bound);
     gradients[j] = Gradient(by_centre, 0.0, by_direction, more_sums[0].w);
     if (!moves) return;
 

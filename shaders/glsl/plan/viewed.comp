@@ -6,6 +6,7 @@
 // sums their errors, and notes the factor that makes these gradients those of the loss.
 // Twin: src/plan/viewed.rs.
 #include "shared/group.glsl"
+#include "shared/across.glsl"
 #include "shared/fold.glsl"
 #include "shared/bvh.glsl"
 #include "plan/plan.glsl"
@@ -28,8 +29,8 @@ layout(binding = 6, std430) readonly buffer LawBlock { Law law[]; };
 layout(binding = 7, std430) writeonly buffer Slots { uint slots[]; };  // the splat that each partial is of
 layout(binding = 8, std430) writeonly buffer Partials { Gradient partials[]; };
 layout(binding = 9, std430) writeonly buffer Tallies { Tally tallies[]; };
-layout(binding = 10, std430) coherent buffer Errors { float errors[]; };  // by look; 0: counts for nothing; negative: beside the surface
-layout(binding = 11, std430) coherent buffer Arrivals { uint arrivals[]; };  // workgroups of a viewer that are done
+layout(binding = 10, std430) buffer Errors { uint errors[]; };  // by look, as bits; 0: counts for nothing; negative: beside the surface
+layout(binding = 11, std430) buffer Arrivals { uint arrivals[]; };  // workgroups of a viewer that are done
 #include "shared/traverse.glsl"
 
 // Radians that a splat counts as off for each sine by which the point lies outside of its picture: steep enough that cameras turn
@@ -75,7 +76,7 @@ bool is_last(uint viewer, uint thread) {
 void tally(uint viewer, uint thread, float viewers) {
     vec3 sum = vec3(0.0);
     for (uint i = thread; i < LOOKS; i += THREADS) {
-        float error = errors[viewer * LOOKS + i];
+        float error = got(errors[viewer * LOOKS + i]);
         sum += vec3(abs(error), error != 0.0 ? 1.0 : 0.0, error > 0.0 ? 1.0 : 0.0);
     }
     sums[thread] = sum;
@@ -108,7 +109,7 @@ void main() {
         if (have > 0) log_ratio = log(d[0] / look.distance);
         error = look.weight * exp(law_at(law[0], costs, log_ratio));
     }
-    if (lane == 0) errors[place] = look.normal == vec3(0.0) ? -error : error;
+    if (lane == 0) put(errors[place], look.normal == vec3(0.0) ? -error : error);
     float turn = TURN * s.gate_softness;
     for (uint k = lane; k < 3; k += LANES) {
         uint record = place * 3 + k;

@@ -16,6 +16,7 @@ layout(push_constant) uniform Push {
     uint count;   // views
     uint least;   // views that must hold a voxel
     float behind; // how far behind a voxel a depth is that sees through it; nearer, it is there
+    uint first;   // workgroup
 };
 
 layout(binding = 0, std430) readonly buffer Views { StereoView views[]; };
@@ -29,7 +30,7 @@ const float COVERED = 0.3;
 const uint VOTES = 2;
 
 void main() {
-    uint voxel = group_index() * 64 + gl_LocalInvocationIndex;
+    uint voxel = (first + group_index()) * 64 + gl_LocalInvocationIndex;
     if (voxel >= cells_x * cells_y * cells_z) return;
     uvec3 at = uvec3(voxel % cells_x, voxel / cells_x % cells_y, voxel / (cells_x * cells_y));
     vec3 p = origin + cell * (vec3(at) + 0.5);

@@ -14,6 +14,7 @@ layout(push_constant) uniform Push {
     uint cells_z;
     uint reference;
     uint hypotheses;
+    uint first_row;  // of this dispatch
 };
 
 layout(binding = 0, std430) readonly buffer Views { StereoView views[]; };
@@ -30,7 +31,7 @@ float inverse_depth(StereoView view, uint k) {
 
 void main() {
     StereoView view = views[reference];
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.x, first_row + gl_GlobalInvocationID.y);
     if (pixel.x >= view.width || pixel.y >= view.height) return;
     vec2 centre = vec2(pixel) + 0.5;
     Window around = window(view, pixel);

@@ -20,6 +20,7 @@ layout(push_constant) uniform Push {
     int reach;     // pixels to those that planes are taken over from
     float shift;   // largest move of a plane, as a fraction of its inverse depth
     float turn;    // largest change of slope, as a fraction of inverse depth in a whole picture's width
+    uint first_row;  // of this dispatch
 };
 
 layout(binding = 0, std430) readonly buffer Views { StereoView views[]; };
@@ -33,7 +34,7 @@ layout(binding = 5, std430) writeonly buffer Refined { vec4 refined[]; };
 
 void main() {
     StereoView view = views[reference];
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.x, first_row + gl_GlobalInvocationID.y);
     if (pixel.x >= view.width || pixel.y >= view.height) return;
     uint me = uint(pixel.y) * view.width + uint(pixel.x);
     vec4 best = planes[me];

@@ -85,7 +85,7 @@ impl PhotoStore {
     }
 
     /// Records the copy of a photo; [`PhotoStore::flush`] must have been called after the last was added.
-    pub fn record_copy<'a>(&'a self, commands: &mut Recorder<'a>, photo: usize, to: &'a Buffer) {
+    pub fn record_copy(&self, commands: &mut Recorder, photo: usize, to: &Buffer) {
         let (chunk, from, bytes) = self.places[photo];
         commands.copy_region(&self.chunks[chunk], from, to, 0, bytes);
     }

@@ -334,7 +334,7 @@ impl Rasterizer {
     /// None that the sizes do not rule out.
     pub fn forward<'a>(
         &'a self,
-        commands: &mut Recorder<'a>,
+        commands: &mut Recorder,
         model: &'a Model,
         views: &'a Buffer,
         size: Size,
@@ -445,7 +445,7 @@ impl Rasterizer {
     /// Records the way back: from the gradient of the loss by each pixel (`by_pixel`, a vec4 each) to `partials`.
     pub fn backward<'a>(
         &'a self,
-        commands: &mut Recorder<'a>,
+        commands: &mut Recorder,
         views: &'a Buffer,
         instances: Instances<'a>,
         by_pixel: &'a Buffer,

@@ -140,7 +140,7 @@ impl<'a> TrainingLoop<'a> {
         if self.first > 0 && self.first < config.iterations && due(*evaluate_every, self.first) && !looked {
             self.evaluate(&mut |view| trainer.picture(view), self.first, false, observe)?;
         }
-        self.report(trainer, profile, observe);
+        self.report(trainer, profile, observe)?;
         while flow.is_continue() && trainer.done() < config.iterations {
             let done = trainer.done();
             let stop = next(*save_every, done).min(next(*evaluate_every, done));
@@ -153,7 +153,7 @@ impl<'a> TrainingLoop<'a> {
             if !last && flow.is_continue() && due(*evaluate_every, done) {
                 self.evaluate(&mut |view| trainer.picture(view), done, false, observe)?;
             }
-            self.report(trainer, profile, observe);
+            self.report(trainer, profile, observe)?;
         }
         Ok(())
     }
@@ -234,7 +234,7 @@ impl<'a> TrainingLoop<'a> {
             population: state.population,
             evaluations: self.record.evaluations.clone(),
         };
-        let checkpoint = Checkpoint { header, history: trainer.history(), state };
+        let checkpoint = Checkpoint { header, history: trainer.history()?, state };
         let file = self.run.request.folder.join(CHECKPOINT);
         // The previous one finishes first: two would write one file.
         self.join(observe);
@@ -260,15 +260,16 @@ impl<'a> TrainingLoop<'a> {
         trainer: &Trainer,
         profile: &Option<&mut Profile>,
         observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
-    ) {
+    ) -> Result<()> {
+        let history = trainer.history()?;
         let record = &mut self.record;
         record.iterations = trainer.done();
-        record.splats = trainer.history().last().map_or(record.splats, |last| last.splats);
+        record.splats = history.last().map_or(record.splats, |last| last.splats);
         record.seconds = self.started.elapsed().as_secs_f64();
         record.seconds_for = trainer.done() - self.first;
         let timed = self.run.context.physical().timestamp_bits > 0 && !self.run.context.debug_sync();
         record.gpu_seconds = timed.then(|| 1e-3 * trainer.gpu_ms());
-        record.curve = curve(trainer);
+        record.curve = curve(&history);
         record.memory.peak = self.run.context.peak_allocated();
         let (profile, iterations) = match profile {
             Some(profile) => (&**profile, record.seconds_for),
@@ -277,6 +278,7 @@ impl<'a> TrainingLoop<'a> {
         let stage = |row: Row| StageTime { name: row.name.into(), ms: row.total_ms / f64::from(iterations.max(1)) };
         record.stages = profile.rows().into_iter().map(stage).collect();
         let _ = observe(Event::Report(&self.record, &self.worst));
+        Ok(())
     }
 
     /// The outputs. Test views are evaluated once the trainer's memory is free again.
@@ -308,8 +310,7 @@ impl<'a> TrainingLoop<'a> {
 }
 
 /// The training of a run in a few hundred points: means over stretches.
-fn curve(trainer: &Trainer) -> Vec<CurvePoint> {
-    let history = trainer.history();
+fn curve(history: &[Record]) -> Vec<CurvePoint> {
     let stretch = history.len().div_ceil(CURVE).max(1);
     let point = |(i, part): (usize, &[Record])| {
         let mean = |of: fn(&Record) -> f64| part.iter().map(of).sum::<f64>() / part.len() as f64;

@@ -107,11 +107,11 @@ impl AdaptiveDensity {
     ///
     /// # Errors
     /// None that the budget does not rule out.
-    pub fn record<'a>(
-        &'a self,
-        commands: &mut Recorder<'a>,
-        Trained { model, moments, control }: Trained<'a>,
-        rasterizer: &'a Rasterizer,
+    pub fn record(
+        &self,
+        commands: &mut Recorder,
+        Trained { model, moments, control }: Trained<'_>,
+        rasterizer: &Rasterizer,
         keys: [u64; 2],
         removes_wide: bool,
     ) -> Result<()> {
@@ -164,7 +164,7 @@ impl AdaptiveDensity {
     }
 
     /// Records a reset of the opacities.
-    pub fn record_reset<'a>(&'a self, commands: &mut Recorder<'a>, Trained { model, moments, control }: Trained<'a>) {
+    pub fn record_reset(&self, commands: &mut Recorder, Trained { model, moments, control }: Trained<'_>) {
         commands
             .stage(
                 &self.reset,

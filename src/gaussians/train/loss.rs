@@ -122,7 +122,7 @@ impl Loss {
     /// Records loss and gradient of `picture` against [`Loss::photo`], and the entry into the ledger.
     pub fn record<'a>(
         &'a self,
-        commands: &mut Recorder<'a>,
+        commands: &mut Recorder,
         [views, picture, counts, population]: [&'a Buffer; 4],
         ledger: &'a Ledger,
         size: Size,

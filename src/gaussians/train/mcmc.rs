@@ -86,11 +86,11 @@ impl Mcmc {
     ///
     /// # Errors
     /// None that the budget does not rule out.
-    pub fn record<'a>(
-        &'a self,
-        commands: &mut Recorder<'a>,
-        Trained { model, moments, control }: Trained<'a>,
-        rasterizer: &'a Rasterizer,
+    pub fn record(
+        &self,
+        commands: &mut Recorder,
+        Trained { model, moments, control }: Trained<'_>,
+        rasterizer: &Rasterizer,
         [before, after]: [u32; 2],
         [seed, iteration]: [u64; 2],
     ) -> Result<()> {

@@ -22,11 +22,12 @@ use crate::gaussians::render::layout::{self, PassPush};
 use crate::gaussians::render::rasterizer::{Model, Rasterizer, Size};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::random;
+use crate::vulkan::pace::Pace;
 use crate::vulkan::profile::Profile;
 use crate::vulkan::{Buffer, Context, Recorder};
 use crate::{Error, Result};
 
-/// Iterations of a submission, and submissions ahead of the device.
+/// Iterations of a submission at most, and submissions ahead of the device.
 const ITERATIONS: u32 = 10;
 const AHEAD: usize = 3;
 /// Stages of an iteration, with its sorts and a refinement, at most.
@@ -73,6 +74,8 @@ pub struct Trainer {
     ledger: Ledger,
     done: u32,
     gpu_ms: f64,
+    // Of iterations.
+    pace: Pace,
 }
 
 impl Trainer {
@@ -145,6 +148,7 @@ impl Trainer {
             config,
             done: 0,
             gpu_ms: 0.0,
+            pace: Pace::new(1),
         })
     }
 
@@ -234,9 +238,11 @@ impl Trainer {
     }
 
     /// Losses of the iterations so far.
-    pub fn history(&self) -> Vec<Record> {
-        let bytes = self.done as usize * size_of::<Record>();
-        bytemuck::pod_collect_to_vec(&self.ledger.history.mapped()[..bytes])
+    ///
+    /// # Errors
+    /// None: the history has room for all iterations.
+    pub fn history(&self) -> Result<Vec<Record>> {
+        self.ledger.history.read(self.done as usize)
     }
 
     /// Trains until `until` iterations are done. `observe` is called regularly with the number of iterations done and may stop
@@ -271,7 +277,7 @@ impl Trainer {
     /// Submits blocks until `until` iterations are done, the run is halted or `observe` stops it; waits for all of them. Returns
     /// how long they took, see [`Trainer::gpu_ms`].
     fn advance(
-        &self,
+        &mut self,
         until: u32,
         mut profile: Option<&mut Profile>,
         observe: &mut impl FnMut(u32) -> ControlFlow<()>,
@@ -281,7 +287,9 @@ impl Trainer {
         let halted =
             || [mailbox::NEEDED, mailbox::BROKEN].iter().any(|&word| self.ledger.mailbox.peek(word) != Some(0));
         let mut flow = ControlFlow::Continue(());
-        let mut running: VecDeque<(Recorder, Instant)> = VecDeque::new();
+        // Submissions with how many iterations each has.
+        let mut running: VecDeque<(Recorder, Instant, u32)> = VecDeque::new();
+        let mut pace = self.pace.clone();
         let mut next = self.done;
         let mut rounds = EpochSampler::new(self.config.seed, self.photos.len() as u32);
         loop {
@@ -294,21 +302,30 @@ impl Trainer {
                     }
                     None => Recorder::new(&self.context)?,
                 };
-                for iteration in next..(next + ITERATIONS).min(until) {
+                let end = (next + pace.items().min(ITERATIONS)).min(until);
+                for iteration in next..end {
                     self.record_iteration(&mut commands, iteration, rounds.photo(iteration))?;
                 }
-                next = (next + ITERATIONS).min(until);
                 let submitted = Instant::now();
                 commands.submit()?;
-                running.push_back((commands, submitted));
+                running.push_back((commands, submitted, end - next));
+                next = end;
             }
-            let Some((oldest, submitted)) = running.front_mut() else { return Ok(gpu_ms) };
+            let ahead = running.len() as u32;
+            let Some((oldest, submitted, iterations)) = running.front_mut() else {
+                self.pace = pace;
+                return Ok(gpu_ms);
+            };
             if oldest.pending() == 0 {
                 oldest.wait()?;
                 let timings = oldest.timings()?;
+                // Without timestamps the time has that of those before it in it.
+                let mut took = submitted.elapsed() / ahead;
                 if let [first, .., last] | [first @ last] = &timings[..] {
                     gpu_ms += (last.end - first.start) * 1e-6;
+                    took = Duration::from_secs_f64((last.end - first.start) * 1e-9);
                 }
+                pace.took(*iterations, took);
                 if let Some(profile) = &mut profile {
                     profile.device(*submitted, &timings);
                 }
@@ -350,7 +367,7 @@ impl Trainer {
     }
 
     /// Records one iteration, and the refinement that follows it where one is due.
-    fn record_iteration<'a>(&'a self, commands: &mut Recorder<'a>, iteration: u32, photo: u32) -> Result<()> {
+    fn record_iteration(&self, commands: &mut Recorder, iteration: u32, photo: u32) -> Result<()> {
         let view = self.taken_from[photo as usize];
         let View { width, height, .. } = self.views[view as usize];
         let size = Size { width, height };
@@ -391,7 +408,7 @@ impl Trainer {
     }
 
     /// Records the refinement that follows an iteration.
-    fn record_refinement<'a>(&'a self, commands: &mut Recorder<'a>, iteration: u32) -> Result<()> {
+    fn record_refinement(&self, commands: &mut Recorder, iteration: u32) -> Result<()> {
         let (trained, rasterizer) = (self.trained(), &self.rasterizer);
         let keys = [self.config.seed, u64::from(iteration)];
         match &self.density {

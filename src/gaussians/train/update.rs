@@ -142,7 +142,7 @@ impl Update {
     /// Records it after the backward pass.
     pub fn record<'a>(
         &'a self,
-        commands: &mut Recorder<'a>,
+        commands: &mut Recorder,
         [views, control]: [&'a Buffer; 2],
         rasterizer: &'a Rasterizer,
         model: &'a Model,

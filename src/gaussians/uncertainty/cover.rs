@@ -158,7 +158,8 @@ impl Cover {
             commands.copy_region(&rasterizer.counts, 0, &self.results, 8, 4);
             commands.submit_and_wait()?;
             drop(commands);
-            let results: [u32; 3] = bytemuck::pod_read_unaligned(&self.results.mapped()[..12]);
+            let mut results = [0u32; 3];
+            self.results.read_into(&mut results)?;
             match results[2] {
                 needed if needed > room => self.renderer.rasterizer.make_room(needed)?,
                 _ => return Ok([results[0], results[1]].map(|sum| f64::from(f32::from_bits(sum)))),

@@ -257,7 +257,7 @@ impl Fisher {
             self.spare -= bytes;
             self.seen[view] = Some(squares);
         }
-        Ok(f64::from(bytemuck::pod_read_unaligned::<f32>(&self.results.mapped()[..4])))
+        Ok(f64::from(self.results.read::<f32>(1)?[0]))
     }
 
     /// Renders the model from a view: sums of squares of each Gaussian.

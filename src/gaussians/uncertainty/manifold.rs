@@ -314,6 +314,9 @@ impl Manifold {
         self.with_room(views.len() * draws.len(), |manifold, commands| {
             let mut slot = 0;
             for (picture_index, draw) in (0..).zip(draws.clone()) {
+                if picture_index > 0 {
+                    commands.cut()?;
+                }
                 manifold.record_perturbation(commands, draw, 1.0);
                 for (view, look) in (0..views.len() as u32).zip(&manifold.looks) {
                     manifold.record_render(commands, view, slot)?;
@@ -334,7 +337,7 @@ impl Manifold {
             }
             Ok(())
         })?;
-        let sums: Vec<f32> = bytemuck::pod_collect_to_vec(&self.results.mapped()[..4 * views.len()]);
+        let sums: Vec<f32> = self.results.read(views.len())?;
         Ok(sums.into_iter().map(|sum| f64::from(sum) / f64::from(pixels)).collect())
     }
 
@@ -369,17 +372,13 @@ impl Manifold {
     }
 
     /// Submits what `record` records, again with more capacity while one of its pictures lacks it.
-    fn with_room(
-        &mut self,
-        pictures: usize,
-        record: impl for<'a> Fn(&'a Self, &mut Recorder<'a>) -> Result<()>,
-    ) -> Result<()> {
+    fn with_room(&mut self, pictures: usize, record: impl Fn(&Self, &mut Recorder) -> Result<()>) -> Result<()> {
         loop {
             let mut commands = Recorder::new(&self.context)?;
             record(self, &mut commands)?;
             commands.submit_and_wait()?;
             drop(commands);
-            let needed: Vec<u32> = bytemuck::pod_collect_to_vec(&self.needed.mapped()[..4 * pictures]);
+            let needed: Vec<u32> = self.needed.read(pictures)?;
             match needed.into_iter().max() {
                 Some(most) if most > self.renderer.rasterizer.sizes().room => {
                     self.renderer.rasterizer.make_room(most)?;
@@ -395,7 +394,7 @@ impl Manifold {
         PassPush { stride, view, degree: *degree, room, ..PassPush::default() }
     }
 
-    fn record_perturbation<'a>(&'a self, commands: &mut Recorder<'a>, draw: u32, amplitude: f32) {
+    fn record_perturbation(&self, commands: &mut Recorder, draw: u32, amplitude: f32) {
         let push = PerturbPush { count: self.count, draw, seed: words(self.seed), amplitude };
         commands
             .stage(
@@ -413,7 +412,7 @@ impl Manifold {
     /// Renders the model as it is perturbed; how many instances it took goes to `needed`.
     fn record_render<'a>(
         &'a self,
-        commands: &mut Recorder<'a>,
+        commands: &mut Recorder,
         view: u32,
         slot: u64,
     ) -> Result<crate::gaussians::render::rasterizer::Instances<'a>> {
@@ -426,7 +425,7 @@ impl Manifold {
 
     fn record_picture<'a>(
         &'a self,
-        commands: &mut Recorder<'a>,
+        commands: &mut Recorder,
         (draw, amplitude): (u32, f32),
         view: u32,
         slot: u64,

@@ -130,7 +130,7 @@ impl Kernels {
     /// Records the layer from `source`, of `size`, to `target`, of `out`.
     pub fn record<'a>(
         &'a self,
-        recorder: &mut Recorder<'a>,
+        recorder: &mut Recorder,
         convolve: &'a Convolve,
         [source, target]: [&'a Buffer; 2],
         [size, out]: [Size; 2],

@@ -31,7 +31,7 @@ crate::stage!(
 
 /// Records the pooling of `source`, of `size`, to `target`, of `out`.
 pub fn record<'a>(
-    recorder: &mut Recorder<'a>,
+    recorder: &mut Recorder,
     pipeline: &'a Pipeline,
     pool: Pool,
     [source, target]: [&'a Buffer; 2],

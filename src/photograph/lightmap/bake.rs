@@ -11,7 +11,7 @@ use super::{LightMap, Settings};
 use crate::photograph::assembly::Assembly;
 use crate::photograph::buffers::{SceneBuffers, bound};
 use crate::photograph::layout::{BakeGatherPush, BakeGatherStage, BakeSettlePush, BakeSettleStage, Sum};
-use crate::photograph::tracer::Pace;
+use crate::photograph::tracer::PathPace;
 use crate::scene::random;
 use crate::vulkan::footprint::Footprint;
 use crate::vulkan::stage::Stage;
@@ -39,7 +39,7 @@ struct Baker<'b> {
     cells: Buffer,
     count: u32,
     seed: u32,
-    pace: Pace,
+    pace: PathPace,
 }
 
 /// Bakes the light of a scene that was laid out for it; `observe` receives the share that is done, and returns whether to go on.
@@ -74,7 +74,7 @@ pub(super) fn bake(
         cells: Buffer::from_slice(context, "cells", &vec![[0f32; 4]; count as usize])?,
         count,
         seed: random::bits(settings.seed, SEED_STREAM, 0)[0],
-        pace: Pace::new(context),
+        pace: PathPace::new(context),
     };
     for pass in 0..FIRST_PASSES {
         // Rays have numbers of their own, apart from those that count in the end.
@@ -107,7 +107,6 @@ impl Baker<'_> {
         let mut first = 0;
         while first < self.count {
             Error::unless_stopped(go_on())?;
-            let begun = Instant::now();
             let mut commands = Recorder::new(self.context)?;
             let cells = self.pace.items(rays).min(self.count - first);
             let each = self.pace.in_one_dispatch(rays);
@@ -130,14 +129,14 @@ impl Baker<'_> {
                 let groups = self.count.div_ceil(BakeSettleStage::SHADER.local_size[0]);
                 commands.stage(&self.settle, stage).push(&BakeSettlePush { count: self.count }).linear(groups);
             }
+            let begun = Instant::now();
             commands.submit_and_wait()?;
-            drop(commands);
-            self.pace.took(begun.elapsed());
+            self.pace.took([cells, rays], begun.elapsed());
         }
         Ok(())
     }
 
-    fn record<'a>(&'a self, commands: &mut Recorder<'a>, push: &BakeGatherPush) {
+    fn record(&self, commands: &mut Recorder, push: &BakeGatherPush) {
         let bound = bound!(
             BakeGatherStage, self.scene, sides: &self.sides, patches: &self.patches, cells: &self.cells,
             owners: &self.owners, sums: &self.sums

@@ -188,7 +188,7 @@ pub fn pass(
     update.record(&mut commands, [&views, &ledger.control], &rasterizer, &model, &moments, &step);
     commands.submit_and_wait()?;
     let pixels = size.pixels() as usize;
-    let records: Vec<Record> = bytemuck::pod_collect_to_vec(&ledger.history.mapped()[..size_of::<Record>()]);
+    let records: Vec<Record> = ledger.history.read(1)?;
     Ok(Pass {
         picture: rasterizer.picture.download(pixels)?,
         depths: rasterizer.depths.download(pixels)?,
