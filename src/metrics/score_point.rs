@@ -1,12 +1,13 @@
 //! Held-out metrics on the device (`score_point.comp`) and their twin: hard gate, exact occlusion, points that no
 //! optimiser has used.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use glam::{DVec3, Vec3};
 
 use super::{Metrics, PointMetrics};
 use crate::Result;
+use crate::parallel::lock;
 use crate::scene::camera::Camera;
 use crate::scene::octahedral;
 use crate::scene::proxy::SurfacePoint;
@@ -86,8 +87,8 @@ crate::stage!(
 pub const RESOLUTION: u32 = 24;
 /// Bytes of the list of directions; larger camera sets take the points in several dispatches.
 const RAYS_BYTES: u64 = 64 << 20;
-/// Points of the first submission.
-const FIRST_POINTS: u32 = 256;
+/// Pairs of point and camera of the first submission.
+const FIRST_PAIRS: u32 = 1 << 13;
 
 /// Bytes of device memory that scoring so many cameras on so many points takes.
 pub fn footprint(points: u64, cameras: u64) -> u64 {
@@ -111,6 +112,8 @@ pub struct Scorer<'a> {
     scene: &'a DeviceScene,
     maps: ProbeMaps,
     pipeline: Pipeline,
+    // Of pairs of point and camera.
+    pace: Mutex<Pace>,
 }
 
 impl<'a> Scorer<'a> {
@@ -124,6 +127,7 @@ impl<'a> Scorer<'a> {
             scene,
             maps: ProbeMaps::new(context, scene, points, RESOLUTION)?,
             pipeline: Pipeline::new::<ScorePointStage>(context, &scene.constants())?,
+            pace: Mutex::new(Pace::new(FIRST_PAIRS)),
         })
     }
 
@@ -145,7 +149,7 @@ impl<'a> Scorer<'a> {
         let rays = Buffer::device(&self.context, "rays", (16 * rows * views.len()) as u64)?;
         let cells = Buffer::device(&self.context, "cells", (4 * rows * views.len()) as u64)?;
         let scores = Buffer::device(&self.context, "scores", (size_of::<Score>() * points) as u64)?;
-        in_parts(&self.context, &mut Pace::new(FIRST_POINTS), points as u32, |commands, part| {
+        in_parts(&self.context, &mut lock(&self.pace), [points as u32, views.len() as u32], |commands, part| {
             let (scene, maps) = (self.scene, &self.maps);
             for first in part.clone().step_by(rows) {
                 commands

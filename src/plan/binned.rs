@@ -401,8 +401,7 @@ mod tests {
         let at = |i: u32| Probe { position: uniform(1000 + i)[..3].try_into().unwrap_or_default(), ..Probe::default() };
         let pool: Vec<Probe> = (0..probes).map(at).collect();
         let resolution = 16;
-        let constants =
-            PlanConstants { resolution, gate: Gate::Hard, kernel, occlusion: true, threads: 256, each: 1 };
+        let constants = PlanConstants { resolution, gate: Gate::Hard, kernel, occlusion: true, threads: 256, each: 1 };
         let tiles = (resolution / TILE).pow(2);
         let instances = pairs * tiles + 64;
         let settings = Settings { splats, probes, pool: probes, capacity: pairs, instances, ..Settings::default() };

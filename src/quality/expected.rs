@@ -1,11 +1,12 @@
 //! Expected quality of a set of cameras on looks that no optimiser has used (`expected.comp`), and its twin.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use super::law::Law;
 use super::look::{Caster, Look, LookPush, LookStage, Surroundings, Viewer, place};
 use super::nearest::nearest_cameras;
 use crate::metrics::score_point::{View, view};
+use crate::parallel::lock;
 use crate::scene::camera::Camera;
 use crate::visibility::bvh::{Node, TraversalConstants};
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
@@ -48,8 +49,8 @@ crate::stage!(
 pub const SIDE: u32 = 8;
 /// Looks of a viewer.
 pub const LOOKS: u32 = SIDE * SIDE;
-/// Viewers of the first submission.
-const FIRST_VIEWERS: u32 = 64;
+/// Pairs of viewer and camera of the first submission.
+const FIRST_PAIRS: u32 = 1 << 12;
 /// Cameras that the walks over them can take before lavapipe would end them: 65,535 iterations an invocation, of which the rays of
 /// a look take up to a third.
 pub(crate) const MAX_ON_CPU: u32 = 2500;
@@ -78,6 +79,8 @@ pub struct Judge<'a> {
     errors: Buffer,
     verdicts: Buffer,
     pipeline: Pipeline,
+    // Of pairs of viewer and camera.
+    pace: Mutex<Pace>,
 }
 
 impl<'a> Judge<'a> {
@@ -124,6 +127,7 @@ impl<'a> Judge<'a> {
             verdicts: Buffer::device(context, "verdicts", u64::from(count) * size_of::<Verdict>() as u64)?,
             pipeline: Pipeline::new::<ExpectedStage>(context, &scene.constants())?,
             viewers,
+            pace: Mutex::new(Pace::new(FIRST_PAIRS)),
         })
     }
 
@@ -155,26 +159,31 @@ impl<'a> Judge<'a> {
         let views = if views.is_empty() { vec![View::default()] } else { views };
         let camera_buffer = Buffer::from_slice(&self.context, "cameras", &views)?;
         let most = self.context.physical().groups[0];
-        in_parts(&self.context, &mut Pace::new(FIRST_VIEWERS), self.viewers.len() as u32, |commands, part| {
-            for first in part.clone().step_by(most as usize) {
-                commands
-                    .stage(
-                        &self.pipeline,
-                        ExpectedStage {
-                            nodes: &self.scene.nodes,
-                            primitives: &self.scene.primitives,
-                            looks: &self.looks,
-                            cameras: &camera_buffer,
-                            law: &self.law,
-                            errors: &self.errors,
-                            verdicts: &self.verdicts,
-                        },
-                    )
-                    .push(&ExpectedPush { views: cameras.len() as u32, first })
-                    .groups([most.min(part.end - first), 1, 1]);
-            }
-            Ok(())
-        })?;
+        in_parts(
+            &self.context,
+            &mut lock(&self.pace),
+            [self.viewers.len() as u32, views.len() as u32],
+            |commands, part| {
+                for first in part.clone().step_by(most as usize) {
+                    commands
+                        .stage(
+                            &self.pipeline,
+                            ExpectedStage {
+                                nodes: &self.scene.nodes,
+                                primitives: &self.scene.primitives,
+                                looks: &self.looks,
+                                cameras: &camera_buffer,
+                                law: &self.law,
+                                errors: &self.errors,
+                                verdicts: &self.verdicts,
+                            },
+                        )
+                        .push(&ExpectedPush { views: cameras.len() as u32, first })
+                        .groups([most.min(part.end - first), 1, 1]);
+                }
+                Ok(())
+            },
+        )?;
         Ok(aggregate(&self.verdicts.download::<Verdict>(self.viewers.len())?))
     }
 

@@ -217,7 +217,7 @@ impl Sweeper {
         let columns = view.width.div_ceil(8);
         // Rows of workgroups of all passes, one pass after another.
         let rows = view.height.div_ceil(8);
-        in_parts(&self.context, &mut lock(&self.pace), rows * (1 + rounds as u32), |commands, part| {
+        in_parts(&self.context, &mut lock(&self.pace), [rows * (1 + rounds as u32), 1], |commands, part| {
             let mut at = part.start;
             while at < part.end {
                 let (pass, row) = ((at / rows) as usize, at % rows);

@@ -9,6 +9,7 @@ use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
 use super::context::Context;
+use super::kept::LastKept;
 use super::mapping::Mapping;
 use crate::parallel::lock;
 use crate::{Error, Result};
@@ -30,6 +31,7 @@ pub(super) struct Memory {
     size: u64,
     name: String,
     on_device: bool,
+    pub(super) last_kept: LastKept,
     pub(super) context: Arc<Context>,
 }
 
@@ -87,6 +89,7 @@ impl Buffer {
             size,
             name: name.to_owned(),
             on_device,
+            last_kept: LastKept::default(),
             context: context.clone(),
         };
         // SAFETY: `raw` is live.
@@ -162,6 +165,7 @@ impl Buffer {
             size,
             name: name.to_owned(),
             on_device: false,
+            last_kept: LastKept::default(),
             context: context.clone(),
         };
         Ok(Self { memory: Arc::new(memory) })

@@ -34,29 +34,30 @@ impl Pace {
     pub fn took(&mut self, items: u32, time: Duration) {
         let fit = f64::from(items) * TARGET.as_secs_f64() / time.as_secs_f64().max(1e-9);
         // A short one shows what an item costs, but not that many cost as much.
-        let most = if items >= self.items { self.items.saturating_mul(2) } else { self.items };
+        let most = if items > self.items / 2 { self.items.saturating_mul(2) } else { self.items };
         self.items = (fit as u32).clamp(1, most);
     }
 }
 
-/// Runs items of like work in submissions of a length that `pace` learns; `record` records those of a range.
+/// Runs items of like work, each of so many units of what `pace` counts, in submissions of a length that it learns; `record` records those
+/// of a range.
 ///
 /// # Errors
 /// Those of `record`, and where the device fails.
 pub(crate) fn in_parts(
     context: &Arc<Context>,
     pace: &mut Pace,
-    items: u32,
+    [items, units]: [u32; 2],
     mut record: impl FnMut(&mut Recorder, Range<u32>) -> Result<()>,
 ) -> Result<()> {
     let mut first = 0;
     while first < items {
-        let count = pace.items().min(items - first);
+        let count = (pace.items() / units.max(1)).clamp(1, items - first);
         let mut commands = Recorder::new(context)?;
         record(&mut commands, first..first + count)?;
         let begun = Instant::now();
         commands.submit_and_wait()?;
-        pace.took(count, begun.elapsed());
+        pace.took(count.saturating_mul(units), begun.elapsed());
         first += count;
     }
     Ok(())

@@ -6,6 +6,7 @@ use ash::vk;
 use rayon::prelude::*;
 
 use super::context::Context;
+use super::kept::LastKept;
 use super::stage::{Constants, Shader, Stage};
 use crate::Result;
 
@@ -24,6 +25,7 @@ pub(super) struct Compiled {
     pub(super) shader: &'static Shader,
     set_layout: vk::DescriptorSetLayout,
     module: vk::ShaderModule,
+    pub(super) last_kept: LastKept,
     pub(super) context: Arc<Context>,
 }
 
@@ -43,6 +45,7 @@ impl Pipeline {
             shader,
             set_layout: vk::DescriptorSetLayout::null(),
             module: vk::ShaderModule::null(),
+            last_kept: LastKept::default(),
             context: context.clone(),
         };
         let failure = |what| move |code| context.failure(what, code);
