@@ -4,6 +4,12 @@
 //! On a CPU device FisherRF and COVER render smaller pictures of fewer splats, and manifold sampling takes 20 steps per camera
 //! instead of 401. Wall time of one run, candidates drawn before.
 
+mod report;
+
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use camsplat::Result;
 use camsplat::baselines::job;
 use camsplat::baselines::request::Request;
 use camsplat::methods::Method;
@@ -14,19 +20,19 @@ use camsplat::scene::gaussians::Gaussians;
 use camsplat::scene::random;
 use camsplat::scene::samples;
 use camsplat::select::information::Model;
-use camsplat::vulkan::{Context, Options};
-use camsplat::{Error, Result};
+use camsplat::vulkan::Context;
 use glam::DVec3;
+use report::Report;
 
-fn main() -> Result<()> {
-    let device = std::env::var("CAMSPLAT_DEVICE").ok();
-    let context = Context::new(&Options { device, ..Options::default() })?;
-    let physical = context.physical();
-    println!("{}, {}", physical.name, physical.driver.trim());
-    let small = physical.kind == "CPU";
+fn main() -> ExitCode {
+    report::run("baselines", rows)
+}
+
+fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
+    let small = context.physical().kind == "CPU";
     let (side, splats, candidates) = if small { (160, 5000, 60) } else { (800, 200_000, 300) };
     let (object, room) = ((samples::object(), Preset::Object), (samples::room(), Preset::Room));
-    let rows = [
+    let choices = [
         (Method::Fvs, 100, None, &object),
         (Method::FvsChord, 100, None, &object),
         (Method::Acp, 300, None, &room),
@@ -34,8 +40,11 @@ fn main() -> Result<()> {
         (Method::Cover, 20, Some(candidates), &object),
         (Method::Manifold, 20, None, &object),
     ];
-    let mut report = Vec::new();
-    for (method, views, candidates, (surface, preset)) in rows {
+    for (method, views, candidates, (surface, preset)) in choices {
+        let name = method.name();
+        if !report.wants(name, views.into()) {
+            continue;
+        }
         let intrinsics = Intrinsics::from_fov(side, side, 40f64.to_radians());
         let target = Target::new(surface, "sample", *preset, &RegionChoice::default(), DVec3::Z, &intrinsics)?;
         let model = method.needs_model().then(|| model(&target, splats));
@@ -44,17 +53,10 @@ fn main() -> Result<()> {
             manifold.steps = 20;
         }
         let plan = job::run(&context, &target, intrinsics, &[], &request, model.as_ref())?;
-        let (name, of) = (method.name(), request.candidates.unwrap_or_default());
-        println!("{name}: {views} of {of} in {:.4} s", plan.record.seconds);
-        report.push(serde_json::json!({
-            "name": name, "views": views, "candidates": of, "seconds": plan.record.seconds,
-        }));
+        report.wall(name, views.into(), plan.record.seconds);
+        report.facts(serde_json::json!({ "name": name, "count": views, "candidates": request.candidates }));
     }
-    let path = std::env::var("CAMSPLAT_BENCH_OUT").unwrap_or_else(|_| "target/bench/baselines.json".into());
-    let folder = std::path::Path::new(&path).parent().unwrap_or(std::path::Path::new("."));
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    let report = serde_json::json!({ "device": physical.name, "driver": physical.driver, "rows": report });
-    std::fs::write(&path, format!("{report:#}\n")).map_err(|e| Error::io(&path, e))
+    Ok(())
 }
 
 /// Splats on the surface, with harmonics of degree 1.

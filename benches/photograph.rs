@@ -7,6 +7,7 @@
 mod report;
 
 use std::path::PathBuf;
+use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -26,9 +27,11 @@ use report::{Amount, Job, Report};
 /// Side of the picture; an eighth of it on CPU devices.
 const SIDE: u32 = 800;
 
-fn main() -> Result<()> {
-    let context = report::context()?;
-    let mut report = Report::new(&context)?;
+fn main() -> ExitCode {
+    report::run("photograph", rows)
+}
+
+fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
     let (name, model, environment, camera) = match std::env::var_os("CAMSPLAT_BENCH_SCENE").map(PathBuf::from) {
         None => own(),
         Some(path) => given(&path)?,
@@ -41,8 +44,7 @@ fn main() -> Result<()> {
         "name": format!("{name}/build"), "triangles": model.faces.len(), "wall_seconds": seconds,
     }));
     drop(assembly);
-    trace(&context, &mut report, &name, (&model, environment.as_ref()), &camera)?;
-    report.finish("photograph")
+    trace(&context, report, &name, (&model, environment.as_ref()), &camera)
 }
 
 /// A dispatch of one sample on CPU devices, and of eight on others.
@@ -87,7 +89,7 @@ fn trace(
 }
 
 /// A recording of a whole picture.
-fn job<'a>(context: &Arc<Context>, tracer: &'a Tracer, camera: &Camera, exposure: Exposure) -> Result<Job<'a>> {
+fn job(context: &Arc<Context>, tracer: &Tracer, camera: &Camera, exposure: Exposure) -> Result<Job> {
     let pixels = camera.intrinsics.width * camera.intrinsics.height;
     Job::new(
         context,

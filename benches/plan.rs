@@ -7,6 +7,7 @@
 mod report;
 
 use std::ops::ControlFlow;
+use std::process::ExitCode;
 use std::sync::Arc;
 
 use camsplat::Result;
@@ -24,10 +25,14 @@ use report::{Amount, Job, Report};
 
 /// Iterations of a row.
 const ITERATIONS: u32 = 10;
+/// Operations of a kernel's exponent, see `kernel_exponent` in `shaders/glsl/plan/plan.glsl`.
+const EXPONENT: u64 = 10;
 
-fn main() -> Result<()> {
-    let context = report::context()?;
-    let mut report = Report::new(&context)?;
+fn main() -> ExitCode {
+    report::run("plan", rows)
+}
+
+fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
     let on_cpu = context.physical().kind == "CPU";
     let object = Scene::new(&context, Preset::Object)?;
     let room = Scene::new(&context, Preset::Room)?;
@@ -35,30 +40,30 @@ fn main() -> Result<()> {
     // 1000 iterations of the splat objective, texels and probes as in the paper.
     for (name, scene, views, probes) in [("plan_object_50", &object, 50, 20), ("plan_room_300", &room, 300, 200)] {
         let config = Config::of(Objective::Splat, scene.preset, views);
-        whole(&context, &mut report, name, scene, Config { probes, resolution: Some(32), ..config })?;
+        whole(&context, report, name, scene, Config { probes, resolution: Some(32), ..config })?;
     }
     // Expected quality: as many iterations as by default, and 50 where only the time of one is of interest.
     let quality = |scene: &Scene, views| Config::of(Objective::Quality, scene.preset, views);
-    whole(&context, &mut report, "quality_object_50", &object, quality(&object, 50))?;
-    whole(&context, &mut report, "quality_room_300", &room, quality(&room, 300))?;
+    whole(&context, report, "quality_object_50", &object, quality(&object, 50))?;
+    whole(&context, report, "quality_room_300", &room, quality(&room, 300))?;
     for &views in if on_cpu { &[1000][..] } else { &[1000, 3000, 10_000, 30_000] } {
         let config = Config { iterations: 50, ..quality(&room, views) };
-        whole(&context, &mut report, "quality_50_iterations", &room, config)?;
+        whole(&context, report, "quality_50_iterations", &room, config)?;
     }
 
     let (sizes, probes): (&[u32], u32) =
         if on_cpu { (&[300, 1000], 20) } else { (&[300, 1000, 3000, 10_000, 30_000], 200) };
-    iteration(&context, &mut report, &object, 50, 20, Pass::Dense)?;
+    iteration(&context, report, &object, 50, 20, Pass::Dense)?;
     for &views in sizes {
         for pass in [Pass::Dense, Pass::Binned] {
             // The loops of the dense pass are bounded, see `config::MAX_DENSE`.
             if pass == Pass::Dense && views > 1000 {
                 continue;
             }
-            iteration(&context, &mut report, &room, views, probes, pass)?;
+            iteration(&context, report, &room, views, probes, pass)?;
         }
     }
-    report.finish("plan")
+    Ok(())
 }
 
 struct Scene {
@@ -109,6 +114,10 @@ fn iteration(
     probes: u32,
     pass: Pass,
 ) -> Result<()> {
+    let name = if pass == Pass::Binned { "iteration_binned" } else { "iteration_dense" };
+    if !report.wants(name, u64::from(views)) {
+        return Ok(());
+    }
     let config = Config {
         iterations: 1 << 20,
         checkpoint_every: 1 << 19,
@@ -127,21 +136,22 @@ fn iteration(
     let visible = tallies.iter().map(|tally| u64::from(tally.visible)).sum::<u64>() / blocks;
     let (pairs, instances) = planner.most_binned();
     let all = u64::from(probes * views);
-    // The least that must move: records and partials of the pairs (and instances, sorted), depth and texels once each way.
-    let (name, bytes, operations) = match pass {
+    // The least that must move: records and partials of the pairs (and instances, sorted), depth and texels once each way. The least
+    // that must be computed: the kernel's exponent of every splat and texel (of its tiles), once each way.
+    let (bytes, exponents) = match pass {
         Pass::Binned => {
             let (pairs, instances) = (u64::from(pairs), u64::from(instances));
             let sorted = 84 * pairs + 42 * instances;
-            ("iteration_binned", 28 * all + 80 * pairs + 88 * instances + sorted + 20 * texels, 2 * 64 * instances)
+            (28 * all + 80 * pairs + 88 * instances + sorted + 20 * texels, 2 * 64 * instances)
         }
-        _ => ("iteration_dense", 8 * all + 68 * visible + 8 * texels, 2 * visible * u64::from(resolution * resolution)),
+        _ => (8 * all + 68 * visible + 8 * texels, 2 * visible * u64::from(resolution * resolution)),
     };
     println!(
         "{name}: {views} views, {probes} probes of {resolution}x{resolution}, {} pairs, {instances} instances",
         visible.max(u64::from(pairs))
     );
     let n = u64::from(ITERATIONS);
-    let amount = Amount { count: u64::from(views), bytes: n * bytes, operations: n * operations };
+    let amount = Amount { count: u64::from(views), bytes: n * bytes, operations: n * EXPONENT * exponents };
     let mut job = Job::new(
         context,
         planner.stages_of_a_block().min(45 * ITERATIONS),
@@ -156,9 +166,12 @@ fn iteration(
     report.row(name, amount, &mut job)
 }
 
-/// A whole run, relocation included: median GPU time of a few.
+/// A whole run, relocation included: GPU time of a few, of one on CPU devices.
 fn whole(context: &Arc<Context>, report: &mut Report, name: &str, scene: &Scene, config: Config) -> Result<()> {
     let (views, iterations) = (config.views, config.iterations);
+    if !report.wants(name, u64::from(views)) {
+        return Ok(());
+    }
     let planner = scene.planner(context, config, 0)?;
     let blocks = iterations / planner.block();
     let repeats = if context.physical().kind == "CPU" { 1 } else { 15 };
@@ -178,6 +191,6 @@ fn whole(context: &Arc<Context>, report: &mut Report, name: &str, scene: &Scene,
     planner.reset()?;
     let outcome = planner.run(None, |_| ControlFlow::Continue(()))?;
     assert_eq!(outcome.history.len(), iterations as usize, "a run of the bench broke off");
-    report.total(name, u64::from(views), &mut totals, outcome.seconds);
+    report.total(name, u64::from(views), totals, outcome.seconds);
     Ok(())
 }

@@ -3,7 +3,7 @@
 
 mod report;
 
-use std::process::Command;
+use std::process::{Command, ExitCode};
 use std::sync::Arc;
 
 use camsplat::Result;
@@ -11,26 +11,28 @@ use camsplat::primitives::{Count, Operation, RadixSort, Reduce, Scan, twin};
 use camsplat::vulkan::{Buffer, Context};
 use report::{Amount, Job, Report};
 
-fn main() -> Result<()> {
-    let context = report::context()?;
-    let mut report = Report::new(&context)?;
+fn main() -> ExitCode {
+    report::run("primitives", rows)
+}
+
+fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
     let on_cpu = context.physical().kind == "CPU";
     let mut sizes = vec![1 << 16, 1 << 20, 1 << 22];
     if !on_cpu {
         sizes.extend([1 << 25, 1 << 27]);
     }
     for &count in &sizes {
-        scan(&context, &mut report, count)?;
-        reduce(&context, &mut report, count)?;
-        radix_sort(&context, &mut report, count, "", &RadixSort::new(&context, count)?)?;
+        scan(&context, report, count)?;
+        reduce(&context, report, count)?;
+        radix_sort(&context, report, count, "", &RadixSort::new(&context, count)?)?;
         let without_waiting = RadixSort::without_waiting(&context, count)?;
-        radix_sort(&context, &mut report, count, "_without_waiting", &without_waiting)?;
+        radix_sort(&context, report, count, "_without_waiting", &without_waiting)?;
     }
     match cub(&sizes) {
         Some(rows) => println!("CUB, what was sorted, how many, ns:\n{rows}"),
         None => println!("CUB: not measured, since nvcc did not build benches/cub/radix_sort.cu or it failed"),
     }
-    report.finish("primitives")
+    Ok(())
 }
 
 /// What CUB's sort takes on the same device, where there is nvcc.
@@ -64,8 +66,11 @@ fn random(count: u32) -> Vec<u32> {
     (0..count).map(|_| next()).collect()
 }
 
-/// Operations are additions.
+/// Operations are additions: one to the sum of a block, one to the sums within.
 fn scan(context: &Arc<Context>, report: &mut Report, count: u32) -> Result<()> {
+    if !report.wants("scan", u64::from(count)) {
+        return Ok(());
+    }
     let scan = Scan::new(context, count)?;
     let elements = random(count);
     let input = Buffer::from_slice(context, "input", &elements)?;
@@ -84,6 +89,9 @@ fn scan(context: &Arc<Context>, report: &mut Report, count: u32) -> Result<()> {
 
 /// Operations are additions.
 fn reduce(context: &Arc<Context>, report: &mut Report, count: u32) -> Result<()> {
+    if !report.wants("reduce_sum_f32", u64::from(count)) {
+        return Ok(());
+    }
     let reduce = Reduce::new(context, Operation::SumF32, count)?;
     let elements: Vec<u32> = random(count).iter().map(|word| (*word as f32 * 1e-9).to_bits()).collect();
     let input = Buffer::from_slice(context, "input", &elements)?;
@@ -95,8 +103,12 @@ fn reduce(context: &Arc<Context>, report: &mut Report, count: u32) -> Result<()>
     report.row("reduce_sum_f32", amount(count, 4, 1), &mut job)
 }
 
-/// Operations are keys ranked.
+/// Operations of a key in each of four passes: a shift and a mask to its digit, an addition to count it, one to place it.
 fn radix_sort(context: &Arc<Context>, report: &mut Report, count: u32, way: &str, sort: &RadixSort) -> Result<()> {
+    let names = ["keys", "pairs"].map(|what| format!("radix_sort_{what}{way}"));
+    if !names.iter().any(|name| report.wants(name, u64::from(count))) {
+        return Ok(());
+    }
     let (unsorted, ramp) = (random(count), (0..count).collect::<Vec<u32>>());
     let input = Buffer::from_slice(context, "input", &unsorted)?;
     let order = Buffer::from_slice(context, "order", &ramp)?;
@@ -113,7 +125,7 @@ fn radix_sort(context: &Arc<Context>, report: &mut Report, count: u32, way: &str
     keys_job.run()?;
     // Four passes end in the caller's buffers.
     assert!(keys.download::<u32>(ramp.len())? == expected.0, "a sort of keys went wrong");
-    report.row(&format!("radix_sort_keys{way}"), amount(count, 36, 4), &mut keys_job)?;
+    report.row(&names[0], amount(count, 36, 16), &mut keys_job)?;
     let mut pairs_job = Job::new(
         context,
         stages,
@@ -126,5 +138,5 @@ fn radix_sort(context: &Arc<Context>, report: &mut Report, count: u32, way: &str
     pairs_job.run()?;
     let sorted: (Vec<u32>, Vec<u32>) = (keys.download(ramp.len())?, values.download(ramp.len())?);
     assert!(sorted == expected, "a sort of pairs went wrong");
-    report.row(&format!("radix_sort_pairs{way}"), amount(count, 68, 4), &mut pairs_job)
+    report.row(&names[1], amount(count, 68, 16), &mut pairs_job)
 }

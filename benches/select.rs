@@ -4,8 +4,13 @@
 //! visibility and the swaps take, and the peak of the process. On a CPU device the large pool is left out unless a filter
 //! names it: `cargo bench --bench select -- 20000`.
 
+mod report;
+
+use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Instant;
 
+use camsplat::Result;
 use camsplat::methods::Method;
 use camsplat::photos::{Photo, PhotoSet};
 use camsplat::plan::config::Preset;
@@ -17,28 +22,31 @@ use camsplat::scene::random;
 use camsplat::scene::samples;
 use camsplat::select::job::SelectionContext;
 use camsplat::select::request::Request;
-use camsplat::vulkan::{Context, Options};
-use camsplat::{Error, Result};
+use camsplat::vulkan::Context;
 use glam::DVec3;
+use report::Report;
 
-fn main() -> Result<()> {
-    let device = std::env::var("CAMSPLAT_DEVICE").ok();
-    let context = Context::new(&Options { device, ..Options::default() })?;
-    let physical = context.physical();
-    println!("{}, {}", physical.name, physical.driver.trim());
-    let filter = std::env::args().skip(1).find(|argument| !argument.starts_with("--"));
-    let mut rows = Vec::new();
+fn main() -> ExitCode {
+    report::run("select", rows)
+}
+
+fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
+    let on_cpu = context.physical().kind == "CPU";
     for (count, photos, points) in [(40, 300, 4000), (1000, 20_000, 1000)] {
-        let name = format!("select_{count}_of_{photos}");
-        let wanted = filter.as_ref().map_or(physical.kind != "CPU" || photos < 1000, |filter| name.contains(filter));
-        if !wanted {
+        let name = |method: Method| format!("select_{count}_of_{photos}_{}", method.name());
+        let wanted = |method: &Method| {
+            let (name, photos) = (name(*method), photos as u64);
+            report.names(&name, photos) || report.wants(&name, photos) && !(on_cpu && photos > 1000)
+        };
+        let methods: Vec<Method> = [Method::Ours, Method::Coverage].into_iter().filter(wanted).collect();
+        if methods.is_empty() {
             continue;
         }
         let intrinsics = Intrinsics::from_fov(800, 800, 40f64.to_radians());
         let target =
             Target::new(&samples::object(), "object", Preset::Object, &RegionChoice::default(), DVec3::Z, &intrinsics)?;
         let set = PhotoSet { photos: pool(&target, photos, intrinsics)?, ..PhotoSet::default() };
-        for method in [Method::Ours, Method::Coverage] {
+        for method in methods {
             let start = Instant::now();
             let request = Request { points, method, ..Request::new(count) };
             let selection = SelectionContext::new(&context, &set, &target, request)?.select(None, false)?;
@@ -46,28 +54,26 @@ fn main() -> Result<()> {
             let [seeing, planning, choosing] = selection.seconds;
             let mib = |bytes: f64| bytes / f64::from(1 << 20);
             let peak = peak_bytes().map(mib);
+            let metrics = &selection.metrics;
+            let name = name(method);
+            report.wall(&name, photos as u64, wall);
             println!(
-                "{name} {}: {wall:.2} s (visibility {seeing:.2}, plan {planning:.2}, choice {choosing:.2}, {} swaps); gap \
-                 {:.2}, seen >= 3 {:.1}%; {:.0} MiB of matrices, peak {:.0} MiB",
-                method.name(),
+                "  visibility {seeing:.2} s, plan {planning:.2}, choice {choosing:.2}, {} swaps; gap {:.2}, seen >= 3 {:.1}%; \
+                 {:.0} MiB of matrices, peak {:.0} MiB",
                 selection.errors_db.len().saturating_sub(1),
-                selection.metrics.gap_mean_deg,
-                100.0 * selection.metrics.coverage_3,
+                metrics.gap_mean_deg,
+                100.0 * metrics.coverage_3,
                 mib(selection.bytes as f64),
                 peak.unwrap_or(f64::NAN),
             );
-            rows.push(serde_json::json!({
-                "name": format!("{name}_{}", method.name()), "wall_seconds": wall, "visibility_seconds": seeing,
-                "plan_seconds": planning, "choice_seconds": choosing, "bytes": selection.bytes, "peak_mib": peak,
-                "gap_mean_deg": selection.metrics.gap_mean_deg, "coverage_3": selection.metrics.coverage_3,
+            report.facts(serde_json::json!({
+                "name": name, "count": photos, "visibility_seconds": seeing, "plan_seconds": planning,
+                "choice_seconds": choosing, "bytes": selection.bytes, "peak_mib": peak,
+                "gap_mean_deg": metrics.gap_mean_deg, "coverage_3": metrics.coverage_3,
             }));
         }
     }
-    let path = std::env::var("CAMSPLAT_BENCH_OUT").unwrap_or_else(|_| "target/bench/select.json".into());
-    let folder = std::path::Path::new(&path).parent().unwrap_or(std::path::Path::new("."));
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    let report = serde_json::json!({ "device": physical.name, "driver": physical.driver, "rows": rows });
-    std::fs::write(&path, format!("{report:#}\n")).map_err(|e| Error::io(&path, e))
+    Ok(())
 }
 
 /// Photos around a target.

@@ -8,6 +8,7 @@ mod report;
 
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
+use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -36,6 +37,8 @@ const PHOTO_STREAM: u32 = 100;
 /// Iterations done when a sample begins.
 const DONE: u32 = 10_000;
 const CAMERAS: u32 = 4;
+/// Samples of a row, each the mean of many iterations.
+const SAMPLES: usize = 21;
 /// Distance of the cameras from the middle, in radii of the scene.
 const AWAY: f64 = 2.8;
 
@@ -51,9 +54,11 @@ struct Extent {
     whole: u32,
 }
 
-fn main() -> Result<()> {
-    let context = report::context()?;
-    let mut report = Report::new(&context)?;
+fn main() -> ExitCode {
+    report::run("train", rows)
+}
+
+fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
     let extent = match context.physical().kind {
         // A sixteenth of the pixels: 100,000 splats lie as densely as 1.6 million on a GPU.
         "CPU" => Extent { side: 200, warm: 1, sample: 1, whole: 3 },
@@ -62,9 +67,9 @@ fn main() -> Result<()> {
     drop(context);
     for splats in SIZES {
         // A context each, so that its peak of memory is that of this size.
-        training(&report::context()?, &mut report, &extent, splats)?;
+        training(&report::context()?, report, &extent, splats)?;
     }
-    report.finish("train")
+    Ok(())
 }
 
 /// A run that can be repeatedly resumed from the same state.
@@ -105,14 +110,17 @@ impl Timed {
     }
 
     /// Mean number of instances of the iterations that [`Timed::run`] timed last.
-    fn instances(&self) -> u64 {
-        let history = self.trainer.history();
+    fn instances(&self) -> Result<u64> {
+        let history = self.trainer.history()?;
         let timed = &history[(DONE + self.warm) as usize..];
-        timed.iter().map(|record| u64::from(record.instances)).sum::<u64>() / timed.len() as u64
+        Ok(timed.iter().map(|record| u64::from(record.instances)).sum::<u64>() / timed.len() as u64)
     }
 }
 
 fn training(context: &Arc<Context>, report: &mut Report, extent: &Extent, splats: u32) -> Result<()> {
+    if !["train", "train_run"].iter().any(|name| report.wants(name, u64::from(splats))) {
+        return Ok(());
+    }
     let cameras = cameras(extent.side);
     let frame = Frame::new(&cameras, &[]);
     let views: Vec<View> = cameras.iter().map(|camera| frame.view(camera)).collect();
@@ -136,20 +144,19 @@ fn training(context: &Arc<Context>, report: &mut Report, extent: &Extent, splats
     // The first run finds how much capacity the instances of all others need.
     timed.run(extent.whole.max(extent.sample), None)?;
     let pixels = u64::from(sizes.pixels);
-    let traffic = Traffic { splats: u64::from(splats), instances: timed.instances(), pixels, tiles: sizes.tiles };
+    let traffic = Traffic { splats: u64::from(splats), instances: timed.instances()?, pixels, tiles: sizes.tiles };
     let amount = |bytes| Amount { count: u64::from(splats), bytes, operations: 0 };
     let whole = amount(STAGES.iter().map(|stage| traffic.bytes(stage)).sum());
-    let Some(medians) = report.sampled("train", whole, || timed.sample(extent.sample))? else { return Ok(()) };
-    let all: f64 = medians.stages.values().sum();
-    let mut stages: Vec<(&str, f64)> = medians.stages.into_iter().collect();
-    stages.sort_by(|a, b| b.1.total_cmp(&a.1));
-    for (stage, ns) in stages {
-        report.stage("train", stage, amount(traffic.bytes(stage)), ns, ns / all);
+    let measured = report.sampled("train", whole, SAMPLES, || timed.sample(extent.sample))?;
+    let mut stages: Vec<_> = measured.stages.into_iter().collect();
+    stages.sort_by(|a, b| b.1.median().total_cmp(&a.1.median()));
+    for (stage, times) in stages {
+        report.stage("train", stage, amount(traffic.bytes(stage)), &times);
     }
 
     let [gpu, wall] = timed.run(extent.whole, None)?;
-    report.total("train_run", u64::from(splats), &mut [gpu * 1e6], wall * 1e-3);
-    let each = timed.instances() as f64 / f64::from(splats);
+    report.total("train_run", u64::from(splats), vec![gpu * 1e6], wall * 1e-3);
+    let each = timed.instances()? as f64 / f64::from(splats);
     let gap = wall / gpu - 1.0;
     let [announced, peak] = [footprint.total(), context.peak_allocated()];
     let mebi = |bytes: u64| bytes as f64 / f64::from(1 << 20);

@@ -1,265 +1,207 @@
 //! What the benchmarks share: GPU time of a recording, and a report of rows on the terminal and as JSON.
 //!
-//! Criterion decides how often a recording runs and keeps its statistics; times are the device's timestamps. Every row is also
-//! compared with the copy bandwidth of the device, measured first. On a CPU device only ratios mean anything.
+//! A row has a fixed number of samples after a warm-up, by the device's timestamps, and is held against two peaks of the device
+//! that are measured first: of a copy, and of arithmetic. On a CPU device only ratios mean anything. The page on all this is
+//! `docs/internals/benchmarks.md`.
 //!
 //! `CAMSPLAT_DEVICE` picks the device; `CAMSPLAT_BENCH_OUT` sets where the JSON goes.
-#![allow(dead_code, reason = "each bench uses a part")]
+#![allow(dead_code, unused_imports, reason = "each bench uses a part")]
 
-use std::collections::BTreeMap;
+mod arguments;
+mod compare;
+mod document;
+mod job;
+mod peaks;
+mod times;
+
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
+use std::process::ExitCode;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
-use camsplat::primitives::Copy;
-use camsplat::vulkan::recorder::Timing;
-use camsplat::vulkan::{Buffer, Context, Options, Recorder};
+use camsplat::vulkan::{Context, Options};
 use camsplat::{Error, Result};
-use criterion::{BenchmarkId, Criterion, SamplingMode, Throughput};
+
+use arguments::Arguments;
+use compare::Comparison;
+pub use document::Amount;
+use document::{Document, PEAKS, Row};
+pub use job::{Job, Sample};
+pub use times::Times;
 
 /// The device that the environment selects, or the best one.
 pub fn context() -> Result<Arc<Context>> {
     Context::new(&Options { device: std::env::var("CAMSPLAT_DEVICE").ok(), ..Options::default() })
 }
 
-/// A recording to measure, and one that brings back what it changes.
-pub struct Job<'a> {
-    restore: Recorder,
-    work: Recorder,
-}
-
-impl<'a> Job<'a> {
-    /// Records both; `work` takes at most `stages` stages, copies and fills.
-    pub fn new(
-        context: &Arc<Context>,
-        stages: u32,
-        restore: impl FnOnce(&mut Recorder),
-        work: impl FnOnce(&mut Recorder) -> Result<()>,
-    ) -> Result<Self> {
-        let mut job = Self { restore: Recorder::new(context)?, work: Recorder::timed(context, stages)? };
-        restore(&mut job.restore);
-        work(&mut job.work)?;
-        Ok(job)
-    }
-
-    /// Runs both and returns when the work's stages ran.
-    pub fn run(&mut self) -> Result<Vec<Timing>> {
-        self.restore.submit_and_wait()?;
-        self.work.submit_and_wait()?;
-        self.work.timings()
-    }
-}
-
-/// Nanoseconds from the start of the first stage to the end of the last.
-fn span(timings: &[Timing]) -> f64 {
-    timings.last().map_or(0.0, |last| last.end) - timings.first().map_or(0.0, |first| first.start)
-}
-
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-}
-
-/// Median GPU time, in nanoseconds, of a recording of at most 64 stages that runs `samples` times.
-pub fn measure<'a>(
-    context: &Arc<Context>,
-    samples: usize,
-    work: impl FnOnce(&mut Recorder) -> Result<()>,
-) -> Result<f64> {
-    let mut job = Job::new(context, 64, |_| {}, work)?;
-    let mut spans = (0..samples).map(|_| Ok(span(&job.run()?))).collect::<Result<Vec<_>>>()?;
-    Ok(median(&mut spans))
-}
-
-/// What one run of a job amounts to.
-#[derive(Clone, Copy)]
-pub struct Amount {
-    /// Elements.
-    pub count: u64,
-    /// Bytes read and written.
-    pub bytes: u64,
-    /// Operations, as the row's name counts them.
-    pub operations: u64,
-}
-
-/// GPU time of what a row measures, in nanoseconds.
-pub struct Sample {
-    /// From the first stage's start to the last one's end.
-    pub ns: f64,
-    /// Of each stage, all its runs together.
-    pub stages: BTreeMap<&'static str, f64>,
-}
-
-impl Sample {
-    fn new(timings: &[Timing]) -> Self {
-        let mut stages: BTreeMap<&'static str, f64> = BTreeMap::new();
-        for timing in timings {
-            *stages.entry(timing.name).or_default() += timing.end - timing.start;
+/// Runs a bench: the device's peaks, the bench's rows, and the comparison that the command line asks for. The exit code is 1 where a row
+/// has become slower, and 2 where something could not be measured or compared.
+pub fn run(bench: &str, rows: impl FnOnce(Arc<Context>, &mut Report) -> Result<()>) -> ExitCode {
+    match count_slower(bench, rows) {
+        Ok(slower) => ExitCode::from(u8::from(slower > 0)),
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
         }
-        Self { ns: span(timings), stages }
     }
 }
 
-/// Keeps the device busy for a while: an idle GPU runs at a fraction of its clock and needs time to leave it.
-fn wake(commands: &mut Recorder) -> Result<()> {
-    let start = Instant::now();
-    while start.elapsed() < Duration::from_millis(500) {
-        for _ in 0..20 {
-            commands.submit()?;
-        }
-        commands.wait()?;
+/// Measures, writes and compares.
+fn count_slower(bench: &str, rows: impl FnOnce(Arc<Context>, &mut Report) -> Result<()>) -> Result<usize> {
+    let arguments = Arguments::parse(std::env::args().skip(1))?;
+    let context = context()?;
+    let document = header(bench, &context);
+    let before = arguments.compare.as_deref().map(Document::read).transpose()?;
+    // Now, not after minutes of measuring.
+    before.as_ref().map_or(Ok(()), |before| compare::check(before, &document))?;
+    let mut report = Report { arguments, document };
+    report.measure_peaks(&context)?;
+    rows(context, &mut report)?;
+    let Report { arguments, document } = report;
+    let path = std::env::var_os("CAMSPLAT_BENCH_OUT")
+        .map_or_else(|| PathBuf::from(format!("target/bench/{bench}.json")), PathBuf::from);
+    document.write(&path)?;
+    println!("\n{}", path.display());
+    let Some(before) = before else { return Ok(0) };
+    let Comparison { table, slower, disturbed } = Comparison::new(&before, &document, &arguments)?;
+    print!("\n{table}");
+    if disturbed {
+        let remedy = "measure both again on an otherwise idle device, or pass a greater --factor";
+        return Err(Error::request(format!(
+            "the device's peaks are not those of the report to compare with; {remedy}"
+        )));
     }
-    Ok(())
+    Ok(slower)
+}
+
+/// A report without rows, whose peaks are not measured yet.
+fn header(bench: &str, context: &Context) -> Document {
+    let physical = context.physical();
+    let (major, minor, patch) = physical.api;
+    let build = env!("CAMSPLAT_BUILD").trim_start_matches("commit ");
+    let (commit, shaders) = build.split_once(", shaders ").unwrap_or((build, "unknown"));
+    Document {
+        bench: bench.into(),
+        device: physical.name.clone(),
+        driver: physical.driver.trim().into(),
+        vulkan: format!("{major}.{minor}.{patch}"),
+        commit: commit.into(),
+        shaders: shaders.into(),
+        copy_gb_per_s: f64::NAN,
+        arithmetic_gflop_per_s: f64::NAN,
+        rows: Vec::new(),
+        facts: Vec::new(),
+    }
+}
+
+/// Times of what [`Report::sampled`] measured.
+pub struct Measured {
+    /// Of whole samples.
+    pub whole: Times,
+    /// Of each stage.
+    pub stages: BTreeMap<&'static str, Times>,
+}
+
+impl Measured {
+    fn new(batches: &[Vec<Sample>]) -> Self {
+        let times = |of: &dyn Fn(&Sample) -> Option<f64>| {
+            let batches: Vec<Vec<f64>> = batches.iter().map(|batch| batch.iter().filter_map(of).collect()).collect();
+            Times::new(&batches)
+        };
+        let names: BTreeSet<&str> = batches.iter().flatten().flat_map(|sample| sample.stages.keys().copied()).collect();
+        let stages = names.into_iter().map(|name| (name, times(&|sample| sample.stages.get(name).copied())));
+        Self { stages: stages.collect(), whole: times(&|sample| Some(sample.ns)) }
+    }
 }
 
 /// Rows of one bench.
 pub struct Report {
-    criterion: Criterion,
-    device: String,
-    driver: String,
-    /// Bytes read and written per nanosecond by a large copy.
-    copy: f64,
-    rows: Vec<serde_json::Value>,
+    arguments: Arguments,
+    document: Document,
 }
 
 impl Report {
-    /// Measures the copy bandwidth and starts a report.
-    pub fn new(context: &Arc<Context>) -> Result<Self> {
-        let physical = context.physical();
-        let bytes = (1 << 30).min(physical.storage_range / 2).min(context.memory_available() / 8) & !15;
-        let from = Buffer::device(context, "copy source", bytes)?;
-        let to = Buffer::device(context, "copy target", bytes)?;
-        // Memory that was never written may not be there yet.
-        let mut first = Recorder::new(context)?;
-        first.fill(&from, 1);
-        first.fill(&to, 1);
-        first.submit_and_wait()?;
-        let copy = Copy::new(context)?;
-        let mut busy = Recorder::new(context)?;
-        copy.record(&mut busy, &from, &to);
-        wake(&mut busy)?;
-        let ns = measure(context, 100, |recorder| {
-            copy.record(recorder, &from, &to);
-            Ok(())
-        })?;
-        let criterion = Criterion::default()
-            .sample_size(20)
-            .warm_up_time(Duration::from_millis(200))
-            .measurement_time(Duration::from_millis(500))
-            .configure_from_args();
-        let bandwidth = 2.0 * bytes as f64 / ns;
-        println!("{}, {}: copies {bandwidth:.1} GB/s", physical.name, physical.driver);
-        Ok(Self {
-            criterion,
-            device: physical.name.clone(),
-            driver: physical.driver.clone(),
-            copy: bandwidth,
-            rows: Vec::new(),
-        })
+    /// Measures copy and arithmetic, prints where the report is from, and adds the two rows.
+    fn measure_peaks(&mut self, context: &Arc<Context>) -> Result<()> {
+        let (copied, copies) = peaks::copies(context)?;
+        let (computed, multiply_adds) = peaks::multiply_adds(context)?;
+        let [copies, multiply_adds] = [copies, multiply_adds].map(|batches| Measured::new(&batches));
+        let document = &mut self.document;
+        document.copy_gb_per_s = copied.bytes as f64 / copies.whole.median();
+        document.arithmetic_gflop_per_s = computed.operations as f64 / multiply_adds.whole.median();
+        let Document { bench, device, driver, vulkan, commit, shaders, .. } = document;
+        println!("{bench} on {device}; {driver}; Vulkan {vulkan}\ncommit {commit}, shaders {shaders}");
+        let [copy, arithmetic] = document.peaks();
+        println!("peaks: copy {copy:.1} GB/s, arithmetic {arithmetic:.1} GFLOP/s\n\n{}", Row::HEADINGS);
+        let [copy, arithmetic] = PEAKS;
+        self.measured(copy, copied, &copies);
+        self.measured(arithmetic, computed, &multiply_adds);
+        Ok(())
     }
 
-    /// Measures a job and adds its row, unless Criterion's filter leaves it out.
-    pub fn row(&mut self, name: &str, amount: Amount, job: &mut Job<'_>) -> Result<()> {
-        wake(&mut job.work)?;
-        self.sampled(name, amount, || Ok(Sample::new(&job.run()?))).map(|_| ())
+    /// Whether a filter leaves this row in, or there is none.
+    pub fn wants(&self, name: &str, count: u64) -> bool {
+        self.arguments.wants(name, count)
     }
 
-    /// Adds the row of what `run` measures and answers its medians; none where Criterion's filter leaves it out.
+    /// Whether there is a filter that leaves this row in.
+    pub fn names(&self, name: &str, count: u64) -> bool {
+        self.arguments.names(name, count)
+    }
+
+    /// Measures a job and adds its row, unless a filter leaves it out.
+    pub fn row(&mut self, name: &str, amount: Amount, job: &mut Job) -> Result<()> {
+        if self.wants(name, amount.count) {
+            let measured = Measured::new(&job.sample()?);
+            self.measured(name, amount, &measured);
+        }
+        Ok(())
+    }
+
+    /// Adds the row of what `run` measures so many times, with the device awake and for so long that each sample is a batch.
     pub fn sampled(
         &mut self,
         name: &str,
         amount: Amount,
+        samples: usize,
         mut run: impl FnMut() -> Result<Sample>,
-    ) -> Result<Option<Sample>> {
-        let mut samples = Vec::new();
-        let mut failure = None;
-        let mut group = self.criterion.benchmark_group(name);
-        group.throughput(Throughput::Elements(amount.count)).sampling_mode(SamplingMode::Flat);
-        group.bench_function(BenchmarkId::from_parameter(amount.count), |bencher| {
-            bencher.iter_custom(|iterations| {
-                let mut total = 0.0;
-                for _ in 0..iterations {
-                    match run() {
-                        Ok(sample) => {
-                            total += sample.ns;
-                            samples.push(sample);
-                        }
-                        Err(error) => failure = Some(error),
-                    }
-                }
-                // Criterion divides by this duration, which is zero for a failed run.
-                Duration::from_nanos((total as u64).max(1))
-            });
-        });
-        group.finish();
-        if let Some(error) = failure {
-            return Err(error);
-        }
-        if samples.is_empty() {
-            return Ok(None);
-        }
-        let mut spans: Vec<f64> = samples.iter().map(|sample| sample.ns).collect();
-        let mut stages: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
-        for (stage, ns) in samples.iter().flat_map(|sample| &sample.stages) {
-            stages.entry(stage).or_default().push(*ns);
-        }
-        let ns = median(&mut spans);
-        let stages = stages.into_iter().map(|(stage, mut ns)| (stage, median(&mut ns))).collect();
-        let medians = Sample { ns, stages };
-        let ratio = amount.bytes as f64 / ns / self.copy;
-        println!(
-            "{name} {}: {:.1} us, {:.3} G/s, {:.1} GB/s, {ratio:.3} of a copy",
-            amount.count,
-            ns * 1e-3,
-            amount.count as f64 / ns,
-            amount.bytes as f64 / ns,
-        );
-        self.rows.push(serde_json::json!({
-            "name": name, "count": amount.count, "ns_median": ns, "bytes": amount.bytes,
-            "operations": amount.operations, "ratio_to_copy": ratio, "samples": samples.len(),
-            "stages_ns_median": medians.stages,
-        }));
-        Ok(Some(medians))
+    ) -> Result<Measured> {
+        let batches = (0..samples).map(|_| Ok(vec![run()?])).collect::<Result<Vec<_>>>()?;
+        let measured = Measured::new(&batches);
+        self.measured(name, amount, &measured);
+        Ok(measured)
     }
 
-    /// Adds the row of one stage of what [`Report::sampled`] measured; `share` is its part of all stages' time.
-    pub fn stage(&mut self, name: &str, stage: &str, amount: Amount, ns: f64, share: f64) {
-        let ratio = amount.bytes as f64 / ns / self.copy;
-        let against = if amount.bytes > 0 { format!("{ratio:>8.3} of a copy") } else { String::new() };
-        println!("  {stage:<20} {:>12.1} us {:>6.1}% {against}", ns * 1e-3, 100.0 * share);
-        self.rows.push(serde_json::json!({
-            "name": format!("{name}/{stage}"), "count": amount.count, "ns_median": ns, "bytes": amount.bytes,
-            "ratio_to_copy": ratio, "share": share,
-        }));
+    fn measured(&mut self, name: &str, amount: Amount, measured: &Measured) {
+        let mut row = Row::new(name, amount, &measured.whole, self.document.peaks());
+        row.stages_ns_median = measured.stages.iter().map(|(name, ns)| ((*name).into(), ns.median())).collect();
+        self.add(row);
     }
 
-    /// Adds a row of a whole run, timed `totals` times in nanoseconds of GPU time, with the wall time of one run.
-    pub fn total(&mut self, name: &str, count: u64, totals: &mut [f64], wall_seconds: f64) {
-        let ns = median(totals);
-        println!("{name}: {:.2} ms of GPU time, {:.1} ms of wall time", ns * 1e-6, wall_seconds * 1e3);
-        self.rows.push(serde_json::json!({
-            "name": name, "count": count, "ns_median": ns, "samples": totals.len(), "wall_seconds": wall_seconds,
-        }));
+    /// Adds the row of one stage of what [`Report::sampled`] measured.
+    pub fn stage(&mut self, name: &str, stage: &str, amount: Amount, times: &Times) {
+        self.add(Row::new(&format!("{name}/{stage}"), amount, times, self.document.peaks()));
     }
 
-    /// Adds a value other than a time.
-    pub fn facts(&mut self, row: serde_json::Value) {
-        self.rows.push(row);
+    /// Adds the row of whole runs, with the wall time of one.
+    pub fn total(&mut self, name: &str, count: u64, gpu_ns: Vec<f64>, wall_seconds: f64) {
+        let amount = Amount { count, bytes: 0, operations: 0 };
+        let row = Row::new(name, amount, &Times::apart(gpu_ns), self.document.peaks());
+        self.add(Row { wall_seconds: Some(wall_seconds), ..row });
     }
 
-    /// Ends the report: Criterion's summary, and the rows as JSON in `CAMSPLAT_BENCH_OUT` or `target/bench/<bench>.json`.
-    pub fn finish(self, bench: &str) -> Result<()> {
-        self.criterion.final_summary();
-        let path = std::env::var_os("CAMSPLAT_BENCH_OUT")
-            .map_or_else(|| PathBuf::from(format!("target/bench/{bench}.json")), PathBuf::from);
-        let report = serde_json::json!({
-            "device": self.device, "driver": self.driver, "copy_gb_per_s": self.copy, "rows": self.rows,
-        });
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        }
-        std::fs::write(&path, format!("{report:#}\n")).map_err(|e| Error::io(&path, e))?;
-        println!("{}", path.display());
-        Ok(())
+    /// Adds the row of a single run of which only the wall time is known.
+    pub fn wall(&mut self, name: &str, count: u64, seconds: f64) {
+        self.total(name, count, vec![1e9 * seconds], seconds);
+    }
+
+    fn add(&mut self, row: Row) {
+        println!("{row}");
+        self.document.rows.push(row);
+    }
+
+    /// Adds values other than times.
+    pub fn facts(&mut self, facts: serde_json::Value) {
+        self.document.facts.push(facts);
     }
 }

@@ -1,4 +1,4 @@
-//! Parallel primitives: scan, radix sort, reduce, copy. Nothing here knows of splats.
+//! Parallel primitives: scan, radix sort, reduce; copy and arithmetic as yardsticks. Nothing here knows of splats.
 //!
 //! Each owns its pipelines and scratch, made once for a largest number of elements, and records into the caller's
 //! [`Recorder`](crate::vulkan::Recorder). How many elements there are may be known to the host or only to the device
@@ -20,6 +20,7 @@
 //! # Ok::<(), camsplat::Error>(())
 //! ```
 
+mod arithmetic;
 mod copy;
 mod count;
 mod counted;
@@ -30,6 +31,7 @@ mod scan;
 mod sweep;
 pub mod twin;
 
+pub use arithmetic::Arithmetic;
 pub use copy::Copy;
 pub use count::Count;
 pub use digits::Sorted;

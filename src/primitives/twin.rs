@@ -1,7 +1,7 @@
 //! The primitives in plain Rust: what the shaders are tested against.
 
-use super::Operation;
 use super::reduce::BLOCK;
+use super::{Arithmetic, Operation};
 
 /// Sum of the elements before each, modulo 2³², and the sum of all.
 pub fn scan(values: &[u32]) -> (Vec<u32>, u32) {
@@ -39,6 +39,15 @@ fn reduce_block(operation: Operation, elements: &[u32]) -> u32 {
         }
     }
     folded[0]
+}
+
+/// What thread `thread` writes: the sum of its chains of multiply-adds. With values that the shader keeps exact, fused or not.
+pub fn multiply_add(thread: u32, rounds: u32, [factor, addend]: [f32; 2]) -> f32 {
+    let chain = |c: u32| {
+        let start = (thread % 256 + c) as f32;
+        (0..rounds * Arithmetic::STEPS).fold(start, |value, _| value.mul_add(factor, addend))
+    };
+    (0..Arithmetic::CHAINS).map(chain).sum()
 }
 
 fn identity(operation: Operation) -> u32 {

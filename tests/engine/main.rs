@@ -15,6 +15,7 @@ mod metrics;
 mod photograph;
 mod photograph_data;
 mod planner;
+mod primitives_arithmetic;
 mod primitives_copy;
 mod primitives_radix_sort;
 mod primitives_reduce;
