@@ -8,7 +8,17 @@ use bytemuck::Pod;
 use super::buffer::{Buffer, Memory};
 use super::pipeline::Pipeline;
 use super::recorder::Recorder;
-use super::stage::Access;
+use super::stage::{Access, Stage};
+
+impl Recorder {
+    /// Starts the record of one stage: `recorder.stage(&fade, FadeStage { source, target }).push(&push).linear(groups)`.
+    pub fn stage<'r, 'a, S: Stage<'a>>(&'r mut self, pipeline: &'a Pipeline, stage: S) -> StageRecord<'r, 'a, S::Push> {
+        let shader = pipeline.compiled.shader;
+        // A mismatch here is a mistake in this crate that no input can cause.
+        assert_eq!(shader.buffers, S::SHADER.buffers, "`{}` bound as `{}`", shader.name, S::SHADER.name);
+        StageRecord { recorder: self, pipeline, buffers: stage.in_order(), push: None }
+    }
+}
 
 /// A stage being recorded; nothing happens before one of its last three methods is called.
 pub struct StageRecord<'r, 'a, P> {
@@ -23,11 +33,7 @@ enum Size<'a> {
     Indirect(&'a Buffer, u64),
 }
 
-impl<'r, 'a, P: Pod> StageRecord<'r, 'a, P> {
-    pub(super) fn new(recorder: &'r mut Recorder, pipeline: &'a Pipeline, buffers: Vec<&'a Buffer>) -> Self {
-        Self { recorder, pipeline, buffers, push: None }
-    }
-
+impl<'a, P: Pod> StageRecord<'_, 'a, P> {
     /// The push constants.
     pub fn push(mut self, constants: &P) -> Self {
         self.push = Some(*constants);
@@ -79,7 +85,7 @@ impl<'r, 'a, P: Pod> StageRecord<'r, 'a, P> {
         if !Arc::ptr_eq(&pipeline.context, &recorder.context) {
             recorder.refuse(format!("the pipeline of `{}` is of another context", shader.name));
         }
-        recorder.kept.pipeline(pipeline);
+        recorder.kept.keep(pipeline, &pipeline.last_kept);
         if !recorder.keep(buffers.iter().copied().chain(indirect)) {
             return;
         }

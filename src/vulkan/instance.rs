@@ -55,7 +55,7 @@ impl Instance {
         }
         if capture && missing(CAPTURE_LAYER) {
             return Err(Error::NoDevice(
-                "RenderDoc's Vulkan layer is not registered: run `renderdoccmd vulkanlayer --register --system`".into(),
+                "RenderDoc's Vulkan layer is not registered: see what `renderdoccmd vulkanlayer` says".into(),
             ));
         }
         // SAFETY: no layer's name is given, and the loader fills the list.

@@ -107,7 +107,6 @@ mod tests {
         mapping.poke(6, 7);
         mapping.poke(usize::MAX / 4 + 2, 7);
         assert!(mapping.read(24, &mut []) && mapping.write(0, &[]));
-        drop(mapping);
         assert_eq!([words[0], words[6], words[7]], [0; 3]);
     }
 }

@@ -9,7 +9,7 @@ pub mod capture;
 mod choice;
 mod clock;
 pub(crate) mod context;
-mod dispatch;
+pub mod dispatch;
 pub mod footprint;
 pub mod host;
 pub mod instance;

@@ -8,11 +8,8 @@ use super::buffer::Buffer;
 use super::clock::Clock;
 pub use super::clock::Timing;
 use super::context::Context;
-pub use super::dispatch::{StageRecord, linear_groups};
 pub use super::kept::Kept;
-use super::pipeline::Pipeline;
 use super::reuse::Commands;
-use super::stage::Stage;
 use super::timeline::Timeline;
 use crate::{Error, Result};
 
@@ -164,14 +161,6 @@ impl Recorder {
         Ok(())
     }
 
-    /// Starts the record of one stage: `recorder.stage(&fade, FadeStage { source, target }).push(&push).linear(groups)`.
-    pub fn stage<'r, 'a, S: Stage<'a>>(&'r mut self, pipeline: &'a Pipeline, stage: S) -> StageRecord<'r, 'a, S::Push> {
-        let shader = pipeline.compiled.shader;
-        // A mismatch here is a mistake in this crate that no input can cause.
-        assert_eq!(shader.buffers, S::SHADER.buffers, "`{}` bound as `{}`", shader.name, S::SHADER.name);
-        StageRecord::new(self, pipeline, stage.in_order())
-    }
-
     /// Copies the first `bytes` bytes of `from` to the start of `to`.
     pub fn copy(&mut self, from: &Buffer, to: &Buffer, bytes: u64) {
         self.copy_region(from, 0, to, 0, bytes);
@@ -217,7 +206,7 @@ impl Recorder {
             if !Arc::ptr_eq(buffer.context(), &self.context) {
                 self.refuse(format!("the buffer {:?} is of another context", buffer.name()));
             }
-            self.kept.buffer(&buffer.memory);
+            self.kept.keep(&buffer.memory, &buffer.memory.last_kept);
         }
         self.failure.is_none()
     }
