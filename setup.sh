@@ -6,7 +6,8 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 
-packages=(libvulkan1 libvulkan-dev mesa-vulkan-drivers vulkan-validationlayers libshaderc-dev glslang-dev spirv-tools g++ cmake git python3 python3-venv)
+packages=(libvulkan1 libvulkan-dev mesa-vulkan-drivers vulkan-validationlayers libshaderc-dev glslang-dev spirv-tools spirv-cross libdrm-dev
+    g++ cmake git python3 python3-venv)
 if [ "${1:-}" = "--with-viewers" ]; then
     packages+=(chromium renderdoc python3-renderdoc ffmpeg)
 elif [ -n "${1:-}" ]; then

@@ -12,7 +12,8 @@ import translate
 
 USAGE = "usage: scripts/portability.sh [--all] [FOLDER with .spv files and shaders.rs]; build the release first"
 METAL = """\
-Coherent buffers (above) become `volatile`, which promises nothing between threadgroups before MSL 3.2. Constants that are macros need
+Coherent buffers (above) become `volatile`, which promises nothing between threadgroups before MSL 3.2: a workgroup reads there only what it
+wrote itself, behind barriers. Between workgroups words are atomic (shared/across.glsl). Constants that are macros need
 MoltenVK 1.3.0, which compiles the text anew for each of their values. Functions that begin with spv are the translator's: spvFAdd, spvFMul
 and spvFSub keep `precise` arithmetic from being contracted.
 """

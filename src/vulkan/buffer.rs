@@ -171,6 +171,11 @@ impl Buffer {
         Ok(Self { memory: Arc::new(memory) })
     }
 
+    /// Where in [`Buffer::handle`] the buffer begins, in bytes: 0 but in what [`Buffer::wrap`] made.
+    pub fn offset(&self) -> u64 {
+        self.memory.offset
+    }
+
     /// The context whose device the buffer is on.
     pub(super) fn context(&self) -> &Arc<Context> {
         &self.memory.context

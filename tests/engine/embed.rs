@@ -10,6 +10,7 @@ use camsplat::plan::preparation::Preparation;
 use camsplat::plan::record::Status;
 use camsplat::plan::run::Outcome;
 use camsplat::plan::target::{RegionChoice, Target};
+use camsplat::primitives::{Count, RadixSort, twin};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::samples;
 use camsplat::visibility::device_scene::DeviceScene;
@@ -252,6 +253,53 @@ fn a_host_takes_the_cameras_from_the_device() {
     let found: Vec<u8> = target.read(target.size() as usize).unwrap();
     assert_eq!(found, bytemuck::cast_slice::<_, u8>(&planner.splats().unwrap()));
     assert_ne!(planner.splats().unwrap(), planner.start());
+    assert_eq!(*host.messages.lock().unwrap(), [""; 0]);
+}
+
+/// If this failed, a host's buffers could not be sorted in place, what lies beside the part that it lends would be overwritten, or a part
+/// that stages cannot use would be taken.
+#[test]
+fn a_part_of_a_hosts_buffer_is_sorted_in_place() {
+    let own = Context::new(&Options::default()).unwrap();
+    let host = Host::new(&own.physical().name);
+    let context = host.adopted();
+    let step = context.physical().storage_alignment.max(64);
+    // The host's buffer has keys, then a gap, then values, each with something before and behind it.
+    let keys: Vec<u32> = (0..500u32).map(|i| i.wrapping_mul(2_654_435_761) >> 8).collect();
+    let words = (step / 4) as usize;
+    let [first, second] = [words, 3 * words + 500_usize.next_multiple_of(words)];
+    let mut all = vec![7u32; second + 500 + words];
+    all[first..first + 500].copy_from_slice(&keys);
+    all[second..second + 500].copy_from_slice(&(0..500).collect::<Vec<u32>>());
+    let whole = Buffer::from_slice(&context, "the host's", &all).unwrap();
+    let usage =
+        vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
+    let wrap = |usage, part| {
+        // SAFETY: the buffer has more usages than these, and outlives what is wrapped here.
+        unsafe { Buffer::wrap(&context, "part", whole.handle(), usage, part) }
+    };
+    let [part_keys, part_values] = [first, second].map(|at| wrap(usage, [4 * at as u64, 2000]).unwrap());
+    let sort = RadixSort::new(&context, 500).unwrap();
+    let mut commands = Recorder::new(&context).unwrap();
+    let sorted = sort.pairs(&mut commands, &part_keys, &part_values, Count::Host(500), 32).unwrap();
+    commands.submit_and_wait().unwrap();
+    let (expected_keys, expected_values) = twin::radix_sort(&keys, &(0..500).collect::<Vec<u32>>(), 32);
+    assert_eq!(sorted.keys.download::<u32>(500).unwrap(), expected_keys);
+    assert_eq!(sorted.values.download::<u32>(500).unwrap(), expected_values);
+    let after: Vec<u32> = whole.download(all.len()).unwrap();
+    let beside = |i: &usize| !(first..first + 500).contains(i) && !(second..second + 500).contains(i);
+    assert!((0..all.len()).filter(beside).all(|i| after[i] == 7));
+
+    for (usage, part, reason) in [
+        (vk::BufferUsageFlags::STORAGE_BUFFER, [0, 64], "made without TRANSFER_SRC | TRANSFER_DST"),
+        (usage, [4 * step + 2, 64], "is no multiple of"),
+        (usage, [0, 0], "0 bytes are not"),
+        (usage, [0, 63], "63 bytes are not"),
+        (usage, [0, u64::MAX - 3], "are not a multiple of four from 4 to"),
+    ] {
+        let refused = wrap(usage, part).err().map(|error| error.to_string()).unwrap_or_default();
+        assert!(refused.contains(reason), "{refused:?} does not say {reason}");
+    }
     assert_eq!(*host.messages.lock().unwrap(), [""; 0]);
 }
 

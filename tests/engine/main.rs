@@ -1,6 +1,7 @@
 //! The library and its stages: known answers, twins, finite differences, and data of others where there is any.
 
 mod captures;
+mod draw;
 mod embed;
 mod expected_quality;
 mod gaussian_data;
