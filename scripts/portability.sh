@@ -13,7 +13,7 @@ cd "$(dirname "$0")/.."
 for tool in cc python3 spirv-val spirv-dis spirv-cross; do
     command -v "$tool" >/dev/null || { echo "portability.sh: no $tool; install the packages that this script names" >&2; exit 2; }
 done
-out=target/portability
+out="${CARGO_TARGET_DIR:-target}/portability"
 mkdir -p "$out"
 flags=(-O1 -std=c11 -Wall -Wextra -Wno-missing-field-initializers)
 cc "${flags[@]}" scripts/portability/pipelines.c -lvulkan -o "$out/pipelines"

@@ -4,7 +4,7 @@ import pathlib
 import subprocess
 from dataclasses import dataclass, field
 
-TOOLS = pathlib.Path("target/portability")
+TOOLS = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", "target"), "portability")
 ICDS = [pathlib.Path(folder) for folder in ("/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d")]
 
 

@@ -1,4 +1,5 @@
 """What the build says of its shaders (shaders.rs, beside the .spv files), and the pipelines that are made of them (pipelines.txt)."""
+import os
 import pathlib
 import re
 from dataclasses import dataclass
@@ -59,7 +60,7 @@ class Pipeline:
 
 def newest():
     """The folder of the last release build."""
-    built = pathlib.Path("target/release/build").glob("camsplat-*/out/shaders.rs")
+    built = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", "target"), "release/build").glob("camsplat-*/out/shaders.rs")
     return max(built, key=lambda path: path.stat().st_mtime, default=pathlib.Path("none/none")).parent
 
 

@@ -93,17 +93,17 @@ impl Planner {
                 }
                 // Iterations have become so slow that submissions would be too long: shorter ones follow when these have run.
                 let too_long = pace.items() < each.min(block) / 3;
-                if too_long && commands.pending() == 0 {
+                if too_long && commands.pending()? == 0 {
                     (commands, each) = (Recorder::new(&self.context)?, pace.items());
                     self.record_in_parts(&mut commands, each)?;
                 }
                 // The device continues meanwhile: two reads may differ.
-                let due = if too_long { 0 } else { due(commands.pending(), left, ahead) };
+                let due = if too_long { 0 } else { due(commands.pending()?, left, ahead) };
                 for _ in 0..due {
                     commands.submit()?;
                 }
                 left -= due;
-                if left == 0 && commands.pending() == 0 {
+                if left == 0 && commands.pending()? == 0 {
                     break;
                 }
                 std::thread::sleep(Duration::from_millis(2));

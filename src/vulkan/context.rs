@@ -234,38 +234,35 @@ impl Context {
         free_memory(&self.instance, self.physical.raw)
     }
 
-    /// Submits command buffers one by one between timeline semaphores, and signals `fence` when they have run. An adopted queue is locked
-    /// for the call.
+    /// Submits command buffers one by one between timeline semaphores, each with a fence that is signalled when it has run. An adopted queue
+    /// is locked for the call.
     pub(super) fn submit(
         &self,
-        parts: &[vk::CommandBuffer],
+        parts: &[(vk::CommandBuffer, vk::Fence)],
         after: &[Timeline],
         signal: &[Timeline],
-        fence: vk::Fence,
     ) -> Result<()> {
         let [waits, signals] = [after, signal].map(|list| list.iter().map(|at| at.semaphore).collect::<Vec<_>>());
         let [from, to] = [after, signal].map(|list| list.iter().map(|at| at.value).collect::<Vec<_>>());
         let stages = vec![vk::PipelineStageFlags::ALL_COMMANDS; after.len()];
         let _guard = lock(&self.queue_lock);
-        for (i, commands) in parts.chunks(1).enumerate() {
-            let mut submit = vk::SubmitInfo::default().command_buffers(commands);
+        for (i, (commands, fence)) in parts.iter().enumerate() {
+            let mut submit = vk::SubmitInfo::default().command_buffers(std::slice::from_ref(commands));
             let mut values = vk::TimelineSemaphoreSubmitInfo::default();
             if i == 0 && !after.is_empty() {
                 submit = submit.wait_semaphores(&waits).wait_dst_stage_mask(&stages);
                 values = values.wait_semaphore_values(&from);
             }
-            let last = i + 1 == parts.len();
-            if last && !signal.is_empty() {
+            if i + 1 == parts.len() && !signal.is_empty() {
                 submit = submit.signal_semaphores(&signals);
                 values = values.signal_semaphore_values(&to);
             }
             if !(after.is_empty() && signal.is_empty()) {
                 submit = submit.push_next(&mut values);
             }
-            let fence = if last { fence } else { vk::Fence::null() };
             // SAFETY: the command buffer is recorded and of this device, the semaphores as the caller of `submit_between` guarantees; the
             // lock makes the queue ours for the call.
-            unsafe { self.device.queue_submit(self.queue, &[submit], fence) }
+            unsafe { self.device.queue_submit(self.queue, &[submit], *fence) }
                 .map_err(|code| self.failure("vkQueueSubmit", code))?;
         }
         Ok(())

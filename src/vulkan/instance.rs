@@ -98,6 +98,11 @@ impl Instance {
         // SAFETY: every pointer in `info` outlives the call.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|code| match code {
             vk::Result::ERROR_INCOMPATIBLE_DRIVER => no_driver(),
+            vk::Result::ERROR_LAYER_NOT_PRESENT | vk::Result::ERROR_EXTENSION_NOT_PRESENT if capture => {
+                Error::NoDevice(
+                    "RenderDoc could not take the capture: its layer is switched off or broken; see `renderdoccmd vulkanlayer`".into(),
+                )
+            }
             code => Error::Vulkan { what: "vkCreateInstance", code },
         })?;
         let messenger = if validation && debug_utils {

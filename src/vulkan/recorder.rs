@@ -1,6 +1,7 @@
 //! Recording: stages into a command buffer, with the barriers that their buffers need.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use ash::vk;
 
@@ -23,7 +24,10 @@ pub struct Recorder {
     // Parts before it, which have ended.
     earlier: Vec<Commands>,
     ended: bool,
+    // Of each part of each submission, in order.
     fences: Vec<vk::Fence>,
+    // When the last one ended, or the first was submitted.
+    progress: Instant,
     // Buffers touched since the last barrier.
     read: Vec<vk::Buffer>,
     written: Vec<vk::Buffer>,
@@ -109,6 +113,7 @@ impl Recorder {
             earlier: Vec::new(),
             ended: false,
             fences: Vec::new(),
+            progress: Instant::now(),
             read: Vec::new(),
             written: Vec::new(),
             clock: None,
@@ -282,14 +287,17 @@ impl Recorder {
             self.end()?;
             self.ended = true;
         }
-        let fence = self.context.take_fence()?;
-        let parts = self.earlier.iter().map(|part| part.raw).chain([self.raw]).collect::<Vec<_>>();
-        let submitted = self.context.submit(&parts, after, signal, fence);
+        if self.fences.is_empty() {
+            self.progress = Instant::now();
+        }
+        let parts = self.earlier.iter().map(|part| part.raw).chain([self.raw]);
+        let parts = parts.map(|raw| Ok((raw, self.context.take_fence()?))).collect::<Result<Vec<_>>>()?;
+        let submitted = self.context.submit(&parts, after, signal);
         match submitted {
-            Ok(()) => self.fences.push(fence),
+            Ok(()) => self.fences.extend(parts.iter().map(|part| part.1)),
             // Some parts may run, and nothing will tell of their end.
             Err(_) if parts.len() > 1 => self.lost_sight = true,
-            Err(_) => self.context.give_fence(fence),
+            Err(_) => self.context.give_fence(parts[0].1),
         }
         submitted
     }
@@ -307,37 +315,58 @@ impl Recorder {
             let waited = unsafe { self.context.device.wait_for_fences(&[*fence], true, nanoseconds) };
             match waited {
                 Ok(()) => self.give_fences(1),
-                Err(vk::Result::TIMEOUT) => {
-                    let [first, last] = self.stages.unwrap_or(["none"; 2]);
-                    let seconds = limit.unwrap_or_default().as_secs_f64();
-                    self.given_up = true;
-                    return Err(Error::Unfinished { first, last, seconds });
-                }
-                Err(code) => {
-                    if code == vk::Result::ERROR_DEVICE_LOST {
-                        // Nothing will signal the fences any more.
-                        self.give_fences(self.fences.len());
-                    }
-                    return Err(self.context.failure("vkWaitForFences", code));
-                }
+                Err(vk::Result::TIMEOUT) => return Err(self.unfinished()),
+                Err(code) => return Err(self.lost("vkWaitForFences", code)),
             }
         }
         self.given_up = false;
         Ok(())
     }
 
+    /// How many times this was submitted and has not ended yet.
+    ///
+    /// # Errors
+    /// As [`Recorder::wait`].
+    pub fn pending(&mut self) -> Result<usize> {
+        while let Some(fence) = self.fences.first() {
+            // SAFETY: the fence is live.
+            match unsafe { self.context.device.get_fence_status(*fence) } {
+                Ok(true) => self.give_fences(1),
+                Ok(false) => {
+                    let late = self.context.wait_limit().is_some_and(|limit| self.progress.elapsed() > limit);
+                    return if late { Err(self.unfinished()) } else { Ok(self.fences.len().div_ceil(self.parts())) };
+                }
+                Err(code) => return Err(self.lost("vkGetFenceStatus", code)),
+            }
+        }
+        Ok(0)
+    }
+
+    /// Parts of a submission.
+    fn parts(&self) -> usize {
+        1 + self.earlier.len()
+    }
+
+    /// The error where the limit of waiting is reached.
+    fn unfinished(&mut self) -> Error {
+        let [first, last] = self.stages.unwrap_or(["none"; 2]);
+        let seconds = self.context.wait_limit().unwrap_or_default().as_secs_f64();
+        self.given_up = true;
+        Error::Unfinished { first, last, seconds }
+    }
+
+    /// The error of a call that failed; of a lost device nothing will signal the fences any more.
+    fn lost(&mut self, what: &'static str, code: vk::Result) -> Error {
+        if code == vk::Result::ERROR_DEVICE_LOST {
+            self.give_fences(self.fences.len());
+        }
+        self.context.failure(what, code)
+    }
+
     /// Returns the first fences, which nothing will signal any more.
     fn give_fences(&mut self, count: usize) {
         self.fences.drain(..count).for_each(|fence| self.context.give_fence(fence));
-    }
-
-    /// Submissions that have not ended yet.
-    pub fn pending(&self) -> usize {
-        // Of a lost device nothing runs any more: waiting reports it.
-        // SAFETY: the fences are live.
-        let running =
-            |fence: &&vk::Fence| matches!(unsafe { self.context.device.get_fence_status(**fence) }, Ok(false));
-        self.fences.iter().filter(running).count()
+        self.progress = Instant::now();
     }
 
     /// [`Recorder::submit`] and [`Recorder::wait`].

@@ -241,7 +241,7 @@ fn a_host_takes_the_cameras_from_the_device() {
             .wait_dst_stage_mask(&waits)
             .push_next(&mut values);
         host.device.queue_submit(host.queue, &[copy], vk::Fence::null()).unwrap();
-        before = (planner.done(), block.pending());
+        before = (planner.done(), block.pending().unwrap());
         host.device.signal_semaphore(&vk::SemaphoreSignalInfo::default().semaphore(semaphore).value(1)).unwrap();
         host.device.device_wait_idle().unwrap();
         host.device.free_command_buffers(host.pool, &commands);

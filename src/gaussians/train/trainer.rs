@@ -316,7 +316,7 @@ impl Trainer {
                 self.pace = pace;
                 return Ok(gpu_ms);
             };
-            if oldest.pending() == 0 {
+            if oldest.pending()? == 0 {
                 oldest.wait()?;
                 let timings = oldest.timings()?;
                 // Without timestamps the time has that of those before it in it.
