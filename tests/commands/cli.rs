@@ -275,6 +275,22 @@ fn devices_are_listed_with_what_they_have() {
     }
 }
 
+/// If this failed, a plan would take minutes on the CPU, and nobody would say that the GPU's driver is missing.
+#[test]
+fn software_in_place_of_a_gpu_is_a_warning_unless_asked_for() {
+    let place = Place::new();
+    if !place.done("devices").out.starts_with("0: llvmpipe") {
+        println!("skipped: there is a GPU");
+        return;
+    }
+    let plan = format!("plan ball.ply --out o {SHORT} --dry-run");
+    let warning = "warning: this runs on llvmpipe";
+    let said = |out: &str| out.lines().filter(|line| line.starts_with(warning)).count();
+    let ran = place.done(&plan);
+    assert!(said(&ran.out) == 1 && ran.out.contains("no GPU with a Vulkan driver"), "{}", ran.out);
+    assert_eq!(said(&place.done(&format!("{plan} --device 0")).out), 0);
+}
+
 /// If this failed, `camsplat plan ... | head -1` would lose the plan: writing to a closed pipe fails.
 #[test]
 fn a_reader_that_goes_away_costs_nothing() {

@@ -208,7 +208,7 @@ fn a_barrier_within_the_region_is_planned_with() {
     // What such a plan was made for is in its file, and cameras that do not keep it are counted.
     let scored = place.done("score ball.ply o --heights=-2.9,-2.6").out;
     assert!(scored.contains(" of 5 cameras are outside of the limits"), "{scored}");
-    assert!(!place.done("score ball.ply o").out.contains("warning"));
+    assert_eq!(place.done("score ball.ply o").warnings(), [""; 0]);
     let kept = place.run("score ball.ply o --json rope.json");
     assert!(kept.code == Some(2) && place.read("rope.json").contains("boxes"), "{}", kept.err);
 }

@@ -46,6 +46,14 @@ pub struct Ran {
     pub err: String,
 }
 
+impl Ran {
+    /// Lines that warn of something other than a CPU device, which tests may run on.
+    pub fn warnings(&self) -> Vec<&str> {
+        let lines = self.out.lines().filter(|line| line.contains("warning"));
+        lines.filter(|line| !line.starts_with("warning: this runs on ")).collect()
+    }
+}
+
 impl Place {
     pub fn new() -> Self {
         let place = Self { folder: tempfile::tempdir().unwrap() };
@@ -93,6 +101,9 @@ impl Place {
         let mut command = Command::new(env!("CARGO_BIN_EXE_camsplat"));
         command.args(arguments.split_whitespace()).current_dir(self.folder.path());
         command.env_remove("CAMSPLAT_VALIDATION").env_remove("CAMSPLAT_LPIPS_VGG");
+        if validated() {
+            command.env("CAMSPLAT_VALIDATION", "1");
+        }
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     }
@@ -111,13 +122,17 @@ impl Place {
     }
 }
 
-/// What a process that ended leaves.
+/// Whether the validation layers watch every command (`CAMSPLAT_TEST_VALIDATION=1 cargo test --release --test commands`), which takes several
+/// times as long.
+fn validated() -> bool {
+    std::env::var_os("CAMSPLAT_TEST_VALIDATION").is_some()
+}
+
+/// What a process that ended leaves; fails where the validation layers had something to say.
 pub fn ended(output: Output) -> Ran {
-    Ran {
-        code: output.status.code(),
-        out: String::from_utf8(output.stdout).unwrap(),
-        err: String::from_utf8(output.stderr).unwrap(),
-    }
+    let [out, err] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+    assert!(!err.lines().any(|line| line.starts_with("validation: ")), "{err}");
+    Ran { code: output.status.code(), out, err }
 }
 
 /// Reads a child's output up to the line that starts with `start`; fails where there is none.
