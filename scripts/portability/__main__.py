@@ -99,6 +99,8 @@ def main(arguments):
     section("Required subgroup sizes", WIDTHS, tables.widths(pipelines, of["AMD"] + of["Intel"]))
     section("Budgets", BUDGETS, tables.budgets(pipelines, of["AMD"] + of["Intel"]))
     section("Failures", "\n".join(f"* {line}" for line in failures) or "None.")
+    for line in failures:
+        print(f"portability.sh: {line}", file=sys.stderr)
     return 1 if failures else 0
 
 

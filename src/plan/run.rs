@@ -82,8 +82,7 @@ impl Planner {
             asked = self.run_first_block(&mut pace, &mut observe)?;
             let ahead = (AHEAD / block).max(2) as usize;
             let mut left = if asked { 0 } else { blocks - 1 };
-            let (mut commands, mut each) = (Recorder::new(&self.context)?, pace.items());
-            self.record_in_parts(&mut commands, each)?;
+            let (mut commands, mut each) = self.block_in_parts(&pace)?;
             let mut looked = (Instant::now(), self.done());
             loop {
                 let (now, done) = (Instant::now(), self.done());
@@ -92,10 +91,9 @@ impl Planner {
                     looked = (now, done);
                 }
                 // Iterations have become so slow that submissions would be too long: shorter ones follow when these have run.
-                let too_long = pace.items() < each.min(block) / 3;
-                if too_long && commands.pending()? == 0 {
-                    (commands, each) = (Recorder::new(&self.context)?, pace.items());
-                    self.record_in_parts(&mut commands, each)?;
+                let too_long = pace.items() < each / 3;
+                if too_long && left > 0 && commands.pending()? == 0 {
+                    (commands, each) = self.block_in_parts(&pace)?;
                 }
                 // The device continues meanwhile: two reads may differ.
                 let due = if too_long { 0 } else { due(commands.pending()?, left, ahead) };
@@ -122,6 +120,14 @@ impl Planner {
             )));
         }
         Ok(outcome)
+    }
+
+    /// A block in submissions of as many iterations as the pace allows, and how many that are.
+    fn block_in_parts(&self, pace: &Pace) -> Result<(Recorder, u32)> {
+        let each = pace.items().min(self.block());
+        let mut commands = Recorder::new(&self.context)?;
+        self.record_in_parts(&mut commands, each)?;
+        Ok((commands, each))
     }
 
     /// Records a block in submissions of so many iterations.

@@ -3,7 +3,7 @@
 use super::physical::{Class, Physical};
 use crate::{Error, Result};
 
-/// With less free memory than this a GPU comes after those that have more: plans of a few dozen views need about as much.
+/// A GPU with less free memory than this is in use by something else, and comes after those that have more.
 const LITTLE_MEMORY: u64 = 256 << 20;
 
 /// A device, and what the user should know of the choice: a line each.

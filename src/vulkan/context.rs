@@ -297,12 +297,7 @@ impl Context {
 
     /// A name or label behind the host's prefix.
     pub(super) fn prefixed<'n>(&self, name: &'n CStr) -> Cow<'n, CStr> {
-        let both = || CString::new([self.prefix.as_bytes(), name.to_bytes()].concat());
-        match self.prefix.is_empty() {
-            true => Cow::Borrowed(name),
-            // A prefix with a NUL is none.
-            false => both().map_or(Cow::Borrowed(name), Cow::Owned),
-        }
+        prefixed(&self.prefix, name)
     }
 
     pub(super) fn name<T: vk::Handle>(&self, handle: T, name: &CStr) {
@@ -312,6 +307,15 @@ impl Context {
             // SAFETY: the handle is live and of this device. A name that could not be set is not worth an error.
             let _ = unsafe { functions.set_debug_utils_object_name(&info) };
         }
+    }
+}
+
+fn prefixed<'n>(prefix: &str, name: &'n CStr) -> Cow<'n, CStr> {
+    let both = || CString::new([prefix.as_bytes(), name.to_bytes()].concat());
+    match prefix.is_empty() {
+        true => Cow::Borrowed(name),
+        // A prefix with a NUL is none.
+        false => both().map_or(Cow::Borrowed(name), Cow::Owned),
     }
 }
 
@@ -421,5 +425,17 @@ impl Context {
             lock(fences).drain(..).for_each(|fence| self.device.destroy_fence(fence, None));
             lock(queries).drain(..).for_each(|Queries { pool, .. }| self.device.destroy_query_pool(pool, None));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a host could not tell the engine's stages in a capture from its own, or a NUL in its prefix would end the process.
+    #[test]
+    fn names_are_behind_the_prefix() {
+        assert_eq!(prefixed("camsplat/", c"look").as_ref(), c"camsplat/look");
+        assert_eq!((prefixed("", c"look").as_ref(), prefixed("a\0b", c"look").as_ref()), (c"look", c"look"));
     }
 }

@@ -152,7 +152,8 @@ impl<'a, P: Pod> StageRecord<'_, 'a, P> {
         }
         recorder.stop_clock();
         if recorder.context.debug_sync && recorder.owned() && recorder.clock.is_none() {
-            recorder.failure = recorder.run_now(shader.name).err();
+            let ran = recorder.run_now(shader.name);
+            recorder.failure = ran.err().or(recorder.failure.take());
         }
     }
 }

@@ -10,10 +10,10 @@ use super::recorder::Recorder;
 use crate::Result;
 
 /// What a submission is to take.
-pub(crate) const TARGET: Duration = Duration::from_millis(100);
+const TARGET: Duration = Duration::from_millis(100);
 
-/// Learns from submissions how many items of like work the next one should hold. It grows twofold at most, so that one takes more than half a
-/// second only where an item costs five times as much as those before it.
+/// Learns from submissions how many items of like work the next one should hold: as many as take 100 ms if each costs what those of the last one
+/// cost, and at most twice as many as before. So one takes more than half a second only where an item costs five times as much.
 #[derive(Clone, Debug)]
 pub(crate) struct Pace {
     items: u32,
@@ -32,6 +32,9 @@ impl Pace {
 
     /// A submission of so many items took so long.
     pub fn took(&mut self, items: u32, time: Duration) {
+        if items == 0 {
+            return;
+        }
         let fit = f64::from(items) * TARGET.as_secs_f64() / time.as_secs_f64().max(1e-9);
         // A short one shows what an item costs, but not that many cost as much.
         let most = if items > self.items / 2 { self.items.saturating_mul(2) } else { self.items };
@@ -92,6 +95,10 @@ mod tests {
             let [longest, usual] = run(4, items, |_| item);
             assert!(longest <= 0.11 && usual > 0.08, "{item} s an item: longest {longest}, usually {usual}");
         }
+        // Nothing to do teaches nothing.
+        let mut pace = Pace::new(1000);
+        pace.took(0, Duration::from_secs(1));
+        assert_eq!(pace.items(), 1000);
         // An item alone takes longer: one at a time.
         assert!(run(4, 50, |_| 0.3)[1] < 0.31);
         // Work that grows, that varies from item to item, and that becomes four times as heavy at once.

@@ -278,6 +278,7 @@ impl Recorder {
     /// Where the device fails.
     pub unsafe fn submit_between(&mut self, after: &[Timeline], signal: &[Timeline]) -> Result<()> {
         if let Some(failure) = self.failure.take() {
+            self.refuse("something could not be recorded, as was said before; record it anew".into());
             return Err(failure);
         }
         if !self.ended {

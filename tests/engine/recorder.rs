@@ -130,6 +130,8 @@ fn what_the_device_cannot_do_is_refused_and_nothing_runs() -> Result<()> {
         record(&mut commands);
         commands.fill(&buffer, 1);
         let refusal = commands.submit_and_wait().unwrap_err().to_string();
+        let again = commands.submit_and_wait().unwrap_err().to_string();
+        assert!(again.contains("record it anew"), "{again}");
         assert_eq!(buffer.download::<u32>(8)?, [7; 8], "{refusal}");
         Ok(refusal)
     };
