@@ -74,6 +74,7 @@ impl Host {
             debug_utils: false,
             prefix: String::new(),
             memory_budget: false,
+            submission_time: None,
             wait_limit: None,
         }
     }

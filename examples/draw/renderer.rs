@@ -359,10 +359,11 @@ impl Renderer {
             device: self.device.clone(),
             queue_family: self.family,
             queue: self.queue,
-            queue_lock: Arc::default(),
+            queue_lock: Arc::new(Mutex::default()),
             debug_utils,
             prefix: "camsplat/".into(),
             memory_budget: false,
+            submission_time: None,
             wait_limit: None,
         }
     }

@@ -127,7 +127,7 @@ impl<'a> Scorer<'a> {
             scene,
             maps: ProbeMaps::new(context, scene, points, RESOLUTION)?,
             pipeline: Pipeline::new::<ScorePointStage>(context, &scene.constants())?,
-            pace: Mutex::new(Pace::new(FIRST_PAIRS)),
+            pace: Mutex::new(Pace::new(context, FIRST_PAIRS)),
         })
     }
 

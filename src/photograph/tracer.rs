@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::assembly::Assembly;
 use super::buffers::{SceneBuffers, bound};
@@ -61,7 +61,7 @@ pub(super) struct PathPace {
 impl PathPace {
     pub fn new(context: &Context) -> Self {
         let on_cpu = context.physical().kind == "CPU";
-        Self { on_cpu, paths: Pace::new(if on_cpu { CPU_PATHS } else { GPU_PATHS } as u32) }
+        Self { on_cpu, paths: Pace::new(context, if on_cpu { CPU_PATHS } else { GPU_PATHS } as u32) }
     }
 
     /// How many places of so many paths a submission should have.
@@ -265,7 +265,7 @@ impl Tracer {
             let count = part.min(pixels - first);
             let mut sample = 0;
             // Of samples, anew for each part: what sky takes says nothing of glass.
-            let mut pace = Pace::new((first_paths / u64::from(part)) as u32);
+            let mut pace = Pace::new(&self.context, (first_paths / u64::from(part)) as u32);
             while sample < all_samples {
                 Error::unless_stopped(go_on())?;
                 let mut commands = Recorder::new(&self.context)?;
@@ -278,9 +278,7 @@ impl Tracer {
                     self.record(&mut commands, &push);
                     sample += samples;
                 }
-                let begun = Instant::now();
-                commands.submit_and_wait()?;
-                pace.took(sample - from, begun.elapsed());
+                pace.took(sample - from, commands.submit_and_wait()?);
                 if sample == half && half > 0 {
                     first_half.extend(self.exposure.download_from::<[f32; 4]>(first as usize, count as usize)?);
                 }

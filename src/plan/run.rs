@@ -54,8 +54,9 @@ impl Planner {
         let (block, blocks) = (self.block(), self.settings.iterations.div_ceil(self.block()));
         let mut asked = false;
         // Of iterations; the first is submitted alone.
-        let mut pace = Pace::new(1);
-        if profile.is_some() || self.context.debug_sync() || self.links.is_some() {
+        let mut pace = Pace::new(&self.context, 1);
+        let block_by_block = self.context.debug_sync() || self.context.submits_one_by_one() || self.links.is_some();
+        if profile.is_some() || block_by_block {
             for block in 0..blocks {
                 // The first links were made with the start.
                 if block > 0 {
@@ -68,8 +69,7 @@ impl Planner {
                 };
                 self.record_in_parts(&mut commands, pace.items())?;
                 let submitted = Instant::now();
-                commands.submit_and_wait()?;
-                pace.took(block, submitted.elapsed());
+                pace.took(block, commands.submit_and_wait()?);
                 if let Some(profile) = profile.as_deref_mut() {
                     profile.device(submitted, &commands.timings()?);
                 }
@@ -148,9 +148,7 @@ impl Planner {
             let end = (first + pace.items()).min(self.block());
             let mut commands = Recorder::new(&self.context)?;
             self.record_part(&mut commands, first..end)?;
-            let submitted = Instant::now();
-            commands.submit_and_wait()?;
-            pace.took(end - first, submitted.elapsed());
+            pace.took(end - first, commands.submit_and_wait()?);
             first = end;
             if observe(self.done()).is_break() {
                 return Ok(true);

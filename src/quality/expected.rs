@@ -127,7 +127,7 @@ impl<'a> Judge<'a> {
             verdicts: Buffer::device(context, "verdicts", u64::from(count) * size_of::<Verdict>() as u64)?,
             pipeline: Pipeline::new::<ExpectedStage>(context, &scene.constants())?,
             viewers,
-            pace: Mutex::new(Pace::new(FIRST_PAIRS)),
+            pace: Mutex::new(Pace::new(context, FIRST_PAIRS)),
         })
     }
 

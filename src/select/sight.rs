@@ -202,7 +202,7 @@ fn cast(
     let framed_on_device = Buffer::from_slice(context, "framed", &framed.bits)?;
     let seen = Buffer::device(context, "seen", framed.bytes() as u64)?;
     let rows = (RAYS / (32 * framed.words)).max(1);
-    in_parts(context, &mut Pace::new(rows as u32), [probes.len() as u32, 1], |commands, part| {
+    in_parts(context, &mut Pace::new(context, rows as u32), [probes.len() as u32, 1], |commands, part| {
         for first in part.clone().step_by(rows) {
             let points = (rows as u32).min(part.end - first);
             commands

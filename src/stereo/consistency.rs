@@ -47,7 +47,7 @@ pub fn check(
     let pipeline = Pipeline::new::<CheckDepthStage>(context, &())?;
     let depth_buffer = Buffer::from_slice(context, "depths", depths)?;
     let support = Buffer::device(context, "support", 4 * depths.len() as u64)?;
-    in_parts(context, &mut Pace::new(1), [views.len() as u32, 1], |commands, part| {
+    in_parts(context, &mut Pace::new(context, 1), [views.len() as u32, 1], |commands, part| {
         for reference in part {
             let view = &views[reference as usize];
             commands

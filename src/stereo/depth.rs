@@ -200,7 +200,7 @@ impl Sweeper {
             pictures: Buffer::from_slice(context, "pictures", pictures)?,
             pairs: Buffer::from_slice(context, "pairs", pairs)?,
             planes: [planes()?, planes()?],
-            pace: Mutex::new(Pace::new(FIRST_ROWS)),
+            pace: Mutex::new(Pace::new(context, FIRST_ROWS)),
         })
     }
 

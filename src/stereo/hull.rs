@@ -105,7 +105,7 @@ impl Hull {
             behind: evidence.behind,
         };
         let groups = grid.voxels().div_ceil(64) as u32;
-        in_parts(context, &mut Pace::new(FIRST_GROUPS), [groups, 1], |commands, part| {
+        in_parts(context, &mut Pace::new(context, FIRST_GROUPS), [groups, 1], |commands, part| {
             commands
                 .stage(&pipeline, CarveStage { views: &views, masks: &masks, depths: &depths, hull: &buffer })
                 .push(&push(part.start))

@@ -112,7 +112,7 @@ impl ProbeMaps {
         let pipeline = Pipeline::new::<ProbeDepthStage>(context, &scene.constants())?;
         let sky = Pipeline::new::<ProbeSkyStage>(context, &())?;
         let rows = (RAYS / texels).max(1);
-        in_parts(context, &mut Pace::new(rows), [probes.len() as u32, 1], |commands, part| {
+        in_parts(context, &mut Pace::new(context, rows), [probes.len() as u32, 1], |commands, part| {
             for first in part.clone().step_by(rows as usize) {
                 let rays = rows.min(part.end - first) * texels;
                 commands

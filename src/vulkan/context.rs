@@ -12,7 +12,9 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
 use super::choice::{Choice, choose};
 use super::instance::Instance;
+use super::pace::TARGET;
 use super::physical::{Physical, free_memory};
+use super::queue::QueueLock;
 use super::reuse::{Commands, Queries, Reusable, keep};
 use super::timeline::Timeline;
 use crate::parallel::lock;
@@ -53,7 +55,8 @@ pub struct Context {
     pub(super) pipeline_cache: vk::PipelineCache,
     pub(super) reusable: Reusable,
     queue: vk::Queue,
-    queue_lock: Arc<Mutex<()>>,
+    queue_lock: Arc<dyn QueueLock>,
+    submission_time: Option<Duration>,
     physical: Physical,
     owned: bool,
     // Bytes of buffers in device memory now, and most at once.
@@ -67,7 +70,8 @@ pub(super) struct Parts {
     pub physical: Physical,
     pub device: ash::Device,
     pub queue: vk::Queue,
-    pub queue_lock: Arc<Mutex<()>>,
+    pub queue_lock: Arc<dyn QueueLock>,
+    pub submission_time: Option<Duration>,
     pub checkpoints: bool,
     pub debug_sync: bool,
     pub wait_limit: Option<Duration>,
@@ -132,7 +136,8 @@ impl Context {
             physical,
             device,
             queue,
-            queue_lock: Arc::default(),
+            queue_lock: Arc::new(Mutex::default()),
+            submission_time: None,
             checkpoints,
             debug_sync: options.debug_sync,
             wait_limit: options.wait_limit,
@@ -144,7 +149,7 @@ impl Context {
 
     pub(super) fn assemble(parts: Parts) -> Result<Arc<Self>> {
         let Parts { instance, physical, device, queue, queue_lock, checkpoints, debug_sync, .. } = parts;
-        let Parts { wait_limit, notes, prefix, owned, .. } = parts;
+        let Parts { submission_time, wait_limit, notes, prefix, owned, .. } = parts;
         let mut debug_settings = gpu_allocator::AllocatorDebugSettings::default();
         debug_settings.log_leaks_on_shutdown = false;
         let allocator = Allocator::new(&AllocatorCreateDesc {
@@ -174,6 +179,7 @@ impl Context {
             reusable: Reusable::default(),
             queue,
             queue_lock,
+            submission_time,
             physical,
             owned,
             allocated: Default::default(),
@@ -195,6 +201,16 @@ impl Context {
     /// How long a submission may take; for ever where absent.
     pub(super) fn wait_limit(&self) -> Option<Duration> {
         self.wait_limit
+    }
+
+    /// What a submission is to take.
+    pub(super) fn submission_time(&self) -> Duration {
+        self.submission_time.unwrap_or(TARGET)
+    }
+
+    /// Whether a host wants to wait for one submission at most: then each is waited for before the next.
+    pub(crate) fn submits_one_by_one(&self) -> bool {
+        self.submission_time.is_some()
     }
 
     /// Whether every stage is waited for.
@@ -234,8 +250,8 @@ impl Context {
         free_memory(&self.instance, self.physical.raw)
     }
 
-    /// Submits command buffers one by one between timeline semaphores, each with a fence that is signalled when it has run. An adopted queue
-    /// is locked for the call.
+    /// Submits command buffers one by one between timeline semaphores, each with a fence that is signalled when it has run. The queue is
+    /// locked for each.
     pub(super) fn submit(
         &self,
         parts: &[(vk::CommandBuffer, vk::Fence)],
@@ -245,7 +261,6 @@ impl Context {
         let [waits, signals] = [after, signal].map(|list| list.iter().map(|at| at.semaphore).collect::<Vec<_>>());
         let [from, to] = [after, signal].map(|list| list.iter().map(|at| at.value).collect::<Vec<_>>());
         let stages = vec![vk::PipelineStageFlags::ALL_COMMANDS; after.len()];
-        let _guard = lock(&self.queue_lock);
         for (i, (commands, fence)) in parts.iter().enumerate() {
             let mut submit = vk::SubmitInfo::default().command_buffers(std::slice::from_ref(commands));
             let mut values = vk::TimelineSemaphoreSubmitInfo::default();
@@ -260,10 +275,13 @@ impl Context {
             if !(after.is_empty() && signal.is_empty()) {
                 submit = submit.push_next(&mut values);
             }
-            // SAFETY: the command buffer is recorded and of this device, the semaphores as the caller of `submit_between` guarantees; the
-            // lock makes the queue ours for the call.
-            unsafe { self.device.queue_submit(self.queue, &[submit], *fence) }
-                .map_err(|code| self.failure("vkQueueSubmit", code))?;
+            let mut submitted = Err(vk::Result::NOT_READY);
+            self.queue_lock.locked(&mut || {
+                // SAFETY: the command buffer is recorded and of this device, the semaphores as the caller of `submit_between` guarantees; the
+                // lock makes the queue ours for the call.
+                submitted = unsafe { self.device.queue_submit(self.queue, &[submit], *fence) };
+            });
+            submitted.map_err(|code| self.failure("vkQueueSubmit", code))?;
         }
         Ok(())
     }

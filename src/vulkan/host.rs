@@ -8,6 +8,7 @@ use ash::vk::{self, Handle};
 use super::context::{Context, Parts};
 use super::instance::Instance;
 use super::physical::Physical;
+pub use super::queue::QueueLock;
 pub use super::timeline::Timeline;
 use crate::{Error, Result};
 
@@ -25,9 +26,13 @@ pub struct HostDevice {
     pub queue_family: u32,
     /// The queue that the engine submits to where the host does not submit itself.
     pub queue: vk::Queue,
-    /// Taken by the engine around every submission to `queue`; the host takes the same lock around its own. A host that lends a queue
-    /// that it does not use itself need not take it, and orders its work by timeline semaphores ([`Timeline`]).
-    pub queue_lock: Arc<Mutex<()>>,
+    /// Taken by the engine around every `vkQueueSubmit` to `queue`, a [`Mutex`] or the host's own; the host takes the same lock around its
+    /// own. A host that lends a queue that it does not use itself need not take it, and orders its work by timeline semaphores
+    /// ([`Timeline`]).
+    pub queue_lock: Arc<dyn QueueLock>,
+    /// What a submission is to take; 100 ms where absent. Where it is given, the engine waits for each submission that it makes by itself
+    /// before the next, so that the host's work waits for no more than one.
+    pub submission_time: Option<Duration>,
     /// Whether `VK_EXT_debug_utils` is enabled on the instance: buffers, pipelines and stages then have names in captures.
     pub debug_utils: bool,
     /// What those names begin with ("camsplat/").
@@ -75,7 +80,8 @@ impl HostDevice {
                 device,
                 queue_family,
                 queue: vk::Queue::from_raw(queue),
-                queue_lock: Arc::default(),
+                queue_lock: Arc::new(Mutex::default()),
+                submission_time: None,
                 debug_utils: false,
                 prefix: String::new(),
                 memory_budget: false,
@@ -132,6 +138,7 @@ impl Context {
             device,
             queue,
             queue_lock,
+            submission_time: host.submission_time,
             checkpoints: false,
             debug_sync: false,
             wait_limit: host.wait_limit,

@@ -19,6 +19,7 @@ pub(crate) mod pace;
 pub mod physical;
 pub(crate) mod pipeline;
 pub mod profile;
+mod queue;
 pub mod recorder;
 mod reuse;
 pub(crate) mod shaders;

@@ -3,26 +3,32 @@
 
 use std::ops::Range;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::context::Context;
 use super::recorder::Recorder;
 use crate::Result;
 
-/// What a submission is to take.
-const TARGET: Duration = Duration::from_millis(100);
+/// What a submission is to take, unless a host says otherwise.
+pub(super) const TARGET: Duration = Duration::from_millis(100);
 
-/// Learns from submissions how many items of like work the next one should hold: as many as take 100 ms if each costs what those of the last one
-/// cost, and at most twice as many as before. So one takes more than half a second only where an item costs five times as much.
+/// Learns from submissions how many items of like work the next one should hold: as many as take 100 ms, or what the host says, if each costs what
+/// those of the last one cost, and at most twice as many as before. So one takes five times as long only where an item costs five times as much.
 #[derive(Clone, Debug)]
 pub(crate) struct Pace {
     items: u32,
+    target: Duration,
 }
 
 impl Pace {
-    /// Begins with so many items: few enough for the slowest device.
-    pub fn new(first: u32) -> Self {
-        Self { items: first.max(1) }
+    /// Begins with so many items, few enough for 100 ms on the slowest device, or fewer where submissions are to be shorter.
+    pub fn new(context: &Context, first: u32) -> Self {
+        Self::toward(context.submission_time(), first)
+    }
+
+    fn toward(target: Duration, first: u32) -> Self {
+        let fewer = f64::from(first) * (target.as_secs_f64() / TARGET.as_secs_f64()).min(1.0);
+        Self { items: (fewer as u32).max(1), target }
     }
 
     /// Items of the next submission.
@@ -35,7 +41,7 @@ impl Pace {
         if items == 0 {
             return;
         }
-        let fit = f64::from(items) * TARGET.as_secs_f64() / time.as_secs_f64().max(1e-9);
+        let fit = f64::from(items) * self.target.as_secs_f64() / time.as_secs_f64().max(1e-9);
         // A short one shows what an item costs, but not that many cost as much.
         let most = if items > self.items / 2 { self.items.saturating_mul(2) } else { self.items };
         self.items = (fit as u32).clamp(1, most);
@@ -58,9 +64,7 @@ pub(crate) fn in_parts(
         let count = (pace.items() / units.max(1)).clamp(1, items - first);
         let mut commands = Recorder::new(context)?;
         record(&mut commands, first..first + count)?;
-        let begun = Instant::now();
-        commands.submit_and_wait()?;
-        pace.took(count.saturating_mul(units), begun.elapsed());
+        pace.took(count.saturating_mul(units), commands.submit_and_wait()?);
         first += count;
     }
     Ok(())
@@ -72,7 +76,7 @@ mod tests {
 
     /// The longest submission, and the mean of those after the tenth, of a device on which item `i` takes `cost(i)` seconds.
     fn run(first: u32, items: u32, cost: impl Fn(u32) -> f64) -> [f64; 2] {
-        let mut pace = Pace::new(first);
+        let mut pace = Pace::toward(TARGET, first);
         let (mut done, mut times) = (0, Vec::new());
         while done < items {
             let count = pace.items().min(items - done);
@@ -96,9 +100,14 @@ mod tests {
             assert!(longest <= 0.11 && usual > 0.08, "{item} s an item: longest {longest}, usually {usual}");
         }
         // Nothing to do teaches nothing.
-        let mut pace = Pace::new(1000);
+        let mut pace = Pace::toward(TARGET, 1000);
         pace.took(0, Duration::from_secs(1));
         assert_eq!(pace.items(), 1000);
+        // A frame loop's are shorter, the first too.
+        let mut pace = Pace::toward(Duration::from_millis(5), 1000);
+        assert_eq!(pace.items(), 50);
+        pace.took(50, Duration::from_millis(10));
+        assert_eq!(pace.items(), 25);
         // An item alone takes longer: one at a time.
         assert!(run(4, 50, |_| 0.3)[1] < 0.31);
         // Work that grows, that varies from item to item, and that becomes four times as heavy at once.

@@ -1,7 +1,8 @@
 //! Recording: stages into a command buffer, with the barriers that their buffers need.
 
+use std::ops::Range;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use ash::vk;
 
@@ -277,6 +278,12 @@ impl Recorder {
     /// # Errors
     /// Where the device fails.
     pub unsafe fn submit_between(&mut self, after: &[Timeline], signal: &[Timeline]) -> Result<()> {
+        self.end_recording()?;
+        self.submit_parts(0..self.parts(), after, signal)
+    }
+
+    /// Ends the recording, unless it has ended.
+    fn end_recording(&mut self) -> Result<()> {
         if let Some(failure) = self.failure.take() {
             self.refuse("something could not be recorded, as was said before; record it anew".into());
             return Err(failure);
@@ -288,12 +295,22 @@ impl Recorder {
             self.end()?;
             self.ended = true;
         }
+        Ok(())
+    }
+
+    /// Submits some of the parts.
+    fn submit_parts(&mut self, some: Range<usize>, after: &[Timeline], signal: &[Timeline]) -> Result<()> {
+        let parts = self.earlier.iter().map(|part| part.raw).chain([self.raw]);
+        let parts = parts
+            .skip(some.start)
+            .take(some.len())
+            .map(|raw| Ok((raw, self.context.take_fence()?)))
+            .collect::<Result<Vec<_>>>()?;
+        let submitted = self.context.submit(&parts, after, signal);
+        // Only now: a host may have kept its queue to itself for long.
         if self.fences.is_empty() {
             self.progress = Instant::now();
         }
-        let parts = self.earlier.iter().map(|part| part.raw).chain([self.raw]);
-        let parts = parts.map(|raw| Ok((raw, self.context.take_fence()?))).collect::<Result<Vec<_>>>()?;
-        let submitted = self.context.submit(&parts, after, signal);
         match submitted {
             Ok(()) => self.fences.extend(parts.iter().map(|part| part.1)),
             // Some parts may run, and nothing will tell of their end.
@@ -370,13 +387,21 @@ impl Recorder {
         self.progress = Instant::now();
     }
 
-    /// [`Recorder::submit`] and [`Recorder::wait`].
+    /// [`Recorder::submit`] and [`Recorder::wait`], of the parts between [cuts](Recorder::cut) one by one: a host's submissions wait for one
+    /// part at most. Answers how long they took, without what a host kept its queue to itself for.
     ///
     /// # Errors
     /// As for these.
-    pub fn submit_and_wait(&mut self) -> Result<()> {
-        self.submit()?;
-        self.wait()
+    pub fn submit_and_wait(&mut self) -> Result<Duration> {
+        self.end_recording()?;
+        let mut took = Duration::ZERO;
+        for part in 0..self.parts() {
+            self.submit_parts(part..part + 1, &[], &[])?;
+            let begun = Instant::now();
+            self.wait()?;
+            took += begun.elapsed();
+        }
+        Ok(took)
     }
 
     /// GPU times of the stages of a [`Recorder::timed`] recording whose submission has been waited for.

@@ -148,7 +148,7 @@ impl Trainer {
             config,
             done: 0,
             gpu_ms: 0.0,
-            pace: Pace::new(1),
+            pace: Pace::new(context, 1),
         })
     }
 
@@ -352,7 +352,7 @@ impl Trainer {
         self.ledger.mailbox.write(&[self.done, 0, 0, 0])?;
         let mut commands = Recorder::new(&self.context)?;
         commands.fill(&self.ledger.control, 0);
-        commands.submit_and_wait()
+        commands.submit_and_wait().map(drop)
     }
 
     fn background_of(&self, iteration: u32) -> [f32; 3] {
@@ -430,7 +430,7 @@ impl Trainer {
     pub fn refine(&mut self) -> Result<()> {
         let mut commands = Recorder::new(&self.context)?;
         self.record_refinement(&mut commands, self.done)?;
-        commands.submit_and_wait()
+        commands.submit_and_wait().map(drop)
     }
 
     /// What the model looks like from a view, over the background that tests are shown over.

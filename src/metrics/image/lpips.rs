@@ -2,7 +2,6 @@
 //! Features as a Perceptual Metric"), version 0.1 with its learnt weights.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use super::Rgb8;
 use super::convolve::{Convolve, Kernels};
@@ -85,7 +84,7 @@ impl Lpips {
                 distance: Pipeline::new::<LpipsDistanceStage>(context, &())?,
             },
             room: None,
-            pace: Pace::new(FIRST_PRODUCTS),
+            pace: Pace::new(context, FIRST_PRODUCTS),
         })
     }
 
@@ -182,9 +181,7 @@ impl Lpips {
                 }
             }
         }
-        let begun = Instant::now();
-        commands.submit_and_wait()?;
-        pace.took(products, begun.elapsed());
+        pace.took(products, commands.submit_and_wait()?);
         let sums: Vec<f32> = room.sums.download(TAPS)?;
         Ok(std::array::from_fn(|tap| f64::from(sums[tap]) / pixels[tap]))
     }

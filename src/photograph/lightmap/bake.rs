@@ -2,7 +2,6 @@
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::time::Instant;
 
 use glam::Vec3;
 
@@ -129,9 +128,7 @@ impl Baker<'_> {
                 let groups = self.count.div_ceil(BakeSettleStage::SHADER.local_size[0]);
                 commands.stage(&self.settle, stage).push(&BakeSettlePush { count: self.count }).linear(groups);
             }
-            let begun = Instant::now();
-            commands.submit_and_wait()?;
-            self.pace.took([cells, rays], begun.elapsed());
+            self.pace.took([cells, rays], commands.submit_and_wait()?);
         }
         Ok(())
     }

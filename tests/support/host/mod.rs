@@ -2,10 +2,11 @@
 
 use std::ffi::{CStr, c_char, c_void};
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use ash::vk::{self, Handle};
 use camsplat::Result;
-use camsplat::vulkan::host::{HostDevice, RawHost};
+use camsplat::vulkan::host::{HostDevice, QueueLock, RawHost};
 use camsplat::vulkan::recorder::Kept;
 use camsplat::vulkan::{Context, Recorder};
 
@@ -99,6 +100,13 @@ impl Host {
         unsafe { Context::adopt(HostDevice { queue_family, ..self.lend() }) }
     }
 
+    /// For a host that draws meanwhile, which wants submissions of a millisecond behind a lock of its own.
+    pub fn adopted_between_frames(&self, queue_lock: Arc<dyn QueueLock>) -> Arc<Context> {
+        let submission_time = Some(Duration::from_millis(1));
+        // SAFETY: the host outlives every context of these tests, and submits nothing while the engine does.
+        unsafe { Context::adopt(HostDevice { queue_lock, submission_time, ..self.lend() }) }.unwrap()
+    }
+
     /// What it lends.
     pub fn lend(&self) -> HostDevice {
         HostDevice {
@@ -112,6 +120,7 @@ impl Host {
             debug_utils: true,
             prefix: "camsplat/".into(),
             memory_budget: false,
+            submission_time: None,
             wait_limit: None,
         }
     }

@@ -1,8 +1,7 @@
-/* Plans cameras around a cube from C, on a Vulkan device of the program's own.
- *
- *   cargo rustc --release --lib --no-default-features --features capi --crate-type cdylib
- *   cc -Iinclude examples/plan.c -Ltarget/release -lcamsplat -lvulkan -o plan && LD_LIBRARY_PATH=target/release ./plan
- */
+/* What an application with Vulkan has anyway: an instance, a device and a queue that can compute. */
+#ifndef HOST_H
+#define HOST_H
+
 #include <stdio.h>
 #include <stdlib.h>
 #include <vulkan/vulkan.h>
@@ -16,9 +15,16 @@ static void check(VkResult result, const char *what) {
     }
 }
 
-/* What an application with Vulkan has anyway: instance, device, and a queue that can compute. */
-static CamsplatHost make_device(void) {
-    CamsplatHost host = {0};
+/* The line of an error of camsplat's, and the end of the program. */
+static void fail(CamsplatError *error) {
+    fprintf(stderr, "error: %s\n", camsplat_error_message(error));
+    camsplat_error_free(error);
+    exit(1);
+}
+
+static CamsplatHost make_host(void) {
+    CamsplatHost host;
+    camsplat_host_init(&host, sizeof host);
     VkInstance instance;
     VkApplicationInfo application = {.sType = VK_STRUCTURE_TYPE_APPLICATION_INFO, .apiVersion = VK_API_VERSION_1_2};
     VkInstanceCreateInfo instance_info = {
@@ -66,55 +72,39 @@ static CamsplatHost make_device(void) {
     return host;
 }
 
-static bool progress(void *user, uint32_t done, uint32_t all) {
-    (void)user;
-    fprintf(stderr, "%u of %u iterations\n", done, all);
-    return true; /* continue */
+static void destroy_host(const CamsplatHost *host) {
+    vkDestroyDevice(host->device, NULL);
+    vkDestroyInstance(host->instance, NULL);
 }
 
-int main(void) {
-    const double corners[8][3] = {
+/* A request for twelve cameras around a cube that rests on the ground, Z up. */
+static CamsplatRequest request_around_cube(void) {
+    static const double corners[8][3] = {
         {-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0}, {-1, -1, 2}, {1, -1, 2}, {1, 1, 2}, {-1, 1, 2},
     };
-    const uint32_t triangles[12][3] = {
+    static const uint32_t triangles[12][3] = {
         {0, 2, 1}, {0, 3, 2}, {4, 5, 6}, {4, 6, 7}, {0, 1, 5}, {0, 5, 4},
         {1, 2, 6}, {1, 6, 5}, {2, 3, 7}, {2, 7, 6}, {3, 0, 4}, {3, 4, 7},
     };
-    CamsplatHost host = make_device();
-    CamsplatDevice *device = camsplat_adopt(&host);
-    if (device == NULL) {
-        fprintf(stderr, "error: %s\n", camsplat_error());
-        return 1;
-    }
-
-    CamsplatRequest request = camsplat_request(12);
+    CamsplatRequest request;
+    camsplat_request_init(&request, sizeof request);
+    request.views = 12;
     request.positions = &corners[0][0];
     request.position_count = 8;
     request.triangles = &triangles[0][0];
     request.triangle_count = 12;
     request.up[1] = 0.0;
     request.up[2] = 1.0;
-    request.floor = 0.0; /* it rests on the ground */
-    request.progress = progress;
-    CamsplatPlan *plan = camsplat_plan(device, &request);
-    if (plan == NULL) {
-        fprintf(stderr, "error: %s\n", camsplat_error());
-        return 1;
-    }
-    for (size_t i = 0; i < camsplat_camera_count(plan); ++i) {
+    request.floor = 0.0;
+    return request;
+}
+
+static void print_cameras(const CamsplatPlan *plan) {
+    for (size_t i = 0; i < camsplat_plan_camera_count(plan); ++i) {
         CamsplatCamera camera;
-        camsplat_camera(plan, i, &camera);
+        camsplat_plan_camera(plan, i, &camera, NULL);
         printf("%zu %.4f %.4f %.4f\n", i, camera.position[0], camera.position[1], camera.position[2]);
     }
-    fprintf(stderr, "%+.2f dB expected against the best simple layout\n", camsplat_expected_gain(plan));
-
-    /* An invalid request gives no plan and a line with the reason. */
-    request.views = 0;
-    if (camsplat_plan(device, &request) == NULL) fprintf(stderr, "as expected: %s\n", camsplat_error());
-
-    camsplat_free(plan);
-    camsplat_close(device);
-    vkDestroyDevice(host.device, NULL);
-    vkDestroyInstance(host.instance, NULL);
-    return 0;
 }
+
+#endif
