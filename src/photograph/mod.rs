@@ -16,4 +16,5 @@ pub(crate) mod lights;
 pub(crate) mod metering;
 pub mod noise;
 pub mod outputs;
+mod pace;
 pub mod tracer;

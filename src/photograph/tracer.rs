@@ -2,7 +2,6 @@
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::time::Duration;
 
 use super::assembly::Assembly;
 use super::buffers::{SceneBuffers, bound};
@@ -12,6 +11,7 @@ use super::layout::{
 };
 use super::lightmap::LightMap;
 use super::noise::{self, Halves};
+use super::pace::{CPU_PATHS, GPU_PATHS};
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::random;
 use crate::vulkan::footprint::Footprint;
@@ -22,18 +22,9 @@ use crate::{Error, Result};
 
 /// Stream of the seeds of photographs.
 const SEED_STREAM: u32 = 0x7068_6f74;
-/// Paths of the first submission of a picture, and pixels of a part of it at most: on a CPU they should end within a second, so
-/// that a run can be stopped, on a GPU long before a watchdog interferes.
-const CPU_PATHS: u64 = 1 << 17;
-const GPU_PATHS: u64 = 1 << 20;
 /// Paths of one dispatch on a GPU: the more samples a thread takes, the less it waits for others in the end. On CPU devices
 /// it takes one, since the loops of a thread must stay short there: past 65,535 iterations they end silently.
 const GPU_DISPATCH: u64 = 1 << 23;
-/// Paths of a thread in one dispatch at most where places wait for one another: the longest paths, through glass, decide how long
-/// all take.
-const THREAD_PATHS: u32 = 8;
-/// Places that are in work at once at least.
-const MIN_ITEMS: u32 = 4096;
 /// Bytes of a pixel: its sum, and what lies in its middle.
 const PIXEL: u64 = 16;
 /// Bytes of what is known of its error.
@@ -50,34 +41,6 @@ pub struct Exposure {
     pub seed: u64,
     /// Whether the environment is seen behind the scene; alpha is 0 there where not.
     pub show_sky: bool,
-}
-
-/// How much is submitted at once where the work is independent paths from places.
-pub(super) struct PathPace {
-    on_cpu: bool,
-    paths: Pace,
-}
-
-impl PathPace {
-    pub fn new(context: &Context) -> Self {
-        let on_cpu = context.physical().kind == "CPU";
-        Self { on_cpu, paths: Pace::new(context, if on_cpu { CPU_PATHS } else { GPU_PATHS } as u32) }
-    }
-
-    /// How many places of so many paths a submission should have.
-    pub fn items(&self, paths: u32) -> u32 {
-        (self.paths.items() / paths.max(1)).max(MIN_ITEMS)
-    }
-
-    /// How many paths a thread takes in a dispatch.
-    pub fn in_one_dispatch(&self, paths: u32) -> u32 {
-        if self.on_cpu { 1 } else { paths.clamp(1, THREAD_PATHS) }
-    }
-
-    /// A submission of so many places of so many paths took so long.
-    pub fn took(&mut self, [items, paths]: [u32; 2], time: Duration) {
-        self.paths.took(items.saturating_mul(paths), time);
-    }
 }
 
 /// A photograph, by row from the top left.

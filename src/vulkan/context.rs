@@ -12,7 +12,6 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
 use super::choice::{Choice, choose};
 use super::instance::Instance;
-use super::pace::TARGET;
 use super::physical::{Physical, free_memory};
 use super::queue::QueueLock;
 use super::reuse::{Commands, Queries, Reusable, keep};
@@ -36,6 +35,8 @@ pub struct Options {
     pub wait_limit: Option<Duration>,
 }
 
+/// What a submission is to take, unless a host says otherwise.
+pub(super) const SUBMISSION_TIME: Duration = Duration::from_millis(100);
 /// Longer than any submission is meant to take by a hundred times.
 const WAIT_LIMIT: Duration = Duration::from_secs(60);
 
@@ -205,7 +206,7 @@ impl Context {
 
     /// What a submission is to take.
     pub(super) fn submission_time(&self) -> Duration {
-        self.submission_time.unwrap_or(TARGET)
+        self.submission_time.unwrap_or(SUBMISSION_TIME)
     }
 
     /// Whether a host wants to wait for one submission at most: then each is waited for before the next.

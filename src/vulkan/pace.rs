@@ -5,12 +5,9 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::context::Context;
+use super::context::{Context, SUBMISSION_TIME};
 use super::recorder::Recorder;
 use crate::Result;
-
-/// What a submission is to take, unless a host says otherwise.
-pub(super) const TARGET: Duration = Duration::from_millis(100);
 
 /// Learns from submissions how many items of like work the next one should hold: as many as take 100 ms, or what the host says, if each costs what
 /// those of the last one cost, and at most twice as many as before. So one takes five times as long only where an item costs five times as much.
@@ -27,7 +24,7 @@ impl Pace {
     }
 
     fn toward(target: Duration, first: u32) -> Self {
-        let fewer = f64::from(first) * (target.as_secs_f64() / TARGET.as_secs_f64()).min(1.0);
+        let fewer = f64::from(first) * (target.as_secs_f64() / SUBMISSION_TIME.as_secs_f64()).min(1.0);
         Self { items: (fewer as u32).max(1), target }
     }
 
@@ -76,7 +73,7 @@ mod tests {
 
     /// The longest submission, and the mean of those after the tenth, of a device on which item `i` takes `cost(i)` seconds.
     fn run(first: u32, items: u32, cost: impl Fn(u32) -> f64) -> [f64; 2] {
-        let mut pace = Pace::toward(TARGET, first);
+        let mut pace = Pace::toward(SUBMISSION_TIME, first);
         let (mut done, mut times) = (0, Vec::new());
         while done < items {
             let count = pace.items().min(items - done);
@@ -100,7 +97,7 @@ mod tests {
             assert!(longest <= 0.11 && usual > 0.08, "{item} s an item: longest {longest}, usually {usual}");
         }
         // Nothing to do teaches nothing.
-        let mut pace = Pace::toward(TARGET, 1000);
+        let mut pace = Pace::toward(SUBMISSION_TIME, 1000);
         pace.took(0, Duration::from_secs(1));
         assert_eq!(pace.items(), 1000);
         // A frame loop's are shorter, the first too.

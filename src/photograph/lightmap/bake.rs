@@ -10,7 +10,7 @@ use super::{LightMap, Settings};
 use crate::photograph::assembly::Assembly;
 use crate::photograph::buffers::{SceneBuffers, bound};
 use crate::photograph::layout::{BakeGatherPush, BakeGatherStage, BakeSettlePush, BakeSettleStage, Sum};
-use crate::photograph::tracer::PathPace;
+use crate::photograph::pace::PathPace;
 use crate::scene::random;
 use crate::vulkan::footprint::Footprint;
 use crate::vulkan::stage::Stage;
