@@ -18,7 +18,7 @@
 // See `CAMSPLAT_VERSION_MAJOR`.
 #define CAMSPLAT_VERSION_PATCH 0
 
-// How a call ended.
+// How a call ended. Later versions may have further codes.
 typedef enum CamsplatResult {
   // It did what it should.
   CAMSPLAT_RESULT_OK = 0,
@@ -30,12 +30,15 @@ typedef enum CamsplatResult {
   CAMSPLAT_RESULT_OUT_OF_MEMORY = 3,
   // The device was lost. Close it and, where the application lent it, make another.
   CAMSPLAT_RESULT_DEVICE_LOST = 4,
-  // The device has not finished a submission within a minute.
+  // The device has not finished a submission within the limit. What runs on it may still run: what it uses stays allocated, also after
+  // `camsplat_device_close`. Wait for a device that the application lent (`vkDeviceWaitIdle`, under its lock) before it is destroyed.
   CAMSPLAT_RESULT_UNFINISHED = 5,
   // A Vulkan call failed in another way.
   CAMSPLAT_RESULT_VULKAN = 6,
+  // The application ended it: `lock` returned 0.
+  CAMSPLAT_RESULT_INTERRUPTED = 7,
   // A fault of the library's own; please report it.
-  CAMSPLAT_RESULT_INTERNAL = 7,
+  CAMSPLAT_RESULT_INTERNAL = 8,
 } CamsplatResult;
 
 // A Vulkan device that plans are made on. Several threads may plan on one device at once.
@@ -90,9 +93,10 @@ typedef struct CamsplatHost {
   // 1 where the device was made with `VK_EXT_memory_budget`: what fits is then decided by what is free.
   uint32_t memory_budget;
   // Called before each submission with `lock_user`, on the thread that called this library; or null, together with `unlock`. It may wait
-  // for as long as the application likes, and must return normally.
-  void (*lock)(void *lock_user);
-  // Called after each submission.
+  // for as long as the application likes. Where it returns 0 the queue is not used and `unlock` not called, and the call of this library
+  // ends with `CAMSPLAT_RESULT_INTERRUPTED`: so an application that is closed ends a plan at any time. It must return normally.
+  uint32_t (*lock)(void *lock_user);
+  // Called after each submission, on the same thread.
   void (*unlock)(void *lock_user);
   // What both are called with; usable from every thread that calls this library.
   void *lock_user;
@@ -103,6 +107,9 @@ typedef struct CamsplatHost {
   // What names and labels in capture tools begin with ("camsplat/"), where the instance was made with `VK_EXT_debug_utils`; null: none are
   // given.
   const char *label_prefix;
+  // How long a submission may take before the call fails with `CAMSPLAT_RESULT_UNFINISHED`, in milliseconds, with what the application
+  // has on the queue before it; 0: a minute, and without end on CPU devices.
+  double wait_limit_ms;
 } CamsplatHost;
 
 // A camera: right-handed, world from camera, axes of the camera as in OpenCV (X right, Y down, Z forward). It never changes: what
@@ -131,11 +138,12 @@ typedef struct CamsplatRequest {
   const double *positions;
   // How many there are.
   size_t position_count;
-  // Triangles: three indices of vertices each, counter-clockwise from outside; null where the surface is points.
+  // Triangles: three indices of vertices each, counter-clockwise from outside; null where the surface is points. A mesh without
+  // triangles, such as an empty array, is refused where this is not null.
   const uint32_t *triangles;
   // How many triangles there are.
   size_t triangle_count;
-  // Cameras to plan.
+  // Cameras to plan: up to 200,000, and 2,500 on CPU devices, with those kept.
   uint32_t views;
   // 1 where the cameras are inside a room, 0 where they are around an object.
   uint32_t room;
@@ -162,9 +170,9 @@ typedef struct CamsplatRequest {
   // Another seed gives another plan; the same seed the same one on the same device and driver.
   uint64_t seed;
   // Called now and then, on the thread of `camsplat_plan_make`, with `progress_user`, the iterations done and their total; or null.
-  // Returning false ends the plan early with what there is by then. It must return normally (no exception, no longjmp), and must not
-  // close the device.
-  bool (*progress)(void *progress_user, uint32_t done, uint32_t all);
+  // Returning 0 ends the iterations early; the plan is what there is by then, and `camsplat_plan_interrupted`. It must return normally
+  // (no exception, no longjmp), and must not close the device.
+  uint32_t (*progress)(void *progress_user, uint32_t done, uint32_t all);
   // What `progress` is called with.
   void *progress_user;
   // Iterations; 0: the default for objects or rooms.
@@ -241,7 +249,7 @@ enum CamsplatResult camsplat_devices_info(const struct CamsplatDevices *devices,
 // `devices` is null or one of this library's that is not freed.
 void camsplat_devices_free(struct CamsplatDevices *devices);
 
-// Opens a Vulkan device: the best one where `name` is null, else the one of that number in `camsplat_devices_list` ("1"), or the first
+// Opens a Vulkan device: the best one where `name` is null or empty, else the one of that number in `camsplat_devices_list` ("1"), or the first
 // whose name holds `name`, in whatever case. `device` receives it, or null where this fails.
 //
 // Threads: any.
@@ -317,8 +325,11 @@ void camsplat_request_init(struct CamsplatRequest *request, size_t size);
 
 // Plans. `plan` receives the plan, or null where this fails.
 //
-// Threads: any, several on one device too; the calling thread works and waits until the plan is done. A frame loop calls it on a thread
-// of its own, with a device that was adopted with `lock`, `unlock` and `submission_ms` (`examples/c/frame_loop.c`).
+// Before the first iterations and after the last `progress` is not called; there, `lock` of an adopted device ends a plan.
+//
+// Threads: any, several on one device too, but none of a process that was forked after a plan; the calling thread works and waits until the plan is done. A frame loop calls it on a thread
+// of its own, with a device that was adopted with `lock`, `unlock` and `submission_ms` (`examples/c/frame_loop.c`), and lets `lock`
+// return, with 0 to end the plan, until this has returned.
 //
 // # Safety
 // `device` is null or one of this library's that is not closed while this runs, `request` is null or was initialised, its pointers are
@@ -349,7 +360,7 @@ enum CamsplatResult camsplat_plan_camera(const struct CamsplatPlan *plan,
                                          struct CamsplatError **error);
 
 // Decibels by which trained splats are expected to show the surface better than from the best simple layout: 0 where the plan is that
-// layout, NaN where `plan` is null or nothing was expected.
+// layout, less than 0 at times where the plan was interrupted, NaN where `plan` is null or nothing was expected.
 //
 // Threads: any, until `plan` is freed.
 //
@@ -357,182 +368,13 @@ enum CamsplatResult camsplat_plan_camera(const struct CamsplatPlan *plan,
 // `plan` is null or one of this library's that is not freed.
 double camsplat_plan_expected_gain(const struct CamsplatPlan *plan);
 
-// Frees a plan; null is let be.
-//
-// Threads: any, once no other function uses it.
-//
-// # Safety
-// `plan` is null or one of this library's that is not freed.
-void camsplat_plan_free(struct CamsplatPlan *plan);
-
-// One line of UTF-8 that says what was wrong, where, and what to do. It lives as long as `error`; of null it is empty.
-//
-// Threads: any, until `error` is freed.
-//
-// # Safety
-// `error` is null or one of this library's that is not freed.
-const char *camsplat_error_message(const struct CamsplatError *error);
-
-// Frees an error; null is let be.
-//
-// Threads: any, once.
-//
-// # Safety
-// `error` is null or one of this library's that is not freed.
-void camsplat_error_free(struct CamsplatError *error);
-
-// Initialises what `camsplat_devices_info` and `camsplat_device_info` fill in; `size` is `sizeof *info`.
-//
-// Threads: any.
-//
-// # Safety
-// `info` is null or points at `size` bytes.
-void camsplat_device_info_init(struct CamsplatDeviceInfo *info,
-                               size_t size);
-
-// Initialises what `camsplat_device_adopt` takes; `size` is `sizeof *host`.
-//
-// Threads: any.
-//
-// # Safety
-// `host` is null or points at `size` bytes.
-void camsplat_host_init(struct CamsplatHost *host, size_t size);
-
-// Lists the Vulkan devices of this machine, those that cannot be used too. `devices` receives the list, or null where this fails.
-//
-// Threads: any.
-//
-// # Safety
-// `devices` points at a pointer; `error` is null or points at one.
-enum CamsplatResult camsplat_devices_list(struct CamsplatDevices **devices,
-                                          struct CamsplatError **error);
-
-// How many there are; 0 of null.
-//
-// Threads: any, until `devices` is freed.
-//
-// # Safety
-// `devices` is null or one of this library's that is not freed.
-size_t camsplat_devices_count(const struct CamsplatDevices *devices);
-
-// What the device at `index` is.
-//
-// Threads: any, until `devices` is freed.
-//
-// # Safety
-// `devices` is null or one of this library's that is not freed, `info` is null or was initialised, `error` is null or points at a pointer.
-enum CamsplatResult camsplat_devices_info(const struct CamsplatDevices *devices,
-                                          size_t index,
-                                          struct CamsplatDeviceInfo *info,
-                                          struct CamsplatError **error);
-
-// Frees a list; null is let be.
-//
-// Threads: any, once no other function uses it.
-//
-// # Safety
-// `devices` is null or one of this library's that is not freed.
-void camsplat_devices_free(struct CamsplatDevices *devices);
-
-// Opens a Vulkan device: the best one where `name` is null, else the one of that number in `camsplat_devices_list` ("1"), or the first
-// whose name holds `name`, in whatever case. `device` receives it, or null where this fails.
-//
-// Threads: any.
-//
-// # Safety
-// `name` is null or a string that ends in NUL, `device` points at a pointer, `error` is null or points at one.
-enum CamsplatResult camsplat_device_open(const char *name,
-                                         struct CamsplatDevice **device,
-                                         struct CamsplatError **error);
-
-// Uses a Vulkan device of the application's own. `device` receives it, or null where this fails. Adopt a queue once: two
-// `CamsplatDevice`s on one queue know of each other by `lock` alone.
-//
-// Threads: any; `host` itself is not needed once this returns.
-//
-// # Safety
-// `host` is null or was initialised, and its handles are valid and belong together; `device` points at a pointer, `error` is null or
-// points at one.
-enum CamsplatResult camsplat_device_adopt(const struct CamsplatHost *host,
-                                          struct CamsplatDevice **device,
-                                          struct CamsplatError **error);
-
-// What the device is.
-//
-// Threads: any, until `device` is closed.
-//
-// # Safety
-// `device` is null or one of this library's that is not closed, `info` is null or was initialised, `error` is null or points at a pointer.
-enum CamsplatResult camsplat_device_info(const struct CamsplatDevice *device,
-                                         struct CamsplatDeviceInfo *info,
-                                         struct CamsplatError **error);
-
-// What a user should know of the choice of the device: which GPU was passed over and for what, and whether there is none. Lines with
-// newlines between them, empty where there is nothing to say; they live as long as `device`.
-//
-// Threads: any, until `device` is closed.
-//
-// # Safety
-// `device` is null or one of this library's that is not closed.
-const char *camsplat_device_notes(const struct CamsplatDevice *device);
-
-// Closes a device; null is let be. Plans that were made on it stay. What the application lent is not destroyed.
-//
-// Threads: any, once no other function uses it.
-//
-// # Safety
-// `device` is null or one of this library's that is not closed.
-void camsplat_device_close(struct CamsplatDevice *device);
-
-// Initialises a request; `size` is `sizeof *request`.
-//
-// Threads: any.
-//
-// # Safety
-// `request` is null or points at `size` bytes.
-void camsplat_request_init(struct CamsplatRequest *request, size_t size);
-
-// Plans. `plan` receives the plan, or null where this fails.
-//
-// Threads: any, several on one device too; the calling thread works and waits until the plan is done. A frame loop calls it on a thread
-// of its own, with a device that was adopted with `lock`, `unlock` and `submission_ms` (`examples/c/frame_loop.c`).
-//
-// # Safety
-// `device` is null or one of this library's that is not closed while this runs, `request` is null or was initialised, its pointers are
-// null or point at as many elements as it declares, `plan` points at a pointer, `error` is null or points at one.
-enum CamsplatResult camsplat_plan_make(const struct CamsplatDevice *device,
-                                       const struct CamsplatRequest *request,
-                                       struct CamsplatPlan **plan,
-                                       struct CamsplatError **error);
-
-// Cameras of a plan: those planned, then those kept; 0 of null.
+// 1 where `progress` ended the iterations early, 0 where they are complete or `plan` is null.
 //
 // Threads: any, until `plan` is freed.
 //
 // # Safety
 // `plan` is null or one of this library's that is not freed.
-size_t camsplat_plan_camera_count(const struct CamsplatPlan *plan);
-
-// Writes the camera at `index` to `camera`; nothing is written where this fails.
-//
-// Threads: any, until `plan` is freed.
-//
-// # Safety
-// `plan` is null or one of this library's that is not freed, `camera` is null or points at memory for one, `error` is null or points at a
-// pointer.
-enum CamsplatResult camsplat_plan_camera(const struct CamsplatPlan *plan,
-                                         size_t index,
-                                         struct CamsplatCamera *camera,
-                                         struct CamsplatError **error);
-
-// Decibels by which trained splats are expected to show the surface better than from the best simple layout: 0 where the plan is that
-// layout, NaN where `plan` is null or nothing was expected.
-//
-// Threads: any, until `plan` is freed.
-//
-// # Safety
-// `plan` is null or one of this library's that is not freed.
-double camsplat_plan_expected_gain(const struct CamsplatPlan *plan);
+uint32_t camsplat_plan_interrupted(const struct CamsplatPlan *plan);
 
 // Frees a plan; null is let be.
 //

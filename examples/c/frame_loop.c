@@ -1,11 +1,12 @@
 /* Plans inside a frame loop of 60 Hz, on the one queue that the application draws with.
  *
  * The plan is made on a thread of its own. It takes the application's lock for each submission, no more of them in a frame than the
- * application allows, and has one at a time on the queue, of 4 ms: a frame never waits for more than that.
+ * application allows, and has one at a time on the queue, of 4 ms: a frame never waits for more than that. With a number, the application
+ * is closed after so many frames, and the plan ends with it.
  *
  *   cargo rustc --release --lib --no-default-features --features capi --crate-type cdylib
  *   cc -Iinclude examples/c/frame_loop.c -Ltarget/release -lcamsplat -lvulkan -lpthread -o frame_loop
- *   LD_LIBRARY_PATH=target/release ./frame_loop
+ *   LD_LIBRARY_PATH=target/release ./frame_loop [FRAMES]
  */
 #define _POSIX_C_SOURCE 200809L
 #include <pthread.h>
@@ -25,16 +26,22 @@ typedef struct Gate {
     int left;       /* submissions that the planner may still make in this frame */
     int most;       /* that it made in any frame */
     int submitted;  /* in all */
+    bool closed;    /* whether the application ends */
 } Gate;
 
-static void lock(void *user) {
+static uint32_t lock(void *user) {
     Gate *gate = user;
     pthread_mutex_lock(&gate->mutex);
-    while (gate->left == 0) pthread_cond_wait(&gate->next_frame, &gate->mutex);
+    while (gate->left == 0 && !gate->closed) pthread_cond_wait(&gate->next_frame, &gate->mutex);
+    if (gate->closed) {
+        pthread_mutex_unlock(&gate->mutex);
+        return 0; /* the plan ends */
+    }
     gate->left -= 1;
     gate->submitted += 1;
     int made = SUBMISSIONS_OF_A_FRAME - gate->left;
     if (made > gate->most) gate->most = made;
+    return 1;
 }
 
 static void unlock(void *user) {
@@ -48,12 +55,13 @@ typedef struct Job {
     CamsplatRequest request;
     CamsplatPlan *plan;
     CamsplatError *error;
+    CamsplatResult result;
     atomic_bool done;
 } Job;
 
 static void *plan_on_thread(void *user) {
     Job *job = user;
-    camsplat_plan_make(job->device, &job->request, &job->plan, &job->error);
+    job->result = camsplat_plan_make(job->device, &job->request, &job->plan, &job->error);
     atomic_store(&job->done, true);
     return NULL;
 }
@@ -104,7 +112,7 @@ static double draw(const CamsplatHost *host, const Frame *frame, Gate *gate) {
     pthread_mutex_lock(&gate->mutex);
     check(vkQueueSubmit(host->queue, 1, &submit, frame->fence), "vkQueueSubmit");
     gate->left = SUBMISSIONS_OF_A_FRAME;
-    pthread_cond_signal(&gate->next_frame);
+    pthread_cond_broadcast(&gate->next_frame);
     pthread_mutex_unlock(&gate->mutex);
     check(vkWaitForFences(host->device, 1, &frame->fence, VK_TRUE, UINT64_MAX), "vkWaitForFences");
     check(vkResetFences(host->device, 1, &frame->fence), "vkResetFences");
@@ -119,8 +127,9 @@ static void sleep_until(double ms) {
     nanosleep(&time, NULL);
 }
 
-int main(void) {
+int main(int count, char **arguments) {
     Gate gate = {.mutex = PTHREAD_MUTEX_INITIALIZER, .next_frame = PTHREAD_COND_INITIALIZER};
+    int last = count > 1 ? atoi(arguments[1]) : 0;
     CamsplatHost host = make_host();
     host.lock = lock;
     host.unlock = unlock;
@@ -136,15 +145,24 @@ int main(void) {
     if (pthread_create(&thread, NULL, plan_on_thread, &job) != 0) return 1;
     int frames = 0;
     double longest = 0, next = now_ms();
-    while (!atomic_load(&job.done)) {
+    while (!atomic_load(&job.done) && (last == 0 || frames < last)) {
         double took = draw(&host, &frame, &gate);
         if (took > longest) longest = took;
         frames += 1;
         next += FRAME_MS;
         sleep_until(next);
     }
+    pthread_mutex_lock(&gate.mutex);
+    gate.closed = true;
+    pthread_cond_broadcast(&gate.next_frame);
+    pthread_mutex_unlock(&gate.mutex);
     pthread_join(thread, NULL);
-    if (job.plan == NULL) fail(job.error);
+    if (job.result == CAMSPLAT_RESULT_INTERRUPTED) {
+        fprintf(stderr, "closed: %s\n", camsplat_error_message(job.error));
+        camsplat_error_free(job.error);
+    } else if (job.result != CAMSPLAT_RESULT_OK) {
+        fail(job.error);
+    }
 
     print_cameras(job.plan);
     fprintf(stderr, "%d frames, %d submissions of the planner, %d in a frame at most; longest wait of a frame %.1f ms\n", frames,

@@ -5,10 +5,10 @@
  */
 #include "host.h"
 
-static bool progress(void *user, uint32_t done, uint32_t all) {
+static uint32_t progress(void *user, uint32_t done, uint32_t all) {
     (void)user;
     fprintf(stderr, "%u of %u iterations\n", done, all);
-    return true; /* continue */
+    return 1; /* continue */
 }
 
 int main(void) {

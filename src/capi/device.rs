@@ -80,9 +80,10 @@ pub struct CamsplatHost {
     /// 1 where the device was made with `VK_EXT_memory_budget`: what fits is then decided by what is free.
     pub memory_budget: u32,
     /// Called before each submission with `lock_user`, on the thread that called this library; or null, together with `unlock`. It may wait
-    /// for as long as the application likes, and must return normally.
-    pub lock: Option<unsafe extern "C" fn(lock_user: *mut c_void)>,
-    /// Called after each submission.
+    /// for as long as the application likes. Where it returns 0 the queue is not used and `unlock` not called, and the call of this library
+    /// ends with `CAMSPLAT_RESULT_INTERRUPTED`: so an application that is closed ends a plan at any time. It must return normally.
+    pub lock: Option<unsafe extern "C" fn(lock_user: *mut c_void) -> u32>,
+    /// Called after each submission, on the same thread.
     pub unlock: Option<unsafe extern "C" fn(lock_user: *mut c_void)>,
     /// What both are called with; usable from every thread that calls this library.
     pub lock_user: *mut c_void,
@@ -93,6 +94,9 @@ pub struct CamsplatHost {
     /// What names and labels in capture tools begin with ("camsplat/"), where the instance was made with `VK_EXT_debug_utils`; null: none are
     /// given.
     pub label_prefix: *const c_char,
+    /// How long a submission may take before the call fails with `CAMSPLAT_RESULT_UNFINISHED`, in milliseconds, with what the application
+    /// has on the queue before it; 0: a minute, and without end on CPU devices.
+    pub wait_limit_ms: f64,
 }
 
 // SAFETY: all fields are integers, floats, pointers and functions that may be null; the size comes first.
@@ -129,6 +133,7 @@ unsafe impl Versioned for CamsplatHost {
             lock_user,
             submission_ms: 0.0,
             label_prefix: std::ptr::null(),
+            wait_limit_ms: 0.0,
         }
     }
 }
@@ -223,7 +228,7 @@ pub unsafe extern "C" fn camsplat_devices_free(devices: *mut CamsplatDevices) {
     unsafe { free(devices) };
 }
 
-/// Opens a Vulkan device: the best one where `name` is null, else the one of that number in `camsplat_devices_list` ("1"), or the first
+/// Opens a Vulkan device: the best one where `name` is null or empty, else the one of that number in `camsplat_devices_list` ("1"), or the first
 /// whose name holds `name`, in whatever case. `device` receives it, or null where this fails.
 ///
 /// Threads: any.
@@ -239,7 +244,7 @@ pub unsafe extern "C" fn camsplat_device_open(
     // SAFETY: as the caller guarantees.
     unsafe {
         answer_with(device, error, || {
-            let name = text(name).map(|name| name.to_string_lossy().into_owned());
+            let name = text(name).map(|name| name.to_string_lossy().into_owned()).filter(|name| !name.is_empty());
             Ok(CamsplatDevice::new(Context::new(&Options { device: name, ..Options::default() })?))
         })
     }
@@ -339,7 +344,7 @@ unsafe fn text<'a>(text: *const c_char) -> Option<&'a CStr> {
 
 /// The lock of an application.
 struct Callbacks {
-    lock: unsafe extern "C" fn(*mut c_void),
+    lock: unsafe extern "C" fn(*mut c_void) -> u32,
     unlock: unsafe extern "C" fn(*mut c_void),
     user: *mut c_void,
 }
@@ -352,7 +357,9 @@ unsafe impl Sync for Callbacks {}
 impl QueueLock for Callbacks {
     fn locked(&self, submit: &mut dyn FnMut()) {
         // SAFETY: as the application guarantees with `CamsplatHost`.
-        unsafe { (self.lock)(self.user) };
+        if unsafe { (self.lock)(self.user) } == 0 {
+            return;
+        }
         submit();
         // SAFETY: as above.
         unsafe { (self.unlock)(self.user) };
@@ -370,11 +377,18 @@ unsafe fn adopt(host: &CamsplatHost) -> Result<Arc<Context>> {
     if !(ms == 0.0 || (0.1..=1000.0).contains(&ms)) {
         return Err(Error::request(format!("`submission_ms` is {ms}; give 0, or 0.1 to 1000")));
     }
+    let limit = host.wait_limit_ms;
+    if !(limit == 0.0 || (1.0..=1e9).contains(&limit)) {
+        return Err(Error::request(format!("`wait_limit_ms` is {limit}; give 0, or 1 to 1e9")));
+    }
     let callbacks = match (host.lock, host.unlock) {
         (Some(lock), Some(unlock)) => Some(Callbacks { lock, unlock, user: host.lock_user }),
         (None, None) => None,
         _ => return Err(Error::request("of `lock` and `unlock` one is null; give both, or none")),
     };
+    if host.memory_budget > 1 {
+        return Err(Error::request(format!("`memory_budget` is {}; give 0 or 1", host.memory_budget)));
+    }
     let [instance, physical, device, queue] = handles.map(|handle| handle as u64);
     // SAFETY: both are vkGetInstanceProcAddr, whose dispatchable handle is a pointer and whose result a function or null. The
     // handles are as the caller guarantees, and so is the prefix.
@@ -393,6 +407,7 @@ unsafe fn adopt(host: &CamsplatHost) -> Result<Arc<Context>> {
             (lent.debug_utils, lent.prefix) = (true, prefix.to_string_lossy().into_owned());
         }
         lent.memory_budget = host.memory_budget != 0;
+        lent.wait_limit = (limit > 0.0).then(|| Duration::from_secs_f64(limit / 1e3));
         lent.submission_time = (ms > 0.0).then(|| Duration::from_secs_f64(ms / 1e3));
         Context::adopt(lent)
     }

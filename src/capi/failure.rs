@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::{Error, Result};
 
-/// How a call ended.
+/// How a call ended. Later versions may have further codes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CamsplatResult {
@@ -19,12 +19,15 @@ pub enum CamsplatResult {
     OutOfMemory = 3,
     /// The device was lost. Close it and, where the application lent it, make another.
     DeviceLost = 4,
-    /// The device has not finished a submission within a minute.
+    /// The device has not finished a submission within the limit. What runs on it may still run: what it uses stays allocated, also after
+    /// `camsplat_device_close`. Wait for a device that the application lent (`vkDeviceWaitIdle`, under its lock) before it is destroyed.
     Unfinished = 5,
     /// A Vulkan call failed in another way.
     Vulkan = 6,
+    /// The application ended it: `lock` returned 0.
+    Interrupted = 7,
     /// A fault of the library's own; please report it.
-    Internal = 7,
+    Internal = 8,
 }
 
 /// Why a call failed. Whoever receives one frees it with `camsplat_error_free`.
@@ -63,9 +66,8 @@ fn code(error: &Error) -> CamsplatResult {
         Error::DeviceLost { .. } => CamsplatResult::DeviceLost,
         Error::Unfinished { .. } => CamsplatResult::Unfinished,
         Error::Vulkan { .. } => CamsplatResult::Vulkan,
-        Error::Input { .. } | Error::NotEmpty { .. } | Error::Request(_) | Error::Io { .. } | Error::Interrupted => {
-            CamsplatResult::Invalid
-        }
+        Error::Interrupted => CamsplatResult::Interrupted,
+        Error::Input { .. } | Error::NotEmpty { .. } | Error::Request(_) | Error::Io { .. } => CamsplatResult::Invalid,
     }
 }
 
@@ -85,9 +87,9 @@ pub(super) unsafe fn answer(error: *mut *mut CamsplatError, run: impl FnOnce() -
         let line = CString::new(line.replace('\0', " ")).unwrap_or_default();
         Box::into_raw(Box::new(CamsplatError { line }))
     };
-    // SAFETY: as the caller guarantees.
-    if let Some(error) = unsafe { error.as_mut() } {
-        *error = line.map_or(std::ptr::null_mut(), made);
+    if !error.is_null() {
+        // SAFETY: as the caller guarantees; nothing may have been written there yet.
+        unsafe { error.write(line.map_or(std::ptr::null_mut(), made)) };
     }
     code
 }
@@ -102,10 +104,14 @@ pub(super) unsafe fn answer_with<T>(
     make: impl FnOnce() -> Result<T>,
 ) -> CamsplatResult {
     let run = || {
-        // SAFETY: as the caller guarantees.
-        let place = unsafe { place.as_mut() }.ok_or_else(|| Error::request("the place for the result is null"))?;
-        *place = std::ptr::null_mut();
-        *place = Box::into_raw(Box::new(make()?));
+        if place.is_null() {
+            return Err(Error::request("the place for the result is null"));
+        }
+        // SAFETY: as the caller guarantees; nothing may have been written there yet.
+        unsafe { place.write(std::ptr::null_mut()) };
+        let made = Box::into_raw(Box::new(make()?));
+        // SAFETY: as above.
+        unsafe { place.write(made) };
         Ok(())
     };
     // SAFETY: as the caller guarantees.

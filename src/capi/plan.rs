@@ -51,11 +51,12 @@ pub struct CamsplatRequest {
     pub positions: *const f64,
     /// How many there are.
     pub position_count: usize,
-    /// Triangles: three indices of vertices each, counter-clockwise from outside; null where the surface is points.
+    /// Triangles: three indices of vertices each, counter-clockwise from outside; null where the surface is points. A mesh without
+    /// triangles, such as an empty array, is refused where this is not null.
     pub triangles: *const u32,
     /// How many triangles there are.
     pub triangle_count: usize,
-    /// Cameras to plan.
+    /// Cameras to plan: up to 200,000, and 2,500 on CPU devices, with those kept.
     pub views: u32,
     /// 1 where the cameras are inside a room, 0 where they are around an object.
     pub room: u32,
@@ -82,9 +83,9 @@ pub struct CamsplatRequest {
     /// Another seed gives another plan; the same seed the same one on the same device and driver.
     pub seed: u64,
     /// Called now and then, on the thread of `camsplat_plan_make`, with `progress_user`, the iterations done and their total; or null.
-    /// Returning false ends the plan early with what there is by then. It must return normally (no exception, no longjmp), and must not
-    /// close the device.
-    pub progress: Option<extern "C" fn(progress_user: *mut c_void, done: u32, all: u32) -> bool>,
+    /// Returning 0 ends the iterations early; the plan is what there is by then, and `camsplat_plan_interrupted`. It must return normally
+    /// (no exception, no longjmp), and must not close the device.
+    pub progress: Option<extern "C" fn(progress_user: *mut c_void, done: u32, all: u32) -> u32>,
     /// What `progress` is called with.
     pub progress_user: *mut c_void,
     /// Iterations; 0: the default for objects or rooms.
@@ -141,8 +142,11 @@ pub unsafe extern "C" fn camsplat_request_init(request: *mut CamsplatRequest, si
 
 /// Plans. `plan` receives the plan, or null where this fails.
 ///
-/// Threads: any, several on one device too; the calling thread works and waits until the plan is done. A frame loop calls it on a thread
-/// of its own, with a device that was adopted with `lock`, `unlock` and `submission_ms` (`examples/c/frame_loop.c`).
+/// Before the first iterations and after the last `progress` is not called; there, `lock` of an adopted device ends a plan.
+///
+/// Threads: any, several on one device too, but none of a process that was forked after a plan; the calling thread works and waits until the plan is done. A frame loop calls it on a thread
+/// of its own, with a device that was adopted with `lock`, `unlock` and `submission_ms` (`examples/c/frame_loop.c`), and lets `lock`
+/// return, with 0 to end the plan, until this has returned.
 ///
 /// # Safety
 /// `device` is null or one of this library's that is not closed while this runs, `request` is null or was initialised, its pointers are
@@ -189,15 +193,18 @@ pub unsafe extern "C" fn camsplat_plan_camera(
         answer(error, || {
             let all = &given(plan, "plan")?.plan.record.cameras;
             let none = || Error::request(format!("`index` is {index}, and there are {} cameras", all.len()));
-            let (found, camera) = (all.get(index).ok_or_else(none)?, camera.as_mut());
-            *camera.ok_or_else(|| Error::request("`camera` is null"))? = found.into();
+            let found = all.get(index).ok_or_else(none)?;
+            if camera.is_null() {
+                return Err(Error::request("`camera` is null"));
+            }
+            camera.write(found.into());
             Ok(())
         })
     }
 }
 
 /// Decibels by which trained splats are expected to show the surface better than from the best simple layout: 0 where the plan is that
-/// layout, NaN where `plan` is null or nothing was expected.
+/// layout, less than 0 at times where the plan was interrupted, NaN where `plan` is null or nothing was expected.
 ///
 /// Threads: any, until `plan` is freed.
 ///
@@ -208,6 +215,18 @@ pub unsafe extern "C" fn camsplat_plan_expected_gain(plan: *const CamsplatPlan) 
     // SAFETY: as the caller guarantees.
     let plan = unsafe { plan.as_ref() };
     plan.and_then(|plan| plan.plan.record.expected.as_ref()).map_or(f64::NAN, |expected| expected.db)
+}
+
+/// 1 where `progress` ended the iterations early, 0 where they are complete or `plan` is null.
+///
+/// Threads: any, until `plan` is freed.
+///
+/// # Safety
+/// `plan` is null or one of this library's that is not freed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn camsplat_plan_interrupted(plan: *const CamsplatPlan) -> u32 {
+    // SAFETY: as the caller guarantees.
+    unsafe { plan.as_ref() }.is_some_and(|plan| plan.plan.interrupted()).into()
 }
 
 /// Frees a plan; null is let be.
@@ -236,8 +255,10 @@ unsafe fn made(device: &CamsplatDevice, request: &CamsplatRequest) -> Result<Cam
     }
     let lens = Intrinsics::from_fov(request.width, request.height, request.fov_degrees.to_radians());
     let mut asked = plan(&surface, request.views).up(DVec3::from(request.up)).lens(lens).seed(request.seed);
-    if request.room != 0 {
-        asked = asked.room();
+    match request.room {
+        0 => (),
+        1 => asked = asked.room(),
+        other => return Err(Error::request(format!("`room` is {other}; give 0 or 1"))),
     }
     let (min, max) = (DVec3::from(request.box_min), DVec3::from(request.box_max));
     if !(min.is_nan_mask().all() && max.is_nan_mask().all()) {
@@ -254,7 +275,7 @@ unsafe fn made(device: &CamsplatDevice, request: &CamsplatRequest) -> Result<Cam
     }
     let kept: Vec<Camera> = kept.iter().enumerate().map(|(i, camera)| camera.named(i)).collect();
     let go_on = |done, all| match request.progress {
-        Some(progress) if !progress(request.progress_user, done, all) => ControlFlow::Break(()),
+        Some(progress) if progress(request.progress_user, done, all) == 0 => ControlFlow::Break(()),
         _ => ControlFlow::Continue(()),
     };
     Ok(CamsplatPlan { plan: asked.keep(&kept).run_watched(&device.context, go_on)? })
@@ -309,6 +330,9 @@ unsafe fn surface(request: &CamsplatRequest) -> Result<Surface> {
     Ok(Surface::Mesh(Mesh { positions, triangles: corners.to_vec(), ..Mesh::default() }))
 }
 
+/// Most elements of a request: indices of vertices have 32 bits.
+const MOST: usize = u32::MAX as usize;
+
 /// The elements that `first` and `count` describe.
 ///
 /// # Safety
@@ -316,6 +340,7 @@ unsafe fn surface(request: &CamsplatRequest) -> Result<Surface> {
 unsafe fn slice<'a, T>(first: *const T, count: usize, name: &str) -> Result<&'a [T]> {
     match (first.is_null(), count) {
         (_, 0) => Ok(&[]),
+        (_, MOST..) => Err(Error::request(format!("`{name}` has {count} elements; give fewer than {MOST}"))),
         (true, _) => Err(Error::request(format!("`{name}` is null, and there should be {count}"))),
         // SAFETY: as the caller guarantees.
         (false, _) => Ok(unsafe { std::slice::from_raw_parts(first, count) }),

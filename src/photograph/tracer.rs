@@ -231,7 +231,7 @@ impl Tracer {
             let mut pace = Pace::new(&self.context, (first_paths / u64::from(part)) as u32);
             while sample < all_samples {
                 Error::unless_stopped(go_on())?;
-                let mut commands = Recorder::new(&self.context)?;
+                let mut commands = Recorder::paced(&self.context)?;
                 let from = sample;
                 let until = if sample < half { half } else { all_samples };
                 let last = until.min(sample.saturating_add(pace.items()));

@@ -16,11 +16,11 @@ use super::shared::{Control, Gradient, PlanConstants, Settings, Splat, Tally};
 use super::snapshot::{SnapshotPush, SnapshotStage};
 use super::update::{UpdateQualityStage, UpdateSplatStage};
 use super::viewed::{Viewed, ViewedConstants, draws};
-use crate::Result;
 use crate::quality::look::Look;
 use crate::visibility::device_scene::DeviceScene;
 use crate::visibility::probe_depth::ProbeMaps;
 use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::{Error, Result};
 
 /// All device state of one run.
 pub struct Planner {
@@ -92,9 +92,16 @@ impl Planner {
         let of_update = PlanConstants { threads: update_threads(context.physical(), settings.splats), ..constants };
         let others =
             || Pipeline::several(context, &of_update, [update, rank, relocate, Pipeline::new::<SnapshotStage>]);
-        let (splat, others): (Result<Way>, _) = rayon::join(splat, others);
-        let [update, rank, relocate, snapshot] = others?;
-        let pipelines = Pipelines { splat: splat?, update, rank, relocate, snapshot };
+        // Buffers are filled on this thread: a host's lock may be of threads.
+        let (mut compiled, mut way) = (None, None);
+        rayon::in_place_scope(|scope| {
+            scope.spawn(|_| compiled = Some(others()));
+            way = Some(splat());
+        });
+        // The scope ends when both are there.
+        let none = || Error::request("the pipelines of the planner were not compiled");
+        let [update, rank, relocate, snapshot] = compiled.ok_or_else(none)??;
+        let pipelines = Pipelines { splat: way.ok_or_else(none)??, update, rank, relocate, snapshot };
         let buffers = Buffers::new(context, &footprint, resolution)?;
         let (context, scene) = (context.clone(), scene.clone());
         let planner = Self { context, scene, config, settings, start, start_scale, maps, links, pipelines, buffers };

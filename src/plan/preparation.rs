@@ -68,10 +68,10 @@ impl Preparation {
         config: Config,
     ) -> Result<Self> {
         config.validate()?;
-        footprint::check_counts(&config, kept.len(), context)?;
         if config.views > MAX_VIEWS {
             return Err(Error::request(format!("`views` is {}; give at most {MAX_VIEWS}", config.views)));
         }
+        footprint::check_counts(&config, kept.len(), context)?;
         let quality = config.objective == Objective::Quality;
         let viewers = match quality {
             true => viewers(&config, geometry, intrinsics)?,

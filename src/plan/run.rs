@@ -62,24 +62,19 @@ impl Planner {
                 if block > 0 {
                     self.link()?;
                 }
-                let stages = self.stages_of_a_block();
-                let mut commands = match profile {
-                    Some(_) => Recorder::timed(&self.context, stages)?,
-                    None => Recorder::new(&self.context)?,
+                asked = match profile.as_deref_mut() {
+                    Some(profile) => {
+                        self.run_timed(&mut pace, profile)?;
+                        observe(self.done()).is_break()
+                    }
+                    None => self.run_block(&mut pace, &mut observe)?,
                 };
-                self.record_in_parts(&mut commands, pace.items())?;
-                let submitted = Instant::now();
-                pace.took(block, commands.submit_and_wait()?);
-                if let Some(profile) = profile.as_deref_mut() {
-                    profile.device(submitted, &commands.timings()?);
-                }
-                asked = observe(self.done()).is_break();
                 if asked {
                     break;
                 }
             }
         } else {
-            asked = self.run_first_block(&mut pace, &mut observe)?;
+            asked = self.run_block(&mut pace, &mut observe)?;
             let ahead = (AHEAD / block).max(2) as usize;
             let mut left = if asked { 0 } else { blocks - 1 };
             let (mut commands, mut each) = self.block_in_parts(&pace)?;
@@ -141,12 +136,12 @@ impl Planner {
         Ok(())
     }
 
-    /// Runs the first block in submissions whose length `pace` learns from one another, and answers whether a stop was requested.
-    fn run_first_block(&self, pace: &mut Pace, observe: &mut impl FnMut(u32) -> ControlFlow<()>) -> Result<bool> {
+    /// Runs a block in submissions whose length `pace` learns from one another, and answers whether a stop was requested.
+    fn run_block(&self, pace: &mut Pace, observe: &mut impl FnMut(u32) -> ControlFlow<()>) -> Result<bool> {
         let mut first = 0;
         while first < self.block() {
             let end = (first + pace.items()).min(self.block());
-            let mut commands = Recorder::new(&self.context)?;
+            let mut commands = Recorder::paced(&self.context)?;
             self.record_part(&mut commands, first..end)?;
             pace.took(end - first, commands.submit_and_wait()?);
             first = end;
@@ -155,6 +150,16 @@ impl Planner {
             }
         }
         Ok(false)
+    }
+
+    /// Runs a block with every stage timed.
+    fn run_timed(&self, pace: &mut Pace, profile: &mut Profile) -> Result<()> {
+        let mut commands = Recorder::timed(&self.context, self.stages_of_a_block())?;
+        self.record_in_parts(&mut commands, pace.items())?;
+        let submitted = Instant::now();
+        pace.took(self.block(), commands.submit_and_wait()?);
+        profile.device(submitted, &commands.timings()?);
+        Ok(())
     }
 
     /// Pairs of probe and visible splat and (tile, splat) instances of the iteration of the binned pass that had most;

@@ -170,7 +170,8 @@ impl Scene {
                 intensities: Buffer::host(context, "intensities", 4 * self.points.len() as u64)?,
             })
         };
-        let slots = (0..SLOTS).map(|_| slot()).collect::<Result<Vec<_>>>()?;
+        let slots = if context.submits_one_by_one() { 1 } else { SLOTS };
+        let slots = (0..slots).map(|_| slot()).collect::<Result<Vec<_>>>()?;
         let mut seen: Vec<Vec<(u32, f32)>> = vec![Vec::new(); self.views.len()];
         let mut running: VecDeque<(usize, &Slot, Recorder)> = VecDeque::new();
         let mut free: Vec<&Slot> = slots.iter().collect();

@@ -26,7 +26,8 @@ pub(super) fn choose(devices: &[Physical], wanted: Option<&str>) -> Result<Choic
     let Some(wanted) = wanted else {
         let rank = |device: &Physical| {
             let full = device.free < LITTLE_MEMORY;
-            (device.class == Class::Software, full, device.class, std::cmp::Reverse(device.free))
+            let behind = [Class::Software, Class::Layered].map(|class| device.class == class);
+            (behind, full, device.class, std::cmp::Reverse(device.free))
         };
         let usable = (0..devices.len()).filter(|&i| devices[i].lacks.is_empty());
         let device = usable.min_by_key(|&i| rank(&devices[i])).ok_or_else(|| {
@@ -36,8 +37,9 @@ pub(super) fn choose(devices: &[Physical], wanted: Option<&str>) -> Result<Choic
     };
     let lower = wanted.to_lowercase();
     let found = match wanted.parse::<usize>() {
-        Ok(index) => (index < devices.len()).then_some(index),
-        Err(_) => devices.iter().position(|device| device.name.to_lowercase().contains(&lower)),
+        Ok(index) if index < devices.len() => Some(index),
+        // A number may also be a part of a name.
+        _ => devices.iter().position(|device| device.name.to_lowercase().contains(&lower)),
     };
     let device = found.ok_or_else(|| {
         Error::NoDevice(format!("no device {wanted:?}; there is {} (see `camsplat devices`)", names()))
@@ -105,6 +107,14 @@ mod tests {
             takes(&[device("laptop", Class::Discrete, 100 << 20), shared()], "iris"),
             ["laptop is passed over: only 100 MiB of its memory are free"]
         );
+        // Its own driver before a layered one, also where it is full and the other does not say how full it is.
+        assert_eq!(
+            takes(
+                &[device("dzn laptop", Class::Layered, 8 * GIB), device("laptop", Class::Discrete, 100 << 20)],
+                "laptop"
+            ),
+            [""; 0]
+        );
         // Both full, and a full GPU still before software.
         assert_eq!(takes(&[device("laptop", Class::Discrete, 0), lavapipe()], "laptop"), [""; 0]);
     }
@@ -125,6 +135,8 @@ mod tests {
         assert!(choice.notes[1].ends_with("since no GPU can be used"), "{:?}", choice.notes);
         // What was asked for is taken without a word, and refused where it cannot be.
         let both = [old(), lavapipe()];
+        let numbered = [device("RTX 4090", Class::Discrete, GIB)];
+        assert_eq!(choose(&numbered, Some("4090")).unwrap().device, 0);
         for wanted in ["1", "LLVM"] {
             let choice = choose(&both, Some(wanted)).unwrap();
             assert_eq!((choice.device, choice.notes), (1, vec![]));

@@ -151,21 +151,16 @@ impl Context {
     pub(super) fn assemble(parts: Parts) -> Result<Arc<Self>> {
         let Parts { instance, physical, device, queue, queue_lock, checkpoints, debug_sync, .. } = parts;
         let Parts { submission_time, wait_limit, notes, prefix, owned, .. } = parts;
-        let mut debug_settings = gpu_allocator::AllocatorDebugSettings::default();
-        debug_settings.log_leaks_on_shutdown = false;
-        let allocator = Allocator::new(&AllocatorCreateDesc {
-            instance: instance.raw.clone(),
-            device: device.clone(),
-            physical_device: physical.raw,
-            debug_settings,
-            buffer_device_address: false,
-            // Large blocks would take more from the device than was announced.
-            allocation_sizes: gpu_allocator::AllocationSizes::new(16 << 20, 16 << 20),
-        })
-        .map_err(|e| Error::NoDevice(format!("{}: {e}", physical.name)))?;
-        // SAFETY: the info is valid; the cache goes with the context.
-        let pipeline_cache = unsafe { device.create_pipeline_cache(&vk::PipelineCacheCreateInfo::default(), None) }
-            .map_err(|code| Error::Vulkan { what: "vkCreatePipelineCache", code })?;
+        let (allocator, pipeline_cache) = match allocator_and_cache(&instance, &physical, &device) {
+            Ok(made) => made,
+            Err(error) => {
+                if owned {
+                    // SAFETY: nothing has been made with the device.
+                    unsafe { device.destroy_device(None) };
+                }
+                return Err(error);
+            }
+        };
         Ok(Arc::new(Self {
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             push_descriptor: ash::khr::push_descriptor::Device::new(&instance.raw, &device),
@@ -251,40 +246,34 @@ impl Context {
         free_memory(&self.instance, self.physical.raw)
     }
 
-    /// Submits command buffers one by one between timeline semaphores, each with a fence that is signalled when it has run. The queue is
-    /// locked for each.
+    /// Submits a command buffer between timeline semaphores, with a fence that is signalled when it has run. The queue is locked for the call.
     pub(super) fn submit(
         &self,
-        parts: &[(vk::CommandBuffer, vk::Fence)],
+        commands: vk::CommandBuffer,
+        fence: vk::Fence,
         after: &[Timeline],
         signal: &[Timeline],
     ) -> Result<()> {
         let [waits, signals] = [after, signal].map(|list| list.iter().map(|at| at.semaphore).collect::<Vec<_>>());
         let [from, to] = [after, signal].map(|list| list.iter().map(|at| at.value).collect::<Vec<_>>());
         let stages = vec![vk::PipelineStageFlags::ALL_COMMANDS; after.len()];
-        for (i, (commands, fence)) in parts.iter().enumerate() {
-            let mut submit = vk::SubmitInfo::default().command_buffers(std::slice::from_ref(commands));
-            let mut values = vk::TimelineSemaphoreSubmitInfo::default();
-            if i == 0 && !after.is_empty() {
-                submit = submit.wait_semaphores(&waits).wait_dst_stage_mask(&stages);
-                values = values.wait_semaphore_values(&from);
-            }
-            if i + 1 == parts.len() && !signal.is_empty() {
-                submit = submit.signal_semaphores(&signals);
-                values = values.signal_semaphore_values(&to);
-            }
-            if !(after.is_empty() && signal.is_empty()) {
-                submit = submit.push_next(&mut values);
-            }
-            let mut submitted = Err(vk::Result::NOT_READY);
-            self.queue_lock.locked(&mut || {
+        let mut values = vk::TimelineSemaphoreSubmitInfo::default();
+        values = values.wait_semaphore_values(&from).signal_semaphore_values(&to);
+        let mut submit = vk::SubmitInfo::default().command_buffers(std::slice::from_ref(&commands));
+        if !(after.is_empty() && signal.is_empty()) {
+            submit = submit.wait_semaphores(&waits).wait_dst_stage_mask(&stages).signal_semaphores(&signals);
+            submit = submit.push_next(&mut values);
+        }
+        let mut submitted = None;
+        self.queue_lock.locked(&mut || {
+            // A lock that calls twice would have the fence signalled twice.
+            if submitted.is_none() {
                 // SAFETY: the command buffer is recorded and of this device, the semaphores as the caller of `submit_between` guarantees; the
                 // lock makes the queue ours for the call.
-                submitted = unsafe { self.device.queue_submit(self.queue, &[submit], *fence) };
-            });
-            submitted.map_err(|code| self.failure("vkQueueSubmit", code))?;
-        }
-        Ok(())
+                submitted = Some(unsafe { self.device.queue_submit(self.queue, &[submit], fence) });
+            }
+        });
+        submitted.ok_or(Error::Interrupted)?.map_err(|code| self.failure("vkQueueSubmit", code))
     }
 
     /// The error for a failed call; a lost device names the last stage that started, where the driver reports it.
@@ -327,6 +316,30 @@ impl Context {
             let _ = unsafe { functions.set_debug_utils_object_name(&info) };
         }
     }
+}
+
+/// Where one fails, neither is there.
+fn allocator_and_cache(
+    instance: &Instance,
+    physical: &Physical,
+    device: &ash::Device,
+) -> Result<(Allocator, vk::PipelineCache)> {
+    let mut debug_settings = gpu_allocator::AllocatorDebugSettings::default();
+    debug_settings.log_leaks_on_shutdown = false;
+    let allocator = Allocator::new(&AllocatorCreateDesc {
+        instance: instance.raw.clone(),
+        device: device.clone(),
+        physical_device: physical.raw,
+        debug_settings,
+        buffer_device_address: false,
+        // Large blocks would take more from the device than was announced.
+        allocation_sizes: gpu_allocator::AllocationSizes::new(16 << 20, 16 << 20),
+    })
+    .map_err(|e| Error::NoDevice(format!("{}: {e}", physical.name)))?;
+    // SAFETY: the info is valid; the cache goes with the context.
+    let cache = unsafe { device.create_pipeline_cache(&vk::PipelineCacheCreateInfo::default(), None) }
+        .map_err(|code| Error::Vulkan { what: "vkCreatePipelineCache", code })?;
+    Ok((allocator, cache))
 }
 
 fn prefixed<'n>(prefix: &str, name: &'n CStr) -> Cow<'n, CStr> {

@@ -26,8 +26,8 @@ pub struct HostDevice {
     pub queue_family: u32,
     /// The queue that the engine submits to where the host does not submit itself.
     pub queue: vk::Queue,
-    /// Taken by the engine around every `vkQueueSubmit` to `queue`, a [`Mutex`] or the host's own; the host takes the same lock around its
-    /// own. A host that lends a queue that it does not use itself need not take it, and orders its work by timeline semaphores
+    /// Taken by the engine around every `vkQueueSubmit` to `queue`, a [`Mutex`] or the host's own; the host takes the same lock wherever it
+    /// submits to the queue, presents, or waits for it or the whole device. A host that lends a queue that it does not use itself need not take it, and orders its work by timeline semaphores
     /// ([`Timeline`]).
     pub queue_lock: Arc<dyn QueueLock>,
     /// What a submission is to take; 100 ms where absent. Where it is given, the engine waits for each submission that it makes by itself
@@ -96,7 +96,8 @@ impl Context {
     ///
     /// # Safety
     /// Every handle in `host` must be valid and outlive the context and everything made with it, and the device must
-    /// have been made with the extension and queue family that `host` names.
+    /// have been made with the extension and queue family that `host` names. While `queue_lock` has the engine submit, nothing else may use
+    /// the queue: submit to it, present, or wait for it or for the whole device.
     ///
     /// # Errors
     /// Where the physical device lacks what the engine needs.
@@ -118,13 +119,22 @@ impl Context {
             )));
         }
         // SAFETY: as above.
-        let families = unsafe { instance.raw.get_physical_device_queue_family_properties(handle) };
-        if !families
-            .get(queue_family as usize)
-            .is_some_and(|family| family.queue_flags.contains(vk::QueueFlags::COMPUTE))
-        {
-            return Err(Error::NoDevice(format!("queue family {queue_family} of {} cannot compute", physical.name)));
+        let named =
+            unsafe { instance.raw.get_device_proc_addr(device.handle(), c"vkSetDebugUtilsObjectNameEXT".as_ptr()) };
+        if debug_utils && named.is_none() {
+            return Err(Error::NoDevice(format!(
+                "names are wanted on {}, and the instance was made without VK_EXT_debug_utils; enable it, or do without",
+                physical.name
+            )));
         }
+        // SAFETY: as above.
+        let families = unsafe { instance.raw.get_physical_device_queue_family_properties(handle) };
+        let lent = families.get(queue_family as usize);
+        let Some(family) = lent.filter(|family| family.queue_flags.contains(vk::QueueFlags::COMPUTE)) else {
+            return Err(Error::NoDevice(format!("queue family {queue_family} of {} cannot compute", physical.name)));
+        };
+        // Those of the family that the engine would have taken are another's.
+        physical.timestamp_bits = family.timestamp_valid_bits;
         physical.queue_family = queue_family;
         physical.memory_budget &= host.memory_budget;
         physical.atomic_floats = false;

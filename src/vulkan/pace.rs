@@ -25,7 +25,7 @@ impl Pace {
 
     fn toward(target: Duration, first: u32) -> Self {
         let fewer = f64::from(first) * (target.as_secs_f64() / SUBMISSION_TIME.as_secs_f64()).min(1.0);
-        Self { items: (fewer as u32).max(1), target }
+        Self { items: (fewer.round() as u32).max(1), target }
     }
 
     /// Items of the next submission.
@@ -59,7 +59,7 @@ pub(crate) fn in_parts(
     let mut first = 0;
     while first < items {
         let count = (pace.items() / units.max(1)).clamp(1, items - first);
-        let mut commands = Recorder::new(context)?;
+        let mut commands = Recorder::paced(context)?;
         record(&mut commands, first..first + count)?;
         pace.took(count.saturating_mul(units), commands.submit_and_wait()?);
         first += count;

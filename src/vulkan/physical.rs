@@ -40,9 +40,9 @@ pub struct Physical {
     pub groups: [u32; 3],
     /// Most threads of a workgroup, along x too.
     pub threads: u32,
-    /// Nanoseconds per timestamp tick; zero where the queue has no timestamps.
+    /// Nanoseconds per timestamp tick.
     pub timestamp_period: f32,
-    /// Bits of a timestamp that count.
+    /// Bits of a timestamp that count; zero where the queue has none.
     pub timestamp_bits: u32,
     /// Whether shaders can add floats in buffers atomically.
     pub atomic_floats: bool,
@@ -205,7 +205,7 @@ impl Physical {
             threads: limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]),
             storage_alignment: limits.min_storage_buffer_offset_alignment.max(4),
             groups: limits.max_compute_work_group_count,
-            timestamp_period: if bits > 0 { limits.timestamp_period } else { 0.0 },
+            timestamp_period: limits.timestamp_period,
             timestamp_bits: bits,
             atomic_floats,
             runs_begun_groups: driver.driver_id == vk::DriverId::NVIDIA_PROPRIETARY

@@ -6,7 +6,9 @@ use crate::parallel::lock;
 
 /// Keeps everybody else from a queue while the engine submits to it.
 pub trait QueueLock: Send + Sync {
-    /// Calls `submit` once, while nobody else uses the queue. It may wait before, for as long as it likes.
+    /// Calls `submit` while nobody else uses the queue, on the thread that called the engine. It may wait before, for as long as it likes. Where
+    /// it returns without a call, what the engine was doing ends with [`Error::Interrupted`](crate::Error): so a host ends a plan at any
+    /// time.
     fn locked(&self, submit: &mut dyn FnMut());
 }
 

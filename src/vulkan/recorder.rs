@@ -1,6 +1,5 @@
 //! Recording: stages into a command buffer, with the barriers that their buffers need.
 
-use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -15,6 +14,9 @@ use super::reuse::Commands;
 use super::timeline::Timeline;
 use crate::{Error, Result};
 
+/// What is said of something recorded after that.
+const SUBMITTED: &str = "a recording that was submitted takes nothing more; begin another";
+
 /// Writes stages into a command buffer. It keeps what it records in memory, and waits for its submissions when dropped; one that is
 /// forgotten instead frees nothing.
 pub struct Recorder {
@@ -25,6 +27,8 @@ pub struct Recorder {
     // Parts before it, which have ended.
     earlier: Vec<Commands>,
     ended: bool,
+    // Whether all of it was submitted the last time.
+    complete: bool,
     // Of each part of each submission, in order.
     fences: Vec<vk::Fence>,
     // When the last one ended, or the first was submitted.
@@ -39,7 +43,7 @@ pub struct Recorder {
     stages: Option<[&'static str; 2]>,
     // Whether waiting has met its limit.
     given_up: bool,
-    // Whether something may run that no fence reports.
+    // Whether something may run that no fence reports, since a host's lock has panicked.
     lost_sight: bool,
 }
 
@@ -76,6 +80,13 @@ impl Recorder {
         Ok(recorder)
     }
 
+    /// Like [`Recorder::new`], for work whose time decides how much is submitted next: [`Recorder::timed_whole`] where that can be.
+    pub(crate) fn paced(context: &Arc<Context>) -> Result<Self> {
+        // Timed as a whole, no stage could be waited for.
+        let timed = context.physical().timestamp_bits > 0 && !context.debug_sync();
+        if timed { Self::timed_whole(context) } else { Self::new(context) }
+    }
+
     fn clocked(context: &Arc<Context>, capacity: u32, whole: bool) -> Result<Self> {
         let mut recorder = Self::new(context)?;
         if context.physical().timestamp_bits == 0 {
@@ -102,6 +113,9 @@ impl Recorder {
     /// # Errors
     /// Where something could not be recorded; the command buffer must not be submitted then.
     pub fn finish(mut self) -> Result<Kept> {
+        if self.owned() {
+            return Err(Error::request("only recordings into a host's command buffer are finished; submit this one"));
+        }
         self.barrier_at_an_edge();
         self.failure.take().map_or_else(|| Ok(std::mem::take(&mut self.kept)), Err)
     }
@@ -113,6 +127,7 @@ impl Recorder {
             pool,
             earlier: Vec::new(),
             ended: false,
+            complete: false,
             fences: Vec::new(),
             progress: Instant::now(),
             read: Vec::new(),
@@ -135,12 +150,15 @@ impl Recorder {
         if !self.owned() || self.context.debug_sync {
             return Ok(());
         }
+        if self.ended {
+            self.refuse(SUBMITTED.into());
+            return Ok(());
+        }
         let Commands { pool, raw } = self.context.take_commands()?;
         let ended = self.end();
         self.earlier.push(Commands { pool: self.pool, raw: self.raw });
         (self.pool, self.raw) = (pool, raw);
-        ended?;
-        self.begin()
+        ended.and_then(|()| self.begin()).inspect_err(|error| self.refuse(error.to_string()))
     }
 
     fn end(&mut self) -> Result<()> {
@@ -208,6 +226,10 @@ impl Recorder {
 
     /// Keeps buffers until this has run; false where that is in vain, since something cannot be recorded.
     pub(super) fn keep<'b>(&mut self, buffers: impl IntoIterator<Item = &'b Buffer>) -> bool {
+        if self.ended {
+            self.refuse(SUBMITTED.into());
+            return false;
+        }
         for buffer in buffers {
             if !Arc::ptr_eq(buffer.context(), &self.context) {
                 self.refuse(format!("the buffer {:?} is of another context", buffer.name()));
@@ -279,11 +301,18 @@ impl Recorder {
     /// Where the device fails.
     pub unsafe fn submit_between(&mut self, after: &[Timeline], signal: &[Timeline]) -> Result<()> {
         self.end_recording()?;
-        self.submit_parts(0..self.parts(), after, signal)
+        let last = self.parts() - 1;
+        for part in 0..=last {
+            self.submit_part(part, if part == 0 { after } else { &[] }, if part == last { signal } else { &[] })?;
+        }
+        Ok(())
     }
 
     /// Ends the recording, unless it has ended.
     fn end_recording(&mut self) -> Result<()> {
+        if !self.owned() {
+            return Err(Error::request("a host submits its command buffer itself; this recording is in one"));
+        }
         if let Some(failure) = self.failure.take() {
             self.refuse("something could not be recorded, as was said before; record it anew".into());
             return Err(failure);
@@ -298,24 +327,21 @@ impl Recorder {
         Ok(())
     }
 
-    /// Submits some of the parts.
-    fn submit_parts(&mut self, some: Range<usize>, after: &[Timeline], signal: &[Timeline]) -> Result<()> {
-        let parts = self.earlier.iter().map(|part| part.raw).chain([self.raw]);
-        let parts = parts
-            .skip(some.start)
-            .take(some.len())
-            .map(|raw| Ok((raw, self.context.take_fence()?)))
-            .collect::<Result<Vec<_>>>()?;
-        let submitted = self.context.submit(&parts, after, signal);
+    fn submit_part(&mut self, part: usize, after: &[Timeline], signal: &[Timeline]) -> Result<()> {
+        let raw = self.earlier.get(part).map_or(self.raw, |commands| commands.raw);
+        let fence = self.context.take_fence()?;
+        // Until the host's lock has returned, which may panic.
+        let lost_sight = std::mem::replace(&mut self.lost_sight, true);
+        let submitted = self.context.submit(raw, fence, after, signal);
+        self.lost_sight = lost_sight;
+        self.complete = submitted.is_ok() && part + 1 == self.parts();
         // Only now: a host may have kept its queue to itself for long.
         if self.fences.is_empty() {
             self.progress = Instant::now();
         }
         match submitted {
-            Ok(()) => self.fences.extend(parts.iter().map(|part| part.1)),
-            // Some parts may run, and nothing will tell of their end.
-            Err(_) if parts.len() > 1 => self.lost_sight = true,
-            Err(_) => self.context.give_fence(parts[0].1),
+            Ok(()) => self.fences.push(fence),
+            Err(_) => self.context.give_fence(fence),
         }
         submitted
     }
@@ -388,18 +414,22 @@ impl Recorder {
     }
 
     /// [`Recorder::submit`] and [`Recorder::wait`], of the parts between [cuts](Recorder::cut) one by one: a host's submissions wait for one
-    /// part at most. Answers how long they took, without what a host kept its queue to itself for.
+    /// part at most. Answers how long they took: by timestamps where the whole is timed, which leaves out what the host has on the queue.
     ///
     /// # Errors
     /// As for these.
     pub fn submit_and_wait(&mut self) -> Result<Duration> {
         self.end_recording()?;
         let mut took = Duration::ZERO;
+        let whole = self.clock.as_ref().is_some_and(|clock| clock.whole);
         for part in 0..self.parts() {
-            self.submit_parts(part..part + 1, &[], &[])?;
+            self.submit_part(part, &[], &[])?;
             let begun = Instant::now();
             self.wait()?;
             took += begun.elapsed();
+        }
+        if let (true, Some(timing)) = (whole, self.timings()?.first()) {
+            took = Duration::from_secs_f64((timing.end - timing.start) * 1e-9);
         }
         Ok(took)
     }
@@ -409,7 +439,7 @@ impl Recorder {
     /// # Errors
     /// Where the device fails, or nothing has been waited for.
     pub fn timings(&self) -> Result<Vec<Timing>> {
-        if !self.ended || !self.fences.is_empty() {
+        if !self.complete || !self.fences.is_empty() {
             return Err(Error::request("times are there once a recording has been submitted and waited for"));
         }
         self.clock.as_ref().map_or_else(|| Ok(Vec::new()), |clock| clock.timings(&self.context))

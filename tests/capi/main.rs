@@ -25,9 +25,9 @@ fn the_header_is_what_the_source_says() {
         },
         ..cbindgen::Config::default()
     };
-    let sources = ["mod", "failure", "device", "plan"].map(|file| root().join(format!("src/capi/{file}.rs")));
-    let builder = cbindgen::Builder::new().with_config(config);
-    let made = sources.iter().fold(builder, cbindgen::Builder::with_src).generate().unwrap();
+    // The others follow from its modules.
+    let source = root().join("src/capi/mod.rs");
+    let made = cbindgen::Builder::new().with_config(config).with_src(source).generate().unwrap();
     let mut text = Vec::new();
     made.write(&mut text);
     let file = root().join("include/camsplat.h");
@@ -78,9 +78,20 @@ impl Programs {
     }
 
     /// What a program says, which ends well and without a message of the layers.
-    fn run(&self, source: &str) -> String {
+    fn run(&self, source: &str, arguments: &[&str]) -> String {
         let program = self.folder.join(Path::new(source).file_stem().unwrap());
-        let strict = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-Iinclude", source, "-lcamsplat", "-lvulkan", "-lm"];
+        let strict = [
+            "-std=c11",
+            "-Wall",
+            "-Wextra",
+            "-Wredundant-decls",
+            "-Werror",
+            "-Iinclude",
+            source,
+            "-lcamsplat",
+            "-lvulkan",
+            "-lm",
+        ];
         let linked = ["-lpthread", "-o"];
         run(Command::new("cc")
             .args(strict)
@@ -93,7 +104,7 @@ impl Programs {
             ("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation"),
             ("LD_LIBRARY_PATH", self.library.to_str().unwrap()),
         ];
-        let said = run(Command::new(&program).envs(layers));
+        let said = run(Command::new(&program).args(arguments).envs(layers));
         assert!(!said.contains("Validation Error") && !said.contains("VUID"), "{said}");
         // The loader says so where there is no such layer, and then the absence of its errors means nothing.
         assert!(!said.contains("VK_LAYER_KHRONOS_validation"), "{said}");
@@ -116,8 +127,8 @@ fn cameras(said: &str) -> Vec<&str> {
 #[test]
 fn c_programs_plan_on_their_own_devices_and_between_their_frames_and_are_refused_nonsense() {
     let Some(programs) = Programs::new() else { return };
-    programs.run("tests/capi/misuse.c");
-    let said = programs.run("examples/c/plan.c");
+    programs.run("tests/capi/misuse.c", &[]);
+    let said = programs.run("examples/c/plan.c", &[]);
     let planned = cameras(&said);
     assert!(planned.len() == 12 && said.contains("dB expected"), "{said}");
     for line in &planned {
@@ -126,11 +137,15 @@ fn c_programs_plan_on_their_own_devices_and_between_their_frames_and_are_refused
         assert!(place[0].hypot(place[1]).hypot(place[2] - 1.0) > 1.8 && place[2] >= 0.0, "{line}");
     }
 
-    let said = programs.run("examples/c/frame_loop.c");
+    let said = programs.run("examples/c/frame_loop.c", &[]);
     assert_eq!(cameras(&said), planned, "{said}");
     let counts = said.lines().find(|line| line.contains(" frames, ")).unwrap();
     let numbers: Vec<u32> = counts.split(' ').filter_map(|word| word.parse().ok()).collect();
     let [frames, submissions, of_a_frame] = numbers[..3] else { panic!("{counts}") };
     // Two submissions a frame at most, and a plan that is made of many.
     assert!(of_a_frame <= 2 && submissions > 100 && submissions <= 2 * frames, "{counts}");
+
+    // Closed in the middle of it, with a planner that waits for the next frame.
+    let said = programs.run("examples/c/frame_loop.c", &["30"]);
+    assert!(said.contains("closed: stopped") && said.contains("30 frames") && cameras(&said).is_empty(), "{said}");
 }

@@ -27,6 +27,34 @@ static void refused(const char *what, const CamsplatDevice *device, const Camspl
     expect(what, CAMSPLAT_RESULT_INVALID, found, &error);
 }
 
+static uint32_t stop(void *user, uint32_t done, uint32_t all) {
+    (void)done;
+    (void)all;
+    *(int *)user += 1;
+    return 0;
+}
+
+/* A plan that is ended at its first iterations is one, and says so. */
+static void check_stopped(const CamsplatDevice *device, CamsplatRequest request) {
+    int calls = 0;
+    CamsplatPlan *plan;
+    request.progress = stop;
+    request.progress_user = &calls;
+    request.iterations = 5000;
+    CamsplatError *error;
+    if (camsplat_plan_make(device, &request, &plan, &error) != CAMSPLAT_RESULT_OK) {
+        printf("stopped: %s\n", camsplat_error_message(error));
+        failures += 1;
+        return;
+    }
+    if (calls != 1 || camsplat_plan_interrupted(plan) != 1 || camsplat_plan_camera_count(plan) != request.views) failures += 1;
+    if (camsplat_plan_interrupted(NULL) != 0) failures += 1;
+    CamsplatCamera camera;
+    expect("a camera that is not there", CAMSPLAT_RESULT_INVALID, camsplat_plan_camera(plan, 99, &camera, &error), &error);
+    expect("no camera", CAMSPLAT_RESULT_INVALID, camsplat_plan_camera(plan, 0, NULL, &error), &error);
+    camsplat_plan_free(plan);
+}
+
 static void check_version(void) {
     uint32_t major = 9, minor = 9, patch = 9;
     camsplat_version(&major, &minor, &patch);
@@ -74,6 +102,8 @@ static void check_hosts(void) {
     expect("no handles", CAMSPLAT_RESULT_INVALID, camsplat_device_adopt(&host, &device, &error), &error);
     expect("no such device", CAMSPLAT_RESULT_NO_DEVICE, camsplat_device_open("no such device", &device, &error), &error);
     if (device != NULL) failures += 1;
+    if (camsplat_device_open("", &device, NULL) != CAMSPLAT_RESULT_OK) failures += 1;
+    camsplat_device_close(device);
     expect("no place", CAMSPLAT_RESULT_INVALID, camsplat_device_open(NULL, NULL, &error), &error);
 }
 
@@ -92,6 +122,8 @@ int main(void) {
     good.position_count = 4;
     good.triangles = &triangles[0][0];
     good.triangle_count = 2;
+
+    check_stopped(device, good);
 
     CamsplatRequest request = good;
     refused("no device", NULL, &good);
@@ -139,6 +171,18 @@ int main(void) {
     request = good;
     request.fov_degrees = 200;
     refused("more than half a turn of view", device, &request);
+    request = good;
+    request.room = 2;
+    refused("neither an object nor a room", device, &request);
+    request = good;
+    request.position_count = (size_t)1 << 40;
+    refused("more vertices than indices reach", device, &request);
+    request = good;
+    request.triangle_count = SIZE_MAX / 2;
+    refused("more triangles than memory has", device, &request);
+    request = good;
+    request.views = UINT32_MAX;
+    refused("more views than a plan has", device, &request);
     request = good;
     request.reserved = 1;
     refused("a field of later versions", device, &request);

@@ -14,7 +14,7 @@ use camsplat::primitives::{Count, RadixSort, twin};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::samples;
 use camsplat::visibility::device_scene::DeviceScene;
-use camsplat::vulkan::host::{QueueLock, Timeline};
+use camsplat::vulkan::host::Timeline;
 use camsplat::vulkan::{Buffer, Context, Options, Recorder};
 use glam::DVec3;
 
@@ -40,7 +40,7 @@ fn plan(driver: &Driver<'_>, pass: Pass, own: &Arc<Context>) -> Outcome {
         Driver::Planner => own.clone(),
         Driver::Blocks(host) | Driver::PlannerOn(host) => host.adopted(),
         Driver::PlannerOnRaw(host) => host.adopted_raw(),
-        Driver::PlannerBetweenFrames(host) => host.adopted_between_frames(Arc::new(Mutex::default())),
+        Driver::PlannerBetweenFrames(host) => host.adopted_between_frames(Arc::new(Mutex::default()), 1),
     };
     let intrinsics = Intrinsics::from_fov(800, 800, 50f64.to_radians());
     let choice = RegionChoice::default();
@@ -114,44 +114,6 @@ fn a_host_that_submits_itself_gets_the_same_bits() {
     }
     assert_eq!(own.messages(), [""; 0]);
     assert_eq!(*host.messages.lock().unwrap(), [""; 0]);
-}
-
-/// A host's lock that looks at a buffer whenever the engine is about to submit.
-#[derive(Default)]
-struct Watch {
-    buffer: Mutex<Option<Buffer>>,
-    seen: Mutex<Vec<u32>>,
-}
-
-impl QueueLock for Watch {
-    fn locked(&self, submit: &mut dyn FnMut()) {
-        if let Some(word) = self.buffer.lock().unwrap().as_ref().and_then(|buffer| buffer.peek(0)) {
-            self.seen.lock().unwrap().push(word);
-        }
-        submit();
-    }
-}
-
-/// If this failed, a frame of a host that allows submissions of a few milliseconds would wait for many of them.
-#[test]
-fn parts_of_a_recording_come_one_by_one_to_a_host_that_draws_meanwhile() {
-    let own = Context::new(&Options::default()).unwrap();
-    let host = Host::new(&own.physical().name);
-    let watch = Arc::new(Watch::default());
-    let context = host.adopted_between_frames(watch.clone());
-    let buffer = Buffer::host(&context, "watched", 1 << 20).unwrap();
-    let mut commands = Recorder::new(&context).unwrap();
-    for value in 1..=5 {
-        // Enough that the last of it has not happened when the next part could follow at once.
-        (0..64).for_each(|_| commands.fill(&buffer, value - 1));
-        commands.fill(&buffer, value);
-        commands.cut().unwrap();
-    }
-    buffer.write(&[0u32]).unwrap();
-    *watch.buffer.lock().unwrap() = Some(buffer);
-    commands.submit_and_wait().unwrap();
-    assert_eq!(*watch.seen.lock().unwrap(), [0, 1, 2, 3, 4, 5]);
-    watch.buffer.lock().unwrap().take();
 }
 
 /// A planner of expected quality around the sample object, with cameras that are kept.

@@ -1,5 +1,6 @@
 //! The library and its stages: known answers, twins, finite differences, and data of others where there is any.
 
+mod between_frames;
 mod captures;
 mod draw;
 mod embed;

@@ -176,7 +176,8 @@ fn what_is_read_from_a_host_buffer_is_a_copy() -> Result<()> {
 fn waiting_has_an_end_that_names_the_stages() -> Result<()> {
     let host = Host::new(&context()?.physical().name);
     // SAFETY: the host outlives the context, which ends before it.
-    let context = unsafe { Context::adopt(HostDevice { wait_limit: Some(Duration::from_millis(50)), ..host.lend() }) }?;
+    let context =
+        unsafe { Context::adopt(HostDevice { wait_limit: Some(Duration::from_millis(500)), ..host.lend() }) }?;
     let buffer = Buffer::device(&context, "buffer", 32)?;
     let copy = Copy::new(&context)?;
     let other = Buffer::device(&context, "other", 32)?;
@@ -201,6 +202,50 @@ fn waiting_has_an_end_that_names_the_stages() -> Result<()> {
     assert_eq!(other.download::<u32>(1)?, [1]);
     // SAFETY: nothing waits for it any more.
     unsafe { host.device.destroy_semaphore(semaphore, None) };
+    assert_eq!(*host.messages.lock().unwrap(), [""; 0]);
+    Ok(())
+}
+
+/// If this failed, safe code could write into a command buffer that the device reads, or free what it uses.
+#[test]
+fn what_was_submitted_takes_nothing_more() -> Result<()> {
+    let context = context()?;
+    let buffer = Buffer::device(&context, "filled", 64)?;
+    let submitted = || {
+        let mut commands = Recorder::new(&context)?;
+        commands.fill(&buffer, 1);
+        commands.submit()?;
+        Ok::<_, Error>(commands)
+    };
+    let more = |record: &dyn Fn(&mut Recorder)| -> Result<String> {
+        let mut commands = submitted()?;
+        record(&mut commands);
+        Ok(commands.submit_and_wait().unwrap_err().to_string())
+    };
+    let copy = Copy::new(&context)?;
+    let other = Buffer::device(&context, "copied", 64)?;
+    let refused = [
+        more(&|commands| commands.fill(&buffer, 2))?,
+        more(&|commands| commands.copy(&buffer, &other, 64))?,
+        more(&|commands| copy.record(commands, &buffer, &other))?,
+        more(&|commands| commands.cut().unwrap())?,
+    ];
+    assert!(refused.iter().all(|what| what.contains("begin another")), "{refused:?}");
+    assert!(submitted()?.finish().is_err_and(|error| error.to_string().contains("submit this one")));
+    assert_eq!(buffer.download::<u32>(16)?, [1; 16]);
+
+    // In a host's command buffer it is the host that submits.
+    let host = Host::new(&context.physical().name);
+    let adopted = host.adopted();
+    let buffer = Buffer::device(&adopted, "filled", 64)?;
+    let (recorded, _kept) = host.record(&adopted, |recorder| {
+        recorder.fill(&buffer, 3);
+        let refused = recorder.submit_and_wait().unwrap_err().to_string();
+        assert!(refused.contains("a host submits"), "{refused}");
+    });
+    host.submit(recorded, 1);
+    assert_eq!(buffer.download::<u32>(16)?, [3; 16]);
+    assert_eq!(context.messages(), [""; 0]);
     assert_eq!(*host.messages.lock().unwrap(), [""; 0]);
     Ok(())
 }

@@ -283,6 +283,7 @@ impl Trainer {
         observe: &mut impl FnMut(u32) -> ControlFlow<()>,
     ) -> Result<f64> {
         let mut gpu_ms = 0.0;
+        let ahead = if self.context.submits_one_by_one() { 1 } else { AHEAD };
         let done = || self.ledger.mailbox.peek(mailbox::DONE).unwrap_or(0).max(self.done);
         let halted =
             || [mailbox::NEEDED, mailbox::BROKEN].iter().any(|&word| self.ledger.mailbox.peek(word) != Some(0));
@@ -293,7 +294,7 @@ impl Trainer {
         let mut next = self.done;
         let mut rounds = EpochSampler::new(self.config.seed, self.photos.len() as u32);
         loop {
-            while flow.is_continue() && !halted() && next < until && running.len() < AHEAD {
+            while flow.is_continue() && !halted() && next < until && running.len() < ahead {
                 let mut commands = match &profile {
                     Some(_) => Recorder::timed(&self.context, ITERATIONS * MAX_STAGES)?,
                     // Timed as a whole, no stage could be waited for.
@@ -311,7 +312,7 @@ impl Trainer {
                 running.push_back((commands, submitted, end - next));
                 next = end;
             }
-            let ahead = running.len() as u32;
+            let in_flight = running.len() as u32;
             let Some((oldest, submitted, iterations)) = running.front_mut() else {
                 self.pace = pace;
                 return Ok(gpu_ms);
@@ -320,7 +321,7 @@ impl Trainer {
                 oldest.wait()?;
                 let timings = oldest.timings()?;
                 // Without timestamps the time has that of those before it in it.
-                let mut took = submitted.elapsed() / ahead;
+                let mut took = submitted.elapsed() / in_flight;
                 if let [first, .., last] | [first @ last] = &timings[..] {
                     gpu_ms += (last.end - first.start) * 1e-6;
                     took = Duration::from_secs_f64((last.end - first.start) * 1e-9);

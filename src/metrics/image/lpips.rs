@@ -130,7 +130,7 @@ impl Lpips {
     }
 
     fn run(&self, room: &Room, pictures: [&Rgb8; 2], pace: &mut Pace) -> Result<[f64; TAPS]> {
-        let mut commands = Recorder::new(&self.context)?;
+        let mut commands = Recorder::paced(&self.context)?;
         for (picture, ([host, device], features)) in pictures.iter().zip(room.pictures.iter().zip(&room.features)) {
             host.write(picture.pixels())?;
             commands.copy(host, device, device.size());

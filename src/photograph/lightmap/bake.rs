@@ -106,7 +106,7 @@ impl Baker<'_> {
         let mut first = 0;
         while first < self.count {
             Error::unless_stopped(go_on())?;
-            let mut commands = Recorder::new(self.context)?;
+            let mut commands = Recorder::paced(self.context)?;
             let cells = self.pace.items(rays).min(self.count - first);
             let each = self.pace.in_one_dispatch(rays);
             for ray in (0..rays).step_by(each as usize) {

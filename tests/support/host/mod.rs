@@ -100,9 +100,9 @@ impl Host {
         unsafe { Context::adopt(HostDevice { queue_family, ..self.lend() }) }
     }
 
-    /// For a host that draws meanwhile, which wants submissions of a millisecond behind a lock of its own.
-    pub fn adopted_between_frames(&self, queue_lock: Arc<dyn QueueLock>) -> Arc<Context> {
-        let submission_time = Some(Duration::from_millis(1));
+    /// For a host that draws meanwhile, which wants submissions of so many milliseconds behind a lock of its own.
+    pub fn adopted_between_frames(&self, queue_lock: Arc<dyn QueueLock>, milliseconds: u64) -> Arc<Context> {
+        let submission_time = Some(Duration::from_millis(milliseconds));
         // SAFETY: the host outlives every context of these tests, and submits nothing while the engine does.
         unsafe { Context::adopt(HostDevice { queue_lock, submission_time, ..self.lend() }) }.unwrap()
     }
