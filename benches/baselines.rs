@@ -14,6 +14,7 @@ use camsplat::baselines::job;
 use camsplat::baselines::request::Request;
 use camsplat::methods::Method;
 use camsplat::plan::config::{Config, Preset};
+use camsplat::plan::problem::Problem;
 use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::Intrinsics;
 use camsplat::scene::gaussians::Gaussians;
@@ -52,7 +53,7 @@ fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
         if let (Some(manifold), true) = (&mut request.manifold, small) {
             manifold.steps = 20;
         }
-        let plan = job::run(&context, &target, intrinsics, &[], &request, model.as_ref())?;
+        let plan = job::run(&context, &Problem::new(&target, intrinsics, &[])?, &request, model.as_ref())?;
         report.wall(name, views.into(), plan.record.seconds);
         report.facts(serde_json::json!({ "name": name, "count": views, "candidates": request.candidates }));
     }

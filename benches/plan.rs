@@ -14,7 +14,11 @@ use camsplat::Result;
 use camsplat::plan::config::{Config, Objective, Pass, Preset};
 use camsplat::plan::planner::Planner;
 use camsplat::plan::preparation::Preparation;
+use camsplat::plan::problem::Problem;
+use camsplat::plan::record::SurfaceRecord;
+use camsplat::plan::target::Target;
 use camsplat::scene::camera::Intrinsics;
+use camsplat::scene::limits::Limits;
 use camsplat::scene::proxy::{Orientation, Proxy};
 use camsplat::scene::region::Region;
 use camsplat::scene::samples;
@@ -68,7 +72,7 @@ fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
 
 struct Scene {
     preset: Preset,
-    proxy: Proxy,
+    target: Target,
     device: Arc<DeviceScene>,
 }
 
@@ -84,13 +88,15 @@ impl Scene {
             Preset::Room => Region::inside_room(proxy.robust_bounds(), None, DVec3::Z)?,
         };
         let device = Arc::new(DeviceScene::new(context, SceneGeometry::new(&proxy, &region)?)?);
-        Ok(Self { preset, proxy, device })
+        let target = Target { proxy, region, limits: Limits::default(), record: SurfaceRecord::default() };
+        Ok(Self { preset, target, device })
     }
 
     /// A planner that never halts by itself within a benchmark, after a few iterations.
     fn planner(&self, context: &Arc<Context>, config: Config, warm: u32) -> Result<Planner> {
-        let geometry = &self.device.geometry;
-        let preparation = Preparation::new(context, geometry, &self.proxy, &intrinsics(), &[], config)?;
+        let geometry = self.device.geometry.clone();
+        let problem = Problem { target: &self.target, geometry, lens: intrinsics(), kept: &[] };
+        let preparation = Preparation::new(context, &problem, config)?;
         let planner = Planner::new(context, &self.device, preparation)?;
         let mut commands = Recorder::new(context)?;
         for _ in 0..warm {

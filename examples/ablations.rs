@@ -17,6 +17,7 @@ use camsplat::metrics::{Metrics, PointMetrics};
 use camsplat::plan::config::{Config, Gate, Kernel, Objective, Preset, Start};
 use camsplat::plan::job::optimise;
 use camsplat::plan::preparation::Preparation;
+use camsplat::plan::problem::Problem;
 use camsplat::plan::run::Outcome;
 use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
@@ -193,8 +194,9 @@ struct Run {
 
 fn run(context: &Arc<Context>, scene: &Scene, config: Config) -> Result<Run> {
     let points = scene.target.proxy.sample(config.held_out as usize, 1000 + config.seed, 1);
-    let geometry = &scene.device.geometry;
-    let preparation = Preparation::new(context, geometry, &scene.target.proxy, &intrinsics(), &[], config)?;
+    let geometry = scene.device.geometry.clone();
+    let problem = Problem { target: &scene.target, geometry, lens: intrinsics(), kept: &[] };
+    let preparation = Preparation::new(context, &problem, config)?;
     let (_, outcome) = optimise(context, &scene.device, preparation, None, |_, _| ControlFlow::Continue(()))?;
     let scores = Scorer::new(context, &scene.device, &points)?.score(&cameras(&outcome.poses), Field::Cone)?;
     Ok(Run { outcome, points, scores })

@@ -12,10 +12,10 @@ use ash::vk;
 use camsplat::plan::config::{Config, Preset};
 use camsplat::plan::planner::Planner;
 use camsplat::plan::preparation::Preparation;
+use camsplat::plan::problem::Problem;
 use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::Intrinsics;
 use camsplat::scene::samples;
-use camsplat::visibility::device_scene::DeviceScene;
 use camsplat::vulkan::host::HostDevice;
 use camsplat::vulkan::{Context, Recorder};
 use glam::DVec3;
@@ -121,9 +121,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let config = Config { iterations: 200, ..Config::new(Preset::Object, 20) };
 
     // The planner's device state. Making it uploads the scene, through the host's queue.
-    let geometry = target.geometry()?;
-    let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &[], config)?;
-    let scene = Arc::new(DeviceScene::new(&context, geometry)?);
+    let problem = Problem::new(&target, intrinsics, &[])?;
+    let preparation = Preparation::new(&context, &problem, config)?;
+    let scene = Arc::new(problem.on(&context)?);
     let planner = Planner::new(&context, &scene, preparation)?;
 
     // One block of iterations, in the host's own command buffer. A host may record its own work before and after.

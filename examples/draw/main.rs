@@ -12,11 +12,11 @@ use ash::vk;
 use camsplat::plan::config::{Config, Preset};
 use camsplat::plan::planner::Planner;
 use camsplat::plan::preparation::Preparation;
+use camsplat::plan::problem::Problem;
 use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::primitives::{Count, RadixSort};
 use camsplat::scene::camera::Intrinsics;
 use camsplat::scene::samples;
-use camsplat::visibility::device_scene::DeviceScene;
 use camsplat::vulkan::{Buffer, Context, Recorder};
 use glam::{DVec3, Mat4, Vec3, Vec4};
 
@@ -60,10 +60,10 @@ pub fn draw(frames: u32, validation: bool) -> Fallible<(Vec<u8>, Vec<String>)> {
     let intrinsics = Intrinsics::from_fov(800, 800, 50f64.to_radians());
     let choice = RegionChoice::default();
     let target = Target::new(&samples::object(), "object", Preset::Object, &choice, DVec3::Z, &intrinsics)?;
-    let geometry = target.geometry()?;
+    let problem = Problem::new(&target, intrinsics, &[])?;
     let config = Config::new(Preset::Object, CAMERAS);
-    let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &[], config)?;
-    let scene = Arc::new(DeviceScene::new(&context, geometry)?);
+    let preparation = Preparation::new(&context, &problem, config)?;
+    let scene = Arc::new(problem.on(&context)?);
     let planner = Planner::new(&context, &scene, preparation)?;
 
     // The renderer's buffers, which the engine sorts in place.

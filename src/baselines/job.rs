@@ -13,11 +13,11 @@ use crate::photos::{Photo, PhotoSet};
 use crate::plan::config::{Config, Preset};
 use crate::plan::job::{Plan, conclude};
 use crate::plan::preparation::PROBE_STREAM;
+use crate::plan::problem::Problem;
 use crate::plan::record::Status;
 use crate::plan::run::Outcome;
 use crate::plan::starts::even_layout;
-use crate::plan::target::Target;
-use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::camera::{Camera, Pose};
 use crate::scene::layouts;
 use crate::scene::lens::Distortion;
 use crate::scene::random;
@@ -27,7 +27,7 @@ use crate::select::information::{self, Model};
 use crate::select::pool::{MAX_SHARED, Pool};
 use crate::select::retrained::{self, Photograph};
 use crate::select::sight::{Sight, Survey};
-use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
+use crate::visibility::device_scene::DeviceScene;
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
@@ -41,20 +41,13 @@ const POINTS: usize = 2000;
 ///
 /// # Errors
 /// A region without free space, a method that does not fit the scene, or a device that fails.
-pub fn run(
-    context: &Arc<Context>,
-    target: &Target,
-    intrinsics: Intrinsics,
-    kept: &[Camera],
-    request: &Request,
-    model: Option<&Model>,
-) -> Result<Plan> {
+pub fn run(context: &Arc<Context>, problem: &Problem<'_>, request: &Request, model: Option<&Model>) -> Result<Plan> {
     if request.method.needs_photographs() {
         return Err(no_photographs(request.method));
     }
     let photograph = &mut |_: &Photo| Err(no_photographs(request.method));
     let outside = Outside { photograph, go_on: &mut || ControlFlow::Continue(()) };
-    photographing(context, target, (intrinsics, kept), request, model, outside)
+    photographing(context, problem, request, model, outside)
 }
 
 /// The error where a method takes photographs and none can be taken.
@@ -85,14 +78,13 @@ pub struct Outside<'o> {
 /// As [`run`], or where a photograph cannot be taken or it was stopped.
 pub fn photographing(
     context: &Arc<Context>,
-    target: &Target,
-    (intrinsics, kept): (Intrinsics, &[Camera]),
+    problem: &Problem<'_>,
     request: &Request,
     model: Option<&Model>,
     outside: Outside<'_>,
 ) -> Result<Plan> {
-    let scene = DeviceScene::new(context, target.geometry()?)?;
-    let candidates = PhotoSet { photos: candidates(&scene.geometry, intrinsics, kept, request), ..PhotoSet::default() };
+    let scene = problem.on(context)?;
+    let candidates = PhotoSet { photos: candidates(problem, request), ..PhotoSet::default() };
     let (start, mut behind_the_camera) = (Instant::now(), Duration::ZERO);
     let timed = &mut |photo: &Photo| {
         let start = Instant::now();
@@ -101,7 +93,7 @@ pub fn photographing(
         taken
     };
     let timed = Outside { photograph: timed, go_on: outside.go_on };
-    let poses = place(context, &scene, target, (intrinsics, kept), &candidates, (request, model, timed))?;
+    let poses = place(context, problem, &scene, &candidates, (request, model, timed))?;
     let seconds = start.elapsed().saturating_sub(behind_the_camera).as_secs_f64();
     let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds };
     let Request { method, views, preset, seed, gate, held_out, .. } = *request;
@@ -109,11 +101,12 @@ pub fn photographing(
     let config = Config { seed, gate, held_out, viewers, ..Config::new(preset, views) };
     let described =
         serde_json::to_value(request).map_err(|e| Error::request(format!("the request cannot be written: {e}")))?;
-    conclude(context, &scene, target, (intrinsics, kept), &config, (method.name(), described), (outcome, None))
+    conclude(context, problem, &scene, &config, (method.name(), described), (outcome, None))
 }
 
 /// The cameras that are kept, and behind them poses at random in the region.
-fn candidates(geometry: &SceneGeometry, intrinsics: Intrinsics, kept: &[Camera], request: &Request) -> Vec<Photo> {
+fn candidates(problem: &Problem<'_>, request: &Request) -> Vec<Photo> {
+    let geometry = &problem.geometry;
     let [low, high, ..] = random::bits(request.seed, CANDIDATES, 0);
     let seed = u64::from(low) | u64::from(high) << 32;
     let count = request.candidates.unwrap_or(0) as usize;
@@ -122,21 +115,21 @@ fn candidates(geometry: &SceneGeometry, intrinsics: Intrinsics, kept: &[Camera],
     let drawn = drawn.iter().enumerate().map(|(i, pose)| Camera {
         name: format!("candidate_{i:06}"),
         pose: back.pose(pose),
-        intrinsics,
+        intrinsics: problem.lens,
     });
     let photo = |camera| Photo { camera, distortion: Distortion::default(), image: None, mask: None };
-    kept.iter().cloned().chain(drawn).map(photo).collect()
+    problem.kept.iter().cloned().chain(drawn).map(photo).collect()
 }
 
 /// Poses of a method in the user's world, in the order in which they were chosen.
 fn place(
     context: &Arc<Context>,
+    problem: &Problem<'_>,
     scene: &DeviceScene,
-    target: &Target,
-    (intrinsics, kept): (Intrinsics, &[Camera]),
     candidates: &PhotoSet,
     (request, model, outside): (&Request, Option<&Model>, Outside<'_>),
 ) -> Result<Vec<Pose>> {
+    let (target, kept) = (problem.target, problem.kept);
     let (geometry, views) = (&scene.geometry, request.views as usize);
     let back = geometry.to_internal.inverse();
     let inward = request.preset == Preset::Object;
@@ -214,8 +207,8 @@ fn place(
         Method::Manifold => {
             let missing = || Error::request("`method` manifold needs trained splats; give them with `model`");
             let settings = (request.manifold.unwrap_or_default(), request.seed);
-            let (model, cameras) = (model.ok_or_else(missing)?, (intrinsics, kept));
-            let placed = manifold::place(context, &target.region, cameras, model, settings, views, outside.go_on)?;
+            let model = model.ok_or_else(missing)?;
+            let placed = manifold::place(context, problem, model, settings, views, outside.go_on)?;
             return Ok(placed.iter().map(|pose| settled(&geometry.to_internal.pose(pose))).collect());
         }
         Method::FisherRetrain => {

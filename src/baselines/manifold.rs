@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::gaussians::render::frame::{Frame, View};
 use crate::gaussians::render::rasterizer::Size;
 use crate::gaussians::uncertainty::manifold::{MAX_PICTURES, MAX_VIEWS, Manifold};
+use crate::plan::problem::Problem;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::layouts;
 use crate::scene::random;
@@ -232,14 +233,14 @@ impl Scene {
 /// A region that is no shell, a model that the sphere does not show, or a device that fails or has not enough memory.
 pub fn place(
     context: &Arc<Context>,
-    region: &Region,
-    (intrinsics, kept): (Intrinsics, &[Camera]),
+    problem: &Problem<'_>,
     model: &Model,
     (settings, seed): (Settings, u64),
     views: usize,
     go_on: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<Vec<Pose>> {
     settings.validate()?;
+    let (region, kept, intrinsics) = (&problem.target.region, problem.kept, problem.lens);
     let sphere = Sphere::new(region)?;
     let intrinsics = intrinsics.shrunk(intrinsics.width.max(intrinsics.height).div_ceil(settings.side));
     let around = layouts::fibonacci_shell(region, FRAME)?;

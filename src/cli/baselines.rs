@@ -15,8 +15,7 @@ use crate::io::folder::OutputFolder;
 use crate::methods::Method;
 use crate::photos::PhotoSet;
 use crate::plan::config::Config;
-use crate::plan::target::Target;
-use crate::scene::camera::{Camera, Intrinsics};
+use crate::plan::problem::Problem;
 use crate::select::information::Model;
 use crate::vulkan::Context;
 use crate::{Error, Result, report};
@@ -99,18 +98,18 @@ impl BaselineOptions {
 pub fn run(
     context: &Arc<Context>,
     (request, model): &(Request, Option<Model>),
-    (target, photos): (&Target, Option<&PhotoSet>),
-    (intrinsics, kept): (Intrinsics, &[Camera]),
+    problem: &Problem<'_>,
+    photos: Option<&PhotoSet>,
     order: Order,
     folder: OutputFolder,
 ) -> Result<Ended> {
-    let mut plan = job::run(context, target, intrinsics, kept, request, model.as_ref())?;
+    let mut plan = job::run(context, problem, request, model.as_ref())?;
     order.apply(&mut plan);
     print_messages(context);
     // From here on the first Ctrl-C is not heard, so that no half of a folder is left.
     stop_on_interrupt()?;
     let path = folder.path().to_owned();
-    report::folder::write(&plan, target, photos, folder)?;
+    report::folder::write(&plan, problem.target, photos, folder)?;
     print_plan(&plan);
     say!("report   {}", path.join("report.html").display());
     Ok(Ended::Done)

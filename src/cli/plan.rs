@@ -22,10 +22,9 @@ use crate::photos::PhotoSet;
 use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Preset, Start};
 use crate::plan::job::{self, Tools};
 use crate::plan::preparation::Preparation;
-use crate::plan::target::Target;
+use crate::plan::problem::Problem;
 use crate::plan::{curve, footprint};
 use crate::report;
-use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::surface::Surface;
 use crate::vds::job::Settings;
 use crate::vulkan::Context;
@@ -330,26 +329,26 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     }
     let context = opened.map_or_else(|| arguments.device.open_to_capture(arguments.renderdoc.is_some()), Ok)?;
     say!("device   {}", context.physical().title());
+    let problem = Problem::new(&target, intrinsics, &kept)?;
     let Some(folder) = folder else {
-        let geometry = target.geometry()?;
-        let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &kept, config)?;
+        let preparation = Preparation::new(&context, &problem, config)?;
         say!("{}", preparation.footprint().table().trim_end());
         footprint::check(preparation.footprint(), &context)?;
         say!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));
         return Ok(Ended::Done);
     };
     if arguments.curve {
-        return draw_curve(&context, &target, (intrinsics, &kept), &config, folder);
+        return draw_curve(&context, &problem, &config, folder);
     }
     if let Some(request) = &baseline {
-        return baselines::run(&context, request, (&target, photos.as_ref()), (intrinsics, &kept), order, folder);
+        return baselines::run(&context, request, &problem, photos.as_ref(), order, folder);
     }
 
     stop_on_interrupt()?;
     let mut profile = (arguments.profile || arguments.trace.is_some()).then(Profile::default);
     let progress = Progress::new(config.iterations);
     let tools = Tools { profile: profile.as_mut(), capture: renderdoc.as_ref().zip(arguments.renderdoc.clone()) };
-    let plan = job::run(&context, &target, intrinsics, &kept, config, tools, |event| progress.observe(event));
+    let plan = job::run(&context, &problem, config, tools, |event| progress.observe(event));
     progress.finish();
     let mut plan = plan?;
     order.apply(&mut plan);
@@ -372,19 +371,13 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
 }
 
 /// Plans with ever more views and writes what is expected of each.
-fn draw_curve(
-    context: &Arc<Context>,
-    target: &Target,
-    cameras: (Intrinsics, &[Camera]),
-    config: &Config,
-    folder: OutputFolder,
-) -> Result<Ended> {
+fn draw_curve(context: &Arc<Context>, problem: &Problem<'_>, config: &Config, folder: OutputFolder) -> Result<Ended> {
     leave_on_interrupt()?;
     say!("{:>5} {:>9} {:>8}", "views", "expected", "unseen");
-    let kept = cameras.1.len();
+    let kept = problem.kept.len();
     let progress = Progress::over("planning", curve::BUDGETS.len() as u32, "plans");
     let mut begun = 0;
-    let points = curve::curve(context, target, cameras, config, |_| {
+    let points = curve::curve(context, problem, config, |_| {
         begun += 1;
         progress.set(begun - 1, curve::BUDGETS.len() as u32);
         go_on()

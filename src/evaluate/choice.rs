@@ -17,6 +17,7 @@ use crate::methods::Method;
 use crate::parallel::lock;
 use crate::plan::config::{Config, Objective};
 use crate::plan::job::Tools;
+use crate::plan::problem::Problem;
 use crate::plan::record::PlanRecord;
 use crate::{Error, Result, baselines, plan};
 
@@ -77,34 +78,28 @@ impl SceneArtifacts<'_> {
         }
         let scored = baseline.is_none() && config.objective != Objective::Quality;
         let target = self.target((inputs, shown), &region, scored)?;
+        let problem = Problem::new(&target, intrinsics, &kept)?;
         let plan = match (baseline, method) {
             (Some(request), _) => {
                 let model = model.map(training::model).transpose()?;
-                let (cameras, model) = ((intrinsics, &kept[..]), model.as_ref());
                 let observe = Mutex::new(observe);
                 let observe = |event: Event<'_>| lock(&observe)(event);
                 let outside = Outside {
                     photograph: &mut |photo| self.photograph(artifact.folder(), photo, &mut |event| observe(event)),
                     go_on: &mut || observe(Event::Working),
                 };
-                baselines::job::photographing(&self.context, &target, cameras, &request, model, outside)?
+                baselines::job::photographing(&self.context, &problem, &request, model.as_ref(), outside)?
             }
             (None, Competitor::Cameras(given)) => {
                 let config = Config { seed: 0, ..config };
-                plan::job::given(
-                    &self.context,
-                    &target,
-                    (intrinsics, &kept),
-                    given.poses.clone(),
-                    (method.name(), &config),
-                )?
+                plan::job::given(&self.context, &problem, given.poses.clone(), (method.name(), &config))?
             }
             (None, Competitor::Method(Method::OursTwoPasses)) => {
                 passes::run(self, (inputs, shown), &kept, &config, &mut *observe)?
             }
-            (None, _) => plan::job::run(&self.context, &target, intrinsics, &kept, config, Tools::default(), |_| {
-                observe(Event::Working)
-            })?,
+            (None, _) => {
+                plan::job::run(&self.context, &problem, config, Tools::default(), |_| observe(Event::Working))?
+            }
         };
         if plan.interrupted() {
             return Err(Error::Interrupted);

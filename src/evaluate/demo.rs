@@ -21,6 +21,7 @@ use crate::photograph::lightmap::Light;
 use crate::photograph::outputs::named;
 use crate::plan::config::Preset;
 use crate::plan::job::{Plan, Tools};
+use crate::plan::problem::Problem;
 use crate::plan::target::Target;
 use crate::quality::viewers::Viewers;
 use crate::scene::camera::Camera;
@@ -175,7 +176,8 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     let config = Competitor::Method(Method::Ours).config(kind.preset(), views, seed)?;
 
     let tools = Tools::default();
-    let mut plan = plan::job::run(context, &target, intrinsics, &[], config.clone(), tools, |_| walk.work())?;
+    let problem = Problem::new(&target, intrinsics, &[])?;
+    let mut plan = plan::job::run(context, &problem, config.clone(), tools, |_| walk.work())?;
     if plan.interrupted() {
         return Err(Error::Interrupted);
     }
@@ -192,7 +194,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
             Method::Ours => None,
             _ => {
                 let baseline = Baseline::new(placing, None, &config)?;
-                Some(baselines::job::run(context, &target, intrinsics, &[], &baseline, None)?)
+                Some(baselines::job::run(context, &problem, &baseline, None)?)
             }
         };
         let record = &other.as_ref().unwrap_or(&plan).record;

@@ -5,6 +5,7 @@ use super::scene_artifacts::{SceneArtifacts, read_photos};
 use crate::methods::Method;
 use crate::plan::config::Config;
 use crate::plan::job::{self, Plan, Tools};
+use crate::plan::problem::Problem;
 use crate::scene::camera::Camera;
 use crate::scene::surface::Surface;
 use crate::{Error, Result};
@@ -23,12 +24,13 @@ pub fn run(
     config: &Config,
     observe: Observe,
 ) -> Result<Plan> {
-    let (context, intrinsics) = (artifacts.context(), artifacts.intrinsics());
+    let (context, lens) = (artifacts.context(), artifacts.intrinsics());
     let first = Config { views: config.views / 2, ..config.clone() };
     let rest = Config { views: config.views - first.views, ..config.clone() };
     let target = artifacts.target((inputs, shown), &artifacts.scene().region, false)?;
     let tools = Tools::default();
-    let begun = job::run(context, &target, intrinsics, kept, first, tools, |_| observe(Event::Working))?;
+    let problem = Problem::new(&target, lens, kept)?;
+    let begun = job::run(context, &problem, first, tools, |_| observe(Event::Working))?;
     if begun.interrupted() {
         return Err(Error::Interrupted);
     }
@@ -39,7 +41,8 @@ pub fn run(
     let known = Surface::Points(artifacts.reconstructed(&set)?);
     let target = artifacts.held(artifacts.target_of(&known, &artifacts.scene().region)?, &known, || Ok(set))?;
     let tools = Tools::default();
-    let mut plan = job::run(context, &target, intrinsics, &taken, rest, tools, |_| observe(Event::Working))?;
+    let problem = Problem::new(&target, lens, &taken)?;
+    let mut plan = job::run(context, &problem, rest, tools, |_| observe(Event::Working))?;
     plan.record.method = Method::OursTwoPasses.name().to_owned();
     plan.record.seconds += begun.record.seconds;
     Ok(plan)

@@ -10,6 +10,7 @@ use crate::baselines;
 use crate::baselines::request::Request;
 use crate::methods::Method;
 use crate::plan::config::{Config, Preset};
+use crate::plan::problem::Problem;
 use crate::plan::target::Target;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::layouts;
@@ -73,7 +74,8 @@ impl EmptySpace {
     pub fn inputs(&self, context: &Arc<Context>, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
         let config = Config { seed: INPUT_SEED, held_out: 1, ..Config::new(Preset::Room, count) };
         let request = Request::new(Method::Coverage, Some(PLACES.max(count)), &config)?;
-        let plan = baselines::job::run(context, &self.target, intrinsics, &[], &request, None)?;
+        let problem = Problem::new(&self.target, intrinsics, &[])?;
+        let plan = baselines::job::run(context, &problem, &request, None)?;
         let named = |camera: Camera| Camera { name: format!("input_{}", camera.name), ..camera };
         Ok(plan.record.cameras.into_iter().map(named).collect())
     }

@@ -7,9 +7,8 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::config::Config;
-use super::job::{self};
-use super::target::Target;
-use crate::scene::camera::{Camera, Intrinsics};
+use super::job;
+use super::problem::Problem;
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
@@ -36,8 +35,7 @@ pub struct Point {
 /// As [`job::run`]; [`Error::Interrupted`] where it was stopped.
 pub fn curve(
     context: &Arc<Context>,
-    target: &Target,
-    (intrinsics, kept): (Intrinsics, &[Camera]),
+    problem: &Problem<'_>,
     config: &Config,
     mut observe: impl FnMut(u32) -> ControlFlow<()>,
 ) -> Result<Vec<Point>> {
@@ -45,7 +43,7 @@ pub fn curve(
     for views in BUDGETS {
         Error::unless_stopped(observe(views))?;
         let config = Config { views, ..config.clone() };
-        let (expectation, _) = job::expected_plan(context, target, intrinsics, kept, config)?;
+        let (expectation, _) = job::expected_plan(context, problem, config)?;
         errors.push((views, expectation.error_db, expectation.unseen));
     }
     let last = errors.last().map_or(0.0, |(_, error, _)| *error);

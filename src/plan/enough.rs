@@ -6,11 +6,11 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::config::Config;
-use super::job::{expected_beside, held_out};
+use super::job::expected_beside;
+use super::problem::Problem;
 use super::reference::Reference;
 use super::target::Target;
 use crate::scene::camera::Camera;
-use crate::visibility::device_scene::DeviceScene;
 use crate::vulkan::Context;
 use crate::{Error, Result};
 
@@ -68,14 +68,14 @@ impl Enough {
     ) -> Result<Self> {
         let first = cameras.first().ok_or_else(|| Error::request("there are no photos to judge"))?;
         let config = Config { views: MORE, ..config.clone() };
-        let scene = Arc::new(DeviceScene::new(context, target.geometry()?)?);
-        let photos = (first.intrinsics, cameras);
-        let reference = Reference::new(context, &scene, target, photos, &config)?;
+        let problem = Problem::new(target, first.intrinsics, cameras)?;
+        let scene = Arc::new(problem.on(context)?);
+        let reference = Reference::new(context, &problem, &scene, &config)?;
         let before = reference.expect(&[])?;
         let own = own.map(|own| reference.expect_cameras(own)).transpose()?;
         let over_own_db = own.map(|own| own.error_db - before.error_db);
-        let (after, _) = expected_beside(context, target, (&scene, &reference), photos, config.clone())?;
-        let points: Vec<DVec3> = held_out(target, &config).iter().map(|point| point.position).collect();
+        let (after, _) = expected_beside(context, &problem, &scene, &reference, config.clone())?;
+        let points: Vec<DVec3> = problem.held_out(&config).iter().map(|point| point.position).collect();
         let errors = reference.outlook(cameras, &points)?.map.points;
         let radius = RADIUS * target.proxy.sphere.1;
         Ok(Self {

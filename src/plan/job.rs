@@ -1,8 +1,7 @@
 //! A whole plan: proxy, region, optimisation, held-out metrics and baselines, from a surface to a record.
 
-use std::collections::HashSet;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -12,6 +11,7 @@ use super::aim::aim;
 use super::config::{Config, Objective, Preset};
 use super::planner::Planner;
 use super::preparation::Preparation;
+use super::problem::Problem;
 use super::record::{BaselineRecord, CheckpointRecord, Connection, Expected, PlanRecord, Status, TourRecord};
 use super::reference::{Outlook, Reference};
 use super::run::Outcome;
@@ -22,7 +22,7 @@ use crate::metrics::score_point::{Field, Scorer, aggregate};
 use crate::metrics::{Metrics, PointMetrics};
 use crate::quality::expected::Expectation;
 use crate::quality::map::ErrorMap;
-use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::camera::{Camera, Pose};
 use crate::scene::layouts;
 use crate::scene::proxy::SurfacePoint;
 use crate::scene::tour::{self, Tour};
@@ -32,8 +32,6 @@ use crate::vulkan::profile::Profile;
 use crate::vulkan::{Context, Recorder};
 use crate::{Error, Result};
 
-/// Stream of the held-out points: none of them is a probe of the optimiser.
-const HELD_OUT_STREAM: u32 = 1;
 /// The planner's name among the methods.
 pub const OURS: &str = "ours";
 /// Held-out points of a checkpoint: the first so many.
@@ -78,19 +76,16 @@ pub struct Tools<'t> {
 /// A request that makes no sense, a plan that does not fit the device, or a device that fails.
 pub fn run(
     context: &Arc<Context>,
-    target: &Target,
-    intrinsics: Intrinsics,
-    kept: &[Camera],
+    problem: &Problem<'_>,
     config: Config,
     tools: Tools<'_>,
     mut observe: impl FnMut(Event) -> ControlFlow<()>,
 ) -> Result<Plan> {
     let Tools { mut profile, capture } = tools;
     let start = Instant::now();
-    let geometry = target.geometry()?;
-    let preparation = Preparation::new(context, &geometry, &target.proxy, &intrinsics, kept, config.clone())?;
+    let preparation = Preparation::new(context, problem, config.clone())?;
     mark(&mut profile, "preparation", start);
-    let scene = Arc::new(DeviceScene::new(context, geometry)?);
+    let scene = Arc::new(problem.on(context)?);
     if let Some((renderdoc, template)) = capture {
         let planner = Planner::new(context, &scene, preparation.clone())?;
         make_parent(&template)?;
@@ -102,7 +97,7 @@ pub fn run(
     }
     let start = Instant::now();
     let reference = match config.objective {
-        Objective::Quality => Some(Reference::new(context, &scene, target, (intrinsics, kept), &config)?),
+        Objective::Quality => Some(Reference::new(context, problem, &scene, &config)?),
         _ => None,
     };
     let preparation = match &reference {
@@ -123,22 +118,21 @@ pub fn run(
     check_finite(&outcome.poses)?;
     if let Some(reference) = reference {
         reference.guard(&mut outcome)?;
-        if target.limits.space.is_some() {
-            aim(&reference, &scene.geometry, &intrinsics, &mut outcome.poses)?;
+        if problem.target.limits.space.is_some() {
+            aim(&reference, &scene.geometry, &problem.lens, &mut outcome.poses)?;
         }
-        let points = held_out(target, &config);
-        outlook = Some(reference.outlook(&named(&outcome.poses, intrinsics, kept), &positions(&points))?);
+        let points = problem.held_out(&config);
+        outlook = Some(reference.outlook(&problem.cameras(&outcome.poses), &positions(&points))?);
         began_from = Some(reference.best().name.clone());
         let poses: Vec<Pose> = outcome.poses.iter().map(|pose| scene.geometry.to_internal.pose(pose)).collect();
         let groups = reference.groups(&poses);
-        let kept = kept.len();
+        let kept = problem.kept.len();
         let groups = groups.filter(|_| kept + poses.len() > 1);
         connection = config.connect.zip(groups).map(|(degrees, groups)| Connection { degrees, groups, kept });
     }
     let described = serde_json::to_value(&config)
         .map_err(|e| Error::request(format!("the configuration cannot be written: {e}")))?;
-    let mut plan =
-        conclude(context, &scene, target, (intrinsics, kept), &config, (OURS, described), (outcome, outlook))?;
+    let mut plan = conclude(context, problem, &scene, &config, (OURS, described), (outcome, outlook))?;
     plan.record.began_from = began_from;
     plan.record.connection = connection;
     mark(&mut profile, "metrics", start);
@@ -151,14 +145,12 @@ pub fn run(
 /// As [`run`].
 pub fn expected_plan(
     context: &Arc<Context>,
-    target: &Target,
-    intrinsics: Intrinsics,
-    kept: &[Camera],
+    problem: &Problem<'_>,
     config: Config,
 ) -> Result<(Expectation, Vec<Pose>)> {
-    let scene = Arc::new(DeviceScene::new(context, target.geometry()?)?);
-    let reference = Reference::new(context, &scene, target, (intrinsics, kept), &config)?;
-    expected_beside(context, target, (&scene, &reference), (intrinsics, kept), config)
+    let scene = Arc::new(problem.on(context)?);
+    let reference = Reference::new(context, problem, &scene, &config)?;
+    expected_beside(context, problem, &scene, &reference, config)
 }
 
 /// [`expected_plan`] of a scene whose simple layouts have been judged.
@@ -167,12 +159,12 @@ pub fn expected_plan(
 /// As [`run`].
 pub(super) fn expected_beside(
     context: &Arc<Context>,
-    target: &Target,
-    (scene, reference): (&Arc<DeviceScene>, &Reference),
-    (intrinsics, kept): (Intrinsics, &[Camera]),
+    problem: &Problem<'_>,
+    scene: &Arc<DeviceScene>,
+    reference: &Reference<'_>,
     config: Config,
 ) -> Result<(Expectation, Vec<Pose>)> {
-    let preparation = Preparation::new(context, &scene.geometry, &target.proxy, &intrinsics, kept, config)?;
+    let preparation = Preparation::new(context, problem, config)?;
     let preparation = preparation.starting_from(&reference.best().poses);
     let (planner, mut outcome) = optimise(context, scene, preparation, None, |_, _| ControlFlow::Continue(()))?;
     drop(planner);
@@ -196,15 +188,14 @@ fn check_finite(poses: &[Pose]) -> Result<()> {
 /// A region without free space, or a device that fails.
 pub fn given(
     context: &Arc<Context>,
-    target: &Target,
-    cameras: (Intrinsics, &[Camera]),
+    problem: &Problem<'_>,
     poses: Vec<Pose>,
     (name, config): (&str, &Config),
 ) -> Result<Plan> {
-    let scene = DeviceScene::new(context, target.geometry()?)?;
+    let scene = problem.on(context)?;
     let described = serde_json::json!({ "cameras": poses.len() });
     let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds: 0.0 };
-    conclude(context, &scene, target, cameras, config, (name, described), (outcome, None))
+    conclude(context, problem, &scene, config, (name, described), (outcome, None))
 }
 
 /// Scores what came out, its snapshots and the baselines on held-out points, and writes the record. Of `config` count the views,
@@ -215,18 +206,17 @@ pub fn given(
 /// A device that fails.
 pub fn conclude(
     context: &Arc<Context>,
+    problem: &Problem<'_>,
     scene: &DeviceScene,
-    target: &Target,
-    (intrinsics, kept): (Intrinsics, &[Camera]),
     config: &Config,
     (method, described): (&str, serde_json::Value),
     (outcome, outlook): (Outcome, Option<Outlook>),
 ) -> Result<Plan> {
-    let points = held_out(target, config);
+    let points = problem.held_out(config);
     let scorer = Scorer::new(context, scene, &points)?;
     let few = Scorer::new(context, scene, &points[..points.len().min(CHECKPOINT_POINTS)])?;
     let field = if config.gate.pinhole() { Field::Frustum } else { Field::Cone };
-    let cameras = |poses: &[Pose]| named(poses, intrinsics, kept);
+    let cameras = |poses: &[Pose]| problem.cameras(poses);
     let scores = scorer.score(&cameras(&outcome.poses), field)?;
     let mut checkpoints = Vec::new();
     for (iteration, poses) in &outcome.snapshots {
@@ -247,7 +237,7 @@ pub fn conclude(
     let Outlook { expected, map } = match outlook {
         Some(outlook) => outlook,
         None => {
-            let reference = Reference::new(context, scene, target, (intrinsics, kept), config)?;
+            let reference = Reference::new(context, problem, scene, config)?;
             reference.outlook(&cameras(&outcome.poses), &positions(&points))?
         }
     };
@@ -256,14 +246,14 @@ pub fn conclude(
         version: env!("CARGO_PKG_VERSION").into(),
         status: outcome.status,
         method: method.into(),
-        surface: target.record.clone(),
+        surface: problem.target.record.clone(),
         device: physical.title(),
         seed: config.seed,
         config: described,
-        region: target.region,
-        limits: target.limits.clone(),
+        region: problem.target.region,
+        limits: problem.target.limits.clone(),
         cameras: cameras(&outcome.poses),
-        kept: kept.len(),
+        kept: problem.kept.len(),
         history: outcome.history,
         checkpoints,
         metrics: aggregate(&scores),
@@ -277,11 +267,6 @@ pub fn conclude(
     };
     drop((scorer, few));
     Ok(Plan { record, points, scores, map, geometry: scene.geometry.clone() })
-}
-
-/// The points that plans are scored at.
-pub(super) fn held_out(target: &Target, config: &Config) -> Vec<SurfacePoint> {
-    target.proxy.sample(config.held_out as usize, config.seed, HELD_OUT_STREAM)
 }
 
 fn positions(points: &[SurfacePoint]) -> Vec<DVec3> {
@@ -335,30 +320,15 @@ pub fn score(
     config: &Config,
 ) -> Result<(Expected, Metrics)> {
     let first = cameras.first().ok_or_else(|| Error::request("there are no cameras to score"))?;
-    let scene = DeviceScene::new(context, target.geometry()?)?;
     let kept = &cameras[cameras.len() - kept.min(cameras.len() - 1)..];
+    let problem = Problem::new(target, first.intrinsics, kept)?;
+    let scene = problem.on(context)?;
     let config = &Config { views: (cameras.len() - kept.len()) as u32, ..config.clone() };
-    let reference = Reference::new(context, &scene, target, (first.intrinsics, kept), config)?;
+    let reference = Reference::new(context, &problem, &scene, config)?;
     let expected = reference.compare(&reference.expect_cameras(cameras)?);
-    let points = held_out(target, config);
+    let points = problem.held_out(config);
     let field = if config.gate.pinhole() { Field::Frustum } else { Field::Cone };
     Ok((expected, aggregate(&Scorer::new(context, &scene, &points)?.score(cameras, field)?)))
-}
-
-/// Planned cameras named "0000", "0001", ..., then the kept ones. No planned name is a kept one with another ending: new photos may be
-/// put beside the old, and be rendered to files of another format.
-fn named(poses: &[Pose], intrinsics: Intrinsics, kept: &[Camera]) -> Vec<Camera> {
-    let stem = |camera: &Camera| Path::new(&camera.name).file_stem().map(|stem| stem.to_string_lossy().to_lowercase());
-    let stems: HashSet<String> = kept.iter().filter_map(stem).collect();
-    let taken = |name: &str| stems.contains(name);
-    let planned = poses.iter().enumerate().map(|(i, pose)| {
-        let mut name = format!("{i:04}");
-        while taken(&name) {
-            name = format!("planned_{name}");
-        }
-        Camera { name, pose: *pose, intrinsics }
-    });
-    planned.chain(kept.iter().cloned()).collect()
 }
 
 /// Other ways to place as many cameras in the same region, in the user's world.
@@ -425,22 +395,5 @@ impl Plan {
     /// Whether the user stopped the run.
     pub fn interrupted(&self) -> bool {
         self.record.status == Status::Interrupted
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// If this failed, new photos would take the names of old ones: 0001.png beside 0001.jpg, which a rendering cannot keep apart.
-    #[test]
-    fn planned_cameras_have_names_that_no_kept_photo_has() {
-        let pose = Pose::looking(DVec3::ZERO, DVec3::X, DVec3::Z);
-        let intrinsics = Intrinsics::from_fov(64, 48, 1.0);
-        let kept = ["0001.jpg", "images/0002.JPEG", "planned_0001.png", "0003"];
-        let kept = kept.map(|name| Camera { name: name.into(), pose, intrinsics });
-        let names: Vec<String> = named(&[pose; 5], intrinsics, &kept).into_iter().map(|camera| camera.name).collect();
-        assert_eq!(names[..5], ["0000", "planned_planned_0001", "planned_0002", "planned_0003", "0004"]);
-        assert_eq!(names[5..], kept.map(|camera| camera.name));
     }
 }

@@ -13,6 +13,7 @@ pub mod links;
 pub mod planner;
 pub mod preparation;
 mod probes;
+pub mod problem;
 pub mod record;
 pub mod reference;
 pub mod relocate;

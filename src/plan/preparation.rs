@@ -5,13 +5,14 @@ use std::sync::Arc;
 use super::config::{Config, MAX_DENSE, MAX_VIEWS, Objective, Pass, Preset};
 use super::footprint::{self, Room};
 use super::links::{self, Links};
+use super::problem::Problem;
 use super::shared::{Settings, Splat};
 use super::start;
 use crate::quality::expected::MAX_ON_CPU;
 use crate::quality::law::Law;
 use crate::quality::look::{Surroundings, Viewer};
 use crate::scene::camera::{Camera, Intrinsics, Pose};
-use crate::scene::proxy::{Proxy, SurfacePoint};
+use crate::scene::proxy::SurfacePoint;
 use crate::scene::random;
 use crate::visibility::device_scene::SceneGeometry;
 use crate::visibility::probe_depth::Probe;
@@ -59,14 +60,9 @@ impl Preparation {
     ///
     /// # Errors
     /// A configuration that makes no sense.
-    pub fn new(
-        context: &Context,
-        geometry: &SceneGeometry,
-        proxy: &Proxy,
-        intrinsics: &Intrinsics,
-        kept: &[Camera],
-        config: Config,
-    ) -> Result<Self> {
+    pub fn new(context: &Context, problem: &Problem<'_>, config: Config) -> Result<Self> {
+        let Problem { target, geometry, lens: intrinsics, kept } = problem;
+        let proxy = &target.proxy;
         config.validate()?;
         if config.views > MAX_VIEWS {
             return Err(Error::request(format!("`views` is {}; give at most {MAX_VIEWS}", config.views)));

@@ -19,7 +19,7 @@ pub enum Status {
 }
 
 /// The surface that was planned for.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceRecord {
     /// Path as the user gave it.
     pub path: String,

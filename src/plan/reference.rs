@@ -7,9 +7,9 @@ use glam::DVec3;
 use super::config::{Config, Preset};
 use super::links::Links;
 use super::preparation::splat;
+use super::problem::Problem;
 use super::record::{Expected, Status};
 use super::run::Outcome;
-use super::target::Target;
 use super::{probes, starts};
 use crate::quality::expected::{Expectation, Judge};
 use crate::quality::law::{Fitted, Law};
@@ -64,22 +64,18 @@ impl<'a> Reference<'a> {
     ///
     /// # Errors
     /// Viewers without a place, or a device that fails.
-    pub fn new(
-        context: &Arc<Context>,
-        scene: &'a DeviceScene,
-        target: &Target,
-        (intrinsics, kept): (Intrinsics, &[Camera]),
-        config: &Config,
-    ) -> Result<Self> {
+    pub fn new(context: &Arc<Context>, problem: &Problem<'_>, scene: &'a DeviceScene, config: &Config) -> Result<Self> {
+        let Problem { target, lens: intrinsics, kept, .. } = problem;
         let inward = config.preset == Preset::Object;
         let seed = config.seed ^ JUDGE_SEED;
-        let viewers = config.viewers.sample(&scene.geometry, intrinsics, inward, seed, VIEWERS)?;
+        let viewers = config.viewers.sample(&scene.geometry, *intrinsics, inward, seed, VIEWERS)?;
         let law = Law::embedded();
         let around = Surroundings::new(&scene.geometry, target.proxy.sphere, inward, &law);
         let fewer = Judge::new(context, scene, around, viewers[..FEWER.min(viewers.len())].to_vec(), &law, seed)?;
         let judge = Judge::new(context, scene, around, viewers, &law, seed)?;
         let links = config.connect.map(|degrees| Links::new(&target.proxy, &scene.geometry, config.seed, degrees));
-        let mut reference = Self { judge, scene, around, intrinsics, kept: kept.to_vec(), links, layouts: Vec::new() };
+        let (intrinsics, mine) = (*intrinsics, kept.to_vec());
+        let mut reference = Self { judge, scene, around, intrinsics, kept: mine, links, layouts: Vec::new() };
         for (name, ways) in starts::layouts(config, &scene.geometry, kept) {
             let poses = reference.best_way(&fewer, ways)?;
             let expectation = reference.expect(&poses)?;

@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::config::{Config, Preset};
 use super::job::{self, Event, Plan, Tools};
+use super::problem::Problem;
 use super::target::{RegionChoice, Target};
 use crate::io::checks;
 use crate::quality::viewers::Viewers;
@@ -174,7 +175,8 @@ impl PlanRequest<'_> {
             Event::Iterations(done, all) => observe(done, all),
             Event::Captured(_) | Event::Scoring => ControlFlow::Continue(()),
         };
-        let mut plan = job::run(context, &target, lens, &kept, config, Tools::default(), observe)?;
+        let problem = Problem::new(&target, lens, &kept)?;
+        let mut plan = job::run(context, &problem, config, Tools::default(), observe)?;
         plan.sort_for_a_tour();
         Ok(plan)
     }

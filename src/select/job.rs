@@ -21,8 +21,9 @@ use crate::metrics::score_point::aggregate;
 use crate::metrics::{Metrics, PointMetrics};
 use crate::photos::PhotoSet;
 use crate::plan::config::{Config, Preset};
-use crate::plan::job::{self};
+use crate::plan::job;
 use crate::plan::preparation::PROBE_STREAM;
+use crate::plan::problem::Problem;
 use crate::plan::record::BaselineRecord;
 use crate::plan::record::Expected;
 use crate::plan::target::Target;
@@ -154,7 +155,8 @@ impl<'a> SelectionContext<'a> {
         let (Some(first), true) = (self.set.photos.first(), views > 0) else { return Ok(Vec::new()) };
         let base = Config::new(self.request.preset, views as u32);
         let config = Config { seed: self.request.seed, viewers, checkpoint_every: base.iterations, ..base };
-        let (_, poses) = job::expected_plan(&self.context, self.target, first.camera.intrinsics, kept, config)?;
+        let problem = Problem::new(self.target, first.camera.intrinsics, kept)?;
+        let (_, poses) = job::expected_plan(&self.context, &problem, config)?;
         Ok(poses)
     }
 

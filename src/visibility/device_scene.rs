@@ -181,7 +181,8 @@ impl DeviceScene {
     ///
     /// # Errors
     /// Where device memory runs out or the device fails.
-    pub fn new(context: &Arc<Context>, geometry: SceneGeometry) -> Result<Self> {
+    pub fn new(context: &Arc<Context>, geometry: impl Into<Arc<SceneGeometry>>) -> Result<Self> {
+        let geometry = geometry.into();
         Ok(Self {
             nodes: Buffer::from_slice(context, "nodes", &geometry.bvh.nodes)?,
             primitives: match &geometry.bvh.primitives {
@@ -190,7 +191,7 @@ impl DeviceScene {
             },
             region: Buffer::from_slice(context, "region", &[geometry.device_region()])?,
             free_distance: Buffer::from_slice(context, "free_distance", &geometry.free.distance)?,
-            geometry: Arc::new(geometry),
+            geometry,
         })
     }
 

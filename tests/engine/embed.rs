@@ -7,13 +7,13 @@ use ash::vk;
 use camsplat::plan::config::{Config, Objective, Pass, Preset};
 use camsplat::plan::planner::Planner;
 use camsplat::plan::preparation::Preparation;
+use camsplat::plan::problem::Problem;
 use camsplat::plan::record::Status;
 use camsplat::plan::run::Outcome;
 use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::primitives::{Count, RadixSort, twin};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::samples;
-use camsplat::visibility::device_scene::DeviceScene;
 use camsplat::vulkan::host::Timeline;
 use camsplat::vulkan::{Buffer, Context, Options, Recorder};
 use glam::DVec3;
@@ -53,9 +53,9 @@ fn plan(driver: &Driver<'_>, pass: Pass, own: &Arc<Context>) -> Outcome {
         ..Config::of(Objective::Splat, Preset::Object, 12)
     };
     let config = Config { pass, relocate_every: 10, checkpoint_every: 20, ..short };
-    let geometry = target.geometry().unwrap();
-    let preparation = Preparation::new(&context, &geometry, &target.proxy, &intrinsics, &[], config).unwrap();
-    let scene = Arc::new(DeviceScene::new(&context, geometry).unwrap());
+    let problem = Problem::new(&target, intrinsics, &[]).unwrap();
+    let preparation = Preparation::new(&context, &problem, config).unwrap();
+    let scene = Arc::new(problem.on(&context).unwrap());
     let planner = Planner::new(&context, &scene, preparation).unwrap();
     match driver {
         Driver::Planner | Driver::PlannerOn(_) | Driver::PlannerOnRaw(_) | Driver::PlannerBetweenFrames(_) => {
@@ -122,9 +122,9 @@ fn quality_planner(context: &Arc<Context>, kept: &[Camera]) -> Planner {
     let choice = RegionChoice::default();
     let target = Target::new(&samples::object(), "object", Preset::Object, &choice, DVec3::Z, &intrinsics).unwrap();
     let config = Config { seed: 5, iterations: 40, checkpoint_every: 20, ..Config::new(Preset::Object, 6) };
-    let geometry = target.geometry().unwrap();
-    let preparation = Preparation::new(context, &geometry, &target.proxy, &intrinsics, kept, config).unwrap();
-    let scene = Arc::new(DeviceScene::new(context, geometry).unwrap());
+    let problem = Problem::new(&target, intrinsics, kept).unwrap();
+    let preparation = Preparation::new(context, &problem, config).unwrap();
+    let scene = Arc::new(problem.on(context).unwrap());
     Planner::new(context, &scene, preparation).unwrap()
 }
 

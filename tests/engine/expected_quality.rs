@@ -7,6 +7,7 @@ use camsplat::plan::config::{Config, Gate, Objective, Preset};
 use camsplat::plan::dense::Batch;
 use camsplat::plan::job::{self, Tools};
 use camsplat::plan::planner::Planner;
+use camsplat::plan::problem::Problem;
 use camsplat::plan::reference::Reference;
 use camsplat::plan::start::tangents;
 use camsplat::plan::starts;
@@ -26,6 +27,11 @@ use camsplat::visibility::device_scene::DeviceScene;
 use camsplat::vulkan::Recorder;
 use glam::{DVec3, Vec3};
 
+/// The problem of a target with the camera of these tests.
+fn problem_of<'p>(target: &'p Target, kept: &'p [Camera]) -> Problem<'p> {
+    Problem::new(target, intrinsics(), kept).expect("a good region")
+}
+
 fn cameras(scene: &Scene, count: usize, inward: bool) -> Vec<Camera> {
     let back = scene.device.geometry.to_internal.inverse();
     let poses = layouts::random(&scene.device.geometry.free, count, 5, inward);
@@ -41,7 +47,7 @@ fn looks_and_errors_are_those_of_the_twin() {
         let geometry = &scene.device.geometry;
         let viewers = Viewers::Region.sample(geometry, intrinsics(), inward, 3, 60).expect("viewers");
         let law = Law::embedded();
-        let around = Surroundings::new(geometry, scene.proxy.sphere, inward, &law);
+        let around = Surroundings::new(geometry, scene.target.proxy.sphere, inward, &law);
         let judge = Judge::new(&context, &scene.device, around, viewers.clone(), &law, 9).expect("a judge");
         for count in [1, 7, 40] {
             let cameras = cameras(&scene, count, inward);
@@ -183,7 +189,7 @@ fn together(parts: &[(Surface, DVec3, DVec3)]) -> Surface {
 fn planned(surface: &Surface, choice: &RegionChoice, config: &Config) -> (Target, job::Plan) {
     let target = Target::new(surface, "sample", config.preset, choice, DVec3::Z, &intrinsics()).expect("a target");
     let go_on = |_: job::Event| ControlFlow::Continue(());
-    let plan = job::run(&context(), &target, intrinsics(), &[], config.clone(), Tools::default(), go_on);
+    let plan = job::run(&context(), &problem_of(&target, &[]), config.clone(), Tools::default(), go_on);
     (target, plan.expect("a plan"))
 }
 
@@ -219,7 +225,7 @@ fn views_are_added_where_those_that_are_kept_leave_a_hole() {
     kept.truncate(27);
     let config = Config::new(Preset::Object, 3);
     let go_on = |_: job::Event| ControlFlow::Continue(());
-    let plan = job::run(&context(), &target, intrinsics(), &kept, config, Tools::default(), go_on).expect("a plan");
+    let plan = job::run(&context(), &problem_of(&target, &kept), config, Tools::default(), go_on).expect("a plan");
     let added: Vec<f64> = plan.record.cameras[..3].iter().map(beside).collect();
     assert!(added.iter().all(|x| *x > 0.5), "along x they stand at {added:?}");
     assert!(plan.record.expected.expect("an expectation").db >= 0.0);
@@ -254,7 +260,7 @@ fn a_plan_is_never_worse_than_a_simple_layout() {
         let fresh = Config { seed: seed + 100, ..config.clone() };
         let scene = target.geometry().expect("a scene");
         let scene = DeviceScene::new(&context, scene).expect("room for it");
-        let reference = Reference::new(&context, &scene, &target, (intrinsics(), &[]), &fresh).expect("a reference");
+        let reference = Reference::new(&context, &problem_of(&target, &[]), &scene, &fresh).expect("a reference");
         let planned = reference.expect_cameras(&plan.record.cameras).expect("an expectation").error_db;
         for (name, ways) in starts::layouts(&config, &scene.geometry, &[]) {
             let errors: Vec<f64> =

@@ -6,6 +6,7 @@ use crate::support::plans::{context, intrinsics, object, planner, room, silent};
 use camsplat::plan::config::{Config, Preset};
 use camsplat::plan::job::{self, Plan, Tools};
 use camsplat::plan::links::{Links, penalty};
+use camsplat::plan::problem::Problem;
 use camsplat::plan::start::tangents;
 use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::{Camera, Pose};
@@ -28,7 +29,7 @@ fn the_penalty_on_the_device_is_that_of_the_twin() {
             (planner.gradients().expect("gradients"), outcome.history[0].reg, planner)
         });
         let geometry = &scene.device.geometry;
-        let links = Links::new(&scene.proxy, geometry, 4, 15.0);
+        let links = Links::new(&scene.target.proxy, geometry, 4, 15.0);
         let start = with.2.start();
         let (from, anchors) = links.anchors(&geometry.bvh, start, 0, 0.0);
         let vector = |v: [f32; 3]| Vec3::from(v).as_dvec3();
@@ -64,7 +65,8 @@ fn planned(config: Config, kept: &[Camera]) -> Plan {
     let ball = samples::sphere(1.0, 24);
     let target = Target::new(&ball, "ball", Preset::Object, &RegionChoice::default(), DVec3::Z, &intrinsics());
     let target = target.expect("a target");
-    job::run(&context(), &target, intrinsics(), kept, config, Tools::default(), GO_ON).expect("a plan")
+    let problem = Problem::new(&target, intrinsics(), kept).expect("a good region");
+    job::run(&context(), &problem, config, Tools::default(), GO_ON).expect("a plan")
 }
 
 /// Sizes of the groups of cameras around the unit ball that share three tenths of what either sees at no wider an angle than this: by

@@ -8,10 +8,14 @@ use camsplat::gaussians::render::layout::{self, HARMONICS, OPACITY};
 use camsplat::gaussians::render::rasterizer::Size;
 use camsplat::gaussians::twin::{self, Rules};
 use camsplat::gaussians::uncertainty::manifold::{Manifold, learnt, perturbation, rate};
+use camsplat::plan::config::Preset;
+use camsplat::plan::problem::Problem;
+use camsplat::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::gaussians::Gaussians;
 use camsplat::scene::random;
-use camsplat::scene::region::{Region, Shape};
+use camsplat::scene::region::Shape;
+use camsplat::scene::samples;
 use camsplat::select::information::Model;
 use camsplat::{Error, Result};
 use glam::DVec3;
@@ -182,7 +186,7 @@ fn what_no_view_shows_keeps_its_noise() -> Result<()> {
 fn cameras_are_placed_where_no_view_has_been() -> Result<()> {
     let context = context()?;
     let shape = Shape::Shell { centre: DVec3::ZERO, r_min: 2.8, r_max: 3.4 };
-    let region = Region { shape, up: DVec3::Z, floor: None, clearance: 0.0 }.validated()?;
+    let choice = RegionChoice { shape: Some(shape), floor: None, clearance: Some(0.0) };
     let model = Model { path: "ball".into(), gaussians: ball(), antialiased: false };
     let intrinsics = Intrinsics::from_fov(96, 96, 0.8);
     let kept: Vec<Camera> = (0..8)
@@ -192,13 +196,15 @@ fn cameras_are_placed_where_no_view_has_been() -> Result<()> {
             Camera { name: format!("{i}"), pose: Pose::looking(3.0 * out, -out, DVec3::Z), intrinsics }
         })
         .collect();
+    let target = Target::new(&samples::object(), "object", Preset::Object, &choice, DVec3::Z, &intrinsics)?;
     let settings = Settings { learn: 150, steps: 10, rate: 0.02, side: 48, ..Settings::default() };
     let place = |kept: &[Camera], count: usize, mut most: usize| {
         let mut go_on = || {
             most = most.wrapping_sub(1);
             if most == usize::MAX { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
-        manifold::place(&context, &region, (intrinsics, kept), &model, (settings, 2), count, &mut go_on)
+        let problem = Problem::new(&target, intrinsics, kept)?;
+        manifold::place(&context, &problem, &model, (settings, 2), count, &mut go_on)
     };
     let whole = |kept: &[Camera], count| place(kept, count, count);
     let placed = whole(&kept, 2)?;

@@ -172,8 +172,7 @@ fn kept_cameras_keep_their_field_of_view() {
             iterations: 1,
             ..small(Preset::Object, 1)
         };
-        let geometry = &scene.device.geometry;
-        let preparation = Preparation::new(&context, geometry, &scene.proxy, &intrinsics(), &[kept], config);
+        let preparation = Preparation::new(&context, &scene.problem(&[kept]), config);
         let planner = Planner::new(&context, &scene.device, preparation.expect("a good configuration")).expect("room");
         planner.run(None, |_| ControlFlow::Continue(())).expect("a run");
         let blocks = planner.settings().blocks as usize;
@@ -296,7 +295,7 @@ fn a_plan_is_better_than_its_start() {
             ..Config::of(Objective::Splat, preset, views)
         };
         let outcome = run(&context, &scene, config);
-        let points = scene.proxy.sample(300, 0, 1);
+        let points = scene.target.proxy.sample(300, 0, 1);
         let scorer = Scorer::new(&context, &scene.device, &points).expect("a scorer");
         let score = |poses: &[camsplat::scene::camera::Pose]| {
             let cameras: Vec<Camera> = (0..)

@@ -101,7 +101,7 @@ fn an_identical_start_ends_covered_with_relocation_and_not_without() {
             .iter()
             .map(|pose| Camera { name: String::new(), pose: *pose, intrinsics: intrinsics() })
             .collect();
-        let scorer = Scorer::new(&context, &scene.device, &scene.proxy.sample(400, 0, 1)).expect("a scorer");
+        let scorer = Scorer::new(&context, &scene.device, &scene.target.proxy.sample(400, 0, 1)).expect("a scorer");
         aggregate(&scorer.score(&cameras, Field::Cone).expect("scores"))
     };
     let [covered, alone] = [10, 0].map(score).map(|metrics| metrics.coverage_1 / metrics.reachable);

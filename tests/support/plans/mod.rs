@@ -6,7 +6,11 @@ use std::sync::Arc;
 use camsplat::plan::config::Config;
 use camsplat::plan::planner::Planner;
 use camsplat::plan::preparation::Preparation;
-use camsplat::scene::camera::Intrinsics;
+use camsplat::plan::problem::Problem;
+use camsplat::plan::record::SurfaceRecord;
+use camsplat::plan::target::Target;
+use camsplat::scene::camera::{Camera, Intrinsics};
+use camsplat::scene::limits::Limits;
 use camsplat::scene::proxy::{Orientation, Proxy};
 use camsplat::scene::region::{Region, Shape};
 use camsplat::scene::samples;
@@ -15,10 +19,17 @@ use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
 use camsplat::vulkan::{Context, Options};
 use glam::DVec3;
 
-/// A surface and what the device holds of it.
+/// A surface with a region, and what the device holds of it.
 pub struct Scene {
-    pub proxy: Proxy,
+    pub target: Target,
     pub device: Arc<DeviceScene>,
+}
+
+impl Scene {
+    /// What is to be planned there, beside cameras that are kept.
+    pub fn problem<'s>(&'s self, kept: &'s [Camera]) -> Problem<'s> {
+        Problem { target: &self.target, geometry: self.device.geometry.clone(), lens: intrinsics(), kept }
+    }
 }
 
 /// A context whose validation messages [`silent`] checks.
@@ -41,7 +52,8 @@ pub fn intrinsics() -> Intrinsics {
 pub fn scene(context: &Arc<Context>, surface: &Surface, region: &Region) -> Scene {
     let proxy = Proxy::new(surface, Orientation::Trusted).expect("a good surface");
     let geometry = SceneGeometry::new(&proxy, region).expect("a good region");
-    Scene { device: Arc::new(DeviceScene::new(context, geometry).expect("room for it")), proxy }
+    let target = Target { proxy, region: *region, limits: Limits::default(), record: SurfaceRecord::default() };
+    Scene { device: Arc::new(DeviceScene::new(context, geometry).expect("room for it")), target }
 }
 
 /// The sample object, in a shell above a floor.
@@ -59,8 +71,7 @@ pub fn room(context: &Arc<Context>) -> Scene {
 
 /// A run over a scene, with no cameras kept.
 pub fn preparation(context: &Context, scene: &Scene, config: Config) -> Preparation {
-    let geometry = &scene.device.geometry;
-    Preparation::new(context, geometry, &scene.proxy, &intrinsics(), &[], config).expect("a good configuration")
+    Preparation::new(context, &scene.problem(&[]), config).expect("a good configuration")
 }
 
 /// The planner of such a run.
