@@ -30,7 +30,7 @@ fn main() -> ExitCode {
 }
 
 fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
-    let small = context.physical().kind == "CPU";
+    let small = context.physical().is_cpu();
     let (side, splats, candidates) = if small { (160, 5000, 60) } else { (800, 200_000, 300) };
     let (object, room) = ((samples::object(), Preset::Object), (samples::room(), Preset::Room));
     let choices = [

@@ -55,7 +55,7 @@ fn trace(
     (model, environment): (&Model, Option<&Environment>),
     camera: &Camera,
 ) -> Result<()> {
-    let on_cpu = context.physical().kind == "CPU";
+    let on_cpu = context.physical().is_cpu();
     let side = if on_cpu { SIDE / 8 } else { SIDE };
     let intrinsics = camera.intrinsics.resized(side, side).unwrap_or(Intrinsics::from_fov(side, side, 1.0));
     let camera = Camera { intrinsics, ..camera.clone() };

@@ -37,7 +37,7 @@ fn main() -> ExitCode {
 }
 
 fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
-    let on_cpu = context.physical().kind == "CPU";
+    let on_cpu = context.physical().is_cpu();
     let object = Scene::new(&context, Preset::Object)?;
     let room = Scene::new(&context, Preset::Room)?;
 
@@ -180,7 +180,7 @@ fn whole(context: &Arc<Context>, report: &mut Report, name: &str, scene: &Scene,
     }
     let planner = scene.planner(context, config, 0)?;
     let blocks = iterations / planner.block();
-    let repeats = if context.physical().kind == "CPU" { 1 } else { 15 };
+    let repeats = if context.physical().is_cpu() { 1 } else { 15 };
     let mut totals = Vec::new();
     for _ in 0..repeats {
         planner.reset()?;

@@ -16,7 +16,7 @@ fn main() -> ExitCode {
 }
 
 fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
-    let on_cpu = context.physical().kind == "CPU";
+    let on_cpu = context.physical().is_cpu();
     let mut sizes = vec![1 << 16, 1 << 20, 1 << 22];
     if !on_cpu {
         sizes.extend([1 << 25, 1 << 27]);

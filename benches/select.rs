@@ -31,7 +31,7 @@ fn main() -> ExitCode {
 }
 
 fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
-    let on_cpu = context.physical().kind == "CPU";
+    let on_cpu = context.physical().is_cpu();
     for (count, photos, points) in [(40, 300, 4000), (1000, 20_000, 1000)] {
         let name = |method: Method| format!("select_{count}_of_{photos}_{}", method.name());
         let wanted = |method: &Method| {

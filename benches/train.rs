@@ -59,10 +59,10 @@ fn main() -> ExitCode {
 }
 
 fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
-    let extent = match context.physical().kind {
+    let extent = match context.physical().is_cpu() {
         // A sixteenth of the pixels: 100,000 splats lie as densely as 1.6 million on a GPU.
-        "CPU" => Extent { side: 200, warm: 1, sample: 1, whole: 3 },
-        _ => Extent { side: 800, warm: 20, sample: 100, whole: 200 },
+        true => Extent { side: 200, warm: 1, sample: 1, whole: 3 },
+        false => Extent { side: 800, warm: 20, sample: 100, whole: 200 },
     };
     drop(context);
     for splats in SIZES {

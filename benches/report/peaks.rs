@@ -35,7 +35,7 @@ pub fn copies(context: &Arc<Context>) -> Result<(Amount, Vec<Vec<Sample>>)> {
 /// Multiply-adds by as many threads as fill the device.
 pub fn multiply_adds(context: &Arc<Context>) -> Result<(Amount, Vec<Vec<Sample>>)> {
     const ROUNDS: u32 = 64;
-    let threads = if context.physical().kind == "CPU" { 1 << 14 } else { 1 << 20 };
+    let threads = if context.physical().is_cpu() { 1 << 14 } else { 1 << 20 };
     let sums = Buffer::device(context, "sums", 4 * u64::from(threads))?;
     let arithmetic = Arithmetic::new(context)?;
     let mut job = Job::new(

@@ -11,7 +11,7 @@ use super::request::Request;
 use crate::methods::Method;
 use crate::photos::{Photo, PhotoSet};
 use crate::plan::config::{Config, Preset};
-use crate::plan::job::{Plan, conclude};
+use crate::plan::job::{Placed, Plan, conclude};
 use crate::plan::preparation::PROBE_STREAM;
 use crate::plan::problem::Problem;
 use crate::plan::record::Status;
@@ -99,9 +99,10 @@ pub fn photographing(
     let Request { method, views, preset, seed, gate, held_out, .. } = *request;
     let viewers = request.viewers.clone();
     let config = Config { seed, gate, held_out, viewers, ..Config::new(preset, views) };
-    let described =
+    let configuration =
         serde_json::to_value(request).map_err(|e| Error::request(format!("the request cannot be written: {e}")))?;
-    conclude(context, problem, &scene, &config, (method.name(), described), (outcome, None))
+    let placed = Placed { method: method.name(), configuration, outcome, outlook: None };
+    conclude(context, problem, &scene, &config, placed)
 }
 
 /// The cameras that are kept, and behind them poses at random in the region.

@@ -319,7 +319,7 @@ impl CamsplatDevice {
 impl Described {
     fn new(physical: &Physical) -> Self {
         let Physical { name, driver, kind, lacks, heap, .. } = physical;
-        let [name, driver, kind, lacks] = [name, driver, *kind, &lacks.join(", ")].map(string);
+        let [name, driver, kind, lacks] = [name, driver, &kind.to_string(), &lacks.join(", ")].map(|text| string(text));
         Self { name, driver, kind, lacks, memory: *heap }
     }
 

@@ -92,7 +92,7 @@ impl SceneArtifacts<'_> {
             }
             (None, Competitor::Cameras(given)) => {
                 let config = Config { seed: 0, ..config };
-                plan::job::given(&self.context, &problem, given.poses.clone(), (method.name(), &config))?
+                plan::job::given(&self.context, &problem, given.poses.clone(), method.name(), &config)?
             }
             (None, Competitor::Method(Method::OursTwoPasses)) => {
                 passes::run(self, (inputs, shown), &kept, &config, &mut *observe)?

@@ -23,7 +23,7 @@ pub(super) struct PathPace {
 
 impl PathPace {
     pub fn new(context: &Context) -> Self {
-        let on_cpu = context.physical().kind == "CPU";
+        let on_cpu = context.physical().is_cpu();
         Self { on_cpu, paths: Pace::new(context, if on_cpu { CPU_PATHS } else { GPU_PATHS } as u32) }
     }
 

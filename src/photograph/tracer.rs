@@ -214,7 +214,7 @@ impl Tracer {
     ) -> Result<(Photograph, Option<Halves>)> {
         let pixels = self.check(&camera.intrinsics)?;
         let mut first_half = Vec::new();
-        let on_cpu = self.context.physical().kind == "CPU";
+        let on_cpu = self.context.physical().is_cpu();
         let first_paths = if on_cpu { CPU_PATHS } else { GPU_PATHS };
         let part = first_paths.min(u64::from(pixels)) as u32;
         let most_samples = if on_cpu { 1 } else { (GPU_DISPATCH / u64::from(part)) as u32 };

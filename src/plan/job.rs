@@ -130,9 +130,10 @@ pub fn run(
         let groups = groups.filter(|_| kept + poses.len() > 1);
         connection = config.connect.zip(groups).map(|(degrees, groups)| Connection { degrees, groups, kept });
     }
-    let described = serde_json::to_value(&config)
+    let configuration = serde_json::to_value(&config)
         .map_err(|e| Error::request(format!("the configuration cannot be written: {e}")))?;
-    let mut plan = conclude(context, problem, &scene, &config, (OURS, described), (outcome, outlook))?;
+    let placed = Placed { method: OURS, configuration, outcome, outlook };
+    let mut plan = conclude(context, problem, &scene, &config, placed)?;
     plan.record.began_from = began_from;
     plan.record.connection = connection;
     mark(&mut profile, "metrics", start);
@@ -181,8 +182,8 @@ fn check_finite(poses: &[Pose]) -> Result<()> {
     ))
 }
 
-/// Scores cameras that were placed by other means, in the user's world, beside those that are kept, as a plan is scored; it took no time. `name` is what they are
-/// called; of `config` count the same as in [`conclude`].
+/// Scores cameras that were placed by other means, in the user's world, beside those that are kept, as a plan is scored; it took no time.
+/// `name` is what they are called; of `config` count the same as in [`conclude`].
 ///
 /// # Errors
 /// A region without free space, or a device that fails.
@@ -190,17 +191,29 @@ pub fn given(
     context: &Arc<Context>,
     problem: &Problem<'_>,
     poses: Vec<Pose>,
-    (name, config): (&str, &Config),
+    name: &str,
+    config: &Config,
 ) -> Result<Plan> {
     let scene = problem.on(context)?;
-    let described = serde_json::json!({ "cameras": poses.len() });
+    let configuration = serde_json::json!({ "cameras": poses.len() });
     let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds: 0.0 };
-    conclude(context, problem, &scene, config, (name, described), (outcome, None))
+    conclude(context, problem, &scene, config, Placed { method: name, configuration, outcome, outlook: None })
+}
+
+/// Cameras that a method has placed.
+pub struct Placed<'p> {
+    /// The method's name.
+    pub method: &'p str,
+    /// Its own configuration, as the record has it.
+    pub configuration: serde_json::Value,
+    /// What came out.
+    pub outcome: Outcome,
+    /// What is expected of it, where that is known.
+    pub outlook: Option<Outlook>,
 }
 
 /// Scores what came out, its snapshots and the baselines on held-out points, and writes the record. Of `config` count the views,
-/// the seed, the preset, the viewers, the gate and the held-out points; `method` is its name and its own configuration. What is
-/// expected of the outcome is worked out where it is not given.
+/// the seed, the preset, the viewers, the gate and the held-out points. What is expected of the outcome is worked out where it is not given.
 ///
 /// # Errors
 /// A device that fails.
@@ -209,9 +222,9 @@ pub fn conclude(
     problem: &Problem<'_>,
     scene: &DeviceScene,
     config: &Config,
-    (method, described): (&str, serde_json::Value),
-    (outcome, outlook): (Outcome, Option<Outlook>),
+    placed: Placed<'_>,
 ) -> Result<Plan> {
+    let Placed { method, configuration, outcome, outlook } = placed;
     let points = problem.held_out(config);
     let scorer = Scorer::new(context, scene, &points)?;
     let few = Scorer::new(context, scene, &points[..points.len().min(CHECKPOINT_POINTS)])?;
@@ -249,7 +262,7 @@ pub fn conclude(
         surface: problem.target.record.clone(),
         device: physical.title(),
         seed: config.seed,
-        config: described,
+        config: configuration,
         region: problem.target.region,
         limits: problem.target.limits.clone(),
         cameras: cameras(&outcome.poses),

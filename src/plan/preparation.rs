@@ -99,7 +99,7 @@ impl Preparation {
         if binned && quality {
             return Err(Error::request("only `objective` splat has a binned pass; leave `pass` out"));
         }
-        if quality && context.physical().kind == "CPU" && splats > MAX_ON_CPU {
+        if quality && context.physical().is_cpu() && splats > MAX_ON_CPU {
             return Err(Error::request(format!(
                 "on a CPU device expected quality is of at most {MAX_ON_CPU} cameras, and these are {splats}; use a GPU, or fewer"
             )));
@@ -238,7 +238,7 @@ fn viewers(config: &Config, geometry: &SceneGeometry, intrinsics: &Intrinsics) -
 /// Threads of a workgroup of the dense pass and texels of a thread: many small workgroups fill a GPU; on a CPU fewer
 /// threads do more each, since a barrier costs each of them a switch.
 pub(super) fn dense_shape(physical: &Physical) -> [u32; 2] {
-    if physical.kind == "CPU" { [64, 4] } else { [256, 1] }
+    if physical.is_cpu() { [64, 4] } else { [256, 1] }
 }
 
 /// Most splats whose updates leave threads of a GPU idle.
@@ -246,5 +246,5 @@ const FEW: u32 = 512;
 
 /// Threads of a workgroup of the update, one to a splat: the sums of few splats are shared among more threads.
 pub(super) fn update_threads(physical: &Physical, splats: u32) -> u32 {
-    if physical.kind == "CPU" || splats > FEW { 64 } else { 256 }
+    if physical.is_cpu() || splats > FEW { 64 } else { 256 }
 }

@@ -64,7 +64,7 @@ pub(super) const TOGETHER: u32 = nearest_together::TOGETHER;
 /// Threads of a look: a GPU has more than there are looks, and rays that wait for memory are cast at the same time; on a CPU device those
 /// that are not needed are not cast.
 pub(super) fn lanes(physical: &Physical) -> u32 {
-    if physical.kind == "CPU" { 1 } else { TOGETHER }
+    if physical.is_cpu() { 1 } else { TOGETHER }
 }
 
 /// Looks that are drawn at once, unless those of one iteration are more.

@@ -36,7 +36,7 @@ impl RadixSort {
     pub fn new(context: &Arc<Context>, most: u32) -> Result<Self> {
         match Sweep::suits(context) {
             true => Self::with_waiting(context, most),
-            false => Self::counted(context, most, context.physical().kind == "CPU"),
+            false => Self::counted(context, most, context.physical().is_cpu()),
         }
     }
 
@@ -57,7 +57,7 @@ impl RadixSort {
     /// As for [`Self::new`], and on other GPUs than those that sort this way by themselves, which it could hang.
     pub fn with_waiting(context: &Arc<Context>, most: u32) -> Result<Self> {
         let physical = context.physical();
-        if !Sweep::suits(context) && physical.kind != "CPU" {
+        if !Sweep::suits(context) && !physical.is_cpu() {
             let name = &physical.name;
             return Err(Error::request(format!(
                 "workgroups of {name} are not known to run on while others wait for them"

@@ -149,7 +149,7 @@ impl<'a> Judge<'a> {
     /// # Errors
     /// Where device memory runs out or the device fails.
     pub fn expect(&self, cameras: &[Camera]) -> Result<Expectation> {
-        if self.context.physical().kind == "CPU" && cameras.len() > MAX_ON_CPU as usize {
+        if self.context.physical().is_cpu() && cameras.len() > MAX_ON_CPU as usize {
             return Err(Error::request(format!(
                 "on a CPU device expected quality is of at most {MAX_ON_CPU} cameras, and these are {}; use a GPU, or fewer",
                 cameras.len()

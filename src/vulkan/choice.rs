@@ -76,11 +76,12 @@ fn notes(devices: &[Physical], chosen: usize) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::vulkan::physical::Kind;
 
     const GIB: u64 = 1 << 30;
 
     fn device(name: &str, class: Class, free: u64) -> Physical {
-        let kind = if class == Class::Software { "CPU" } else { "GPU" };
+        let kind = if class == Class::Software { Kind::Cpu } else { Kind::Other };
         Physical { name: name.into(), class, free, kind, ..Physical::default() }
     }
 

@@ -168,7 +168,7 @@ impl Context {
             checkpoints: checkpoints
                 .then(|| ash::nv::device_diagnostic_checkpoints::Device::new(&instance.raw, &device)),
             debug_sync,
-            wait_limit: wait_limit.or((physical.kind != "CPU").then_some(WAIT_LIMIT)),
+            wait_limit: wait_limit.or((!physical.is_cpu()).then_some(WAIT_LIMIT)),
             notes,
             prefix,
             pipeline_cache,

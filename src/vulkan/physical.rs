@@ -1,5 +1,7 @@
 //! Physical devices: what each has and what it lacks.
 
+use std::fmt;
+
 use ash::vk;
 
 use super::instance::Instance;
@@ -14,8 +16,8 @@ pub struct Physical {
     pub name: String,
     /// Driver name and version.
     pub driver: String,
-    /// "discrete GPU", "CPU", ...
-    pub kind: &'static str,
+    /// What it calls itself.
+    pub kind: Kind,
     /// Vulkan version (major, minor, patch).
     pub api: (u32, u32, u32),
     /// Threads in a subgroup.
@@ -65,7 +67,35 @@ pub struct Physical {
     pub(super) class: Class,
 }
 
-/// Kinds of devices, the ones to prefer first.
+/// What a device calls itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kind {
+    /// A GPU with memory of its own.
+    DiscreteGpu,
+    /// A GPU that shares the host's memory.
+    IntegratedGpu,
+    /// A GPU of a virtual machine.
+    VirtualGpu,
+    /// Software.
+    Cpu,
+    /// None of these.
+    #[default]
+    Other,
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::DiscreteGpu => "discrete GPU",
+            Self::IntegratedGpu => "integrated GPU",
+            Self::VirtualGpu => "virtual GPU",
+            Self::Cpu => "CPU",
+            Self::Other => "other",
+        })
+    }
+}
+
+/// Classes of devices, the ones to prefer first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Class {
     Discrete,
@@ -82,6 +112,11 @@ pub(super) enum Class {
 const LAYERED: [vk::DriverId; 2] = [vk::DriverId::MESA_DOZEN, vk::DriverId::MESA_VENUS];
 
 impl Physical {
+    /// Whether it is software: few threads, each of which is slow to wait for others.
+    pub fn is_cpu(&self) -> bool {
+        self.kind == Kind::Cpu
+    }
+
     /// Name and driver, for the user.
     pub fn title(&self) -> String {
         // Drivers that repeat the name say only their version beside it.
@@ -123,11 +158,11 @@ impl Physical {
             |name: Result<&std::ffi::CStr, _>| name.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let has = |name| extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name));
         let (class, kind) = match properties.device_type {
-            vk::PhysicalDeviceType::DISCRETE_GPU => (Class::Discrete, "discrete GPU"),
-            vk::PhysicalDeviceType::INTEGRATED_GPU => (Class::Integrated, "integrated GPU"),
-            vk::PhysicalDeviceType::VIRTUAL_GPU => (Class::Virtual, "virtual GPU"),
-            vk::PhysicalDeviceType::CPU => (Class::Software, "CPU"),
-            _ => (Class::Software, "other"),
+            vk::PhysicalDeviceType::DISCRETE_GPU => (Class::Discrete, Kind::DiscreteGpu),
+            vk::PhysicalDeviceType::INTEGRATED_GPU => (Class::Integrated, Kind::IntegratedGpu),
+            vk::PhysicalDeviceType::VIRTUAL_GPU => (Class::Virtual, Kind::VirtualGpu),
+            vk::PhysicalDeviceType::CPU => (Class::Software, Kind::Cpu),
+            _ => (Class::Software, Kind::Other),
         };
         let class = if LAYERED.contains(&driver.driver_id) { class.max(Class::Layered) } else { class };
         let family = compute_family(&families);

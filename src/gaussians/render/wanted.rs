@@ -51,7 +51,7 @@ impl Threads {
 
     /// Those that suit a device.
     pub fn of(context: &Context) -> Self {
-        if context.physical().kind == "CPU" { Self::NARROW } else { Self::WIDE }
+        if context.physical().is_cpu() { Self::NARROW } else { Self::WIDE }
     }
 
     /// Rejects numbers that no stage supports.

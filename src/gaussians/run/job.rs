@@ -122,7 +122,7 @@ impl Run {
         let few: Vec<Photo> = few(test).cloned().collect();
         let [train, test] = [&train.photos, &few].map(|photos| pictures::picture_bytes(photos, self.request.shrink));
         // The memory of a CPU device is that of the host.
-        let on_device = if self.context.physical().kind == "CPU" { 0 } else { self.photos_on_device()? };
+        let on_device = if self.context.physical().is_cpu() { 0 } else { self.photos_on_device()? };
         check_host(train.saturating_sub(on_device) + test, host_memory(), self.request.shrink)
     }
 }

@@ -63,7 +63,7 @@ impl Convolve {
     /// Where the device fails.
     pub fn new(context: &Arc<Context>) -> Result<Self> {
         let physical = context.physical();
-        let narrow = physical.kind == "CPU" && physical.subgroup_width == Some(convolve_lanes::LANES);
+        let narrow = physical.is_cpu() && physical.subgroup_width == Some(convolve_lanes::LANES);
         Self::by(context, if narrow { Way::Lanes } else { Way::Shared })
     }
 
