@@ -1,5 +1,5 @@
 //! GPU time of the planner: whole runs by both objectives, and an iteration per stage over growing view budgets, through both
-//! passes of the splat objective.
+//! passes of the paper's objective.
 //!
 //! The scene is the sample room (the sample object for 50 views); the cameras have been optimised for a few
 //! iterations, so that as many are visible as in a real run.
@@ -11,7 +11,8 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use camsplat::Result;
-use camsplat::plan::config::{Config, Objective, Pass, Preset};
+use camsplat::plan::config::{Config, Preset};
+use camsplat::plan::paper::{PaperPass, Pass};
 use camsplat::plan::planner::Planner;
 use camsplat::plan::preparation::Preparation;
 use camsplat::plan::problem::Problem;
@@ -29,7 +30,7 @@ use report::{Amount, Job, Report};
 
 /// Iterations of a row.
 const ITERATIONS: u32 = 10;
-/// Operations of a kernel's exponent, see `kernel_exponent` in `shaders/glsl/plan/plan.glsl`.
+/// Operations of a kernel's exponent, see `kernel_exponent` in `shaders/glsl/paper/paper.glsl`.
 const EXPONENT: u64 = 10;
 
 fn main() -> ExitCode {
@@ -41,13 +42,13 @@ fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
     let object = Scene::new(&context, Preset::Object)?;
     let room = Scene::new(&context, Preset::Room)?;
 
-    // 1000 iterations of the splat objective, texels and probes as in the paper.
+    // 1000 iterations of the paper's objective, texels and probes as in the paper.
     for (name, scene, views, probes) in [("plan_object_50", &object, 50, 20), ("plan_room_300", &room, 300, 200)] {
-        let config = Config::of(Objective::Splat, scene.preset, views);
-        whole(&context, report, name, scene, Config { probes, resolution: Some(32), ..config })?;
+        let config = Config::paper(scene.preset, views).with_paper(|own| own.resolution = Some(32));
+        whole(&context, report, name, scene, Config { probes, ..config })?;
     }
     // Expected quality: as many iterations as by default, and 50 where only the time of one is of interest.
-    let quality = |scene: &Scene, views| Config::of(Objective::Quality, scene.preset, views);
+    let quality = |scene: &Scene, views| Config::new(scene.preset, views);
     whole(&context, report, "quality_object_50", &object, quality(&object, 50))?;
     whole(&context, report, "quality_room_300", &room, quality(&room, 300))?;
     for &views in if on_cpu { &[1000][..] } else { &[1000, 3000, 10_000, 30_000] } {
@@ -124,23 +125,17 @@ fn iteration(
     if !report.wants(name, u64::from(views)) {
         return Ok(());
     }
-    let config = Config {
-        iterations: 1 << 20,
-        checkpoint_every: 1 << 19,
-        relocate_every: 0,
-        objective: Objective::Splat,
-        probes,
-        pass,
-        ..Config::of(Objective::Splat, scene.preset, views)
-    };
+    let paper = Config::paper(scene.preset, views).with_paper(|own| (own.relocate_every, own.pass) = (0, pass));
+    let config = Config { iterations: 1 << 20, checkpoint_every: 1 << 19, probes, ..paper };
     let planner = scene.planner(context, config, 20)?;
-    let resolution = planner.maps().resolution;
+    let Some(paper) = planner.pass::<PaperPass>() else { unreachable!("the configuration says so") };
+    let resolution = paper.maps().resolution;
     let texels = u64::from(probes * resolution * resolution);
-    let tallies = planner.tallies()?;
+    let tallies = paper.tallies()?;
     // Every block of texels of a probe counts the same splats.
-    let blocks = u64::from(planner.settings().blocks);
+    let blocks = u64::from(paper.settings().blocks);
     let visible = tallies.iter().map(|tally| u64::from(tally.visible)).sum::<u64>() / blocks;
-    let (pairs, instances) = planner.most_binned();
+    let [pairs, instances] = if pass == Pass::Binned { planner.needed() } else { [0; 2] };
     let all = u64::from(probes * views);
     // The least that must move: records and partials of the pairs (and instances, sorted), depth and texels once each way. The least
     // that must be computed: the kernel's exponent of every splat and texel (of its tiles), once each way.

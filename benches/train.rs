@@ -127,7 +127,7 @@ fn training(context: &Arc<Context>, report: &mut Report, extent: &Extent, splats
     let config = Config::new(30_000, splats);
     let sizes = memory::sizes(&config, &views, memory::first_room(splats));
     let buffers = memory::footprint(context, &config, &sizes, views.len());
-    let footprint = Footprint { buffers, several: &["sort", "scan", "draws scan"] };
+    let footprint = Footprint { buffers, several: vec!["sort", "scan", "draws scan"] };
     if let Err(error) = footprint.check(context, "the training", |_| "take a larger device") {
         println!("train {splats}: skipped, {error}");
         return Ok(());

@@ -14,8 +14,10 @@ use std::sync::Arc;
 use camsplat::io;
 use camsplat::metrics::score_point::{Field, Scorer, aggregate};
 use camsplat::metrics::{Metrics, PointMetrics};
-use camsplat::plan::config::{Config, Gate, Kernel, Objective, Preset, Start};
+use camsplat::plan::config::{Config, Minimise, Preset};
+use camsplat::plan::gate::Gate;
 use camsplat::plan::job::optimise;
+use camsplat::plan::paper::{Kernel, PaperConfig, Start};
 use camsplat::plan::preparation::Preparation;
 use camsplat::plan::problem::Problem;
 use camsplat::plan::run::Outcome;
@@ -123,11 +125,20 @@ const SHIPPED: &str = "as shipped";
 /// What the rows of all tables but `shipped` and `search` vary: the paper's objective, as it was before they settled the
 /// gate's softness.
 fn base(preset: Preset, views: u32) -> Config {
-    Config { gate_softness: 0.005, ..Config::of(Objective::Splat, preset, views) }
+    Config { gate_softness: 0.005, ..Config::paper(preset, views) }
 }
 
 fn variant(name: impl Into<String>, edit: impl Fn(&mut Config) + 'static) -> Variant {
     Variant(name.into(), Box::new(edit))
+}
+
+/// A row that changes what the paper's objective has for itself.
+fn of_paper(name: impl Into<String>, edit: impl Fn(&mut PaperConfig) + 'static) -> Variant {
+    variant(name, move |config| {
+        if let Minimise::Paper(own) = &mut config.minimise {
+            edit(own);
+        }
+    })
 }
 
 fn defaults() -> Vec<Variant> {
@@ -140,9 +151,9 @@ fn defaults() -> Vec<Variant> {
         (30.0, &[0.1, 0.3, 1.0]),
     ] {
         rows.extend(pressures.iter().map(|&pressure| {
-            variant(format!("regulariser {reg}, pressure {pressure}"), move |config| {
-                config.lambda_reg = reg;
-                config.lambda_scale = pressure;
+            of_paper(format!("regulariser {reg}, pressure {pressure}"), move |own| {
+                own.lambda_reg = reg;
+                own.lambda_scale = pressure;
             })
         }));
     }
@@ -153,36 +164,35 @@ fn parts() -> Vec<Variant> {
     vec![
         variant("the base", |_| {}),
         variant("the random start", |config| {
-            config.lr_position = 0.0;
-            config.lr_direction = 0.0;
-            config.relocate_every = 0;
+            let still = Config { lr_position: 0.0, lr_direction: 0.0, ..config.clone() };
+            *config = still.with_paper(|own| own.relocate_every = 0);
         }),
-        variant("directions weigh the same, not probes", |config| config.equal_probes = false),
+        of_paper("directions weigh the same, not probes", |own| own.equal_probes = false),
         variant("hard gate", |config| config.gate = Gate::Hard),
         variant("pinhole gate", |config| config.gate = Gate::Pinhole),
-        variant("metric kernel", |config| config.kernel = Kernel::Metric),
-        variant("no regulariser", |config| config.lambda_reg = 0.0),
-        variant("no relocation", |config| config.relocate_every = 0),
-        variant("relocation every 25", |config| config.relocate_every = 25),
-        variant("scale held", |config| config.lr_scale = 0.0),
-        variant("no pressure on the scale", |config| config.lambda_scale = 0.0),
-        variant("no occlusion", |config| config.occlusion = false),
-        variant("no scores (VDS)", |config| config.vds = false),
-        variant("iterative", |config| config.iterative = true),
-        variant("32 texels a side", |config| config.resolution = Some(32)),
+        of_paper("metric kernel", |own| own.kernel = Kernel::Metric),
+        of_paper("no regulariser", |own| own.lambda_reg = 0.0),
+        of_paper("no relocation", |own| own.relocate_every = 0),
+        of_paper("relocation every 25", |own| own.relocate_every = 25),
+        of_paper("scale held", |own| own.lr_scale = 0.0),
+        of_paper("no pressure on the scale", |own| own.lambda_scale = 0.0),
+        of_paper("no occlusion", |own| own.occlusion = false),
+        of_paper("no scores (VDS)", |own| own.vds = false),
+        of_paper("iterative", |own| own.iterative = true),
+        of_paper("32 texels a side", |own| own.resolution = Some(32)),
         variant("200 probes a step", |config| config.probes = 200),
         variant("3000 iterations", |config| config.iterations = 3000),
         variant("50 probes a step", |config| config.probes = 50),
         variant("gate softness 0.02", |config| config.gate_softness = 0.02),
         variant("gate softness 0.05", |config| config.gate_softness = 0.05),
-        variant("opacity 0.05", |config| config.alpha = 0.05),
-        variant("opacity 0.2", |config| config.alpha = 0.2),
+        of_paper("opacity 0.05", |own| own.alpha = 0.05),
+        of_paper("opacity 0.2", |own| own.alpha = 0.2),
         variant("positions half as fast", |config| config.lr_position *= 0.5),
         variant("positions twice as fast", |config| config.lr_position *= 2.0),
         variant("directions half as fast", |config| config.lr_direction *= 0.5),
         variant("directions twice as fast", |config| config.lr_direction *= 2.0),
-        variant("regulariser 0.3", |config| config.lambda_reg = 0.3),
-        variant("pressure 0.2", |config| config.lambda_scale = 0.2),
+        of_paper("regulariser 0.3", |own| own.lambda_reg = 0.3),
+        of_paper("pressure 0.2", |own| own.lambda_scale = 0.2),
     ]
 }
 
@@ -319,14 +329,12 @@ fn starts(context: &Arc<Context>, scenes: &[Scene], seeds: u64) -> Result<()> {
                 (", neither", false, false),
             ] {
                 let config = |seed| {
-                    let mut config = Config { seed, start, ..base(scene.preset, scene.views) };
-                    if !reg {
-                        config.lambda_reg = 0.0;
-                    }
-                    if !relocation {
-                        config.relocate_every = 0;
-                    }
-                    config
+                    let base = base(scene.preset, scene.views).with_paper(|own| {
+                        own.start = start;
+                        own.lambda_reg *= f32::from(u8::from(reg));
+                        own.relocate_every *= u32::from(relocation);
+                    });
+                    Config { seed, ..base }
                 };
                 let covered = |_: &[SurfacePoint], scores: &[PointMetrics]| {
                     let metrics = aggregate(scores);
@@ -355,7 +363,8 @@ fn voronoi(context: &Arc<Context>, scenes: &[Scene], seeds: u64) -> Result<()> {
         let mut lines = ByIteration::default();
         for (name, vds) in [("with scores", true), ("without", false)] {
             for (half, high) in [("low score", false), ("high score", true)] {
-                let config = |seed| Config { seed, vds, ..base(scene.preset, scene.views) };
+                let base = || base(scene.preset, scene.views).with_paper(|own| own.vds = vds);
+                let config = |seed| Config { seed, ..base() };
                 let area = |points: &[SurfacePoint], scores: &[PointMetrics]| {
                     let of_half = points.iter().zip(scores).filter(|(p, s)| (p.score > 1.5) == high && s.views > 0);
                     mean_and_deviation(&of_half.map(|(_, s)| s.voronoi_mean as f64).collect::<Vec<_>>()).0

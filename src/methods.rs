@@ -11,10 +11,12 @@ use serde::{Deserialize, Serialize};
 pub enum Method {
     /// The planner; of a pool the choice that swaps improve.
     Ours,
-    /// The planner with the paper's objective, without scores.
-    OursNoVds,
-    /// The same, one view after another.
-    OursIterative,
+    /// The paper's objective.
+    Paper,
+    /// The same without scores.
+    PaperNoVds,
+    /// The same without scores, one view after another.
+    PaperIterative,
     /// The planner in two passes.
     OursTwoPasses,
     /// A different photo for each planned camera, by the least sum of distances.
@@ -75,7 +77,7 @@ const CHOOSES: [bool; 2] = [false, true];
 const BOTH: [bool; 2] = [true, true];
 
 /// The table, in the order of the help.
-pub const METHODS: [Entry; 19] = [
+pub const METHODS: [Entry; 20] = [
     Entry {
         alias: Some("swap"),
         ..entry(
@@ -85,10 +87,16 @@ pub const METHODS: [Entry; 19] = [
             "The planner; among photos, swaps that lower the expected error, starting from the best simple choice",
         )
     },
-    entry(Method::OursNoVds, "ours-no-vds", PLACES, "The paper's objective without scores"),
     entry(
-        Method::OursIterative,
-        "ours-iterative",
+        Method::Paper,
+        "paper",
+        PLACES,
+        "The paper's objective: point cameras whose pictures should be evenly bright",
+    ),
+    entry(Method::PaperNoVds, "paper-no-vds", PLACES, "The paper's objective without scores"),
+    entry(
+        Method::PaperIterative,
+        "paper-iterative",
         PLACES,
         "The paper's objective without scores, one view after another",
     ),

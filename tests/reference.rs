@@ -313,8 +313,10 @@ fn every_stage_is_held_against_plain_rust() {
     assert!(found.len() > 50, "only {} stages were found", found.len());
     let names: Vec<_> = found.iter().map(|path| path.file_stem().unwrap().to_str().unwrap()).collect();
     for (name, path) in names.iter().zip(&found) {
-        // The layer that the shader's folder is named after.
-        let source = rust(&format!("src/{}", path.parent().unwrap().file_name().unwrap().to_str().unwrap()));
+        // The layer, or the objective, that the shader's folder is named after.
+        let folder = path.parent().unwrap().file_name().unwrap().to_str().unwrap();
+        let is_layer = root().join("src").join(folder).exists();
+        let source = rust(&if is_layer { format!("src/{folder}") } else { format!("src/plan/{folder}") });
         let declared = ["(", "<", " {", " with"].iter().any(|end| source.contains(&format!("Stage = {name}{end}")));
         assert!(declared, "{name}: no stage! has it");
         let held = elsewhere.iter().any(|stage| stage == name) || has_twin(&source, name);

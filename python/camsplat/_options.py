@@ -78,7 +78,7 @@ class PlanOptions(TypedDict, total=False):
     """Place the cameras so that structure from motion can join their photos to each other and to those of --keep: neighbours share surface and see it at no wider an angle between them than this, in degrees, such as 20"""
 
     order: Literal["tour", "none"]
-    """Order of the planned cameras: a short tour that keeps the clearance, or as they were placed [default: tour; none with --iterative and other methods, whose first cameras are a plan of fewer]"""
+    """Order of the planned cameras: a short tour that keeps the clearance, or as they were placed [default: tour; none with --method paper-iterative and baselines, whose first cameras are a plan of fewer]"""
 
     device: Union[str, int]
     """Device, by index or part of its name (see `camsplat devices`) [default: the best]"""
@@ -95,7 +95,7 @@ class PlanOptions(TypedDict, total=False):
     renderdoc: File
     """Capture one iteration with RenderDoc into FILE_*.rdc"""
 
-    method: Literal["ours", "ours-no-vds", "ours-iterative", "ours-two-passes", "random", "fibonacci", "grid", "rings", "fvs", "fvs-chord", "fvs-shared", "coverage", "acp", "fisherrf", "fisherrf-retrain", "cover", "manifold"]
+    method: Literal["ours", "paper", "paper-no-vds", "paper-iterative", "ours-two-passes", "random", "fibonacci", "grid", "rings", "fvs", "fvs-chord", "fvs-shared", "coverage", "acp", "fisherrf", "fisherrf-retrain", "cover", "manifold"]
     """How to place the cameras"""
 
     candidates: int
@@ -129,34 +129,43 @@ class PlanOptions(TypedDict, total=False):
     """Seed of every random number"""
 
     iterations: int
-    """Iterations [default: 100; in rooms 600; with the paper's objective 1000]"""
+    """Iterations [default: 100; in rooms 600; with --method paper 1000]"""
 
-    objective: Literal["splat", "quality"]
-    """Objective to minimise [default: quality; splat, the paper's, where an option is given that only it has]"""
+    probes: int
+    """Viewers per iteration; with --method paper point cameras [default: 20]"""
 
     gate: Literal["hard", "soft", "pinhole", "pinhole-hard"]
-    """Field-of-view test while optimising [default: pinhole; with the paper's objective soft]"""
+    """Field-of-view test while optimising [default: pinhole; with --method paper soft]"""
 
     gate_softness: float
-    """Softness of the gate, in cosines (cone) or sines (pinhole) [default: 0.01; with the paper's objective 0.02]"""
+    """Softness of the gate, in cosines (cone) or sines (pinhole) [default: 0.01; with --method paper 0.02]"""
+
+    lambda_bound: float
+    """Weight of the region term [default: 10]"""
+
+    lr_position: float
+    """Learning rate of positions, in radii of the region [default: 0.015; with --method paper 0.0065]"""
+
+    lr_direction: float
+    """Learning rate of directions [default: 0.05; with --method paper 0.02]"""
+
+    held_out: int
+    """Surface points for the geometric metrics, apart from those that are planned for [default: 1000]"""
+
+    checkpoint_every: int
+    """Iterations between checkpoints of the metrics [default: 50]"""
+
+    pool: int
+    """Point cameras in all, from which each step takes the next few"""
+
+    resolution: int
+    """Texels of a point camera along a side, a multiple of 8 [default: by the scale]"""
 
     kernel: Literal["angular", "metric"]
-    """Kernel of the splats [default: angular]"""
+    """Kernel of the splats"""
 
-    start: Literal["random", "identical"]
-    """Initial cameras [default: random]"""
-
-    pass_: Literal["auto", "dense", "binned"]
-    """Implementation of the splat pass [default: auto]"""
-
-    iterative: bool
-    """Add views one at a time with earlier ones fixed, a fifth of --iterations for each"""
-
-    base_loss: bool
-    """The paper's base loss: no scores, no occlusion"""
-
-    no_vds: bool
-    """Ignore the surface's scores (VDS), and do not read a capture's photos"""
+    alpha: float
+    """Opacity of a splat"""
 
     no_occlusion: bool
     """Ignore occlusion"""
@@ -164,53 +173,26 @@ class PlanOptions(TypedDict, total=False):
     equal_directions: bool
     """Weight every direction of a point camera equally in the image term, as the paper does, instead of every point camera"""
 
-    no_reg: bool
-    """Disable the coverage regulariser"""
-
-    no_relocation: bool
-    """Disable relocation of camera splats"""
-
-    relocate_every: int
-    """Iterations between relocations [default: 50]"""
-
     lambda_reg: float
-    """Weight of the coverage regulariser [default: 3]"""
-
-    lambda_bound: float
-    """Weight of the region term [default: 10]"""
+    """Weight of the coverage regulariser"""
 
     lambda_scale: float
-    """Pressure on the scale [default: 0.2]"""
-
-    alpha: float
-    """Opacity of a splat [default: 0.1]"""
-
-    scale: float
-    """Start scale of the splats, in radians"""
+    """Pressure on the square of the scale"""
 
     lr_scale: float
-    """Learning rate of the scale; 0 holds it [default: 0.005]"""
+    """Learning rate of the scale's logarithm; 0 holds it where it starts"""
 
-    lr_position: float
-    """Learning rate of positions, in radii of the region [default: 0.015; with the paper's objective 0.0065]"""
+    scale: float
+    """Scale of the splats at the start, in radians [default: by the number of splats that a point camera sees]"""
 
-    lr_direction: float
-    """Learning rate of directions [default: 0.05; with the paper's objective 0.02]"""
+    relocate_every: int
+    """Iterations between relocations of splats that light nothing; 0 for never"""
 
-    probes: int
-    """Viewers per iteration; with the paper's objective point cameras [default: 20]"""
+    start: Literal["random", "identical"]
+    """Where the cameras are at first"""
 
-    pool: int
-    """Point cameras in total, for the paper's objective [default: 2048]"""
-
-    resolution: int
-    """Texels per side of a point camera's picture, a multiple of 8"""
-
-    held_out: int
-    """Surface points for the geometric metrics, apart from those that are planned for [default: 1000]"""
-
-    checkpoint_every: int
-    """Iterations between checkpoints of the metrics [default: 50]"""
+    pass_: Literal["auto", "dense", "binned"]
+    """The way through the splat pass"""
 
 
 class ScoreOptions(TypedDict, total=False):
@@ -484,7 +466,7 @@ class EvaluateOptions(TypedDict, total=False):
     """Environment map that lights all scenes: an equirectangular .hdr file, +Y up"""
 
     methods: Union[str, Sequence[str]]
-    """Methods to compare: any --method of `camsplat plan`, ours:KEY=VALUE (the planner with a key of its configuration changed), or cameras:FILE, a layout of your own in any format that `camsplat capture` reads, with the lens of the others [default: random, fibonacci, fvs, fvs-chord, fvs-shared, acp, fisherrf, fisherrf-retrain, cover, manifold, ours-iterative, ours-no-vds, ours; rooms: without fibonacci and manifold; pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]"""
+    """Methods to compare: any --method of `camsplat plan`, ours:KEY=VALUE or paper:KEY=VALUE (with a key of its configuration changed), or cameras:FILE, a layout of your own in any format that `camsplat capture` reads, with the lens of the others [default: random, fibonacci, fvs, fvs-chord, fvs-shared, acp, fisherrf, fisherrf-retrain, cover, manifold, paper-iterative, paper-no-vds, paper, ours; rooms: without fibonacci and manifold; pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]"""
 
     budgets: Union[int, Sequence[int]]
     """Numbers of views [default: 50,100; rooms 300; pools 20,40; quick: 20; rooms 30]"""

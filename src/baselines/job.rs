@@ -166,8 +166,9 @@ fn place(
     let chosen = match request.method {
         // As the request has it, which was checked when it was made.
         Method::Ours
-        | Method::OursNoVds
-        | Method::OursIterative
+        | Method::Paper
+        | Method::PaperNoVds
+        | Method::PaperIterative
         | Method::OursTwoPasses
         | Method::Assigned
         | Method::Nearest => {

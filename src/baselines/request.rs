@@ -4,24 +4,26 @@ use serde::{Deserialize, Serialize};
 
 use super::manifold;
 use crate::methods::Method;
-use crate::plan::config::{Config, Gate, Objective, Preset};
+use crate::plan::config::{Config, Preset};
+use crate::plan::gate::Gate;
 use crate::quality::viewers::Viewers;
 use crate::select::{acp, information, retrained};
 use crate::{Error, Result};
 
 impl Method {
-    /// What it minimises, where it has only one objective: scores, and one view after another, are the paper's.
-    pub fn objective(self) -> Option<Objective> {
-        matches!(self, Self::OursNoVds | Self::OursIterative).then_some(Objective::Splat)
+    /// Whether it minimises the paper's objective.
+    pub fn is_paper(self) -> bool {
+        matches!(self, Self::Paper | Self::PaperNoVds | Self::PaperIterative)
     }
 
     /// The planner's configuration, where this is the planner or a variant of it.
     pub fn planner(self, config: &Config) -> Option<Config> {
-        let paper = || config.clone().with_objective(Objective::Splat);
+        let paper = || config.clone().to_paper();
         match self {
             Self::Ours | Self::OursTwoPasses => Some(config.clone()),
-            Self::OursNoVds => Some(Config { vds: false, ..paper() }),
-            Self::OursIterative => Some(Config { vds: false, iterative: true, ..paper() }),
+            Self::Paper => Some(paper()),
+            Self::PaperNoVds => Some(paper().with_paper(|own| own.vds = false)),
+            Self::PaperIterative => Some(paper().with_paper(|own| (own.vds, own.iterative) = (false, true))),
             _ => None,
         }
     }
@@ -152,7 +154,7 @@ mod tests {
     #[test]
     fn what_places_no_cameras_is_no_baseline() {
         let config = Config::new(Preset::Object, 20);
-        for method in [Method::Ours, Method::OursIterative, Method::Assigned, Method::Nearest] {
+        for method in [Method::Ours, Method::PaperIterative, Method::Assigned, Method::Nearest] {
             let refused = Request::new(method, None, &config).unwrap_err().to_string();
             assert!(refused.contains(method.name()) && refused.contains("no baseline"), "{refused}");
         }

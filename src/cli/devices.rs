@@ -2,7 +2,7 @@
 
 use super::session::Ended;
 use crate::Result;
-use crate::plan::footprint;
+use crate::plan::paper;
 use crate::vulkan::instance::Instance;
 use crate::vulkan::physical::Physical;
 
@@ -29,7 +29,7 @@ pub fn run() -> Result<Ended> {
             if !device.keeps_nan {
                 say!("   may lose numbers that are none, so that some broken input goes unnoticed");
             }
-            say!("   largest plan with 200 probes a step: about {} views", footprint::largest(device, 200));
+            say!("   largest plan with 200 probes a step: about {} views", paper::largest(device, 200));
         } else {
             say!("   cannot be used: lacks {}", device.lacks.join(", "));
         }

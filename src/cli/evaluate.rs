@@ -57,10 +57,10 @@ pub struct Arguments {
     /// Environment map that lights all scenes: an equirectangular .hdr file, +Y up
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
-    /// Methods to compare: any --method of `camsplat plan`, ours:KEY=VALUE (the planner with a key of its configuration changed),
-    /// or cameras:FILE, a layout of your own in any format that `camsplat capture` reads, with the lens of the others [default: random, fibonacci, fvs, fvs-chord, fvs-shared, acp, fisherrf, fisherrf-retrain, cover,
-    /// manifold, ours-iterative, ours-no-vds, ours; rooms: without fibonacci and manifold; pools: random, fvs,
-    /// coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
+    /// Methods to compare: any --method of `camsplat plan`, ours:KEY=VALUE or paper:KEY=VALUE (with a key of its configuration changed),
+    /// or cameras:FILE, a layout of your own in any format that `camsplat capture` reads, with the lens of the others [default: random,
+    /// fibonacci, fvs, fvs-chord, fvs-shared, acp, fisherrf, fisherrf-retrain, cover, manifold, paper-iterative, paper-no-vds, paper,
+    /// ours; rooms: without fibonacci and manifold; pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     methods: Option<Vec<Competitor>>,
     /// Numbers of views [default: 50,100; rooms 300; pools 20,40; quick: 20; rooms 30]
@@ -153,7 +153,7 @@ pub struct Arguments {
 /// Samples of a pixel with which pictures of a room are as clean as a camera's.
 const CLEAN: u32 = 1024;
 /// Methods where none are named.
-const USUAL: [&str; 13] = [
+const USUAL: [&str; 14] = [
     "random",
     "fibonacci",
     "fvs",
@@ -164,8 +164,9 @@ const USUAL: [&str; 13] = [
     "fisherrf-retrain",
     "cover",
     "manifold",
-    "ours-iterative",
-    "ours-no-vds",
+    "paper-iterative",
+    "paper-no-vds",
+    "paper",
     "ours",
 ];
 const OF_POOLS: [&str; 7] = ["random", "fvs", "coverage", "acp", "fisherrf", "cover", "ours"];

@@ -18,9 +18,12 @@ use super::viewers::ViewerOptions;
 use crate::io;
 use crate::io::folder::{OutputFolder, check_file, write_files};
 use crate::io::overwrite_guard::{check_output_file, check_output_folder};
+use crate::methods::Method;
 use crate::photos::PhotoSet;
-use crate::plan::config::{Config, Gate, Kernel, Objective, Pass, Preset, Start};
+use crate::plan::config::{Config, Preset};
+use crate::plan::gate::Gate;
 use crate::plan::job::{self, Tools};
+use crate::plan::paper::PaperConfig;
 use crate::plan::preparation::Preparation;
 use crate::plan::problem::Problem;
 use crate::plan::{curve, footprint};
@@ -69,7 +72,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DEGREES", conflicts_with = "curve")]
     connect: Option<f32>,
     /// Order of the planned cameras: a short tour that keeps the clearance, or as they were placed [default: tour; none with
-    /// --iterative and other methods, whose first cameras are a plan of fewer]
+    /// --method paper-iterative and baselines, whose first cameras are a plan of fewer]
     #[arg(long, value_enum)]
     order: Option<Order>,
     #[command(flatten)]
@@ -93,192 +96,102 @@ pub struct Arguments {
     tuning: Tuning,
 }
 
-/// The optimisation and its ablations. What is left out is the preset's default.
+/// The optimisation. What is left out is the default of the preset and the method.
 #[derive(Args, Debug, Default)]
 #[command(next_help_heading = "Optimisation")]
 pub struct Tuning {
     /// Seed of every random number
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Iterations [default: 100; in rooms 600; with the paper's objective 1000]
+    /// Iterations [default: 100; in rooms 600; with --method paper 1000]
     #[arg(long)]
     iterations: Option<u32>,
-    /// Objective to minimise [default: quality; splat, the paper's, where an option is given that only it has]
-    #[arg(long, value_enum)]
-    objective: Option<Objective>,
-    /// Field-of-view test while optimising [default: pinhole; with the paper's objective soft]
+    /// Viewers per iteration; with --method paper point cameras [default: 20]
+    #[arg(long)]
+    probes: Option<u32>,
+    /// Field-of-view test while optimising [default: pinhole; with --method paper soft]
     #[arg(long, value_enum)]
     gate: Option<Gate>,
-    /// Softness of the gate, in cosines (cone) or sines (pinhole) [default: 0.01; with the paper's objective 0.02]
+    /// Softness of the gate, in cosines (cone) or sines (pinhole) [default: 0.01; with --method paper 0.02]
     #[arg(long)]
     gate_softness: Option<f32>,
-    /// Kernel of the splats [default: angular]
-    #[arg(long, value_enum)]
-    kernel: Option<Kernel>,
-    /// Initial cameras [default: random]
-    #[arg(long, value_enum)]
-    start: Option<Start>,
-    /// Implementation of the splat pass [default: auto]
-    #[arg(long, value_enum)]
-    pass: Option<Pass>,
-    /// Add views one at a time with earlier ones fixed, a fifth of --iterations for each
-    #[arg(long)]
-    iterative: bool,
-    /// The paper's base loss: no scores, no occlusion
-    #[arg(long)]
-    base_loss: bool,
-    /// Ignore the surface's scores (VDS), and do not read a capture's photos
-    #[arg(long)]
-    no_vds: bool,
-    /// Ignore occlusion
-    #[arg(long)]
-    no_occlusion: bool,
-    /// Weight every direction of a point camera equally in the image term, as the paper does, instead of every point camera
-    #[arg(long)]
-    equal_directions: bool,
-    /// Disable the coverage regulariser
-    #[arg(long)]
-    no_reg: bool,
-    /// Disable relocation of camera splats
-    #[arg(long)]
-    no_relocation: bool,
-    /// Iterations between relocations [default: 50]
-    #[arg(long)]
-    relocate_every: Option<u32>,
-    /// Weight of the coverage regulariser [default: 3]
-    #[arg(long)]
-    lambda_reg: Option<f32>,
     /// Weight of the region term [default: 10]
     #[arg(long)]
     lambda_bound: Option<f32>,
-    /// Pressure on the scale [default: 0.2]
-    #[arg(long)]
-    lambda_scale: Option<f32>,
-    /// Opacity of a splat [default: 0.1]
-    #[arg(long)]
-    alpha: Option<f32>,
-    /// Start scale of the splats, in radians
-    #[arg(long)]
-    scale: Option<f32>,
-    /// Learning rate of the scale; 0 holds it [default: 0.005]
-    #[arg(long)]
-    lr_scale: Option<f32>,
-    /// Learning rate of positions, in radii of the region [default: 0.015; with the paper's objective 0.0065]
+    /// Learning rate of positions, in radii of the region [default: 0.015; with --method paper 0.0065]
     #[arg(long)]
     lr_position: Option<f32>,
-    /// Learning rate of directions [default: 0.05; with the paper's objective 0.02]
+    /// Learning rate of directions [default: 0.05; with --method paper 0.02]
     #[arg(long)]
     lr_direction: Option<f32>,
-    /// Viewers per iteration; with the paper's objective point cameras [default: 20]
-    #[arg(long)]
-    probes: Option<u32>,
-    /// Point cameras in total, for the paper's objective [default: 2048]
-    #[arg(long)]
-    pool: Option<u32>,
-    /// Texels per side of a point camera's picture, a multiple of 8
-    #[arg(long)]
-    resolution: Option<u32>,
     /// Surface points for the geometric metrics, apart from those that are planned for [default: 1000]
     #[arg(long)]
     held_out: Option<u32>,
     /// Iterations between checkpoints of the metrics [default: 50]
     #[arg(long)]
     checkpoint_every: Option<u32>,
+    // The last, since its heading would stand above whatever follows.
+    #[command(flatten, next_help_heading = "The paper's objective (--method paper, paper-no-vds and paper-iterative)")]
+    paper: PaperConfig,
 }
 
+/// Options of [`PaperConfig`] whose name is not that of its field.
+const NAMED: [(&str, &str); 2] = [("occlusion", "no-occlusion"), ("equal_probes", "equal-directions")];
+
 impl Tuning {
-    /// Whether an option is given that only the paper's objective has.
-    fn of_splat(&self) -> bool {
-        self.kernel.is_some()
-            || self.pass == Some(Pass::Binned)
-            || self.base_loss
-            || self.no_vds
-            || self.iterative
-            || self.no_occlusion
-            || self.equal_directions
-            || self.start.is_some()
-            || self.no_relocation
-            || self.relocate_every.is_some()
-            || self.no_reg
-            || [self.lambda_reg, self.lambda_scale, self.alpha, self.scale, self.lr_scale].iter().any(Option::is_some)
-    }
-
-    /// Refuses options that the objective asked for does not read, and a method that has another.
-    fn check(&self, method: Option<Objective>) -> Result<()> {
-        if let (Some(method), Some(objective)) = (method, self.objective)
-            && method != objective
-        {
-            return Err(Error::request("--method: this variant has the paper's objective; leave --objective out"));
-        }
-        if self.objective == Some(Objective::Quality) && self.of_splat() {
-            let what = "--objective quality: some of the options given are of --objective splat alone; leave them out";
-            return Err(Error::request(what));
-        }
-        Ok(())
-    }
-
-    /// The configuration that was asked for; `implied` is an objective that follows from what else was asked for.
-    pub fn config(&self, preset: Preset, views: u32, implied: Option<Objective>) -> Config {
+    /// The configuration of a method, or what baselines take of it.
+    ///
+    /// # Errors
+    /// Where options of the paper's objective are given to another method.
+    pub fn config(&self, preset: Preset, views: u32, method: Method) -> Result<Config> {
         fn set<T: Copy>(target: &mut T, given: Option<T>) {
             *target = given.unwrap_or(*target);
         }
-        let default = if self.of_splat() { Objective::Splat } else { Objective::Quality };
-        let mut config = Config::of(self.objective.or(implied).unwrap_or(default), preset, views);
+        let plain = if method.is_paper() { Config::paper(preset, views) } else { Config::new(preset, views) };
+        if let (false, Some(option)) = (method.is_paper(), self.of_paper()) {
+            return Err(Error::request(format!("--{option} goes with --method paper; leave it out, or give that")));
+        }
+        let mut config = plain.with_paper(|own| *own = self.paper.clone());
         config.seed = self.seed;
         set(&mut config.iterations, self.iterations);
+        set(&mut config.probes, self.probes);
         set(&mut config.gate, self.gate);
         set(&mut config.gate_softness, self.gate_softness);
-        set(&mut config.kernel, self.kernel);
-        set(&mut config.start, self.start);
-        set(&mut config.pass, self.pass);
-        set(&mut config.relocate_every, self.relocate_every);
-        set(&mut config.lambda_reg, self.lambda_reg);
         set(&mut config.lambda_bound, self.lambda_bound);
-        set(&mut config.lambda_scale, self.lambda_scale);
-        set(&mut config.alpha, self.alpha);
-        set(&mut config.lr_scale, self.lr_scale);
         set(&mut config.lr_position, self.lr_position);
         set(&mut config.lr_direction, self.lr_direction);
-        set(&mut config.probes, self.probes);
-        set(&mut config.pool, self.pool);
         set(&mut config.held_out, self.held_out);
         set(&mut config.checkpoint_every, self.checkpoint_every);
-        config.scale = self.scale.or(config.scale);
-        config.resolution = self.resolution.or(config.resolution);
-        config.iterative |= self.iterative;
-        config.vds &= !(self.no_vds || self.base_loss);
-        config.occlusion &= !(self.no_occlusion || self.base_loss);
-        config.equal_probes &= !self.equal_directions;
-        if self.no_reg {
-            config.lambda_reg = 0.0;
-        }
-        if self.no_relocation {
-            config.relocate_every = 0;
-        }
-        config
+        Ok(config)
+    }
+
+    /// The first option of the paper's objective that has another value than its default.
+    fn of_paper(&self) -> Option<String> {
+        let fields = |config: &PaperConfig| serde_json::to_value(config).ok()?.as_object().cloned();
+        let (given, usual) = (fields(&self.paper)?, fields(&PaperConfig::default())?);
+        let key = given.iter().find(|(key, value)| usual.get(*key) != Some(value))?.0;
+        let named = NAMED.iter().find(|(field, _)| field == key);
+        Some(named.map_or_else(|| key.replace('_', "-"), |(_, option)| (*option).into()))
     }
 }
 
 /// Plans, writes the folder and prints what came out.
 pub fn run(arguments: &Arguments) -> Result<Ended> {
     let views = arguments.views.unwrap_or(1);
-    arguments.tuning.check(arguments.baselines.method.objective())?;
-    let config = arguments.tuning.config(arguments.region.preset(), views, arguments.baselines.method.objective());
+    let method = arguments.baselines.method;
+    let config = arguments.tuning.config(arguments.region.preset(), views, method)?;
     let config = Config { viewers: arguments.viewers.viewers()?, ..config };
-    if arguments.curve && config.objective != Objective::Quality {
-        return Err(Error::request("--curve is of expected quality; leave the options of --objective splat out"));
-    }
-    let config = arguments.baselines.method.planner(&config).unwrap_or(config);
+    let config = method.planner(&config).unwrap_or(config);
     let config = match arguments.connect {
         Some(degrees) => {
-            let connected = config.connected(degrees);
+            let connected = config.connected(degrees)?;
             Config { iterations: arguments.tuning.iterations.unwrap_or(connected.iterations), ..connected }
         }
         None => config,
     };
     config.validate()?;
     let baseline = arguments.baselines.request(&config)?;
-    let in_turn = config.iterative || baseline.is_some();
+    let in_turn = config.of_paper().is_some_and(|own| own.iterative) || baseline.is_some();
     let order = arguments.order.unwrap_or(if in_turn { Order::None } else { Order::Tour });
     if let (Some((baseline, _)), true) = (
         &baseline,
@@ -307,7 +220,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     }
     arguments.region.choice()?;
     let mut opened = None;
-    let reads_photos = config.vds && config.objective != Objective::Quality && baseline.is_none();
+    let reads_photos = baseline.is_none() && config.of_paper().is_some_and(|own| own.vds);
     let kept = match &arguments.keep {
         Some(path) => io::read_cameras(path)?,
         None => Vec::new(),
@@ -433,14 +346,13 @@ fn captured(
     }
     let surface = Surface::Points(capture.points.clone());
     let images = capture.photos.iter().filter(|photo| photo.image.is_some()).count();
-    let unread = match &arguments.tuning {
-        Tuning { no_vds: true, .. } => Some("--no-vds"),
-        Tuning { base_loss: true, .. } => Some("--base-loss"),
-        _ if arguments.dry_run => Some("--dry-run"),
-        _ if arguments.baselines.method.planner(&Config::new(Preset::Object, 1)).is_none() => Some("--method"),
-        _ if !reads_photos => Some("expected quality takes no scores; --objective splat does"),
-        _ if images < 2 => Some("fewer than two have an image"),
-        _ => None,
+    let method = arguments.baselines.method;
+    let unread = match () {
+        () if arguments.dry_run => Some("--dry-run".into()),
+        () if method == Method::Ours => Some("expected quality takes no scores; --method paper does".into()),
+        () if !reads_photos => Some(format!("--method {}", method.name())),
+        () if images < 2 => Some("fewer than two have an image".into()),
+        () => None,
     };
     if let Some(reason) = unread {
         say!("vds      the photos are left unread ({reason})");
@@ -457,7 +369,6 @@ mod tests {
     use clap::CommandFactory as _;
 
     use super::*;
-    use crate::plan::config::Preset;
 
     #[derive(clap::Parser)]
     struct Planning {
@@ -468,14 +379,14 @@ mod tests {
     /// If this failed, the help would tell another default than the one that is used.
     #[test]
     fn the_help_tells_the_defaults() {
-        let used = |preset, views| Tuning::default().config(preset, views, None);
-        let config = serde_json::to_value(used(Preset::Object, 50)).unwrap();
+        let config = Tuning::default().config(Preset::Object, 50, Method::Ours).unwrap();
+        let config = serde_json::to_value(config).unwrap();
         let mut told = 0;
         for argument in Planning::command().get_arguments() {
             let help = argument.get_help().map(ToString::to_string).unwrap_or_default();
             let Some((_, default)) = help.split_once("[default: ") else { continue };
             let default = default.split([';', ']']).next().unwrap_or_default();
-            let used = &config[argument.get_id().as_str()];
+            let Some(used) = config.get(argument.get_id().as_str()) else { continue };
             let same = match used.as_f64() {
                 Some(used) => default.parse() == Ok(used as f32),
                 None => used.as_str() == Some(default),
@@ -483,6 +394,26 @@ mod tests {
             assert!(same, "{}: {default} in the help, {used} in the configuration", argument.get_id());
             told += 1;
         }
-        assert_eq!(told, 19, "defaults of numbers and choices");
+        assert_eq!(told, 9, "defaults of numbers and choices");
+    }
+
+    /// If this failed, the paper's options would be ignored in silence beside other methods, or not reach the plan.
+    #[test]
+    fn options_of_the_paper_go_with_its_method() {
+        let of = |line: &str, method| {
+            let parsed =
+                <Planning as clap::Parser>::try_parse_from(["plan"].into_iter().chain(line.split_whitespace()));
+            parsed.unwrap().tuning.config(Preset::Object, 5, method).map_err(|error| error.to_string())
+        };
+        for (line, option) in
+            [("--kernel metric", "--kernel"), ("--no-occlusion", "--no-occlusion"), ("--scale 0.1", "--scale")]
+        {
+            let refused = of(line, Method::Ours).unwrap_err();
+            assert!(refused.contains(option) && refused.contains("--method paper"), "{refused}");
+        }
+        let config = of("--equal-directions --relocate-every 0 --alpha 0.2", Method::Paper).unwrap();
+        let own = config.of_paper().unwrap();
+        assert_eq!((own.equal_probes, own.relocate_every, own.alpha, own.vds), (false, 0, 0.2, true));
+        assert!(of("--probes 7 --lambda-bound 3", Method::Ours).is_ok_and(|c| (c.probes, c.lambda_bound) == (7, 3.0)));
     }
 }

@@ -15,7 +15,7 @@ use super::training;
 use crate::baselines::job::Outside;
 use crate::methods::Method;
 use crate::parallel::lock;
-use crate::plan::config::{Config, Objective};
+use crate::plan::config::Config;
 use crate::plan::job::Tools;
 use crate::plan::problem::Problem;
 use crate::plan::record::PlanRecord;
@@ -76,7 +76,7 @@ impl SceneArtifacts<'_> {
         if !artifact.begins(observe)? {
             return artifact.read(PLAN);
         }
-        let scored = baseline.is_none() && config.objective != Objective::Quality;
+        let scored = baseline.is_none() && config.of_paper().is_some();
         let target = self.target((inputs, shown), &region, scored)?;
         let problem = Problem::new(&target, intrinsics, &kept)?;
         let plan = match (baseline, method) {

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::kind::Kind;
 use crate::methods::{METHODS, Method};
-use crate::plan::config::{Config, Objective, Preset};
+use crate::plan::config::{Config, Preset};
 use crate::scene::camera::Pose;
 use crate::{Error, Result, io};
 
@@ -47,9 +47,9 @@ impl PartialEq for Given {
 impl Eq for Given {}
 
 /// Keys that [`Competitor::Tuned`] leaves alone: the evaluation sets them itself.
-const OWN: [&str; 5] = ["views", "seed", "preset", "held_out", "checkpoint_every"];
-/// What [`Competitor::Tuned`] begins with.
-const SET: &str = "ours:";
+const OWN: [&str; 6] = ["views", "seed", "preset", "held_out", "checkpoint_every", "objective"];
+/// What [`Competitor::Tuned`] begins with, and the method whose configuration it changes.
+const SET: [(&str, Method); 2] = [("ours:", Method::Ours), ("paper:", Method::Paper)];
 /// What [`Competitor::Cameras`] begins with.
 const GIVEN: &str = "cameras:";
 
@@ -71,16 +71,10 @@ impl Competitor {
         let plain = Config { seed, ..Config::new(preset, views) };
         Ok(match self {
             Self::Tuned(name) => {
-                let set = name.strip_prefix(SET).unwrap_or_default().split(':');
-                let set: Vec<(&str, &str)> = set.map(|one| one.split_once('=').unwrap_or((one, ""))).collect();
-                // Other numbers are those of the objective, unless they are set too.
-                let objective = set.iter().find(|(key, _)| *key == "objective");
-                let objective =
-                    objective.and_then(|(_, value)| serde_json::from_value::<Objective>((*value).into()).ok());
-                let plain = match objective {
-                    Some(objective) => plain.with_objective(objective),
-                    None => plain,
-                };
+                let (method, set) = tuned(name).unwrap_or((Method::Ours, name));
+                let set: Vec<(&str, &str)> =
+                    set.split(':').map(|one| one.split_once('=').unwrap_or((one, ""))).collect();
+                let plain = method.planner(&plain).unwrap_or(plain);
                 let twice = (1..set.len()).find(|i| set[..*i].iter().any(|(key, _)| *key == set[*i].0));
                 let config = match twice {
                     Some(i) => Err(format!("{} is given twice", set[i].0)),
@@ -137,6 +131,11 @@ impl Competitor {
     }
 }
 
+/// The method whose configuration is changed, and what of it.
+fn tuned(name: &str) -> Option<(Method, &str)> {
+    SET.iter().find_map(|(begins, method)| Some((*method, name.strip_prefix(begins)?)))
+}
+
 /// The configuration with the value of a key set, or what is wrong with them.
 fn with(config: Config, (key, value): (&str, &str)) -> Result<Config, String> {
     let fields = serde_json::to_value(&config).ok().and_then(|config| config.as_object().cloned());
@@ -168,7 +167,7 @@ impl FromStr for Competitor {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        if name.starts_with(SET) {
+        if tuned(name).is_some() {
             return Ok(Self::Tuned(name.into()));
         }
         if let Some(file) = name.strip_prefix(GIVEN) {
@@ -184,7 +183,7 @@ impl FromStr for Competitor {
             Some(method) => Ok(Self::Method(method)),
             None => {
                 let known = METHODS.iter().map(|entry| entry.name);
-                let known: Vec<&str> = known.chain(["ours:KEY=VALUE", "cameras:FILE"]).collect();
+                let known: Vec<&str> = known.chain(["ours:KEY=VALUE", "paper:KEY=VALUE", "cameras:FILE"]).collect();
                 Err(format!("no such method; give some of {}", known.join(", ")))
             }
         }
@@ -194,7 +193,7 @@ impl FromStr for Competitor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::config::Gate;
+    use crate::plan::gate::Gate;
 
     /// If this failed, a method would fail after hours of photographs, and not before.
     #[test]
@@ -202,9 +201,9 @@ mod tests {
         let check = |kind: Kind, name: &str| name.parse::<Competitor>().unwrap().check(kind).map_err(|e| e.to_string());
         assert!(check(Kind::Object, "fibonacci").is_ok() && check(Kind::Pool, "fibonacci").is_ok());
         assert!(check(Kind::Room, "fibonacci").unwrap_err().contains("--methods fibonacci"));
-        assert!(check(Kind::Room, "ours-iterative").is_ok() && check(Kind::Pool, "ours").is_ok());
-        assert!(check(Kind::Pool, "ours-iterative").unwrap_err().contains("ours-iterative"));
-        assert!(check(Kind::Pool, "ours:alpha=0.2").unwrap_err().contains("photos are chosen"));
+        assert!(check(Kind::Room, "paper-iterative").is_ok() && check(Kind::Pool, "ours").is_ok());
+        assert!(check(Kind::Pool, "paper-iterative").unwrap_err().contains("paper-iterative"));
+        assert!(check(Kind::Pool, "paper:alpha=0.2").unwrap_err().contains("photos are chosen"));
         assert!(
             check(Kind::Pool, "assigned").is_ok()
                 && check(Kind::Room, "assigned").unwrap_err().contains("among photos")
@@ -215,20 +214,21 @@ mod tests {
     #[test]
     fn every_method_is_found_by_its_name() {
         let plans = METHODS.iter().filter(|entry| entry.places).map(|entry| Competitor::Method(entry.method));
-        let set = Competitor::Tuned("ours:alpha=0.2:gate=pinhole_hard:scale=0.5".into());
+        let set = Competitor::Tuned("paper:alpha=0.2:gate=pinhole_hard:scale=0.5".into());
         for method in plans.chain([set.clone()]) {
             assert!(method.takes(7));
             assert_eq!(method.name().parse(), Ok(method));
         }
         let config = set.config(Preset::Object, 20, 3).unwrap();
-        let parsed = (config.alpha, config.gate, config.scale, config.views, config.seed);
+        let own = config.of_paper().unwrap();
+        let parsed = (own.alpha, config.gate, own.scale, config.views, config.seed);
         assert_eq!(parsed, (0.2, Gate::PinholeHard, Some(0.5), 20, 3));
         for (wrong, named) in [
-            ("ours:tau=1", "lambda_reg"),
+            ("paper:tau=1", "lambda_reg"),
             ("ours:gate=wide", "gate cannot be wide"),
             ("ours:", "key"),
             ("ours:views=9", "views is the evaluation's"),
-            ("ours:alpha=0.1:alpha=0.2", "alpha is given twice"),
+            ("paper:alpha=0.1:alpha=0.2", "alpha is given twice"),
         ] {
             let error = wrong.parse::<Competitor>().unwrap().config(Preset::Object, 20, 0).unwrap_err().to_string();
             assert!(error.contains(wrong) && error.contains(named), "{error}");
@@ -239,7 +239,7 @@ mod tests {
             "nobodys"
                 .parse::<Competitor>()
                 .unwrap_err()
-                .contains("ours, ours-no-vds, ours-iterative, ours-two-passes, assigned")
+                .contains("ours, paper, paper-no-vds, paper-iterative, ours-two-passes, assigned")
         );
     }
 }

@@ -436,7 +436,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let table = folder.path().join("table.md");
         fs::write(&table, "of an earlier run").unwrap();
-        let methods = vec![Competitor::Method(Method::Ours), Competitor::Method(Method::OursNoVds)];
+        let methods = vec![Competitor::Method(Method::Ours), Competitor::Method(Method::PaperNoVds)];
         let request = Request {
             kind: Kind::Object,
             methods,
@@ -467,13 +467,13 @@ mod tests {
         };
         let product = |event| board.report(Event::Artifact(event));
         assert!(product(artifact::Event::Kept).is_continue());
-        board.add([0, 1], entry(Competitor::Method(Method::OursNoVds))).unwrap();
+        board.add([0, 1], entry(Competitor::Method(Method::PaperNoVds))).unwrap();
         assert_eq!(fs::read_to_string(&table).unwrap(), "of an earlier run");
         assert!(product(artifact::Event::Working).is_break(), "the stop was forgotten");
         let _ = product(artifact::Event::Begins("k"));
         board.add([0, 0], entry(Competitor::Method(Method::Ours))).unwrap();
         let written = fs::read_to_string(&table).unwrap();
         let at = |method: &str| written.find(&format!("| s | {method} |")).unwrap();
-        assert!(at("ours") < at("ours-no-vds") && !written.contains("still to come"), "{written}");
+        assert!(at("ours") < at("paper-no-vds") && !written.contains("still to come"), "{written}");
     }
 }

@@ -234,7 +234,7 @@ mod tests {
         };
         let entries = [
             entry(Competitor::Method(Method::Ours), 20, 0, 20.0),
-            entry(Competitor::Method(Method::OursNoVds), 20, 0, 10.0),
+            entry(Competitor::Method(Method::PaperNoVds), 20, 0, 10.0),
             entry(Competitor::Method(Method::Ours), 20, 1, 22.0),
             entry(Competitor::Method(Method::Ours), 40, 0, 30.0),
         ];
@@ -244,7 +244,7 @@ mod tests {
         assert_eq!(summary(&rows[0]), (Competitor::Method(Method::Ours), 20, [2, 1], vec![21.0, 24.0, 27.0, 24.0]));
         assert_eq!(
             summary(&rows[1]),
-            (Competitor::Method(Method::OursNoVds), 20, [1, 0], vec![10.0, 13.0, 16.0, 13.0])
+            (Competitor::Method(Method::PaperNoVds), 20, [1, 0], vec![10.0, 13.0, 16.0, 13.0])
         );
         assert_eq!((rows.len(), rows[2].views), (3, 40));
         assert_eq!(rows[0].measured[2], [None; 4]);

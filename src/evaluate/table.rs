@@ -223,7 +223,7 @@ mod tests {
         let of = |mean, half| Some(Interval { mean, half });
         Row {
             scene: "cup, \"red\"".into(),
-            method: Competitor::Method(Method::OursNoVds),
+            method: Competitor::Method(Method::PaperNoVds),
             views: 20,
             seeds: 3,
             diverged: 0,
@@ -255,7 +255,7 @@ mod tests {
         assert!(line.unwrap().contains("cup, \"red\" 23.1 dB") && warning.is_none());
         let warning = of(Some(22.9)).1.unwrap();
         assert!(
-            warning.contains("--test-spp") && warning.ends_with(": cup, \"red\", ours-no-vds, 20 views."),
+            warning.contains("--test-spp") && warning.ends_with(": cup, \"red\", paper-no-vds, 20 views."),
             "{warning}"
         );
     }
@@ -265,7 +265,7 @@ mod tests {
     fn known_numbers_stand_where_they_belong() {
         let request = Request {
             kind: Kind::Object,
-            methods: vec![Competitor::Method(Method::OursNoVds)],
+            methods: vec![Competitor::Method(Method::PaperNoVds)],
             budgets: vec![20],
             seeds: 3,
             first_seed: 7,
@@ -276,21 +276,21 @@ mod tests {
         };
         let text = markdown(&request, &outcome(&[row()]));
         assert!(text.contains(", 3 seeds from 7. Mean"), "{text}");
-        let line = "| cup, \"red\" | ours-no-vds | 20 | 20.00 ± 0.50 | 21.00 ± 0.25 | 19.00 | 20.00 ± 0.30 | 1.50 |";
+        let line = "| cup, \"red\" | paper-no-vds | 20 | 20.00 ± 0.50 | 21.00 ± 0.25 | 19.00 | 20.00 ± 0.30 | 1.50 |";
         assert!(text.contains(line), "{text}");
         assert!(text.contains("| 20 | – | – | – | – | 1.50 |") && text.contains("10 input photos"), "{text}");
         assert!(!text.contains("VGG16") && !text.contains("diverged"), "{text}");
         let broken = [Row { diverged: 2, ..row() }];
-        assert!(csv(&request, &broken).ends_with("\"cup, \"\"red\"\"\",ours-no-vds,20,3,,diverged,2,\n"));
+        assert!(csv(&request, &broken).ends_with("\"cup, \"\"red\"\"\",paper-no-vds,20,3,,diverged,2,\n"));
         let broken = markdown(&request, &outcome(&broken));
         assert!(
-            broken.contains("fell by more than 1 dB): cup, \"red\", ours-no-vds, 20 views (2 of 3).\n"),
+            broken.contains("fell by more than 1 dB): cup, \"red\", paper-no-vds, 20 views (2 of 3).\n"),
             "{broken}"
         );
         let csv = csv(&request, &[row()]);
         let lines: Vec<&str> = csv.lines().collect();
         assert_eq!(lines.len(), 1 + 3 * 4 + 1);
-        assert_eq!(lines[1], "\"cup, \"\"red\"\"\",ours-no-vds,20,3,half,PSNR,20,0.5");
+        assert_eq!(lines[1], "\"cup, \"\"red\"\"\",paper-no-vds,20,3,half,PSNR,20,0.5");
         assert!(lines[3].ends_with("random,PSNR,19,") && lines[9].ends_with("half,LPIPS,,"), "{csv}");
         assert!(lines[13].ends_with(",,choice_seconds,1.5,"));
         let given = Given { name: "cameras:a|\"b\".json".into(), poses: Vec::new(), notes: Vec::new() };

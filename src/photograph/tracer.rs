@@ -143,7 +143,7 @@ impl Tracer {
             list.extend(light.layout.footprint());
             list.push(("spread", SPREAD * pixels));
         }
-        Footprint { buffers: list, several: &[] }.check(context, "the scene", |name| match name {
+        Footprint { buffers: list, several: Vec::new() }.check(context, "the scene", |name| match name {
             "texels" => "take smaller textures, or a larger device",
             "exposure" | "found" | "chosen" => "take smaller pictures (`size`)",
             _ => "take a scene with fewer triangles, or a larger device",

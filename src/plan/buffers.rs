@@ -1,74 +1,64 @@
-//! Device memory of one run.
+//! Device memory of a run that all objectives have.
 
 use std::sync::Arc;
 
-use super::shared::{Gradient, Moments, Record, Splat, Tally};
+use super::clock::mailbox;
+use super::shared::{Control, Gradient, Moments, Record, Settings, Splat};
 use crate::Result;
-use crate::scene::octahedral;
 use crate::vulkan::footprint::Footprint;
 use crate::vulkan::{Buffer, Context};
 
 /// Everything that lives as long as the run, allocated once.
-pub(super) struct Buffers {
+pub(crate) struct Buffers {
     pub(super) settings: Buffer,
     pub(super) control: Buffer,
     pub(super) splats: Buffer,
-    pub(super) directions: Buffer,
-    pub(super) visible: Buffer,
     pub(super) slots: Buffer,
     pub(super) partials: Buffer,
-    pub(super) tallies: Buffer,
-    pub(super) deficit: Buffer,
     pub(super) moments: Buffer,
     pub(super) terms: Buffer,
     pub(super) arrivals: Buffer,
     pub(super) gradients: Buffer,
-    pub(super) order: Buffer,
     pub(super) history: Buffer,
     pub(super) snapshots: Buffer,
     pub(super) mailbox: Buffer,
-    pub(super) anchor_starts: Buffer,
-    pub(super) anchors: Buffer,
 }
 
 impl Buffers {
-    pub(super) fn new(context: &Arc<Context>, plan: &Footprint, resolution: u32) -> Result<Self> {
-        let directions: Vec<[f32; 4]> =
-            octahedral::directions(resolution).iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect();
+    pub(super) fn new(context: &Arc<Context>, plan: &Footprint) -> Result<Self> {
         let device = |name: &str| Buffer::device(context, name, plan.bytes_of(name)?);
         Ok(Self {
             settings: device("settings")?,
             control: device("control")?,
             splats: device("splats")?,
-            directions: Buffer::from_slice(context, "directions", &directions)?,
-            visible: device("visible")?,
             slots: device("slots")?,
             partials: device("partials")?,
-            tallies: device("tallies")?,
-            deficit: device("deficit")?,
             moments: device("moments")?,
             terms: device("terms")?,
             arrivals: device("arrivals")?,
             gradients: device("gradients")?,
-            order: device("order")?,
             history: device("history")?,
             snapshots: device("snapshots")?,
             mailbox: Buffer::host(context, "mailbox", plan.bytes_of("mailbox")?)?,
-            anchor_starts: device("anchor starts")?,
-            anchors: device("anchors")?,
         })
     }
 }
 
-/// Bytes of one element of the buffers whose structs are the planner's own.
-pub(super) fn element_sizes() -> [u64; 6] {
-    [
-        size_of::<Splat>(),
-        size_of::<Gradient>(),
-        size_of::<Tally>(),
-        size_of::<Moments>(),
-        2 * size_of::<f32>(),
-        size_of::<Record>(),
+/// These buffers by name and bytes, but for `slots` and `partials`, which the objective measures.
+pub(super) fn sizes(s: &Settings, checkpoint_every: u32) -> Vec<(&'static str, u64)> {
+    let splats = u64::from(s.splats);
+    let snapshots = u64::from(s.iterations.div_ceil(checkpoint_every.max(1))) + 1;
+    let bytes = |size: usize, count: u64| size as u64 * count;
+    vec![
+        ("settings", size_of::<Settings>() as u64),
+        ("control", size_of::<Control>() as u64),
+        ("splats", bytes(size_of::<Splat>(), splats)),
+        ("moments", bytes(size_of::<Moments>(), splats)),
+        ("terms", bytes(2 * size_of::<f32>(), splats)),
+        ("arrivals", 8),
+        ("gradients", bytes(size_of::<Gradient>(), splats)),
+        ("history", bytes(size_of::<Record>(), s.iterations.into())),
+        ("snapshots", bytes(size_of::<Splat>(), splats * snapshots)),
+        ("mailbox", 4 * mailbox::WORDS as u64),
     ]
-    .map(|size| size as u64)
 }

@@ -8,7 +8,7 @@ use std::time::Instant;
 use glam::{DQuat, DVec3};
 
 use super::aim::aim;
-use super::config::{Config, Objective, Preset};
+use super::config::{Config, Preset};
 use super::planner::Planner;
 use super::preparation::Preparation;
 use super::problem::Problem;
@@ -32,8 +32,6 @@ use crate::vulkan::profile::Profile;
 use crate::vulkan::{Context, Recorder};
 use crate::{Error, Result};
 
-/// The planner's name among the methods.
-pub const OURS: &str = "ours";
 /// Held-out points of a checkpoint: the first so many.
 const CHECKPOINT_POINTS: usize = 400;
 
@@ -96,9 +94,9 @@ pub fn run(
         let _ = observe(Event::Captured(renderdoc.end()?));
     }
     let start = Instant::now();
-    let reference = match config.objective {
-        Objective::Quality => Some(Reference::new(context, problem, &scene, &config)?),
-        _ => None,
+    let reference = match config.of_quality() {
+        Some(_) => Some(Reference::new(context, problem, &scene, &config)?),
+        None => None,
     };
     let preparation = match &reference {
         Some(reference) => preparation.starting_from(&reference.best().poses),
@@ -128,11 +126,11 @@ pub fn run(
         let groups = reference.groups(&poses);
         let kept = problem.kept.len();
         let groups = groups.filter(|_| kept + poses.len() > 1);
-        connection = config.connect.zip(groups).map(|(degrees, groups)| Connection { degrees, groups, kept });
+        connection = config.connect().zip(groups).map(|(degrees, groups)| Connection { degrees, groups, kept });
     }
     let configuration = serde_json::to_value(&config)
         .map_err(|e| Error::request(format!("the configuration cannot be written: {e}")))?;
-    let placed = Placed { method: OURS, configuration, outcome, outlook };
+    let placed = Placed { method: config.method().name(), configuration, outcome, outlook };
     let mut plan = conclude(context, problem, &scene, &config, placed)?;
     plan.record.began_from = began_from;
     plan.record.connection = connection;
@@ -314,7 +312,10 @@ pub fn optimise(
         mark(&mut profile, "optimisation", start);
         let lost = matches!(outcome, Err(Error::DeviceLost { .. } | Error::Vulkan { .. }));
         match planner.overflow() {
-            Some(needed) if preparation.binned() && !lost => preparation = preparation.with_capacity(context, needed),
+            Some(needed) if !lost => match preparation.objective.with_capacity(needed) {
+                Some(larger) => preparation = preparation.with_objective(context, larger),
+                None => return Ok((planner, outcome?)),
+            },
             _ => return Ok((planner, outcome?)),
         }
     }

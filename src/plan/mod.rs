@@ -1,22 +1,25 @@
 //! Planning: from a surface and a region to the camera poses that sample it best.
 
 mod aim;
-pub(crate) mod binned;
+mod bounds;
 mod buffers;
+pub mod clock;
 pub mod config;
 pub mod curve;
-pub mod dense;
 pub mod enough;
+pub mod expected_quality;
 pub(crate) mod footprint;
+pub mod gate;
 pub mod job;
-pub mod links;
+pub(crate) mod objective;
+mod objectives;
+pub mod paper;
 pub mod planner;
 pub mod preparation;
-mod probes;
 pub mod problem;
+mod reachable;
 pub mod record;
 pub mod reference;
-pub mod relocate;
 pub mod replan;
 pub(crate) mod request;
 pub mod run;
@@ -24,7 +27,5 @@ pub mod shared;
 pub(crate) mod snapshot;
 pub mod start;
 pub mod starts;
-pub mod tally;
 pub mod target;
 pub mod update;
-pub mod viewed;

@@ -49,8 +49,9 @@ pub struct IterationRecord {
     pub reg: f32,
     /// Region term, unweighted.
     pub bound: f32,
-    /// Scale of the splats.
-    pub scale: f32,
+    /// Scale of the splats, of the paper's objective.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f32>,
 }
 
 /// Held-out metrics at an iteration.

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::config::{Config, Preset};
-use super::links::Links;
+use super::expected_quality::links::Links;
 use super::preparation::splat;
 use super::problem::Problem;
 use super::record::{Expected, Status};
 use super::run::Outcome;
-use super::{probes, starts};
+use super::{reachable, starts};
 use crate::quality::expected::{Expectation, Judge};
 use crate::quality::law::{Fitted, Law};
 use crate::quality::look::Surroundings;
@@ -73,7 +73,7 @@ impl<'a> Reference<'a> {
         let around = Surroundings::new(&scene.geometry, target.proxy.sphere, inward, &law);
         let fewer = Judge::new(context, scene, around, viewers[..FEWER.min(viewers.len())].to_vec(), &law, seed)?;
         let judge = Judge::new(context, scene, around, viewers, &law, seed)?;
-        let links = config.connect.map(|degrees| Links::new(&target.proxy, &scene.geometry, config.seed, degrees));
+        let links = config.connect().map(|degrees| Links::new(&target.proxy, &scene.geometry, config.seed, degrees));
         let (intrinsics, mine) = (*intrinsics, kept.to_vec());
         let mut reference = Self { judge, scene, around, intrinsics, kept: mine, links, layouts: Vec::new() };
         for (name, ways) in starts::layouts(config, &scene.geometry, kept) {
@@ -81,7 +81,7 @@ impl<'a> Reference<'a> {
             let expectation = reference.expect(&poses)?;
             if expectation.viewers.iter().all(Option::is_none) {
                 return Err(match config.viewers {
-                    Viewers::Region => probes::unseen(config.preset),
+                    Viewers::Region => reachable::unseen(config.preset),
                     _ => Error::request(
                         "viewers: none of them has the surface in a sixteenth of its picture; give nearer ones (`viewers`), in its frame",
                     ),

@@ -2,7 +2,8 @@
 //! buffers that were recorded before stay valid after [`Planner::begin_from`] and [`Planner::look_from`]; after [`Planner::keep`] blocks are
 //! to be recorded again, since their dispatches are sized by the number of cameras.
 
-use super::planner::{Planner, Way};
+use super::expected_quality::QualityPass;
+use super::planner::Planner;
 use super::preparation::splat;
 use super::shared::Splat;
 use crate::io::checks;
@@ -14,7 +15,7 @@ use crate::{Error, Result};
 impl Planner {
     /// Keeps other cameras, as many as the planner was made for or fewer, and puts everything else back to the start of the run. `kept`
     /// are in the user's world. Nothing of this planner may be running on the device, and blocks that were recorded before must not be
-    /// submitted again. Of objective splat, start scale, resolution and the implementation of the pass stay as they were chosen for the
+    /// submitted again. Of the paper's objective, start scale, resolution and the implementation of the pass stay as they were chosen for the
     /// cameras of [`Planner::new`].
     ///
     /// # Errors
@@ -28,10 +29,10 @@ impl Planner {
             )));
         }
         usable("kept cameras", kept)?;
-        let planned = self.start.split_off(self.settings.kept as usize);
-        self.start = kept.iter().map(|camera| splat(camera, &self.scene.geometry)).chain(planned).collect();
-        self.settings.kept = kept.len() as u32;
-        self.settings.splats = self.start.len() as u32;
+        let planned = self.start.split_off(self.run.settings.kept as usize);
+        self.start = kept.iter().map(|camera| splat(camera, &self.run.scene.geometry)).chain(planned).collect();
+        self.run.settings.kept = kept.len() as u32;
+        self.run.settings.splats = self.start.len() as u32;
         self.reset()
     }
 
@@ -41,7 +42,7 @@ impl Planner {
     /// # Errors
     /// Where their number is not that of the planned cameras, a pose is not finite, or the device fails.
     pub fn begin_from(&mut self, poses: &[Pose]) -> Result<()> {
-        let planned = &mut self.start[self.settings.kept as usize..];
+        let planned = &mut self.start[self.run.settings.kept as usize..];
         if poses.len() != planned.len() {
             let (given, wanted) = (poses.len(), planned.len());
             return Err(Error::request(format!(
@@ -52,7 +53,7 @@ impl Planner {
             return Err(Error::request(format!("pose {bad} to begin from is not finite or no rotation; remove it")));
         }
         for (splat, pose) in planned.iter_mut().zip(poses) {
-            splat.place(&self.scene.geometry.to_internal.pose(pose));
+            splat.place(&self.run.scene.geometry.to_internal.pose(pose));
         }
         self.reset()
     }
@@ -63,8 +64,8 @@ impl Planner {
     /// # Errors
     /// Where there are none, one is unusable, the objective has no viewers, or the device fails.
     pub fn look_from(&mut self, viewers: &[Camera]) -> Result<()> {
-        let Way::Viewed(viewed) = &self.pipelines.splat else {
-            return Err(Error::request("only `objective` quality has viewers"));
+        let Some(viewed) = self.pass::<QualityPass>() else {
+            return Err(Error::request("only expected quality has viewers"));
         };
         if viewers.is_empty() {
             return Err(Error::request("there are no viewers; give at least one"));
@@ -74,7 +75,7 @@ impl Planner {
         let pool = viewed.pool();
         let drawn = (0..pool)
             .map(|i| &viewers[if viewers.len() > pool { i * viewers.len() / pool } else { i % viewers.len() }]);
-        let drawn: Vec<Viewer> = drawn.map(|viewer| Viewer::new(viewer, &self.scene.geometry)).collect();
+        let drawn: Vec<Viewer> = drawn.map(|viewer| Viewer::new(viewer, &self.run.scene.geometry)).collect();
         viewed.look_from(&drawn)?;
         self.reset()
     }
@@ -83,13 +84,13 @@ impl Planner {
     /// region's radius, +Z up), which `DeviceScene::geometry.to_internal` maps to. For stages of a host's own, after the blocks that
     /// write it; [`Planner::settings`] has their number.
     pub fn device_cameras(&self) -> &Buffer {
-        &self.buffers.splats
+        &self.run.buffers.splats
     }
 
     /// Capacity for kept cameras.
     fn most_kept(&self) -> usize {
-        let capacity = self.buffers.splats.size() / size_of::<Splat>() as u64;
-        capacity as usize - (self.settings.splats - self.settings.kept) as usize
+        let capacity = self.run.buffers.splats.size() / size_of::<Splat>() as u64;
+        capacity as usize - (self.run.settings.splats - self.run.settings.kept) as usize
     }
 }
 

@@ -5,11 +5,10 @@ use std::time::{Duration, Instant};
 
 use glam::Vec3;
 
-use super::config::Objective;
-use super::planner::{Planner, Way};
+use super::clock::mailbox;
+use super::planner::Planner;
 use super::record::{IterationRecord, Status};
 use super::shared::{Record, Splat};
-use super::tally::mailbox;
 use crate::scene::camera::Pose;
 use crate::vulkan::Recorder;
 use crate::vulkan::pace::Pace;
@@ -37,7 +36,7 @@ pub struct Outcome {
 impl Planner {
     /// Iterations done so far; may be called during a run.
     pub fn done(&self) -> u32 {
-        self.buffers.mailbox.peek(mailbox::DONE).unwrap_or(0)
+        self.run.done()
     }
 
     /// Runs all iterations. `observe` is called every few milliseconds with the number of iterations done and may stop the run
@@ -51,16 +50,17 @@ impl Planner {
         mut observe: impl FnMut(u32) -> ControlFlow<()>,
     ) -> Result<Outcome> {
         let started = Instant::now();
-        let (block, blocks) = (self.block(), self.settings.iterations.div_ceil(self.block()));
+        let (block, blocks) = (self.block(), self.run.settings.iterations.div_ceil(self.block()));
         let mut asked = false;
         // Of iterations; the first is submitted alone.
-        let mut pace = Pace::new(&self.context, 1);
-        let block_by_block = self.context.debug_sync() || self.context.submits_one_by_one() || self.links.is_some();
+        let mut pace = Pace::new(&self.run.context, 1);
+        let block_by_block =
+            self.run.context.debug_sync() || self.run.context.submits_one_by_one() || self.pass.waits_between_blocks();
         if profile.is_some() || block_by_block {
             for block in 0..blocks {
-                // The first links were made with the start.
+                // Before the first it was done with the start.
                 if block > 0 {
-                    self.link()?;
+                    self.between_blocks()?;
                 }
                 asked = match profile.as_deref_mut() {
                     Some(profile) => {
@@ -101,7 +101,7 @@ impl Planner {
                 }
                 std::thread::sleep(Duration::from_millis(2));
                 if observe(self.done()).is_break() {
-                    self.buffers.mailbox.poke(mailbox::STOP, 1);
+                    self.run.buffers.mailbox.poke(mailbox::STOP, 1);
                     (asked, left) = (true, 0);
                 }
             }
@@ -109,7 +109,7 @@ impl Planner {
         }
         let outcome = Outcome { seconds: started.elapsed().as_secs_f64(), ..self.outcome()? };
         if outcome.status == Status::Interrupted && !asked {
-            let (done, all) = (self.done(), self.settings.iterations);
+            let (done, all) = (self.done(), self.run.settings.iterations);
             return Err(Error::request(format!(
                 "the plan ended after {done} of {all} iterations without a request to stop; reset the planner before it runs again"
             )));
@@ -120,7 +120,7 @@ impl Planner {
     /// A block in submissions of as many iterations as the pace allows, and how many that are.
     fn block_in_parts(&self, pace: &Pace) -> Result<(Recorder, u32)> {
         let each = pace.items().min(self.block());
-        let mut commands = Recorder::new(&self.context)?;
+        let mut commands = Recorder::new(&self.run.context)?;
         self.record_in_parts(&mut commands, each)?;
         Ok((commands, each))
     }
@@ -141,7 +141,7 @@ impl Planner {
         let mut first = 0;
         while first < self.block() {
             let end = (first + pace.items()).min(self.block());
-            let mut commands = Recorder::paced(&self.context)?;
+            let mut commands = Recorder::paced(&self.run.context)?;
             self.record_part(&mut commands, first..end)?;
             pace.took(end - first, commands.submit_and_wait()?);
             first = end;
@@ -154,7 +154,7 @@ impl Planner {
 
     /// Runs a block with every stage timed.
     fn run_timed(&self, pace: &mut Pace, profile: &mut Profile) -> Result<()> {
-        let mut commands = Recorder::timed(&self.context, self.stages_of_a_block())?;
+        let mut commands = Recorder::timed(&self.run.context, self.stages_of_a_block())?;
         self.record_in_parts(&mut commands, pace.items())?;
         let submitted = Instant::now();
         pace.took(self.block(), commands.submit_and_wait()?);
@@ -162,33 +162,20 @@ impl Planner {
         Ok(())
     }
 
-    /// Pairs of probe and visible splat and (tile, splat) instances of the iteration of the binned pass that had most;
-    /// zero for the dense pass.
-    pub fn most_binned(&self) -> (u32, u32) {
-        let word = |word| self.buffers.mailbox.peek(word).unwrap_or(0);
-        (word(mailbox::MAX_PAIRS), word(mailbox::MAX_INSTANCES))
+    /// Most that any iteration needed of what the objective has a capacity for; of the paper's objective pairs of probe and visible splat, and
+    /// (tile, splat) instances.
+    pub fn needed(&self) -> [u32; 2] {
+        self.pass.needed(&self.run)
     }
 
     /// Timestamps that a block needs at most.
     pub fn stages_of_a_block(&self) -> u32 {
-        let splat = match self.pipelines.splat {
-            Way::Dense(_) => 1,
-            Way::Viewed(_) => 2,
-            // Nine stages and a fill, two scans of three stages, seven or eight sorting passes of three.
-            Way::Binned(_) => 10 + 6 + 24,
-        };
-        1 + (splat + 3) * self.block()
+        1 + (self.pass.stages() + 2) * self.block()
     }
 
-    /// Pairs and instances that an iteration had (a probe's splats in the dense pass), where that exceeded the capacity.
+    /// What iterations needed where that exceeded the capacity.
     pub(super) fn overflow(&self) -> Option<[u32; 2]> {
-        let needed = |word| self.buffers.mailbox.peek(word).unwrap_or(0);
-        let [pairs, instances] = match self.pipelines.splat {
-            Way::Dense(_) => [needed(mailbox::MAX_VISIBLE), 0],
-            Way::Viewed(_) => [0, 0],
-            Way::Binned(_) => [needed(mailbox::MAX_PAIRS), needed(mailbox::MAX_INSTANCES)],
-        };
-        (pairs > self.settings.capacity || instances > self.settings.instances).then_some([pairs, instances])
+        self.pass.overflow(&self.run)
     }
 
     /// What the blocks that were recorded with [`Planner::record_block`] and have been waited for leave, by whichever submitter.
@@ -204,47 +191,44 @@ impl Planner {
             )));
         }
         let done = self.done();
-        let history: Vec<Record> = self.buffers.history.download(done as usize)?;
+        let history: Vec<Record> = self.run.buffers.history.download(done as usize)?;
         let history = history.iter().zip(0..).map(|(record, iteration)| self.iteration(iteration, record)).collect();
         let poses = self.poses(&self.splats()?, true);
         let rows = done.div_ceil(self.config.checkpoint_every.max(1)) as usize;
-        let all: Vec<Splat> = self.buffers.snapshots.download(rows * self.settings.splats as usize)?;
+        let all: Vec<Splat> = self.run.buffers.snapshots.download(rows * self.run.settings.splats as usize)?;
         let mut snapshots: Vec<_> = all
-            .chunks_exact(self.settings.splats as usize)
+            .chunks_exact(self.run.settings.splats as usize)
             .zip(0..)
             .map(|(splats, row)| (row * self.config.checkpoint_every.max(1), self.poses(splats, false)))
             .collect();
         snapshots.push((done, poses.clone()));
-        let status = if done >= self.settings.iterations { Status::Complete } else { Status::Interrupted };
+        let status = if done >= self.run.settings.iterations { Status::Complete } else { Status::Interrupted };
         Ok(Outcome { poses, history, snapshots, status, seconds: 0.0 })
     }
 
     fn iteration(&self, iteration: u32, record: &Record) -> IterationRecord {
-        let s = &self.settings;
-        let scale = record.log_scale.exp();
-        let splat = self.config.objective == Objective::Splat;
-        let weighed = if splat { s.lambda_reg * record.reg + s.lambda_scale * scale * scale } else { record.reg };
+        let Record { loss: image, penalty: reg, bound, .. } = *record;
         IterationRecord {
             iteration,
-            loss: record.image + s.lambda_bound * record.bound + weighed,
-            image: record.image,
-            reg: record.reg,
-            bound: record.bound,
-            scale,
+            loss: image + self.run.settings.lambda_bound * bound + self.pass.penalty(record),
+            image,
+            reg,
+            bound,
+            scale: self.pass.scale(record),
         }
     }
 
     /// Poses in the user's world of the planned splats. The region's pull is soft, so a camera may end a little outside;
     /// `settle` moves it to the nearest feasible place.
     fn poses(&self, splats: &[Splat], settle: bool) -> Vec<Pose> {
-        let back = self.scene.geometry.to_internal.inverse();
-        let up = back.direction(self.scene.geometry.region.up);
-        splats[self.settings.kept as usize..]
+        let back = self.run.scene.geometry.to_internal.inverse();
+        let up = back.direction(self.run.scene.geometry.region.up);
+        splats[self.run.settings.kept as usize..]
             .iter()
             .map(|splat| {
                 let mut position = Vec3::from(splat.centre).as_dvec3();
                 if settle {
-                    position = self.scene.geometry.settle(position);
+                    position = self.run.scene.geometry.settle(position);
                 }
                 let direction = Vec3::from(splat.direction).as_dvec3();
                 Pose::looking(back.point(position), back.direction(direction), up)

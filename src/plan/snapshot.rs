@@ -1,6 +1,6 @@
 //! Splats kept by iteration (`snapshot.comp`).
 
-use super::shared::{Control, PlanConstants, Settings, Splat};
+use super::shared::{Control, Settings, Splat};
 
 crate::gpu_struct! {
     /// Push constants of `snapshot`.
@@ -12,6 +12,6 @@ crate::gpu_struct! {
 
 crate::stage!(
     /// Copies the splats into row `iteration / interval`.
-    pub(crate) SnapshotStage = snapshot<PlanConstants>(SnapshotPush) { read settings, read control, read splats, write snapshots }
+    pub(crate) SnapshotStage = snapshot(SnapshotPush) { read settings, read control, read splats, write snapshots }
     with [Settings, Control, Splat]
 );

@@ -1,58 +1,17 @@
-//! Sums over probes, regulariser, region and one Adam step (`update_*.comp`), and its twin: the regulariser and the step.
+//! One Adam step of every splat (`plan/update.glsl`): its twin. The stage is the objective's own, which gathers the gradients.
 
 use glam::DVec3;
 
-use super::dense::Batch;
-use super::shared::{Anchor, Control, Gradient, Moments, PlanConstants, Record, Settings, Splat, Tally};
-use super::tally::Clock;
-use crate::scene::octahedral;
-use crate::visibility::device_scene::DeviceRegion;
-use crate::visibility::probe_depth::Probe;
+use super::clock::Clock;
+use super::shared::Settings;
+use crate::vulkan::physical::Physical;
 
-crate::stage!(
-    /// One Adam step, a workgroup per camera splat; the last one ends the iteration, and nothing else writes [`Control`].
-    pub(crate) UpdateSplatStage = update_splat<PlanConstants>(()) {
-        read settings, write control, write splats, read slots, read partials, read tallies, write moments, write terms,
-        write gradients, read region, read free_distance, write history, write mailbox, write arrivals, read probes,
-        read depth,
-    } with [Settings, Control, Splat, Probe, Gradient, Tally, Moments, DeviceRegion, Record]
-);
-crate::stage!(
-    /// The same where the objective is what viewers are expected to see.
-    pub(crate) UpdateQualityStage = update_quality<PlanConstants>(()) {
-        read settings, write control, write splats, read slots, read partials, read tallies, write moments, write terms,
-        write gradients, read region, read free_distance, write history, write mailbox, write arrivals, read anchor_starts,
-        read anchors,
-    } with [Settings, Control, Splat, Gradient, Tally, Moments, DeviceRegion, Record, Anchor]
-);
-
-/// Coverage regulariser of a batch with the given coverage weights: the mean over probes and splats of
-/// `vis w (1 - c)`, and its gradients by centre and by direction (as if the direction were a free vector).
-pub fn regulariser(batch: &Batch<'_>, weights: &[f64]) -> (f64, Vec<DVec3>, Vec<DVec3>) {
-    let share = 1.0 / (batch.probes.len() as f64 * batch.splats.len() as f64);
-    let texels = batch.directions.len();
-    let resolution = (texels as f64).sqrt() as u32;
-    let mut loss = 0.0;
-    let (mut by_centre, mut by_direction) = (Vec::new(), Vec::new());
-    for &(centre, direction) in batch.splats {
-        let (mut a, mut b) = (DVec3::ZERO, DVec3::ZERO);
-        for (i, &(position, _)) in batch.probes.iter().enumerate() {
-            let ray = centre - position;
-            let d = ray.length().max(1e-6);
-            let n = ray / d;
-            let texel = octahedral::texel(n, resolution) as usize;
-            if batch.occlusion && d >= batch.depth[i * texels + texel].abs() {
-                continue;
-            }
-            let weight = weights[i] * share;
-            loss += weight * (1.0 + direction.dot(n));
-            a += weight / d * (direction - direction.dot(n) * n);
-            b += weight * n;
-        }
-        by_centre.push(a);
-        by_direction.push(b);
+crate::specialisation! {
+    /// Constants of an update that has none of its own.
+    pub(crate) struct UpdateConstants {
+        /// Threads per workgroup, a power of two from 64 to 1024.
+        threads: u32,
     }
-    (loss, by_centre, by_direction)
 }
 
 /// Adam's moments of a vector.
@@ -90,4 +49,12 @@ pub fn update(
     let by_centre = f64::from(settings.lr_position) * clock.rate * of_centre.change(gradient.0, clock.step);
     let by_direction = f64::from(settings.lr_direction) * clock.rate * of_direction.change(across, clock.step);
     (centre - by_centre, (direction - by_direction).normalize())
+}
+
+/// Most splats whose updates leave threads of a GPU idle.
+const FEW: u32 = 512;
+
+/// Threads of a workgroup of the update, one to a splat: the sums of few splats are shared among more threads.
+pub(crate) fn update_threads(physical: &Physical, splats: u32) -> u32 {
+    if physical.is_cpu() || splats > FEW { 64 } else { 256 }
 }

@@ -32,7 +32,7 @@ struct History {
     image: Vec<f32>,
     reg: Vec<f32>,
     bound: Vec<f32>,
-    scale: Vec<f32>,
+    scale: Vec<Option<f32>>,
 }
 
 #[derive(Serialize)]
@@ -110,7 +110,7 @@ fn history(record: &PlanRecord) -> History {
         image: column(|r| r.image),
         reg: column(|r| r.reg),
         bound: column(|r| r.bound),
-        scale: column(|r| r.scale),
+        scale: rows.iter().map(|r| r.scale).collect(),
     }
 }
 

@@ -235,7 +235,7 @@ mod tests {
         };
         let request = |budgets: &[u32]| Request {
             kind: Kind::Object,
-            methods: vec![Competitor::Method(Method::Ours), Competitor::Method(Method::OursNoVds)],
+            methods: vec![Competitor::Method(Method::Ours), Competitor::Method(Method::PaperNoVds)],
             budgets: budgets.to_vec(),
             seeds: 1,
             first_seed: 3,
@@ -244,7 +244,7 @@ mod tests {
             situation: Situation::Free,
             limits: Limits::default(),
         };
-        let entries: Vec<Entry> = [Competitor::Method(Method::Ours), Competitor::Method(Method::OursNoVds)]
+        let entries: Vec<Entry> = [Competitor::Method(Method::Ours), Competitor::Method(Method::PaperNoVds)]
             .into_iter()
             .flat_map(|m| [entry(m.clone(), 10), entry(m, 20)])
             .collect();

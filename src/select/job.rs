@@ -367,8 +367,9 @@ impl<'a> SelectionContext<'a> {
                 let choose = if method == Method::Fisher { information::fisher } else { information::cover };
                 choose(&self.context, pool, model, information::Settings::default())
             }
-            Method::OursNoVds
-            | Method::OursIterative
+            Method::Paper
+            | Method::PaperNoVds
+            | Method::PaperIterative
             | Method::OursTwoPasses
             | Method::Grid
             | Method::Rings

@@ -25,7 +25,7 @@ pub struct Footprint {
     /// Name and bytes of every buffer.
     pub buffers: Vec<(&'static str, u64)>,
     /// Names of entries that cover several buffers, none of which is the whole.
-    pub several: &'static [&'static str],
+    pub several: Vec<&'static str>,
 }
 
 impl Footprint {

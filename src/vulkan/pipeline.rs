@@ -120,6 +120,17 @@ impl Pipeline {
         // As many come out as went in.
         Ok(std::array::from_fn(|_| made.next().expect("a pipeline for every stage")))
     }
+
+    /// Runs `compile` on another thread beside `here`, which may fill buffers: a host's lock may be of threads.
+    pub fn beside<A: Send, B>(compile: impl FnOnce() -> A + Send, here: impl FnOnce() -> B) -> (A, B) {
+        let mut compiled = None;
+        let done = rayon::in_place_scope(|scope| {
+            scope.spawn(|_| compiled = Some(compile()));
+            here()
+        });
+        // The scope ends when all that was spawned has ended.
+        (compiled.expect("what was compiled"), done)
+    }
 }
 
 impl Drop for Compiled {

@@ -53,17 +53,24 @@ fn every_peer_leaves_a_plan_in_its_region_and_the_same_twice() {
 fn variants_of_the_planner_are_methods_too() {
     let place = Place::new();
     let region = "--views 3 --iterations 20 --held-out 50 --shell 0,0,0,2,3";
-    for (method, options) in [("ours", ""), ("ours-no-vds", "--no-vds"), ("ours-iterative", "--no-vds --iterative")] {
+    let methods = [
+        ("ours", "quality", None, None),
+        ("paper", "paper", Some(true), Some(false)),
+        ("paper-no-vds", "paper", Some(false), Some(false)),
+        ("paper-iterative", "paper", Some(false), Some(true)),
+    ];
+    let mut poses = Vec::new();
+    for (method, objective, vds, iterative) in methods {
         place.done(&format!("plan ball.ply --out a --force --method {method} {region}"));
-        place.done(&format!("plan ball.ply --out b --force {options} {region}"));
-        assert_eq!(
-            (place.plan("a").method.as_str(), place.plan("a").config),
-            ("ours", place.plan("b").config),
-            "{method}"
-        );
-        assert_eq!(place.read("a/transforms.json"), place.read("b/transforms.json"), "{method}");
+        let plan = place.plan("a");
+        let of = |key: &str| plan.config[key].as_bool();
+        assert_eq!((plan.method.as_str(), plan.config["objective"].as_str()), (method, Some(objective)));
+        assert_eq!((of("vds"), of("iterative")), (vds, iterative), "{method}");
+        poses.push(place.read("a/transforms.json"));
     }
-    let refused = place.run(&format!("plan ball.ply --out c --method ours-no-vds --candidates 9 {region}"));
+    // Nothing of the ball has a score.
+    assert!(poses[1] == poses[2] && poses[0] != poses[1] && poses[2] != poses[3], "methods are told apart");
+    let refused = place.run(&format!("plan ball.ply --out c --method paper-no-vds --candidates 9 {region}"));
     assert!(
         refused.code == Some(2) && refused.err.contains("--candidates is for methods that choose"),
         "{}",

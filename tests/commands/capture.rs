@@ -28,8 +28,19 @@ rd.ShutdownReplay()
 "#;
 
 /// Buffers that the stages of an iteration are bound to.
-const BUFFERS: [&str; 11] =
-    ["settings", "control", "splats", "viewers", "looks", "law", "slots", "partials", "tallies", "moments", "history"];
+const BUFFERS: [&str; 11] = [
+    "settings",
+    "control",
+    "splats",
+    "viewers",
+    "looks",
+    "law",
+    "slots",
+    "partials",
+    "viewer losses",
+    "moments",
+    "history",
+];
 
 /// A place in which RenderDoc leaves its own files in the place, too; none where it is not installed.
 fn place() -> Option<Place> {

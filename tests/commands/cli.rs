@@ -24,7 +24,7 @@ fn assert_same_cameras(left: &[Camera], right: &[Camera]) {
 #[test]
 fn a_plan_leaves_every_file_and_they_agree() {
     let place = Place::new();
-    let ran = place.done(&format!("plan ball.ply --out o {SHORT} --relocate-every 5 --size 640x480"));
+    let ran = place.done(&format!("plan ball.ply --out o {SHORT} --method paper --relocate-every 5 --size 640x480"));
     assert_eq!(place.files("o"), FILES);
     assert_eq!(
         place.files(""),
@@ -102,12 +102,12 @@ fn kept_cameras_stay_where_they_are() {
 fn what_is_asked_for_is_what_runs() {
     let place = Place::new();
     place.done(&format!(
-        "plan ball.ply --out o {SMALL} --seed 9 --iterations 12 --objective splat --gate pinhole-hard --kernel metric \
-         --start identical --no-occlusion --no-relocation --equal-directions --probes 7 --alpha 0.25 --lr-scale 0 --size 320x200"
+        "plan ball.ply --out o {SMALL} --seed 9 --iterations 12 --method paper --pool 64 --gate pinhole-hard --kernel metric \
+         --start identical --no-occlusion --relocate-every 0 --equal-directions --probes 7 --alpha 0.25 --lr-scale 0 --size 320x200"
     ));
     let plan = place.plan("o");
     let expected = serde_json::json!({
-        "views": 5, "seed": 9, "iterations": 12, "objective": "splat", "gate": "pinhole_hard", "kernel": "metric",
+        "views": 5, "seed": 9, "iterations": 12, "objective": "paper", "gate": "pinhole_hard", "kernel": "metric",
         "start": "identical", "occlusion": false, "vds": true, "relocate_every": 0, "probes": 7, "pool": 64,
         "held_out": 60, "equal_probes": false, "alpha": 0.25, "lr_scale": 0.0, "preset": "object",
     });
@@ -144,7 +144,7 @@ fn watching_a_run_does_not_change_it() {
         let plan = place.plan(out);
         (plan.cameras, plan.history, plan.checkpoints, plan.metrics)
     };
-    for way in ["--objective quality", "--objective splat --relocate-every 5"] {
+    for way in ["--method ours", "--method paper --relocate-every 5"] {
         let plan = |out: &str, options: &str| plan(out, &format!("--force {way} {options}"));
         let plain = plan("plain", "");
         assert_eq!(plain, plan("synced", "--debug-sync"));
@@ -176,7 +176,7 @@ fn the_curve_rises_with_the_views_and_flattens() {
 fn profile_and_trace_name_every_stage() {
     let place = Place::new();
     let ran = place
-        .done(&format!("plan ball.ply --out o {SHORT} --objective splat --relocate-every 5 --profile --trace t.json"));
+        .done(&format!("plan ball.ply --out o {SHORT} --method paper --relocate-every 5 --profile --trace t.json"));
     let own = place.done(&format!("plan ball.ply --out q {SHORT} --profile"));
     for stage in ["look", "viewed", "update_quality", "snapshot"] {
         assert!(
@@ -185,7 +185,7 @@ fn profile_and_trace_name_every_stage() {
             own.out
         );
     }
-    let stages = ["dense", "update_splat", "rank", "relocate", "snapshot"];
+    let stages = ["dense", "update_paper", "rank", "relocate", "snapshot"];
     let mut share = 0.0;
     for stage in stages {
         let row = ran.out.lines().find(|line| line.split_whitespace().next() == Some(stage));
@@ -219,7 +219,7 @@ fn a_dry_run_prints_the_footprint_and_writes_nothing() {
         let line = ran.out.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{name}: {}", ran.out));
         line.split_whitespace().rev().nth(1).unwrap().parse().unwrap()
     };
-    let buffers = ["depth", "splats", "partials", "moments", "history", "snapshots"];
+    let buffers = ["looks", "splats", "partials", "moments", "history", "snapshots"];
     assert!(buffers.into_iter().map(mebibytes).sum::<f64>() <= mebibytes("all ") + 0.05);
     assert!(ran.out.lines().last().unwrap().starts_with("fits "), "{}", ran.out);
     assert_eq!(place.files(""), before);
@@ -233,12 +233,10 @@ fn the_validation_layers_are_silent() {
         let ran = ended(place.command(arguments).env("CAMSPLAT_VALIDATION", "1").output().unwrap());
         assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""), "camsplat {arguments}");
     };
-    validated(&format!("plan ball.ply --out a {SHORT} --relocate-every 5"));
-    validated(&format!(
-        "plan ball.ply --out b {SHORT} --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --objective splat --debug-sync"
-    ));
-    validated(&format!("plan ball.ply --out c {SHORT} --keep a --gate pinhole --iterative --profile"));
-    validated(&format!("plan ball.ply --out d {SHORT} --pass binned --relocate-every 5"));
+    validated(&format!("plan ball.ply --out a {SHORT} --method paper --relocate-every 5"));
+    validated(&format!("plan ball.ply --out b {SHORT} --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --method paper --debug-sync"));
+    validated(&format!("plan ball.ply --out c {SHORT} --keep a --gate pinhole --method paper-iterative --profile"));
+    validated(&format!("plan ball.ply --out d {SHORT} --method paper --pass binned --relocate-every 5"));
     validated(&format!("plan ball.ply --out e {SHORT}"));
     validated(&format!("plan ball.ply --out f {SHORT} --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --debug-sync"));
     validated("score ball.ply a/plan.json --held-out 1000 --all");

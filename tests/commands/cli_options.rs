@@ -38,10 +38,9 @@ fn every_option_of_the_help_is_accepted() {
         "--preset object --shell 0,0,0,2,3 --floor -2.5 --up +z --clearance 0.1 --connect 40 --fov 60 --size 640x480 --device 0 \
          --debug-sync --profile --trace t.json",
         "--box -3,-3,-3,3,3,3 --preset object --keep first --seed 7 --gate-softness 0.01",
-        "--iterative --base-loss --no-vds --no-occlusion --no-reg --no-relocation --dry-run",
-        "--iterative --equal-directions --no-occlusion --no-reg --no-relocation",
-        "--base-loss --relocate-every 5 --lambda-reg 2 --lambda-bound 3 --lambda-scale 0.1 --alpha 0.2 --scale 0.3",
-        "--lr-scale 0 --lr-position 0.01 --lr-direction 0.03 --probes 8 --resolution 24",
+        "--method paper-iterative --equal-directions --no-occlusion --dry-run",
+        "--method paper-no-vds --relocate-every 5 --lambda-reg 2 --lambda-scale 0.1 --alpha 0.2 --scale 0.3 --pool 64",
+        "--method paper --lr-scale 0 --lr-position 0.01 --lr-direction 0.03 --probes 8 --resolution 24 --lambda-bound 3",
         "--viewers shell:0,0,0,2,4",
         "--viewers box:-4,-4,2,4,4,5",
         "--viewers cone:120,0,-1,0",
@@ -79,12 +78,11 @@ fn every_option_of_the_help_is_accepted() {
         tried.extend(arguments.split_whitespace().filter_map(|word| word.strip_prefix("--")).map(str::to_owned));
     };
     runs.iter().for_each(|given| try_with(given));
-    // The first value of every option in one run, the second ones in another, and so on; an objective refuses options of the other.
-    known["objective"].iter().for_each(|value| try_with(&format!("--objective {value}")));
-    let listed = || known.iter().filter(|(option, _)| !["method", "objective"].contains(&option.as_str()));
+    // The first value of every option in one run, the second ones in another, and so on.
+    let listed = || known.iter().filter(|(option, _)| option.as_str() != "method");
     for turn in 0..listed().map(|(_, values)| values.len()).max().unwrap_or(0) {
         let given = listed().filter_map(|(option, values)| Some(format!("--{option} {}", values.get(turn)?)));
-        try_with(&given.collect::<Vec<_>>().join(" "));
+        try_with(&format!("--method paper {}", given.collect::<Vec<_>>().join(" ")));
     }
     assert_eq!(known.keys().filter(|option| !tried.contains(*option)).collect::<Vec<_>>(), [""; 0]);
     assert!(known["gate"].len() >= 4 && known["preset"].len() == 2, "the help was misread: {known:?}");

@@ -6,13 +6,13 @@ use camsplat::plan::record::{IterationRecord, Status};
 use camsplat::scene::camera::Camera;
 
 /// A run that is short, and whose batches wrap around in the pool.
-const SMALL: &str = "--views 30 --pool 64 --probes 9 --held-out 60 --iterations 20 --checkpoint-every 10";
+const SMALL: &str = "--views 30 --probes 9 --held-out 60 --iterations 20 --checkpoint-every 10";
 
 /// The ways through the planner that have their own stages.
 const WAYS: [&str; 3] = [
-    "--objective quality",
-    "--objective splat --pass dense --relocate-every 5",
-    "--objective splat --pass binned --relocate-every 5",
+    "--method ours",
+    "--method paper --pool 64 --pass dense --relocate-every 5",
+    "--method paper --pool 64 --pass binned --relocate-every 5",
 ];
 
 /// What a plan records, except the time it took.

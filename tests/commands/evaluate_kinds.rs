@@ -238,8 +238,8 @@ fn what_does_not_fit_is_refused_and_nothing_is_written() {
         ("evaluate --pool photos --out o", &["photos", "17 of its 20 photos", "--budgets is 20"]),
         ("evaluate --pool photos --out o --budgets 5 --inputs 18", &["photos", "--inputs is 18"]),
         (
-            "evaluate --pool photos --out o --budgets 5 --methods ours-iterative",
-            &["--methods ours-iterative", "chosen"],
+            "evaluate --pool photos --out o --budgets 5 --methods paper-iterative",
+            &["--methods paper-iterative", "chosen"],
         ),
         ("evaluate --pool lost --out o --budgets 5", &["lost", "missing", "photo_00.png"]),
         ("evaluate --pool none --out o --budgets 5", &["none"]),

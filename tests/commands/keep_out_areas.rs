@@ -11,7 +11,7 @@ const METRES: DVec2 = DVec2::new(111_229.03, 71_695.75);
 const GEO: &str = "--geo 50,10,300,30";
 const SHELL: &str = "--shell 0,0,0,2,3 --up z";
 
-const SMALL: &str = "--views 12 --pool 64 --held-out 60 --iterations 20 --checkpoint-every 10";
+const SMALL: &str = "--views 12 --held-out 60 --iterations 20 --checkpoint-every 10";
 
 /// Longitude and latitude of a place of the scene.
 fn on_earth([x, y]: [f64; 2]) -> [f64; 2] {

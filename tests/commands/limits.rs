@@ -147,11 +147,7 @@ fn nobody_stands_beyond_the_walls_of_a_room() {
 fn what_no_camera_can_see_is_reported() {
     let place = Place::new();
     let plan = |out: &str, limits: &str| {
-        place
-            .done(&format!(
-                "plan ball.ply --out {out} {SHELL} --views 16 --pool 64 --held-out 60 --iterations 20 {limits}"
-            ))
-            .out
+        place.done(&format!("plan ball.ply --out {out} {SHELL} --views 16 --held-out 60 --iterations 20 {limits}")).out
     };
     let warning = "warning  much of what viewers look at is seen by no camera";
     assert!(!plan("free", "").contains(warning));

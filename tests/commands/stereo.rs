@@ -306,7 +306,7 @@ fn the_command_writes_the_same_bits_on_any_number_of_threads() {
     let Surface::Points(points) = io::read_surface(&place.path("proxy.ply")).unwrap() else { panic!("no points") };
     let count = points.positions.len();
     assert!(points.oriented && count > 500 && points.normals.len() == count && points.radii.len() == count);
-    place.done("plan proxy.ply --out plan --views 5 --pool 64 --held-out 60 --iterations 20 --checkpoint-every 10");
+    place.done("plan proxy.ply --out plan --views 5 --held-out 60 --iterations 20 --checkpoint-every 10");
 }
 
 /// If this failed, a user would get a surface of nothing, or no hint at what is missing.

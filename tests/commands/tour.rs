@@ -56,7 +56,7 @@ fn a_tour_visits_the_same_cameras_in_fewer_steps() {
 fn cameras_planned_one_by_one_stay_in_their_order() {
     let place = Place::new();
     for (folder, options) in [("own", ""), ("none", "--order none")] {
-        let ran = place.run(&format!("plan ball.ply {SHORT} --iterative {options} --out {folder}"));
+        let ran = place.run(&format!("plan ball.ply {SHORT} --method paper-iterative {options} --out {folder}"));
         assert_eq!(ran.code, Some(0), "{}", ran.err);
     }
     assert_eq!(place.plan("own").cameras, place.plan("none").cameras);
@@ -67,7 +67,7 @@ fn cameras_planned_one_by_one_stay_in_their_order() {
 #[test]
 fn too_many_cameras_for_a_tour_are_said() {
     let place = Place::new();
-    let ran = place.done("plan ball.ply --views 2001 --pool 64 --held-out 20 --iterations 1 --out many");
+    let ran = place.done("plan ball.ply --views 2001 --held-out 20 --iterations 1 --out many");
     assert!(ran.out.contains("no tour") && ran.out.contains("2000 cameras at most"), "{}", ran.out);
     assert!(place.plan("many").tour.is_none() && place.plan("many").cameras.len() == 2001);
 }

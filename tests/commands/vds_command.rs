@@ -64,7 +64,7 @@ fn a_plan_for_a_capture_scores_its_points_first() {
     place.write("shots/sparse.ply", camsplat::io::ply::write::points(&cloud.positions, &[], None));
     let transforms = place.read("shots/transforms.json").replacen('{', "{\"ply_file_path\":\"sparse.ply\",", 1);
     place.write("shots/transforms.json", transforms);
-    let ran = place.done(&format!("plan shots --keep shots {} --objective splat --out plan", command::SHORT));
+    let ran = place.done(&format!("plan shots --keep shots {} --method paper --out plan", command::SHORT));
     assert!(ran.out.contains("8 photos in") && ran.out.contains("5 views, 8 kept"), "{}", ran.out);
     // Scores change what is aimed at, not the surface: scoring the plan on the capture sees the same.
     let row = |text: &str, name: &str| {
@@ -74,8 +74,8 @@ fn a_plan_for_a_capture_scores_its_points_first() {
     let held_out = command::SHORT.split_whitespace().skip_while(|word| *word != "--held-out").nth(1).unwrap_or("1000");
     let scored = place.done(&format!("score shots plan/plan.json --all --cone --held-out {held_out}"));
     assert_eq!(row(&ran.out, "plan "), row(&scored.out, "cameras"));
-    let ran = place.done(&format!("plan shots --no-vds {} --out bare", command::SHORT));
-    assert!(ran.out.contains("photos are left unread (--no-vds)"), "{}", ran.out);
+    let ran = place.done(&format!("plan shots --method paper-no-vds {} --out bare", command::SHORT));
+    assert!(ran.out.contains("photos are left unread (--method paper-no-vds)"), "{}", ran.out);
 }
 
 /// If this failed, one photo that was cut short on its way would cost a user all others, or pass for a whole one.

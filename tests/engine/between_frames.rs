@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use ash::vk;
 use camsplat::Error;
-use camsplat::plan::config::{Config, Objective, Preset};
+use camsplat::plan::config::{Config, Preset};
 use camsplat::scene::samples;
 use camsplat::vulkan::host::QueueLock;
 use camsplat::vulkan::{Buffer, Context, Options, Recorder};
@@ -109,8 +109,8 @@ fn frames_of_the_host_do_not_count_as_work_of_the_engine() {
     let (frame, _also_kept) = of(fills.ceil() as u32);
 
     let scene = plans::object(&context);
-    let short =
-        Config { iterations: 60, pool: 256, relocate_every: 0, ..Config::of(Objective::Splat, Preset::Object, 4) };
+    let paper = Config::paper(Preset::Object, 4).with_paper(|own| (own.pool, own.relocate_every) = (256, 0));
+    let short = Config { iterations: 60, ..paper };
     let planner = plans::planner(&context, &scene, short);
     let submissions = || {
         planner.reset().unwrap();

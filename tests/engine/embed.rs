@@ -4,7 +4,8 @@ use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex};
 
 use ash::vk;
-use camsplat::plan::config::{Config, Objective, Pass, Preset};
+use camsplat::plan::config::{Config, Preset};
+use camsplat::plan::paper::Pass;
 use camsplat::plan::planner::Planner;
 use camsplat::plan::preparation::Preparation;
 use camsplat::plan::problem::Problem;
@@ -45,14 +46,9 @@ fn plan(driver: &Driver<'_>, pass: Pass, own: &Arc<Context>) -> Outcome {
     let intrinsics = Intrinsics::from_fov(800, 800, 50f64.to_radians());
     let choice = RegionChoice::default();
     let target = Target::new(&samples::object(), "object", Preset::Object, &choice, DVec3::Z, &intrinsics).unwrap();
-    let short = Config {
-        seed: 5,
-        iterations: 60,
-        pool: 256,
-        objective: Objective::Splat,
-        ..Config::of(Objective::Splat, Preset::Object, 12)
-    };
-    let config = Config { pass, relocate_every: 10, checkpoint_every: 20, ..short };
+    let paper =
+        Config::paper(Preset::Object, 12).with_paper(|own| (own.pool, own.pass, own.relocate_every) = (256, pass, 10));
+    let config = Config { seed: 5, iterations: 60, checkpoint_every: 20, ..paper };
     let problem = Problem::new(&target, intrinsics, &[]).unwrap();
     let preparation = Preparation::new(&context, &problem, config).unwrap();
     let scene = Arc::new(problem.on(&context).unwrap());
@@ -82,7 +78,7 @@ fn bits(outcome: &Outcome) -> Bits {
     };
     let poses = outcome.poses.iter().map(pose).collect();
     let history = outcome.history.iter().map(|r| {
-        let floats = [r.loss, r.image, r.reg, r.bound, r.scale].map(f32::to_bits);
+        let floats = [r.loss, r.image, r.reg, r.bound, r.scale.unwrap_or(0.0)].map(f32::to_bits);
         [r.iteration, floats[0], floats[1], floats[2], floats[3], floats[4]]
     });
     let rows = outcome.snapshots.iter().map(|(iteration, _)| *iteration).collect();

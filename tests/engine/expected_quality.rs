@@ -3,8 +3,10 @@
 use std::ops::ControlFlow;
 
 use crate::support::plans::{Scene, context, intrinsics, object, planner, preparation, room, silent};
-use camsplat::plan::config::{Config, Gate, Objective, Preset};
-use camsplat::plan::dense::Batch;
+use camsplat::plan::config::{Config, Preset};
+use camsplat::plan::expected_quality::QualityPass;
+use camsplat::plan::expected_quality::viewed::{Cameras, viewed};
+use camsplat::plan::gate::Gate;
 use camsplat::plan::job::{self, Tools};
 use camsplat::plan::planner::Planner;
 use camsplat::plan::problem::Problem;
@@ -12,7 +14,6 @@ use camsplat::plan::reference::Reference;
 use camsplat::plan::start::tangents;
 use camsplat::plan::starts;
 use camsplat::plan::target::{RegionChoice, Target};
-use camsplat::plan::viewed::viewed;
 use camsplat::quality::expected::{Judge, LOOKS, expect};
 use camsplat::quality::law::Law;
 use camsplat::quality::look::Surroundings;
@@ -87,26 +88,21 @@ fn an_iteration_is_that_of_the_twin() {
     {
         for (gate, views) in [(Gate::Pinhole, 30), (Gate::Soft, 9), (Gate::PinholeHard, 30)] {
             let config = Config { iterations: 1, gate, seed: 4, ..Config::new(preset, views) };
-            assert_eq!(config.objective, Objective::Quality, "the default is what is tested here");
+            assert!(config.of_quality().is_some(), "the default is what is tested here");
             let planner = planner(&context, &scene, config.clone());
             let outcome = planner.run(None, |_| ControlFlow::Continue(())).expect("a run");
             let vector = |v: [f32; 3]| Vec3::from(v).as_dvec3();
             let splats: Vec<_> = planner.start().iter().map(|s| (vector(s.centre), vector(s.direction))).collect();
-            let batch = Batch {
-                settings: planner.settings(),
+            let quality = planner.pass::<QualityPass>().expect("the default objective");
+            let cameras = Cameras {
                 gate,
-                kernel: config.kernel,
-                occlusion: config.occlusion,
+                gate_softness: quality.settings().gate_softness.into(),
                 splats: &splats,
                 tangents: &[tangents(&intrinsics()).map(f64::from)],
-                probes: &[],
-                directions: &[],
-                depth: &[],
-                log_scale: 0.0,
             };
-            let looks = planner.looks().expect("looks");
+            let looks = quality.looks().expect("looks");
             assert_eq!(looks.len(), (config.probes * LOOKS) as usize);
-            let twin = viewed(&batch, &looks, &scene.device.geometry.bvh, &Law::embedded());
+            let twin = viewed(&cameras, &looks, &scene.device.geometry.bvh, &Law::embedded());
             let loss = f64::from(outcome.history[0].image);
             assert!((loss - twin.loss).abs() < 2e-3, "{name}, {gate:?}: {loss} of {}", twin.loss);
             let gradients = planner.gradients().expect("gradients");
@@ -134,7 +130,7 @@ fn threads_that_share_a_look_find_what_a_single_one_finds() {
         for views in [2, 31, 100, 333] {
             let config = Config { iterations: 3, probes: 30, ..Config::new(*preset, views) };
             let [alone, together] = [false, true].map(|shared| {
-                let preparation = preparation(&context, scene, config.clone()).with_shared_looks(shared);
+                let preparation = preparation(&context, scene, config.clone()).with_shared_looks(&context, shared);
                 let planner = Planner::new(&context, &scene.device, preparation).expect("room for it");
                 let outcome = planner.run(None, |_| ControlFlow::Continue(())).expect("a run");
                 let losses: Vec<u32> = outcome.history.iter().map(|record| record.image.to_bits()).collect();

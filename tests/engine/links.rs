@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 
 use crate::support::plans::{context, intrinsics, object, planner, room, silent};
 use camsplat::plan::config::{Config, Preset};
+use camsplat::plan::expected_quality::links::{Links, penalty};
 use camsplat::plan::job::{self, Plan, Tools};
-use camsplat::plan::links::{Links, penalty};
 use camsplat::plan::problem::Problem;
 use camsplat::plan::start::tangents;
 use camsplat::plan::target::{RegionChoice, Target};
@@ -22,7 +22,7 @@ fn the_penalty_on_the_device_is_that_of_the_twin() {
     let context = context();
     for (scene, preset, views) in [(object(&context), Preset::Object, 30), (room(&context), Preset::Room, 24)] {
         let free = Config { iterations: 1, seed: 4, ..Config::new(preset, views) };
-        let linked = Config { iterations: 1, ..free.clone().connected(15.0) };
+        let linked = Config { iterations: 1, ..free.clone().connected(15.0).expect("expected quality") };
         let [without, with] = [free, linked].map(|config| {
             let planner = planner(&context, &scene, config);
             let outcome = planner.run(None, |_| ControlFlow::Continue(())).expect("a run");
@@ -117,7 +117,7 @@ fn cameras_that_are_to_connect_do() {
     let free = planned(config.clone(), &[]);
     assert!(groups(&free.record.cameras, 20.0).len() > 12, "24 cameras even around a ball are far apart");
     assert_eq!(free.record.connection, None);
-    let plan = planned(config.connected(20.0), &[]);
+    let plan = planned(config.connected(20.0).unwrap(), &[]);
     assert_eq!(groups(&plan.record.cameras, 20.5), [24]);
     let connection = plan.record.connection.expect("it is recorded");
     assert_eq!((connection.degrees, &connection.groups[..]), (20.0, &[24][..]));
@@ -136,7 +136,7 @@ fn planned_cameras_connect_to_those_that_are_kept() {
         Camera { name: format!("kept{i}"), pose: Pose::looking(place, -place, DVec3::Z), intrinsics: intrinsics() }
     };
     let kept: Vec<Camera> = (0..18).map(ring).collect();
-    let plan = planned(Config::new(Preset::Object, 10).connected(25.0), &kept);
+    let plan = planned(Config::new(Preset::Object, 10).connected(25.0).unwrap(), &kept);
     assert_eq!(groups(&plan.record.cameras, 25.5), [28]);
     let connection = plan.record.connection.expect("it is recorded");
     assert_eq!((&connection.groups[..], connection.kept), (&[28][..], 18));
@@ -148,7 +148,7 @@ fn planned_cameras_connect_to_those_that_are_kept() {
 /// If this failed, cameras that cannot connect would be called connected.
 #[test]
 fn what_cannot_connect_is_said() {
-    let plan = planned(Config { iterations: 100, ..Config::new(Preset::Object, 4).connected(3.0) }, &[]);
+    let plan = planned(Config { iterations: 100, ..Config::new(Preset::Object, 4).connected(3.0).unwrap() }, &[]);
     let connection = plan.record.connection.expect("it is recorded");
     assert!(connection.groups.len() > 1, "{connection:?}");
     assert!(connection.line().contains("plan more views"), "{}", connection.line());

@@ -5,12 +5,14 @@ use std::sync::Arc;
 
 use crate::support::plans::{Scene, context, intrinsics, object, planner, room, scene, silent};
 use camsplat::metrics::score_point::{Field, Scorer, aggregate};
-use camsplat::plan::config::{Config, Gate, Kernel, MAX_DENSE, Objective, Pass, Preset};
-use camsplat::plan::dense::{Batch, dense};
+use camsplat::plan::config::{Config, Preset};
+use camsplat::plan::gate::Gate;
+use camsplat::plan::paper::dense::{Batch, dense};
+use camsplat::plan::paper::regulariser::regulariser;
+use camsplat::plan::paper::{Kernel, MAX_DENSE, PaperPass, Pass};
 use camsplat::plan::planner::Planner;
 use camsplat::plan::preparation::Preparation;
 use camsplat::plan::run::Outcome;
-use camsplat::plan::update::regulariser;
 use camsplat::scene::camera::{Camera, Intrinsics};
 use camsplat::scene::octahedral;
 use camsplat::scene::proxy::{Orientation, Proxy};
@@ -21,14 +23,13 @@ use camsplat::vulkan::Context;
 use glam::{DMat3, DQuat, DVec3, Vec3};
 
 fn small(preset: Preset, views: u32) -> Config {
-    Config {
-        iterations: 30,
-        probes: 8,
-        pool: 64,
-        checkpoint_every: 10,
-        relocate_every: 10,
-        ..Config::of(Objective::Splat, preset, views)
-    }
+    let paper = Config::paper(preset, views).with_paper(|own| (own.pool, own.relocate_every) = (64, 10));
+    Config { iterations: 30, probes: 8, checkpoint_every: 10, ..paper }
+}
+
+/// The same by one way through the splat pass.
+fn by(pass: Pass, config: &Config) -> Config {
+    config.clone().with_paper(|own| own.pass = pass)
 }
 
 fn run(context: &Arc<Context>, scene: &Scene, config: Config) -> Outcome {
@@ -52,21 +53,14 @@ fn one_iteration_is_that_of_the_twin() {
         for (gate, kernel, occlusion) in cases {
             // 48 texels a side take the blocks of texels past one; rates of zero leave the splats where they are.
             for (resolution, seed) in [(16, 1), (48, 2)] {
-                let config = Config {
-                    gate,
-                    kernel,
-                    occlusion,
-                    resolution: Some(resolution),
-                    gate_softness: 0.02,
-                    iterations: 1,
-                    lr_position: 0.0,
-                    lr_direction: 0.0,
-                    seed,
-                    equal_probes: seed == 1,
-                    ..small(*preset, 40)
-                };
-                compare(&context, scene, Config { pass: Pass::Binned, ..config.clone() });
-                compare(&context, scene, Config { pass: Pass::Dense, ..config });
+                let config = small(*preset, 40).with_paper(|own| {
+                    (own.kernel, own.occlusion) = (kernel, occlusion);
+                    (own.resolution, own.equal_probes) = (Some(resolution), seed == 1);
+                });
+                let still = Config { lr_position: 0.0, lr_direction: 0.0, ..config };
+                let config = Config { gate, gate_softness: 0.02, iterations: 1, seed, ..still };
+                compare(&context, scene, by(Pass::Binned, &config));
+                compare(&context, scene, by(Pass::Dense, &config));
             }
         }
     }
@@ -74,10 +68,12 @@ fn one_iteration_is_that_of_the_twin() {
 }
 
 fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
-    let case = format!("{:?} {:?} {:?} {:?}", config.pass, config.gate, config.kernel, config.resolution);
+    let own = config.of_paper().expect("the paper's objective");
+    let case = format!("{:?} {:?} {:?} {:?}", own.pass, config.gate, own.kernel, own.resolution);
     let planner = planner(context, scene, config.clone());
     let outcome = planner.run(None, |_| ControlFlow::Continue(())).expect("a run");
-    let maps = planner.maps();
+    let paper = planner.pass::<PaperPass>().expect("the paper's objective");
+    let maps = paper.maps();
     let depth: Vec<f64> = maps.download().expect("depths").into_iter().map(f64::from).collect();
     let texels = (maps.resolution * maps.resolution) as usize;
     let splats: Vec<_> =
@@ -87,20 +83,20 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
         .map(|p| (Vec3::from(p.position).as_dvec3(), p.score as f64))
         .collect();
     let batch = Batch {
-        settings: planner.settings(),
+        settings: paper.settings(),
         gate: config.gate,
-        kernel: config.kernel,
-        occlusion: config.occlusion,
+        kernel: own.kernel,
+        occlusion: own.occlusion,
         splats: &splats,
         tangents: &[camsplat::plan::start::tangents(&intrinsics()).map(f64::from)],
         probes: &probes,
         directions: &octahedral::directions(maps.resolution),
         depth: &depth[..probes.len() * texels],
-        log_scale: (planner.start_scale() as f64).ln(),
+        log_scale: (paper.start_scale() as f64).ln(),
     };
     let image = dense(&batch);
     let (reg, reg_centre, reg_direction) = regulariser(&batch, &image.weights);
-    let lambda = config.lambda_reg as f64;
+    let lambda = own.lambda_reg as f64;
 
     // Single texels may fall on either side of a cut-off in float32: the tolerances allow for a few of thousands.
     let close = |device: f64, twin: f64, scale: f64, what: &str| {
@@ -109,12 +105,12 @@ fn compare(context: &Arc<Context>, scene: &Scene, config: Config) {
     let history = outcome.history[0];
     close(history.image as f64, image.loss, image.loss.abs(), "image loss");
     close(history.reg as f64 * lambda, reg * lambda, (reg * lambda).abs(), "regulariser");
-    let blocks = planner.settings().blocks as usize;
-    for (tallies, weight) in planner.tallies().expect("tallies").chunks(blocks).zip(&image.weights) {
+    let blocks = paper.settings().blocks as usize;
+    for (tallies, weight) in paper.tallies().expect("tallies").chunks(blocks).zip(&image.weights) {
         let (lack, sky) = tallies.iter().fold((0.0, 0.0), |sum, t| (sum.0 + t.short_fall, sum.1 + t.sky));
         close((lack / sky.max(1.0)) as f64, *weight, weight.abs().max(1e-5), "coverage weight");
     }
-    let scale: f64 = planner.tallies().expect("tallies").iter().map(|tally| tally.log_scale as f64).sum();
+    let scale: f64 = paper.tallies().expect("tallies").iter().map(|tally| tally.log_scale as f64).sum();
     close(scale, image.by_log_scale, image.by_log_scale.abs().max(1e-4), "gradient by scale");
     let gradients = planner.gradients().expect("gradients");
     let largest = |of: &dyn Fn(usize) -> DVec3| (0..splats.len()).map(|j| of(j).length()).fold(1e-9, f64::max);
@@ -151,7 +147,8 @@ fn targets_by_score_are_those_of_the_twin() {
     let scene = scored(&context);
     for pass in [Pass::Dense, Pass::Binned] {
         let still = Config { iterations: 1, lr_position: 0.0, lr_direction: 0.0, ..small(Preset::Object, 40) };
-        compare(&context, &scene, Config { pass, gate_softness: 0.02, resolution: Some(24), ..still });
+        let fine = still.with_paper(|own| own.resolution = Some(24));
+        compare(&context, &scene, Config { gate_softness: 0.02, ..by(pass, &fine) });
     }
     silent(&context);
 }
@@ -165,18 +162,13 @@ fn kept_cameras_keep_their_field_of_view() {
     let pose = camsplat::scene::camera::Pose::looking(eye, -eye, DVec3::Z);
     let seen = |fov: f64| {
         let kept = Camera { name: "kept".into(), pose, intrinsics: Intrinsics::from_fov(800, 600, fov.to_radians()) };
-        let config = Config {
-            gate: Gate::Hard,
-            objective: Objective::Splat,
-            probes: 64,
-            iterations: 1,
-            ..small(Preset::Object, 1)
-        };
+        let config = Config { gate: Gate::Hard, probes: 64, iterations: 1, ..small(Preset::Object, 1) };
         let preparation = Preparation::new(&context, &scene.problem(&[kept]), config);
         let planner = Planner::new(&context, &scene.device, preparation.expect("a good configuration")).expect("room");
         planner.run(None, |_| ControlFlow::Continue(())).expect("a run");
-        let blocks = planner.settings().blocks as usize;
-        planner.tallies().expect("tallies").iter().step_by(blocks).map(|tally| tally.visible).sum::<u32>()
+        let paper = planner.pass::<PaperPass>().expect("the paper's objective");
+        let blocks = paper.settings().blocks as usize;
+        paper.tallies().expect("tallies").iter().step_by(blocks).map(|tally| tally.visible).sum::<u32>()
     };
     // The planned camera sees the same in both.
     let (wide, narrow) = (seen(60.0), seen(10.0));
@@ -190,15 +182,10 @@ fn kept_cameras_keep_their_field_of_view() {
 fn dense_and_binned_passes_take_the_same_steps() {
     let context = context();
     for (preset, scene) in [(Preset::Object, object(&context)), (Preset::Room, room(&context))] {
-        let config = Config {
-            objective: Objective::Splat,
-            iterations: 12,
-            relocate_every: 5,
-            checkpoint_every: 5,
-            ..small(preset, 80)
-        };
-        let dense = run(&context, &scene, Config { pass: Pass::Dense, ..config.clone() });
-        let binned = run(&context, &scene, Config { pass: Pass::Binned, ..config });
+        let config = small(preset, 80).with_paper(|own| own.relocate_every = 5);
+        let config = Config { iterations: 12, checkpoint_every: 5, ..config };
+        let dense = run(&context, &scene, by(Pass::Dense, &config));
+        let binned = run(&context, &scene, by(Pass::Binned, &config));
         for (a, b) in dense.history.iter().zip(&binned.history) {
             assert!((a.loss - b.loss).abs() < 1e-3 * a.loss, "{a:?} against {b:?}");
         }
@@ -222,10 +209,7 @@ fn repeats_are_equal_to_the_bit() {
             assert_eq!(first.poses, again.poses);
             assert_eq!(first.history, again.history);
         }
-        let binned = || {
-            let config = Config { objective: Objective::Splat, pass: Pass::Binned, ..small(preset, 40) };
-            run(&context, &scene, config)
-        };
+        let binned = || run(&context, &scene, by(Pass::Binned, &small(preset, 40)));
         let (first_binned, again) = (binned(), binned());
         assert_eq!(first_binned.poses, again.poses);
         assert_eq!(first_binned.history, again.history);
@@ -255,7 +239,8 @@ fn a_scaled_moved_and_turned_scene_gives_the_plan_scaled_moved_and_turned() {
             let Surface::Mesh(mut mesh) = surface.clone() else { unreachable!("the samples are meshes") };
             mesh.positions.iter_mut().for_each(|p| *p = map.point(*p));
             let moved = scene(&context, &Surface::Mesh(mesh), &region.transformed(&map).expect("still a box"));
-            let config = Config { iterations: 20, relocate_every: 0, ..small(preset, 30) };
+            let config = small(preset, 30).with_paper(|own| own.relocate_every = 0);
+            let config = Config { iterations: 20, ..config };
             let rates = (config.lr_position as f64, config.lr_direction as f64);
             let (here, there) = (run(&context, &base, config.clone()), run(&context, &moved, config));
             let size = map.length(region.bounding_sphere().1);
@@ -287,13 +272,8 @@ fn a_scaled_moved_and_turned_scene_gives_the_plan_scaled_moved_and_turned() {
 fn a_plan_is_better_than_its_start() {
     let context = context();
     for (preset, scene, views) in [(Preset::Object, object(&context), 40), (Preset::Room, room(&context), 120)] {
-        let config = Config {
-            iterations: 300,
-            probes: 20,
-            pool: 512,
-            checkpoint_every: 50,
-            ..Config::of(Objective::Splat, preset, views)
-        };
+        let paper = Config::paper(preset, views).with_paper(|own| own.pool = 512);
+        let config = Config { iterations: 300, ..paper };
         let outcome = run(&context, &scene, config);
         let points = scene.target.proxy.sample(300, 0, 1);
         let scorer = Scorer::new(&context, &scene.device, &points).expect("a scorer");
@@ -322,25 +302,20 @@ fn a_plan_is_better_than_its_start() {
 fn the_dense_pass_takes_as_many_cameras_as_it_says() {
     let context = context();
     let scene = object(&context);
-    let config = Config {
-        objective: Objective::Splat,
+    let paper = Config::paper(Preset::Object, MAX_DENSE).with_paper(|own| {
         // Wide enough that a tile, too, has thousands of instances.
-        scale: Some(0.4),
-        resolution: Some(16),
-        iterations: 1,
-        probes: 4,
-        pool: 16,
-        checkpoint_every: 1,
-        relocate_every: 0,
-        ..Config::of(Objective::Splat, Preset::Object, MAX_DENSE)
-    };
-    let dense = planner(&context, &scene, Config { pass: Pass::Dense, ..config.clone() });
-    let binned = planner(&context, &scene, Config { pass: Pass::Binned, ..config });
+        (own.scale, own.resolution) = (Some(0.4), Some(16));
+        (own.pool, own.relocate_every) = (16, 0);
+    });
+    let config = Config { iterations: 1, probes: 4, checkpoint_every: 1, ..paper };
+    let dense = planner(&context, &scene, by(Pass::Dense, &config));
+    let binned = planner(&context, &scene, by(Pass::Binned, &config));
     let (a, b) = (
         dense.run(None, |_| ControlFlow::Continue(())).expect("a dense run"),
         binned.run(None, |_| ControlFlow::Continue(())).expect("a binned run"),
     );
-    let visible = dense.tallies().expect("tallies").iter().map(|tally| tally.visible).max();
+    let counted = dense.pass::<PaperPass>().expect("the paper's objective");
+    let visible = counted.tallies().expect("tallies").iter().map(|tally| tally.visible).max();
     assert!(visible > Some(MAX_DENSE / 2), "only {visible:?} cameras are seen: this tests nothing");
     let (a, b) = (a.history[0], b.history[0]);
     assert!((a.image - b.image).abs() < 1e-4 * a.image && (a.reg - b.reg).abs() <= 1e-4 * a.reg, "{a:?} against {b:?}");

@@ -5,8 +5,9 @@ use std::ops::ControlFlow;
 use crate::support::plans::{Scene, context, intrinsics, object, planner, room, silent};
 use camsplat::metrics::Metrics;
 use camsplat::metrics::score_point::{Field, Scorer, aggregate};
-use camsplat::plan::config::{Config, Objective, Preset, Start};
-use camsplat::plan::relocate::rank;
+use camsplat::plan::config::{Config, Preset};
+use camsplat::plan::paper::Start;
+use camsplat::plan::paper::relocate::rank;
 use camsplat::plan::shared::Splat;
 use camsplat::scene::camera::Camera;
 use camsplat::visibility::raycast::Ray;
@@ -19,18 +20,12 @@ use glam::Vec3;
 fn the_least_useful_are_relocated_and_only_into_the_region() {
     let context = context();
     for (scene, preset) in [(object(&context), Preset::Object), (room(&context), Preset::Room)] {
-        let config = Config {
-            iterations: 40,
-            probes: 16,
-            pool: 128,
-            checkpoint_every: 10,
-            relocate_every: 10,
-            relocate_until: 1.0,
-            lr_position: 0.0,
-            lr_direction: 0.0,
-            lr_scale: 0.0,
-            ..Config::of(Objective::Splat, preset, 60)
-        };
+        let still = Config::paper(preset, 60).with_paper(|own| {
+            (own.pool, own.lr_scale) = (128, 0.0);
+            (own.relocate_every, own.relocate_until) = (10, 1.0);
+        });
+        let still = Config { lr_position: 0.0, lr_direction: 0.0, ..still };
+        let config = Config { iterations: 40, probes: 16, checkpoint_every: 10, ..still };
         let planner = planner(&context, &scene, config);
         // The running means that the device ranks by, from the utilities of ten iterations.
         let mut utility = vec![0f32; 60];
@@ -88,13 +83,10 @@ fn an_identical_start_ends_covered_with_relocation_and_not_without() {
     let context = context();
     let scene = object(&context);
     let score = |relocate_every: u32| -> Metrics {
-        let config = Config {
-            start: Start::Identical,
-            iterations: 300,
-            pool: 512,
-            relocate_every,
-            ..Config::of(Objective::Splat, Preset::Object, 30)
-        };
+        let paper = Config::paper(Preset::Object, 30).with_paper(|own| {
+            (own.start, own.pool, own.relocate_every) = (Start::Identical, 512, relocate_every);
+        });
+        let config = Config { iterations: 300, ..paper };
         let outcome = planner(&context, &scene, config).run(None, |_| ControlFlow::Continue(())).expect("a run");
         let cameras: Vec<Camera> = outcome
             .poses

@@ -91,7 +91,7 @@ fn record(path: &str, region: Region, cameras: Vec<Camera>, kept: usize) -> Plan
         let reg = (4e-4 * (1.0 - 0.97 * progress(i)) * (0.9 + 0.2 * other)) as f32;
         let bound = if i < 200 { (1e-3 * (-f64::from(i) / 30.0).exp()) as f32 } else { 0.0 };
         let scale = 0.18 - 0.05 * progress(i) as f32;
-        IterationRecord { iteration: i, loss: image + 3.0 * reg + 10.0 * bound, image, reg, bound, scale }
+        IterationRecord { iteration: i, loss: image + 3.0 * reg + 10.0 * bound, image, reg, bound, scale: Some(scale) }
     });
     let checkpoints = (0..=20).map(|k| {
         let m = metrics(progress(50 * k));

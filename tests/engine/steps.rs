@@ -3,11 +3,15 @@
 use std::sync::Arc;
 
 use crate::support::plans::{Scene, context, planner, scene, silent};
-use camsplat::plan::config::{Config, Gate, Kernel, Objective, Pass, Preset};
-use camsplat::plan::dense::{Batch, dense};
+use camsplat::plan::clock::Clock;
+use camsplat::plan::config::{Config, Preset};
+use camsplat::plan::gate::Gate;
+use camsplat::plan::paper::dense::{Batch, dense};
+use camsplat::plan::paper::regulariser::regulariser;
+use camsplat::plan::paper::scale::LearntScale;
+use camsplat::plan::paper::{Kernel, PaperConfig, PaperPass, Pass};
 use camsplat::plan::planner::Planner;
-use camsplat::plan::tally::{Clock, tally};
-use camsplat::plan::update::{Adam, regulariser, update};
+use camsplat::plan::update::{Adam, update};
 use camsplat::scene::octahedral;
 use camsplat::scene::region::{Region, Shape};
 use camsplat::scene::samples;
@@ -31,12 +35,14 @@ fn iterate(context: &Arc<Context>, planner: &Planner) {
 /// The run in the twin.
 struct Twin<'a> {
     planner: &'a Planner,
+    paper: &'a PaperPass,
     scene: &'a Scene,
     depth: Vec<f64>,
     directions: Vec<DVec3>,
     splats: Vec<(DVec3, DVec3)>,
     moments: Vec<[Adam; 2]>,
     clock: Clock,
+    scale: LearntScale,
     /// Splats of which a component of the gradient has been so small that rounding may have chosen its sign, and so the
     /// direction of Adam's step: what they do from then on is meaningless.
     noise: Vec<bool>,
@@ -48,21 +54,25 @@ impl<'a> Twin<'a> {
     fn new(planner: &'a Planner, scene: &'a Scene) -> Self {
         let vector = |v: [f32; 3]| Vec3::from(v).as_dvec3();
         let splats: Vec<_> = planner.start().iter().map(|s| (vector(s.centre), vector(s.direction))).collect();
+        let paper = planner.pass::<PaperPass>().expect("the paper's objective");
         Self {
-            depth: planner.maps().download().expect("depths").into_iter().map(f64::from).collect(),
-            directions: octahedral::directions(planner.maps().resolution),
+            depth: paper.maps().download().expect("depths").into_iter().map(f64::from).collect(),
+            directions: octahedral::directions(paper.maps().resolution),
             moments: vec![[Adam::default(); 2]; splats.len()],
             noise: vec![false; splats.len()],
-            clock: Clock::new(planner.settings(), f64::from(planner.start_scale())),
+            clock: Clock::new(planner.settings()),
+            scale: LearntScale::new(f64::from(paper.start_scale())),
             terms: [0.0; 3],
             splats,
             planner,
+            paper,
             scene,
         }
     }
 
     fn iterate(&mut self) {
-        let (settings, config) = (self.planner.settings(), self.planner.config());
+        let (run, settings, config) = (self.planner.settings(), self.paper.settings(), self.planner.config());
+        let own = config.of_paper().expect("the paper's objective");
         let (first, live) = (self.clock.first as usize, self.clock.live as usize);
         let pool = settings.pool as usize;
         let batch: Vec<usize> =
@@ -70,7 +80,7 @@ impl<'a> Twin<'a> {
         let texels = self.directions.len();
         let probes: Vec<_> = batch
             .iter()
-            .map(|&i| &self.planner.maps().probes[i])
+            .map(|&i| &self.paper.maps().probes[i])
             .map(|probe| (Vec3::from(probe.position).as_dvec3(), f64::from(probe.score)))
             .collect();
         let depth: Vec<f64> =
@@ -80,14 +90,14 @@ impl<'a> Twin<'a> {
         let batch = Batch {
             settings,
             gate: config.gate,
-            kernel: config.kernel,
-            occlusion: config.occlusion,
+            kernel: own.kernel,
+            occlusion: own.occlusion,
             splats: &self.splats[..live],
             tangents: &[tangents],
             probes: &probes,
             directions: &self.directions,
             depth: &depth,
-            log_scale: self.clock.log_scale,
+            log_scale: self.scale.log_scale,
         };
         let image = dense(&batch);
         let (reg, reg_centre, reg_direction) = regulariser(&batch, &image.weights);
@@ -97,7 +107,7 @@ impl<'a> Twin<'a> {
         let mut by_centre: Vec<DVec3> = (0..live).map(|j| image.by_centre[j] + lambda * reg_centre[j]).collect();
         for (by_centre, splat) in by_centre.iter_mut().zip(&self.splats).skip(first) {
             let (violation, outward) = self.scene.device.geometry.violation(splat.0);
-            *by_centre += f64::from(settings.lambda_bound) * outward;
+            *by_centre += f64::from(run.lambda_bound) * outward;
             bound += violation;
         }
         self.terms = [image.loss, reg, bound];
@@ -108,9 +118,10 @@ impl<'a> Twin<'a> {
             self.noise[j] |= by_centre[j].abs().min_element() < 1e-4 * most_centre;
             self.noise[j] |= across.abs().min_element() < 1e-4 * most_direction;
             let gradient = (by_centre[j], by_direction[j]);
-            self.splats[j] = update(settings, &self.clock, self.splats[j], &mut self.moments[j], gradient);
+            self.splats[j] = update(run, &self.clock, self.splats[j], &mut self.moments[j], gradient);
         }
-        self.clock = tally(settings, image.by_log_scale, &self.clock);
+        self.scale = self.scale.next(settings, image.by_log_scale, &self.clock);
+        self.clock = self.clock.next(run);
     }
 }
 
@@ -122,43 +133,43 @@ impl<'a> Twin<'a> {
 fn five_iterations_are_those_of_the_twin() {
     let context = context();
     let scene = thin_shell(&context, -0.3);
+    let paper = Config::paper(Preset::Object, 12).with_paper(|own| {
+        // Not a multiple of the batch, so that batches wrap around.
+        (own.pool, own.pass, own.resolution, own.relocate_every) = (40, Pass::Dense, Some(24), 0);
+    });
     let joint = Config {
-        objective: Objective::Splat,
-        pass: Pass::Dense,
         gate: Gate::Soft,
         gate_softness: 0.05,
         iterations: 6,
         probes: 12,
-        // Not a multiple of the batch, so that batches wrap around.
-        pool: 40,
-        resolution: Some(24),
-        relocate_every: 0,
         checkpoint_every: 6,
         lr_position: 0.03,
         // The pull of the region is then about as large as the other gradients. At its default it is a spring so stiff that,
         // where a splat is just out, rounding of the position decides about the step.
         lambda_bound: 0.1,
         seed: 11,
-        ..Config::of(Objective::Splat, Preset::Object, 12)
+        ..paper
     };
+    let in_space = joint.clone().with_paper(|own| own.kernel = Kernel::Metric);
+    let iterative = joint.clone().with_paper(|own| own.iterative = true);
     let cases = [
-        ("splat", joint.clone()),
-        ("in space", Config { gate: Gate::Pinhole, kernel: Kernel::Metric, ..joint.clone() }),
+        ("splat", joint),
+        ("in space", Config { gate: Gate::Pinhole, ..in_space }),
         // Two iterations per view: the third view has begun by the end.
-        ("iterative", Config { iterative: true, iterations: 10, views: 3, ..joint }),
+        ("iterative", Config { iterations: 10, views: 3, ..iterative }),
     ];
     for (name, config) in cases {
         let views = config.views as usize;
         let planner = planner(&context, &scene, config.clone());
         let mut twin = Twin::new(&planner, &scene);
-        let (mut moved, mut scales, mut terms) = (0.0f64, vec![twin.clock.log_scale], Vec::new());
+        let (mut moved, mut scales, mut terms) = (0.0f64, vec![twin.scale.log_scale], Vec::new());
         for count in 1..=5 {
             iterate(&context, &planner);
             // Once a splat goes its own way, so do the sums over splats.
             let in_step = !twin.noise.contains(&true);
             twin.iterate();
             terms.extend(in_step.then_some(twin.terms));
-            scales.push(twin.clock.log_scale);
+            scales.push(twin.scale.log_scale);
             assert_eq!(planner.done(), count);
             let splats = planner.splats().expect("splats");
             let rates = [config.lr_position, config.lr_direction].map(f64::from);
@@ -181,8 +192,11 @@ fn five_iterations_are_those_of_the_twin() {
         let history = planner.outcome().expect("an outcome").history;
         assert_eq!(history.len(), 5);
         for (record, scale) in history.iter().zip(&scales) {
-            let off = (f64::from(record.scale).ln() - scale).abs();
-            assert!(off < 0.01 * f64::from(config.lr_scale), "{name}: the scale is off by {off} of its logarithm");
+            let off = (f64::from(record.scale.expect("a scale")).ln() - scale).abs();
+            assert!(
+                off < 0.01 * f64::from(PaperConfig::default().lr_scale),
+                "{name}: the scale is off by {off} of its logarithm"
+            );
         }
         for (record, twin) in history.iter().zip(&terms) {
             for (device, twin) in [record.image, record.reg, record.bound].into_iter().zip(twin) {
@@ -208,9 +222,6 @@ fn the_pull_of_the_region_is_that_of_the_twin() {
     let config = Config {
         iterations: 6,
         probes: 8,
-        pool: 32,
-        resolution: Some(16),
-        relocate_every: 0,
         lr_position: 0.2,
         decay: 1.0,
         lambda_bound: weight,

@@ -125,7 +125,7 @@ impl Renderer {
 fn check(context: &Context, sizes: Sizes, wanted: Wanted, more: &[(&'static str, u64)]) -> Result<()> {
     let buffers = [rasterizer::buffers(context, &sizes, wanted).as_slice(), more].concat();
     // Both entries represent all that a sort and a scan take.
-    let footprint = Footprint { buffers, several: &["sort", "scan"] };
+    let footprint = Footprint { buffers, several: vec!["sort", "scan"] };
     footprint.check(context, "the picture", |name| match name {
         "picture" | "ends" | "tile_ends" | "ranges" | "depths" => "make smaller pictures or take a larger device",
         "parameters" | "projected" => "take fewer splats or a larger device",

@@ -86,7 +86,7 @@ impl Run {
         let sizes = memory::sizes(&request.config, &views, memory::first_room(request.config.max_splats));
         let mut buffers = memory::footprint(context, &request.config, &sizes, views.len());
         buffers.push(("photos", pictures::picture_bytes(&train.photos, request.shrink)));
-        let footprint = Footprint { buffers, several: &SEVERAL };
+        let footprint = Footprint { buffers, several: SEVERAL.to_vec() };
         Ok(Self { context: context.clone(), request, frame, views, footprint })
     }
 
@@ -112,7 +112,7 @@ impl Run {
     /// Where they do not fit.
     pub fn check(&self) -> Result<()> {
         let without_photos = self.footprint.buffers.iter().filter(|buffer| buffer.0 != "photos").copied().collect();
-        let footprint = Footprint { buffers: without_photos, several: &SEVERAL };
+        let footprint = Footprint { buffers: without_photos, several: SEVERAL.to_vec() };
         footprint.check(
             &self.context,
             "the training",

@@ -56,7 +56,7 @@ pub(super) fn bake(
     let mut list = assembly.footprint();
     list.extend(layout.footprint());
     list.extend([("owners", 4 * u64::from(count)), ("sums", size_of::<Sum>() as u64 * u64::from(count))]);
-    Footprint { buffers: list, several: &[] }.check(
+    Footprint { buffers: list, several: Vec::new() }.check(
         context,
         "the light map",
         |_| "take a scene with fewer triangles, a larger device, or traced light (`light`)",

@@ -13,9 +13,9 @@ use camsplat::plan::record::PlanRecord;
 use tempfile::TempDir;
 
 /// Options that keep a plan small.
-pub const SMALL: &str = "--views 5 --pool 64 --held-out 60";
+pub const SMALL: &str = "--views 5 --held-out 60";
 /// Options that keep a run short, too.
-pub const SHORT: &str = "--views 5 --pool 64 --held-out 60 --iterations 20 --checkpoint-every 10";
+pub const SHORT: &str = "--views 5 --held-out 60 --iterations 20 --checkpoint-every 10";
 
 /// Everything that a plan leaves, in the order of names.
 pub const FILES: [&str; 10] = [
