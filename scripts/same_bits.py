@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Shows whether a change keeps every bit of what the program computes: runs plans of both objectives, baselines, selections, captures,
-trainings and an evaluation, and writes a hash of each result. Needs the data folder (CAMSPLAT_DATA); about ten minutes on two cores.
+trainings and an evaluation, and writes a hash of each result. Needs the data folder (CAMSPLAT_DATA).
 
     scripts/same_bits.py PROGRAM FOLDER     writes FOLDER/hashes.txt, and everything that it was made from
     diff OLD/hashes.txt NEW/hashes.txt      silent where all bits are the same

@@ -135,9 +135,6 @@ pub struct Tuning {
     paper: PaperConfig,
 }
 
-/// Options of [`PaperConfig`] whose name is not that of its field.
-const NAMED: [(&str, &str); 2] = [("occlusion", "no-occlusion"), ("equal_probes", "equal-directions")];
-
 impl Tuning {
     /// The configuration of a method, or what baselines take of it.
     ///
@@ -170,8 +167,9 @@ impl Tuning {
         let fields = |config: &PaperConfig| serde_json::to_value(config).ok()?.as_object().cloned();
         let (given, usual) = (fields(&self.paper)?, fields(&PaperConfig::default())?);
         let key = given.iter().find(|(key, value)| usual.get(*key) != Some(value))?.0;
-        let named = NAMED.iter().find(|(field, _)| field == key);
-        Some(named.map_or_else(|| key.replace('_', "-"), |(_, option)| (*option).into()))
+        let options = PaperConfig::augment_args(clap::Command::new("paper"));
+        let option = options.get_arguments().find(|option| option.get_id() == key.as_str())?;
+        option.get_long().map(str::to_owned)
     }
 }
 

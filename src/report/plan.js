@@ -10,9 +10,12 @@ function drawCharts(plan) {
   // Expected quality may go below zero, where a logarithm has nothing to show.
   const log = history.loss.every((v) => v === null || v > 0);
   lineChart("chart-loss", history.iteration, terms.reverse(), { y: "loss", log });
-  lineChart("chart-scale", history.iteration, [line("scale s", history.scale, 1)], { y: "scale s" });
-  // Expected quality knows no scale: a constant has nothing to show.
-  if (new Set(history.scale).size === 1) document.getElementById("chart-scale").style.display = "none";
+  // Expected quality knows no scale, and one that is held has nothing to show.
+  if (new Set(history.scale).size > 1) {
+    lineChart("chart-scale", history.iteration, [line("scale s", history.scale, 1)], { y: "scale s" });
+  } else {
+    document.getElementById("chart-scale").style.display = "none";
+  }
 
   const percent = (values) => values.map((v) => (v === null ? null : 100 * v));
   lineChart("chart-coverage", checkpoints.iteration, [

@@ -69,7 +69,7 @@ fn variants_of_the_planner_are_methods_too() {
         poses.push(place.read("a/transforms.json"));
     }
     // Nothing of the ball has a score.
-    assert!(poses[1] == poses[2] && poses[0] != poses[1] && poses[2] != poses[3], "methods are told apart");
+    assert!(poses[1] == poses[2] && poses[0] != poses[1] && poses[2] != poses[3], "methods give the wrong plans");
     let refused = place.run(&format!("plan ball.ply --out c --method paper-no-vds --candidates 9 {region}"));
     assert!(
         refused.code == Some(2) && refused.err.contains("--candidates is for methods that choose"),

@@ -20,7 +20,7 @@ impl LearntScale {
         Self { log_scale: start_scale.ln(), mean: 0.0, square: 0.0 }
     }
 
-    /// After the iteration that `clock` tells of, whose image loss has the given gradient by log s.
+    /// After the iteration that begins at `clock`, whose image loss has the given gradient by log s.
     pub fn next(&self, settings: &PaperSettings, by_log_scale: f64, clock: &Clock) -> Self {
         if settings.lr_scale <= 0.0 {
             return *self;
