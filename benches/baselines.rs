@@ -10,18 +10,18 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use camsplat::Result;
-use camsplat::baselines::job;
-use camsplat::baselines::request::Request;
-use camsplat::methods::Method;
-use camsplat::plan::config::{Config, Preset};
-use camsplat::plan::problem::Problem;
-use camsplat::plan::target::{RegionChoice, Target};
+use camsplat::engine::vulkan::Context;
+use camsplat::lab::baselines::job;
+use camsplat::lab::baselines::request::Request;
+use camsplat::planner::methods::Method;
+use camsplat::planner::plan::config::{Config, Preset};
+use camsplat::planner::plan::problem::Problem;
+use camsplat::planner::plan::target::{RegionChoice, Target};
+use camsplat::planner::select::information::Model;
 use camsplat::scene::camera::Intrinsics;
 use camsplat::scene::gaussians::Gaussians;
 use camsplat::scene::random;
 use camsplat::scene::samples;
-use camsplat::select::information::Model;
-use camsplat::vulkan::Context;
 use glam::DVec3;
 use report::Report;
 

@@ -11,16 +11,17 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
-use camsplat::io::environment::read_environment;
-use camsplat::io::gltf::read_model;
-use camsplat::photograph::assembly::Assembly;
-use camsplat::photograph::tracer::{Exposure, Strategy, Tracer};
+use camsplat::engine::vulkan::{Context, Recorder};
+use camsplat::files::io;
+use camsplat::files::io::environment::read_environment;
+use camsplat::files::io::gltf::read_model;
+use camsplat::lab::path_tracer::assembly::Assembly;
+use camsplat::lab::path_tracer::tracer::{Exposure, Strategy, Tracer};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::model::{Environment, Face, Lamp, LampKind, Material, Model, Vertex};
 use camsplat::scene::samples;
 use camsplat::scene::surface::Surface;
-use camsplat::vulkan::{Context, Recorder};
-use camsplat::{Error, Result, io};
+use camsplat::{Error, Result};
 use glam::{DVec3, Vec3, Vec4};
 use report::{Amount, Job, Report};
 

@@ -11,26 +11,26 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use camsplat::Result;
-use camsplat::plan::config::{Config, Preset};
-use camsplat::plan::paper::{PaperPass, Pass};
-use camsplat::plan::planner::Planner;
-use camsplat::plan::preparation::Preparation;
-use camsplat::plan::problem::Problem;
-use camsplat::plan::record::SurfaceRecord;
-use camsplat::plan::target::Target;
+use camsplat::engine::vulkan::{Context, Recorder};
+use camsplat::planner::plan::config::{Config, Preset};
+use camsplat::planner::plan::paper::{PaperPass, Pass};
+use camsplat::planner::plan::planner::Planner;
+use camsplat::planner::plan::preparation::Preparation;
+use camsplat::planner::plan::problem::Problem;
+use camsplat::planner::plan::record::SurfaceRecord;
+use camsplat::planner::plan::target::Target;
 use camsplat::scene::camera::Intrinsics;
 use camsplat::scene::limits::Limits;
 use camsplat::scene::proxy::{Orientation, Proxy};
 use camsplat::scene::region::Region;
 use camsplat::scene::samples;
 use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
-use camsplat::vulkan::{Context, Recorder};
 use glam::DVec3;
 use report::{Amount, Job, Report};
 
 /// Iterations of a row.
 const ITERATIONS: u32 = 10;
-/// Operations of a kernel's exponent, see `kernel_exponent` in `shaders/glsl/paper/paper.glsl`.
+/// Operations of a kernel's exponent, see `kernel_exponent` in `shaders/glsl/planner/plan/paper/paper.glsl`.
 const EXPONENT: u64 = 10;
 
 fn main() -> ExitCode {

@@ -7,8 +7,8 @@ use std::process::{Command, ExitCode};
 use std::sync::Arc;
 
 use camsplat::Result;
-use camsplat::primitives::{Count, Operation, RadixSort, Reduce, Scan, twin};
-use camsplat::vulkan::{Buffer, Context};
+use camsplat::engine::primitives::{Count, Operation, RadixSort, Reduce, Scan, twin};
+use camsplat::engine::vulkan::{Buffer, Context};
 use report::{Amount, Job, Report};
 
 fn main() -> ExitCode {

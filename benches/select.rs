@@ -11,18 +11,18 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use camsplat::Result;
-use camsplat::methods::Method;
-use camsplat::photos::{Photo, PhotoSet};
-use camsplat::plan::config::Preset;
-use camsplat::plan::target::{RegionChoice, Target};
+use camsplat::engine::vulkan::Context;
+use camsplat::files::photos::{Photo, PhotoSet};
+use camsplat::planner::methods::Method;
+use camsplat::planner::plan::config::Preset;
+use camsplat::planner::plan::target::{RegionChoice, Target};
+use camsplat::planner::select::job::SelectionContext;
+use camsplat::planner::select::request::Request;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::layouts;
 use camsplat::scene::lens::Distortion;
 use camsplat::scene::random;
 use camsplat::scene::samples;
-use camsplat::select::job::SelectionContext;
-use camsplat::select::request::Request;
-use camsplat::vulkan::Context;
 use glam::DVec3;
 use report::Report;
 

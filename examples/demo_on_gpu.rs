@@ -10,10 +10,11 @@
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use camsplat::evaluate::demo::{self, Event, Size};
-use camsplat::evaluate::settings::Settings;
-use camsplat::vulkan::{Context, Options};
-use camsplat::{Error, Result, report};
+use camsplat::app::report;
+use camsplat::engine::vulkan::{Context, Options};
+use camsplat::lab::evaluate::demo::{self, Event, Size};
+use camsplat::lab::evaluate::settings::Settings;
+use camsplat::{Error, Result};
 
 /// Photos of 800 pixels, trained on for a minute.
 const SIZE: Size = Size {

@@ -9,15 +9,15 @@ use std::error::Error;
 use std::sync::{Arc, Mutex};
 
 use ash::vk;
-use camsplat::plan::config::{Config, Preset};
-use camsplat::plan::planner::Planner;
-use camsplat::plan::preparation::Preparation;
-use camsplat::plan::problem::Problem;
-use camsplat::plan::target::{RegionChoice, Target};
+use camsplat::engine::vulkan::host::HostDevice;
+use camsplat::engine::vulkan::{Context, Recorder};
+use camsplat::planner::plan::config::{Config, Preset};
+use camsplat::planner::plan::planner::Planner;
+use camsplat::planner::plan::preparation::Preparation;
+use camsplat::planner::plan::problem::Problem;
+use camsplat::planner::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::Intrinsics;
 use camsplat::scene::samples;
-use camsplat::vulkan::host::HostDevice;
-use camsplat::vulkan::{Context, Recorder};
 use glam::DVec3;
 
 /// What a host has before it uses camsplat.

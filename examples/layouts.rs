@@ -12,9 +12,9 @@ use std::f64::consts::{PI, TAU};
 use std::fs;
 use std::path::Path;
 
-use camsplat::io::{read_surface, transforms};
-use camsplat::plan::config::Preset;
-use camsplat::plan::target::{RegionChoice, Target};
+use camsplat::files::io::{read_surface, transforms};
+use camsplat::planner::plan::config::Preset;
+use camsplat::planner::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::free_space::FreeSpace;
 use camsplat::scene::random;

@@ -8,14 +8,14 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-use camsplat::io::photos;
-use camsplat::photos::PhotoSet;
+use camsplat::engine::vulkan::Context;
+use camsplat::files::io::photos;
+use camsplat::files::photos::PhotoSet;
+use camsplat::photogrammetry::stereo::frame::Frame;
+use camsplat::photogrammetry::stereo::{Options, reconstruct};
 use camsplat::scene::camera::Camera;
 use camsplat::scene::similarity::Similarity;
 use camsplat::scene::surface::Points;
-use camsplat::stereo::frame::Frame;
-use camsplat::stereo::{Options, reconstruct};
-use camsplat::vulkan::Context;
 use glam::{DVec2, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let sets = ["photos/gold-cape", "nerf-synthetic/lego", "photos/tankard", "photos/fox", "photos/plush"];
         cases = sets.iter().map(|set| ((*set).to_owned(), 10)).collect();
     }
-    let context = Context::new(&camsplat::vulkan::Options::default())?;
+    let context = Context::new(&camsplat::engine::vulkan::Options::default())?;
     println!(
         "| set | photos | reference | points, of these from stereo | reference within 1 / 2 / 5% of the proxy | proxy within 1 / 2 / 5% of the reference | seconds |"
     );
@@ -76,7 +76,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn reference(context: &std::sync::Arc<Context>, set: &PhotoSet) -> Result<(&'static str, Vec<DVec3>), Box<dyn Error>> {
     if set.points.positions.is_empty() {
         let all = Options { photos: usize::MAX, ..Options::default() };
-        return Ok(("points of the hull", camsplat::stereo::hull_of(context, set, &all)?.positions));
+        return Ok(("points of the hull", camsplat::photogrammetry::stereo::hull_of(context, set, &all)?.positions));
     }
     if set.photos.iter().all(|photo| photo.mask.is_none()) {
         return Ok(("sparse points", set.points.positions.clone()));

@@ -7,17 +7,17 @@
 
 use std::path::Path;
 
-use camsplat::io;
-use camsplat::methods::Method;
-use camsplat::metrics::Metrics;
-use camsplat::plan::config::Preset;
-use camsplat::plan::target::{RegionChoice, Target};
+use camsplat::engine::vulkan::{Context, Options};
+use camsplat::files::io;
+use camsplat::planner::methods::Method;
+use camsplat::planner::metrics::Metrics;
+use camsplat::planner::plan::config::Preset;
+use camsplat::planner::plan::target::{RegionChoice, Target};
+use camsplat::planner::select::job::SelectionContext;
+use camsplat::planner::select::request::Request;
 use camsplat::scene::camera::Pose;
 use camsplat::scene::region::Shape;
 use camsplat::scene::surface::Surface;
-use camsplat::select::job::SelectionContext;
-use camsplat::select::request::Request;
-use camsplat::vulkan::{Context, Options};
 use camsplat::{Error, Result};
 use glam::DVec3;
 

@@ -1,4 +1,4 @@
-/* camsplat for C. Made of src/capi by cbindgen; see docs/guide/c.md and examples/c. */
+/* camsplat for C. Made of src/app/capi by cbindgen; see docs/guide/c.md and examples/c. */
 
 #ifndef CAMSPLAT_H
 #define CAMSPLAT_H

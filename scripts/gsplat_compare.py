@@ -34,7 +34,7 @@ TIMED = 1000
 
 
 def apart(scaled, photos):
-    """Iterations between relocations, as src/gaussians/config.rs has them."""
+    """Iterations between relocations, as src/splats/config.rs has them."""
     return max(scaled(100), 10, min(photos // 5, (scaled(25_000) - scaled(500)) // 20))
 
 

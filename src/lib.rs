@@ -6,7 +6,7 @@
 //! ```
 //! use camsplat::scene::samples;
 //!
-//! let surface = samples::object(); // or camsplat::io::read_surface("statue.glb".as_ref())?
+//! let surface = samples::object(); // or camsplat::files::io::read_surface("statue.glb".as_ref())?
 //! let plan = camsplat::plan(&surface, 20).up(glam::DVec3::Z).seed(1).run()?;
 //! for camera in &plan.record.cameras {
 //!     println!("{}: {}", camera.name, camera.pose.position);
@@ -18,46 +18,26 @@
 //! # Ok::<(), camsplat::Error>(())
 //! ```
 //!
-//! [`plan()`] is the front door, and [`PlanRequest`] has its options; [`vulkan::host`] is for applications that own the Vulkan device.
+//! [`plan()`] is the front door, and [`PlanRequest`] has its options; [`engine::vulkan::host`] is for applications that own the Vulkan
+//! device.
 //!
-//! The layers look down only: the command line and [`report`] sit on `evaluate`, that on [`baselines`], [`select`] and [`mod@plan`], these on
-//! [`vds`], [`photograph`], [`gaussians`], [`stereo`] and [`quality`], then [`metrics`], [`visibility`], [`frames`], [`io`], [`photos`],
-//! [`scene`] with [`methods`], [`primitives`] and [`vulkan`].
+//! The storeys look down only, from the top: [`app`], [`lab`], [`planner`], [`photogrammetry`], [`splats`], [`visibility`], [`files`],
+//! [`scene`], [`engine`].
 
 // What is private is read with `cargo doc --document-private-items`.
 #![allow(rustdoc::private_intra_doc_links)]
-// Some of it the program alone uses.
-#![cfg_attr(not(feature = "cli"), allow(dead_code, unused_imports))]
 
-pub mod baselines;
-#[cfg(feature = "capi")]
-pub mod capi;
+pub mod app;
+pub mod engine;
 mod error;
-#[cfg(feature = "cli")]
-pub mod evaluate;
-#[cfg(feature = "cli")]
-mod export;
-pub mod frames;
-pub mod gaussians;
-pub mod io;
-pub mod methods;
-pub mod metrics;
-mod parallel;
-pub mod photograph;
-pub mod photos;
-pub mod plan;
-pub mod primitives;
-pub mod quality;
-pub mod report;
+pub mod files;
+#[cfg(feature = "lab")]
+pub mod lab;
+pub mod photogrammetry;
+pub mod planner;
 pub mod scene;
-pub mod select;
-pub mod stereo;
-pub mod vds;
+pub mod splats;
 pub mod visibility;
-pub mod vulkan;
-
-#[cfg(feature = "cli")]
-pub mod cli;
 
 pub use error::{Error, Result};
-pub use plan::request::{PlanRequest, plan};
+pub use planner::plan::request::{PlanRequest, plan};

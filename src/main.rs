@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    ExitCode::from(camsplat::cli::main(std::env::args_os()))
+    ExitCode::from(camsplat::app::cli::main(std::env::args_os()))
 }

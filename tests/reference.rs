@@ -18,7 +18,7 @@ fn reference() -> String {
     let mut text = String::from(
         "# Commands\n\nGenerated from the program's own help: `CAMSPLAT_WRITE_REFERENCE=1 cargo test --release --test reference`.\n\n",
     );
-    let mut program = camsplat::cli::command().term_width(100);
+    let mut program = camsplat::app::cli::command().term_width(100);
     program.build();
     let mut add = |path: &str, command: &clap::Command| {
         let mut command = command.clone().bin_name(path).term_width(100);
@@ -103,7 +103,7 @@ File = Union[str, os.PathLike[str]]
 Numbers = Sequence[float]
 "#,
     );
-    let program = camsplat::cli::command();
+    let program = camsplat::app::cli::command();
     for (command, without) in TYPED {
         let name = format!("{}{}Options", command[..1].to_uppercase(), &command[1..]);
         writeln!(text, "\n\nclass {name}(TypedDict, total=False):\n    \"\"\"Options of `camsplat {command}`.\"\"\"")
@@ -144,17 +144,8 @@ fn the_options_of_the_python_package_are_those_of_the_program() {
 fn pages() -> Vec<PathBuf> {
     let mut found: Vec<PathBuf> =
         ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].iter().map(|name| root().join(name)).collect();
-    let mut folders = vec![root().join("docs")];
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|extension| extension == "md") {
-                found.push(path);
-            }
-        }
-    }
+    let docs = files(Path::new("docs")).into_iter();
+    found.extend(docs.filter(|path| path.extension().is_some_and(|extension| extension == "md")));
     found
 }
 
@@ -208,7 +199,7 @@ fn the_readme_stays_short_and_lines_stay_narrow() {
 #[test]
 fn completions_and_man_pages_name_every_subcommand() {
     let place = command::Place::new();
-    let names: Vec<String> = camsplat::cli::command().get_subcommands().map(|c| c.get_name().to_owned()).collect();
+    let names: Vec<String> = camsplat::app::cli::command().get_subcommands().map(|c| c.get_name().to_owned()).collect();
     assert!(names.len() > 10, "{names:?}");
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         let script = place.done(&format!("completions {shell}")).out;
@@ -260,20 +251,22 @@ fn quoted(cell: &str) -> Vec<String> {
     cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-/// All Rust text under a folder.
-fn rust(folder: &str) -> String {
-    let mut text = String::new();
+/// All files under a folder.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
     let mut folders = vec![root().join(folder)];
     while let Some(folder) = folders.pop() {
         for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
-            match path.extension() {
-                _ if path.is_dir() => folders.push(path),
-                Some(extension) if extension == "rs" => text += &fs::read_to_string(&path).unwrap(),
-                _ => {}
-            }
+            if path.is_dir() { folders.push(path) } else { found.push(path) }
         }
     }
-    text
+    found
+}
+
+/// All Rust text under a folder.
+fn rust(folder: &Path) -> String {
+    let sources = files(folder).into_iter().filter(|path| path.extension().is_some_and(|extension| extension == "rs"));
+    sources.map(|path| fs::read_to_string(path).unwrap()).collect()
 }
 
 /// Whether a text has a function of a name that takes something else than an object: a stage's twin, not a test or what records it.
@@ -305,18 +298,14 @@ fn every_stage_is_held_against_plain_rust() {
         assert!(text.contains(&format!("fn {function}")), "{FORMULAS}: there is no function {function} in {file}");
         elsewhere.extend(stages.iter().cloned());
     }
-    let mut found = Vec::new();
-    for layer in fs::read_dir(root().join("shaders/glsl")).unwrap().map(|entry| entry.unwrap().path()) {
-        let files = fs::read_dir(&layer).unwrap().map(|entry| entry.unwrap().path());
-        found.extend(files.filter(|path| path.extension().is_some_and(|extension| extension == "comp")));
-    }
+    let mut found = files(Path::new("shaders/glsl"));
+    found.retain(|path| path.extension().is_some_and(|extension| extension == "comp"));
     assert!(found.len() > 50, "only {} stages were found", found.len());
     let names: Vec<_> = found.iter().map(|path| path.file_stem().unwrap().to_str().unwrap()).collect();
     for (name, path) in names.iter().zip(&found) {
-        // The layer, or the objective, that the shader's folder is named after.
-        let folder = path.parent().unwrap().file_name().unwrap().to_str().unwrap();
-        let is_layer = root().join("src").join(folder).exists();
-        let source = rust(&if is_layer { format!("src/{folder}") } else { format!("src/plan/{folder}") });
+        // The folder of the same name.
+        let folder = path.parent().unwrap().strip_prefix(root().join("shaders/glsl")).unwrap();
+        let source = rust(&Path::new("src").join(folder));
         let declared = ["(", "<", " {", " with"].iter().any(|end| source.contains(&format!("Stage = {name}{end}")));
         assert!(declared, "{name}: no stage! has it");
         let held = elsewhere.iter().any(|stage| stage == name) || has_twin(&source, name);
@@ -331,10 +320,18 @@ fn every_stage_is_held_against_plain_rust() {
 fn the_table_of_formulas_names_files_that_exist() {
     let page = fs::read_to_string(root().join(FORMULAS)).unwrap();
     let mut checked = 0;
-    for row in page.lines().filter(|line| line.starts_with("| ")) {
+    let mut storey = String::new();
+    for row in page.lines() {
+        if row.starts_with("## ") {
+            storey = quoted(row).concat();
+        }
+        if !row.starts_with("| ") {
+            continue;
+        }
         for name in quoted(row).iter().filter(|name| [".rs", ".comp", ".glsl"].iter().any(|end| name.ends_with(end))) {
-            let places = [root().join(name), root().join("src").join(name), root().join("shaders/glsl").join(name)];
-            assert!(places.iter().any(|place| place.exists()), "{FORMULAS}: there is no {name}");
+            let folders = ["", "src", "shaders/glsl"].map(|folder| root().join(folder));
+            let is_there = |folder: &PathBuf| folder.join(name).exists() || folder.join(&storey).join(name).exists();
+            assert!(folders.iter().any(is_there), "{FORMULAS}: there is no {name}");
             checked += 1;
         }
     }

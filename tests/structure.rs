@@ -166,14 +166,14 @@ fn no_files_use_each_other_in_a_circle() {
     assert!(circles.is_empty(), "these files use each other in a circle: {}", circles.join(", "));
 }
 
-/// The folders of each row of ARCHITECTURE.md's table of layers, from the top down.
-fn layers() -> Vec<Vec<String>> {
+/// The folders and files, as modules, of each row of ARCHITECTURE.md's table of layers, from the top down.
+fn layers() -> Vec<Vec<Module>> {
     let page = fs::read_to_string(source().with_file_name("ARCHITECTURE.md")).unwrap();
     let rows = page.lines().filter(|line| line.starts_with("| ") && line.contains("| `src/"));
     let folders = |row: &str| {
         let cell = row.split('|').nth(2).unwrap();
         let names = cell.split('`').filter_map(|part| part.strip_prefix("src/"));
-        names.map(|name| name.trim_end_matches(".rs").to_owned()).collect()
+        names.map(|name| name.trim_end_matches(".rs").split('/').map(str::to_owned).collect()).collect()
     };
     rows.map(folders).collect()
 }
@@ -182,18 +182,24 @@ fn layers() -> Vec<Vec<String>> {
 #[test]
 fn layers_look_down_only() {
     let (uses, layers) = (uses(), layers());
-    let level = |folder: &str| layers.iter().position(|layer| layer.iter().any(|name| name == folder));
-    // The error type belongs to all layers, and the binary uses the command line.
-    let is_outside = |folder: &str| ["error", "main"].contains(&folder);
+    // A file belongs to the row that names the innermost folder it is in.
+    let level = |module: &Module| {
+        let length = |layer: &Vec<Module>| {
+            layer.iter().filter(|name| module.starts_with(name)).map(|name| name.len()).max().unwrap_or(0)
+        };
+        let rows = layers.iter().enumerate().map(|(row, layer)| (length(layer), row)).filter(|(length, _)| *length > 0);
+        rows.max_by_key(|(length, row)| (*length, usize::MAX - row)).map(|(_, row)| row)
+    };
+    // The error type belongs to all layers, the binary uses the command line, and a storey's own file says what is in it.
+    let is_outside = |module: &Module| {
+        ["error", "main"].contains(&module[0].as_str())
+            || layers.iter().flatten().any(|name| name.len() > 1 && name[..1] == module[..])
+    };
     let mut wrong = BTreeSet::new();
-    for (module, others) in &uses {
-        let own = &module[0];
-        if is_outside(own) {
-            continue;
-        }
-        let at = level(own).unwrap_or_else(|| panic!("{own} is in no row of the table of layers"));
-        for other in others.iter().filter(|other| !is_outside(&other[0])) {
-            if level(&other[0]).is_none_or(|below| below < at) {
+    for (module, others) in uses.iter().filter(|(module, _)| !is_outside(module)) {
+        let at = level(module).unwrap_or_else(|| panic!("{} is in no row of the table of layers", module.join("::")));
+        for other in others.iter().filter(|other| !is_outside(other)) {
+            if level(other).is_none_or(|below| below < at) {
                 wrong.insert(format!("{} uses {}", module.join("::"), other.join("::")));
             }
         }
@@ -201,13 +207,24 @@ fn layers_look_down_only() {
     assert!(layers.len() > 15 && wrong.is_empty(), "{wrong:#?}");
 }
 
+/// If this failed, the product could not be had without what it is judged by.
+#[test]
+fn only_the_program_and_its_reports_use_the_lab() {
+    let of_the_program = ["app::cli", "app::report", "lab"];
+    for (module, others) in uses() {
+        let path = module.join("::");
+        let used: Vec<_> = others.iter().filter(|other| other[0] == "lab").collect();
+        assert!(used.is_empty() || of_the_program.iter().any(|part| path.starts_with(part)), "{path} uses {used:?}");
+    }
+}
+
 /// If this failed, errors of the library would name options that it does not have. Settings are in backquotes, and the
 /// command line puts its options there.
 #[test]
 fn the_library_names_no_options() {
-    let of_the_program = ["cli", "evaluate", "report"];
+    let of_the_program = ["app::cli", "app::report", "lab::evaluate"];
     for (module, text) in modules() {
-        if module.first().is_some_and(|first| of_the_program.contains(&first.as_str())) {
+        if of_the_program.iter().any(|part| module.join("::").starts_with(part)) {
             continue;
         }
         for line in code(&text).lines() {

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use camsplat::Result;
-use camsplat::vulkan::recorder::Timing;
-use camsplat::vulkan::{Context, Recorder};
+use camsplat::engine::vulkan::recorder::Timing;
+use camsplat::engine::vulkan::{Context, Recorder};
 
 /// How long the device is kept busy before a job's first batch of samples,
 const WARM_UP: Duration = Duration::from_millis(500);

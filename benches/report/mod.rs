@@ -19,7 +19,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use camsplat::vulkan::{Context, Options};
+use camsplat::engine::vulkan::{Context, Options};
 use camsplat::{Error, Result};
 
 use arguments::Arguments;

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use camsplat::Result;
-use camsplat::primitives::{Arithmetic, Copy};
-use camsplat::vulkan::{Buffer, Context, Recorder};
+use camsplat::engine::primitives::{Arithmetic, Copy};
+use camsplat::engine::vulkan::{Buffer, Context, Recorder};
 
 use super::document::Amount;
 use super::job::{Job, Sample};

@@ -9,15 +9,15 @@ mod renderer;
 use std::sync::Arc;
 
 use ash::vk;
-use camsplat::plan::config::{Config, Preset};
-use camsplat::plan::planner::Planner;
-use camsplat::plan::preparation::Preparation;
-use camsplat::plan::problem::Problem;
-use camsplat::plan::target::{RegionChoice, Target};
-use camsplat::primitives::{Count, RadixSort};
+use camsplat::engine::primitives::{Count, RadixSort};
+use camsplat::engine::vulkan::{Buffer, Context, Recorder};
+use camsplat::planner::plan::config::{Config, Preset};
+use camsplat::planner::plan::planner::Planner;
+use camsplat::planner::plan::preparation::Preparation;
+use camsplat::planner::plan::problem::Problem;
+use camsplat::planner::plan::target::{RegionChoice, Target};
 use camsplat::scene::camera::Intrinsics;
 use camsplat::scene::samples;
-use camsplat::vulkan::{Buffer, Context, Recorder};
 use glam::{DVec3, Mat4, Vec3, Vec4};
 
 use renderer::{Fallible, Renderer, SIZE};

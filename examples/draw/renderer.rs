@@ -5,7 +5,7 @@ use std::ffi::c_void;
 use std::sync::{Arc, Mutex};
 
 use ash::vk;
-use camsplat::vulkan::host::HostDevice;
+use camsplat::engine::vulkan::host::HostDevice;
 use glam::Mat4;
 
 /// Width and height of the picture.

@@ -3,5 +3,5 @@
 use std::path::Path;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let _ = camsplat::io::areas::parse(Path::new("area.geojson"), bytes);
+    let _ = camsplat::files::io::areas::parse(Path::new("area.geojson"), bytes);
 });

@@ -3,5 +3,5 @@
 use std::path::Path;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let _ = camsplat::io::colmap::binary::points(Path::new("points3D.bin"), bytes);
+    let _ = camsplat::files::io::colmap::binary::points(Path::new("points3D.bin"), bytes);
 });

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use camsplat::io::colmap::{self, text};
+use camsplat::files::io::colmap::{self, text};
 
 // One input is all three files, so that references between them are tried as well.
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

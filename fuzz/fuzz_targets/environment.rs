@@ -3,5 +3,5 @@
 use std::path::Path;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let _ = camsplat::io::environment::parse_environment(Path::new("fuzz.hdr"), bytes, &mut Vec::new());
+    let _ = camsplat::files::io::environment::parse_environment(Path::new("fuzz.hdr"), bytes, &mut Vec::new());
 });

@@ -3,5 +3,5 @@
 use std::path::Path;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let _ = camsplat::io::ply::gaussians(Path::new("no-such-folder/fuzz.ply"), bytes, &mut Vec::new());
+    let _ = camsplat::files::io::ply::gaussians(Path::new("no-such-folder/fuzz.ply"), bytes, &mut Vec::new());
 });

@@ -3,5 +3,5 @@
 use std::path::Path;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let _ = camsplat::io::photos::llff::rows(Path::new("poses_bounds.npy"), bytes);
+    let _ = camsplat::files::io::photos::llff::rows(Path::new("poses_bounds.npy"), bytes);
 });

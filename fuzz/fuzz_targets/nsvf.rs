@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use camsplat::io::photos::nsvf;
+use camsplat::files::io::photos::nsvf;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let _ = nsvf::pose(Path::new("pose.txt"), bytes);

@@ -3,5 +3,5 @@
 use std::path::Path;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let _ = camsplat::io::plan_json::parse(Path::new("plan.json"), bytes);
+    let _ = camsplat::files::io::plan_json::parse(Path::new("plan.json"), bytes);
 });

@@ -4,5 +4,5 @@ use std::path::Path;
 
 // The folder does not exist, so that no input can name a file beside it.
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let _ = camsplat::io::ply::parse(Path::new("no-such-folder/fuzz.ply"), bytes, &mut Vec::new());
+    let _ = camsplat::files::io::ply::parse(Path::new("no-such-folder/fuzz.ply"), bytes, &mut Vec::new());
 });

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use camsplat::io::transforms;
-use camsplat::photos::Photo;
+use camsplat::files::io::transforms;
+use camsplat::files::photos::Photo;
 use glam::{DVec2, DVec3};
 
 // The folder does not exist, so that no input can name a file beside it. Lenses that a file may name are used as well.

@@ -3,8 +3,8 @@
 use std::collections::HashSet;
 use std::path::PathBuf;
 
-use camsplat::io;
-use camsplat::io::folder::OutputFolder;
+use camsplat::files::io;
+use camsplat::files::io::folder::OutputFolder;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::surface::Points;
 use glam::{DMat3, DMat4, DQuat, DVec3};

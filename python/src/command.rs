@@ -8,7 +8,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use camsplat::cli::{self, Listener, Outcome};
+use camsplat::app::cli::{self, Listener, Outcome};
 use pyo3::prelude::*;
 
 use super::{Error, unless_forked};

@@ -3,9 +3,9 @@
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use camsplat::gaussians::render::job::{Format, Job, Settings};
-use camsplat::io;
-use camsplat::vulkan::{Context, Options};
+use camsplat::engine::vulkan::{Context, Options};
+use camsplat::files::io;
+use camsplat::splats::render::job::{Format, Job, Settings};
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray as _, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;

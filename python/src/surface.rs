@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use camsplat::io;
+use camsplat::files::io;
 use camsplat::scene::surface::Surface;
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray as _, PyArray2};

@@ -7,7 +7,8 @@ use super::distance_transform::nearest_sites;
 use super::sight::Sight;
 use super::similarity::Similarity;
 use super::voxels::{Grid, enclosed};
-use crate::{Error, Result, parallel};
+use crate::engine::parallel;
+use crate::{Error, Result};
 
 /// Voxels along the longest side of the space.
 const RESOLUTION: f64 = 128.0;

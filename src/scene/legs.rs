@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::free_space::FreeSpace;
 use super::sets::Sets;
 use super::voxels::Grid;
-use crate::parallel;
+use crate::engine::parallel;
 
 /// No place, or no voxel.
 const NONE: u32 = u32::MAX;

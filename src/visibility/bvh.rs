@@ -14,9 +14,9 @@ use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 
+use crate::engine::vulkan::shaders::glsl::shared::bvh as glsl;
 use crate::scene::proxy::Occluder;
 use crate::scene::similarity::Similarity;
-use crate::vulkan::shaders::glsl::shared::bvh as glsl;
 use crate::{Error, Result};
 
 /// Marks a child that is a leaf.

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::bvh::Bvh;
 use super::raycast::Ray;
 use crate::Result;
-use crate::parallel::mapped;
+use crate::engine::parallel::mapped;
 use crate::scene::free_space::{FreeSpace, RESOLUTION};
 use crate::scene::known::KnownSpace;
 use crate::scene::limits::Limits;

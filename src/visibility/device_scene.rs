@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use crate::engine::vulkan::{Buffer, Context};
 use crate::scene::free_space::{self, FreeSpace};
 use crate::scene::limits::Limits;
 use crate::scene::proxy::Proxy;
 use crate::scene::region::{Region, Shape};
 use crate::scene::similarity::Similarity;
 use crate::visibility::bvh::{Bvh, Primitives, TraversalConstants};
-use crate::vulkan::{Buffer, Context};
 use crate::{Error, Result};
 
 /// How far a surface may lie from the middle of the region, over its size: its points are resolved to less than a hundredth of

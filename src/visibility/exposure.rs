@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::bvh::Bvh;
 use super::raycast::Ray;
 use crate::Result;
-use crate::parallel::mapped;
+use crate::engine::parallel::mapped;
 use crate::scene::octahedral;
 use crate::scene::proxy::{Disc, Occluder, Proxy};
 use crate::scene::similarity::Similarity;

@@ -1,8 +1,8 @@
-//! Posed lenses as the device has them (`vds/lens.glsl`).
+//! Posed lenses as the device has them (`photogrammetry/vds/lens.glsl`).
 
 use glam::DVec3;
 
-use crate::photos::Photo;
+use crate::files::photos::Photo;
 use crate::scene::similarity::Similarity;
 
 crate::gpu_struct! {

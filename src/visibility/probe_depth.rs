@@ -8,11 +8,11 @@ use super::bvh::{Node, Primitives};
 use super::device_scene::{DeviceRegion, DeviceScene, SceneGeometry};
 use super::raycast::{MISS, Ray, inverse_slope};
 use crate::Result;
+use crate::engine::vulkan::pace::{Pace, in_parts};
+use crate::engine::vulkan::shaders::glsl::visibility::probe_depth as glsl;
+use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::scene::proxy::SurfacePoint;
 use crate::visibility::bvh::TraversalConstants;
-use crate::vulkan::pace::{Pace, in_parts};
-use crate::vulkan::shaders::glsl::visibility::probe_depth as glsl;
-use crate::vulkan::{Buffer, Context, Pipeline, Recorder};
 
 crate::gpu_struct! {
     /// A point camera, lifted off the surface, in the planner's frame.

@@ -3,7 +3,7 @@
 use glam::{Vec3, Vec4};
 
 use super::bvh::{Bvh, COUNT_SHIFT, Disc, LEAF, Node, Primitives, STACK, Triangle, WIDTH};
-use crate::vulkan::shaders::glsl::shared::bvh as glsl;
+use crate::engine::vulkan::shaders::glsl::shared::bvh as glsl;
 
 /// A ray in the normalised frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

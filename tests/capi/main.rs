@@ -15,7 +15,9 @@ fn the_header_is_what_the_source_says() {
     let config = cbindgen::Config {
         language: cbindgen::Language::C,
         include_guard: Some("CAMSPLAT_H".into()),
-        header: Some("/* camsplat for C. Made of src/capi by cbindgen; see docs/guide/c.md and examples/c. */".into()),
+        header: Some(
+            "/* camsplat for C. Made of src/app/capi by cbindgen; see docs/guide/c.md and examples/c. */".into(),
+        ),
         cpp_compat: true,
         documentation_style: cbindgen::DocumentationStyle::C99,
         usize_is_size_t: true,
@@ -26,7 +28,7 @@ fn the_header_is_what_the_source_says() {
         ..cbindgen::Config::default()
     };
     // The others follow from its modules.
-    let source = root().join("src/capi/mod.rs");
+    let source = root().join("src/app/capi/mod.rs");
     let made = cbindgen::Builder::new().with_config(config).with_src(source).generate().unwrap();
     let mut text = Vec::new();
     made.write(&mut text);

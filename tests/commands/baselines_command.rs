@@ -1,7 +1,7 @@
 //! `camsplat plan --method`: what each baseline leaves, and what bad input gets.
 
 use crate::support::command::{FILES, Place, assert_refused, read_until, stop};
-use camsplat::io;
+use camsplat::files::io;
 use camsplat::scene::camera::Camera;
 use camsplat::scene::gaussians::Gaussians;
 use camsplat::scene::random;

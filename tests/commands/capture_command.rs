@@ -2,8 +2,8 @@
 
 use crate::support::command::gltf::{cube, sky};
 use crate::support::command::{Place, assert_refused, read_until, stop};
-use camsplat::io;
-use camsplat::io::photos::{self, Images};
+use camsplat::files::io;
+use camsplat::files::io::photos::{self, Images};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::surface::Surface;
 use exr::prelude::{FlatSamples, read_first_flat_layer_from_file};

@@ -3,9 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::support::command::{FILES, Place, SHORT, SMALL, ended, read_until, stop};
-use camsplat::io;
-use camsplat::metrics::Metrics;
-use camsplat::plan::record::Status;
+use camsplat::files::io;
+use camsplat::planner::metrics::Metrics;
+use camsplat::planner::plan::record::Status;
 use camsplat::scene::camera::Camera;
 
 /// Asserts that two camera sets are the same up to what a round trip through another format costs.

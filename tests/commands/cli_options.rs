@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::support::command::{Place, SHORT};
 use crate::support::splats::capture;
-use camsplat::io;
+use camsplat::files::io;
 use camsplat::scene::gaussians::Gaussians;
 use glam::DVec3;
 

@@ -3,11 +3,11 @@
 use std::ops::ControlFlow;
 
 use crate::support::command::{Place, assert_refused, read_until, stop};
-use camsplat::evaluate::demo::{self, Event, Size};
-use camsplat::evaluate::scene::Scene;
-use camsplat::evaluate::settings::Settings;
-use camsplat::report;
-use camsplat::vulkan::{Context, Options};
+use camsplat::app::report;
+use camsplat::engine::vulkan::{Context, Options};
+use camsplat::lab::evaluate::demo::{self, Event, Size};
+use camsplat::lab::evaluate::scene::Scene;
+use camsplat::lab::evaluate::settings::Settings;
 
 /// A demo of seconds.
 const SMALL: Size = Size {

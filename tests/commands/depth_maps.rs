@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use crate::support::ball_scene::{BALL, HEIGHT, TABLE, WIDTH, cameras, photograph, ray, true_depth};
 use crate::support::command::Place;
-use camsplat::io;
-use camsplat::io::depth_maps::DepthMaps;
-use camsplat::photos::PhotoSet;
+use camsplat::engine::vulkan::{self, Context};
+use camsplat::files::io;
+use camsplat::files::io::depth_maps::DepthMaps;
+use camsplat::files::photos::PhotoSet;
+use camsplat::photogrammetry::stereo::{Options, Reconstruction, reconstruct};
 use camsplat::scene::camera::Camera;
 use camsplat::scene::surface::{Points, Surface};
-use camsplat::stereo::{Options, Reconstruction, reconstruct};
-use camsplat::vulkan::{self, Context};
 use glam::{DVec2, DVec3};
 use image::{GrayImage, ImageBuffer, Luma};
 

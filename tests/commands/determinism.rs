@@ -1,8 +1,8 @@
 //! The built command gives the same plan, to the bit, whatever the number of threads and whatever runs beside it.
 
 use crate::support::command::{Place, ended};
-use camsplat::io;
-use camsplat::plan::record::{IterationRecord, Status};
+use camsplat::files::io;
+use camsplat::planner::plan::record::{IterationRecord, Status};
 use camsplat::scene::camera::Camera;
 
 /// A run that is short, and whose batches wrap around in the pool.

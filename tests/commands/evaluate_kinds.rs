@@ -5,12 +5,12 @@ use std::fs;
 
 use crate::support::command::gltf::{cube, sky};
 use crate::support::command::{Place, assert_refused};
-use camsplat::gaussians::config::Background;
-use camsplat::gaussians::run::record::TrainRecord;
-use camsplat::io::photos::{self, Options};
-use camsplat::photograph::outputs::Record;
-use camsplat::plan::record::PlanRecord;
+use camsplat::files::io::photos::{self, Options};
+use camsplat::lab::path_tracer::outputs::Record;
+use camsplat::planner::plan::record::PlanRecord;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
+use camsplat::splats::config::Background;
+use camsplat::splats::run::record::TrainRecord;
 use glam::DVec3;
 use serde_json::Value;
 

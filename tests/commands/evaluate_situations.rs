@@ -2,7 +2,7 @@
 
 use crate::support::command::gltf::lit_cube;
 use crate::support::command::{Place, assert_refused};
-use camsplat::plan::record::PlanRecord;
+use camsplat::planner::plan::record::PlanRecord;
 use glam::DVec3;
 
 /// An evaluation of seconds.

@@ -6,7 +6,7 @@ use std::io::{Cursor, Read as _};
 
 use crate::support::command::{Place, SHORT, assert_refused};
 use crate::support::gps::jpeg_at;
-use camsplat::io;
+use camsplat::files::io;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::similarity::Similarity;
 use glam::{DQuat, DVec2, DVec3};

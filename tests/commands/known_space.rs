@@ -4,10 +4,10 @@ use std::fs;
 use std::path::PathBuf;
 
 use crate::support::command::{Place, SHORT, assert_refused};
-use camsplat::io;
-use camsplat::io::camera_files;
-use camsplat::io::folder::OutputFolder;
-use camsplat::plan::record::PlanRecord;
+use camsplat::files::io;
+use camsplat::files::io::camera_files;
+use camsplat::files::io::folder::OutputFolder;
+use camsplat::planner::plan::record::PlanRecord;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::random;
 use camsplat::scene::surface::Points;

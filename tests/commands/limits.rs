@@ -1,7 +1,7 @@
 //! Where cameras may not be: how plans, other methods and scores treat walls, volumes to keep out of, heights and ground.
 
 use crate::support::command::{Place, SHORT, assert_refused};
-use camsplat::io;
+use camsplat::files::io;
 use glam::DVec3;
 
 const SHELL: &str = "--shell 0,0,0,2,3 --up z";

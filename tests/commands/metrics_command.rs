@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use crate::support::command::{Place, ended};
 use crate::support::images::Image;
-use camsplat::metrics::image::{Lpips, Weights, psnr, ssim};
-use camsplat::vulkan::{Context, Options};
+use camsplat::engine::vulkan::{Context, Options};
+use camsplat::splats::image_metrics::{Lpips, Weights, psnr, ssim};
 use serde_json::Value;
 
 /// A place with a folder of images and one of references.

@@ -2,9 +2,9 @@
 
 use crate::support::command::Place;
 use crate::support::command::gltf::cube;
-use camsplat::evaluate::layouts::Trained;
-use camsplat::quality::fit::{Agreement, Fit};
-use camsplat::quality::law::Fitted;
+use camsplat::lab::evaluate::layouts::Trained;
+use camsplat::lab::quality_fit::{Agreement, Fit};
+use camsplat::planner::quality::law::Fitted;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::random;
 use glam::DVec3;

@@ -5,12 +5,12 @@ use std::fs;
 
 use crate::support::command::{Place, SHORT, assert_refused};
 use crate::support::splats::capture;
-use camsplat::gaussians::run::record::TrainRecord;
-use camsplat::io;
-use camsplat::io::ply::write;
+use camsplat::files::io;
+use camsplat::files::io::ply::write;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::random;
 use camsplat::scene::surface::Surface;
+use camsplat::splats::run::record::TrainRecord;
 use glam::DVec3;
 use serde_json::{Value, json};
 

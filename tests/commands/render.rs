@@ -6,11 +6,11 @@ use std::process::Command;
 
 use crate::support::command::{Place, ended};
 use crate::support::splats::scene;
-use camsplat::gaussians::render::frame::{Frame, NEAR};
-use camsplat::gaussians::twin::{self, Picture, Rules};
-use camsplat::io;
+use camsplat::files::io;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::gaussians::Gaussians;
+use camsplat::splats::render::frame::{Frame, NEAR};
+use camsplat::splats::twin::{self, Picture, Rules};
 use exr::prelude::{FlatSamples, read_first_flat_layer_from_file};
 use glam::{DMat3, DVec3};
 

@@ -4,10 +4,10 @@ use std::fs;
 
 use crate::support::command::{Place, SHORT};
 use crate::support::gps::jpeg_at;
-use camsplat::io;
-use camsplat::io::camera_files;
-use camsplat::io::folder::OutputFolder;
-use camsplat::photos::preview::Previews;
+use camsplat::files::io;
+use camsplat::files::io::camera_files;
+use camsplat::files::io::folder::OutputFolder;
+use camsplat::files::photos::preview::Previews;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::random;
 use camsplat::scene::surface::Points;

@@ -5,20 +5,20 @@ use std::sync::Arc;
 
 use crate::support::ball_scene::{BALL, HEIGHT, TABLE, WIDTH, cameras, photograph, pixel, ray, true_depth};
 use crate::support::command::{Place, ended};
-use camsplat::io;
-use camsplat::photos::volume::{Volume, around_focus};
-use camsplat::photos::{Photo, PhotoSet};
+use camsplat::engine::vulkan::{self, Buffer, Context};
+use camsplat::files::io;
+use camsplat::files::photos::volume::{Volume, around_focus};
+use camsplat::files::photos::{Photo, PhotoSet};
+use camsplat::photogrammetry::stereo::choose::neighbours;
+use camsplat::photogrammetry::stereo::consistency::{check, support};
+use camsplat::photogrammetry::stereo::cost::{NO_MATCH, Plane, Scene};
+use camsplat::photogrammetry::stereo::depth::Sweeper;
+use camsplat::photogrammetry::stereo::frame::{MAX_PAIRS, StereoPair, StereoView, device_pairs, device_views};
+use camsplat::photogrammetry::stereo::hull::{Evidence, Hull, carve};
+use camsplat::photogrammetry::stereo::{Options, ball_depths, reconstruct};
 use camsplat::scene::camera::{Camera, Pose};
 use camsplat::scene::surface::{Points, Surface};
 use camsplat::scene::voxels::Grid;
-use camsplat::stereo::choose::neighbours;
-use camsplat::stereo::consistency::{check, support};
-use camsplat::stereo::cost::{NO_MATCH, Plane, Scene};
-use camsplat::stereo::depth::Sweeper;
-use camsplat::stereo::frame::{MAX_PAIRS, StereoPair, StereoView, device_pairs, device_views};
-use camsplat::stereo::hull::{Evidence, Hull, carve};
-use camsplat::stereo::{Options, ball_depths, reconstruct};
-use camsplat::vulkan::{self, Buffer, Context};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 fn context() -> Arc<Context> {

@@ -1,7 +1,7 @@
 //! The order that planned cameras leave in.
 
 use crate::support::command::{FILES, Place, SHORT};
-use camsplat::plan::record::PlanRecord;
+use camsplat::planner::plan::record::PlanRecord;
 use glam::DVec3;
 
 fn places(record: &PlanRecord) -> Vec<DVec3> {

@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 
 use crate::support::command::{Place, ended};
 use crate::support::splats::capture;
-use camsplat::gaussians::config::Background;
-use camsplat::gaussians::run::checkpoint;
-use camsplat::gaussians::run::record::{Status, TrainRecord};
-use camsplat::io;
+use camsplat::files::io;
+use camsplat::splats::config::Background;
+use camsplat::splats::run::checkpoint;
+use camsplat::splats::run::record::{Status, TrainRecord};
 
 /// Options that keep a run small.
 const SMALL: &str = "--max-splats 200 --sh 1 --init-scale 0.5 --init-opacity 0.3";

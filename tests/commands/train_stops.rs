@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 
 use crate::support::command::{Place, assert_refused, ended, read_until, stop};
 use crate::support::splats::capture;
-use camsplat::gaussians::run::checkpoint::{self, Checkpoint};
-use camsplat::gaussians::run::record::{Status, TrainRecord};
-use camsplat::io;
+use camsplat::files::io;
 use camsplat::scene::random;
+use camsplat::splats::run::checkpoint::{self, Checkpoint};
+use camsplat::splats::run::record::{Status, TrainRecord};
 use glam::DVec3;
 
 /// Options of the runs; each refines on the way.

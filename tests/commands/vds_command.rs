@@ -57,11 +57,11 @@ fn a_plan_for_a_capture_scores_its_points_first() {
     let place = capture();
     place.done("vds shots --surface ball.ply --points 500 --out all.ply");
     // Bare positions, as a reconstruction has them, and strays of which some are left out as outliers.
-    let Ok(Surface::Points(mut cloud)) = camsplat::io::read_surface(&place.path("all.ply")) else {
+    let Ok(Surface::Points(mut cloud)) = camsplat::files::io::read_surface(&place.path("all.ply")) else {
         panic!("no points")
     };
     cloud.positions.extend((1..20).map(|i| DVec3::new(0.1 * f64::from(i * i), 1.2, 0.3)));
-    place.write("shots/sparse.ply", camsplat::io::ply::write::points(&cloud.positions, &[], None));
+    place.write("shots/sparse.ply", camsplat::files::io::ply::write::points(&cloud.positions, &[], None));
     let transforms = place.read("shots/transforms.json").replacen('{', "{\"ply_file_path\":\"sparse.ply\",", 1);
     place.write("shots/transforms.json", transforms);
     let ran = place.done(&format!("plan shots --keep shots {} --method paper --out plan", command::SHORT));

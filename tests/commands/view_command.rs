@@ -8,7 +8,7 @@ use std::process::{Child, ChildStdout};
 use crate::support::browser::{number_after, rendered, write_to};
 use crate::support::command::{Place, assert_refused, stop};
 use crate::support::splats::scene;
-use camsplat::io;
+use camsplat::files::io;
 
 /// A server that was started for a path.
 struct Served {

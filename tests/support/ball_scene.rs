@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
-use camsplat::photos::Photo;
+use camsplat::files::photos::Photo;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::lens::Distortion;
 use glam::{DVec2, DVec3};

@@ -2,7 +2,7 @@
 //   float view_cost(uint view, Look look, float bound, out vec3 n, out float d)
 // the angle by which a view is ordered, FARTHEST or more where it is none or it is certain to reach `bound`, with the unit
 // direction to it and its distance.
-// Twin: src/quality/nearest.rs.
+// Twin: src/planner/quality/nearest.rs.
 
 const uint LISTED = 8;   // views that are examined between two passes over all
 const uint WALKS = 16;   // of a look; what 128 nearer views do not see counts as unseen

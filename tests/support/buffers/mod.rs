@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use camsplat::Result;
-use camsplat::vulkan::{Context, Options};
+use camsplat::engine::vulkan::{Context, Options};
 
 /// Around workgroups, tiles and blocks; then many of them, and radix tables with rows longer than one chunk.
 pub const SIZES: [usize; 16] =

@@ -9,7 +9,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Output, Stdio};
 
-use camsplat::plan::record::PlanRecord;
+use camsplat::planner::plan::record::PlanRecord;
 use tempfile::TempDir;
 
 /// Options that keep a plan small.

@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use ash::vk::{self, Handle};
 use camsplat::Result;
-use camsplat::vulkan::host::{HostDevice, QueueLock, RawHost};
-use camsplat::vulkan::recorder::Kept;
-use camsplat::vulkan::{Context, Recorder};
+use camsplat::engine::vulkan::host::{HostDevice, QueueLock, RawHost};
+use camsplat::engine::vulkan::recorder::Kept;
+use camsplat::engine::vulkan::{Context, Recorder};
 
 /// A host application with a device, a queue and validation layers of its own.
 pub struct Host {

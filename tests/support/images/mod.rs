@@ -1,7 +1,7 @@
 //! What the tests of image metrics share: images made from whole numbers, the same in every language.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
-use camsplat::metrics::image::Rgb8;
+use camsplat::splats::image_metrics::Rgb8;
 
 /// An image that owns its bytes.
 #[derive(Clone)]

@@ -1,8 +1,8 @@
 //! Weights of LPIPS's networks as files, made here.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
-use camsplat::metrics::image::Network;
-use camsplat::metrics::image::network::Convolution;
+use camsplat::splats::image_metrics::Network;
+use camsplat::splats::image_metrics::network::Convolution;
 use half::f16;
 use safetensors::{Dtype, serialize, tensor::TensorView};
 

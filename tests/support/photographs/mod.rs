@@ -5,11 +5,11 @@ use std::f64::consts::{PI, TAU};
 use std::ops::ControlFlow;
 use std::sync::{Arc, OnceLock};
 
-use camsplat::photograph::assembly::Assembly;
-use camsplat::photograph::tracer::{Exposure, Photograph, Strategy, Tracer};
+use camsplat::engine::vulkan::{Context, Options};
+use camsplat::lab::path_tracer::assembly::Assembly;
+use camsplat::lab::path_tracer::tracer::{Exposure, Photograph, Strategy, Tracer};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::model::{Environment, Face, Material, Model, Vertex};
-use camsplat::vulkan::{Context, Options};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 /// One device for all tests of a binary; the validation layers watch.

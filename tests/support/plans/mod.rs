@@ -3,12 +3,13 @@
 
 use std::sync::Arc;
 
-use camsplat::plan::config::Config;
-use camsplat::plan::planner::Planner;
-use camsplat::plan::preparation::Preparation;
-use camsplat::plan::problem::Problem;
-use camsplat::plan::record::SurfaceRecord;
-use camsplat::plan::target::Target;
+use camsplat::engine::vulkan::{Context, Options};
+use camsplat::planner::plan::config::Config;
+use camsplat::planner::plan::planner::Planner;
+use camsplat::planner::plan::preparation::Preparation;
+use camsplat::planner::plan::problem::Problem;
+use camsplat::planner::plan::record::SurfaceRecord;
+use camsplat::planner::plan::target::Target;
 use camsplat::scene::camera::{Camera, Intrinsics};
 use camsplat::scene::limits::Limits;
 use camsplat::scene::proxy::{Orientation, Proxy};
@@ -16,7 +17,6 @@ use camsplat::scene::region::{Region, Shape};
 use camsplat::scene::samples;
 use camsplat::scene::surface::Surface;
 use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
-use camsplat::vulkan::{Context, Options};
 use glam::DVec3;
 
 /// A surface with a region, and what the device holds of it.

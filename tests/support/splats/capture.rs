@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use camsplat::gaussians::render::frame::Frame;
-use camsplat::gaussians::twin;
-use camsplat::io;
+use camsplat::files::io;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::gaussians::Gaussians;
+use camsplat::splats::render::frame::Frame;
+use camsplat::splats::twin;
 use glam::DVec3;
 
 use super::{Draws, twin_view};

@@ -6,16 +6,16 @@ pub mod capture;
 use std::sync::Arc;
 
 use camsplat::Result;
-use camsplat::gaussians::render::frame::View;
-use camsplat::gaussians::render::layout::{self, PassPush};
-use camsplat::gaussians::render::rasterizer::{Model, Rasterizer, Size, Sizes};
-use camsplat::gaussians::render::wanted::Wanted;
-use camsplat::gaussians::train::loss::{Ledger, Loss, Record};
-use camsplat::gaussians::train::update::{Moments, Update, UpdatePush};
-use camsplat::gaussians::twin;
+use camsplat::engine::vulkan::{Buffer, Context, Options, Recorder};
 use camsplat::scene::gaussians::{Gaussians, coefficients};
 use camsplat::scene::random;
-use camsplat::vulkan::{Buffer, Context, Options, Recorder};
+use camsplat::splats::render::frame::View;
+use camsplat::splats::render::layout::{self, PassPush};
+use camsplat::splats::render::rasterizer::{Model, Rasterizer, Size, Sizes};
+use camsplat::splats::render::wanted::Wanted;
+use camsplat::splats::train::loss::{Ledger, Loss, Record};
+use camsplat::splats::train::update::{Moments, Update, UpdatePush};
+use camsplat::splats::twin;
 use glam::{DMat3, DVec3};
 
 /// A context whose validation messages [`silent`] checks.

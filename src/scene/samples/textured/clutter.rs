@@ -25,7 +25,7 @@ fn v(x: f64, y: f64, z: f64) -> DVec3 {
 }
 
 /// What is around an object, added to its model in the model's own frame.
-pub(crate) struct Surroundings<'m> {
+pub struct Surroundings<'m> {
     add: Furnisher<'m>,
     scale: f64,
 }

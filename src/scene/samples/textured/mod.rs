@@ -22,7 +22,7 @@ mod things;
 mod walls;
 mod wood;
 
-pub(crate) use self::clutter::Surroundings;
+pub use self::clutter::Surroundings;
 pub use self::rooms::two_rooms_model;
 
 #[cfg(test)]

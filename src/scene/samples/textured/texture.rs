@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::{cloth, nature, paintings, print, walls, wood};
-use crate::parallel::in_parallel;
+use crate::engine::parallel::in_parallel;
 use crate::scene::model::Image;
 
 /// A texture.

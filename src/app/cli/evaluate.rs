@@ -1,0 +1,480 @@
+//! `camsplat evaluate`.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+
+use super::options::{DeviceOptions, print_messages};
+use super::progress::stop_on_interrupt;
+use super::region::{LimitOptions, box_of};
+use super::session::{self, Ended, go_on};
+use super::viewers::ViewerOptions;
+use crate::app::report;
+use crate::files::io::environment::read_environment;
+use crate::files::io::folder::write_files;
+use crate::lab::evaluate::artifact::Event;
+use crate::lab::evaluate::competitor::Competitor;
+use crate::lab::evaluate::job;
+use crate::lab::evaluate::kind::Kind;
+use crate::lab::evaluate::pool::Pool;
+use crate::lab::evaluate::request::Request;
+use crate::lab::evaluate::results::{Entry, Outcome};
+use crate::lab::evaluate::scene::{Scene, Setting};
+use crate::lab::evaluate::settings::{BaselinesFrom, InputsFrom, Settings, Shown, Space};
+use crate::lab::evaluate::shard::Shard;
+use crate::lab::evaluate::situation::Situation;
+use crate::lab::evaluate::subject::Subject;
+use crate::lab::evaluate::table;
+use crate::lab::path_tracer::lightmap::Light;
+use crate::planner::plan::config::Preset;
+use crate::planner::plan::target::RegionChoice;
+use crate::scene::limits::Limits;
+use crate::scene::samples::textured::two_rooms_model;
+use crate::splats::image_metrics::{Network, Weights};
+use crate::{Error, Result};
+
+/// Arguments of `camsplat evaluate`.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    /// Objects or rooms with materials and lights: .glb or .gltf files
+    #[arg(required_unless_present_any = ["pool", "situation"])]
+    scenes: Vec<PathBuf>,
+    /// Kind of the scenes: objects seen from around them, or rooms seen from inside [default: room with --box, else object]
+    #[arg(long, value_enum)]
+    preset: Option<Preset>,
+    /// Select from captures of photos instead of planning; every eighth photo is held out
+    #[arg(long, value_name = "CAPTURES", num_args = 1.., conflicts_with_all = ["scenes", "preset", "box_", "clearance", "env", "surface", "space", "size", "light", "spp", "input_spp", "test_spp", "tests", "viewers", "situation", "keep_out", "wall", "heights", "walk"])]
+    pool: Vec<PathBuf>,
+    /// In a room, cameras and test views stand in a box: corners X0,Y0,Z0,X1,Y1,Z1 [default: the room's bounds less the clearance]
+    #[arg(long = "box", value_delimiter = ',', allow_hyphen_values = true, value_name = "NUMBERS")]
+    box_: Option<Vec<f64>>,
+    /// In a room, no camera closer than this to the surface [default: a twentieth of the room's smallest side]
+    #[arg(long)]
+    clearance: Option<f64>,
+    /// Folder for the tables and all results. An evaluation that was stopped continues there, and finished results are kept
+    #[arg(long)]
+    out: PathBuf,
+    /// Environment map that lights all scenes: an equirectangular .hdr file, +Y up
+    #[arg(long, value_name = "FILE")]
+    env: Option<PathBuf>,
+    /// Methods to compare: any --method of `camsplat plan`, ours:KEY=VALUE or paper:KEY=VALUE (with a key of its configuration changed),
+    /// or cameras:FILE, a layout of your own in any format that `camsplat capture` reads, with the lens of the others [default: random,
+    /// fibonacci, fvs, fvs-chord, fvs-shared, acp, fisherrf, fisherrf-retrain, cover, manifold, paper-iterative, paper-no-vds, paper,
+    /// ours; rooms: without fibonacci and manifold; pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    methods: Option<Vec<Competitor>>,
+    /// Numbers of views [default: 50,100; rooms 300; pools 20,40; quick: 20; rooms 30]
+    #[arg(long, value_delimiter = ',', value_name = "NUMBERS")]
+    budgets: Option<Vec<u32>>,
+    /// Runs of each method, for confidence intervals
+    #[arg(long, default_value_t = 3)]
+    seeds: u32,
+    /// Seed of the first run: an evaluation can be split over several machines with the same device, and their scene folders
+    /// copied into one
+    #[arg(long, default_value_t = 0, value_name = "SEED")]
+    first_seed: u32,
+    /// Small images and short training: minutes on two cores
+    #[arg(long)]
+    quick: bool,
+    /// Surface that methods plan on [default: proxy; quick rooms: true]
+    #[arg(long, value_enum)]
+    surface: Option<Shown>,
+    /// Space in which methods place cameras; test views are from all of the region [default: open]
+    #[arg(long, value_enum)]
+    space: Option<Space>,
+    /// Side of the images in pixels [default: 800; quick: 96]
+    #[arg(long, value_name = "PIXELS")]
+    size: Option<u32>,
+    /// Diffuse light of the photographs: baked once for all of a scene, or traced for each pixel [default: rooms baked, objects traced]
+    #[arg(long, value_enum)]
+    light: Option<Light>,
+    /// Samples per pixel, at least where light is baked [default: baked 64, traced 256; quick: 8]
+    #[arg(long)]
+    spp: Option<u32>,
+    /// Samples per pixel of the input photos [default: as --spp; traced rooms at least 1024, since path-traced photos of few samples
+    /// are noisier than a camera's; quick: as --spp]
+    #[arg(long)]
+    input_spp: Option<u32>,
+    /// Samples per pixel of the test views, whose noise limits every score [default: as --spp]
+    #[arg(long)]
+    test_spp: Option<u32>,
+    /// Input photos: the surface, its scores and the model of fisherrf and cover are made from them; they are not trained on
+    /// [default: 10; rooms 30]
+    #[arg(long)]
+    inputs: Option<u32>,
+    /// Where around an object the input photos are taken [default: uniform]
+    #[arg(long, value_enum)]
+    inputs_from: Option<InputsFrom>,
+    /// Test views of each set: three of objects, one of rooms [default: 200; quick: 12]
+    #[arg(long)]
+    tests: Option<u32>,
+    #[command(flatten)]
+    viewers: ViewerOptions,
+    /// Surroundings in which objects are photographed, or two built-in rooms. Floors, walls and blocks become part of the scene, and
+    /// cameras and viewers respect them [default: free]
+    #[arg(long, value_enum)]
+    situation: Option<Situation>,
+    #[command(flatten)]
+    limits: LimitOptions,
+    /// Downsampling factor of a pool's photos [default: 1; quick: 8]
+    #[arg(long, requires = "pool")]
+    shrink: Option<u32>,
+    /// Training iterations [default: 30000; quick: 300]
+    #[arg(long)]
+    iterations: Option<u32>,
+    /// Maximum number of splats [default: 1000000; quick: 5000]
+    #[arg(long)]
+    max_splats: Option<u32>,
+    /// Train with Mip-Splatting's filter, which helps views from farther away than the photos
+    #[arg(long)]
+    antialiased: bool,
+    /// Also measure LPIPS with VGG16, with these weights (safetensors, made by scripts/make_lpips_weights.py); finished trainings
+    /// are reused
+    #[arg(long, value_name = "FILE")]
+    lpips_vgg: Option<PathBuf>,
+    /// The paper's protocol, with every method of its tables and baselines on the outer sphere; LPIPS is AlexNet's without
+    /// --lpips-vgg
+    #[arg(long, conflicts_with_all = ["quick", "pool"])]
+    paper: bool,
+    /// Where around an object baselines may place cameras; the planner always has the whole region [default: region; paper: sphere]
+    #[arg(long, value_enum)]
+    baselines_from: Option<BaselinesFrom>,
+    /// Devices to spread the runs over, each by index or part of its name
+    #[arg(long, value_delimiter = ',', value_name = "NAMES", conflicts_with = "device")]
+    devices: Vec<String>,
+    /// Make part I of N of the runs, for one of N machines; tables are written by the same command without this option, in the folder
+    /// that they share or into which theirs are copied
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
+    #[command(flatten)]
+    device: DeviceOptions,
+}
+
+/// Samples of a pixel with which pictures of a room are as clean as a camera's.
+const CLEAN: u32 = 1024;
+/// Methods where none are named.
+const USUAL: [&str; 14] = [
+    "random",
+    "fibonacci",
+    "fvs",
+    "fvs-chord",
+    "fvs-shared",
+    "acp",
+    "fisherrf",
+    "fisherrf-retrain",
+    "cover",
+    "manifold",
+    "paper-iterative",
+    "paper-no-vds",
+    "paper",
+    "ours",
+];
+const OF_POOLS: [&str; 7] = ["random", "fvs", "coverage", "acp", "fisherrf", "cover", "ours"];
+const QUICK: [&str; 3] = ["random", "fvs", "ours"];
+
+impl Arguments {
+    fn preset(&self) -> Preset {
+        let is_room = self.box_.is_some() || self.situation() == Situation::TwoRooms;
+        self.preset.unwrap_or(if is_room { Preset::Room } else { Preset::Object })
+    }
+
+    fn situation(&self) -> Situation {
+        self.situation.unwrap_or_default()
+    }
+
+    /// Refuses scenes where the situation has its own, and none where it has not.
+    fn check_scenes(&self) -> Result<()> {
+        match (self.situation, self.scenes.is_empty() && self.pool.is_empty()) {
+            (Some(Situation::TwoRooms), false) => {
+                Err(Error::request("--situation two-rooms: it is a scene by itself; leave the scenes out"))
+            }
+            (Some(Situation::TwoRooms), true) | (_, false) => Ok(()),
+            _ => Err(Error::request("there are no scenes; give some objects (.glb, .gltf)")),
+        }
+    }
+
+    fn request(&self) -> Result<Request> {
+        let kind = if self.pool.is_empty() { Kind::of(self.preset()) } else { Kind::Pool };
+        let shape = self.box_.as_deref().map(box_of).transpose()?;
+        let usual: &[&str] = match kind {
+            _ if self.quick => &QUICK,
+            Kind::Pool => &OF_POOLS,
+            _ => &USUAL,
+        };
+        let named = || {
+            let methods = usual.iter().filter_map(|name| name.parse().ok());
+            methods.filter(|method: &Competitor| method.check(kind).is_ok()).collect()
+        };
+        let budgets = || match (kind, self.quick) {
+            (Kind::Object, false) => vec![50, 100],
+            (Kind::Room, false) => vec![300],
+            (Kind::Pool, false) => vec![20, 40],
+            (Kind::Room, true) => vec![30],
+            (_, true) => vec![20],
+        };
+        let of = if self.quick { Settings::QUICK } else { Settings::WHOLE };
+        let light = self.light.unwrap_or(if kind == Kind::Room { Light::Baked } else { Light::Traced });
+        let usual = if self.quick { of.samples } else { light.samples() };
+        let samples = self.spp.unwrap_or(usual);
+        // Indoors, photos of so few samples are too noisy to be matched.
+        // Ten photos of a floor or a wall give no surface to speak of, nor do noisy ones.
+        let is_furnished = kind == Kind::Object && self.situation().furnishes();
+        let shown = if self.quick && kind == Kind::Room || is_furnished { Shown::True } else { of.shown };
+        Ok(Request {
+            kind,
+            methods: self.methods.clone().unwrap_or_else(named),
+            budgets: self.budgets.clone().unwrap_or_else(budgets),
+            seeds: self.seeds,
+            first_seed: self.first_seed,
+            settings: Settings {
+                size: self.size.unwrap_or(of.size),
+                fov_deg: of.fov_deg,
+                degree: of.degree,
+                light,
+                samples,
+                input_samples: self.input_spp.unwrap_or(match kind {
+                    Kind::Room if !self.quick && light == Light::Traced => samples.max(CLEAN),
+                    _ => samples,
+                }),
+                test_samples: self.test_spp.unwrap_or(samples),
+                inputs: self.inputs.unwrap_or(if kind == Kind::Room { 30 } else { of.inputs }),
+                inputs_from: self.inputs_from.unwrap_or(of.inputs_from),
+                tests: self.tests.unwrap_or(of.tests),
+                iterations: self.iterations.unwrap_or(of.iterations),
+                max_splats: self.max_splats.unwrap_or(of.max_splats),
+                shown: self.surface.unwrap_or(shown),
+                space: self.space.unwrap_or_default(),
+                shrink: self.shrink.unwrap_or(of.shrink),
+                baselines_from: self.baselines_from.unwrap_or(match (self.paper, kind) {
+                    (true, Kind::Object) => BaselinesFrom::Sphere,
+                    _ => of.baselines_from,
+                }),
+                region: RegionChoice { shape, floor: None, clearance: self.clearance },
+                antialiased: self.antialiased,
+            },
+            viewers: self.viewers.given()?.unwrap_or_else(|| self.situation().viewers()),
+            situation: self.situation(),
+            limits: self.limits.read(Limits::default(), |file| {
+                Err(Error::input(file, "scenes of an evaluation lie nowhere on Earth; give a mesh or boxes"))
+            })?,
+        })
+    }
+
+    /// Reads all that is evaluated on; the notes say what was understood.
+    fn subjects(&self, request: &Request, notes: &mut Vec<String>) -> Result<Vec<Subject>> {
+        let environment = self.env.as_deref().map(|path| read_environment(path, notes)).transpose()?;
+        let intrinsics = request.settings.intrinsics();
+        for method in &request.methods {
+            if let Competitor::Cameras(given) = method {
+                notes.extend(given.notes.iter().map(|note| format!("{method}: {note}")));
+            }
+        }
+        let setting = Setting {
+            preset: self.preset(),
+            choice: request.settings.region,
+            situation: request.situation,
+            limits: request.limits.clone(),
+        };
+        let mut subjects = Vec::new();
+        for path in &self.scenes {
+            let scene = Scene::read(path, &setting, environment.as_ref(), &intrinsics, notes)?;
+            subjects.push(Subject::Scene(Box::new(scene)));
+        }
+        if request.situation == Situation::TwoRooms {
+            let model = two_rooms_model();
+            let surface = model.surface();
+            let scene = Scene::new(
+                Path::new(&request.situation.name()),
+                &setting,
+                (model, environment.as_ref()),
+                surface,
+                &intrinsics,
+            )?;
+            subjects.push(Subject::Scene(Box::new(scene)));
+        }
+        for path in &self.pool {
+            subjects.push(Subject::Pool(Box::new(Pool::read(path, request, notes)?)));
+        }
+        Ok(subjects)
+    }
+}
+
+/// The HTML page, which is made again as runs are completed, but takes no more than a small part of the time: it takes up to half a second
+/// for each scene of many triangles, and a run of one of them takes ten.
+struct Page<'a> {
+    file: PathBuf,
+    request: &'a Request,
+    subjects: &'a [Subject],
+    /// What the page does not show yet.
+    pending: Option<Outcome>,
+    /// When it was made, and how long that took.
+    made: Option<(Instant, Duration)>,
+    result: Result<()>,
+}
+
+impl<'a> Page<'a> {
+    /// Of the time between two pages, they may take one part in so many.
+    const PART: u32 = 20;
+
+    fn new(folder: &Path, request: &'a Request, subjects: &'a [Subject]) -> Self {
+        Self { file: folder.join("report.html"), request, subjects, pending: None, made: None, result: Ok(()) }
+    }
+
+    /// Shows an outcome, now or later.
+    fn show(&mut self, outcome: &Outcome) {
+        self.pending = Some(outcome.clone());
+        if outcome.left == 0 || self.made.is_none_or(|(made, took)| made.elapsed() > Self::PART * took) {
+            self.make();
+        }
+    }
+
+    fn make(&mut self) {
+        let Some(outcome) = self.pending.take() else { return };
+        let start = Instant::now();
+        let html = report::evaluation::html(self.request, &outcome, self.subjects);
+        self.result = html.and_then(|html| write_files(&[(&self.file, html.as_bytes())]));
+        self.made = Some((Instant::now(), start.elapsed()));
+    }
+
+    /// Shows what is yet to be shown; the page's place, where there is one.
+    ///
+    /// # Errors
+    /// Where the page could not be made or written.
+    fn finish(mut self) -> Result<Option<PathBuf>> {
+        self.make();
+        self.result.map(|()| self.made.is_some().then_some(self.file))
+    }
+}
+
+/// Evaluates, writes and prints the tables.
+pub fn run(arguments: &Arguments) -> Result<Ended> {
+    arguments.check_scenes()?;
+    let request = arguments.request()?;
+    request.validate()?;
+    // Before any is read: a box that is of another room would be called wrong first.
+    request.check_subjects((arguments.scenes.len() + arguments.pool.len()).max(1))?;
+    if arguments.devices.iter().any(|name| name.trim().is_empty()) {
+        return Err(Error::request(
+            "--devices: an empty name names no device; give numbers or names, as `camsplat devices` has them",
+        ));
+    }
+    let weights = arguments.lpips_vgg.as_deref().map(|file| Weights::read(file, Network::Vgg)).transpose()?;
+    let mut notes = Vec::new();
+    let subjects = arguments.subjects(&request, &mut notes)?;
+    job::check(&arguments.out, &request, &subjects)?;
+    for note in &notes {
+        say!("{note}");
+    }
+    let contexts = match &arguments.devices[..] {
+        [] => vec![arguments.device.open()?],
+        names => arguments.device.open_each(names)?,
+    };
+    for context in &contexts {
+        say!("device   {}", context.physical().title());
+    }
+    stop_on_interrupt()?;
+    let start = Instant::now();
+    let (mut made, mut kept) = (0, 0);
+    let mut page = Page::new(&arguments.out, &request, &subjects);
+    // Devices are worked on by threads of their own, which are in this session too.
+    let session = session::current();
+    let mut observe = |event: job::Event<'_>| {
+        match event {
+            job::Event::Artifact(Event::Begins(product)) => {
+                made += 1;
+                say!("making   {product}, after {:.0} s", start.elapsed().as_secs_f64());
+            }
+            job::Event::Artifact(Event::Kept) => kept += 1,
+            job::Event::Artifact(Event::Note(note)) => say!("note     {note}"),
+            job::Event::Artifact(Event::Working) => {}
+            job::Event::Complete(entry, [done, all]) => {
+                let Entry { scene, method, views, seed, folder, .. } = entry;
+                say!("complete {scene}, {method}, {views} views, seed {seed}: {folder} ({done} of {all})");
+                if let Some(listener) = session.listener() {
+                    listener.progress("evaluating", done as u64, all as u64);
+                }
+            }
+            job::Event::Written(outcome) => page.show(outcome),
+        }
+        go_on()
+    };
+    let shard = arguments.shard.unwrap_or(Shard::WHOLE);
+    let outcome = job::run(&contexts, &request, &subjects, shard, &arguments.out, weights.as_ref(), &mut |event| {
+        session.within(|| observe(event))
+    });
+    contexts.iter().for_each(|context| print_messages(context));
+    let written = page.finish();
+    let outcome = match outcome {
+        Err(Error::Interrupted) => {
+            say!("{}", super::STOPPED);
+            if let Some(page) = written? {
+                say!("written  {}, {}, of what is complete", arguments.out.join("table.md").display(), page.display());
+            }
+            return Ok(Ended::Stopped);
+        }
+        outcome => outcome?,
+    };
+    let page = written?;
+    say!("results  {made} made, {kept} reused, in {:.0} s", start.elapsed().as_secs_f64());
+    if !shard.is_whole() {
+        if outcome.entries.is_empty() {
+            say!("note     shard {shard} has no runs: there are fewer runs than shards");
+        }
+        say!("complete shard {shard}; once all are, the same command without --shard writes the tables");
+        return Ok(Ended::Done);
+    }
+    say!("{}", table::markdown(&request, &outcome).trim_end());
+    if let Some(page) = page {
+        say!("written  {}, {}", arguments.out.join("table.md").display(), page.display());
+    }
+    Ok(Ended::Done)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Given {
+        #[command(flatten)]
+        arguments: Arguments,
+    }
+
+    /// If this failed, a method that the help promises would be left out without a word.
+    #[test]
+    fn every_usual_method_fits_its_kind() {
+        for (kind, names) in [(Kind::Object, &USUAL[..]), (Kind::Pool, &OF_POOLS), (Kind::Room, &QUICK)] {
+            for name in names {
+                name.parse::<Competitor>().unwrap().check(kind).unwrap();
+            }
+        }
+    }
+
+    /// A page of many scenes takes seconds: one after every run would make whole evaluations slower, and without one at the end the last
+    /// runs would be missing.
+    #[test]
+    fn pages_take_a_small_part_of_the_time_and_the_last_one_shows_everything() {
+        let folder = tempfile::tempdir().unwrap();
+        let request = Given::parse_from(["evaluate", "object.glb", "--out", "o"]).arguments.request().unwrap();
+        let mut page = Page::new(folder.path(), &request, &[]);
+        let shows = |left: usize| {
+            let text = std::fs::read_to_string(folder.path().join("report.html")).unwrap_or_default();
+            text.contains(&format!("{left} runs to come"))
+        };
+        let outcome = |left| Outcome { left, ..Outcome::new(Kind::Object, Vec::new(), 0) };
+        page.show(&outcome(3));
+        assert!(shows(3), "the first is made at once");
+        page.made = Some((Instant::now(), Duration::from_secs(3600)));
+        page.show(&outcome(2));
+        assert!(shows(3) && !shows(2), "it took an hour, and there is another now");
+        page.made = Some((Instant::now(), Duration::ZERO));
+        page.show(&outcome(2));
+        assert!(shows(2), "it took no time, and there is none now");
+        page.made = Some((Instant::now(), Duration::from_secs(3600)));
+        page.show(&outcome(1));
+        assert!(page.finish().unwrap().is_some() && shows(1), "what was stopped does not show its last run");
+    }
+}

@@ -1,0 +1,207 @@
+//! `camsplat score`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+
+use super::options::{DeviceOptions, print_messages};
+use super::outcome::table;
+use super::overwrite_guard::check_output_file;
+use super::region::{RegionOptions, Stored};
+use super::session::Ended;
+use super::viewers::ViewerOptions;
+use crate::files::io;
+use crate::files::io::folder::{check_file, write_files};
+use crate::planner::metrics::Metrics;
+use crate::planner::plan::config::{Config, Preset};
+use crate::planner::plan::enough::{Enough, MORE};
+use crate::planner::plan::gate::Gate;
+use crate::planner::plan::job::{self};
+use crate::planner::plan::record::Expected;
+use crate::planner::plan::target::Target;
+use crate::scene::camera::Camera;
+use crate::scene::limits::Limits;
+use crate::scene::region::Shape;
+use crate::{Error, Result};
+
+/// Arguments of `camsplat score`.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    /// PLY points, mesh or trained splat; OBJ; glTF or GLB; COLMAP model or capture folder
+    surface: PathBuf,
+    /// COLMAP or NSVF folder, transforms.json, plan.json or .log [default: the photos of the capture]
+    cameras: Option<PathBuf>,
+    #[command(flatten)]
+    region: RegionOptions,
+    #[command(flatten)]
+    device: DeviceOptions,
+    #[command(flatten)]
+    viewers: ViewerOptions,
+    /// Print the geometric metrics too: coverage, angular gaps, Voronoi cells, triangulation, ground sampling
+    #[arg(long)]
+    all: bool,
+    /// Surface points for the geometric metrics
+    #[arg(long, default_value_t = 1000)]
+    held_out: u32,
+    /// Seed of viewers, layouts and held-out points
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Geometric metrics by the cone inscribed in the image, not by the whole image
+    #[arg(long)]
+    cone: bool,
+    /// Write the metrics here too
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// What `--json` writes.
+#[derive(Serialize)]
+struct Scores {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    enough: Option<Enough>,
+    expected: Expected,
+    #[serde(flatten)]
+    metrics: Metrics,
+}
+
+/// Scores and prints.
+pub fn run(arguments: &Arguments) -> Result<Ended> {
+    if !(1..=1 << 20).contains(&arguments.held_out) {
+        return Err(Error::request(format!("--held-out is {}; give 1 to {}", arguments.held_out, 1 << 20)));
+    }
+    let of_capture = io::may_be_capture(&arguments.surface);
+    let cameras = match &arguments.cameras {
+        Some(cameras) => cameras,
+        None if of_capture => &arguments.surface,
+        None => {
+            return Err(Error::input(&arguments.surface, "a surface has no photos; name the cameras to score as well"));
+        }
+    };
+    if let Some(file) = &arguments.json {
+        check_file(file)?;
+        let inputs = [&arguments.surface, cameras];
+        check_output_file(file, inputs.into_iter().chain(&arguments.region.limits.keep_out))?;
+    }
+    let (path, file) = (cameras, io::plan_file(cameras));
+    let (cameras, notes) = io::read_cameras_with_notes(&file)?;
+    for note in notes {
+        say!("{note}");
+    }
+    // A default region follows from the cameras that are there, as far as they agree.
+    let first = cameras.first().ok_or_else(|| Error::input(path, "it holds no cameras"))?;
+    let (stored, kept) = stored(&file).unwrap_or_else(|note| {
+        say!("{note}");
+        (None, 0)
+    });
+    if let (Some(file), Some(stored)) = (&arguments.json, &stored) {
+        let files: Vec<PathBuf> = stored.limits.keep_out.iter().map(|volume| PathBuf::from(&volume.file)).collect();
+        check_output_file(file, files.iter().filter(|file| file.exists()))?;
+    }
+    let target = arguments.region.target(&arguments.surface, &first.intrinsics, stored)?;
+    note_outside(&target, &cameras)?;
+    let own = if of_capture && path != &arguments.surface { Some(io::read_cameras(&arguments.surface)?) } else { None };
+    let context = arguments.device.open()?;
+    let viewers = arguments.viewers.viewers()?;
+    let preset = match target.region.shape {
+        Shape::Box { .. } => Preset::Room,
+        Shape::Shell { .. } => arguments.region.preset(),
+    };
+    let config = Config {
+        seed: arguments.seed,
+        held_out: arguments.held_out,
+        viewers,
+        gate: if arguments.cone { Gate::Soft } else { Gate::Pinhole },
+        ..Config::new(arguments.region.preset.unwrap_or(preset), cameras.len() as u32)
+    };
+    let (expected, metrics) = job::score(&context, &target, &cameras, kept, &config)?;
+    let enough =
+        if of_capture { Some(Enough::new(&context, &target, &cameras, own.as_deref(), &config)?) } else { None };
+    print_messages(&context);
+    if let Some(enough) = &enough {
+        say!("enough   {}", enough.line());
+        for part in &enough.weak {
+            say!("weak     {}", part.line());
+        }
+        let (surface, path) = (arguments.surface.display(), path.display());
+        if let (Some(own), Some(db)) = (&own, enough.over_own_db) {
+            say!("change   {db:+.1} dB against the {} photos of {surface}", own.len());
+        }
+        say!("next     camsplat plan {surface} --keep {path} --views {MORE} --out next");
+    }
+    say!("expected {}", expected.line());
+    if expected.unseen >= 1.0 {
+        say!("warning  no camera sees anything that viewers look at: are both in one frame?");
+    }
+    if arguments.all {
+        say!("{}", table(&[("cameras", &metrics)]).trim_end());
+        say!("voronoi cell    {:.4} sr, deviation {:.4} sr", metrics.voronoi_mean, metrics.voronoi_deviation);
+        say!("triangulation   {:.1}° between the two views farthest apart", metrics.triangulation_mean_deg);
+        say!("ground sampling {:.6} units a pixel", metrics.sampling_distance_mean);
+    }
+    if let Some(file) = &arguments.json {
+        let text = serde_json::to_string_pretty(&Scores { enough, expected, metrics })
+            .map_err(|e| Error::request(format!("the metrics cannot be written: {e}")))?;
+        write_files(&[(file, text.as_bytes())])?;
+    }
+    Ok(Ended::Done)
+}
+
+/// Says how many cameras are outside of the limits or the region, which baselines respect.
+fn note_outside(target: &Target, cameras: &[Camera]) -> Result<()> {
+    if target.limits.is_empty() {
+        let count = cameras.iter().filter(|camera| !target.region.contains(camera.pose.position)).count();
+        if 2 * count > cameras.len() {
+            let all = cameras.len();
+            say!(
+                "warning  {count} of {all} cameras are outside of the region that the simple layouts stand in; for a room give \
+                 --preset room or --box, else --shell"
+            );
+        }
+        return Ok(());
+    }
+    let geometry = target.geometry()?;
+    let outside = |camera: &&Camera| !geometry.keeps_limits(geometry.to_internal.point(camera.pose.position));
+    let count = cameras.iter().filter(outside).count();
+    if count > 0 {
+        say!(
+            "warning  {count} of {} cameras are outside of the limits, which the simple layouts respect",
+            cameras.len()
+        );
+    }
+    Ok(())
+}
+
+/// What a plan.json was made for, which is what its cameras are fairly measured by, and how many of these were kept.
+///
+/// # Errors
+/// A note where there is one that cannot be read.
+fn stored(cameras: &Path) -> Result<(Option<Stored>, usize), String> {
+    #[derive(serde::Deserialize)]
+    struct Plan {
+        #[serde(default)]
+        surface: serde_json::Value,
+        region: serde_json::Value,
+        #[serde(default)]
+        limits: serde_json::Value,
+        #[serde(default)]
+        kept: usize,
+    }
+    // Whether there is a file that can be read has been settled by whoever read its cameras; those of others have no region.
+    let plan = io::json_file(cameras)
+        .and_then(|file| io::json::<Plan>(&file, &std::fs::read(&file).map_err(|e| Error::io(&file, e))?));
+    let Ok(Plan { surface, region, limits, kept }) = plan else { return Ok((None, 0)) };
+    let file = cameras.display();
+    let region = serde_json::from_value(region).map_err(|error| {
+        format!("the region in {file} cannot be read ({error}), and that of the options, or the usual one, is taken")
+    })?;
+    let limits = match limits {
+        serde_json::Value::Null => Limits::default(),
+        limits if limits.is_object() => serde_json::from_value(limits).map_err(|error| {
+            format!("the limits in {file} cannot be read ({error}), and its region is not taken either")
+        })?,
+        _ => return Err(format!("the limits in {file} are no object, and its region is not taken either")),
+    };
+    let surrounded = surface["assumed"].as_u64().map(|count| count > 0);
+    Ok((Some(Stored { region, limits, surrounded }), kept))
+}

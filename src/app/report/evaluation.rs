@@ -1,0 +1,283 @@
+//! The page of an evaluation: tables, plots, camera positions in 3D, test views side by side.
+//!
+//! Pictures are not embedded: the page lies in the evaluation's folder and shows the files that the runs left there.
+
+use std::fmt::Write;
+
+use serde::Serialize;
+
+use super::layouts;
+use super::plots::{Metric, curves, in_order, intervals};
+use super::scene_data::{SceneData, in_script};
+use super::text::{address, escape, fill};
+use crate::lab::evaluate::request::Request;
+use crate::lab::evaluate::results::{Entry, Interval, Outcome, Row, measured};
+use crate::lab::evaluate::subject::Subject;
+use crate::lab::evaluate::table::{DECIMALS, apart, ceilings, cell, description, drowned};
+use crate::{Error, Result};
+
+/// Triangles of all 3D views of a page together, of one of them, and views at most: browsers draw no more.
+const MAX_TRIANGLES: usize = 120_000;
+const TRIANGLES: usize = 30_000;
+const MAX_VIEWS: usize = 12;
+/// Units of [`METRICS`](crate::lab::evaluate::results::METRICS).
+const UNITS: [&str; 4] = [" (dB)", "", "", ""];
+
+/// What the page draws from.
+#[derive(Serialize)]
+struct Data<'a> {
+    scenes: Vec<SceneData<'a>>,
+}
+
+/// The page; layouts are shown of the subjects that are given.
+///
+/// # Errors
+/// [`Error::Request`] if the layouts cannot be put into it.
+pub fn html(request: &Request, outcome: &Outcome, subjects: &[Subject]) -> Result<String> {
+    let Outcome { rows, entries, .. } = outcome;
+    let mut data = Data { scenes: Vec::new() };
+    let names = in_order(rows.iter().map(|row| row.scene.as_str()));
+    let triangles = TRIANGLES.min(MAX_TRIANGLES / names.len().max(1));
+    let mut sections = String::new();
+    for scene in names {
+        let rows: Vec<&Row> = rows.iter().filter(|row| row.scene == scene).collect();
+        let of_scene: Vec<&Entry> = entries.iter().filter(|entry| entry.scene == scene).collect();
+        let _ = writeln!(sections, "<section>\n<h2>{}</h2>", escape(scene));
+        sections += &measurements(request, &rows);
+        if let (Some((most, runs)), Some(subject)) =
+            (first_runs(&of_scene), subjects.iter().find(|subject| subject.name() == scene))
+            && data.scenes.len() < MAX_VIEWS
+            && let Some(shown) = layouts::scene(subject, &runs, triangles)
+        {
+            let _ = writeln!(sections, "<h3>Cameras, {most} views chosen</h3>\n{}", include_str!("scene.html"));
+            data.scenes.push(shown);
+        }
+        sections += &pictures(scene, &of_scene, request.sets());
+        sections += "</section>\n";
+    }
+    let data = serde_json::to_string(&data).map_err(|e| Error::request(format!("the report's data: {e}")))?;
+    let data = in_script(&data);
+    Ok(fill(include_str!("evaluation.html"), |slot| match slot {
+        "css" => include_str!("page.css").into(),
+        "evaluation-css" => include_str!("evaluation.css").into(),
+        "charts" => include_str!("charts.js").into(),
+        "vectors" => include_str!("vectors.js").into(),
+        "views" => include_str!("views.js").into(),
+        "webgl" => include_str!("webgl.js").into(),
+        "scene3d" => super::SCENE3D.into(),
+        "fault" => include_str!("fault.js").into(),
+        "data" => data.as_str().into(),
+        "heading" => heading(request, outcome).into(),
+        "scenes" => sections.as_str().into(),
+        _ => String::new().into(),
+    }))
+}
+
+fn heading(request: &Request, outcome: &Outcome) -> String {
+    let Outcome { rows, left, .. } = outcome;
+    let badge = match left {
+        0 => "<span class=\"badge\">complete</span>".into(),
+        left => format!("<span class=\"badge warn\">{left} runs to come</span>"),
+    };
+    let mut html =
+        format!("<h1>Evaluation {badge}</h1>\n<p class=\"line\">{}</p>\n", with_code(&description(request, *left)));
+    if let Some(line) = ceilings(outcome) {
+        let _ = writeln!(html, "<p class=\"line\">{}</p>", escape(&line));
+    }
+    for notice in [drowned(outcome), apart(rows)].into_iter().flatten() {
+        let _ = writeln!(html, "<p class=\"notice\" role=\"status\">{}</p>", with_code(&notice));
+    }
+    html
+}
+
+/// Tables and plots of a scene.
+fn measurements(request: &Request, rows: &[&Row]) -> String {
+    let columns = request.columns();
+    let mut html = String::new();
+    for (metric, name) in measured(rows.iter().copied()) {
+        html += &table(rows, metric, name, &columns);
+    }
+    let of = match request.sets() {
+        [set] => format!("{set} views"),
+        _ => "mean over the sets".into(),
+    };
+    html += "<div class=\"charts\">\n";
+    for (number, name) in measured(rows.iter().copied()) {
+        let (title, axis) = (format!("{name}, {of}"), format!("{name}{}", UNITS[number]));
+        html += &match in_order(rows.iter().map(|row| row.views))[..] {
+            [_] => intervals(rows, Metric { number, title: &title, axis: &axis }),
+            _ => {
+                let title = format!("{title} against the number of views");
+                curves(rows, Metric { number, title: &title, axis: &axis })
+            }
+        };
+    }
+    html + "</div>\n<p class=\"hint\">Points are means over seeds, strokes their 95% intervals; one seed alone has none.</p>\n"
+}
+
+/// A metric, a row for each method and budget.
+pub(super) fn table(rows: &[&Row], metric: usize, name: &str, columns: &[&str]) -> String {
+    let mut text = format!("<div class=\"scroll\"><table><thead><tr><th>{name}</th><th>views</th>");
+    columns.iter().for_each(|column| text += &format!("<th>{column}</th>"));
+    text += "<th>choice, s</th></tr></thead>\n";
+    let cell = |interval: Option<Interval>, decimals: usize| {
+        format!("<td>{}</td>", interval.map_or_else(|| "–".to_owned(), |interval| cell(interval, decimals)))
+    };
+    for row in rows {
+        let _ = write!(text, "<tr><th scope=\"row\">{}</th><td>{}</td>", escape(row.method.name()), row.views);
+        row.measured[metric].iter().for_each(|measured| text += &cell(*measured, DECIMALS[metric]));
+        let _ = writeln!(text, "{}</tr>", cell(Some(row.seconds), 2));
+    }
+    text + "</table></div>\n"
+}
+
+/// Text of Markdown whose only marks are those of code.
+fn with_code(text: &str) -> String {
+    let parts = escape(text);
+    let parts = parts.split('`').enumerate();
+    parts.map(|(i, part)| if i % 2 == 1 { format!("<code>{part}</code>") } else { part.into() }).collect()
+}
+
+/// The first run of each method at the largest budget, and that budget; none where nothing is complete.
+fn first_runs<'e>(entries: &[&'e Entry]) -> Option<(u32, Vec<&'e Entry>)> {
+    let most = entries.iter().map(|entry| entry.views).max()?;
+    let of_most = || entries.iter().copied().filter(|entry| entry.views == most);
+    let first = of_most().map(|entry| entry.seed).min()?;
+    Some((most, of_most().filter(|entry| entry.seed == first).collect()))
+}
+
+/// The first test view of each set, as it is and as each method's first run at the largest budget shows it.
+pub(super) fn pictures(scene: &str, entries: &[&Entry], sets: &[&str]) -> String {
+    let Some((most, shown)) = first_runs(entries) else { return String::new() };
+    let mut text = format!("<h3>Test views, {most} views chosen</h3>\n");
+    for (i, set) in sets.iter().enumerate() {
+        let picture = |entry: &Entry, of: &str, caption: &str| {
+            let [scene, file] = [scene, entry.pictures[i].as_str()].map(address);
+            let path = format!("{scene}/{}/{of}/{file}", entry.folder);
+            format!("<figure><img src=\"{path}\" alt=\"\"><figcaption>{}</figcaption></figure>", escape(caption))
+        };
+        text += "<div class=\"row\">";
+        let reference = shown.first().map(|entry| picture(entry, "reference", &format!("{set}: the photograph")));
+        text += &reference.unwrap_or_default();
+        shown.iter().for_each(|entry| text += &picture(entry, "test", entry.method.name()));
+        text += "</div>\n";
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lab::evaluate::competitor::{Competitor, Given};
+    use crate::lab::evaluate::kind::Kind;
+    use crate::lab::evaluate::settings::{Settings, Shown};
+    use crate::lab::evaluate::situation::Situation;
+    use crate::planner::methods::Method;
+    use crate::planner::quality::viewers::Viewers;
+    use crate::scene::limits::Limits;
+    use crate::splats::run::record::Quality;
+
+    /// The page without its data and scripts.
+    fn before_scripts(page: &str) -> &str {
+        page.split("<script").next().unwrap_or_default()
+    }
+
+    /// If this failed, the name of a file could break the page or inject scripts, or could not be read in a chart.
+    #[test]
+    fn names_of_files_are_text() {
+        let name = "cameras:a folder with a long name/<img src=x>.json";
+        let given = Given { name: name.into(), poses: Vec::new(), notes: Vec::new() };
+        let entry = Entry {
+            scene: "cup".into(),
+            method: Competitor::Cameras(std::sync::Arc::new(given)),
+            views: 4,
+            seed: 0,
+            seconds: 0.0,
+            quality: vec![Quality { psnr: 20.0, ssim: 0.5, ..Quality::default() }; 3],
+            diverged: Some([20.0, 15.0]),
+            folder: "training-1".into(),
+            pictures: ["half", "full", "random"].map(|set| format!("{set}_0000.png")).to_vec(),
+            cameras: Vec::new(),
+        };
+        let request = Request {
+            kind: Kind::Object,
+            methods: vec![entry.method.clone()],
+            budgets: vec![4],
+            seeds: 1,
+            first_seed: 0,
+            settings: Settings::QUICK,
+            viewers: Viewers::Region,
+            situation: Situation::Free,
+            limits: Limits::default(),
+        };
+        let page = html(&request, &Outcome::new(Kind::Object, vec![entry], 1), &[]).unwrap();
+        assert!(!page.contains("<img src=x>"), "{page}");
+        // That its training diverged, three tables, three pictures; in two charts its end, and twice all of it to be pointed at.
+        assert_eq!(page.matches("cameras:a folder with a long name/&lt;img src=x&gt;.json").count(), 1 + 3 + 3 + 2 * 2);
+        assert_eq!(page.matches("</title>…g name/&lt;img src=x&gt;.json</text>").count(), 2, "{page}");
+    }
+
+    /// If this failed, a method or a budget would be missing from the page, or all where seeds do not begin at zero, or a scene's name
+    /// would break it.
+    #[test]
+    fn every_method_has_its_line_and_its_pictures() {
+        let entry = |method, views| Entry {
+            scene: "a<b#1".into(),
+            method,
+            views,
+            seed: 3,
+            seconds: 0.1,
+            quality: vec![Quality { psnr: 20.0 + f64::from(views), ssim: 0.5, ..Quality::default() }; 3],
+            diverged: None,
+            folder: format!("training-{views}"),
+            pictures: ["half", "full", "random"].map(|set| format!("{set}_0000.png")).to_vec(),
+            cameras: Vec::new(),
+        };
+        let request = |budgets: &[u32]| Request {
+            kind: Kind::Object,
+            methods: vec![Competitor::Method(Method::Ours), Competitor::Method(Method::PaperNoVds)],
+            budgets: budgets.to_vec(),
+            seeds: 1,
+            first_seed: 3,
+            settings: Settings::QUICK,
+            viewers: Viewers::Region,
+            situation: Situation::Free,
+            limits: Limits::default(),
+        };
+        let entries: Vec<Entry> = [Competitor::Method(Method::Ours), Competitor::Method(Method::PaperNoVds)]
+            .into_iter()
+            .flat_map(|m| [entry(m.clone(), 10), entry(m, 20)])
+            .collect();
+        let page = html(&request(&[10, 20]), &Outcome::new(Kind::Object, entries.clone(), 5), &[]).unwrap();
+        assert_eq!(page.matches("<polyline").count(), 4, "LPIPS was not measured");
+        assert_eq!(page.matches("<img").count(), 3 * 3);
+        assert!(page.contains("a&lt;b%231/training-20/test/random_0000.png") && !page.contains("a<b"));
+        assert_eq!(page.matches("<figcaption>ours</figcaption>").count(), 3);
+        assert!(page.contains(">PSNR (dB)</text>") && page.contains(">number of views</text>"), "axes have names");
+        assert!(!before_scripts(&page).contains("NaN"), "{page}");
+        assert!(page.contains("Not complete: runs still to come: 1.") && page.contains("300 iterations"), "{page}");
+
+        // Of one number of views there is no curve, but a line with mean and interval for each method and metric.
+        let entries: Vec<Entry> = entries.into_iter().filter(|entry| entry.views == 10).collect();
+        let page = html(&request(&[10]), &Outcome::new(Kind::Object, entries.clone(), 2), &[]).unwrap();
+        assert!(
+            !page.contains("<polyline") && !before_scripts(&page).contains("NaN") && !page.contains("Not complete"),
+            "{page}"
+        );
+        assert_eq!(page.matches("r=\"3.5\"").count(), 4, "{page}");
+        assert!(page.contains("<figcaption>PSNR, mean over the sets</figcaption>"), "{page}");
+
+        // A room has one set of tests, and a mean over none.
+        let first = |entry: Entry| Entry {
+            quality: entry.quality[..1].to_vec(),
+            pictures: entry.pictures[..1].to_vec(),
+            ..entry
+        };
+        let rooms = entries.into_iter().map(first).collect();
+        let settings = Settings { shown: Shown::True, ..Settings::QUICK };
+        let request = Request { kind: Kind::Room, settings, ..request(&[10]) };
+        let page = html(&request, &Outcome::new(Kind::Room, rooms, 2), &[]).unwrap();
+        assert!(page.contains("<figcaption>PSNR, random views</figcaption>"), "{page}");
+        assert!(page.contains("own mesh (<code>--surface true</code>), scored"), "{page}");
+    }
+}

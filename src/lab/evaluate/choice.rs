@@ -1,0 +1,113 @@
+//! The views that a competitor chooses.
+
+use std::sync::Mutex;
+
+use serde_json::json;
+
+use super::artifact::{Artifact, Event, Observe};
+use super::baseline::sized;
+use super::competitor::Competitor;
+use super::kind::Kind;
+use super::passes;
+use super::scene_artifacts::SceneArtifacts;
+use super::settings::{BaselinesFrom, Space};
+use super::training;
+use crate::engine::parallel::lock;
+use crate::lab::baselines;
+use crate::lab::baselines::job::Outside;
+use crate::planner::methods::Method;
+use crate::planner::plan;
+use crate::planner::plan::config::Config;
+use crate::planner::plan::job::Tools;
+use crate::planner::plan::problem::Problem;
+use crate::planner::plan::record::PlanRecord;
+use crate::{Error, Result};
+
+/// Held-out points of a plan's metrics, which are not what is evaluated here.
+const HELD_OUT: u32 = 200;
+
+const PLAN: &str = "plan.json";
+
+impl SceneArtifacts<'_> {
+    /// Lets a method choose views.
+    ///
+    /// # Errors
+    /// Where the method cannot, or the device fails.
+    pub fn choice(
+        &self,
+        (method, views, seed): (&Competitor, u32, u64),
+        (inputs, shown): (&Artifact, &Artifact),
+        model: Option<&Artifact>,
+        observe: Observe,
+    ) -> Result<PlanRecord> {
+        let config = Config {
+            held_out: HELD_OUT,
+            viewers: self.viewers.clone(),
+            ..method.config(self.kind.preset(), views, seed)?
+        };
+        let baseline = match method {
+            Competitor::Method(placing) if placing.planner(&config).is_none() => {
+                Some(sized(baselines::request::Request::new(*placing, None, &config)?, self.kind, &self.settings))
+            }
+            _ => None,
+        };
+        let region = match (baseline.is_some(), self.settings.baselines_from, self.kind) {
+            (true, BaselinesFrom::Sphere, Kind::Object) => self.scene.region.outermost(),
+            _ => self.scene.region,
+        };
+        let (intrinsics, device) = (self.intrinsics(), &self.context.physical().name);
+        let kept = self.scene.kept(intrinsics, views, seed)?;
+        let limits = &self.scene.limits;
+        let photographs = matches!(method, Competitor::Method(placing) if placing.needs_photographs());
+        let mut made_of = match method {
+            // Independent of their names and the seed.
+            Competitor::Cameras(given) => json!({
+                "surface": shown.key(), "given": given.poses, "region": region, "camera": intrinsics, "device": device,
+                "limits": limits, "viewers": config.viewers, "kept": kept,
+            }),
+            _ => json!({
+                "surface": shown.key(), "model": model.map(Artifact::key), "method": method, "config": config, "baseline": baseline,
+                "region": region, "camera": intrinsics, "device": device, "limits": limits, "kept": kept,
+                "samples": photographs.then_some(self.settings.samples),
+            }),
+        };
+        if self.settings.space == Space::Known {
+            made_of["space"] = json!(self.settings.space);
+        }
+        let artifact = self.artifact("choice", made_of);
+        if !artifact.begins(observe)? {
+            return artifact.read(PLAN);
+        }
+        let scored = baseline.is_none() && config.of_paper().is_some();
+        let target = self.target((inputs, shown), &region, scored)?;
+        let problem = Problem::new(&target, intrinsics, &kept)?;
+        let plan = match (baseline, method) {
+            (Some(request), _) => {
+                let model = model.map(training::model).transpose()?;
+                let observe = Mutex::new(observe);
+                let observe = |event: Event<'_>| lock(&observe)(event);
+                let outside = Outside {
+                    photograph: &mut |photo| self.photograph(artifact.folder(), photo, &mut |event| observe(event)),
+                    go_on: &mut || observe(Event::Working),
+                };
+                baselines::job::photographing(&self.context, &problem, &request, model.as_ref(), outside)?
+            }
+            (None, Competitor::Cameras(given)) => {
+                let config = Config { seed: 0, ..config };
+                plan::job::given(&self.context, &problem, given.poses.clone(), method.name(), &config)?
+            }
+            (None, Competitor::Method(Method::OursTwoPasses)) => {
+                passes::run(self, (inputs, shown), &kept, &config, &mut *observe)?
+            }
+            (None, _) => {
+                plan::job::run(&self.context, &problem, config, Tools::default(), |_| observe(Event::Working))?
+            }
+        };
+        if plan.interrupted() {
+            return Err(Error::Interrupted);
+        }
+        artifact.write_json(PLAN, &plan.record)?;
+        artifact.finish()?;
+        Ok(plan.record)
+    }
+}

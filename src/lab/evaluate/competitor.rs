@@ -1,0 +1,246 @@
+//! The methods that are compared.
+
+use std::fmt;
+use std::path::Path;
+use std::str::FromStr;
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use super::kind::Kind;
+use crate::files::io;
+use crate::planner::methods::{METHODS, Method};
+use crate::planner::plan::config::{Config, Preset};
+use crate::scene::camera::Pose;
+use crate::{Error, Result};
+
+/// What is compared: a method, the planner with other settings, or cameras of the user's.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Competitor {
+    /// A method of this crate.
+    Method(Method),
+    /// The planner with some of its numbers set otherwise: `ours:KEY=VALUE[:KEY=VALUE...]`, where keys are those of
+    /// [`Config`] as `plan.json` has them.
+    Tuned(Arc<str>),
+    /// Cameras that are there already, `cameras:FILE`, at the budget of their number.
+    Cameras(Arc<Given>),
+}
+
+/// Cameras that were placed by other means.
+#[derive(Debug)]
+pub struct Given {
+    /// What they are called, as on the command line.
+    pub name: String,
+    /// Their poses in the scene's frame.
+    pub poses: Vec<Pose>,
+    /// What was understood of the file, for the user to check.
+    pub notes: Vec<String>,
+}
+
+/// Independent of their names.
+impl PartialEq for Given {
+    fn eq(&self, other: &Self) -> bool {
+        self.poses == other.poses
+    }
+}
+
+// Poses that were read are numbers.
+impl Eq for Given {}
+
+/// Keys that [`Competitor::Tuned`] leaves alone: the evaluation sets them itself.
+const OWN: [&str; 6] = ["views", "seed", "preset", "held_out", "checkpoint_every", "objective"];
+/// What [`Competitor::Tuned`] begins with, and the method whose configuration it changes.
+const SET: [(&str, Method); 2] = [("ours:", Method::Ours), ("paper:", Method::Paper)];
+/// What [`Competitor::Cameras`] begins with.
+const GIVEN: &str = "cameras:";
+
+impl Competitor {
+    /// As on the command line and in tables.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Method(method) => method.name(),
+            Self::Tuned(name) => name,
+            Self::Cameras(given) => &given.name,
+        }
+    }
+
+    /// The planner's configuration, or what the baselines take of it.
+    ///
+    /// # Errors
+    /// In a line that names the key or value of [`Competitor::Tuned`] that there is not.
+    pub fn config(&self, preset: Preset, views: u32, seed: u64) -> Result<Config> {
+        let plain = Config { seed, ..Config::new(preset, views) };
+        Ok(match self {
+            Self::Tuned(name) => {
+                let (method, set) = tuned(name).unwrap_or((Method::Ours, name));
+                let set: Vec<(&str, &str)> =
+                    set.split(':').map(|one| one.split_once('=').unwrap_or((one, ""))).collect();
+                let plain = method.planner(&plain).unwrap_or(plain);
+                let twice = (1..set.len()).find(|i| set[..*i].iter().any(|(key, _)| *key == set[*i].0));
+                let config = match twice {
+                    Some(i) => Err(format!("{} is given twice", set[i].0)),
+                    None => set.into_iter().try_fold(plain, with),
+                };
+                config.map_err(|what| Error::request(format!("method {name}: {what}")))?
+            }
+            Self::Method(method) => method.planner(&plain).unwrap_or(plain),
+            Self::Cameras(_) => plain,
+        })
+    }
+
+    /// Whether it supports this number of views: given cameras support only their own number.
+    pub fn takes(&self, views: u32) -> bool {
+        !matches!(self, Self::Cameras(given) if given.poses.len() != views as usize)
+    }
+
+    /// Whether it chooses by a model of the scene.
+    pub fn needs_model(&self) -> bool {
+        matches!(self, Self::Method(method) if method.needs_model())
+    }
+
+    /// Rejects what does not fit subjects of a kind.
+    ///
+    /// # Errors
+    /// In a line that names the method.
+    pub fn check(&self, kind: Kind) -> Result<()> {
+        let wrong = |why: &str| Err(Error::request(format!("--methods {self}: {why}; leave it out")));
+        let Self::Method(method) = self else {
+            return match kind {
+                Kind::Pool => wrong("it places cameras, and of a pool photos are chosen"),
+                _ => Ok(()),
+            };
+        };
+        match (kind, method) {
+            (Kind::Room, Method::Fibonacci) => {
+                wrong("it places cameras on a sphere around an object, and a room has none")
+            }
+            (Kind::Object, Method::Grid | Method::Rings) => {
+                wrong("it stands at the heights of a room; fibonacci is its like around an object")
+            }
+            (Kind::Room, Method::Manifold) => {
+                wrong("it moves cameras over a sphere around an object, and a room has none")
+            }
+            (Kind::Pool, Method::FisherRetrain) => wrong("it is not built for pools; camsplat select has it"),
+            (Kind::Object | Kind::Room, method) if !method.entry().places => {
+                wrong("it chooses among photos, and of a scene cameras are placed")
+            }
+            (Kind::Pool, method) if !method.entry().chooses => {
+                wrong("it places cameras, and of a pool photos are chosen")
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The method whose configuration is changed, and what of it.
+fn tuned(name: &str) -> Option<(Method, &str)> {
+    SET.iter().find_map(|(begins, method)| Some((*method, name.strip_prefix(begins)?)))
+}
+
+/// The configuration with the value of a key set, or what is wrong with them.
+fn with(config: Config, (key, value): (&str, &str)) -> Result<Config, String> {
+    let fields = serde_json::to_value(&config).ok().and_then(|config| config.as_object().cloned());
+    let mut fields = fields.ok_or("the configuration cannot be written")?;
+    let known: Vec<&str> = fields.keys().map(String::as_str).filter(|key| !OWN.contains(key)).collect();
+    let known = known.join(", ");
+    if OWN.contains(&key) {
+        return Err(format!("{key} is the evaluation's; give some of {known}"));
+    }
+    let field = fields.get_mut(key).ok_or(format!("no such key: {key}; give some of {known}"))?;
+    // A word that is no JSON is a string.
+    *field = serde_json::from_str(value).unwrap_or_else(|_| value.into());
+    serde_json::from_value(fields.into()).map_err(|error| format!("{key} cannot be {value}: {error}"))
+}
+
+impl Serialize for Competitor {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
+    }
+}
+
+impl fmt::Display for Competitor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Competitor {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        if tuned(name).is_some() {
+            return Ok(Self::Tuned(name.into()));
+        }
+        if let Some(file) = name.strip_prefix(GIVEN) {
+            if file.is_empty() {
+                return Err("name a file behind cameras:".into());
+            }
+            let read = io::read_cameras_with_notes(Path::new(file)).map_err(|error| error.to_string());
+            let (cameras, notes) = read?;
+            let poses = cameras.iter().map(|camera| camera.pose).collect();
+            return Ok(Self::Cameras(Arc::new(Given { name: name.into(), poses, notes })));
+        }
+        match Method::named(name) {
+            Some(method) => Ok(Self::Method(method)),
+            None => {
+                let known = METHODS.iter().map(|entry| entry.name);
+                let known: Vec<&str> = known.chain(["ours:KEY=VALUE", "paper:KEY=VALUE", "cameras:FILE"]).collect();
+                Err(format!("no such method; give some of {}", known.join(", ")))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::planner::plan::gate::Gate;
+
+    /// If this failed, a method would fail after hours of photographs, and not before.
+    #[test]
+    fn methods_fit_the_kind() {
+        let check = |kind: Kind, name: &str| name.parse::<Competitor>().unwrap().check(kind).map_err(|e| e.to_string());
+        assert!(check(Kind::Object, "fibonacci").is_ok() && check(Kind::Pool, "fibonacci").is_ok());
+        assert!(check(Kind::Room, "fibonacci").unwrap_err().contains("--methods fibonacci"));
+        assert!(check(Kind::Room, "paper-iterative").is_ok() && check(Kind::Pool, "ours").is_ok());
+        assert!(check(Kind::Pool, "paper-iterative").unwrap_err().contains("paper-iterative"));
+        assert!(check(Kind::Pool, "paper:alpha=0.2").unwrap_err().contains("photos are chosen"));
+        assert!(
+            check(Kind::Pool, "assigned").is_ok()
+                && check(Kind::Room, "assigned").unwrap_err().contains("among photos")
+        );
+    }
+
+    /// If this failed, a method could be named and not be the one that runs.
+    #[test]
+    fn every_method_is_found_by_its_name() {
+        let plans = METHODS.iter().filter(|entry| entry.places).map(|entry| Competitor::Method(entry.method));
+        let set = Competitor::Tuned("paper:alpha=0.2:gate=pinhole_hard:scale=0.5".into());
+        for method in plans.chain([set.clone()]) {
+            assert!(method.takes(7));
+            assert_eq!(method.name().parse(), Ok(method));
+        }
+        let config = set.config(Preset::Object, 20, 3).unwrap();
+        let own = config.of_paper().unwrap();
+        let parsed = (own.alpha, config.gate, own.scale, config.views, config.seed);
+        assert_eq!(parsed, (0.2, Gate::PinholeHard, Some(0.5), 20, 3));
+        for (wrong, named) in [
+            ("paper:tau=1", "lambda_reg"),
+            ("ours:gate=wide", "gate cannot be wide"),
+            ("ours:", "key"),
+            ("ours:views=9", "views is the evaluation's"),
+            ("paper:alpha=0.1:alpha=0.2", "alpha is given twice"),
+        ] {
+            let error = wrong.parse::<Competitor>().unwrap().config(Preset::Object, 20, 0).unwrap_err().to_string();
+            assert!(error.contains(wrong) && error.contains(named), "{error}");
+        }
+        assert!("cameras:".parse::<Competitor>().unwrap_err().contains("name a file"));
+        assert!("nobodys".parse::<Competitor>().unwrap_err().ends_with(", cameras:FILE"));
+        assert!(
+            "nobodys"
+                .parse::<Competitor>()
+                .unwrap_err()
+                .contains("ours, paper, paper-no-vds, paper-iterative, ours-two-passes, assigned")
+        );
+    }
+}

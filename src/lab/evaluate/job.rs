@@ -1,0 +1,479 @@
+//! A whole evaluation: every scene, method, budget and seed.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::ops::{ControlFlow, Range};
+use std::panic::resume_unwind;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread;
+
+use serde_json::json;
+
+use super::artifact::{self, Artifact, Observe};
+use super::competitor::Competitor;
+use super::perceptual;
+use super::pool::Pool;
+use super::pool_artifacts::PoolArtifacts;
+use super::request::Request;
+use super::results::{self, Entry, Outcome};
+use super::scene::Scene;
+use super::scene_artifacts::SceneArtifacts;
+use super::shard::Shard;
+use super::subject::Subject;
+use super::table;
+use crate::engine::parallel::{lock, on_a_share};
+use crate::engine::vulkan::Context;
+use crate::files::io::folder::{check_folder, write_files};
+use crate::scene::camera::Camera;
+use crate::splats::image_metrics::Weights;
+use crate::splats::run::outputs::PICTURES;
+use crate::splats::run::record::TrainRecord;
+use crate::{Error, Result};
+
+/// The file that marks a folder as an evaluation's.
+pub const ASKED: &str = "evaluation.json";
+/// Files beside the folders of subjects.
+const WRITTEN: [&str; 5] = [ASKED, "table.md", "table.csv", "results.json", "report.html"];
+
+/// Progress events.
+pub enum Event<'e> {
+    /// An event of an artifact.
+    Artifact(artifact::Event<'e>),
+    /// A run is complete, with the number complete and the total.
+    Complete(&'e Entry, [usize; 2]),
+    /// The tables of the complete runs have been written.
+    Written(&'e Outcome),
+}
+
+/// Receives progress events and returns whether to continue.
+pub(crate) type Observer<'h> = &'h mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send + 'h);
+
+/// Checks, before anything is computed, that an evaluation can be written into `folder`, which is empty, new or an earlier
+/// evaluation's; that no two subjects would share a folder there; and that methods and box fit so many
+/// subjects.
+///
+/// # Errors
+/// In a line that names the folder, the subject, the method or the option.
+pub fn check(folder: &Path, request: &Request, subjects: &[Subject]) -> Result<()> {
+    request.check_subjects(subjects.len())?;
+    for (i, subject) in subjects.iter().enumerate() {
+        if subjects[..i].iter().any(|other| other.name().eq_ignore_ascii_case(subject.name())) {
+            let what = "another subject has this name, and tables tell them by their names; rename it";
+            return Err(Error::input(subject.path(), what));
+        }
+    }
+    let bad = |name: &str| WRITTEN.contains(&name) || name.starts_with('.') || name.contains(char::is_control);
+    if let Some(subject) = subjects.iter().find(|subject| bad(subject.name())) {
+        let what = "its name cannot name a folder among the tables; rename it";
+        return Err(Error::input(subject.path(), what));
+    }
+    match check_folder(folder, false) {
+        Err(Error::NotEmpty { .. }) if holds_evaluation(folder) => check_folder(folder, true),
+        Err(Error::NotEmpty { path }) => {
+            Err(Error::input(path, "the folder is not empty and holds no evaluation; name another"))
+        }
+        checked => checked,
+    }
+}
+
+/// Whether a folder is an evaluation's, or another process is about to make it one.
+fn holds_evaluation(folder: &Path) -> bool {
+    let begun = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut begun = begun.map(|entry| entry.file_name().to_string_lossy().into_owned());
+    begun.any(|name| name.starts_with(&format!(".{ASKED}"))) || folder.join(ASKED).is_file()
+}
+
+/// Runs the request on all devices; whenever a new run is complete, the tables of all complete runs are written into `folder`. Of a shard
+/// only its runs are made, and no tables are written: the whole request does that in the folder that holds the results of all shards.
+/// Outputs that are there are taken as they are. With the weights of a network, LPIPS is measured with it too. Tables do not
+/// depend on the number of devices where these are alike, except for the seconds that selection takes.
+///
+/// # Errors
+/// Where an artifact fails, or `observe` stopped it; what is finished stays, and the same call continues from there. Where `folder` has
+/// another request than a shard's.
+pub fn run(
+    contexts: &[Arc<Context>],
+    request: &Request,
+    subjects: &[Subject],
+    shard: Shard,
+    folder: &Path,
+    weights: Option<&Weights>,
+    observe: Observer<'_>,
+) -> Result<Outcome> {
+    if let Some(weights) = weights {
+        subjects.iter().try_for_each(|subject| perceptual::check(contexts, weights, subject, &request.settings))?;
+    }
+    fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
+    let names: Vec<&str> = subjects.iter().map(Subject::name).collect();
+    let asked = json!({ "scenes": names, "request": request, "lpips_vgg": weights.map(Weights::fingerprint) });
+    let asked = format!("{asked:#}\n");
+    // Existing tables belong to the earlier request until they are rewritten.
+    match fs::read_to_string(folder.join(ASKED)) {
+        Ok(before) if before != asked && !shard.is_whole() => {
+            let what =
+                "another evaluation is in this folder; give the shard the options of the others, or another `out`";
+            return Err(Error::input(folder.join(ASKED), what));
+        }
+        Ok(_) => {}
+        Err(_) => write_files(&[(&folder.join(ASKED), asked.as_bytes())])?,
+    }
+    let runs = shard.runs(subjects.len() * request.runs().count());
+    let board = Board {
+        request,
+        folder,
+        weights,
+        asked,
+        has_tables: shard.is_whole(),
+        runs,
+        observe: Mutex::new(observe),
+        stopped: AtomicBool::new(false),
+        made: AtomicBool::new(false),
+        entries: Mutex::default(),
+        ceilings: Mutex::default(),
+    };
+    spread(contexts, &board, subjects)?;
+    let entries = lock(&board.entries);
+    board.write(&entries)
+}
+
+/// What all workers share: the observer, and what is complete.
+struct Board<'b> {
+    request: &'b Request,
+    folder: &'b Path,
+    /// Of the network that LPIPS is measured with beside AlexNet.
+    weights: Option<&'b Weights>,
+    /// The request, as it is written.
+    asked: String,
+    /// Whether tables are written.
+    has_tables: bool,
+    /// The runs that are made, by their numbers among those of all subjects.
+    runs: Range<usize>,
+    observe: Mutex<Observer<'b>>,
+    /// Whether a stop has been requested.
+    stopped: AtomicBool,
+    /// Whether anything has been made since the tables were written.
+    made: AtomicBool,
+    /// What is complete, in the order of subjects and runs: the numbers of both.
+    entries: Mutex<Vec<([usize; 2], Entry)>>,
+    /// As [`Outcome::ceilings`].
+    ceilings: Mutex<BTreeMap<String, f64>>,
+}
+
+impl Board<'_> {
+    /// Reports an event; once a stop was requested, every call returns it.
+    fn report(&self, event: Event<'_>) -> ControlFlow<()> {
+        if matches!(event, Event::Artifact(artifact::Event::Begins(_))) {
+            self.made.store(true, Ordering::Relaxed);
+        }
+        if lock(&self.observe)(event).is_break() {
+            self.stopped.store(true, Ordering::Relaxed);
+        }
+        if self.stopped.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    /// Adds a run. The tables are written where they are out of date: those of a complete evaluation stay while it is checked again.
+    fn add(&self, place: [usize; 2], entry: Entry) -> Result<()> {
+        let mut entries = lock(&self.entries);
+        let at = entries.partition_point(|(other, _)| *other < place);
+        entries.insert(at, (place, entry));
+        // A stop requested here takes effect before the next run.
+        let _ = self.report(Event::Complete(&entries[at].1, [entries.len(), self.runs.len()]));
+        if self.made.swap(false, Ordering::Relaxed) {
+            self.write(&entries)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the tables of what is complete.
+    fn write(&self, entries: &[([usize; 2], Entry)]) -> Result<Outcome> {
+        let Self { request, folder, .. } = self;
+        let mut outcome =
+            Outcome::new(request.kind, entries.iter().map(|(_, entry)| entry.clone()).collect(), self.runs.len());
+        outcome.ceilings.clone_from(&lock(&self.ceilings));
+        if !self.has_tables {
+            return Ok(outcome);
+        }
+        let Outcome { rows, entries: runs, left, ceilings, .. } = &outcome;
+        let vgg = self.weights.map(Weights::fingerprint);
+        let written = json!({ "request": request, "lpips_vgg": vgg, "rows": rows, "runs": runs, "left": left, "ceilings": ceilings });
+        write_files(&[
+            (&folder.join(ASKED), self.asked.as_bytes()),
+            (&folder.join("table.md"), table::markdown(request, &outcome).as_bytes()),
+            (&folder.join("table.csv"), table::csv(request, rows).as_bytes()),
+            (&folder.join("results.json"), format!("{written:#}\n").as_bytes()),
+        ])?;
+        let _ = self.report(Event::Written(&outcome));
+        Ok(outcome)
+    }
+}
+
+/// The runs of one subject, handed out one by one.
+struct Runs<'r, 'b> {
+    board: &'r Board<'b>,
+    folder: PathBuf,
+    number: usize,
+    subject: &'r Subject,
+    /// The subject's runs that are made.
+    own: Range<usize>,
+    next: AtomicUsize,
+}
+
+impl Runs<'_, '_> {
+    fn take(&self) -> Option<(usize, (&Competitor, u32, u64))> {
+        let number = self.next.fetch_add(1, Ordering::Relaxed);
+        if !self.own.contains(&number) {
+            return None;
+        }
+        self.board.request.runs().nth(number).map(|run| (number, run))
+    }
+
+    fn complete(
+        &self,
+        (number, (method, views, seed)): (usize, (&Competitor, u32, u64)),
+        (cameras, seconds): (Vec<Camera>, f64),
+        (artifact, record): &(Artifact, TrainRecord),
+    ) -> Result<()> {
+        let sets = self.board.request.sets();
+        let pictures = results::first_pictures(record, sets);
+        let shown = pictures.iter().flat_map(|picture| PICTURES.map(|of| format!("{of}/{picture}")));
+        if let Some(lost) = shown.into_iter().find(|name| !artifact.file(name).is_file()) {
+            return Err(artifact.damaged(&format!("missing: {lost}")));
+        }
+        let entry = Entry {
+            scene: self.subject.name().to_owned(),
+            method: method.clone(),
+            views,
+            seed,
+            seconds,
+            quality: results::by_set(record, sets),
+            diverged: record.diverged(),
+            folder: artifact.key().to_owned(),
+            pictures,
+            cameras,
+        };
+        self.board.add([self.number, number], entry)
+    }
+
+    /// Works on what is left of the subject on one device; what all runs share is made by the first worker that needs it.
+    fn work(&self, context: &Arc<Context>, observe: Observe) -> Result<()> {
+        match self.subject {
+            Subject::Scene(scene) => self.photographed(context, scene, observe),
+            Subject::Pool(pool) => self.chosen(context, pool, observe),
+        }
+    }
+
+    /// Measures LPIPS with the network whose weights are given.
+    fn measured(
+        &self,
+        context: &Arc<Context>,
+        (artifact, record): &mut (Artifact, TrainRecord),
+        observe: Observe,
+    ) -> Result<()> {
+        let Some(weights) = self.board.weights else { return Ok(()) };
+        perceptual::measure(context, weights, &self.folder, artifact, record, observe)
+    }
+
+    fn photographed(&self, context: &Arc<Context>, scene: &Scene, observe: Observe) -> Result<()> {
+        let request = self.board.request;
+        let intrinsics = request.settings.intrinsics();
+        let inputs = scene.inputs(context, &request.settings)?;
+        let tests = scene.tests(intrinsics, request.settings.tests, request.test_viewers())?;
+        let mut shared = made_for(format!("all runs of {}", self.subject.name()), &mut *observe);
+        let artifacts = SceneArtifacts::new(context, &self.folder, request, scene, &mut shared)?;
+        let inputs = artifacts.input_photographs(&inputs, &mut shared)?;
+        let shown = artifacts.shown(&inputs, &mut shared)?;
+        let tests = artifacts.test_photographs(&tests, &mut shared)?;
+        if let Some(ceiling) = tests.ceiling() {
+            lock(&self.board.ceilings).insert(self.subject.name().to_owned(), ceiling);
+        }
+        let model = match request.needs_model() {
+            true => Some(artifacts.training(&inputs, None, 0, &mut shared)?.0),
+            false => None,
+        };
+        drop(shared);
+        while let Some((number, run @ (method, views, seed))) = self.take() {
+            let name = self.subject.name();
+            let observe = &mut made_for(format!("{name}, {method}, {views} views, seed {seed}"), &mut *observe);
+            Error::unless_stopped(observe(artifact::Event::Working))?;
+            let model = model.as_ref().filter(|_| method.needs_model());
+            let plan = artifacts.choice(run, (&inputs, &shown), model, observe)?;
+            let cameras = artifacts.standing(&plan.cameras, observe);
+            let photos = artifacts.photographs(&cameras, observe)?;
+            let mut trained = artifacts.training(&photos, Some(&tests), seed, observe)?;
+            self.measured(context, &mut trained, observe)?;
+            self.complete((number, run), (cameras, plan.seconds), &trained)?;
+        }
+        Ok(())
+    }
+
+    fn chosen(&self, context: &Arc<Context>, pool: &Pool, observe: Observe) -> Result<()> {
+        let mut shared = made_for(format!("all runs of {}", self.subject.name()), &mut *observe);
+        let artifacts = PoolArtifacts::new(context, &self.folder, self.board.request, pool, &mut shared)?;
+        let model = match self.board.request.needs_model() {
+            true => Some(artifacts.model(&mut shared)?),
+            false => None,
+        };
+        drop(shared);
+        while let Some((number, run @ (method, views, seed))) = self.take() {
+            let name = self.subject.name();
+            let observe = &mut made_for(format!("{name}, {method}, {views} views, seed {seed}"), &mut *observe);
+            Error::unless_stopped(observe(artifact::Event::Working))?;
+            let model = model.as_ref().filter(|_| method.needs_model());
+            let chosen = artifacts.choice(run, model, observe)?;
+            let mut trained = artifacts.training(&chosen, seed, observe)?;
+            self.measured(context, &mut trained, observe)?;
+            self.complete((number, run), (artifacts.cameras(&chosen), chosen.seconds), &trained)?;
+        }
+        Ok(())
+    }
+}
+
+/// Forwards events; adds to every artifact and note what it is for.
+fn made_for<'o>(what: String, observe: Observe<'o>) -> impl FnMut(artifact::Event<'_>) -> ControlFlow<()> + Send + 'o {
+    move |event| match event {
+        artifact::Event::Begins(product) => observe(artifact::Event::Begins(&format!("{product} for {what}"))),
+        artifact::Event::Note(note) => observe(artifact::Event::Note(format!("{note} ({what})"))),
+        event => observe(event),
+    }
+}
+
+/// Ends all workers where one panics.
+struct EndOfAll<'a>(&'a AtomicBool);
+
+impl Drop for EndOfAll<'_> {
+    fn drop(&mut self) {
+        if thread::panicking() {
+            self.0.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+/// An artifact that ends early without a requested stop must not look like a stop.
+fn ended_early(product: &str) -> Error {
+    Error::request(format!("{product} was not finished, and nobody stopped it; what is finished stays, run again"))
+}
+
+/// All runs, a worker for each device. Every worker begins with another subject, since all that
+/// come to one have to wait for what its runs share.
+fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) -> Result<()> {
+    let each = board.request.runs().count();
+    let runs: Vec<Runs> = subjects
+        .iter()
+        .enumerate()
+        .map(|(number, subject)| {
+            let folder = board.folder.join(subject.name());
+            let [start, end] =
+                [board.runs.start, board.runs.end].map(|run| run.clamp(number * each, (number + 1) * each));
+            let own = start - number * each..end - number * each;
+            Runs { board, folder, number, subject, next: AtomicUsize::new(own.start), own }
+        })
+        // What the runs of a subject share is not made for none of them.
+        .filter(|runs| !runs.own.is_empty())
+        .collect();
+    // An error of one worker ends all of them.
+    let over = AtomicBool::new(false);
+    let work = |first: usize, context: &Arc<Context>| {
+        let _end = EndOfAll(&over);
+        let (mut asked, mut product) = (false, String::new());
+        let mut observe = |event: artifact::Event<'_>| {
+            if let artifact::Event::Begins(key) = event {
+                product = key.to_owned();
+            }
+            let flow = board.report(Event::Artifact(event));
+            asked |= flow.is_break() || over.load(Ordering::Relaxed);
+            if asked { ControlFlow::Break(()) } else { flow }
+        };
+        for runs in runs.iter().cycle().skip(first).take(runs.len()) {
+            if let Err(error) = runs.work(context, &mut observe) {
+                over.store(true, Ordering::Relaxed);
+                return Err(match error {
+                    Error::Interrupted if !asked => ended_early(&product),
+                    error => error,
+                });
+            }
+        }
+        Ok(())
+    };
+    let work = |(first, context)| on_a_share(contexts.len(), || work(first, context));
+    let worked: Vec<Result<()>> = thread::scope(|scope| {
+        let mut workers = contexts.iter().enumerate();
+        let first = workers.next();
+        let others: Vec<_> = workers.map(|worker| scope.spawn(move || work(worker))).collect();
+        let first = first.map(work);
+        let others = others.into_iter().map(|other| other.join().unwrap_or_else(|panic| resume_unwind(panic)));
+        first.into_iter().chain(others).collect()
+    });
+    // The others stopped because of one worker's error.
+    let (stopped, failed): (Vec<Error>, Vec<Error>) =
+        worked.into_iter().filter_map(Result::err).partition(|error| matches!(error, Error::Interrupted));
+    failed.into_iter().chain(stopped).next().map_or(Ok(()), Err)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lab::evaluate::kind::Kind;
+    use crate::lab::evaluate::settings::Settings;
+    use crate::lab::evaluate::situation::Situation;
+    use crate::planner::methods::Method;
+    use crate::planner::quality::viewers::Viewers;
+    use crate::scene::limits::Limits;
+    use crate::splats::run::record::Quality;
+
+    fn entry(method: Competitor) -> Entry {
+        let quality = vec![Quality { psnr: 20.0, ssim: 0.5, ..Quality::default() }; 3];
+        let (folder, pictures, cameras) = (String::new(), Vec::new(), Vec::new());
+        let (scene, diverged) = ("s".into(), None);
+        Entry { scene, method, views: 4, seed: 0, seconds: 0.1, quality, diverged, folder, pictures, cameras }
+    }
+
+    /// If this failed, a complete evaluation would lose its tables when a repeated call is stopped, runs would be in the order in
+    /// which devices finished, or a stop would be forgotten.
+    #[test]
+    fn tables_are_written_where_they_are_out_of_date_and_a_stop_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let table = folder.path().join("table.md");
+        fs::write(&table, "of an earlier run").unwrap();
+        let methods = vec![Competitor::Method(Method::Ours), Competitor::Method(Method::PaperNoVds)];
+        let request = Request {
+            kind: Kind::Object,
+            methods,
+            budgets: vec![4],
+            seeds: 1,
+            first_seed: 0,
+            settings: Settings::QUICK,
+            viewers: Viewers::Region,
+            situation: Situation::Free,
+            limits: Limits::default(),
+        };
+        let mut observe = |event: Event<'_>| match event {
+            Event::Complete(..) => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        };
+        let board = Board {
+            request: &request,
+            folder: folder.path(),
+            weights: None,
+            asked: "{}".into(),
+            has_tables: true,
+            runs: 0..2,
+            observe: Mutex::new(&mut observe),
+            stopped: AtomicBool::new(false),
+            made: AtomicBool::new(false),
+            entries: Mutex::default(),
+            ceilings: Mutex::default(),
+        };
+        let product = |event| board.report(Event::Artifact(event));
+        assert!(product(artifact::Event::Kept).is_continue());
+        board.add([0, 1], entry(Competitor::Method(Method::PaperNoVds))).unwrap();
+        assert_eq!(fs::read_to_string(&table).unwrap(), "of an earlier run");
+        assert!(product(artifact::Event::Working).is_break(), "the stop was forgotten");
+        let _ = product(artifact::Event::Begins("k"));
+        board.add([0, 0], entry(Competitor::Method(Method::Ours))).unwrap();
+        let written = fs::read_to_string(&table).unwrap();
+        let at = |method: &str| written.find(&format!("| s | {method} |")).unwrap();
+        assert!(at("ours") < at("paper-no-vds") && !written.contains("still to come"), "{written}");
+    }
+}

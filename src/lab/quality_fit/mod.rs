@@ -1,0 +1,252 @@
+//! The fit of the law: least squares of the trained PSNR of layouts on the expected one, within each scene, situation and number of
+//! views.
+//!
+//! A layout's expected quality is the mean over test views of `-10 log10` of the mean of `w exp(b1 g1 + b3 g3 + c max(ln r, 0))` over
+//! the pixels of a grid, as [`super::law`] has it. What is fitted is `b1`, `b3`, `c` and the weight `w` of pixels beside an object; the
+//! scale needs no factor of its own, since it is that of the `b`s. What all layouts of a scene and budget share, such as material and light, cancels.
+
+mod observation;
+mod solver;
+
+use serde::Serialize;
+
+pub use observation::{Layout, Observations};
+
+use crate::planner::quality::law::Fitted;
+use crate::{Error, Result};
+
+/// Fewest layouts of a scene, situation and budget that can be compared.
+const MIN_LAYOUTS: usize = 3;
+/// Where the search begins.
+const START: [f64; solver::N] = [1.0, 0.5, 0.5, -3.0];
+
+/// A law with what it was fitted to.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Fit {
+    /// The law.
+    pub law: Fitted,
+    /// How well it predicts the scenes it was fitted to.
+    pub fitted: Agreement,
+    /// How well it predicts the others.
+    pub held_out: Option<Agreement>,
+}
+
+impl Fit {
+    /// Expected quality of each of a scene's layouts on its test views, in decibels up to the scene's own level.
+    pub fn expected(&self, scene: &Observations) -> Vec<f64> {
+        let Fitted { nearest, third, farther, background, .. } = self.law;
+        solver::expected(scene, &[nearest, third, farther, background.ln()])
+    }
+}
+
+/// How expected and trained quality agree within scenes and budgets.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Agreement {
+    /// Groups of layouts of one scene, situation and budget.
+    pub groups: usize,
+    /// Layouts in all.
+    pub layouts: usize,
+    /// Pearson's correlation in the mean over groups.
+    pub pearson: f64,
+    /// The least of them.
+    pub least: f64,
+    /// Trained decibels for an expected one, the mean over groups.
+    pub slope: f64,
+}
+
+/// A layout's expected and trained quality, in decibels.
+type Pair = (f64, f64);
+
+/// Fits the law to all `scenes` except those named in `held_out`, which it is only compared with.
+///
+/// # Errors
+/// Where no scene is left with layouts enough, or the layouts do not determine the coefficients.
+pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
+    let (held, fitted): (Vec<_>, Vec<_>) = scenes.iter().partition(|scene| held_out.contains(&scene.name));
+    let too_few = || {
+        Error::request(format!(
+            "the fit needs {MIN_LAYOUTS} layouts or more of one scene with as many views each, and scenes with an empty place beside \
+             the surface; train more layouts"
+        ))
+    };
+    let best = solver::solve(&fitted, START).ok_or_else(too_few)?;
+    let names = |scenes: &[&Observations]| -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        for scene in scenes {
+            if !names.contains(&scene.name) {
+                names.push(scene.name.clone());
+            }
+        }
+        names
+    };
+    // Jackknife over scenes: what is seen of one scene's layouts, in whatever situation, is not independent.
+    let own_names = names(&fitted);
+    let without: Vec<[f64; solver::N]> = own_names
+        .iter()
+        .filter(|_| own_names.len() > 2)
+        .filter_map(|left| {
+            let others: Vec<_> = fitted.iter().filter(|scene| scene.name != *left).copied().collect();
+            solver::solve(&others, best)
+        })
+        .collect();
+    let deviation = (without.len() == own_names.len() && own_names.len() > 2).then(|| {
+        let n = without.len() as f64;
+        std::array::from_fn(|k| {
+            let mean = without.iter().map(|theta| theta[k]).sum::<f64>() / n;
+            ((n - 1.0) / n * without.iter().map(|theta| (theta[k] - mean).powi(2)).sum::<f64>()).sqrt()
+        })
+    });
+    let pairs = |scenes: &[&Observations]| -> Vec<Vec<Pair>> {
+        let of = |scene: &&Observations| {
+            let expected = solver::expected(scene, &best);
+            scene
+                .groups()
+                .into_iter()
+                .map(move |group| {
+                    group.into_iter().map(|i| (expected[i], scene.layouts[i].psnr)).collect::<Vec<Pair>>()
+                })
+                .collect::<Vec<_>>()
+        };
+        scenes.iter().flat_map(of).filter(|group| group.len() >= MIN_LAYOUTS).collect()
+    };
+    let (own, others) = (pairs(&fitted), pairs(&held));
+    let spread = spread(if others.is_empty() { &own } else { &others });
+    let [nearest, third, farther, log_weight] = best;
+    let law = Fitted {
+        nearest,
+        third,
+        farther,
+        background: log_weight.exp(),
+        spread,
+        deviation,
+        scenes: own_names,
+        held_out: names(&held),
+        layouts: fitted.iter().map(|scene| scene.layouts.len()).sum(),
+    };
+    law.check()?;
+    Ok(Fit { law, fitted: agreement(&own).ok_or_else(too_few)?, held_out: agreement(&others) })
+}
+
+/// Standard deviation of the trained difference of two layouts about the expected one: of layouts that are expected to be
+/// alike, and for each decibel that they are expected to differ by. Of held-out scenes where there are any, all numbers of views together.
+fn spread(groups: &[Vec<Pair>]) -> [f64; 2] {
+    let pairs = groups.iter().flat_map(|group| {
+        group.iter().enumerate().flat_map(|(i, a)| group[..i].iter().map(move |b| (a.0 - b.0, a.1 - b.1)))
+    });
+    let pairs: Vec<Pair> = pairs.collect();
+    let mean =
+        |values: Vec<f64>| if values.is_empty() { 0.0 } else { values.iter().sum::<f64>() / values.len() as f64 };
+    let alike = mean(pairs.iter().filter(|(x, _)| x.abs() < 0.25).map(|(x, y)| (y - x).powi(2)).collect());
+    let far = pairs.iter().filter(|(x, _)| x.abs() >= 1.0).map(|(x, y)| ((y - x).powi(2) - alike) / (x * x));
+    [alike.sqrt(), mean(far.collect()).max(0.0).sqrt()]
+}
+
+fn agreement(groups: &[Vec<Pair>]) -> Option<Agreement> {
+    let found: Vec<[f64; 2]> = groups.iter().map(|group| correlation(group)).collect();
+    let mean = |k: usize| found.iter().map(|one| one[k]).sum::<f64>() / found.len() as f64;
+    (!found.is_empty()).then(|| Agreement {
+        groups: groups.len(),
+        layouts: groups.iter().map(Vec::len).sum(),
+        pearson: mean(0),
+        least: found.iter().map(|one| one[0]).fold(1.0, f64::min),
+        slope: mean(1),
+    })
+}
+
+/// Pearson's correlation and the slope of the second on the first.
+fn correlation(pairs: &[Pair]) -> [f64; 2] {
+    let n = pairs.len() as f64;
+    let (mx, my) = (pairs.iter().map(|p| p.0).sum::<f64>() / n, pairs.iter().map(|p| p.1).sum::<f64>() / n);
+    let sum = |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|(x, y)| of(x - mx, y - my)).sum::<f64>();
+    let (xx, yy, xy) = (sum(&|x, _| x * x), sum(&|_, y| y * y), sum(&|x, y| x * y));
+    [xy / (xx * yy).sqrt().max(f64::MIN_POSITIVE), xy / xx.max(f64::MIN_POSITIVE)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::random;
+
+    /// Layouts whose looks have these angles and distances at random, trained by the law `theta`, with noise of `noise` dB.
+    fn scene(name: &str, theta: [f64; solver::N], noise: f64, seed: u64) -> Observations {
+        let (views, looks) = (6, 40);
+        let beside: Vec<bool> = (0..views * looks).map(|i| i % 4 == 3).collect();
+        let ends = (1..=views).map(|view| view * looks).collect();
+        let layout = |l: u32| {
+            let size = 0.2 + random::uniforms(seed, 9, l)[0];
+            let near = (0..(views * looks) as u32).map(|i| {
+                let [a, b, c, _] = random::uniforms(seed, l, i);
+                let g1 = size * a;
+                [g1, (g1 + size * b).min(2.0), (c * 2.0 * random::uniforms(seed, 8, l)[1] - 0.4).max(0.0)]
+                    .map(|x| x as f32)
+            });
+            Layout { name: format!("{l}"), views: 10 + 10 * (l % 2), psnr: 0.0, near: near.collect() }
+        };
+        let mut scene = Observations { name: name.into(), beside, ends, layouts: (0..16).map(layout).collect() };
+        let expected = solver::expected(&scene, &theta);
+        for (l, (layout, db)) in (0..).zip(scene.layouts.iter_mut().zip(expected)) {
+            let [u, v, ..] = random::uniforms(seed, 7, l);
+            // Each scene and budget has a level of its own.
+            layout.psnr =
+                25.0 + f64::from(layout.views) + db + noise * 12f64.sqrt() * (0.5 * (u + v) - 0.5) * 2f64.sqrt();
+        }
+        scene
+    }
+
+    /// If this failed, the published coefficients would be those of something else than the law that plans descend.
+    #[test]
+    fn a_law_is_found_again_from_layouts_that_follow_it() {
+        let theta = [1.3, 0.6, 0.8, -2.8];
+        let scenes: Vec<_> = (0..5).map(|i| scene(&format!("s{i}"), theta, 0.0, 40 + i)).collect();
+        let found = fit(&scenes, &["s4".into()]).unwrap();
+        let Fitted { nearest, third, farther, background, .. } = found.law;
+        for (value, wanted) in [nearest, third, farther, background.ln()].into_iter().zip(theta) {
+            assert!((value - wanted).abs() < 1e-6, "{:?}", found.law);
+        }
+        assert!(found.held_out.unwrap().pearson > 1.0 - 1e-9);
+        assert_eq!((found.law.scenes.len(), found.law.held_out), (4, vec!["s4".to_string()]));
+        // With noise it is found within the jackknife's deviations.
+        let noisy: Vec<_> = (0..5).map(|i| scene(&format!("s{i}"), theta, 0.05, 80 + i)).collect();
+        let found = fit(&noisy, &[]).unwrap();
+        let deviation = found.law.deviation.unwrap();
+        for ((value, wanted), sd) in [found.law.nearest, found.law.third].into_iter().zip(theta).zip(deviation) {
+            assert!((value - wanted).abs() < 4.0 * sd && sd < 0.5, "{value} is not {wanted} within {sd}");
+        }
+        assert!((found.law.spread[0] - 0.05 * 2f64.sqrt()).abs() < 0.02, "{:?}", found.law.spread);
+        assert_eq!(fit(&noisy, &[]).unwrap(), found);
+    }
+
+    /// If this failed, a scene that was trained in two situations would be left out twice, one half at a time, and the deviations be
+    /// too small.
+    #[test]
+    fn parts_of_a_scene_are_left_out_together() {
+        // Each scene follows a law of its own.
+        let part = |name: &str, nearest: f64, seed| scene(name, [nearest, 0.6, 0.8, -2.8], 0.0, seed);
+        let parts =
+            [part("a", 1.3, 40), part("b", 1.1, 41), part("c", 1.5, 42), part("a", 1.3, 43), part("d", 1.3, 44)];
+        let found = fit(&parts, &["d".into()]).unwrap();
+        assert_eq!(
+            (found.law.scenes, found.law.held_out),
+            (vec!["a".into(), "b".into(), "c".into()], vec!["d".into()])
+        );
+        let best = solver::solve(&parts[..4].iter().collect::<Vec<_>>(), START).unwrap();
+        let alone = |left: &str| -> f64 {
+            let others: Vec<_> = parts[..4].iter().filter(|part| part.name != left).collect();
+            solver::solve(&others, best).unwrap()[0]
+        };
+        let each = ["a", "b", "c"].map(alone);
+        let mean = each.iter().sum::<f64>() / 3.0;
+        let expected = (2.0 / 3.0 * each.iter().map(|one| (one - mean).powi(2)).sum::<f64>()).sqrt();
+        let deviation = found.law.deviation.unwrap()[0];
+        assert!((deviation / expected - 1.0).abs() < 1e-9, "{deviation} in place of {expected}");
+    }
+
+    /// If this failed, a fit to next to nothing would be taken for a law.
+    #[test]
+    fn too_few_layouts_are_refused() {
+        let mut few = scene("few", START, 0.1, 3);
+        few.layouts.truncate(4);
+        let refused = fit(&[few], &[]).unwrap_err().to_string();
+        assert!(refused.contains("train more layouts"), "{refused}");
+    }
+}

@@ -1,0 +1,90 @@
+//! What the law is fitted to: trained layouts and their nearest views for each pixel of the test views.
+
+use std::collections::BTreeMap;
+
+use crate::engine::parallel::mapped;
+use crate::planner::metrics::score_point::{View, view};
+use crate::planner::quality::law::FARTHEST;
+use crate::planner::quality::look::{Caster, Look, Surroundings, Viewer};
+use crate::planner::quality::nearest::nearest_cameras;
+use crate::scene::camera::Camera;
+use crate::visibility::device_scene::SceneGeometry;
+
+/// Pixels of a test view along each side of its picture, evenly.
+const SIDE: u32 = 16;
+/// Test views that show the surface in fewer pixels than this are ignored.
+const MIN_SHOWN: usize = 16;
+
+/// A layout of cameras that was trained.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layout {
+    /// What it is called.
+    pub name: String,
+    /// Its number of cameras.
+    pub views: u32,
+    /// Trained PSNR in decibels, the mean over test views.
+    pub psnr: f64,
+    /// By look: the angles of the nearest and of the third nearest view in radians, and how much farther the nearest is than the
+    /// viewer, as a logarithm that is not negative.
+    pub near: Vec<[f32; 3]>,
+}
+
+/// The layouts of one scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Observations {
+    /// The scene.
+    pub name: String,
+    /// By look: whether it is beside the surface.
+    pub beside: Vec<bool>,
+    /// Where the looks of each test view end.
+    pub ends: Vec<usize>,
+    /// What was trained.
+    pub layouts: Vec<Layout>,
+}
+
+impl Observations {
+    /// Casts the rays of the test views' pixels, and from there to the cameras of each run: its name, cameras and trained PSNR.
+    /// All cameras are given in the user's world.
+    pub fn new(
+        name: &str,
+        geometry: &SceneGeometry,
+        around: Surroundings,
+        tests: &[Camera],
+        runs: &[(String, Vec<Camera>, f64)],
+    ) -> Self {
+        let caster = Caster::new(geometry, around);
+        let shown = mapped(tests, |i, test| {
+            let viewer = Viewer::new(test, geometry);
+            let place = |pixel: u32| [pixel % SIDE, pixel / SIDE].map(|at| (at as f32 + 0.5) / SIDE as f32);
+            let looks = (0..SIDE * SIDE).map(|pixel| caster.look(i as u32, &viewer, place(pixel)));
+            looks.filter(|look| look.distance > 0.0).collect::<Vec<Look>>()
+        });
+        let on_surface = |looks: &&Vec<Look>| looks.iter().filter(|look| look.normal != [0.0; 3]).count() >= MIN_SHOWN;
+        let (mut looks, mut ends) = (Vec::new(), Vec::new());
+        for of_view in shown.iter().filter(on_surface) {
+            looks.extend_from_slice(of_view);
+            ends.push(looks.len());
+        }
+        let layouts = mapped(runs, |_, (name, cameras, psnr)| {
+            let views: Vec<View> = cameras.iter().map(|camera| view(geometry, camera)).collect();
+            let near = looks.iter().map(|look| {
+                let found = nearest_cameras(&geometry.bvh, look, &views);
+                let angle = |k: usize| found.get(k).map_or(FARTHEST, |near| near.cost) as f32;
+                let ratio = found.first().map_or(1.0, |near| near.distance / f64::from(look.distance));
+                [angle(0), angle(2), ratio.ln().max(0.0) as f32]
+            });
+            Layout { name: name.clone(), views: cameras.len() as u32, psnr: *psnr, near: near.collect() }
+        });
+        let beside = looks.iter().map(|look| look.normal == [0.0; 3]).collect();
+        Self { name: name.to_owned(), beside, ends, layouts }
+    }
+
+    /// The layouts by their number of views, by their places.
+    pub fn groups(&self) -> Vec<Vec<usize>> {
+        let mut groups = BTreeMap::<u32, Vec<usize>>::new();
+        for (i, layout) in self.layouts.iter().enumerate() {
+            groups.entry(layout.views).or_default().push(i);
+        }
+        groups.into_values().collect()
+    }
+}

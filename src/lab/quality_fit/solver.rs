@@ -1,0 +1,120 @@
+//! Least squares by Levenberg's and Marquardt's method.
+
+use super::MIN_LAYOUTS;
+use super::observation::{Layout, Observations};
+use crate::engine::parallel::mapped;
+
+/// What is fitted: by the angles of the nearest and the third nearest view, by distance, and the logarithm of the weight beside.
+pub const N: usize = 4;
+/// Steps at most; a dozen are enough.
+const STEPS: u32 = 200;
+
+/// Decibels of a natural logarithm.
+const DECIBELS: f64 = 10.0 / std::f64::consts::LN_10;
+
+/// Expected quality of each layout in decibels.
+pub fn expected(scene: &Observations, theta: &[f64; N]) -> Vec<f64> {
+    scene.layouts.iter().map(|layout| predict(scene, layout, theta).0).collect()
+}
+
+/// Expected quality of a layout, and its derivatives.
+fn predict(scene: &Observations, layout: &Layout, theta: &[f64; N]) -> (f64, [f64; N]) {
+    let (mut db, mut slopes, mut first) = (0.0, [0.0; N], 0);
+    for end in &scene.ends {
+        let (mut sum, mut moments) = (0.0, [0.0; N]);
+        for look in first..*end {
+            let [g1, g3, far] = layout.near[look].map(f64::from);
+            let x = [g1, g3, far, f64::from(u8::from(scene.beside[look]))];
+            let error = (0..N).map(|k| theta[k] * x[k]).sum::<f64>().exp();
+            sum += error;
+            (0..N).for_each(|k| moments[k] += error * x[k]);
+        }
+        db -= DECIBELS * (sum / (end - first) as f64).ln();
+        (0..N).for_each(|k| slopes[k] -= DECIBELS * moments[k] / sum);
+        first = *end;
+    }
+    let views = scene.ends.len().max(1) as f64;
+    (db / views, slopes.map(|slope| slope / views))
+}
+
+/// Sum of squares, gradient and matrix of the normal equations.
+struct Normal {
+    cost: f64,
+    gradient: [f64; N],
+    matrix: [[f64; N]; N],
+}
+
+/// Residuals are centred within each scene and number of views, and each of these counts the same.
+fn normal(scenes: &[&Observations], theta: &[f64; N]) -> Normal {
+    let mut all = Normal { cost: 0.0, gradient: [0.0; N], matrix: [[0.0; N]; N] };
+    for scene in scenes {
+        let predicted = mapped(&scene.layouts, |_, layout| predict(scene, layout, theta));
+        for group in scene.groups().into_iter().filter(|group| group.len() >= MIN_LAYOUTS) {
+            let share = 1.0 / group.len() as f64;
+            let rows = group.iter().map(|i| (predicted[*i].0 - scene.layouts[*i].psnr, predicted[*i].1));
+            let mean = rows.clone().fold((0.0, [0.0; N]), |(r, s), (residual, slopes)| {
+                (r + share * residual, std::array::from_fn(|k| s[k] + share * slopes[k]))
+            });
+            for (residual, slopes) in rows {
+                let residual = residual - mean.0;
+                let slopes: [f64; N] = std::array::from_fn(|k| slopes[k] - mean.1[k]);
+                all.cost += share * residual * residual;
+                for i in 0..N {
+                    all.gradient[i] += share * residual * slopes[i];
+                    (0..N).for_each(|j| all.matrix[i][j] += share * slopes[i] * slopes[j]);
+                }
+            }
+        }
+    }
+    all
+}
+
+/// The parameters of least squares; none where the layouts do not determine them.
+pub(crate) fn solve(scenes: &[&Observations], start: [f64; N]) -> Option<[f64; N]> {
+    let (mut theta, mut damping) = (start, 1e-3);
+    let mut at = normal(scenes, &theta);
+    // Layouts that do not determine a parameter do not do so where the search begins either.
+    eliminate(at.matrix, at.gradient)?;
+    for _ in 0..STEPS {
+        let mut damped = at.matrix;
+        (0..N).for_each(|k| damped[k][k] *= 1.0 + damping);
+        // A weight that vanishes has no slope any more.
+        let Some(step) = eliminate(damped, at.gradient) else { break };
+        let next: [f64; N] = std::array::from_fn(|k| theta[k] - step[k]);
+        let there = normal(scenes, &next);
+        if there.cost < at.cost {
+            let gained = at.cost - there.cost;
+            (theta, damping) = (next, damping * 0.1);
+            let done = gained <= 1e-14 * at.cost;
+            at = there;
+            if done {
+                break;
+            }
+        } else if damping > 1e8 {
+            break;
+        } else {
+            damping *= 10.0;
+        }
+    }
+    theta.iter().all(|value| value.is_finite()).then_some(theta)
+}
+
+/// Solves linear equations with a symmetric positive matrix by elimination; none where it is singular.
+fn eliminate(mut a: [[f64; N]; N], mut b: [f64; N]) -> Option<[f64; N]> {
+    let scale = (0..N).map(|k| a[k][k]).fold(0.0, f64::max);
+    for k in 0..N {
+        if a[k][k].is_nan() || a[k][k] <= 1e-12 * scale {
+            return None;
+        }
+        for i in k + 1..N {
+            let factor = a[i][k] / a[k][k];
+            (k..N).for_each(|j| a[i][j] -= factor * a[k][j]);
+            b[i] -= factor * b[k];
+        }
+    }
+    for k in (0..N).rev() {
+        let known: f64 = (k + 1..N).map(|j| a[k][j] * b[j]).sum();
+        b[k] = (b[k] - known) / a[k][k];
+    }
+    Some(b)
+}

@@ -1,0 +1,38 @@
+//! The configuration of expected quality.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Result;
+use crate::planner::plan::bounds::refused;
+
+/// Sums over looks stay within lavapipe's bound on loops.
+const MAX_VIEWERS_A_STEP: u32 = 16_384;
+/// Most viewers that a run draws; then it begins again with the first, and with other pixels of it.
+pub(super) const MAX_VIEWERS: u32 = 1 << 15;
+
+/// What expected quality has beside [`crate::planner::plan::config::Config`].
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct QualityConfig {
+    /// Every camera is to share surface with a neighbour, at no wider angle between the two than this, in degrees, and all of them
+    /// to hang together, so that structure from motion can join their photos.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub connect: Option<f32>,
+}
+
+impl QualityConfig {
+    /// Checks that the numbers make sense, for so many viewers a step.
+    ///
+    /// # Errors
+    /// One line that names the option.
+    pub(in crate::planner::plan) fn validate(&self, viewers: u32) -> Result<()> {
+        if viewers > MAX_VIEWERS_A_STEP {
+            return refused("`probes`", viewers, &format!("at most {MAX_VIEWERS_A_STEP} viewers a step"));
+        }
+        match self.connect {
+            Some(degrees) if !(1.0..=90.0).contains(&degrees) => {
+                refused("`connect`", degrees, "an angle between 1 and 90 degrees")
+            }
+            _ => Ok(()),
+        }
+    }
+}

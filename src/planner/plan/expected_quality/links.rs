@@ -1,0 +1,294 @@
+//! Neighbours that structure from motion can join: cameras that see the same surface from directions that are not far apart.
+//!
+//! Photos register where features are matched between them, which fails where the surface is seen at too wide an angle from one to the
+//! other, or is in one of the pictures only. Cameras that are to connect are linked by a minimum spanning tree (Prim 1957) over what
+//! keeps each pair from sharing enough; its edges are penalised (`links.glsl`), and it is made anew as the cameras move.
+
+use glam::{DVec3, Vec3};
+
+use super::shared::Anchor;
+use crate::engine::parallel::{in_parallel, mapped};
+use crate::engine::vulkan::shaders::glsl::planner::plan::expected_quality::links as glsl;
+use crate::planner::plan::shared::Splat;
+use crate::scene::proxy::Proxy;
+use crate::scene::sets::Sets;
+use crate::visibility::bvh::Bvh;
+use crate::visibility::device_scene::SceneGeometry;
+use crate::visibility::probe_depth::Probe;
+use crate::visibility::raycast::Ray;
+
+/// Cameras of a plan that is to connect: pairs of them are looked at.
+pub(super) const MAX_CAMERAS: u32 = 2000;
+/// Iterations between one tree and the next.
+pub(super) const EVERY: u32 = 10;
+/// Points of the surface that pairs are compared by.
+const POINTS: usize = 1024;
+/// Stream of these points.
+const LINK_STREAM: u32 = 0x6c69_6e6b;
+/// Part that both of two cameras must see of what the one sees that sees less, and so many points at least.
+const SHARED: f64 = 0.3;
+const MIN_SHARED: usize = 6;
+/// Points of a link that pull.
+const ANCHORS: usize = 16;
+/// Weight of the penalty, at first and at last, against expected quality, whose gradient by a camera is about one over their number.
+/// Heavy from the start, it would hold the cameras where they first connect.
+const WEIGHT: [f32; 2] = [10.0, 100.0];
+/// Weight of an angle that costs nothing: of links that cost nothing the tree takes those at small angles.
+const SLIGHT: f32 = 1e-3;
+/// What a pair costs that nothing joins, beside its distance: more than any penalty.
+const APART: f32 = 10.0;
+
+/// Anchors that a plan of so many cameras has at most: each edge of the tree has two ends.
+pub(super) fn anchors(splats: u64) -> u64 {
+    (2 * ANCHORS as u64 * splats.saturating_sub(1)).max(1)
+}
+
+/// Which cameras can be neighbours.
+pub struct Links {
+    /// Widest angle at a point between neighbours, in radians.
+    angle: f32,
+    points: Vec<Probe>,
+}
+
+/// What a camera sees of the points.
+struct Sight {
+    centre: Vec3,
+    /// Unit direction to each point.
+    toward: Vec<Vec3>,
+    /// Angle of each point off the axis; infinite where something hides it.
+    off: Vec<f32>,
+    /// Half angle of the cone inscribed in the picture.
+    half_cone: f32,
+    /// Points in that cone.
+    seen: Vec<u32>,
+}
+
+impl Links {
+    /// Neighbours by at most so many degrees at points of the surface of `proxy`.
+    pub fn new(proxy: &Proxy, geometry: &SceneGeometry, seed: u64, degrees: f32) -> Self {
+        let points = proxy.sample(POINTS, seed, LINK_STREAM);
+        Self { angle: degrees.to_radians(), points: points.iter().map(|point| Probe::new(point, geometry)).collect() }
+    }
+
+    fn sights(&self, bvh: &Bvh, splats: &[Splat]) -> Vec<Sight> {
+        mapped(splats, |_, splat| self.sight(bvh, splat))
+    }
+
+    fn sight(&self, bvh: &Bvh, splat: &Splat) -> Sight {
+        let (centre, direction) = (Vec3::from(splat.centre), Vec3::from(splat.direction));
+        let half_cone = splat.tan_x.min(splat.tan_y).atan();
+        let mut sight = Sight { centre, toward: Vec::new(), off: Vec::new(), half_cone, seen: Vec::new() };
+        for (number, point) in (0..).zip(&self.points) {
+            let origin = Vec3::from(point.position);
+            let ray = origin - centre;
+            let t_max = ray.length().max(1e-6);
+            let toward = ray / t_max;
+            let back = Ray { origin, direction: -toward, t_min: 0.0, t_max };
+            let hidden = !point.faces(-toward) || bvh.any_hit(&back);
+            let off = if hidden { f32::INFINITY } else { between(toward, direction) };
+            if off <= half_cone {
+                sight.seen.push(number);
+            }
+            sight.toward.push(toward);
+            sight.off.push(off);
+        }
+        sight
+    }
+
+    /// Points that two cameras must share.
+    fn least(a: &Sight, b: &Sight) -> usize {
+        MIN_SHARED.max((SHARED * a.seen.len().min(b.seen.len()) as f64).ceil() as usize)
+    }
+
+    /// Whether two cameras share enough at an angle that is not too wide.
+    fn join(&self, a: &Sight, b: &Sight) -> bool {
+        let shared =
+            a.seen.iter().map(|point| *point as usize).filter(|point| {
+                b.off[*point] <= b.half_cone && between(a.toward[*point], b.toward[*point]) <= self.angle
+            });
+        shared.count() >= Self::least(a, b)
+    }
+
+    /// The points that cost a pair least, as many as it must share, and what these cost in the mean; none where too few are seen by
+    /// either that nothing hides from the other.
+    fn cheapest(&self, a: &Sight, b: &Sight, scratch: &mut Vec<(f32, u32)>) -> Option<f32> {
+        let cost = |point: &u32| {
+            let i = *point as usize;
+            let parallax = between(a.toward[i], b.toward[i]);
+            let cost = |angle: f32, free: f64, most: f32| past(f64::from(angle) - free * f64::from(most)).0 as f32;
+            let off = |sight: &Sight| cost(sight.off[i], glsl::WITHIN_PICTURE, sight.half_cone);
+            cost(parallax, glsl::WITHIN_ANGLE, self.angle) + off(a) + off(b) + SLIGHT * parallax
+        };
+        let of_a = a.seen.iter().filter(|point| b.off[**point as usize].is_finite());
+        let of_b = b.seen.iter().filter(|point| {
+            let off = a.off[**point as usize];
+            off > a.half_cone && off.is_finite()
+        });
+        scratch.clear();
+        scratch.extend(of_a.chain(of_b).map(|point| (cost(point), *point)));
+        let least = Self::least(a, b);
+        if scratch.len() < least {
+            return None;
+        }
+        scratch.select_nth_unstable_by(least - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        scratch.truncate(least);
+        Some(scratch.iter().map(|(cost, _)| cost).sum::<f32>() / least as f32)
+    }
+
+    /// Edges of a minimum spanning tree over the cameras, of which the first `kept` hang together already.
+    fn tree(&self, sights: &[Sight], kept: usize) -> Vec<(usize, usize)> {
+        // By camera outside of the tree: what its cheapest link into the tree costs, and to whom.
+        let mut open: Vec<(f32, usize)> = vec![(f32::INFINITY, 0); sights.len()];
+        let mut within = vec![false; sights.len()];
+        let mut edges = Vec::new();
+        let mut new: Vec<usize> = (0..kept.max(1)).collect();
+        loop {
+            new.iter().for_each(|joined| within[*joined] = true);
+            in_parallel(&mut open, 8, |chunk, open| {
+                let mut scratch = Vec::new();
+                for (j, open) in (8 * chunk..).zip(open).filter(|(j, _)| !within[*j]) {
+                    for joined in &new {
+                        let (a, b) = (&sights[*joined], &sights[j]);
+                        let apart = || APART + a.centre.distance(b.centre);
+                        let cost = self.cheapest(a, b, &mut scratch).unwrap_or_else(apart);
+                        if cost < open.0 {
+                            *open = (cost, *joined);
+                        }
+                    }
+                }
+            });
+            let left = (0..sights.len()).filter(|j| !within[*j]);
+            let Some(next) = left.min_by(|a, b| open[*a].0.total_cmp(&open[*b].0)) else { return edges };
+            edges.push((open[next].1, next));
+            new = vec![next];
+        }
+    }
+
+    /// What pulls each camera to its neighbours after `done` of the run: where its anchors begin, one more than there are cameras, and the
+    /// anchors.
+    pub fn anchors(&self, bvh: &Bvh, splats: &[Splat], kept: usize, done: f32) -> (Vec<u32>, Vec<Anchor>) {
+        let sights = self.sights(bvh, splats);
+        let mut of: Vec<Vec<Anchor>> = vec![Vec::new(); splats.len()];
+        let mut scratch = Vec::new();
+        for (i, j) in self.tree(&sights, kept) {
+            if self.cheapest(&sights[i], &sights[j], &mut scratch).is_none() {
+                continue;
+            }
+            scratch.sort_unstable_by_key(|(_, point)| *point);
+            let count = scratch.len().min(ANCHORS);
+            let weight = WEIGHT[0] * (WEIGHT[1] / WEIGHT[0]).powf(done) / (splats.len() * count) as f32;
+            for k in 0..count {
+                let point = self.points[scratch[k * scratch.len() / count].1 as usize].position;
+                let toward = |other: usize| Anchor { point, weight, other: splats[other].centre, spare: 0 };
+                of[i].push(toward(j));
+                of[j].push(toward(i));
+            }
+        }
+        let mut starts = vec![0];
+        for anchors in &of {
+            starts.push(starts[starts.len() - 1] + anchors.len() as u32);
+        }
+        (starts, of.concat())
+    }
+
+    /// Sizes of the groups of cameras that hang together, the largest first; the first `kept` cameras are one.
+    pub(in crate::planner::plan) fn groups(&self, bvh: &Bvh, splats: &[Splat], kept: usize) -> Vec<usize> {
+        let sights = self.sights(bvh, splats);
+        let mut sets = Sets::new(splats.len());
+        (1..kept).for_each(|j| _ = sets.join(0, j));
+        for j in kept.max(1)..splats.len() {
+            for i in 0..j {
+                if sets.root(i) != sets.root(j) && self.join(&sights[i], &sights[j]) {
+                    sets.join(i, j);
+                }
+            }
+        }
+        let mut sizes = vec![0; splats.len()];
+        (0..splats.len()).for_each(|j| sizes[sets.root(j)] += 1);
+        sizes.retain(|size| *size > 0);
+        sizes.sort_unstable_by(|a, b| b.cmp(a));
+        sizes
+    }
+}
+
+/// Angle between unit vectors.
+fn between(a: Vec3, b: Vec3) -> f32 {
+    a.dot(b).clamp(-1.0, 1.0).acos()
+}
+
+/// Huber's loss of an angle past what costs nothing, and its slope: the twin of `past`.
+fn past(x: f64) -> (f64, f64) {
+    match x {
+        _ if x <= 0.0 => (0.0, 0.0),
+        _ if x < glsl::KNEE => (0.5 * x * x / glsl::KNEE, x / glsl::KNEE),
+        _ => (x - 0.5 * glsl::KNEE, 1.0),
+    }
+}
+
+/// The twin of `add_link`: the penalty on a camera at `centre` that looks along unit `direction`, and its gradient by centre and by
+/// direction (as if the direction were a free vector); `angle` and `half_cone` as in [`Links`].
+pub fn penalty(
+    (centre, direction): (DVec3, DVec3),
+    anchors: &[Anchor],
+    angle: f64,
+    half_cone: f64,
+) -> (f64, DVec3, DVec3) {
+    let (mut loss, mut by_centre, mut by_direction) = (0.0, DVec3::ZERO, DVec3::ZERO);
+    for anchor in anchors {
+        let [point, other] = [anchor.point, anchor.other].map(|v| Vec3::from(v).as_dvec3());
+        let weight = f64::from(anchor.weight);
+        let ray = point - centre;
+        let (n, m) = (ray.normalize(), (point - other).normalize());
+        let [parallax_cosine, off_cosine] = [m, direction].map(|v| n.dot(v).clamp(-1.0, 1.0));
+        let parallax = past(parallax_cosine.acos() - glsl::WITHIN_ANGLE * angle);
+        let off = past(off_cosine.acos() - glsl::WITHIN_PICTURE * half_cone);
+        loss += weight * (parallax.0 + off.0);
+        let by = |slope: f64, cosine: f64| weight * slope / (1.0 - cosine * cosine).max(1e-8).sqrt();
+        let (by_parallax, by_off) = (by(parallax.1, parallax_cosine), by(off.1, off_cosine));
+        let by_n = by_parallax * m + by_off * direction;
+        by_centre += (by_n - by_n.dot(n) * n) / ray.length();
+        by_direction -= by_off * n;
+    }
+    (loss, by_centre, by_direction)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::random;
+
+    fn vector(stream: u32, index: u32) -> DVec3 {
+        let [x, y, z, _] = random::uniforms(11, stream, index);
+        2.0 * DVec3::new(x, y, z) - 1.0
+    }
+
+    /// If this failed, cameras that are to connect would be pulled another way than toward each other, only slowly and unnoticed.
+    #[test]
+    fn the_gradient_of_the_penalty_is_that_of_finite_differences() {
+        let mut pulled = 0;
+        for i in 0..200 {
+            let (centre, direction) = (3.0 * vector(0, i).normalize(), vector(1, i).normalize());
+            let anchors: Vec<Anchor> = (0..3)
+                .map(|k| Anchor {
+                    point: (0.7 * vector(2, 3 * i + k)).as_vec3().to_array(),
+                    weight: 0.5,
+                    other: (3.0 * vector(3, 3 * i + k).normalize()).as_vec3().to_array(),
+                    spare: 0,
+                })
+                .collect();
+            let at = |centre: DVec3, direction: DVec3| penalty((centre, direction.normalize()), &anchors, 0.3, 0.4);
+            let (loss, by_centre, by_direction) = at(centre, direction);
+            let across = by_direction - by_direction.dot(direction) * direction;
+            pulled += usize::from(loss > 0.0);
+            for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+                let step = 1e-6 * axis;
+                let by = |up: f64, down: f64| (up - down) / 2e-6;
+                let found = by(at(centre + step, direction).0, at(centre - step, direction).0);
+                assert!((found - by_centre.dot(axis)).abs() < 1e-6, "{i}: {found} of {by_centre} along {axis}");
+                let found = by(at(centre, direction + step).0, at(centre, direction - step).0);
+                assert!((found - across.dot(axis)).abs() < 1e-6, "{i}: {found} of {across} around {axis}");
+            }
+        }
+        assert!(pulled > 150, "{pulled} of 200 cameras were pulled at all");
+    }
+}

@@ -1,0 +1,249 @@
+//! Expected quality of a set of cameras on looks that no optimiser has used (`expected.comp`), and its twin.
+
+use std::sync::{Arc, Mutex};
+
+use super::law::Law;
+use super::look::{Caster, Look, LookPush, LookStage, Surroundings, Viewer, place};
+use super::nearest::nearest_cameras;
+use crate::engine::parallel::lock;
+use crate::engine::vulkan::pace::{Pace, in_parts};
+use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::planner::metrics::score_point::{View, view};
+use crate::scene::camera::Camera;
+use crate::visibility::bvh::{Node, TraversalConstants};
+use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
+use crate::{Error, Result};
+
+crate::gpu_struct! {
+    /// Push constants of `expected`.
+    pub(crate) struct ExpectedPush {
+        /// Cameras.
+        pub views: u32,
+        /// Viewer of the first workgroup.
+        pub first: u32,
+    }
+}
+
+crate::gpu_struct! {
+    /// What a viewer is expected to see.
+    pub(crate) struct Verdict {
+        /// Weighted sum of exp(law) over all looks, over their number.
+        pub error: f32,
+        /// Looks that show the surface.
+        pub shown: u32,
+        /// Of these, looks whose point no view sees.
+        pub unseen: u32,
+        /// Unused.
+        pub spare0: f32,
+    }
+}
+
+crate::stage!(
+    /// A workgroup per viewer, a thread per look.
+    pub(crate) ExpectedStage = expected<TraversalConstants>(ExpectedPush) {
+        read nodes, read primitives, read looks, read cameras, read law, write errors, write verdicts,
+    } with [Node, Look, View, Law, Verdict]
+);
+
+/// Looks of a viewer along a side of its picture.
+pub const SIDE: u32 = 8;
+/// Looks of a viewer.
+pub const LOOKS: u32 = SIDE * SIDE;
+/// Pairs of viewer and camera of the first submission.
+const FIRST_PAIRS: u32 = 1 << 12;
+/// Cameras that the walks over them can take before lavapipe would end them: 65,535 iterations an invocation, of which the rays of
+/// a look take up to a third.
+pub(crate) const MAX_ON_CPU: u32 = 2500;
+/// Viewers that show the surface in fewer looks than this are ignored.
+pub(crate) const MIN_SHOWN: u32 = 4;
+
+/// The quality that viewers are expected to see of the model trained on a set of cameras.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Expectation {
+    /// Mean over viewers of ten times the decimal logarithm of the mean expected squared error of their looks, in the law's own
+    /// decibels: lower is better.
+    pub error_db: f64,
+    /// Share of the looks whose point no camera sees, the mean over viewers.
+    pub unseen: f64,
+    /// By viewer, in their order; none for those that show too little of the surface.
+    pub viewers: Vec<Option<f32>>,
+}
+
+/// Viewers with what they see, ready to judge sets of cameras.
+pub struct Judge<'a> {
+    context: Arc<Context>,
+    scene: &'a DeviceScene,
+    viewers: Vec<Camera>,
+    looks: Buffer,
+    law: Buffer,
+    errors: Buffer,
+    verdicts: Buffer,
+    pipeline: Pipeline,
+    // Of pairs of viewer and camera.
+    pace: Mutex<Pace>,
+}
+
+impl<'a> Judge<'a> {
+    /// Draws the looks of `viewers`, given in the user's world.
+    ///
+    /// # Errors
+    /// Where device memory runs out or the device fails.
+    pub fn new(
+        context: &Arc<Context>,
+        scene: &'a DeviceScene,
+        around: Surroundings,
+        viewers: Vec<Camera>,
+        law: &Law,
+        seed: u64,
+    ) -> Result<Self> {
+        let pool: Vec<Viewer> = viewers.iter().map(|viewer| Viewer::new(viewer, &scene.geometry)).collect();
+        let count = pool.len() as u32;
+        let looks = Buffer::device(context, "looks", u64::from(count * LOOKS) * size_of::<Look>() as u64)?;
+        let viewer_buffer = Buffer::from_slice(context, "viewers", &pool)?;
+        let control = Buffer::from_slice(context, "control", &[0u32])?;
+        let draw = Pipeline::new::<LookStage>(context, &scene.constants())?;
+        let mut commands = Recorder::new(context)?;
+        commands
+            .stage(
+                &draw,
+                LookStage {
+                    nodes: &scene.nodes,
+                    primitives: &scene.primitives,
+                    control: &control,
+                    viewers: &viewer_buffer,
+                    looks: &looks,
+                },
+            )
+            .push(&push(count, around, seed))
+            .linear((count * LOOKS).div_ceil(64));
+        commands.submit_and_wait()?;
+        drop(commands);
+        Ok(Self {
+            context: context.clone(),
+            scene,
+            looks,
+            law: Buffer::from_slice(context, "law", &[*law])?,
+            errors: Buffer::device(context, "errors", u64::from(4 * count * LOOKS))?,
+            verdicts: Buffer::device(context, "verdicts", u64::from(count) * size_of::<Verdict>() as u64)?,
+            pipeline: Pipeline::new::<ExpectedStage>(context, &scene.constants())?,
+            viewers,
+            pace: Mutex::new(Pace::new(context, FIRST_PAIRS)),
+        })
+    }
+
+    /// The viewers, in the user's world.
+    pub fn viewers(&self) -> &[Camera] {
+        &self.viewers
+    }
+
+    /// What the viewers look at, [`LOOKS`] each, in the planner's frame.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn looks(&self) -> Result<Vec<Look>> {
+        self.looks.download(self.viewers.len() * LOOKS as usize)
+    }
+
+    /// Judges cameras, given in the user's world.
+    ///
+    /// # Errors
+    /// Where device memory runs out or the device fails.
+    pub fn expect(&self, cameras: &[Camera]) -> Result<Expectation> {
+        if self.context.physical().is_cpu() && cameras.len() > MAX_ON_CPU as usize {
+            return Err(Error::request(format!(
+                "on a CPU device expected quality is of at most {MAX_ON_CPU} cameras, and these are {}; use a GPU, or fewer",
+                cameras.len()
+            )));
+        }
+        let views: Vec<View> = cameras.iter().map(|camera| view(&self.scene.geometry, camera)).collect();
+        let views = if views.is_empty() { vec![View::default()] } else { views };
+        let camera_buffer = Buffer::from_slice(&self.context, "cameras", &views)?;
+        let most = self.context.physical().groups[0];
+        in_parts(
+            &self.context,
+            &mut lock(&self.pace),
+            [self.viewers.len() as u32, views.len() as u32],
+            |commands, part| {
+                for first in part.clone().step_by(most as usize) {
+                    commands
+                        .stage(
+                            &self.pipeline,
+                            ExpectedStage {
+                                nodes: &self.scene.nodes,
+                                primitives: &self.scene.primitives,
+                                looks: &self.looks,
+                                cameras: &camera_buffer,
+                                law: &self.law,
+                                errors: &self.errors,
+                                verdicts: &self.verdicts,
+                            },
+                        )
+                        .push(&ExpectedPush { views: cameras.len() as u32, first })
+                        .groups([most.min(part.end - first), 1, 1]);
+                }
+                Ok(())
+            },
+        )?;
+        Ok(aggregate(&self.verdicts.download::<Verdict>(self.viewers.len())?))
+    }
+
+    /// Expected errors by look of the cameras judged last: exp(law), negative where no view sees the point, zero where the
+    /// look shows no surface.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn errors(&self) -> Result<Vec<f32>> {
+        self.errors.download(self.viewers.len() * LOOKS as usize)
+    }
+}
+
+fn push(count: u32, around: Surroundings, seed: u64) -> LookPush {
+    around.push(count, count, SIDE, (seed ^ (seed >> 32)) as u32)
+}
+
+/// The mean over viewers.
+fn aggregate(verdicts: &[Verdict]) -> Expectation {
+    let counts = |verdict: &&Verdict| verdict.shown >= MIN_SHOWN;
+    let decibels = |verdict: &Verdict| 10.0 * verdict.error.max(f32::MIN_POSITIVE).log10();
+    let all = verdicts.iter().filter(counts).count().max(1) as f64;
+    Expectation {
+        error_db: verdicts.iter().filter(counts).map(|verdict| f64::from(decibels(verdict))).sum::<f64>() / all,
+        unseen: verdicts.iter().filter(counts).map(|v| f64::from(v.unseen) / f64::from(v.shown)).sum::<f64>() / all,
+        viewers: verdicts.iter().map(|verdict| counts(&verdict).then(|| decibels(verdict))).collect(),
+    }
+}
+
+/// The twin of [`Judge`]: the looks of `viewers` and what is expected of `cameras` there, both given in the user's world.
+pub fn expect(
+    geometry: &SceneGeometry,
+    around: Surroundings,
+    viewers: &[Camera],
+    cameras: &[Camera],
+    law: &Law,
+    seed: u64,
+) -> (Vec<Look>, Expectation) {
+    let LookPush { seed, .. } = push(viewers.len() as u32, around, seed);
+    let caster = Caster::new(geometry, around);
+    let views: Vec<View> = cameras.iter().map(|camera| view(geometry, camera)).collect();
+    let mut looks = Vec::new();
+    let mut verdicts = Vec::new();
+    for (viewer, index) in viewers.iter().map(|viewer| Viewer::new(viewer, geometry)).zip(0..) {
+        let mut verdict = Verdict::default();
+        let (mut sum, mut looked) = (0.0, 0);
+        for pixel in 0..LOOKS {
+            let look = caster.look(index, &viewer, place(seed, index, pixel, SIDE));
+            if look.distance > 0.0 {
+                let found = nearest_cameras(&geometry.bvh, &look, &views);
+                let surface = u32::from(look.normal != [0.0; 3]);
+                looked += 1;
+                verdict.shown += surface;
+                verdict.unseen += surface * u32::from(found.is_empty());
+                sum += f64::from(look.weight) * law.log_error(&found, f64::from(look.distance)).exp();
+            }
+            looks.push(look);
+        }
+        verdict.error = if looked > 0 { (sum / f64::from(looked)) as f32 } else { 0.0 };
+        verdicts.push(verdict);
+    }
+    (looks, aggregate(&verdicts))
+}

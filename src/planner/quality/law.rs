@@ -1,0 +1,175 @@
+//! The law of expected error: what splats will get wrong at a look, from the views nearest to it.
+//!
+//! For a pixel of a viewer that shows surface point p from direction d and distance D, let g1 <= g2 <= g3 be the angles at p
+//! between d and the directions of the training views that see p (2 rad where there are fewer), and r the distance of the nearest
+//! of them over D: `log e^2 = a + b1 g1 + b3 g3 + c max(ln r, 0)`, where `a` is the material's, the texture's
+//! and the light's alone. A pixel beside an object looks at the empty place where its ray passes the object's middle, by the same law
+//! at a small weight. [`super::fit`] makes the coefficients, `law.json` has them, and docs/results/objects.md the measurements.
+
+use std::path::Path;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::engine::vulkan::shaders::glsl::shared::look;
+use crate::{Error, Result};
+
+/// Views at least this far from a viewer's direction, in radians, count as none.
+pub(crate) const FARTHEST: f64 = look::FARTHEST;
+/// The file that is built in, as `camsplat quality fit` writes it.
+const EMBEDDED: &str = include_str!("law.json");
+
+/// A view of the point of a look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Near {
+    /// Angle at the point between the viewer and the view, in radians; for splats, and what they are off by otherwise.
+    pub cost: f64,
+    /// Unit direction from the point to the view.
+    pub direction: DVec3,
+    /// Distance of the view.
+    pub distance: f64,
+    /// Which view.
+    pub view: u32,
+}
+
+crate::gpu_struct! {
+    /// The law as the device has it (`shared/law.glsl`): the logarithm of the squared error of trained splats at a look, beside
+    /// what the material itself makes of it.
+    pub struct Law {
+        /// By the angle of the first, second and third nearest view that sees the point, in radians.
+        pub angle: [f32; 3],
+        /// By the logarithm of the nearest one's distance over the viewer's, where it is farther away.
+        pub farther: f32,
+        /// Weight of a look beside the surface of an object, where splats must leave nothing.
+        pub background: f32,
+        /// Unused.
+        pub spare0: f32,
+        /// Unused.
+        pub spare1: f32,
+        /// Unused.
+        pub spare2: f32,
+    }
+}
+
+impl Law {
+    /// The one that is built in.
+    pub fn embedded() -> Self {
+        Fitted::embedded().law()
+    }
+
+    /// Logarithm of the squared error at a look at `distance` whose nearest views are these, beside what the material makes
+    /// of it.
+    pub fn log_error(&self, found: &[Near], distance: f64) -> f64 {
+        let angle = |k: usize| found.get(k).map_or(FARTHEST, |near| near.cost);
+        let log_ratio = found.first().map_or(0.0, |near| (near.distance / distance).ln());
+        self.of([angle(0), angle(1), angle(2)], log_ratio)
+    }
+
+    /// The same by the angles of the three nearest views and the logarithm of the nearest one's distance over the viewer's.
+    pub fn of(&self, angles: [f64; 3], log_ratio: f64) -> f64 {
+        let by_angle: f64 = (0..3).map(|k| f64::from(self.angle[k]) * angles[k]).sum();
+        by_angle + f64::from(self.farther) * log_ratio.max(0.0)
+    }
+}
+
+/// A fitted law, and what it was fitted to: the contents of `law.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fitted {
+    /// `b1`, for a radian of the nearest view's angle.
+    pub nearest: f64,
+    /// `b3`, for a radian of the third nearest one's. The second adds nothing to the two.
+    pub third: f64,
+    /// `c`, by the logarithm of the nearest one's distance over the viewer's.
+    pub farther: f64,
+    /// Weight of a look beside the surface of an object.
+    pub background: f64,
+    /// Standard deviation in decibels of the trained difference of two layouts about the expected one: of layouts that are expected
+    /// to be alike, which differ by their rotation and the training's chance, and for each decibel that they are expected to differ by.
+    pub spread: [f64; 2],
+    /// Standard deviations of `nearest`, `third`, `farther` and of the logarithm of `background`, by leaving out one scene at a time;
+    /// none of fewer than three scenes.
+    pub deviation: Option<[f64; 4]>,
+    /// Scenes it was fitted to.
+    pub scenes: Vec<String>,
+    /// Scenes it was only compared with.
+    pub held_out: Vec<String>,
+    /// Trained layouts it was fitted to.
+    pub layouts: usize,
+}
+
+impl Fitted {
+    /// The one that is built in.
+    pub fn embedded() -> Self {
+        // The text is a constant of this crate, and a test parses it: what cannot be parsed does not ship.
+        Self::parse(Path::new("law.json"), EMBEDDED).expect("the built-in law.json is tested to parse")
+    }
+
+    /// Reads what [`Fitted::text`] wrote.
+    ///
+    /// # Errors
+    /// Where it is no such JSON or no law.
+    pub fn parse(path: &Path, text: &str) -> Result<Self> {
+        let fitted: Self = serde_json::from_str(text)
+            .map_err(|e| Error::input(path, format!("no law: {e}; make one with `camsplat quality fit`")))?;
+        fitted.check()?;
+        Ok(fitted)
+    }
+
+    /// The file: JSON, numbers in the shortest digits that read back as the same bits.
+    ///
+    /// # Errors
+    /// None in practice: all fields are plain numbers and names.
+    pub fn text(&self) -> Result<String> {
+        let text = serde_json::to_string_pretty(self)
+            .map_err(|e| Error::request(format!("the law cannot be written as JSON: {e}")))?;
+        Ok(text + "\n")
+    }
+
+    /// Rejects a law by which more views could be worse than fewer: plans would move away from what viewers look at.
+    ///
+    /// # Errors
+    /// In a line that names the coefficient.
+    pub fn check(&self) -> Result<()> {
+        let all = [
+            ("nearest", self.nearest),
+            ("third", self.third),
+            ("farther", self.farther),
+            ("background", self.background),
+        ];
+        // Without a weight beside it an object would be taken for a room.
+        let least = |name: &str| if name == "background" { 1e-6 } else { 0.0 };
+        match all.into_iter().find(|(name, value)| !(*value >= least(name) && value.is_finite())) {
+            Some((name, value)) => Err(Error::request(format!(
+                "the law's coefficient {name:?} is {value}, and error must rise with angle and distance, and beside objects; train layouts that differ more"
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    /// As the device has it.
+    pub fn law(&self) -> Law {
+        let [nearest, third, farther, background] =
+            [self.nearest, self.third, self.farther, self.background].map(|value| value as f32);
+        Law { angle: [nearest, 0.0, third], farther, background, ..Law::default() }
+    }
+
+    /// Standard deviation of a difference that is expected to be `decibels`, in decibels.
+    pub fn spread(&self, decibels: f64) -> f64 {
+        self.spread[0].hypot(self.spread[1] * decibels)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, every plan and score would end in a panic.
+    #[test]
+    fn the_embedded_law_parses_and_is_written_as_it_was() {
+        let fitted = Fitted::parse(Path::new("law.json"), EMBEDDED).unwrap();
+        assert_eq!(fitted.text().unwrap(), EMBEDDED);
+        let refused = Fitted { third: -0.1, ..fitted }.check().unwrap_err().to_string();
+        assert!(refused.contains("\"third\" is -0.1"), "{refused}");
+    }
+}

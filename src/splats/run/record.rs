@@ -1,0 +1,286 @@
+//! What a training run leaves behind: the contents of `train.json`, from which the report is drawn as well.
+
+use serde::{Deserialize, Deserializer, Serialize};
+
+use crate::splats::config::Config;
+
+/// How far a run has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// It is running, or was killed.
+    Running,
+    /// The user stopped it; it can be resumed.
+    Interrupted,
+    /// The device failed or ran out of memory; it can be resumed from its last checkpoint, if it has one.
+    Failed,
+    /// All iterations ran.
+    Complete,
+}
+
+/// The photos of a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PhotosRecord {
+    /// Path of the capture as the user gave it.
+    pub capture: String,
+    /// Photos that are trained on.
+    pub train: usize,
+    /// Photos that are tested with.
+    pub test: usize,
+    /// Largest width and height in pixels, after shrinking.
+    pub largest: [u32; 2],
+    /// Each pixel is a square of so many stored pixels.
+    pub shrink: u32,
+    /// Points of the capture; none where the start was random.
+    pub points: usize,
+    /// Extent of the training cameras in the capture's units.
+    pub extent: f64,
+}
+
+/// Means over a stretch of iterations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Last iteration of the stretch, counted from one.
+    pub iteration: u32,
+    /// Loss, without the regularisers of parameters.
+    pub loss: f64,
+    /// PSNR of the training pictures in decibels, without rounding, in the mean of those that were not rendered exactly; infinite,
+    /// `null` in JSON, where all were.
+    #[serde(deserialize_with = "or_infinite")]
+    pub psnr: f64,
+    /// Splats at its end.
+    pub splats: u32,
+    /// Instances (pairs of a splat and a tile) of a picture.
+    pub instances: f64,
+}
+
+/// Image metrics, in the mean over test views or of one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Quality {
+    /// PSNR in decibels, of 8-bit values; infinite, `null` in JSON, where the pictures are the same.
+    #[serde(deserialize_with = "or_infinite")]
+    pub psnr: f64,
+    /// SSIM, of 8-bit values.
+    pub ssim: f64,
+    /// LPIPS with AlexNet; absent where it was not measured.
+    pub lpips: Option<f64>,
+    /// LPIPS with VGG16, which `camsplat evaluate --lpips-vgg` measures; absent elsewhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lpips_vgg: Option<f64>,
+}
+
+/// A number, or infinity for `null`.
+fn or_infinite<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
+}
+
+/// Metrics of the test views at an iteration.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Evaluation {
+    /// Iterations done.
+    pub iteration: u32,
+    /// Test views that were looked at.
+    pub views: usize,
+    /// Means over them.
+    pub quality: Quality,
+}
+
+/// A test view at the end.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TestView {
+    /// Name of the photo.
+    pub name: String,
+    /// Its metrics.
+    pub quality: Quality,
+}
+
+/// GPU time of a stage, sampled from blocks of iterations throughout the run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StageTime {
+    /// Stage.
+    pub name: String,
+    /// Milliseconds in an iteration, all its dispatches together.
+    pub ms: f64,
+}
+
+/// Device memory.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MemoryRecord {
+    /// Bytes of each buffer that a dry run announces.
+    pub buffers: Vec<(String, u64)>,
+    /// Their sum.
+    pub announced: u64,
+    /// Most bytes of buffers that were allocated at once.
+    pub peak: u64,
+}
+
+/// A run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrainRecord {
+    /// Version of camsplat.
+    pub version: String,
+    /// How far it has come.
+    pub status: Status,
+    /// Device.
+    pub device: String,
+    /// Photos.
+    pub photos: PhotosRecord,
+    /// Configuration.
+    pub config: Config,
+    /// Iterations done.
+    pub iterations: u32,
+    /// Splats now.
+    pub splats: u32,
+    /// Wall-clock seconds of training in this process.
+    pub seconds: f64,
+    /// Iterations that these seconds were spent on.
+    pub seconds_for: u32,
+    /// Seconds for which the device worked on them: well below `seconds` where the host keeps it waiting. None where the device
+    /// has no timestamps or every stage is waited for.
+    #[serde(default)]
+    pub gpu_seconds: Option<f64>,
+    /// The training of the run; a few hundred points at most.
+    pub curve: Vec<CurvePoint>,
+    /// Test metrics on the way and at the end.
+    pub evaluations: Vec<Evaluation>,
+    /// Test views, worst PSNR first; empty before the first evaluation.
+    pub test_views: Vec<TestView>,
+    /// Time per stage, longest first.
+    pub stages: Vec<StageTime>,
+    /// Device memory.
+    pub memory: MemoryRecord,
+}
+
+/// Iterations below which the training curve does not show whether training diverged.
+const MIN_JUDGED: u32 = 1000;
+
+/// Least drop in decibels by which training counts as diverged.
+pub(crate) const DIVERGED_DB: f64 = 1.0;
+
+/// Rise in decibels in the last fifth of a training from which it counts as too short.
+const RISING_DB: f64 = 0.3;
+
+/// Drop in decibels of the test views' PSNR from which a training counts as too long.
+const OVERFITTED_DB: f64 = 0.3;
+
+impl TrainRecord {
+    /// Mean PSNR of the training pictures in decibels, in the best fifth of the run and in the last, where the last is worse by
+    /// more than [`DIVERGED_DB`]: with MCMC most likely because of relocation (docs/reference/training.md, What can go wrong). None of
+    /// runs that are not complete or have fewer than 1000 iterations, nor of a model that falls within the first fifth or
+    /// recovers.
+    pub fn diverged(&self) -> Option<[f64; 2]> {
+        let judged = self.status == Status::Complete && self.config.iterations >= MIN_JUDGED;
+        judged.then(|| fallen(&self.curve)).flatten()
+    }
+
+    /// What to do where a complete training was too short to show what its photos can: its pictures still improved when it ended, and
+    /// those of the test views were not the worse for it.
+    pub fn short_line(&self) -> Option<String> {
+        let judged = self.status == Status::Complete && self.overfitted().is_none();
+        let rise = rising(&self.curve).filter(|_| judged)?;
+        Some(format!(
+            "training was too short: PSNR on the training photos still rose by {rise:.1} dB in its last fifth; train for more iterations"
+        ))
+    }
+
+    /// The best evaluation of a complete training and its last, where the last has a test PSNR that is lower by more than
+    /// [`OVERFITTED_DB`]: the model comes to fit its photos at the cost of all other views. None of trainings that diverged.
+    pub fn overfitted(&self) -> Option<[Evaluation; 2]> {
+        let judged = self.status == Status::Complete && self.diverged().is_none();
+        judged.then(|| worsened(&self.evaluations)).flatten()
+    }
+
+    /// [`Self::overfitted`] in a sentence.
+    pub fn overfitted_line(&self) -> Option<String> {
+        self.overfitted().map(|[best, last]| {
+            format!(
+                "training was too long for so few photos: PSNR on the test views fell from {:.1} dB after {} iterations to {:.1}; train for \
+                 {} iterations, or take more photos",
+                best.quality.psnr, best.iteration, last.quality.psnr, best.iteration
+            )
+        })
+    }
+
+    /// [`Self::diverged`] in a sentence.
+    pub fn diverged_line(&self) -> Option<String> {
+        self.diverged().map(|[best, last]| {
+            format!(
+                "training diverged: PSNR on the training photos fell from {best:.1} to {last:.1} dB; retry with another seed"
+            )
+        })
+    }
+}
+
+/// Of evaluations of as many test views the best and the last, where the last is worse by more than [`OVERFITTED_DB`]: on the way fewer
+/// views are looked at than at the end.
+fn worsened(evaluations: &[Evaluation]) -> Option<[Evaluation; 2]> {
+    evaluations.iter().rev().find_map(|last| {
+        let mut alike = evaluations.iter().filter(|evaluation| evaluation.views == last.views);
+        let best = alike.clone().max_by(|a, b| a.quality.psnr.total_cmp(&b.quality.psnr))?;
+        let is_last = alike.next_back() == Some(last);
+        (is_last && best.quality.psnr - last.quality.psnr > OVERFITTED_DB).then_some([*best, *last])
+    })
+}
+
+/// By how much the last fifth of a training is better than the one before it, where that is more than [`RISING_DB`].
+fn rising(curve: &[CurvePoint]) -> Option<f64> {
+    let means = fifths(curve);
+    let [.., before, last] = means[..] else { return None };
+    Some(last - before).filter(|rise| rise.is_finite() && *rise > RISING_DB)
+}
+
+/// The mean of those that are finite; infinite where none is.
+pub(super) fn finite_mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.filter(|value| value.is_finite()).fold((0.0, 0.0), |(s, n), value| (s + value, n + 1.0));
+    if count > 0.0 { sum / count } else { f64::INFINITY }
+}
+
+/// Means of the finite PSNR of the fifths of a training.
+fn fifths(curve: &[CurvePoint]) -> Vec<f64> {
+    let fifths = curve.chunks(curve.len().div_ceil(5).max(1));
+    fifths.map(|part| finite_mean(part.iter().map(|point| point.psnr))).collect()
+}
+
+/// PSNR in the best and in the last fifth of a training, where the last is worse by more than [`DIVERGED_DB`].
+fn fallen(curve: &[CurvePoint]) -> Option<[f64; 2]> {
+    let means = fifths(curve);
+    let best = means.iter().copied().filter(|mean| mean.is_finite()).fold(f64::NEG_INFINITY, f64::max);
+    let last = *means.last()?;
+    (best - last > DIVERGED_DB).then_some([best, last])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a training that diverged would not be reported, or one that did not would be. The second training is
+    /// that of a room which diverged, a point of sixteen; the third has a reset of the opacities.
+    #[test]
+    fn a_fall_is_one_that_lasts() {
+        let training = |psnr: &[f64]| -> Vec<CurvePoint> {
+            psnr.iter().map(|psnr| CurvePoint { psnr: *psnr, ..CurvePoint::default() }).collect()
+        };
+        assert_eq!(fallen(&training(&[12.6, 18.8, 18.7, 19.8, 20.1, 20.2, 20.6, 20.2, 20.0, 21.0])), None);
+        let room = [
+            12.6, 17.7, 19.3, 19.3, 19.5, 20.1, 20.2, 20.2, 20.2, 19.9, 18.0, 15.2, 15.6, 15.1, 15.1, 15.3, 15.5, 14.7,
+            16.1, 14.8, 14.6, 15.1, 16.5, 16.8, 16.2,
+        ];
+        let [best, last] = fallen(&training(&room)).expect("it diverged");
+        assert!((best - 20.12).abs() < 0.01 && (last - 15.84).abs() < 0.01, "{best} and {last}");
+        assert_eq!(fallen(&training(&[15.0, 20.0, 9.0, 21.0, 22.0])), None);
+        assert_eq!(fallen(&[]), None);
+        // Of 300 iterations, and of 30,000.
+        let short = [10.1, 11.0, 12.4, 13.1, 14.0, 14.6, 15.2, 15.6, 16.1, 16.4];
+        assert!(rising(&training(&short)).is_some_and(|rise| (rise - 0.85).abs() < 1e-9));
+        assert_eq!(rising(&training(&[20.0, 25.0, 27.0, 28.0, 28.1])), None);
+        assert_eq!(rising(&training(&[20.0])), None);
+        // Dark photos that are rendered exactly.
+        let endless = f64::INFINITY;
+        assert_eq!(fallen(&training(&[endless, 20.0, 20.5, 21.0, 21.0])), None);
+        assert_eq!(
+            fallen(&training(&[15.0, endless, 20.0, 20.5, 21.0, 20.0, 16.0, endless, 15.0, endless])),
+            Some([20.5, 15.0])
+        );
+        assert_eq!(fallen(&training(&[endless; 5])), None);
+    }
+}

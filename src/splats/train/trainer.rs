@@ -1,0 +1,489 @@
+//! A training run on the device: iterations recorded ahead of it, block by block, and nothing read back between them.
+//!
+//! Everything that outlives an iteration (parameters, moments, population, statistics) is a function of the start, the
+//! configuration and the photos. Where an iteration needs more capacity for instances than there is, the stages leave all of that
+//! as it was, and the run continues from that iteration with more.
+
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::density::{self, AdaptiveDensity};
+use super::epoch_sampler::EpochSampler;
+use super::loss::{Ledger, Loss, Record, mailbox};
+use super::mcmc::{self, Mcmc};
+use super::memory;
+use super::update::{Moments, Trained, Update, UpdatePush};
+use crate::engine::vulkan::pace::Pace;
+use crate::engine::vulkan::profile::Profile;
+use crate::engine::vulkan::{Buffer, Context, Recorder};
+use crate::scene::gaussians::Gaussians;
+use crate::scene::random;
+use crate::splats::config::{Background, Config, Schedule, Strategy};
+use crate::splats::data::store::PhotoStore;
+use crate::splats::render::frame::View;
+use crate::splats::render::layout::{self, PassPush};
+use crate::splats::render::rasterizer::{Model, Rasterizer, Size};
+use crate::{Error, Result};
+
+/// Iterations of a submission at most, and submissions ahead of the device.
+const ITERATIONS: u32 = 10;
+const AHEAD: usize = 3;
+/// Stages of an iteration, with its sorts and a refinement, at most.
+const MAX_STAGES: u32 = 96;
+const BACKGROUND_STREAM: u32 = 0x4580_0000;
+
+/// All that a run carries from one iteration to the next, on the host.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Iterations done.
+    pub done: u32,
+    /// Gaussians.
+    pub population: u32,
+    /// Parameters, and Adam's two means: planes, `population` apart.
+    pub planes: [Vec<f32>; 3],
+    /// Sum of lengths of gradients and number of views of each Gaussian; empty where nothing is decided by them.
+    pub statistics: Vec<[f32; 2]>,
+}
+
+/// What changes the number of Gaussians.
+enum Density {
+    Mcmc(Mcmc),
+    Adaptive(AdaptiveDensity),
+}
+
+/// A run.
+pub struct Trainer {
+    context: Arc<Context>,
+    config: Config,
+    schedule: Schedule,
+    /// Gaussians at the start.
+    started_with: u32,
+    views: Vec<View>,
+    view_buffer: Buffer,
+    photos: PhotoStore,
+    /// View of each photo.
+    taken_from: Vec<u32>,
+    model: Model,
+    moments: Moments,
+    rasterizer: Rasterizer,
+    loss: Loss,
+    update: Update,
+    density: Density,
+    ledger: Ledger,
+    done: u32,
+    gpu_ms: f64,
+    // Of iterations.
+    pace: Pace,
+}
+
+impl Trainer {
+    /// Prepares a run from `start`, which is in the training frame; `views` are those of `photos`, in their order, and may be
+    /// followed by others that are only rendered.
+    ///
+    /// # Errors
+    /// Where there is nothing to start from or more than the budget, or the device has not enough memory.
+    pub fn new(
+        context: &Arc<Context>,
+        config: Config,
+        start: &Gaussians,
+        views: Vec<View>,
+        photos: PhotoStore,
+    ) -> Result<Self> {
+        config.validate()?;
+        let population = u32::try_from(start.len()).unwrap_or(u32::MAX);
+        if population == 0 || population > config.max_splats {
+            let most = config.max_splats;
+            return Err(Error::request(format!("training starts with 1 to {most} splats, not with {population}")));
+        }
+        let sizes = memory::sizes(&config, &views, memory::first_room(config.max_splats));
+        let planes = layout::planes(config.degree);
+        let stride = config.max_splats;
+        let bytes = 4 * planes as u64 * u64::from(stride);
+        let plane_buffer = |name: &str| Buffer::device(context, name, bytes);
+        let model = Model {
+            parameters: plane_buffer("parameters")?,
+            population: Buffer::from_slice(context, "population", &[population])?,
+            stride,
+            planes: planes as u32,
+        };
+        model.parameters.upload(&layout::to_planes(start, config.degree, stride as usize))?;
+        let moments = Moments {
+            first: plane_buffer("first")?,
+            second: plane_buffer("second")?,
+            statistics: Buffer::device(context, "statistics", memory::statistics(&config))?,
+        };
+        let ledger = Ledger {
+            control: Buffer::device(context, "control", 4)?,
+            history: Buffer::host(context, "history", size_of::<Record>() as u64 * u64::from(config.iterations))?,
+            mailbox: Buffer::host(context, "mailbox", 16)?,
+        };
+        ledger.mailbox.write(&[0u32; 4])?;
+        let mut commands = Recorder::new(context)?;
+        commands.fill(&moments.first, 0);
+        commands.fill(&moments.second, 0);
+        commands.fill(&moments.statistics, 0);
+        commands.fill(&ledger.control, 0);
+        commands.submit_and_wait()?;
+        drop(commands);
+        Ok(Self {
+            context: context.clone(),
+            schedule: config.schedule(photos.len()),
+            started_with: population,
+            view_buffer: Buffer::from_slice(context, "views", &views)?,
+            views,
+            taken_from: (0..photos.len() as u32).collect(),
+            photos,
+            model,
+            moments,
+            rasterizer: Rasterizer::new(context, sizes, memory::wanted(&config))?,
+            loss: Loss::new(context, &sizes, memory::wanted(&config).divided(context)?)?,
+            update: Update::new(context, memory::wanted(&config), config.strategy == Strategy::Adc)?,
+            density: match config.strategy {
+                Strategy::Mcmc => Density::Mcmc(Mcmc::new(context, config.max_splats)?),
+                Strategy::Adc => Density::Adaptive(AdaptiveDensity::new(context, config.max_splats)?),
+            },
+            ledger,
+            config,
+            done: 0,
+            gpu_ms: 0.0,
+            pace: Pace::new(context, 1),
+        })
+    }
+
+    /// Resumes a run where it was stopped: the trainer must have been made of the same configuration, start and photos.
+    ///
+    /// # Errors
+    /// Where there are more Gaussians than the budget, or the device fails.
+    pub fn restore(&mut self, state: &State, history: &[Record]) -> Result<()> {
+        let (population, stride) = (state.population as usize, self.model.stride as usize);
+        if population > stride || state.planes.iter().any(|plane| plane.len() != self.planes() * population) {
+            return Err(Error::request("a state of another size cannot be taken up"));
+        }
+        let buffers = [&self.model.parameters, &self.moments.first, &self.moments.second];
+        for (buffer, packed) in buffers.into_iter().zip(&state.planes) {
+            let mut values = vec![0f32; self.planes() * stride];
+            for (to, from) in values.chunks_mut(stride).zip(packed.chunks(population.max(1))) {
+                to[..from.len()].copy_from_slice(from);
+            }
+            buffer.upload(&values)?;
+        }
+        self.model.population.upload(&[state.population])?;
+        self.ledger.history.write(history)?;
+        self.moments.statistics.upload(&state.statistics)?;
+        self.ledger.mailbox.write(&[state.done, 0, 0, 0])?;
+        self.done = state.done;
+        Ok(())
+    }
+
+    /// Adds a photo from one of the views, in 8 bits as [`crate::splats::data::pictures`] has them; iterations to come look at it as well. The
+    /// schedule stays that of the photos that were there at first; of a run that began with none, that of few.
+    ///
+    /// # Errors
+    /// Where there is no such view, the photo is of another size, or there is no memory for it.
+    pub fn add_photo(&mut self, view: u32, pixels: &[u32]) -> Result<()> {
+        let size = self.views.get(view as usize).map(|view| view.width as usize * view.height as usize);
+        if size != Some(pixels.len()) {
+            return Err(Error::request(format!("view {view} takes no photo of {} pixels", pixels.len())));
+        }
+        self.photos.add(pixels)?;
+        self.photos.flush()?;
+        self.taken_from.push(view);
+        Ok(())
+    }
+
+    /// The Gaussians on the device, in the training frame.
+    pub(in crate::splats) fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// What photos are and may be taken from.
+    pub(in crate::splats) fn views(&self) -> &[View] {
+        &self.views
+    }
+
+    /// The configuration.
+    pub(in crate::splats) fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Degree of the harmonics that took part in the last iteration.
+    pub(in crate::splats) fn degree(&self) -> u32 {
+        self.schedule.degree(self.done.saturating_sub(1), self.config.degree)
+    }
+
+    fn planes(&self) -> usize {
+        layout::planes(self.config.degree)
+    }
+
+    /// Iterations done.
+    pub fn done(&self) -> u32 {
+        self.done
+    }
+
+    /// Gaussians of a hard budget at an iteration: a function of the schedule alone.
+    fn budgeted(&self, iteration: u32) -> u32 {
+        (0..self.schedule.refinements_before(iteration)).fold(self.started_with, |n, _| self.grown(n))
+    }
+
+    /// The same after a refinement.
+    fn grown(&self, before: u32) -> u32 {
+        mcmc::grown(before, self.schedule.growth, self.config.max_splats)
+    }
+
+    /// GPU time of the iterations so far in milliseconds, with the gaps between stages but not those between blocks of them.
+    pub fn gpu_ms(&self) -> f64 {
+        self.gpu_ms
+    }
+
+    /// Losses of the iterations so far.
+    ///
+    /// # Errors
+    /// None: the history has room for all iterations.
+    pub fn history(&self) -> Result<Vec<Record>> {
+        self.ledger.history.read(self.done as usize)
+    }
+
+    /// Trains until `until` iterations are done. `observe` is called regularly with the number of iterations done and may stop
+    /// the run after the block that is running. With a profile every stage is timed.
+    ///
+    /// # Errors
+    /// Where the device fails or has not enough memory, or the loss is no number any more.
+    pub fn run(
+        &mut self,
+        until: u32,
+        mut profile: Option<&mut Profile>,
+        mut observe: impl FnMut(u32) -> ControlFlow<()>,
+    ) -> Result<()> {
+        let until = until.min(self.config.iterations);
+        loop {
+            self.gpu_ms += self.advance(until, profile.as_deref_mut(), &mut observe)?;
+            self.done = self.ledger.mailbox.peek(mailbox::DONE).unwrap_or(0).max(self.done);
+            let [needed, broken] =
+                [mailbox::NEEDED, mailbox::BROKEN].map(|word| self.ledger.mailbox.peek(word).unwrap_or(0));
+            if broken != 0 {
+                let what = "the loss of iteration {} is no number; a photo or a start value may be damaged";
+                return Err(Error::request(what.replace("{}", &self.done.to_string())));
+            }
+            if needed == 0 {
+                return Ok(());
+            }
+            self.unhalt()?;
+            self.rasterizer.make_room(needed)?;
+        }
+    }
+
+    /// Submits blocks until `until` iterations are done, the run is halted or `observe` stops it; waits for all of them. Returns
+    /// how long they took, see [`Trainer::gpu_ms`].
+    fn advance(
+        &mut self,
+        until: u32,
+        mut profile: Option<&mut Profile>,
+        observe: &mut impl FnMut(u32) -> ControlFlow<()>,
+    ) -> Result<f64> {
+        let mut gpu_ms = 0.0;
+        let ahead = if self.context.submits_one_by_one() { 1 } else { AHEAD };
+        let done = || self.ledger.mailbox.peek(mailbox::DONE).unwrap_or(0).max(self.done);
+        let halted =
+            || [mailbox::NEEDED, mailbox::BROKEN].iter().any(|&word| self.ledger.mailbox.peek(word) != Some(0));
+        let mut flow = ControlFlow::Continue(());
+        // Submissions with how many iterations each has.
+        let mut running: VecDeque<(Recorder, Instant, u32)> = VecDeque::new();
+        let mut pace = self.pace.clone();
+        let mut next = self.done;
+        let mut rounds = EpochSampler::new(self.config.seed, self.photos.len() as u32);
+        loop {
+            while flow.is_continue() && !halted() && next < until && running.len() < ahead {
+                let mut commands = match &profile {
+                    Some(_) => Recorder::timed(&self.context, ITERATIONS * MAX_STAGES)?,
+                    // Timed as a whole, no stage could be waited for.
+                    None if self.context.physical().timestamp_bits > 0 && !self.context.debug_sync() => {
+                        Recorder::timed_whole(&self.context)?
+                    }
+                    None => Recorder::new(&self.context)?,
+                };
+                let end = (next + pace.items().min(ITERATIONS)).min(until);
+                for iteration in next..end {
+                    self.record_iteration(&mut commands, iteration, rounds.photo(iteration))?;
+                }
+                let submitted = Instant::now();
+                commands.submit()?;
+                running.push_back((commands, submitted, end - next));
+                next = end;
+            }
+            let in_flight = running.len() as u32;
+            let Some((oldest, submitted, iterations)) = running.front_mut() else {
+                self.pace = pace;
+                return Ok(gpu_ms);
+            };
+            if oldest.pending()? == 0 {
+                oldest.wait()?;
+                let timings = oldest.timings()?;
+                // Without timestamps the time has that of those before it in it.
+                let mut took = submitted.elapsed() / in_flight;
+                if let [first, .., last] | [first @ last] = &timings[..] {
+                    gpu_ms += (last.end - first.start) * 1e-6;
+                    took = Duration::from_secs_f64((last.end - first.start) * 1e-9);
+                }
+                pace.took(*iterations, took);
+                if let Some(profile) = &mut profile {
+                    profile.device(*submitted, &timings);
+                }
+                running.pop_front();
+            } else {
+                std::thread::sleep(Duration::from_micros(500));
+            }
+            if flow.is_continue() {
+                flow = observe(done());
+            }
+        }
+    }
+
+    /// Reserves capacity for so many instances. A run does so by itself, and no result depends on it.
+    ///
+    /// # Errors
+    /// Where the device has not enough memory.
+    pub fn set_room(&mut self, room: u32) -> Result<()> {
+        self.rasterizer.set_room(room)
+    }
+
+    /// Clears a halt.
+    fn unhalt(&self) -> Result<()> {
+        self.ledger.mailbox.write(&[self.done, 0, 0, 0])?;
+        let mut commands = Recorder::new(&self.context)?;
+        commands.fill(&self.ledger.control, 0);
+        commands.submit_and_wait().map(drop)
+    }
+
+    fn background_of(&self, iteration: u32) -> [f32; 3] {
+        match self.config.background {
+            Background::Black => [0.0; 3],
+            Background::White => [1.0; 3],
+            Background::Random => {
+                let [r, g, b, _] = random::uniforms(self.config.seed, BACKGROUND_STREAM, iteration);
+                [r, g, b].map(|v| v as f32)
+            }
+        }
+    }
+
+    /// Records one iteration, and the refinement that follows it where one is due.
+    fn record_iteration(&self, commands: &mut Recorder, iteration: u32, photo: u32) -> Result<()> {
+        let view = self.taken_from[photo as usize];
+        let View { width, height, .. } = self.views[view as usize];
+        let size = Size { width, height };
+        let push = PassPush {
+            stride: self.model.stride,
+            view,
+            degree: self.schedule.degree(iteration, self.config.degree),
+            room: self.rasterizer.sizes().room,
+            background: self.background_of(iteration),
+            iteration,
+        };
+        self.photos.record_copy(commands, photo as usize, &self.loss.photo);
+        let Self { rasterizer, model, view_buffer, ledger, .. } = self;
+        let instances = rasterizer.forward(commands, model, view_buffer, size, &push)?;
+        self.loss.record(
+            commands,
+            [view_buffer, &rasterizer.picture, &rasterizer.counts, &model.population],
+            ledger,
+            size,
+            &push,
+        );
+        rasterizer.backward(commands, view_buffer, instances, &self.loss.by_pixel, &push);
+        let step = UpdatePush::new(&self.config, &self.schedule, &push);
+        self.update.record(commands, [view_buffer, &ledger.control], rasterizer, model, &self.moments, &step);
+        if self.schedule.refines_after(iteration) {
+            self.record_refinement(commands, iteration)?;
+        }
+        if let Density::Adaptive(adaptive) = &self.density
+            && self.schedule.resets_after(iteration)
+        {
+            adaptive.record_reset(commands, self.trained());
+        }
+        Ok(())
+    }
+
+    fn trained(&self) -> Trained<'_> {
+        Trained { model: &self.model, moments: &self.moments, control: &self.ledger.control }
+    }
+
+    /// Records the refinement that follows an iteration.
+    fn record_refinement(&self, commands: &mut Recorder, iteration: u32) -> Result<()> {
+        let (trained, rasterizer) = (self.trained(), &self.rasterizer);
+        let keys = [self.config.seed, u64::from(iteration)];
+        match &self.density {
+            Density::Mcmc(mcmc) => {
+                let before = self.budgeted(iteration);
+                mcmc.record(commands, trained, rasterizer, [before, self.grown(before)], keys)
+            }
+            Density::Adaptive(adaptive) => {
+                let removes_wide = iteration >= self.schedule.reset_every;
+                adaptive.record(commands, trained, rasterizer, keys, removes_wide)
+            }
+        }
+    }
+
+    /// Refines now, regardless of the schedule: for tests, since the population would no longer follow the schedule.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn refine(&mut self) -> Result<()> {
+        let mut commands = Recorder::new(&self.context)?;
+        self.record_refinement(&mut commands, self.done)?;
+        commands.submit_and_wait().map(drop)
+    }
+
+    /// What the model looks like from a view, over the background that tests are shown over.
+    ///
+    /// # Errors
+    /// Where the device fails or has not enough memory.
+    pub fn picture(&mut self, view: usize) -> Result<Vec<[f32; 4]>> {
+        let View { width, height, .. } = self.views[view];
+        let size = Size { width, height };
+        let push = PassPush {
+            stride: self.model.stride,
+            view: view as u32,
+            degree: self.degree(),
+            background: self.config.test_background(),
+            ..PassPush::default()
+        };
+        self.rasterizer.render(&self.model, &self.view_buffer, size, push)?;
+        self.rasterizer.picture.download(size.pixels() as usize)
+    }
+
+    /// Reads back all that the next iteration needs.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn state(&self) -> Result<State> {
+        let population = self.model.population.download::<u32>(1)?[0];
+        let packed = |buffer: &Buffer| self.packed(buffer, population);
+        let planes = [packed(&self.model.parameters)?, packed(&self.moments.first)?, packed(&self.moments.second)?];
+        let counted = if self.config.strategy == Strategy::Adc { population as usize } else { 0 };
+        let statistics = self.moments.statistics.download(counted)?;
+        Ok(State { done: self.done, population, planes, statistics })
+    }
+
+    /// The values of the first `population` Gaussians, plane by plane.
+    fn packed(&self, buffer: &Buffer, population: u32) -> Result<Vec<f32>> {
+        let (population, stride) = (population as usize, self.model.stride as usize);
+        let mut values = Vec::with_capacity(self.planes() * population);
+        for plane in 0..self.planes() {
+            values.extend(buffer.download_from::<f32>(plane * stride, population)?);
+        }
+        Ok(values)
+    }
+
+    /// The Gaussians as they are, in the training frame.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn gaussians(&self) -> Result<Gaussians> {
+        let population = self.model.population.download::<u32>(1)?[0];
+        let parameters = self.packed(&self.model.parameters, population)?;
+        let all = layout::from_planes(&parameters, self.config.degree, population as usize, population as usize);
+        // Free slots and NaN are never drawn.
+        Ok(all.filtered(|i| all.opacities[i] >= 0.5 * density::FREE && all.is_finite(i)))
+    }
+}
