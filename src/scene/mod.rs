@@ -6,7 +6,7 @@
 pub(crate) mod bounding_sphere;
 pub mod camera;
 pub(crate) mod colour;
-mod connected;
+pub mod connected;
 pub mod directions;
 mod discs;
 mod distance_transform;

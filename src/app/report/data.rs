@@ -6,18 +6,18 @@ use serde::Serialize;
 
 use super::geometry::{bounds, robust_bounds};
 use super::scene_data::{
-    CameraData, CloudData, Layout, MAX_POINTS, PointData, RegionData, Role, SceneData, TriangleData, Words, in_script,
-    thin, walls, zones,
+    CameraData, CloudData, Layout, MAX_POINTS, PointData, RegionData, Role, SceneData, TriangleData, Words, thin,
+    walls, zones,
 };
 use super::{Kind, ReportScene, SurfacePoint, choice};
 use crate::planner::plan::record::PlanRecord;
-use crate::{Error, Result};
 
 /// Iterations embedded at most; a plot is some 500 pixels wide.
 const MAX_ITERATIONS: usize = 1000;
 
+/// What the page of a plan or a selection draws.
 #[derive(Serialize)]
-struct Data<'a> {
+pub struct Data<'a> {
     history: History,
     checkpoints: Checkpoints,
     histograms: Histograms,
@@ -65,15 +65,15 @@ struct Histograms {
     unseen: usize,
 }
 
-/// The JSON text, safe inside a `<script>` element.
-pub fn json(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<String> {
+/// What the page of a plan or a selection draws.
+pub fn data<'r>(record: &'r PlanRecord, scene: &ReportScene, kind: Kind<'r>) -> Data<'r> {
     let region = &record.region;
     let origin = region.bounding_sphere().0;
     let bulk = robust_bounds(scene.points)
         .or_else(|| bounds(scene.triangles?.corners.iter().flatten().copied()))
         .unwrap_or((record.surface.min, record.surface.max));
     let points: Vec<SurfacePoint> = thin(scene.points, MAX_POINTS).filter(|p| p.position.is_finite()).collect();
-    let data = Data {
+    Data {
         history: history(record),
         checkpoints: checkpoints(record),
         histograms: histograms(scene.points),
@@ -96,9 +96,7 @@ pub fn json(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<
             zones: zones(&record.limits, origin),
             points: PointData::new(&points, origin),
         },
-    };
-    let json = serde_json::to_string(&data).map_err(|e| Error::request(format!("the report's data: {e}")))?;
-    Ok(in_script(&json))
+    }
 }
 
 fn history(record: &PlanRecord) -> History {

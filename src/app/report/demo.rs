@@ -9,9 +9,10 @@ use std::path::Path;
 use image::RgbImage;
 use serde::Serialize;
 
+use super::document::{Document, SCENE3D};
 use super::folder;
 use super::layouts;
-use super::scene_data::{SceneData, in_script};
+use super::scene_data::SceneData;
 use super::text::{address, escape, fill};
 use crate::files::io::folder::{OutputFolder, write_files};
 use crate::lab::evaluate::demo::{Demo, METHODS, Step, title};
@@ -73,27 +74,28 @@ fn html(demo: &Demo, scene: &Scene, out: &Path) -> Result<String> {
     let cameras: Vec<(&str, &[Camera])> =
         METHODS.iter().zip(entries).map(|(method, entry)| (title(*method), &entry.cameras[..])).collect();
     let data = Data { scene: layouts::of_scene(scene, &cameras, TRIANGLES) };
-    let data = serde_json::to_string(&data).map_err(|e| Error::request(format!("the report's data: {e}")))?;
     let views = views(demo, out)?;
-    Ok(fill(include_str!("demo.html"), |slot| match slot {
-        "css" => include_str!("page.css").into(),
-        "demo-css" => include_str!("demo.css").into(),
-        "heading" => heading(demo).into(),
+    let body = fill(include_str!("demo.html"), |slot| match slot {
         "views" => views.as_str().into(),
         "figures" => figures(demo).into(),
         "scene" => include_str!("scene.html").into(),
         "plan" => format!("{}/{PLAN}/report.html", address(&demo.name)).into(),
         "photos" => photos(demo).into(),
         "steps" => steps(&demo.steps).into(),
-        "data" => in_script(&data).into(),
-        "charts" => include_str!("charts.js").into(),
-        "vectors" => include_str!("vectors.js").into(),
-        "views-js" => include_str!("views.js").into(),
-        "webgl" => include_str!("webgl.js").into(),
-        "scene3d" => super::SCENE3D.into(),
-        "fault" => include_str!("fault.js").into(),
         _ => String::new().into(),
-    }))
+    });
+    let document = Document {
+        kind: "demo",
+        pictures: true,
+        refresh: None,
+        title: "camsplat: where should the cameras stand?",
+        style: include_str!("demo.css"),
+        heading: &heading(demo),
+        body: &body,
+        scripts: &[SCENE3D],
+        draw: "({ scene }) => scene && drawScene(scene, document.querySelector(\".scene\"))",
+    };
+    document.html(&data)
 }
 
 fn heading(demo: &Demo) -> String {

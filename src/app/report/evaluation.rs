@@ -6,15 +6,16 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
+use super::document::{Document, SCENE3D};
 use super::layouts;
 use super::plots::{Metric, curves, in_order, intervals};
-use super::scene_data::{SceneData, in_script};
-use super::text::{address, escape, fill};
+use super::scene_data::SceneData;
+use super::text::{address, escape};
+use crate::Result;
 use crate::lab::evaluate::request::Request;
 use crate::lab::evaluate::results::{Entry, Interval, Outcome, Row, measured};
 use crate::lab::evaluate::subject::Subject;
 use crate::lab::evaluate::table::{DECIMALS, apart, ceilings, cell, description, drowned};
-use crate::{Error, Result};
 
 /// Triangles of all 3D views of a page together, of one of them, and views at most: browsers draw no more.
 const MAX_TRIANGLES: usize = 120_000;
@@ -55,22 +56,18 @@ pub fn html(request: &Request, outcome: &Outcome, subjects: &[Subject]) -> Resul
         sections += &pictures(scene, &of_scene, request.sets());
         sections += "</section>\n";
     }
-    let data = serde_json::to_string(&data).map_err(|e| Error::request(format!("the report's data: {e}")))?;
-    let data = in_script(&data);
-    Ok(fill(include_str!("evaluation.html"), |slot| match slot {
-        "css" => include_str!("page.css").into(),
-        "evaluation-css" => include_str!("evaluation.css").into(),
-        "charts" => include_str!("charts.js").into(),
-        "vectors" => include_str!("vectors.js").into(),
-        "views" => include_str!("views.js").into(),
-        "webgl" => include_str!("webgl.js").into(),
-        "scene3d" => super::SCENE3D.into(),
-        "fault" => include_str!("fault.js").into(),
-        "data" => data.as_str().into(),
-        "heading" => heading(request, outcome).into(),
-        "scenes" => sections.as_str().into(),
-        _ => String::new().into(),
-    }))
+    let document = Document {
+        kind: "evaluation",
+        pictures: true,
+        refresh: None,
+        title: "camsplat evaluation",
+        style: include_str!("evaluation.css"),
+        heading: &heading(request, outcome),
+        body: &sections,
+        scripts: &[SCENE3D],
+        draw: "({ scenes }) => scenes.forEach((scene, i) => drawScene(scene, document.querySelectorAll(\".scene\")[i]))",
+    };
+    document.html(&data)
 }
 
 fn heading(request: &Request, outcome: &Outcome) -> String {

@@ -11,6 +11,7 @@ mod data;
 mod decimate;
 #[cfg(feature = "cli")]
 pub mod demo;
+mod document;
 #[cfg(feature = "cli")]
 pub(crate) mod evaluation;
 pub mod folder;
@@ -36,14 +37,12 @@ use glam::DVec3;
 pub(crate) use self::text::escape;
 
 use self::choice::Choice;
+use self::document::{Document, SCENE3D};
 use self::shots::Shots;
 use crate::planner::plan::record::PlanRecord;
 use crate::planner::quality::map::Worst;
 use crate::scene::proxy::{Disc, Occluder, Proxy};
 use crate::{Error, Result};
-
-/// The script of the 3D view.
-const SCENE3D: &str = concat!(include_str!("marks.js"), include_str!("scene3d.js"));
 
 /// A held-out point of the surface and what the plan gives it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -145,26 +144,29 @@ fn html_of(record: &PlanRecord, scene: &ReportScene, kind: Kind<'_>) -> Result<S
             record.cameras.len()
         )));
     }
-    let data = data::json(record, scene, kind)?;
+    let data = data::data(record, scene, kind);
     let worst = pictures::worst(scene.worst)?;
     let choice = match kind {
         Kind::Plan => String::new(),
         Kind::Selection(choice) => choice.html(record.cameras.len()),
     };
-    Ok(text::fill(include_str!("page.html"), |slot| match slot {
-        "css" => include_str!("page.css").into(),
-        "fault" => include_str!("fault.js").into(),
-        "charts" => include_str!("charts.js").into(),
-        "plan" => include_str!("plan.js").into(),
-        "vectors" => include_str!("vectors.js").into(),
-        "views" => include_str!("views.js").into(),
+    let body = text::fill(include_str!("plan.html"), |slot| match slot {
         "scene" => include_str!("scene.html").into(),
-        "webgl" => include_str!("webgl.js").into(),
-        "scene3d" => SCENE3D.into(),
-        "data" => data.as_str().into(),
         "choice" => choice.as_str().into(),
         "worst" => worst.as_str().into(),
         "shots" => scene.shots.map_or_else(String::new, |shots| shots.html(&record.cameras)).into(),
         slot => text::slot(slot, record, kind).into(),
-    }))
+    });
+    let document = Document {
+        kind: text::kind(kind),
+        pictures: false,
+        refresh: None,
+        title: &text::title(record),
+        style: "",
+        heading: &text::heading(record, kind),
+        body: &body,
+        scripts: &[include_str!("plan.js"), SCENE3D],
+        draw: "drawCharts, drawScene",
+    };
+    document.html(&data)
 }

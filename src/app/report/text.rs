@@ -24,19 +24,29 @@ pub fn fill<'a>(template: &str, value: impl Fn(&str) -> Cow<'a, str>) -> String 
     page
 }
 
+/// Title of a plan's page.
+pub fn title(record: &PlanRecord) -> String {
+    format!("{}: {}", escape(surface_name(record)), views(record.cameras.len()))
+}
+
+/// Kind of page.
+pub fn kind(kind: Kind<'_>) -> &'static str {
+    match kind {
+        Kind::Plan => "plan",
+        Kind::Selection(_) => "selection",
+    }
+}
+
 /// The HTML for one of the template's text slots; empty for a slot it does not know.
 pub fn slot(name: &str, record: &PlanRecord, kind: Kind<'_>) -> String {
     let selection = matches!(kind, Kind::Selection(_));
     let either = |plan: &str, chosen: &str| if selection { chosen } else { plan }.to_owned();
     match name {
-        "title" => format!("{}: {}", escape(surface_name(record)), views(record.cameras.len())),
-        "kind" => either("plan", "selection"),
         "subject" => either("Plan", "Choice"),
         "deed" => either("planned", "chosen"),
         "loss" => {
             either("the total is weighted, its terms are not", "expected error in dB against the first, swap by swap")
         }
-        "heading" => heading(record, kind),
         "summary" => summary(record, kind),
         "figures" => figures(record),
         "metrics" => metrics_table(record, kind),
@@ -83,7 +93,8 @@ fn views(count: usize) -> String {
     format!("{} {}", grouped(count), if count == 1 { "view" } else { "views" })
 }
 
-fn heading(record: &PlanRecord, kind: Kind<'_>) -> String {
+/// What stands above all.
+pub fn heading(record: &PlanRecord, kind: Kind<'_>) -> String {
     let doubts = if matches!(kind, Kind::Plan) { record.doubts() } else { Vec::new() };
     let status = match (record.status, doubts.len()) {
         (Status::Interrupted, _) => r#"<span class="badge warn">INTERRUPTED</span>"#,

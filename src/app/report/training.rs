@@ -5,15 +5,15 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
+use super::document::{Document, SPLATS};
 pub use super::pictures::Comparison;
 use super::pictures::{GAIN, shown};
-use super::scene_data::in_script;
 pub use super::splats::Model;
 use super::splats::ModelData;
 use super::text::{duration, escape, fill, grouped, number, telling_name};
+use crate::Result;
 use crate::splats::config::{Background, Config, Strategy};
 use crate::splats::run::record::{CurvePoint, Evaluation, Quality, Status, TrainRecord};
-use crate::{Error, Result};
 
 /// Seconds after which the page of a running run reloads itself.
 const REFRESH: u32 = 30;
@@ -59,37 +59,32 @@ impl Shown {
 pub fn html(record: &TrainRecord, worst: &Shown, model: Option<&Model>) -> Result<String> {
     let data =
         Data { curve: &record.curve, evaluations: &record.evaluations, model: model.map(|model| model.data(record)) };
-    let data = serde_json::to_string(&data).map_err(|e| Error::request(format!("the report's data: {e}")))?;
-    let data = in_script(&data);
     let scene = match model {
         Some(_) => include_str!("splats.html").into(),
         None => nothing("The trained splats are shown here once the run has ended."),
     };
-    Ok(fill(include_str!("training.html"), |slot| match slot {
-        "css" => include_str!("page.css").into(),
-        "training-css" => include_str!("training.css").into(),
-        "charts" => include_str!("charts.js").into(),
-        "training" => include_str!("training.js").into(),
-        "vectors" => include_str!("vectors.js").into(),
-        "views" => include_str!("views.js").into(),
-        "webgl" => include_str!("webgl.js").into(),
-        "splats" => include_str!("splats.js").into(),
-        "fault" => include_str!("fault.js").into(),
-        "data" => data.as_str().into(),
+    let body = fill(include_str!("training.html"), |slot| match slot {
         "worst" => worst.0.as_str().into(),
         "scene" => scene.as_str().into(),
         slot => text(slot, record).into(),
-    }))
+    });
+    let document = Document {
+        kind: "training",
+        pictures: false,
+        refresh: (record.status == Status::Running).then_some(REFRESH),
+        title: &title(record),
+        style: include_str!("training.css"),
+        heading: &heading(record),
+        body: &body,
+        scripts: &[include_str!("training.js"), SPLATS],
+        draw: "drawTraining, drawSplats",
+    };
+    document.html(&data)
 }
 
 /// The HTML for one of the template's text slots; empty for a slot it does not know.
 fn text(slot: &str, record: &TrainRecord) -> String {
     match slot {
-        "refresh" if record.status == Status::Running => {
-            format!("<meta http-equiv=\"refresh\" content=\"{REFRESH}\">\n")
-        }
-        "title" => title(record),
-        "heading" => heading(record),
         "figures" => figures(record),
         "test-views" => views(record),
         "evaluations" => evaluations(record),

@@ -6,10 +6,11 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::choice::pictures;
+use super::document::{Document, SCENE3D, SPLATS};
 use super::layouts;
-use super::scene_data::{SceneData, in_script};
+use super::scene_data::SceneData;
 use super::splats::{Model, ModelData};
-use super::text::{address, escape, fill, grouped};
+use super::text::{address, escape, grouped};
 use crate::files::photos::PhotoSet;
 use crate::scene::gaussians::Gaussians;
 use crate::{Error, Result};
@@ -114,24 +115,22 @@ pub fn reports(count: usize) -> String {
 }
 
 fn page(title: &str, line: &str, body: &str, data: &Data) -> Result<String> {
-    let data = serde_json::to_string(data).map_err(|e| Error::request(format!("the page's data: {e}")))?;
-    let data = in_script(&data);
-    Ok(fill(include_str!("view.html"), |slot| match slot {
-        "css" => include_str!("page.css").into(),
-        "training-css" => include_str!("training.css").into(),
-        "charts" => include_str!("charts.js").into(),
-        "vectors" => include_str!("vectors.js").into(),
-        "views" => include_str!("views.js").into(),
-        "webgl" => include_str!("webgl.js").into(),
-        "scene3d" => super::SCENE3D.into(),
-        "splats" => include_str!("splats.js").into(),
-        "fault" => include_str!("fault.js").into(),
-        "title" => escape(title).into(),
-        "line" => escape(line).into(),
-        "body" => body.into(),
-        "data" => data.as_str().into(),
-        _ => String::new().into(),
-    }))
+    let title = escape(title);
+    let document = Document {
+        kind: "view",
+        pictures: false,
+        refresh: None,
+        title: &title,
+        style: concat!(
+            include_str!("training.css"),
+            "[data-kind=\"view\"] th, [data-kind=\"view\"] td { text-align: left; }\n"
+        ),
+        heading: &format!("<h1>{title}</h1>\n<p class=\"line\">{}</p>", escape(line)),
+        body,
+        scripts: &[SCENE3D, SPLATS, include_str!("view.js")],
+        draw: "drawView",
+    };
+    document.html(data)
 }
 
 #[cfg(test)]

@@ -18,13 +18,13 @@ use crate::planner::plan::problem::Problem;
 use crate::planner::plan::record::Status;
 use crate::planner::plan::run::Outcome;
 use crate::planner::plan::starts::even_layout;
-use crate::planner::select::acp;
-use crate::planner::select::farthest::Distance;
-use crate::planner::select::information::{self, Model};
-use crate::planner::select::pool::{MAX_SHARED, Pool};
-use crate::planner::select::retrained::{self, Photograph};
+use crate::planner::select::information::Model;
+use crate::planner::select::pool::Pool;
+use crate::planner::select::retrained::Photograph;
+use crate::planner::select::rule::{Means, Rule};
 use crate::planner::select::sight::{Sight, Survey};
 use crate::scene::camera::{Camera, Pose};
+use crate::scene::free_space::FreeSpace;
 use crate::scene::layouts;
 use crate::scene::lens::Distortion;
 use crate::scene::random;
@@ -93,7 +93,8 @@ pub fn photographing(
         taken
     };
     let timed = Outside { photograph: timed, go_on: outside.go_on };
-    let poses = place(context, problem, &scene, &candidates, (request, model, timed))?;
+    let site = Site { context, problem, scene: &scene, candidates: &candidates, request, model };
+    let poses = site.place(timed)?;
     let seconds = start.elapsed().saturating_sub(behind_the_camera).as_secs_f64();
     let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds };
     let Request { method, views, preset, seed, gate, held_out, .. } = *request;
@@ -122,107 +123,120 @@ fn candidates(problem: &Problem<'_>, request: &Request) -> Vec<Photo> {
     problem.kept.iter().cloned().chain(drawn).map(photo).collect()
 }
 
-/// Poses of a method in the user's world, in the order in which they were chosen.
-fn place(
-    context: &Arc<Context>,
-    problem: &Problem<'_>,
-    scene: &DeviceScene,
-    candidates: &PhotoSet,
-    (request, model, outside): (&Request, Option<&Model>, Outside<'_>),
-) -> Result<Vec<Pose>> {
-    let (target, kept) = (problem.target, problem.kept);
-    let (geometry, views) = (&scene.geometry, request.views as usize);
-    let back = geometry.to_internal.inverse();
-    let inward = request.preset == Preset::Object;
-    let include: Vec<usize> = (0..kept.len()).collect();
-    let allowed: Vec<usize> = (0..candidates.photos.len()).collect();
-    let too_many = || {
-        let what = "shared points are counted among up to";
-        Error::request(format!(
-            "`method` fvs-shared: {what} {MAX_SHARED} candidates; give fewer `candidates`, or use fvs"
-        ))
-    };
-    if request.method == Method::FvsShared && candidates.photos.len() > MAX_SHARED {
-        return Err(too_many());
-    }
-    let sight = match request.method {
-        Method::FvsShared | Method::Coverage => {
-            let points = target.proxy.sample(POINTS, request.seed, PROBE_STREAM);
-            Survey::new(context, scene, &candidates.photos, points)?.sight
-        }
-        _ => Sight::empty(0, candidates.photos.len()),
-    };
-    let pool = Pool {
-        set: candidates,
-        region: &target.region,
-        sight: &sight,
-        include: &include,
-        allowed: &allowed,
-        count: kept.len() + views,
-        seed: request.seed,
-    };
-    let farthest = |distance| pool.farthest(distance).ok_or_else(too_many);
-    let settled = |pose: &Pose| back.pose(&Pose { position: geometry.settle(pose.position), ..*pose });
-    let chosen = match request.method {
-        // As the request has it, which was checked when it was made.
-        Method::Ours
-        | Method::Paper
-        | Method::PaperNoVds
-        | Method::PaperIterative
-        | Method::OursTwoPasses
-        | Method::Assigned
-        | Method::Nearest => {
-            let name = request.method.name();
-            return Err(Error::request(format!("`method` {name}: it is no baseline that places cameras")));
-        }
-        Method::Random => {
-            let poses = layouts::random(&geometry.free, views, request.seed, inward);
-            return Ok(poses.iter().map(|pose| back.pose(pose)).collect());
-        }
-        Method::Fibonacci => {
-            // Layouts differ by their rotation alone, so that each seed has its own.
-            let turn = layouts::turn(&geometry.region, request.seed, 0);
-            let all = even_layout(geometry, &request.viewers, views + kept.len(), turn)?;
-            let taken: Vec<DVec3> =
-                kept.iter().map(|camera| geometry.to_internal.point(camera.pose.position)).collect();
-            let poses = layouts::left_beside(all, &taken);
-            return Ok(poses.iter().map(settled).collect());
-        }
-        Method::Grid | Method::Rings => {
-            if inward {
-                let name = request.method.name();
-                return Err(Error::request(format!(
-                    "`method` {name}: it is of rooms; give `preset` room, or use fibonacci"
-                )));
+/// How a baseline places cameras.
+enum Placement {
+    /// At random in the region.
+    Random,
+    /// Evenly, in a random rotation.
+    Fibonacci,
+    /// By a layout of rooms.
+    Level(fn(&FreeSpace, usize) -> Vec<Pose>),
+    /// Chosen among random poses.
+    Choice(Rule),
+    /// By the noise of a model.
+    Manifold(manifold::Settings),
+}
+
+impl Placement {
+    /// What a request asks for.
+    ///
+    /// # Errors
+    /// Where the method is no baseline that places cameras, or does not fit the scene.
+    fn of(request: &Request) -> Result<Self> {
+        let refuse = |what: &str| Err(Error::request(format!("`method` {}: {what}", request.method.name())));
+        Ok(match (request.method, request.method.rule()) {
+            (Method::Random, _) => Self::Random,
+            (Method::Fibonacci, _) => Self::Fibonacci,
+            (Method::Grid | Method::Rings, _) if request.preset == Preset::Object => {
+                return refuse("it is of rooms; give `preset` room, or use fibonacci");
             }
-            let layout = if request.method == Method::Grid { layouts::grid } else { layouts::rings };
-            return Ok(layout(&geometry.free, views).iter().map(settled).collect());
-        }
-        Method::Fvs => farthest(Distance::GreatCircle)?,
-        Method::FvsChord => farthest(Distance::Chord)?,
-        Method::FvsShared => farthest(Distance::Shared)?,
-        Method::Coverage => pool.coverage(),
-        Method::Acp => {
-            let settings = request.acp.unwrap_or_default();
-            acp::choose(&pool, settings, settings.occlusion.then_some(geometry))?
-        }
-        Method::Manifold => {
-            let missing = || Error::request("`method` manifold needs trained splats; give them with `model`");
-            let settings = (request.manifold.unwrap_or_default(), request.seed);
-            let model = model.ok_or_else(missing)?;
-            let placed = manifold::place(context, problem, model, settings, views, outside.go_on)?;
-            return Ok(placed.iter().map(|pose| settled(&geometry.to_internal.pose(pose))).collect());
-        }
-        Method::FisherRetrain => {
-            let settings = request.retraining.unwrap_or_default();
-            retrained::fisher(context, &pool, &target.proxy, settings, outside.photograph)?
-        }
-        method @ (Method::Fisher | Method::Cover) => {
-            let what = "needs trained splats; give them with `model`";
-            let missing = || Error::request(format!("`method` {} {what}", method.name()));
-            let choose = if method == Method::Fisher { information::fisher } else { information::cover };
-            choose(context, &pool, model.ok_or_else(missing)?, request.model_based.unwrap_or_default())?
-        }
-    };
-    Ok(chosen[kept.len()..].iter().map(|photo| candidates.photos[*photo].camera.pose).collect())
+            (Method::Grid, _) => Self::Level(layouts::grid),
+            (Method::Rings, _) => Self::Level(layouts::rings),
+            (Method::Manifold, _) => Self::Manifold(request.manifold.unwrap_or_default()),
+            (method, Some(rule)) if method.entry().places => Self::Choice(match rule {
+                Rule::Acp(usual) => Rule::Acp(request.acp.unwrap_or(usual)),
+                Rule::Fisher(usual) => Rule::Fisher(request.model_based.unwrap_or(usual)),
+                Rule::Cover(usual) => Rule::Cover(request.model_based.unwrap_or(usual)),
+                Rule::FisherRetrain(usual) => Rule::FisherRetrain(request.retraining.unwrap_or(usual)),
+                rule => rule,
+            }),
+            _ => return refuse("it is no baseline that places cameras"),
+        })
+    }
+}
+
+/// A scene in which a baseline is to place cameras.
+struct Site<'s> {
+    context: &'s Arc<Context>,
+    problem: &'s Problem<'s>,
+    scene: &'s DeviceScene,
+    candidates: &'s PhotoSet,
+    request: &'s Request,
+    model: Option<&'s Model>,
+}
+
+impl Site<'_> {
+    /// Poses in the user's world, in the order in which they were chosen.
+    fn place(&self, outside: Outside<'_>) -> Result<Vec<Pose>> {
+        let Self { context, problem, request, .. } = *self;
+        let (geometry, kept, views) = (&self.scene.geometry, problem.kept, request.views as usize);
+        let back = geometry.to_internal.inverse();
+        let settled = |pose: &Pose| back.pose(&Pose { position: geometry.settle(pose.position), ..*pose });
+        Ok(match Placement::of(request)? {
+            Placement::Random => {
+                let poses = layouts::random(&geometry.free, views, request.seed, request.preset == Preset::Object);
+                poses.iter().map(|pose| back.pose(pose)).collect()
+            }
+            Placement::Fibonacci => {
+                // Layouts differ by their rotation alone, so that each seed has its own.
+                let turn = layouts::turn(&geometry.region, request.seed, 0);
+                let all = even_layout(geometry, &request.viewers, views + kept.len(), turn)?;
+                let taken: Vec<DVec3> =
+                    kept.iter().map(|camera| geometry.to_internal.point(camera.pose.position)).collect();
+                layouts::left_beside(all, &taken).iter().map(settled).collect()
+            }
+            Placement::Level(layout) => layout(&geometry.free, views).iter().map(settled).collect(),
+            Placement::Choice(rule) => self.choose(rule, outside)?,
+            Placement::Manifold(settings) => {
+                let missing = || Error::request("`method` manifold needs trained splats; give them with `model`");
+                let model = self.model.ok_or_else(missing)?;
+                let placed = manifold::place(context, problem, model, (settings, request.seed), views, outside.go_on)?;
+                placed.iter().map(|pose| settled(&geometry.to_internal.pose(pose))).collect()
+            }
+        })
+    }
+
+    /// As many of the candidates as there are to be views, by a rule.
+    fn choose(&self, rule: Rule, outside: Outside<'_>) -> Result<Vec<Pose>> {
+        let Self { context, problem, scene, candidates, request, model } = *self;
+        let photos = &candidates.photos;
+        rule.check(photos.len())?;
+        let sight = if rule.needs_sight() {
+            let points = problem.target.proxy.sample(POINTS, request.seed, PROBE_STREAM);
+            Survey::new(context, scene, photos, points)?.sight
+        } else {
+            Sight::empty(0, photos.len())
+        };
+        let kept = problem.kept.len();
+        let (include, allowed): (Vec<usize>, Vec<usize>) = ((0..kept).collect(), (0..photos.len()).collect());
+        let pool = Pool {
+            set: candidates,
+            region: &problem.target.region,
+            sight: &sight,
+            include: &include,
+            allowed: &allowed,
+            count: kept + request.views as usize,
+            seed: request.seed,
+        };
+        let means = Means {
+            context,
+            geometry: &scene.geometry,
+            proxy: &problem.target.proxy,
+            planned: &[],
+            model,
+            photograph: outside.photograph,
+        };
+        let chosen = rule.choose(&pool, means)?;
+        Ok(chosen[kept..].iter().map(|photo| photos[*photo].camera.pose).collect())
+    }
 }

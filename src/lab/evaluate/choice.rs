@@ -9,6 +9,7 @@ use super::baseline::sized;
 use super::competitor::Competitor;
 use super::kind::Kind;
 use super::passes;
+use super::request::Run;
 use super::scene_artifacts::SceneArtifacts;
 use super::settings::{BaselinesFrom, Space};
 use super::training;
@@ -35,7 +36,7 @@ impl SceneArtifacts<'_> {
     /// Where the method cannot, or the device fails.
     pub fn choice(
         &self,
-        (method, views, seed): (&Competitor, u32, u64),
+        Run { method, views, seed, .. }: Run<'_>,
         (inputs, shown): (&Artifact, &Artifact),
         model: Option<&Artifact>,
         observe: Observe,

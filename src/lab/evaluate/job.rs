@@ -12,11 +12,10 @@ use std::thread;
 use serde_json::json;
 
 use super::artifact::{self, Artifact, Observe};
-use super::competitor::Competitor;
 use super::perceptual;
 use super::pool::Pool;
 use super::pool_artifacts::PoolArtifacts;
-use super::request::Request;
+use super::request::{Request, Run};
 use super::results::{self, Entry, Outcome};
 use super::scene::Scene;
 use super::scene_artifacts::SceneArtifacts;
@@ -221,18 +220,16 @@ struct Runs<'r, 'b> {
 }
 
 impl Runs<'_, '_> {
-    fn take(&self) -> Option<(usize, (&Competitor, u32, u64))> {
+    fn take(&self) -> Option<Run<'_>> {
         let number = self.next.fetch_add(1, Ordering::Relaxed);
-        if !self.own.contains(&number) {
-            return None;
-        }
-        self.board.request.runs().nth(number).map(|run| (number, run))
+        if self.own.contains(&number) { self.board.request.runs().nth(number) } else { None }
     }
 
     fn complete(
         &self,
-        (number, (method, views, seed)): (usize, (&Competitor, u32, u64)),
-        (cameras, seconds): (Vec<Camera>, f64),
+        run: Run<'_>,
+        cameras: Vec<Camera>,
+        seconds: f64,
         (artifact, record): &(Artifact, TrainRecord),
     ) -> Result<()> {
         let sets = self.board.request.sets();
@@ -243,9 +240,9 @@ impl Runs<'_, '_> {
         }
         let entry = Entry {
             scene: self.subject.name().to_owned(),
-            method: method.clone(),
-            views,
-            seed,
+            method: run.method.clone(),
+            views: run.views,
+            seed: run.seed,
             seconds,
             quality: results::by_set(record, sets),
             diverged: record.diverged(),
@@ -253,7 +250,7 @@ impl Runs<'_, '_> {
             pictures,
             cameras,
         };
-        self.board.add([self.number, number], entry)
+        self.board.add([self.number, run.number], entry)
     }
 
     /// Works on what is left of the subject on one device; what all runs share is made by the first worker that needs it.
@@ -293,17 +290,16 @@ impl Runs<'_, '_> {
             false => None,
         };
         drop(shared);
-        while let Some((number, run @ (method, views, seed))) = self.take() {
-            let name = self.subject.name();
-            let observe = &mut made_for(format!("{name}, {method}, {views} views, seed {seed}"), &mut *observe);
+        while let Some(run) = self.take() {
+            let observe = &mut made_for(format!("{}, {run}", self.subject.name()), &mut *observe);
             Error::unless_stopped(observe(artifact::Event::Working))?;
-            let model = model.as_ref().filter(|_| method.needs_model());
+            let model = model.as_ref().filter(|_| run.method.needs_model());
             let plan = artifacts.choice(run, (&inputs, &shown), model, observe)?;
             let cameras = artifacts.standing(&plan.cameras, observe);
             let photos = artifacts.photographs(&cameras, observe)?;
-            let mut trained = artifacts.training(&photos, Some(&tests), seed, observe)?;
+            let mut trained = artifacts.training(&photos, Some(&tests), run.seed, observe)?;
             self.measured(context, &mut trained, observe)?;
-            self.complete((number, run), (cameras, plan.seconds), &trained)?;
+            self.complete(run, cameras, plan.seconds, &trained)?;
         }
         Ok(())
     }
@@ -316,15 +312,14 @@ impl Runs<'_, '_> {
             false => None,
         };
         drop(shared);
-        while let Some((number, run @ (method, views, seed))) = self.take() {
-            let name = self.subject.name();
-            let observe = &mut made_for(format!("{name}, {method}, {views} views, seed {seed}"), &mut *observe);
+        while let Some(run) = self.take() {
+            let observe = &mut made_for(format!("{}, {run}", self.subject.name()), &mut *observe);
             Error::unless_stopped(observe(artifact::Event::Working))?;
-            let model = model.as_ref().filter(|_| method.needs_model());
+            let model = model.as_ref().filter(|_| run.method.needs_model());
             let chosen = artifacts.choice(run, model, observe)?;
-            let mut trained = artifacts.training(&chosen, seed, observe)?;
+            let mut trained = artifacts.training(&chosen, run.seed, observe)?;
             self.measured(context, &mut trained, observe)?;
-            self.complete((number, run), (artifacts.cameras(&chosen), chosen.seconds), &trained)?;
+            self.complete(run, artifacts.cameras(&chosen), chosen.seconds, &trained)?;
         }
         Ok(())
     }
@@ -414,6 +409,7 @@ fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lab::evaluate::competitor::Competitor;
     use crate::lab::evaluate::kind::Kind;
     use crate::lab::evaluate::settings::Settings;
     use crate::lab::evaluate::situation::Situation;

@@ -12,7 +12,7 @@ use super::artifact::{Artifact, Observe};
 use super::competitor::Competitor;
 use super::kind::Kind;
 use super::pool::Pool;
-use super::request::Request;
+use super::request::{Request, Run};
 use super::settings::Settings;
 use super::training::{self, Training};
 use crate::engine::vulkan::Context;
@@ -113,7 +113,7 @@ impl<'a> PoolArtifacts<'a> {
         let (region, allowed) = (&self.target.region, &all[..]);
         let spread = pool::Pool { set, region, sight: &sight, include: &[], allowed, count, seed: SEED };
         // Only shared points can be too many to count.
-        let chosen = spread.farthest(Distance::Chord).unwrap_or_default();
+        let chosen = spread.farthest(Distance::Chord);
         let mut names: Vec<String> = chosen.iter().map(|photo| set.photos[*photo].camera.name.clone()).collect();
         names.sort_unstable();
         Ok(self.trained(&names, Vec::new(), 0, observe)?.0)
@@ -132,7 +132,7 @@ impl<'a> PoolArtifacts<'a> {
     /// Where the method cannot, or the device fails.
     pub fn choice(
         &self,
-        (method, views, seed): (&Competitor, u32, u64),
+        Run { method, views, seed, .. }: Run<'_>,
         model: Option<&Artifact>,
         observe: Observe,
     ) -> Result<Chosen> {

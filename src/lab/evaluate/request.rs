@@ -1,5 +1,7 @@
 //! What is compared, and how.
 
+use std::fmt;
+
 use serde::Serialize;
 
 use super::competitor::Competitor;
@@ -13,6 +15,26 @@ use crate::{Error, Result};
 
 /// The set of test views at positions from the user.
 const GIVEN_VIEWERS: &str = "viewers";
+/// A method that gets a number of views once.
+#[derive(Clone, Copy, Debug)]
+pub struct Run<'r> {
+    /// Its number among the runs of a subject.
+    pub number: usize,
+    /// Who chooses.
+    pub method: &'r Competitor,
+    /// How many views.
+    pub views: u32,
+    /// Seed of the choice and of the training.
+    pub seed: u64,
+}
+
+impl fmt::Display for Run<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { method, views, seed, .. } = self;
+        write!(f, "{method}, {views} views, seed {seed}")
+    }
+}
+
 /// The request of an evaluation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Request {
@@ -165,15 +187,16 @@ impl Request {
         self.methods.iter().any(|method| method.needs_model())
     }
 
-    /// Every run: method, number of views and seed, in the order in which they are made.
-    pub fn runs(&self) -> impl Iterator<Item = (&Competitor, u32, u64)> + '_ {
+    /// Every run of a subject, in the order in which they are made.
+    pub fn runs(&self) -> impl Iterator<Item = Run<'_>> + '_ {
         let first = u64::from(self.first_seed);
         let of_budget = move |views: u32| (first..first + u64::from(self.seeds)).map(move |seed| (views, seed));
         let seeded = self.budgets.iter().flat_map(move |views| of_budget(*views));
-        seeded.flat_map(|(views, seed)| {
+        let runs = seeded.flat_map(|(views, seed)| {
             let methods = self.methods.iter().filter(move |method| method.takes(views));
             methods.map(move |method| (method, views, seed))
-        })
+        });
+        runs.enumerate().map(|(number, (method, views, seed))| Run { number, method, views, seed })
     }
 }
 

@@ -138,6 +138,18 @@ pub fn run(
     Ok(plan)
 }
 
+/// The poses that a plan ends with, in the user's world, not scored: of an objective that compares them with no simple layouts.
+///
+/// # Errors
+/// As [`run`].
+pub fn poses(context: &Arc<Context>, problem: &Problem<'_>, config: Config) -> Result<Vec<Pose>> {
+    let scene = Arc::new(problem.on(context)?);
+    let preparation = Preparation::new(context, problem, config)?;
+    let (_, outcome) = optimise(context, &scene, preparation, None, |_, _| ControlFlow::Continue(()))?;
+    check_finite(&outcome.poses)?;
+    Ok(outcome.poses)
+}
+
 /// Plans by expected quality: what is expected of the plan, which is not scored otherwise, and its poses in the user's world.
 ///
 /// # Errors

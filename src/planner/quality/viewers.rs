@@ -6,8 +6,10 @@ use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::connected::Air;
 use crate::scene::random;
 use crate::scene::region::Shape;
+use crate::scene::similarity::Similarity;
 use crate::visibility::bvh::Primitives;
 use crate::visibility::device_scene::SceneGeometry;
 use crate::{Error, Result};
@@ -108,9 +110,43 @@ impl Viewers {
                 .map(|i| cameras[if all > count { i * all / count } else { i % all }].clone())
                 .collect());
         }
+        let draw = Draw::new(self, geometry, intrinsics, inward, seed);
+        (0..count).map(|i| draw.viewer(i)).collect::<Option<Vec<_>>>().ok_or_else(|| {
+            Error::request(
+                "viewers: hardly any place fits what `viewers` says (or the region), above the floor and within `wall` and `keep_out`; give a \
+                 larger part",
+            )
+        })
+    }
+}
+
+/// What viewers are drawn by, in the user's world.
+struct Draw<'d> {
+    viewers: &'d Viewers,
+    geometry: &'d SceneGeometry,
+    intrinsics: Intrinsics,
+    inward: bool,
+    seed: u64,
+    back: Similarity,
+    /// The sphere that they are in.
+    centre: DVec3,
+    radius: f64,
+    up: DVec3,
+    /// The middle of the surface.
+    middle: DVec3,
+    /// Height of the floor along up.
+    floor: Option<f64>,
+    /// The smaller and the larger distance from the centre, where they stand around it.
+    around: Option<[f64; 2]>,
+    /// Where an object may reach into the region: what is not inside it.
+    air: Option<Air>,
+}
+
+impl<'d> Draw<'d> {
+    fn new(viewers: &'d Viewers, geometry: &'d SceneGeometry, intrinsics: Intrinsics, inward: bool, seed: u64) -> Self {
         let back = geometry.to_internal.inverse();
-        let (centre, radius) = match *self {
-            Self::Shell { centre, r_max, .. } => (centre, r_max),
+        let (centre, radius) = match *viewers {
+            Viewers::Shell { centre, r_max, .. } => (centre, r_max),
             _ => {
                 let (centre, radius) = geometry.region.bounding_sphere();
                 (back.point(centre), back.length(radius))
@@ -126,94 +162,104 @@ impl Viewers {
             Shape::Box { .. } => true,
         };
         let air = if alone { None } else { Some(geometry.open().air()) };
-        let fits = |place: DVec3| {
-            let height = place.dot(up);
-            let inside = geometry.to_internal.point(place);
-            if !geometry.is_allowed(inside) || air.as_ref().is_some_and(|air| !air.holds(inside)) {
-                return false;
-            }
-            // Spheres are cut off at the floor as they are drawn from, but for rounding.
-            floor.is_none_or(|floor| height >= floor - 1e-9 * radius)
-                && match *self {
-                    Self::Cone { axis, degrees } => {
-                        (place - centre).angle_between(axis) <= 0.5 * degrees.to_radians() + 1e-9
-                    }
-                    Self::Heights { low, high } => (low - 1e-9 * radius..=high + 1e-9 * radius).contains(&height),
-                    _ => true,
-                }
-        };
-        let around = match (self, geometry.region.shape) {
-            (Self::Shell { r_min, r_max, .. }, _) => Some((*r_min, *r_max)),
-            (Self::Box { .. }, _) | (_, Shape::Box { .. }) => None,
+        let around = match (viewers, geometry.region.shape) {
+            (Viewers::Shell { r_min, r_max, .. }, _) => Some([*r_min, *r_max]),
+            (Viewers::Box { .. }, _) | (_, Shape::Box { .. }) => None,
             _ if !inward => None,
-            _ if !alone => Some((0.5 * radius, radius)),
-            _ => Some(((0.5 * radius).max(1.02 * back.length(reach)).min(radius), radius)),
-        };
-        // Of three kinds: at the smaller radius, at the larger one, between.
-        let place = |stream: u32, i: u32, kind: u32| -> DVec3 {
-            let [u, v, w, _] = random::uniforms(seed, stream, i);
-            match (around, self) {
-                (Some((near, far)), _) => {
-                    // Of a sphere that lies below the floor nothing is left.
-                    let height = floor.map_or(f64::NEG_INFINITY, |floor| floor - centre.dot(up));
-                    let near = near.max(height.min(far));
-                    // Even in volume.
-                    let between = (near.powi(3) + (far.powi(3) - near.powi(3)) * w).cbrt();
-                    let (low, high) = match *self {
-                        Self::Heights { low, high } => (height.max(low - centre.dot(up)), high - centre.dot(up)),
-                        _ => (height, f64::INFINITY),
-                    };
-                    let distance = match (kind, near, far) {
-                        (0, near, _) if low < near && high > -near => near,
-                        (1, _, far) => far,
-                        _ => between,
-                    };
-                    // Even on the part of the sphere that fits: height is even on a sphere (Archimedes), along any axis.
-                    let (axis, lowest, highest) = match *self {
-                        Self::Cone { axis, degrees } => {
-                            (axis.normalize(), (0.5 * degrees.to_radians()).min(PI).cos(), 1.0)
-                        }
-                        _ => (up, (low / distance).clamp(-1.0, 1.0), (high / distance).clamp(-1.0, 1.0)),
-                    };
-                    let (side, front) = axis.any_orthonormal_pair();
-                    let z = lowest + (highest - lowest) * u;
-                    let (sin, cos) = (TAU * v).sin_cos();
-                    centre + distance * (z * axis + (1.0 - z * z).max(0.0).sqrt() * (cos * side + sin * front))
-                }
-                (None, Self::Box { min, max }) => *min + (*max - *min) * DVec3::new(u, v, w),
-                (None, _) => back.point(geometry.open().sample(seed, stream, i)),
-            }
+            _ if !alone => Some([0.5 * radius, radius]),
+            _ => Some([(0.5 * radius).max(1.02 * back.length(reach)).min(radius), radius]),
         };
         let middle = back.point(bounds(geometry).iter().map(|corner| 0.5 * corner.as_dvec3()).sum());
-        let viewer = |i: u32| {
-            // Where limits cover a whole sphere its viewers are anywhere between.
-            let mut places = [i % 3, 2]
-                .into_iter()
-                .flat_map(|kind| (0..TRIES).map(move |k| (k, kind)))
-                .map(|(k, kind)| place(POSITIONS + k, i, kind));
-            // Known space may be a small part of what is drawn from.
-            let anywhere = || {
-                let known = geometry.limits.space.is_some() && self.is_default();
-                let drawn = (0..TRIES).map(|k| back.point(geometry.open().sample(seed, POSITIONS + k, i)));
-                drawn.filter(|_| known).find(|place| fits(*place))
-            };
-            let position = places.find(|place| fits(*place)).or_else(anywhere)?;
-            let [u, v, ..] = random::uniforms(seed, DIRECTIONS, i);
-            let pose = match around {
-                Some(_) if i % 3 < 2 => Pose::looking(position, centre - position, up),
-                Some(_) => aside(position, centre - position, up, &intrinsics, [u, v]),
-                // Around an object in a box every viewer has it in the picture.
-                None if inward => aside(position, middle - position, up, &intrinsics, [u, v]),
-                None => Pose::looking(position, random::direction(u, v), up),
-            };
-            Some(Camera { name: format!("viewer_{i:05}"), pose, intrinsics })
+        Self { viewers, geometry, intrinsics, inward, seed, back, centre, radius, up, middle, floor, around, air }
+    }
+
+    fn viewer(&self, i: u32) -> Option<Camera> {
+        let position = self.position(i)?;
+        let [u, v, ..] = random::uniforms(self.seed, DIRECTIONS, i);
+        let aside = |middle: DVec3| aside(position, middle - position, self.up, &self.intrinsics, [u, v]);
+        let pose = match self.around {
+            Some(_) if i % 3 < 2 => Pose::looking(position, self.centre - position, self.up),
+            Some(_) => aside(self.centre),
+            // Around an object in a box every viewer has it in the picture.
+            None if self.inward => aside(self.middle),
+            None => Pose::looking(position, random::direction(u, v), self.up),
         };
-        (0..count).map(viewer).collect::<Option<Vec<_>>>().ok_or_else(|| {
-            Error::request(
-                "viewers: hardly any place fits what `viewers` says (or the region), above the floor and within `wall` and `keep_out`; give a \
-                 larger part",
-            )
-        })
+        Some(Camera { name: format!("viewer_{i:05}"), pose, intrinsics: self.intrinsics })
+    }
+
+    /// Where the i-th viewer stands; none where no try fits.
+    fn position(&self, i: u32) -> Option<DVec3> {
+        // Of three kinds: at the smaller radius, at the larger one, between; where limits cover a whole sphere, anywhere between.
+        let tries = [i % 3, 2].into_iter().flat_map(|kind| (0..TRIES).map(move |k| (k, kind)));
+        let mut places = tries.map(|(k, kind)| self.place(POSITIONS + k, i, kind));
+        // Known space may be a small part of what is drawn from.
+        let anywhere = || {
+            let known = self.geometry.limits.space.is_some() && self.viewers.is_default();
+            let drawn = (0..TRIES).map(|k| self.in_region(POSITIONS + k, i));
+            drawn.filter(|_| known).find(|place| self.fits(*place))
+        };
+        places.find(|place| self.fits(*place)).or_else(anywhere)
+    }
+
+    fn place(&self, stream: u32, i: u32, kind: u32) -> DVec3 {
+        match (self.around, self.viewers) {
+            (Some(radii), _) => self.in_shell(radii, kind, random::uniforms(self.seed, stream, i)),
+            (None, Viewers::Box { min, max }) => {
+                let [u, v, w, _] = random::uniforms(self.seed, stream, i);
+                *min + (*max - *min) * DVec3::new(u, v, w)
+            }
+            (None, _) => self.in_region(stream, i),
+        }
+    }
+
+    fn in_region(&self, stream: u32, i: u32) -> DVec3 {
+        self.back.point(self.geometry.open().sample(self.seed, stream, i))
+    }
+
+    /// A place at the nearer radius, at the farther one, or between, by its kind, for four numbers in [0, 1).
+    fn in_shell(&self, [near, far]: [f64; 2], kind: u32, [u, v, w, _]: [f64; 4]) -> DVec3 {
+        let (centre, up) = (self.centre, self.up);
+        // Of a sphere that lies below the floor nothing is left.
+        let height = self.floor.map_or(f64::NEG_INFINITY, |floor| floor - centre.dot(up));
+        let near = near.max(height.min(far));
+        // Even in volume.
+        let between = (near.powi(3) + (far.powi(3) - near.powi(3)) * w).cbrt();
+        let (low, high) = match *self.viewers {
+            Viewers::Heights { low, high } => (height.max(low - centre.dot(up)), high - centre.dot(up)),
+            _ => (height, f64::INFINITY),
+        };
+        let distance = match kind {
+            0 if low < near && high > -near => near,
+            1 => far,
+            _ => between,
+        };
+        // Even on the part of the sphere that fits: height is even on a sphere (Archimedes), along any axis.
+        let (axis, lowest, highest) = match *self.viewers {
+            Viewers::Cone { axis, degrees } => (axis.normalize(), (0.5 * degrees.to_radians()).min(PI).cos(), 1.0),
+            _ => (up, (low / distance).clamp(-1.0, 1.0), (high / distance).clamp(-1.0, 1.0)),
+        };
+        let (side, front) = axis.any_orthonormal_pair();
+        let z = lowest + (highest - lowest) * u;
+        let (sin, cos) = (TAU * v).sin_cos();
+        centre + distance * (z * axis + (1.0 - z * z).max(0.0).sqrt() * (cos * side + sin * front))
+    }
+
+    fn fits(&self, place: DVec3) -> bool {
+        let height = place.dot(self.up);
+        let inside = self.geometry.to_internal.point(place);
+        if !self.geometry.is_allowed(inside) || self.air.as_ref().is_some_and(|air| !air.holds(inside)) {
+            return false;
+        }
+        // Spheres are cut off at the floor as they are drawn from, but for rounding.
+        let slack = 1e-9 * self.radius;
+        self.floor.is_none_or(|floor| height >= floor - slack)
+            && match *self.viewers {
+                Viewers::Cone { axis, degrees } => {
+                    (place - self.centre).angle_between(axis) <= 0.5 * degrees.to_radians() + 1e-9
+                }
+                Viewers::Heights { low, high } => (low - slack..=high + slack).contains(&height),
+                _ => true,
+            }
     }
 }
 

@@ -81,7 +81,7 @@ pub(super) fn beginning(pool: &Pool<'_>, first: u32) -> Vec<usize> {
     match pool.include {
         [] => {
             let few = Pool { count: pool.count.min(first as usize), ..*pool };
-            few.farthest(Distance::GreatCircle).unwrap_or_default()
+            few.farthest(Distance::GreatCircle)
         }
         include => include.to_vec(),
     }

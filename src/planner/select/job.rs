@@ -6,14 +6,12 @@ use std::time::Instant;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::acp;
-use super::farthest::Distance;
-use super::information::{self, Model};
+use super::information::Model;
 use super::interchange::refine;
 use super::objective::Objective;
 use super::pool::Pool;
 use super::request::Request;
-use super::retrained;
+use super::rule::{Means, Rule};
 use super::score::SubsetScorer;
 use super::sight::Survey;
 use crate::engine::vulkan::Context;
@@ -34,7 +32,6 @@ use crate::planner::quality::look::Surroundings;
 use crate::planner::quality::map::{ErrorMap, error_map};
 use crate::planner::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Pose};
-use crate::scene::layouts;
 use crate::scene::proxy::{Occluder, Proxy, SurfacePoint};
 use crate::visibility::device_scene::DeviceScene;
 use crate::{Error, Result};
@@ -77,6 +74,15 @@ struct Simple {
     method: Method,
     subset: Vec<usize>,
     expectation: Expectation,
+}
+
+/// Cameras planned beside those that are kept, in the user's world; none where no choice needs them.
+#[derive(Default)]
+struct Planned {
+    /// By expected quality.
+    own: Vec<Pose>,
+    /// By the paper's objective, for the choice that the paper makes.
+    paper: Vec<Pose>,
 }
 
 /// What was chosen and how good it is.
@@ -151,13 +157,27 @@ impl<'a> SelectionContext<'a> {
     ///
     /// # Errors
     /// Where the plan does not fit the device, or the device fails.
-    fn plan(&self, views: usize, kept: &[Camera], viewers: Viewers) -> Result<Vec<Pose>> {
-        let (Some(first), true) = (self.set.photos.first(), views > 0) else { return Ok(Vec::new()) };
-        let base = Config::new(self.request.preset, views as u32);
+    fn plan(&self, base: Config, kept: &[Camera], viewers: Viewers) -> Result<Vec<Pose>> {
+        let (Some(first), true) = (self.set.photos.first(), base.views > 0) else { return Ok(Vec::new()) };
         let config = Config { seed: self.request.seed, viewers, checkpoint_every: base.iterations, ..base };
         let problem = Problem::new(self.target, first.camera.intrinsics, kept)?;
-        let (_, poses) = job::expected_plan(&self.context, &problem, config)?;
-        Ok(poses)
+        match config.of_quality() {
+            Some(_) => Ok(job::expected_plan(&self.context, &problem, config)?.1),
+            None => job::poses(&self.context, &problem, config),
+        }
+    }
+
+    /// The plans that the choice needs.
+    fn planned(&self, rule: Option<Rule>, kept: &[Camera], viewers: &Viewers, with_baselines: bool) -> Result<Planned> {
+        let (preset, views) = (self.request.preset, (self.request.count - kept.len()) as u32);
+        let mut planned = Planned::default();
+        if with_baselines || matches!(rule, None | Some(Rule::Assigned)) {
+            planned.own = self.plan(Config::new(preset, views), kept, viewers.clone())?;
+        }
+        if with_baselines || rule == Some(Rule::Nearest) {
+            planned.paper = self.plan(Config::paper(preset, views), kept, viewers.clone())?;
+        }
+        Ok(planned)
     }
 
     /// Viewers of a choice, for making it and for judging it: of a pool every other photo each.
@@ -207,7 +227,7 @@ impl<'a> SelectionContext<'a> {
             let error = judge.expect(&[&kept[..], std::slice::from_ref(&camera)].concat())?.error_db;
             Ok(Suggested { camera, gain_db: without - error })
         };
-        let poses = self.plan(count, &kept, viewers)?;
+        let poses = self.plan(Config::new(self.request.preset, count as u32), &kept, viewers)?;
         let mut suggested = poses.into_iter().map(alone).collect::<Result<Vec<_>>>()?;
         suggested.sort_by(|a, b| b.gain_db.total_cmp(&a.gain_db));
         for (i, one) in suggested.iter_mut().enumerate() {
@@ -235,13 +255,9 @@ impl<'a> SelectionContext<'a> {
         };
         let start = Instant::now();
         let kept: Vec<Camera> = request.include.iter().map(|photo| self.set.photos[*photo].camera.clone()).collect();
-        let needs_plan = matches!(request.method, Method::Ours | Method::Assigned | Method::Nearest);
+        let rule = self.rule()?;
         let [viewers, judges] = self.viewers();
-        let planned = if needs_plan || with_baselines {
-            self.plan(request.count - request.include.len(), &kept, viewers.clone())?
-        } else {
-            Vec::new()
-        };
+        let planned = self.planned(rule, &kept, &viewers, with_baselines)?;
         let planning = start.elapsed().as_secs_f64();
 
         let start = Instant::now();
@@ -256,14 +272,14 @@ impl<'a> SelectionContext<'a> {
                 "viewers: none of them has the surface in a sixteenth of its picture; give nearer ones (`viewers`), in the surface's frame",
             ));
         }
-        let (mut subset, mut errors_db) = match request.method {
-            Method::Ours => swap(&pool, &plain, &simple, sharpness),
-            method => (self.by(method, &pool, &planned)?, Vec::new()),
+        let (mut subset, mut errors_db) = match rule {
+            None => swap(&pool, &plain, &simple, sharpness),
+            Some(rule) => (self.by(rule, &pool, &planned)?, Vec::new()),
         };
         let mut expectation = judge.expect(&self.cameras(&subset))?;
         // Judged by viewers that no swap was made for; what is bought with sharpness is not seen by them.
         let better = |best: &&Simple| sharpness.is_none() && best.expectation.error_db < expectation.error_db;
-        if let Some(best) = simple.first().filter(|_| request.method == Method::Ours).filter(better) {
+        if let Some(best) = simple.first().filter(|_| rule.is_none()).filter(better) {
             (subset, expectation, errors_db) = (best.subset.clone(), best.expectation.clone(), vec![0.0]);
         }
         let others = simple.iter().find(|one| one.method != request.method);
@@ -297,7 +313,7 @@ impl<'a> SelectionContext<'a> {
         let mut baselines = Vec::new();
         for method in Method::BASELINES.into_iter().filter(|method| with_baselines && *method != request.method) {
             // A baseline that does not fit the scene (a sphere in a room) is no reason to fail.
-            if let Ok(subset) = self.by(method, &pool, &planned) {
+            if let Some(Ok(subset)) = method.rule().map(|rule| self.by(rule, &pool, &planned)) {
                 baselines
                     .push(BaselineRecord { name: method.name().into(), metrics: aggregate(&scorer.score(&subset)) });
             }
@@ -319,12 +335,12 @@ impl<'a> SelectionContext<'a> {
     }
 
     /// Simple choices of as many photos as requested, the best of them by expected quality first.
-    fn simple(&self, pool: &Pool<'_>, planned: &[Pose], judge: &Judge<'_>) -> Result<Vec<Simple>> {
-        let plans = planned.len() + pool.include.len() == pool.count;
+    fn simple(&self, pool: &Pool<'_>, planned: &Planned, judge: &Judge<'_>) -> Result<Vec<Simple>> {
+        let plans = planned.own.len() + pool.include.len() == pool.count;
         let mut simple = Vec::new();
         for method in SIMPLE.into_iter().filter(|method| plans || *method != Method::Assigned) {
             // A method that does not fit the pool is no reason to fail.
-            let Ok(subset) = self.by(method, pool, planned) else { continue };
+            let Some(Ok(subset)) = method.rule().map(|rule| self.by(rule, pool, planned)) else { continue };
             if subset.len() == pool.count {
                 let expectation = judge.expect(&self.cameras(&subset))?;
                 simple.push(Simple { method, subset, expectation });
@@ -334,46 +350,30 @@ impl<'a> SelectionContext<'a> {
         Ok(simple)
     }
 
-    /// The subset of a method without swaps.
-    fn by(&self, method: Method, pool: &Pool<'_>, planned: &[Pose]) -> Result<Vec<usize>> {
-        let farthest = |distance| {
-            pool.farthest(distance).ok_or_else(|| {
-                Error::request("`method` fvs-shared: shared points are counted in pools of up to 4000 photos; use fvs")
-            })
+    /// The choice of a rule.
+    fn by(&self, rule: Rule, pool: &Pool<'_>, planned: &Planned) -> Result<Vec<usize>> {
+        let planned = if rule == Rule::Nearest { &planned.paper } else { &planned.own };
+        let means = Means {
+            context: &self.context,
+            geometry: &self.scene.geometry,
+            proxy: &self.target.proxy,
+            planned,
+            model: self.model.as_ref(),
+            photograph: &mut |photo| Ok(photo.clone()),
         };
-        match method {
-            // What swaps begin with.
-            Method::Ours | Method::Assigned => Ok(pool.assigned(planned)),
-            Method::Nearest => Ok(pool.nearest(planned)),
-            Method::Random => Ok(pool.random()),
-            Method::Fibonacci => {
-                let count = pool.count - pool.include.len();
-                Ok(pool.assigned(&layouts::fibonacci_shell(&self.target.region, count)?))
+        rule.choose(pool, means)
+    }
+
+    /// The rule of the requested method; none where swaps choose.
+    fn rule(&self) -> Result<Option<Rule>> {
+        let method = self.request.method;
+        match (method, method.rule()) {
+            (Method::Ours, _) => Ok(None),
+            (_, Some(Rule::FisherRetrain(usual))) => {
+                Ok(Some(Rule::FisherRetrain(self.request.retraining.unwrap_or(usual))))
             }
-            Method::Fvs => farthest(Distance::GreatCircle),
-            Method::FvsChord => farthest(Distance::Chord),
-            Method::FvsShared => farthest(Distance::Shared),
-            Method::Coverage => Ok(pool.coverage()),
-            Method::Acp => acp::choose(pool, acp::Settings::default(), None),
-            Method::FisherRetrain => {
-                let settings = self.request.retraining.unwrap_or_default();
-                retrained::fisher(&self.context, pool, &self.target.proxy, settings, &mut |photo| Ok(photo.clone()))
-            }
-            Method::Fisher | Method::Cover => {
-                let missing = || {
-                    Error::request(format!("`method` {} needs trained splats; give them with `model`", method.name()))
-                };
-                let model = self.model.as_ref().ok_or_else(missing)?;
-                let choose = if method == Method::Fisher { information::fisher } else { information::cover };
-                choose(&self.context, pool, model, information::Settings::default())
-            }
-            Method::Paper
-            | Method::PaperNoVds
-            | Method::PaperIterative
-            | Method::OursTwoPasses
-            | Method::Grid
-            | Method::Rings
-            | Method::Manifold => {
+            (_, Some(rule)) => Ok(Some(rule)),
+            (_, None) => {
                 let name = method.name();
                 Err(Error::request(format!("`method` {name}: it places cameras and chooses no photos")))
             }

@@ -15,6 +15,7 @@ pub mod objective;
 pub mod pool;
 pub mod request;
 pub mod retrained;
+pub mod rule;
 pub(crate) mod score;
 pub mod sharpness;
 pub mod sight;

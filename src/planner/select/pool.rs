@@ -16,8 +16,6 @@ use crate::scene::region::Region;
 
 /// Stream of the random baseline, and of the first photo of farthest view sampling.
 const CONTROL_STREAM: u32 = 0x5e1e_0000;
-/// Photos up to which all pairs are worth counting shared points of.
-pub(crate) const MAX_SHARED: usize = 4000;
 
 /// What may be chosen.
 pub struct Pool<'a> {
@@ -89,12 +87,8 @@ impl Pool<'_> {
         self.include.iter().copied().chain(free).take(self.count).collect()
     }
 
-    /// Farthest view sampling after `include`; the first at random where there is none. None where counting shared points would
-    /// take too long.
-    pub fn farthest(&self, distance: Distance) -> Option<Vec<usize>> {
-        if distance == Distance::Shared && self.set.photos.len() > MAX_SHARED {
-            return None;
-        }
+    /// Farthest view sampling after `include`; the first at random where there is none.
+    pub fn farthest(&self, distance: Distance) -> Vec<usize> {
         let centre = self.region.bounding_sphere().0;
         let position = |photo: &usize| self.pose(*photo).position;
         let outward = |photo: &usize| (position(photo) - centre).try_normalize().unwrap_or(DVec3::Z);
@@ -114,7 +108,7 @@ impl Pool<'_> {
             let word = random::bits(self.seed, CONTROL_STREAM + 1, 0)[0];
             chosen.push(random::below(word, self.allowed.len() as u32) as usize);
         }
-        Some(metric.farthest(chosen, self.count).into_iter().map(|place| self.allowed[place]).collect())
+        metric.farthest(chosen, self.count).into_iter().map(|place| self.allowed[place]).collect()
     }
 
     /// Points that each photo saw: by the reconstruction's tracks, or else of the optimisation's points.
