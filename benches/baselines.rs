@@ -11,8 +11,8 @@ use std::sync::Arc;
 
 use camsplat::Result;
 use camsplat::engine::vulkan::Context;
-use camsplat::lab::baselines::job;
-use camsplat::lab::baselines::request::Request;
+use camsplat::lab::baselines::placing;
+use camsplat::lab::baselines::request::BaselineRequest;
 use camsplat::planner::methods::Method;
 use camsplat::planner::plan::config::{Config, Preset};
 use camsplat::planner::plan::problem::Problem;
@@ -49,11 +49,12 @@ fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
         let intrinsics = Intrinsics::from_fov(side, side, 40f64.to_radians());
         let target = Target::new(surface, "sample", *preset, &RegionChoice::default(), DVec3::Z, &intrinsics)?;
         let model = method.needs_model().then(|| model(&target, splats));
-        let mut request = Request::new(method, candidates, &Config { held_out: 100, ..Config::new(*preset, views) })?;
+        let mut request =
+            BaselineRequest::new(method, candidates, &Config { held_out: 100, ..Config::new(*preset, views) })?;
         if let (Some(manifold), true) = (&mut request.manifold, small) {
             manifold.steps = 20;
         }
-        let plan = job::run(&context, &Problem::new(&target, intrinsics, &[])?, &request, model.as_ref())?;
+        let plan = placing::run(&context, &Problem::new(&target, intrinsics, &[])?, &request, model.as_ref())?;
         report.wall(name, views.into(), plan.record.seconds);
         report.facts(serde_json::json!({ "name": name, "count": views, "candidates": request.candidates }));
     }

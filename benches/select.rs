@@ -16,8 +16,8 @@ use camsplat::files::photos::{Photo, PhotoSet};
 use camsplat::planner::methods::Method;
 use camsplat::planner::plan::config::Preset;
 use camsplat::planner::plan::target::{RegionChoice, Target};
-use camsplat::planner::select::job::SelectionContext;
-use camsplat::planner::select::request::Request;
+use camsplat::planner::select::request::SelectionRequest;
+use camsplat::planner::select::selection::SelectionContext;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::layouts;
 use camsplat::scene::lens::Distortion;
@@ -48,7 +48,7 @@ fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
         let set = PhotoSet { photos: pool(&target, photos, intrinsics)?, ..PhotoSet::default() };
         for method in methods {
             let start = Instant::now();
-            let request = Request { points, method, ..Request::new(count) };
+            let request = SelectionRequest { points, method, ..SelectionRequest::new(count) };
             let selection = SelectionContext::new(&context, &set, &target, request)?.select(None, false)?;
             let wall = start.elapsed().as_secs_f64();
             let [seeing, planning, choosing] = selection.seconds;

@@ -20,7 +20,7 @@ use camsplat::engine::vulkan::profile::Profile;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::gaussians::{Gaussians, MAX_DEGREE, coefficients};
 use camsplat::scene::random;
-use camsplat::splats::config::Config;
+use camsplat::splats::config::TrainConfig;
 use camsplat::splats::data::store::PhotoStore;
 use camsplat::splats::render::frame::{Frame, View};
 use camsplat::splats::render::layout;
@@ -124,8 +124,8 @@ fn training(context: &Arc<Context>, report: &mut Report, extent: &Extent, splats
     let cameras = cameras(extent.side);
     let frame = Frame::new(&cameras, &[]);
     let views: Vec<View> = cameras.iter().map(|camera| frame.view(camera)).collect();
-    let config = Config::new(30_000, splats);
-    let sizes = memory::sizes(&config, &views, memory::first_room(splats));
+    let config = TrainConfig::new(30_000, splats);
+    let sizes = memory::sizes(&config, &views, memory::first_capacity(splats));
     let buffers = memory::footprint(context, &config, &sizes, views.len());
     let footprint = Footprint { buffers, several: vec!["sort", "scan", "draws scan"] };
     if let Err(error) = footprint.check(context, "the training", |_| "take a larger device") {

@@ -89,7 +89,7 @@ pub fn reflect(words: &[u32]) -> Result<Module, String> {
             let Some(Type::Struct(members)) = tables.types.get(block) else {
                 return Err("arrays of buffers are not supported".into());
             };
-            // The block's only member names the buffer: `readonly buffer Splats { Splat splats[]; }` is `splats`.
+            // The block's only member names the buffer: `readonly buffer Splats { CameraState splats[]; }` is `splats`.
             let [member] = members[..] else { return Err("a buffer block has exactly one member".into()) };
             module.bindings.push(Binding {
                 slot: *tables.slots.get(&id).ok_or("a buffer without a binding")?,

@@ -11,6 +11,7 @@ Times, versions, names of files and the configuration's own wording do not count
 import hashlib
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -18,9 +19,13 @@ from pathlib import Path
 # What of plan.json is computed; the rest says what was asked for, by whom and how long it took.
 PLAN = ["cameras", "history", "checkpoints", "metrics", "expected", "connection", "tour", "baselines", "region", "limits"]
 # In other files: times, and what names things.
-SKIPPED = {"seconds", "gpu_seconds", "gpu_ms", "version", "config", "device", "method", "methods", "out", "surface", "elapsed", "command"}
+SKIPPED = {"stages", "capture", "path", "folder", "seconds", "gpu_seconds", "gpu_ms", "version", "config", "device", "method", "methods", "out", "surface", "elapsed", "command"}
 # Neither results nor the same from run to run.
 UNREAD = {".html", ".txt", ".svg", ".trace", ".log"}
+# Tables have times among their rows; what they hold is in results.json too.
+TABLES = {"table.md", "table.csv"}
+# Artifacts of an evaluation are named by a hash of what was asked for.
+KEY = re.compile(r"-[0-9a-f]{16}\b")
 
 PAPER = "--method paper"
 QUICK = "--held-out 100 --seed 3"
@@ -76,7 +81,7 @@ def computed(value):
 
 def content(path):
     """The bytes of a result that are compared; none where it does not count."""
-    if path.suffix in UNREAD or path.name.startswith("checkpoint"):
+    if path.suffix in UNREAD or path.name in TABLES or path.name.startswith("checkpoint"):
         return None
     if path.name == "plan.json":
         record = json.loads(path.read_text())
@@ -99,10 +104,11 @@ def main():
             if ran.returncode != 0:
                 print(f"{name}: {ran.stderr.strip().splitlines()[-1]}", file=sys.stderr)
             print(f"{name} exit {ran.returncode}", file=hashes, flush=True)
-            for path in sorted((out / name).rglob("*")):
-                found = content(path) if path.is_file() else None
-                if found is not None:
-                    print(f"{path.relative_to(out)} {hashlib.sha256(found).hexdigest()[:16]}", file=hashes, flush=True)
+            found = {path.relative_to(out): content(path) for path in (out / name).rglob("*") if path.is_file()}
+            lines = [
+                f"{KEY.sub('', str(path))} {hashlib.sha256(bits).hexdigest()[:16]}" for path, bits in found.items() if bits is not None
+            ]
+            print("\n".join(sorted(lines)), file=hashes, flush=True)
 
 
 main()

@@ -19,7 +19,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use camsplat::engine::vulkan::{Context, Options};
+use camsplat::engine::vulkan::{Context, ContextOptions};
 use camsplat::{Error, Result};
 
 use arguments::Arguments;
@@ -31,7 +31,7 @@ pub use times::Times;
 
 /// The device that the environment selects, or the best one.
 pub fn context() -> Result<Arc<Context>> {
-    Context::new(&Options { device: std::env::var("CAMSPLAT_DEVICE").ok(), ..Options::default() })
+    Context::new(&ContextOptions { device: std::env::var("CAMSPLAT_DEVICE").ok(), ..ContextOptions::default() })
 }
 
 /// Runs a bench: the device's peaks, the bench's rows, and the comparison that the command line asks for. The exit code is 1 where a row

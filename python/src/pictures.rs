@@ -3,9 +3,9 @@
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use camsplat::engine::vulkan::{Context, Options};
+use camsplat::engine::vulkan::{Context, ContextOptions};
 use camsplat::files::io;
-use camsplat::splats::render::job::{Format, Job, Settings};
+use camsplat::splats::render::pictures::{Format, Job, RenderSettings};
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray as _, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
@@ -37,13 +37,13 @@ pub fn render<'py>(
 ) -> PyResult<Vec<Picture<'py>>> {
     unless_forked()?;
     let cameras = cameras(names, &poses, &lenses, &sizes);
-    let settings = Settings { format: Format::Exr, alpha, depth, background, antialiased, near };
+    let settings = RenderSettings { format: Format::Exr, alpha, depth, background, antialiased, near };
     // Checked again after every picture, so that Ctrl-C is heard.
     let mut raised = None;
     let pictures = py.detach(|| -> camsplat::Result<_> {
         let job = Job::new(&cameras, settings)?;
         let (gaussians, _) = io::read_gaussians_with_notes(&model)?;
-        let context = Context::new(&Options { device, ..Options::default() })?;
+        let context = Context::new(&ContextOptions { device, ..ContextOptions::default() })?;
         let mut pictures = Vec::new();
         job.pictures(&context, gaussians, |rendering, unit| {
             let shape = (rendering.height as usize, rendering.width as usize);

@@ -6,7 +6,7 @@ use super::camera::Pose;
 
 /// From where one photo was taken to where another is to be, in the level frame of the first.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Way {
+pub struct RelativeMove {
     /// How far to the right, ahead and up, in units of the scene.
     pub right: f64,
     /// Ahead along the level part of where the first looks.
@@ -21,7 +21,7 @@ pub struct Way {
     pub pitch: f64,
 }
 
-impl Way {
+impl RelativeMove {
     /// The way from one pose to another, where `up` is up.
     pub fn new(from: &Pose, to: &Pose, up: DVec3) -> Self {
         let offset = to.position - from.position;
@@ -127,7 +127,7 @@ mod tests {
         // Facing east (+X) with up +Z: right is south (-Y).
         let from = Pose::looking(DVec3::new(1.0, 1.0, 1.5), DVec3::X, DVec3::Z);
         let to = Pose::looking(DVec3::new(3.0, 0.0, 2.0), DVec3::new(1.0, -1.0, -0.5), DVec3::Z);
-        let way = Way::new(&from, &to, DVec3::Z);
+        let way = RelativeMove::new(&from, &to, DVec3::Z);
         assert!((way.right - 1.0).abs() < 1e-9 && (way.ahead - 2.0).abs() < 1e-9 && (way.up - 0.5).abs() < 1e-9);
         assert!((way.turn.to_degrees() - 45.0).abs() < 1e-9 && way.tilt < 0.0 && way.pitch == way.tilt);
         assert_eq!(
@@ -135,9 +135,12 @@ mod tests {
             "one step right, 2.0 steps forward, half a step up; turn right 45°, aim 19° down"
         );
         assert_eq!(way.words(&Unit::Metre(1.0)), "1.0 m right, 2.0 m forward, 50 cm up; turn right 45°, aim 19° down");
-        let back = Way::new(&to, &from, DVec3::Z);
+        let back = RelativeMove::new(&to, &from, DVec3::Z);
         assert!((back.turn + way.turn).abs() < 1e-9 && back.ahead < 0.0 && back.tilt > 0.0);
-        assert_eq!(Way::new(&from, &from, DVec3::Z).words(&Unit::Step(1.0)), "stay there; do not turn, aim level");
+        assert_eq!(
+            RelativeMove::new(&from, &from, DVec3::Z).words(&Unit::Step(1.0)),
+            "stay there; do not turn, aim level"
+        );
     }
 
     /// If this failed, photos from above would have no left and right.
@@ -145,7 +148,7 @@ mod tests {
     fn who_looks_straight_down_has_a_heading() {
         let down = Pose::looking(DVec3::Z, DVec3::NEG_Z, DVec3::X);
         let to = Pose { position: DVec3::new(0.5, -2.0, 1.0), ..down };
-        let way = Way::new(&down, &to, DVec3::Z);
+        let way = RelativeMove::new(&down, &to, DVec3::Z);
         assert!((way.ahead - 0.5).abs() < 1e-9 && (way.right - 2.0).abs() < 1e-9 && way.turn.abs() < 1e-9, "{way:?}");
     }
 }

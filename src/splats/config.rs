@@ -75,7 +75,7 @@ pub enum Background {
 
 /// Configuration of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Config {
+pub struct TrainConfig {
     /// Iterations.
     pub iterations: u32,
     /// Most Gaussians.
@@ -153,7 +153,7 @@ pub struct Schedule {
     pub iterations: u32,
 }
 
-impl Config {
+impl TrainConfig {
     /// Defaults for a run of so many iterations that starts at a capture's points.
     pub fn new(iterations: u32, max_splats: u32) -> Self {
         let (init_opacity, init_scale) = beginning(Strategy::Mcmc, iterations, Start::Points);
@@ -301,7 +301,7 @@ mod tests {
     use super::*;
 
     fn schedule(iterations: u32, photos: usize) -> Schedule {
-        Config::new(iterations, 100_000).schedule(photos)
+        TrainConfig::new(iterations, 100_000).schedule(photos)
     }
 
     /// Computed directly. If this failed, rooms of hundreds of photos would be relocated more often than photos show their
@@ -323,7 +323,7 @@ mod tests {
             assert_eq!(schedule(iterations, photos).refine_every, every, "{iterations} iterations, {photos} photos");
         }
         assert_eq!(schedule(7000, 50).growth, GROWTH);
-        let adaptive = Config::new(7000, 100_000).with_strategy(Strategy::Adc, Start::Points).schedule(300);
+        let adaptive = TrainConfig::new(7000, 100_000).with_strategy(Strategy::Adc, Start::Points).schedule(300);
         assert_eq!(adaptive.refine_every, 23);
     }
 
@@ -352,8 +352,8 @@ mod tests {
             assert!((weights[iteration] - weight).abs() < 1e-12, "{iteration}: {}", weights[iteration]);
         }
         assert!((0..1000).all(|iteration| schedule.regularisation(iteration, false) == 0.01));
-        let classic = Config::new(1000, 9).with_strategy(Strategy::Adc, Start::Points);
-        let refused = Config { suppress_floaters: true, ..classic }.validate().unwrap_err().to_string();
+        let classic = TrainConfig::new(1000, 9).with_strategy(Strategy::Adc, Start::Points);
+        let refused = TrainConfig { suppress_floaters: true, ..classic }.validate().unwrap_err().to_string();
         assert!(refused.contains("suppress_floaters") && refused.contains("mcmc"), "{refused}");
     }
 

@@ -53,7 +53,7 @@ fn the_folder_is_a_capture_as_it_is() {
         assert!(files.contains(&name.to_owned()), "{name} is not in {files:?}");
     }
     for path in ["o", "o/transforms.json"] {
-        let options = photos::Options { images: Images::Needed, ..photos::Options::default() };
+        let options = photos::ReadOptions { images: Images::Needed, ..photos::ReadOptions::default() };
         let set = photos::read(&place.path(path), &options).unwrap();
         assert_eq!(set.photos.len(), 3);
         assert!(set.photos.iter().all(|photo| photo.mask.is_some()), "{path}");

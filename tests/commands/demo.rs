@@ -4,14 +4,14 @@ use std::ops::ControlFlow;
 
 use crate::support::command::{Place, assert_refused, read_until, stop};
 use camsplat::app::report;
-use camsplat::engine::vulkan::{Context, Options};
-use camsplat::lab::evaluate::demo::{self, Event, Size};
+use camsplat::engine::vulkan::{Context, ContextOptions};
+use camsplat::lab::evaluate::demo::{self, DemoEvent, Size};
 use camsplat::lab::evaluate::scene::Scene;
-use camsplat::lab::evaluate::settings::Settings;
+use camsplat::lab::evaluate::settings::EvaluationSettings;
 
 /// A demo of seconds.
 const SMALL: Size = Size {
-    settings: Settings {
+    settings: EvaluationSettings {
         size: 48,
         samples: 2,
         test_samples: 2,
@@ -33,12 +33,12 @@ fn subject() -> Scene {
 /// stop.
 #[test]
 fn the_whole_way_is_gone_and_the_page_shows_what_is_there() {
-    let context = Context::new(&Options { validation: true, ..Options::default() }).unwrap();
+    let context = Context::new(&ContextOptions { validation: true, ..ContextOptions::default() }).unwrap();
     let place = Place::new();
     let out = place.path("out");
     let (mut told, mut stopping) = (Vec::new(), false);
     let broken_off = demo::run(&context, &out, SMALL, &subject(), &mut |event| {
-        if let Event::Done(step) = event {
+        if let DemoEvent::Done(step) = event {
             stopping = step.name == "tests";
             told.push(step.name);
         }

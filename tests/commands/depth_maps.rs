@@ -9,14 +9,14 @@ use camsplat::engine::vulkan::{self, Context};
 use camsplat::files::io;
 use camsplat::files::io::depth_maps::DepthMaps;
 use camsplat::files::photos::PhotoSet;
-use camsplat::photogrammetry::stereo::{Options, Reconstruction, reconstruct};
+use camsplat::photogrammetry::stereo::{Reconstruction, StereoOptions, reconstruct};
 use camsplat::scene::camera::Camera;
 use camsplat::scene::surface::{Points, Surface};
 use glam::{DVec2, DVec3};
 use image::{GrayImage, ImageBuffer, Luma};
 
 fn context() -> Arc<Context> {
-    let options = vulkan::Options { validation: true, ..vulkan::Options::default() };
+    let options = vulkan::ContextOptions { validation: true, ..vulkan::ContextOptions::default() };
     Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
 }
 
@@ -84,7 +84,7 @@ fn depths_of_unknown_scale_are_brought_to_the_points() {
         })
     });
     let points = Points { positions: seen.collect(), ..Points::default() };
-    let options = Options { maps: Some(DepthMaps::new(maps)), hull: false, ..Options::default() };
+    let options = StereoOptions { maps: Some(DepthMaps::new(maps)), hull: false, ..StereoOptions::default() };
     let set = PhotoSet { photos, points, ..PhotoSet::default() };
     let found = reconstruct(&context, &set, &options).unwrap();
     assert!(astray(&found) < 0.05, "{} of the points are off", astray(&found));
@@ -136,7 +136,8 @@ fn depths_of_low_confidence_neither_build_nor_carve() {
     }
     let set = PhotoSet { photos, ..PhotoSet::default() };
     let made = |maps: DepthMaps| {
-        let found = reconstruct(&context, &set, &Options { maps: Some(maps), ..Options::default() }).unwrap();
+        let found =
+            reconstruct(&context, &set, &StereoOptions { maps: Some(maps), ..StereoOptions::default() }).unwrap();
         let positions = &found.points.positions;
         let upper: Vec<DVec3> = positions.iter().copied().filter(|p| p.z > centre.z - 0.3 * radius).collect();
         let off = upper.iter().filter(|p| (p.distance(centre) / radius - 1.0).abs() > 0.06).count();

@@ -5,6 +5,7 @@ use std::fs;
 use crate::support::browser::{acting, number_after, rendered, write_to};
 use crate::support::command::gltf::lit_cube;
 use crate::support::command::{Place, assert_refused, ended, read_until, stop};
+use crate::support::data::data_folder;
 use crate::support::lpips_weights;
 use serde_json::{Value, json};
 
@@ -431,10 +432,7 @@ fn cameras_of_a_file_are_a_method() {
 #[test]
 #[ignore = "takes minutes"]
 fn the_quick_evaluation_ranks_random_below_ours() {
-    let Some(data) = std::env::var_os("CAMSPLAT_DATA").map(std::path::PathBuf::from) else {
-        println!("skipped: CAMSPLAT_DATA is not set");
-        return;
-    };
+    let data = data_folder();
     let place = Place::new();
     let [scene, sky] = ["objects/DamagedHelmet.glb", "hdri/studio_small_03_1k.hdr"].map(|file| data.join(file));
     let mut command = place.command("evaluate --quick --out o --methods random,ours");

@@ -5,7 +5,7 @@ use std::fs;
 
 use crate::support::command::gltf::{cube, sky};
 use crate::support::command::{Place, assert_refused};
-use camsplat::files::io::photos::{self, Options};
+use camsplat::files::io::photos::{self, ReadOptions};
 use camsplat::lab::path_tracer::outputs::Record;
 use camsplat::planner::plan::record::PlanRecord;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
@@ -74,7 +74,7 @@ fn a_room_is_evaluated_from_inside() {
     assert!(records.iter().filter(|record| !of_tests(record)).all(|record| record.samples == 2));
     for capture in captures {
         let folder = capture.trim_end_matches("/transforms.json");
-        let set = photos::read(&place.path(&format!("o/room/{folder}")), &Options::default()).unwrap();
+        let set = photos::read(&place.path(&format!("o/room/{folder}")), &ReadOptions::default()).unwrap();
         for photo in set.photos {
             let place = photo.camera.pose.position;
             assert!(place.abs().max_element() < 0.93, "{} stands at {place}", photo.camera.name);

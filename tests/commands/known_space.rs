@@ -1,9 +1,9 @@
 //! Where cameras for a capture stand: in space that its photos prove free, within reach of where they were taken.
 
 use std::fs;
-use std::path::PathBuf;
 
 use crate::support::command::{Place, SHORT, assert_refused};
+use crate::support::data::data_folder;
 use camsplat::files::io;
 use camsplat::files::io::camera_files;
 use camsplat::files::io::folder::OutputFolder;
@@ -154,11 +154,9 @@ fn spaces_that_are_none_are_refused() {
 /// If this failed, plans for the real captures on which this was found would again stand behind their walls and under their tables.
 /// The planes were fitted to the captures' points by other means (RANSAC and least squares in numpy).
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn nobody_is_sent_behind_the_fox() {
-    let Some(data) = std::env::var_os("CAMSPLAT_DATA").map(PathBuf::from) else {
-        println!("skipped: CAMSPLAT_DATA is not set");
-        return;
-    };
+    let data = data_folder();
     let planes = [
         ("fox", [[0.171, 0.05, -0.77], [0.8748, -0.4763, -0.0889]]),
         ("plush", [[0.158, 0.078, -0.385], [-0.1396, 0.1042, 0.9847]]),

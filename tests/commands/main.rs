@@ -36,6 +36,7 @@ mod support {
     pub mod ball_scene;
     pub mod browser;
     pub mod command;
+    pub mod data;
     pub mod gps;
     pub mod images;
     pub mod lpips_weights;

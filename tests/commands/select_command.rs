@@ -6,16 +6,17 @@ use std::path::Path;
 use crate::support::browser::{acting, figure, number_after, rendered, write};
 use crate::support::command;
 use crate::support::command::{Place, ended};
+use crate::support::data::data_folder;
 use camsplat::files::io;
 use camsplat::files::io::camera_files;
 use camsplat::files::io::folder::OutputFolder;
-use camsplat::files::io::photos::Options;
+use camsplat::files::io::photos::ReadOptions;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::random;
 use camsplat::scene::surface::Points;
 use glam::DVec3;
 
-/// Options that keep a choice small.
+/// ReadOptions that keep a choice small.
 const SMALL: &str = "--points 200";
 
 /// A place with `capture`, a COLMAP model of a ball photographed from 24 sides with images and one mask, and `poses.json`, the
@@ -82,7 +83,7 @@ fn the_folder_is_a_capture_of_the_chosen_photos() {
     assert!(names.contains(&"photo_03.png".into()) && names.contains(&"photo_07.png".into()));
     assert!(!names.contains(&"photo_00.png".into()));
 
-    let set = io::photos::read(&place.path("o"), &Options::default()).unwrap();
+    let set = io::photos::read(&place.path("o"), &ReadOptions::default()).unwrap();
     assert_eq!(set.photos.iter().map(|photo| photo.camera.name.clone()).collect::<Vec<_>>(), names);
     assert!(set.photos.iter().all(|photo| photo.image.is_some() && photo.mask.is_some()));
     assert!(set.points.positions.len() > 100 && set.tracks.iter().all(|track| !track.is_empty()));
@@ -126,7 +127,7 @@ fn a_selection_from_another_format_has_a_colmap_model_and_all_its_masks() {
     }
     place.write("capture/transforms.json", file.to_string());
     place.done(&format!("select capture --count 8 --out o {SMALL}"));
-    let read = |path: &str| io::photos::read(&place.path(path), &Options::default()).unwrap();
+    let read = |path: &str| io::photos::read(&place.path(path), &ReadOptions::default()).unwrap();
     let (model, transforms) = (read("o/sparse/0"), read("o/transforms.json"));
     assert_eq!((model.photos.len(), transforms.photos.len()), (8, 8));
     for (a, b) in model.photos.iter().zip(&transforms.photos) {
@@ -262,21 +263,18 @@ fn what_cannot_be_chosen_is_refused() {
 
 /// Real captures (CAMSPLAT_DATA), and poses at the scale of a building with a surface that is given.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn real_pools() {
-    let Some(data) = std::env::var_os("CAMSPLAT_DATA") else {
-        println!("skipped: CAMSPLAT_DATA is not set");
-        return;
-    };
-    let photos = Path::new(&data).join("photos");
+    let photos = data_folder().join("photos");
     let place = Place::new();
     for (set, total) in [("plush", 95), ("beer-can", 71)] {
         let ran = place.done(&format!("select {} --count 12 --out {set}", photos.join(set).display()));
         assert!(ran.out.contains(&format!("12 of {total} photos")), "{}", ran.out);
-        assert_eq!(io::photos::read(&place.path(set), &Options::default()).unwrap().photos.len(), 12);
+        assert_eq!(io::photos::read(&place.path(set), &ReadOptions::default()).unwrap().photos.len(), 12);
     }
     // A ball where the Barn's cameras look.
     let log = photos.join("barn-poses/Barn_COLMAP_SfM.log");
-    let set = io::photos::read(&log, &Options::default()).unwrap();
+    let set = io::photos::read(&log, &ReadOptions::default()).unwrap();
     let poses: Vec<Pose> = set.photos.iter().map(|photo| photo.camera.pose).collect();
     let centre = poses.iter().map(|pose| pose.position).sum::<DVec3>() / poses.len() as f64;
     let reach = poses.iter().map(|pose| pose.position.distance(centre)).sum::<f64>() / poses.len() as f64;

@@ -78,7 +78,7 @@ fn captured_as(format: &str, bare: bool) -> Place {
 #[test]
 fn a_preview_shows_what_the_photo_will() {
     let place = captured(false);
-    let set = io::photos::read(&place.path("wall"), &io::photos::Options::default()).unwrap();
+    let set = io::photos::read(&place.path("wall"), &io::photos::ReadOptions::default()).unwrap();
     let previews = Previews::new(&set, set.step());
     let aims = [
         camera("a", DVec3::new(0.2, -4.2, 1.9), DVec3::new(0.0, 0.0, 1.5)),

@@ -15,14 +15,14 @@ use camsplat::photogrammetry::stereo::cost::{NO_MATCH, Plane, Scene};
 use camsplat::photogrammetry::stereo::depth::Sweeper;
 use camsplat::photogrammetry::stereo::frame::{MAX_PAIRS, StereoPair, StereoView, device_pairs, device_views};
 use camsplat::photogrammetry::stereo::hull::{Evidence, Hull, carve};
-use camsplat::photogrammetry::stereo::{Options, ball_depths, reconstruct};
+use camsplat::photogrammetry::stereo::{StereoOptions, ball_depths, reconstruct};
 use camsplat::scene::camera::{Camera, Pose};
 use camsplat::scene::surface::{Points, Surface};
 use camsplat::scene::voxels::Grid;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 fn context() -> Arc<Context> {
-    let options = vulkan::Options { validation: true, ..vulkan::Options::default() };
+    let options = vulkan::ContextOptions { validation: true, ..vulkan::ContextOptions::default() };
     Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
 }
 
@@ -223,7 +223,7 @@ fn a_ball_is_reconstructed_from_its_photos() {
     let photos = photograph(folder.path(), &cameras(12), true);
     let set = PhotoSet { photos, ..PhotoSet::default() };
     for hull in [true, false] {
-        let options = Options { hull, ..Options::default() };
+        let options = StereoOptions { hull, ..StereoOptions::default() };
         let found = reconstruct(&context, &set, &options).unwrap();
         let points = &found.points;
         let (centre, radius) = BALL;
@@ -371,7 +371,7 @@ fn the_depths_of_a_walk_are_found() {
     let positions: Vec<DVec3> = seen.collect();
     for points in [Points::default(), Points { positions, ..Points::default() }] {
         let set = PhotoSet { photos: photos.clone(), points, ..PhotoSet::default() };
-        let found = reconstruct(&context, &set, &Options { hull: false, ..Options::default() }).unwrap();
+        let found = reconstruct(&context, &set, &StereoOptions { hull: false, ..StereoOptions::default() }).unwrap();
         let [near, far] = found.depths;
         assert!(near < low && 0.3 * low < near, "near {near} for {low}");
         assert!(far > high && far < 3.0 * high, "far {far} for {high}");
@@ -390,7 +390,9 @@ fn the_depths_of_a_walk_are_found() {
     let empty = tempfile::tempdir().unwrap();
     let photos = photograph(empty.path(), &away.into_iter().map(|photo| photo.camera).collect::<Vec<_>>(), false);
     let set = PhotoSet { photos, ..PhotoSet::default() };
-    let message = reconstruct(&context, &set, &Options { hull: false, ..Options::default() }).unwrap_err().to_string();
+    let message = reconstruct(&context, &set, &StereoOptions { hull: false, ..StereoOptions::default() })
+        .unwrap_err()
+        .to_string();
     assert!(message.contains("`near` and `far`"), "{message}");
 }
 
@@ -406,7 +408,7 @@ fn photos_without_overlap_are_refused() {
         .map(|(axis, camera)| Camera { pose: Pose::looking(2.5 * *axis, -*axis, DVec3::new(0.1, 0.2, 0.9)), ..camera })
         .collect();
     let set = PhotoSet { photos: photograph(folder.path(), &apart, false), ..PhotoSet::default() };
-    let message = reconstruct(&context, &set, &Options::default()).unwrap_err().to_string();
+    let message = reconstruct(&context, &set, &StereoOptions::default()).unwrap_err().to_string();
     assert!(message.contains("no two of the photos"), "{message}");
 }
 

@@ -66,6 +66,7 @@ mod visibility {
 mod support {
     pub mod browser;
     pub mod buffers;
+    pub mod data;
     pub mod host;
     pub mod images;
     pub mod lpips_weights;

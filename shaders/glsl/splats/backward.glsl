@@ -93,7 +93,7 @@ void leave_sums(float sums[SUMS], uint lane, uint instance) {
 void main() {
     View camera = views[view];
     uint lane = numbered(), first = group_index() * BLOCK;
-    uint stop = min(first + BLOCK, min(counts[0], room));
+    uint stop = min(first + BLOCK, min(counts[0], capacity));
     if (first >= stop) return;
     uint wide = tiles_of(camera).x;
     for (uint begin = first, end; begin < stop; begin = end) {

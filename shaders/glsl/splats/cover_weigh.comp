@@ -12,7 +12,7 @@ layout(push_constant) uniform Push {
     uint stride;
     uint view;
     // Capacity for instances: where there were more, nothing is learnt.
-    uint room;
+    uint capacity;
     // Whether to remember the directions.
     uint learn;
 };
@@ -37,7 +37,7 @@ const uint BINS = 64;
 
 void main() {
     uint i = group_index() * 64 + gl_LocalInvocationIndex;
-    if (i >= population[0] || counts[0] > room) return;
+    if (i >= population[0] || counts[0] > capacity) return;
     uvec2 run = projected[i].opacity > 0.0 ? runs[i] : uvec2(0);
     float part = 0.0;
     // By fours: a Gaussian before the camera has as many instances as the picture has tiles, and some devices bound loops.

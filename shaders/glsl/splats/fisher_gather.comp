@@ -18,7 +18,7 @@ layout(binding = 5, std430) writeonly buffer Squares { float squares[]; };
 
 void main() {
     uint i = group_index() * 64 + gl_LocalInvocationIndex;
-    if (i >= population[0] || counts[0] > room) return;
+    if (i >= population[0] || counts[0] > capacity) return;
     Projected splat = projected[i];
     uvec2 run = splat.opacity > 0.0 ? runs[i] : uvec2(0);
     float sum[SQUARES];

@@ -82,7 +82,7 @@ void square_column(uint s, uint k, uint column, uint splat) {
 void main() {
     View camera = views[view];
     uint thread = gl_LocalInvocationIndex, first = group_index() * BLOCK;
-    uint stop = min(first + BLOCK, min(counts[0], room));
+    uint stop = min(first + BLOCK, min(counts[0], capacity));
     if (first >= stop) return;
     uint wide = tiles_of(camera).x;
     for (uint k = thread; k < BLOCK; k += THREADS) {

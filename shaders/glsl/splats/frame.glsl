@@ -6,7 +6,7 @@ layout(push_constant) uniform Push {
     // Degree of the harmonics that take part.
     uint degree;
     // Capacity for instances.
-    uint room;
+    uint capacity;
     vec3 background;
     uint iteration;
 };

@@ -79,7 +79,7 @@ void main() {
         }
         SUM_UP(instances_to, thread);
         uint instances = instances_to[THREADS - 1];
-        for (uint k = thread; k < instances && at + k < room; k += THREADS) {
+        for (uint k = thread; k < instances && at + k < capacity; k += THREADS) {
             FIND(row, instances_to, k);
             tile_keys[at + k] = first_tile[row] + k - (row > 0 ? instances_to[row - 1] : 0);
             tile_instances[at + k] = at + k;

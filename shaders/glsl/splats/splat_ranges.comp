@@ -12,7 +12,7 @@ layout(binding = 1, std430) readonly buffer TileKeys { uint tile_keys[]; };
 layout(binding = 2, std430) buffer Ranges { uvec2 ranges[]; };
 
 void main() {
-    uint i = group_index() * 256 + gl_LocalInvocationIndex, count = min(counts[0], room);
+    uint i = group_index() * 256 + gl_LocalInvocationIndex, count = min(counts[0], capacity);
     if (i >= count) return;
     uint key = tile_keys[i];
     if (key >= ranges.length()) return;

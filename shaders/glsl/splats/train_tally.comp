@@ -41,7 +41,7 @@ void main() {
     FOLD(thread, 256, sums[thread] += sums[thread + apart]);
     if (thread != 0 || control[0] != 0) return;
     vec3 means = sums[0].xyz / float(3 * camera.width * camera.height);
-    bool crowded = counts[0] > room, finite = all(lessThan(floatBitsToUint(means) & 0x7fffffffu, uvec3(0x7f800000u)));
+    bool crowded = counts[0] > capacity, finite = all(lessThan(floatBitsToUint(means) & 0x7fffffffu, uvec3(0x7f800000u)));
     if (crowded || !finite) {
         control[0] = 1;
         mailbox[crowded ? 1 : 2] = crowded ? counts[0] : 1;

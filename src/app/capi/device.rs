@@ -12,7 +12,7 @@ use super::versioned::{Versioned, init, read, write};
 use crate::engine::vulkan::host::{HostDevice, QueueLock, RawHost};
 use crate::engine::vulkan::instance::Instance;
 use crate::engine::vulkan::physical::Physical;
-use crate::engine::vulkan::{Context, Options};
+use crate::engine::vulkan::{Context, ContextOptions};
 use crate::{Error, Result};
 
 /// The Vulkan devices of this machine.
@@ -245,7 +245,7 @@ pub unsafe extern "C" fn camsplat_device_open(
     unsafe {
         answer_with(device, error, || {
             let name = text(name).map(|name| name.to_string_lossy().into_owned()).filter(|name| !name.is_empty());
-            Ok(CamsplatDevice::new(Context::new(&Options { device: name, ..Options::default() })?))
+            Ok(CamsplatDevice::new(Context::new(&ContextOptions { device: name, ..ContextOptions::default() })?))
         })
     }
 }

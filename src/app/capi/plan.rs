@@ -9,7 +9,7 @@ use glam::{DQuat, DVec3};
 use super::device::CamsplatDevice;
 use super::failure::{CamsplatError, CamsplatResult, answer, answer_with, free, given};
 use super::versioned::{Versioned, init, read};
-use crate::planner::plan::job::Plan;
+use crate::planner::plan::pipeline::Plan;
 use crate::planner::plan::request::plan;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::region::Shape;

@@ -13,8 +13,8 @@ use crate::app::report;
 use crate::engine::vulkan::Context;
 use crate::files::io::folder::OutputFolder;
 use crate::files::photos::PhotoSet;
-use crate::lab::baselines::job;
-use crate::lab::baselines::request::Request;
+use crate::lab::baselines::placing;
+use crate::lab::baselines::request::BaselineRequest;
 use crate::planner::methods::Method;
 use crate::planner::plan::config::Config;
 use crate::planner::plan::problem::Problem;
@@ -59,9 +59,9 @@ impl BaselineOptions {
     ///
     /// # Errors
     /// An option that the method does not take.
-    pub fn request(&self, config: &Config) -> Result<Option<(Request, Option<Model>)>> {
+    pub fn request(&self, config: &Config) -> Result<Option<(BaselineRequest, Option<Model>)>> {
         if self.method.needs_photographs() {
-            return Err(job::no_photographs(self.method));
+            return Err(placing::no_photographs(self.method));
         }
         let model = self.model.read(self.method.name(), self.method.needs_model())?;
         let of_acp = self.nodes.is_some() || self.hidden_nodes;
@@ -79,7 +79,7 @@ impl BaselineOptions {
                 None => Ok(None),
             };
         }
-        let mut request = Request::new(self.method, self.candidates, config)?;
+        let mut request = BaselineRequest::new(self.method, self.candidates, config)?;
         if let Some(acp) = &mut request.acp {
             acp.grid = self.nodes.unwrap_or(acp.grid);
             acp.occlusion = self.hidden_nodes;
@@ -98,13 +98,13 @@ impl BaselineOptions {
 /// Places cameras as a baseline does, writes the folder and prints what came out.
 pub fn run(
     context: &Arc<Context>,
-    (request, model): &(Request, Option<Model>),
+    (request, model): &(BaselineRequest, Option<Model>),
     problem: &Problem<'_>,
     photos: Option<&PhotoSet>,
     order: Order,
     folder: OutputFolder,
 ) -> Result<Ended> {
-    let mut plan = job::run(context, problem, request, model.as_ref())?;
+    let mut plan = placing::run(context, problem, request, model.as_ref())?;
     order.apply(&mut plan);
     print_messages(context);
     // From here on the first Ctrl-C is not heard, so that no half of a folder is left.

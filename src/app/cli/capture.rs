@@ -18,14 +18,14 @@ use crate::files::io::environment::read_environment;
 use crate::files::io::gltf::read_model;
 use crate::files::io::picture::renamed;
 use crate::lab::path_tracer::assembly::Assembly;
+use crate::lab::path_tracer::capture::{self, Outcome};
 use crate::lab::path_tracer::inside::cameras_inside;
-use crate::lab::path_tracer::job::{self, Outcome};
 use crate::lab::path_tracer::lightmap::{self, Light, LightMap};
 use crate::lab::path_tracer::metering::metered;
 use crate::lab::path_tracer::outputs::{Outputs, Record, named, recorded_exposure};
 use crate::lab::path_tracer::tracer::Tracer;
 use crate::scene::camera::Camera;
-use crate::splats::render::job::resize;
+use crate::splats::render::pictures::resize;
 use crate::{Error, Result};
 
 /// Arguments of `camsplat capture`.
@@ -131,7 +131,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         version: env!("CARGO_PKG_VERSION").into(),
         scene: assembly.checksum(),
         samples,
-        light: (light == Light::Baked).then(|| lightmap::Settings::new(most, samples, arguments.seed)),
+        light: (light == Light::Baked).then(|| lightmap::LightmapSettings::new(most, samples, arguments.seed)),
         seed: arguments.seed,
         exposure: match arguments.exposure {
             Stops::At(stops) => stops,
@@ -201,7 +201,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let start = Instant::now();
     let all = record.cameras.len() as u32;
     let progress = Progress::over("photographing", all, "pictures");
-    let outcome = job::run(&tracer, &record, &outputs, &arguments.out, |done| {
+    let outcome = capture::run(&tracer, &record, &outputs, &arguments.out, |done| {
         done.map_or_else(go_on, |done| progress.advance(done, all))
     });
     progress.finish();
@@ -253,7 +253,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
 fn light_of(
     context: &Arc<Context>,
     assembly: &Assembly,
-    settings: &lightmap::Settings,
+    settings: &lightmap::LightmapSettings,
     eyes: &[DVec3],
     folder: &Path,
 ) -> Result<Option<(LightMap, bool)>> {

@@ -12,7 +12,7 @@ use super::session::{Ended, go_on};
 use crate::app::report;
 use crate::engine::vulkan::Context;
 use crate::files::io::folder::{check_folder, write_files};
-use crate::lab::evaluate::demo::{self, Event, METHODS, Size, Step, title};
+use crate::lab::evaluate::demo::{self, DemoEvent, METHODS, Size, Step, title};
 use crate::lab::evaluate::results::{Interval, Row, measured};
 use crate::{Error, Result};
 
@@ -70,7 +70,7 @@ fn photograph(context: &Arc<Context>, out: &Path) -> Result<()> {
     let size = Size::DEMO;
     let scene = size.scene(PHOTOGRAPHED)?;
     let demo = demo::run(context, out, size, &scene, &mut |event| {
-        if let Event::Done(Step { name, what, seconds }) = event {
+        if let DemoEvent::Done(Step { name, what, seconds }) = event {
             say!("{name:<8} {what} ({seconds:.0} s)");
         }
         go_on()

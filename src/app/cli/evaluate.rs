@@ -13,15 +13,15 @@ use super::viewers::ViewerOptions;
 use crate::app::report;
 use crate::files::io::environment::read_environment;
 use crate::files::io::folder::write_files;
-use crate::lab::evaluate::artifact::Event;
+use crate::lab::evaluate::artifact::ArtifactEvent;
 use crate::lab::evaluate::competitor::Competitor;
-use crate::lab::evaluate::job;
+use crate::lab::evaluate::evaluation;
 use crate::lab::evaluate::kind::Kind;
 use crate::lab::evaluate::pool::Pool;
-use crate::lab::evaluate::request::Request;
+use crate::lab::evaluate::request::EvaluationRequest;
 use crate::lab::evaluate::results::{Entry, Outcome};
 use crate::lab::evaluate::scene::{Scene, Setting};
-use crate::lab::evaluate::settings::{BaselinesFrom, InputsFrom, Settings, Shown, Space};
+use crate::lab::evaluate::settings::{BaselinesFrom, EvaluationSettings, InputsFrom, Shown, Space};
 use crate::lab::evaluate::shard::Shard;
 use crate::lab::evaluate::situation::Situation;
 use crate::lab::evaluate::subject::Subject;
@@ -194,7 +194,7 @@ impl Arguments {
         }
     }
 
-    fn request(&self) -> Result<Request> {
+    fn request(&self) -> Result<EvaluationRequest> {
         let kind = if self.pool.is_empty() { Kind::of(self.preset()) } else { Kind::Pool };
         let shape = self.box_.as_deref().map(box_of).transpose()?;
         let usual: &[&str] = match kind {
@@ -213,7 +213,7 @@ impl Arguments {
             (Kind::Room, true) => vec![30],
             (_, true) => vec![20],
         };
-        let of = if self.quick { Settings::QUICK } else { Settings::WHOLE };
+        let of = if self.quick { EvaluationSettings::QUICK } else { EvaluationSettings::WHOLE };
         let light = self.light.unwrap_or(if kind == Kind::Room { Light::Baked } else { Light::Traced });
         let usual = if self.quick { of.samples } else { light.samples() };
         let samples = self.spp.unwrap_or(usual);
@@ -221,13 +221,13 @@ impl Arguments {
         // Ten photos of a floor or a wall give no surface to speak of, nor do noisy ones.
         let is_furnished = kind == Kind::Object && self.situation().furnishes();
         let shown = if self.quick && kind == Kind::Room || is_furnished { Shown::True } else { of.shown };
-        Ok(Request {
+        Ok(EvaluationRequest {
             kind,
             methods: self.methods.clone().unwrap_or_else(named),
             budgets: self.budgets.clone().unwrap_or_else(budgets),
             seeds: self.seeds,
             first_seed: self.first_seed,
-            settings: Settings {
+            settings: EvaluationSettings {
                 size: self.size.unwrap_or(of.size),
                 fov_deg: of.fov_deg,
                 degree: of.degree,
@@ -262,7 +262,7 @@ impl Arguments {
     }
 
     /// Reads all that is evaluated on; the notes say what was understood.
-    fn subjects(&self, request: &Request, notes: &mut Vec<String>) -> Result<Vec<Subject>> {
+    fn subjects(&self, request: &EvaluationRequest, notes: &mut Vec<String>) -> Result<Vec<Subject>> {
         let environment = self.env.as_deref().map(|path| read_environment(path, notes)).transpose()?;
         let intrinsics = request.settings.intrinsics();
         for method in &request.methods {
@@ -304,7 +304,7 @@ impl Arguments {
 /// for each scene of many triangles, and a run of one of them takes ten.
 struct Page<'a> {
     file: PathBuf,
-    request: &'a Request,
+    request: &'a EvaluationRequest,
     subjects: &'a [Subject],
     /// What the page does not show yet.
     pending: Option<Outcome>,
@@ -317,7 +317,7 @@ impl<'a> Page<'a> {
     /// Of the time between two pages, they may take one part in so many.
     const PART: u32 = 20;
 
-    fn new(folder: &Path, request: &'a Request, subjects: &'a [Subject]) -> Self {
+    fn new(folder: &Path, request: &'a EvaluationRequest, subjects: &'a [Subject]) -> Self {
         Self { file: folder.join("report.html"), request, subjects, pending: None, made: None, result: Ok(()) }
     }
 
@@ -362,7 +362,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let weights = arguments.lpips_vgg.as_deref().map(|file| Weights::read(file, Network::Vgg)).transpose()?;
     let mut notes = Vec::new();
     let subjects = arguments.subjects(&request, &mut notes)?;
-    job::check(&arguments.out, &request, &subjects)?;
+    evaluation::check(&arguments.out, &request, &subjects)?;
     for note in &notes {
         say!("{note}");
     }
@@ -379,30 +379,31 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let mut page = Page::new(&arguments.out, &request, &subjects);
     // Devices are worked on by threads of their own, which are in this session too.
     let session = session::current();
-    let mut observe = |event: job::Event<'_>| {
+    let mut observe = |event: evaluation::EvaluationEvent<'_>| {
         match event {
-            job::Event::Artifact(Event::Begins(product)) => {
+            evaluation::EvaluationEvent::Artifact(ArtifactEvent::Begins(product)) => {
                 made += 1;
                 say!("making   {product}, after {:.0} s", start.elapsed().as_secs_f64());
             }
-            job::Event::Artifact(Event::Kept) => kept += 1,
-            job::Event::Artifact(Event::Note(note)) => say!("note     {note}"),
-            job::Event::Artifact(Event::Working) => {}
-            job::Event::Complete(entry, [done, all]) => {
+            evaluation::EvaluationEvent::Artifact(ArtifactEvent::Kept) => kept += 1,
+            evaluation::EvaluationEvent::Artifact(ArtifactEvent::Note(note)) => say!("note     {note}"),
+            evaluation::EvaluationEvent::Artifact(ArtifactEvent::Working) => {}
+            evaluation::EvaluationEvent::Complete(entry, [done, all]) => {
                 let Entry { scene, method, views, seed, folder, .. } = entry;
                 say!("complete {scene}, {method}, {views} views, seed {seed}: {folder} ({done} of {all})");
                 if let Some(listener) = session.listener() {
                     listener.progress("evaluating", done as u64, all as u64);
                 }
             }
-            job::Event::Written(outcome) => page.show(outcome),
+            evaluation::EvaluationEvent::Written(outcome) => page.show(outcome),
         }
         go_on()
     };
     let shard = arguments.shard.unwrap_or(Shard::WHOLE);
-    let outcome = job::run(&contexts, &request, &subjects, shard, &arguments.out, weights.as_ref(), &mut |event| {
-        session.within(|| observe(event))
-    });
+    let outcome =
+        evaluation::run(&contexts, &request, &subjects, shard, &arguments.out, weights.as_ref(), &mut |event| {
+            session.within(|| observe(event))
+        });
     contexts.iter().for_each(|context| print_messages(context));
     let written = page.finish();
     let outcome = match outcome {

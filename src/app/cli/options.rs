@@ -58,9 +58,9 @@ pub struct ImageOptions {
 
 impl ImageOptions {
     /// The library's options.
-    pub fn options(self) -> io::photos::Options {
+    pub fn options(self) -> io::photos::ReadOptions {
         let images = if self.skip_missing { Images::SkipMissing } else { Images::Needed };
-        io::photos::Options { images, outside_paths: self.outside_paths, ..io::photos::Options::default() }
+        io::photos::ReadOptions { images, outside_paths: self.outside_paths, ..io::photos::ReadOptions::default() }
     }
 }
 
@@ -119,12 +119,12 @@ impl DeviceOptions {
 
     /// The same; RenderDoc takes captures of it if `capture` is set.
     pub fn open_to_capture(&self, capture: bool) -> Result<Arc<Context>> {
-        let context = Context::new(&vulkan::Options {
+        let context = Context::new(&vulkan::ContextOptions {
             device: self.device.clone(),
             validation: std::env::var_os("CAMSPLAT_VALIDATION").is_some(),
             debug_sync: self.debug_sync,
             capture,
-            ..vulkan::Options::default()
+            ..vulkan::ContextOptions::default()
         })?;
         for note in context.notes() {
             say!("{note}");

@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 
-use crate::planner::plan::job::Plan;
+use crate::planner::plan::pipeline::Plan;
 use crate::scene::tour;
 
 /// In which order planned cameras are written.

@@ -1,7 +1,7 @@
 //! What the terminal shows of a plan.
 
 use crate::planner::metrics::Metrics;
-use crate::planner::plan::job::Plan;
+use crate::planner::plan::pipeline::Plan;
 use crate::planner::quality::law::Fitted;
 use crate::scene::region::Shape;
 

@@ -60,7 +60,7 @@ pub fn georeference(text: &str, middle: DVec3, up: DVec3) -> Result<Georeference
     if !Path::new(text).exists() {
         return Err(wrong("give LAT,LON,ALT[,HEADING], utm:ZONE, ecef, or a capture, which this is not"));
     }
-    let capture = photos::read(Path::new(text), &photos::Options::from(photos::Images::SkipMissing))?;
+    let capture = photos::read(Path::new(text), &photos::ReadOptions::from(photos::Images::SkipMissing))?;
     let (positions, places) = with_gps(&capture)?;
     let (earth, Fit { used, photos, rms }) = Georeference::fitted(&positions, &places)?;
     say!(

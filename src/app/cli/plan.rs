@@ -23,12 +23,12 @@ use crate::engine::vulkan::profile::Profile;
 use crate::files::io;
 use crate::files::io::folder::{OutputFolder, check_file, write_files};
 use crate::files::photos::PhotoSet;
-use crate::photogrammetry::vds::job::Settings;
+use crate::photogrammetry::vds::scoring::ScoringSettings;
 use crate::planner::methods::Method;
 use crate::planner::plan::config::{Config, Preset};
 use crate::planner::plan::gate::Gate;
-use crate::planner::plan::job::{self, Tools};
 use crate::planner::plan::paper::PaperConfig;
+use crate::planner::plan::pipeline::{self, Tools};
 use crate::planner::plan::preparation::Preparation;
 use crate::planner::plan::problem::Problem;
 use crate::planner::plan::{curve, footprint};
@@ -259,7 +259,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let mut profile = (arguments.profile || arguments.trace.is_some()).then(Profile::default);
     let progress = Progress::new(config.iterations);
     let tools = Tools { profile: profile.as_mut(), capture: renderdoc.as_ref().zip(arguments.renderdoc.clone()) };
-    let plan = job::run(&context, &problem, config, tools, |event| progress.observe(event));
+    let plan = pipeline::run(&context, &problem, config, tools, |event| progress.observe(event));
     progress.finish();
     let mut plan = plan?;
     order.apply(&mut plan);
@@ -324,7 +324,7 @@ fn captured(
             None => Ok(None),
         };
     }
-    let mut capture = io::photos::read(&arguments.scene, &io::photos::Options::default())?;
+    let mut capture = io::photos::read(&arguments.scene, &io::photos::ReadOptions::default())?;
     if arguments.keep.is_some() && capture.metre.is_none() {
         capture.metre = place::metre(&capture)?;
     }
@@ -357,7 +357,7 @@ fn captured(
         return Ok(Some((surface, capture)));
     }
     let context = opened.insert(arguments.device.open_to_capture(arguments.renderdoc.is_some())?);
-    let settings = Settings { seed: arguments.tuning.seed, skip_unreadable: true, ..Settings::default() };
+    let settings = ScoringSettings { seed: arguments.tuning.seed, skip_unreadable: true, ..ScoringSettings::default() };
     let scored = vds::score(context, &capture, &surface, &settings)?.onto(&capture.points);
     Ok(Some((Surface::Points(scored), capture)))
 }

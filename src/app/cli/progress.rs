@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::session::{self, Ended, Session, go_on};
 use crate::engine::parallel::lock;
-use crate::planner::plan::job::Event;
+use crate::planner::plan::pipeline::PlanEvent;
 use crate::{Error, Result};
 
 /// What Ctrl-C does. The handler holds it while it ends the process, so that nothing begins to be written then.
@@ -183,11 +183,11 @@ impl Progress {
     }
 
     /// Takes note of an event and says whether to go on.
-    pub fn observe(&self, event: Event) -> ControlFlow<()> {
+    pub fn observe(&self, event: PlanEvent) -> ControlFlow<()> {
         match event {
-            Event::Iterations(done, all) => return self.advance(done, all),
-            Event::Captured(path) => self.line(&format!("capture  {}", path.display())),
-            Event::Scoring => {
+            PlanEvent::Iterations(done, all) => return self.advance(done, all),
+            PlanEvent::Captured(path) => self.line(&format!("capture  {}", path.display())),
+            PlanEvent::Scoring => {
                 self.bar.set_style(
                     ProgressStyle::with_template("{msg}").unwrap_or_else(|_| ProgressStyle::default_spinner()),
                 );

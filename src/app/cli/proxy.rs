@@ -11,7 +11,7 @@ use crate::files::io::depth_maps::DepthMaps;
 use crate::files::io::folder::{check_file, write_files};
 use crate::files::io::photos;
 use crate::files::io::ply::write;
-use crate::photogrammetry::stereo::{self, Options, Reconstruction};
+use crate::photogrammetry::stereo::{self, Reconstruction, StereoOptions};
 use crate::{Error, Result};
 
 /// Arguments of `camsplat proxy`.
@@ -69,7 +69,7 @@ pub struct Arguments {
 }
 
 impl Arguments {
-    fn options(&self) -> Result<Options> {
+    fn options(&self) -> Result<StereoOptions> {
         for (option, value, low, high) in
             [("--resolution", self.resolution, 64, 1024), ("--hypotheses", self.hypotheses, 16, 256)]
         {
@@ -84,7 +84,7 @@ impl Arguments {
         if let Some([near, far]) = depths.filter(|[near, far]| !(*near > 0.0 && far > near && far.is_finite())) {
             return Err(Error::request(format!("--near {near} and --far {far} are no range; give 0 < near < far")));
         }
-        Ok(Options {
+        Ok(StereoOptions {
             photos: self.photos,
             resolution: self.resolution,
             hypotheses: self.hypotheses,

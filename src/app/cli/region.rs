@@ -220,8 +220,11 @@ impl RegionOptions {
         self.choice()?;
         let surface = read_surface(path)?;
         // A reconstruction knows where cameras could stand: where they did.
-        let capture =
-            if io::may_be_capture(path) { io::photos::read(path, &io::photos::Options::default()).ok() } else { None };
+        let capture = if io::may_be_capture(path) {
+            io::photos::read(path, &io::photos::ReadOptions::default()).ok()
+        } else {
+            None
+        };
         self.target_of(&surface, path, capture.as_ref(), intrinsics, stored)
     }
 

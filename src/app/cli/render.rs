@@ -13,7 +13,7 @@ use crate::Result;
 use crate::files::io;
 use crate::files::io::folder::OutputFolder;
 use crate::files::io::picture::{Format, renamed};
-use crate::splats::render::job::{Job, Outcome, Settings, resize};
+use crate::splats::render::pictures::{Job, Outcome, RenderSettings, resize};
 
 /// Arguments of `camsplat render`.
 #[derive(Args, Debug)]
@@ -65,7 +65,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     if let Some((width, height)) = arguments.size {
         resize(&mut cameras, width, height)?;
     }
-    let settings = Settings {
+    let settings = RenderSettings {
         format: arguments.format,
         alpha: arguments.alpha,
         depth: arguments.depth,

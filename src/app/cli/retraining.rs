@@ -3,7 +3,7 @@
 use clap::Args;
 
 use crate::files::photos::PhotoSet;
-use crate::planner::select::retrained::Settings;
+use crate::planner::select::retrained::RetrainingSettings;
 use crate::splats::config::Background;
 use crate::{Error, Result};
 
@@ -28,7 +28,7 @@ pub struct RetrainingOptions {
 
 impl RetrainingOptions {
     /// The settings, where `method` trains; all photos of the set must have an image then.
-    pub fn settings(&self, method: &str, trains: bool, set: &PhotoSet) -> Result<Option<Settings>> {
+    pub fn settings(&self, method: &str, trains: bool, set: &PhotoSet) -> Result<Option<RetrainingSettings>> {
         let given = [self.train_every, self.max_splats, self.shrink].iter().any(Option::is_some);
         if !trains {
             let what = "--train-every, --max-splats, --shrink and --background are for --method fisherrf-retrain";
@@ -39,8 +39,8 @@ impl RetrainingOptions {
             let what = format!("--method {method} trains on the photos, and these are poses alone; take fisherrf");
             return Err(Error::input(&set.path, what));
         }
-        let of = Settings::default();
-        let settings = Settings {
+        let of = RetrainingSettings::default();
+        let settings = RetrainingSettings {
             every: self.train_every.unwrap_or(of.every),
             max_splats: self.max_splats.unwrap_or(of.max_splats),
             shrink: self.shrink.unwrap_or(of.shrink),

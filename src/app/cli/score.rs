@@ -17,7 +17,7 @@ use crate::planner::metrics::Metrics;
 use crate::planner::plan::config::{Config, Preset};
 use crate::planner::plan::enough::{Enough, MORE};
 use crate::planner::plan::gate::Gate;
-use crate::planner::plan::job::{self};
+use crate::planner::plan::pipeline::{self};
 use crate::planner::plan::record::Expected;
 use crate::planner::plan::target::Target;
 use crate::scene::camera::Camera;
@@ -114,7 +114,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         gate: if arguments.cone { Gate::Soft } else { Gate::Pinhole },
         ..Config::new(arguments.region.preset.unwrap_or(preset), cameras.len() as u32)
     };
-    let (expected, metrics) = job::score(&context, &target, &cameras, kept, &config)?;
+    let (expected, metrics) = pipeline::score(&context, &target, &cameras, kept, &config)?;
     let enough =
         if of_capture { Some(Enough::new(&context, &target, &cameras, own.as_deref(), &config)?) } else { None };
     print_messages(&context);

@@ -24,8 +24,8 @@ use crate::files::photos::PhotoSet;
 use crate::planner::methods::Method;
 use crate::planner::metrics::Metrics;
 use crate::planner::plan::target::Target;
-use crate::planner::select::job::{Selection, SelectionContext};
-use crate::planner::select::request::Request;
+use crate::planner::select::request::SelectionRequest;
+use crate::planner::select::selection::{Selection, SelectionContext};
 use crate::planner::select::sharpness;
 use crate::scene::surface::Surface;
 use crate::{Error, Result};
@@ -155,7 +155,8 @@ fn capture(arguments: &Arguments) -> Result<PhotoSet> {
         (None, None) => None,
         _ => return Err(Error::request("--fov and --size belong together; give both or none")),
     };
-    let options = io::photos::Options { images: Images::Optional, intrinsics, outside_paths: arguments.outside_paths };
+    let options =
+        io::photos::ReadOptions { images: Images::Optional, intrinsics, outside_paths: arguments.outside_paths };
     let set = io::photos::read(&arguments.capture, &options)?;
     // A pool of poses alone is one to choose from; a photo that is not there among others that are is none.
     let there = set.photos.iter().filter(|photo| photo.image.is_some()).count();
@@ -168,7 +169,7 @@ fn capture(arguments: &Arguments) -> Result<PhotoSet> {
     Ok(set)
 }
 
-fn request(arguments: &Arguments, set: &PhotoSet) -> Result<Request> {
+fn request(arguments: &Arguments, set: &PhotoSet) -> Result<SelectionRequest> {
     let number: HashMap<&str, usize> =
         set.photos.iter().enumerate().map(|(i, photo)| (photo.camera.name.as_str(), i)).collect();
     let read = |file: &Option<PathBuf>| file.as_deref().map_or(Ok(Vec::new()), |file| listed(file, &number));
@@ -183,7 +184,7 @@ fn request(arguments: &Arguments, set: &PhotoSet) -> Result<Request> {
         return Err(Error::request(what));
     }
     let trains = arguments.method == Method::FisherRetrain;
-    Ok(Request {
+    Ok(SelectionRequest {
         method: arguments.method,
         retraining: arguments.retraining.settings(arguments.method.name(), trains, set)?,
         include,
@@ -192,7 +193,7 @@ fn request(arguments: &Arguments, set: &PhotoSet) -> Result<Request> {
         points: arguments.points,
         preset: arguments.region.preset(),
         viewers: arguments.viewers.given()?,
-        ..Request::new(arguments.count)
+        ..SelectionRequest::new(arguments.count)
     })
 }
 

@@ -51,7 +51,7 @@ struct Shown {
 }
 
 /// A request as far as it matters here.
-struct Request {
+struct HttpRequest {
     method: String,
     path: String,
     host: Option<String>,
@@ -125,7 +125,7 @@ impl Shown {
         stream.flush()
     }
 
-    fn answer_to(&self, request: &Request) -> Answer {
+    fn answer_to(&self, request: &HttpRequest) -> Answer {
         if !request.host.as_deref().is_some_and(is_ours) {
             return Answer::text("403 Forbidden", "this server is for the browser on its own machine");
         }
@@ -175,7 +175,7 @@ impl Answer {
 }
 
 /// Reads a request's head; none where there is none, or what came is no request.
-fn read_request(stream: &mut impl Read) -> io::Result<Option<Request>> {
+fn read_request(stream: &mut impl Read) -> io::Result<Option<HttpRequest>> {
     let deadline = Instant::now() + PATIENCE;
     let (mut head, mut part) = (Vec::new(), [0; 4096]);
     while head.len() < MAX_HEAD && Instant::now() < deadline {
@@ -190,7 +190,7 @@ fn read_request(stream: &mut impl Read) -> io::Result<Option<Request>> {
             Ok(httparse::Status::Partial) => {}
             Ok(httparse::Status::Complete(_)) => {
                 let host = parsed.headers.iter().find(|header| header.name.eq_ignore_ascii_case("host"));
-                return Ok(Some(Request {
+                return Ok(Some(HttpRequest {
                     method: parsed.method.unwrap_or_default().to_owned(),
                     path: parsed.path.unwrap_or_default().to_owned(),
                     host: host.map(|host| String::from_utf8_lossy(host.value).into_owned()),

@@ -17,13 +17,13 @@ use crate::engine::vulkan::profile::Profile;
 use crate::files::io;
 use crate::files::io::folder::{check_file, check_folder, replace_file, write_files};
 use crate::scene::camera::Camera;
-use crate::splats::config::{Background, Config, Preset, Start, Strategy};
+use crate::splats::config::{Background, Preset, Start, Strategy, TrainConfig};
 use crate::splats::data::pictures::cameras;
 use crate::splats::data::split::{Split, Test};
 use crate::splats::run::evaluate::Pair;
-use crate::splats::run::job::{Event, Request, Run};
 use crate::splats::run::outputs::{CHECKPOINT, MODEL, RECORD, REPORT};
 use crate::splats::run::record::{Evaluation, PhotosRecord, Quality, Status, TrainRecord};
+use crate::splats::run::request::{Run, TrainEvent, TrainRequest};
 use crate::{Error, Result};
 
 /// Arguments of `camsplat train`.
@@ -133,7 +133,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let test = match (arguments.test_every, &arguments.test) {
         (Some(every), _) => Test::Every(every),
         (None, Some(capture)) => Test::Capture(capture.clone()),
-        (None, None) => Test::Usual,
+        (None, None) => Test::Default,
     };
     let split = Split::new(capture, &test, arguments.images.options())?;
     for note in &split.notes {
@@ -144,7 +144,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let context = arguments.device.open()?;
     say!("device   {}", context.physical().title());
     config.max_splats = arguments.max_splats.unwrap_or_else(|| usual_splats(&context, config.degree));
-    let request = Request {
+    let request = TrainRequest {
         capture: arguments.capture.display().to_string(),
         split,
         shrink: arguments.shrink,
@@ -160,7 +160,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let run = Run::new(&context, request)?;
     if arguments.dry_run {
         say!("{}", run.footprint().table().trim_end());
-        say!("room     {} tiles reached by splats; more is made where a view needs it", run.room());
+        say!("room     {} tiles reached by splats; more is made where a view needs it", run.capacity());
         run.check()?;
         say!("fits     {:.0} MiB are free", context.memory_available() as f64 / f64::from(1 << 20));
         return Ok(Ended::Done);
@@ -199,7 +199,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
 
 /// Whether the folder holds all that the run would leave: the record is written last. A run that differs in anything goes on
 /// to be refused by the checkpoint, which knows more.
-fn is_complete(request: &Request) -> bool {
+fn is_complete(request: &TrainRequest) -> bool {
     let text = fs::read_to_string(request.folder.join(RECORD)).unwrap_or_default();
     let is_of = |record: TrainRecord| {
         let PhotosRecord { capture, train, test, shrink, .. } = record.photos;
@@ -214,13 +214,13 @@ fn is_complete(request: &Request) -> bool {
 }
 
 /// What was asked for.
-fn configuration(arguments: &Arguments, start: Start) -> Config {
-    let config = Config::new(
+fn configuration(arguments: &Arguments, start: Start) -> TrainConfig {
+    let config = TrainConfig::new(
         arguments.iterations.unwrap_or(arguments.preset.iterations()),
         arguments.max_splats.unwrap_or(USUAL),
     )
     .with_strategy(arguments.strategy, start);
-    Config {
+    TrainConfig {
         degree: arguments.degree,
         antialiased: arguments.antialiased,
         suppress_floaters: arguments.suppress_floaters,
@@ -275,17 +275,17 @@ impl Watch {
         }
     }
 
-    fn observe(&self, event: Event) -> ControlFlow<()> {
+    fn observe(&self, event: TrainEvent) -> ControlFlow<()> {
         match event {
-            Event::Photos(done, all) => self.progress.set(done as u32, all as u32),
-            Event::Iterations(done) => self.progress.set(done, self.iterations),
-            Event::Evaluated(evaluation) => self.progress.line(&line(evaluation)),
-            Event::NotSaved(error) => self.progress.line(&format!("warning: no checkpoint was written: {error}")),
-            Event::Trained(gaussians) => {
+            TrainEvent::Photos(done, all) => self.progress.set(done as u32, all as u32),
+            TrainEvent::Iterations(done) => self.progress.set(done, self.iterations),
+            TrainEvent::Evaluated(evaluation) => self.progress.line(&line(evaluation)),
+            TrainEvent::NotSaved(error) => self.progress.line(&format!("warning: no checkpoint was written: {error}")),
+            TrainEvent::Trained(gaussians) => {
                 let [trained, tests] = &self.cameras;
                 *self.model.borrow_mut() = Some(Model::new(gaussians, trained, tests));
             }
-            Event::Report(record, worst) => {
+            TrainEvent::Report(record, worst) => {
                 if self.shown.borrow().0[0] == usize::MAX {
                     self.progress.line(&start(record));
                 }
@@ -335,7 +335,7 @@ fn start(record: &TrainRecord) -> String {
     let (splats, points) = (record.splats, record.photos.points);
     match (record.iterations, points) {
         (0, 0) => {
-            let Config { suppress_floaters, strategy, background, .. } = record.config;
+            let TrainConfig { suppress_floaters, strategy, background, .. } = record.config;
             let helps = !suppress_floaters && strategy == Strategy::Mcmc && background == Background::Black;
             let hint = if helps { "; against floaters: --suppress-floaters" } else { "" };
             format!("start    {splats} splats at random: the capture has no points{hint}")

@@ -14,7 +14,7 @@ use crate::engine::vulkan::Context;
 use crate::files::io;
 use crate::files::io::folder::{check_file, write_files};
 use crate::files::photos::PhotoSet;
-use crate::photogrammetry::vds::job::{self, Event, Settings};
+use crate::photogrammetry::vds::scoring::{self, ScoringEvent, ScoringSettings};
 use crate::photogrammetry::vds::{Estimate, picture, quantile};
 use crate::scene::surface::Surface;
 use crate::{Error, Result};
@@ -75,13 +75,13 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         Some(path) => io::read_surface_with_notes(path)?.0,
         None => sparse_points(&capture)?,
     };
-    let settings = Settings {
+    let settings = ScoringSettings {
         points: arguments.points,
         seed: arguments.seed,
         exposure: !arguments.no_exposure,
         memory: arguments.memory.saturating_mul(1 << 20),
         skip_unreadable: arguments.images.skip_missing,
-        ..Settings::default()
+        ..ScoringSettings::default()
     };
     let context = arguments.device.open()?;
     let estimate = score(&context, &capture, &surface, &settings)?;
@@ -103,13 +103,18 @@ fn sparse_points(capture: &PhotoSet) -> Result<Surface> {
 }
 
 /// Scores a surface from the photos of a capture, with a bar for the photos, and prints what came out.
-pub fn score(context: &Arc<Context>, capture: &PhotoSet, surface: &Surface, settings: &Settings) -> Result<Estimate> {
+pub fn score(
+    context: &Arc<Context>,
+    capture: &PhotoSet,
+    surface: &Surface,
+    settings: &ScoringSettings,
+) -> Result<Estimate> {
     let start = Instant::now();
     let all = capture.photos.len() as u32;
     let progress = Progress::over("photos", all, "photos");
-    let estimate = job::run(context, capture, surface, settings, |event| match event {
-        Event::Done(done) => progress.set(done as u32, all),
-        Event::Skipped(error) => progress.line(&format!("left out: {error}")),
+    let estimate = scoring::run(context, capture, surface, settings, |event| match event {
+        ScoringEvent::Done(done) => progress.set(done as u32, all),
+        ScoringEvent::Skipped(error) => progress.line(&format!("left out: {error}")),
     });
     progress.finish();
     let estimate = estimate?;

@@ -69,7 +69,7 @@ fn content(path: &Path, up: DVec3) -> Result<(Option<PathBuf>, Page)> {
         let page = move || fs::read_to_string(&report).map_err(|source| Error::io(&report, source));
         return Ok((Some(path.to_owned()), Box::new(page)));
     }
-    let not_capture = match io::photos::read(path, &io::photos::Options::default()) {
+    let not_capture = match io::photos::read(path, &io::photos::ReadOptions::default()) {
         Ok(set) => {
             set.notes.iter().for_each(|note| say!("{note}"));
             return Ok((None, fixed(view::capture(&title, &set)?)));

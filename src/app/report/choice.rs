@@ -9,7 +9,7 @@ use super::text::{escape, number};
 use crate::Result;
 use crate::files::photos::Photo;
 use crate::planner::metrics::Metrics;
-use crate::planner::select::job::Suggested;
+use crate::planner::select::selection::Suggested;
 use crate::splats::data::pictures::{self, Picture};
 
 /// Photos that have a picture on the page at most.
@@ -82,7 +82,7 @@ pub fn pictures(photos: &[Photo]) -> Result<Vec<Option<String>>> {
         photos.iter().take(MAX_PICTURES).map(|photo| Photo { mask: None, ..photo.clone() }).collect();
     let longest = |photo: &Photo| photo.camera.intrinsics.width.max(photo.camera.intrinsics.height);
     let shrink = (whole.iter().map(longest).min().unwrap_or(side) / side).max(1);
-    let settings = pictures::Settings { shrink, ..pictures::Settings::default() };
+    let settings = pictures::PictureSettings { shrink, ..pictures::PictureSettings::default() };
     let mut urls = vec![None; photos.len()];
     let mut left = MAX_BYTES;
     for (url, decoded) in urls.iter_mut().zip(pictures::pictures(&whole, &settings)?) {

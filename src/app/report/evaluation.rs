@@ -12,7 +12,7 @@ use super::plots::{Metric, curves, in_order, intervals};
 use super::scene_data::SceneData;
 use super::text::{address, escape};
 use crate::Result;
-use crate::lab::evaluate::request::Request;
+use crate::lab::evaluate::request::EvaluationRequest;
 use crate::lab::evaluate::results::{Entry, Interval, Outcome, Row, measured};
 use crate::lab::evaluate::subject::Subject;
 use crate::lab::evaluate::table::{DECIMALS, apart, ceilings, cell, description, drowned};
@@ -34,7 +34,7 @@ struct Data<'a> {
 ///
 /// # Errors
 /// [`Error::Request`] if the layouts cannot be put into it.
-pub fn html(request: &Request, outcome: &Outcome, subjects: &[Subject]) -> Result<String> {
+pub fn html(request: &EvaluationRequest, outcome: &Outcome, subjects: &[Subject]) -> Result<String> {
     let Outcome { rows, entries, .. } = outcome;
     let mut data = Data { scenes: Vec::new() };
     let names = in_order(rows.iter().map(|row| row.scene.as_str()));
@@ -70,7 +70,7 @@ pub fn html(request: &Request, outcome: &Outcome, subjects: &[Subject]) -> Resul
     document.html(&data)
 }
 
-fn heading(request: &Request, outcome: &Outcome) -> String {
+fn heading(request: &EvaluationRequest, outcome: &Outcome) -> String {
     let Outcome { rows, left, .. } = outcome;
     let badge = match left {
         0 => "<span class=\"badge\">complete</span>".into(),
@@ -88,7 +88,7 @@ fn heading(request: &Request, outcome: &Outcome) -> String {
 }
 
 /// Tables and plots of a scene.
-fn measurements(request: &Request, rows: &[&Row]) -> String {
+fn measurements(request: &EvaluationRequest, rows: &[&Row]) -> String {
     let columns = request.columns();
     let mut html = String::new();
     for (metric, name) in measured(rows.iter().copied()) {
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
     use crate::lab::evaluate::competitor::{Competitor, Given};
     use crate::lab::evaluate::kind::Kind;
-    use crate::lab::evaluate::settings::{Settings, Shown};
+    use crate::lab::evaluate::settings::{EvaluationSettings, Shown};
     use crate::lab::evaluate::situation::Situation;
     use crate::planner::methods::Method;
     use crate::planner::quality::viewers::Viewers;
@@ -196,13 +196,13 @@ mod tests {
             pictures: ["half", "full", "random"].map(|set| format!("{set}_0000.png")).to_vec(),
             cameras: Vec::new(),
         };
-        let request = Request {
+        let request = EvaluationRequest {
             kind: Kind::Object,
             methods: vec![entry.method.clone()],
             budgets: vec![4],
             seeds: 1,
             first_seed: 0,
-            settings: Settings::QUICK,
+            settings: EvaluationSettings::QUICK,
             viewers: Viewers::Region,
             situation: Situation::Free,
             limits: Limits::default(),
@@ -230,13 +230,13 @@ mod tests {
             pictures: ["half", "full", "random"].map(|set| format!("{set}_0000.png")).to_vec(),
             cameras: Vec::new(),
         };
-        let request = |budgets: &[u32]| Request {
+        let request = |budgets: &[u32]| EvaluationRequest {
             kind: Kind::Object,
             methods: vec![Competitor::Method(Method::Ours), Competitor::Method(Method::PaperNoVds)],
             budgets: budgets.to_vec(),
             seeds: 1,
             first_seed: 3,
-            settings: Settings::QUICK,
+            settings: EvaluationSettings::QUICK,
             viewers: Viewers::Region,
             situation: Situation::Free,
             limits: Limits::default(),
@@ -271,8 +271,8 @@ mod tests {
             ..entry
         };
         let rooms = entries.into_iter().map(first).collect();
-        let settings = Settings { shown: Shown::True, ..Settings::QUICK };
-        let request = Request { kind: Kind::Room, settings, ..request(&[10]) };
+        let settings = EvaluationSettings { shown: Shown::True, ..EvaluationSettings::QUICK };
+        let request = EvaluationRequest { kind: Kind::Room, settings, ..request(&[10]) };
         let page = html(&request, &Outcome::new(Kind::Room, rooms, 2), &[]).unwrap();
         assert!(page.contains("<figcaption>PSNR, random views</figcaption>"), "{page}");
         assert!(page.contains("own mesh (<code>--surface true</code>), scored"), "{page}");

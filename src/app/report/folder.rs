@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::files::io::camera_files;
 use crate::files::io::folder::OutputFolder;
 use crate::files::photos::PhotoSet;
-use crate::planner::plan::job::Plan;
+use crate::planner::plan::pipeline::Plan;
 use crate::planner::plan::target::Target;
 use crate::scene::camera::Camera;
 use crate::scene::proxy::Occluder;

@@ -26,8 +26,8 @@ use crate::planner::metrics::{Metrics, PointMetrics};
 use crate::planner::plan::record::Expected;
 use crate::planner::plan::record::{BaselineRecord, IterationRecord, PlanRecord, Status, SurfaceRecord};
 use crate::planner::plan::target::Target;
-use crate::planner::select::job::{Chosen, Selection, Suggested};
-use crate::planner::select::request::Request;
+use crate::planner::select::request::SelectionRequest;
+use crate::planner::select::selection::{Chosen, Selection, Suggested};
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::proxy::Occluder;
 use crate::scene::region::Region;
@@ -47,7 +47,7 @@ pub struct Written<'a> {
     /// Its surface.
     pub target: &'a Target,
     /// The request.
-    pub request: &'a Request,
+    pub request: &'a SelectionRequest,
     /// The result.
     pub selection: &'a Selection,
     /// Poses worth adding.
@@ -66,7 +66,7 @@ struct Record<'a> {
     surface: &'a SurfaceRecord,
     region: &'a Region,
     device: &'a str,
-    request: &'a Request,
+    request: &'a SelectionRequest,
     chosen: Vec<ChosenRecord<'a>>,
     metrics: &'a Metrics,
     /// The whole pool.

@@ -13,7 +13,7 @@ use crate::files::photos::PhotoSet;
 use crate::files::photos::preview::{Previews, unseen};
 use crate::planner::plan::record::PlanRecord;
 use crate::scene::camera::{Camera, Pose};
-use crate::scene::directions::{Unit, Way};
+use crate::scene::directions::{RelativeMove, Unit};
 use crate::{Error, Result};
 
 /// Part of a picture that is new from which on that is said: a shot that looks beside an object is for what lies behind it in other views.
@@ -107,7 +107,7 @@ impl Shots {
             // There is one, since there are photos with an image.
             let Some(nearest) = previews.nearest(camera).first().copied() else { return Ok(None) };
             let photo = &set.photos[nearest].camera;
-            let way = Way::new(&photo.pose, &camera.pose, up);
+            let way = RelativeMove::new(&photo.pose, &camera.pose, up);
             from.push(planned.len() + number(&photo.name).unwrap_or_default());
             shots.push(Shot {
                 name: camera.name.clone(),

@@ -12,7 +12,7 @@ pub use super::splats::Model;
 use super::splats::ModelData;
 use super::text::{duration, escape, fill, grouped, number, telling_name};
 use crate::Result;
-use crate::splats::config::{Background, Config, Strategy};
+use crate::splats::config::{Background, Strategy, TrainConfig};
 use crate::splats::run::record::{CurvePoint, Evaluation, Quality, Status, TrainRecord};
 
 /// Seconds after which the page of a running run reloads itself.
@@ -438,14 +438,14 @@ fn summary(record: &TrainRecord) -> String {
     rows.iter().map(row).collect()
 }
 
-fn strategy(config: &Config) -> &'static str {
+fn strategy(config: &TrainConfig) -> &'static str {
     match config.strategy {
         Strategy::Mcmc => "MCMC: dead splats move to living ones",
         Strategy::Adc => "adaptive density control: clone, split and prune by gradients",
     }
 }
 
-fn background(config: &Config) -> &'static str {
+fn background(config: &TrainConfig) -> &'static str {
     match config.background {
         Background::Black => "black",
         Background::White => "white",

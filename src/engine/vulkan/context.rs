@@ -21,7 +21,7 @@ use crate::{Error, Result};
 
 /// How to make a context.
 #[derive(Clone, Debug, Default)]
-pub struct Options {
+pub struct ContextOptions {
     /// Index or part of the name of the device; the best one where absent.
     pub device: Option<String>,
     /// Run the validation layers (core and synchronisation); their messages are collected, see [`Context::messages`].
@@ -86,7 +86,7 @@ impl Context {
     ///
     /// # Errors
     /// No loader, no driver, no such device, or a device that lacks what the engine needs.
-    pub fn new(options: &Options) -> Result<Arc<Self>> {
+    pub fn new(options: &ContextOptions) -> Result<Arc<Self>> {
         let instance = Instance::with_layers(options.validation, options.capture)?;
         let mut devices = Physical::all(&instance)?;
         let Choice { device, notes } = choose(&devices, options.device.as_deref())?;

@@ -28,6 +28,6 @@ mod timeline;
 mod transfer;
 
 pub use buffer::Buffer;
-pub use context::{Context, Options};
+pub use context::{Context, ContextOptions};
 pub use pipeline::Pipeline;
 pub use recorder::Recorder;

@@ -145,7 +145,7 @@ macro_rules! specialisation {
     };
 }
 
-/// Declares a stage: `stage!(ScanStage = scan<ScanConstants>(ScanPush) { read values, write sums } with [Splat]);` names the
+/// Declares a stage: `stage!(ScanStage = scan<ScanConstants>(ScanPush) { read values, write sums } with [CameraState]);` names the
 /// shader file, the specialisation constants (if it has any), the push constants, the buffers in slot order and the structs
 /// that they hold.
 #[macro_export]

@@ -74,7 +74,7 @@ pub fn read_surface_with_notes(path: &Path) -> Result<(Surface, Vec<String>)> {
         return Ok((surface, notes));
     }
     if may_be_capture(path) {
-        let set = photos::read(path, &photos::Options::default())?;
+        let set = photos::read(path, &photos::ReadOptions::default())?;
         if set.points.positions.is_empty() {
             let what =
                 "the capture holds no points; make a surface from its photos with `camsplat proxy`, and give that";
@@ -148,7 +148,7 @@ pub fn read_cameras_with_notes(path: &Path) -> Result<(Vec<Camera>, Vec<String>)
         return Ok((cameras, notes));
     }
     if photos::is_layout(path) || has_extension(path, &["log", "xml", "csv"]) {
-        let set = photos::read(path, &photos::Options::default())?;
+        let set = photos::read(path, &photos::ReadOptions::default())?;
         return Ok((set.cameras(), set.notes));
     }
     let file = json_file(path)?;

@@ -35,7 +35,7 @@ const FRAME: usize = 16;
 
 /// What can be chosen about manifold sampling.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Settings {
+pub struct ManifoldSettings {
     /// Views on Fibonacci points of the sphere to begin with, where there are none.
     pub first: u32,
     /// Steps of learning the noise before the first camera is placed.
@@ -57,7 +57,7 @@ pub struct Settings {
     pub side: u32,
 }
 
-impl Default for Settings {
+impl Default for ManifoldSettings {
     fn default() -> Self {
         Self {
             first: 4,
@@ -73,7 +73,7 @@ impl Default for Settings {
     }
 }
 
-impl Settings {
+impl ManifoldSettings {
     /// Refuses what makes no sense.
     ///
     /// # Errors
@@ -182,8 +182,8 @@ impl Scene {
     }
 
     /// The best of random directions, and from there uphill.
-    fn climb(&mut self, settings: &Settings, seed: u64, camera: u32) -> Result<Angles> {
-        let Settings { starts, steps, rate, renders, .. } = *settings;
+    fn climb(&mut self, settings: &ManifoldSettings, seed: u64, camera: u32) -> Result<Angles> {
+        let ManifoldSettings { starts, steps, rate, renders, .. } = *settings;
         let drawn: Vec<Angles> = (0..starts).map(|i| self.sphere.draw(seed, camera * starts + i)).collect();
         let mut best: Option<(Angles, f64)> = None;
         for (angles, spread) in drawn.iter().zip(self.spread(&drawn, renders.max(COMPARED))?) {
@@ -235,7 +235,7 @@ pub fn place(
     context: &Arc<Context>,
     problem: &Problem<'_>,
     model: &Model,
-    (settings, seed): (Settings, u64),
+    (settings, seed): (ManifoldSettings, u64),
     views: usize,
     go_on: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<Vec<Pose>> {
@@ -288,7 +288,7 @@ fn ascent(slope: f64, moments: &mut [f64; 2], rate: f64, step: i32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engine::vulkan::Options;
+    use crate::engine::vulkan::ContextOptions;
     use crate::scene::gaussians::Gaussians;
     use crate::splats::render::layout::{self, HARMONICS};
     use crate::splats::twin;
@@ -355,7 +355,7 @@ mod tests {
     /// cut-offs, what jumps at them is more than so fine a difference. If this failed, cameras would not go uphill.
     #[test]
     fn slopes_are_those_of_the_spread() {
-        let context = Context::new(&Options { validation: true, ..Options::default() }).unwrap();
+        let context = Context::new(&ContextOptions { validation: true, ..ContextOptions::default() }).unwrap();
         let gaussians = ball(25, -2.3);
         let (mut scene, scales) = scene(&context, &gaussians, (48, 0.4), |centre| centre.x > 0.0);
         let base = layout::to_planes(&gaussians, 0, gaussians.len());
@@ -404,8 +404,8 @@ mod tests {
     /// If this failed, cameras would not go where the model is least certain.
     #[test]
     fn a_camera_goes_to_the_side_that_has_noise() {
-        let context = Context::new(&Options { validation: true, ..Options::default() }).unwrap();
-        let settings = Settings { steps: 60, rate: 0.03, ..Settings::default() };
+        let context = Context::new(&ContextOptions { validation: true, ..ContextOptions::default() }).unwrap();
+        let settings = ManifoldSettings { steps: 60, rate: 0.03, ..ManifoldSettings::default() };
         let gaussians = ball(150, -1.9);
         for towards in [DVec3::X, DVec3::new(-0.6, 0.0, 0.8)] {
             let (mut scene, _) = scene(&context, &gaussians, (32, 0.3), |centre| centre.dot(towards) > 0.4);

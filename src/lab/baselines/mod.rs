@@ -4,6 +4,6 @@
 //! All but layouts and [`manifold`] choose from a pool of candidates drawn at random from the region, by the rules that
 //! [`crate::planner::select`] chooses photos by.
 
-pub mod job;
 pub mod manifold;
+pub mod placing;
 pub mod request;

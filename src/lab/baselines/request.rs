@@ -45,7 +45,7 @@ impl Method {
 
 /// A request for a plan by a baseline, as `plan.json` records it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Request {
+pub struct BaselineRequest {
     /// How.
     pub method: Method,
     /// Cameras to place.
@@ -63,25 +63,25 @@ pub struct Request {
     pub held_out: u32,
     /// Of [`Method::Acp`].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub acp: Option<acp::Settings>,
+    pub acp: Option<acp::AcpSettings>,
     /// Of [`Method::Fisher`] and [`Method::Cover`].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub model_based: Option<information::Settings>,
+    pub model_based: Option<information::InformationSettings>,
     /// Of [`Method::FisherRetrain`].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub retraining: Option<retrained::Settings>,
+    pub retraining: Option<retrained::RetrainingSettings>,
     /// Where viewers will look from, for the expected quality of the choice.
     #[serde(skip_serializing_if = "Viewers::is_default")]
     pub viewers: Viewers,
     /// Of [`Method::Manifold`].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub manifold: Option<manifold::Settings>,
+    pub manifold: Option<manifold::ManifoldSettings>,
     /// Path of the trained splats, where the method chooses by them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
 }
 
-impl Request {
+impl BaselineRequest {
     /// The request for a method, with the rest from a plan's configuration.
     ///
     /// # Errors
@@ -125,10 +125,11 @@ impl Request {
             gate: config.gate,
             held_out: config.held_out,
             viewers: config.viewers.clone(),
-            acp: (method == Method::Acp).then(acp::Settings::default),
-            model_based: matches!(method, Method::Fisher | Method::Cover).then(information::Settings::default),
-            retraining: (method == Method::FisherRetrain).then(retrained::Settings::default),
-            manifold: (method == Method::Manifold).then(manifold::Settings::default),
+            acp: (method == Method::Acp).then(acp::AcpSettings::default),
+            model_based: matches!(method, Method::Fisher | Method::Cover)
+                .then(information::InformationSettings::default),
+            retraining: (method == Method::FisherRetrain).then(retrained::RetrainingSettings::default),
+            manifold: (method == Method::Manifold).then(manifold::ManifoldSettings::default),
             model: None,
         })
     }
@@ -142,7 +143,8 @@ mod tests {
     /// fewer candidates than views.
     #[test]
     fn candidates_outnumber_views() {
-        let of = |method, views| Request::new(method, None, &Config::new(Preset::Room, views)).unwrap().candidates;
+        let of =
+            |method, views| BaselineRequest::new(method, None, &Config::new(Preset::Room, views)).unwrap().candidates;
         for method in [Method::Fisher, Method::FisherRetrain, Method::Cover] {
             assert_eq!([50, 100, 300].map(|views| of(method, views)), [Some(300), Some(300), Some(900)]);
         }
@@ -155,7 +157,7 @@ mod tests {
     fn what_places_no_cameras_is_no_baseline() {
         let config = Config::new(Preset::Object, 20);
         for method in [Method::Ours, Method::PaperIterative, Method::Assigned, Method::Nearest] {
-            let refused = Request::new(method, None, &config).unwrap_err().to_string();
+            let refused = BaselineRequest::new(method, None, &config).unwrap_err().to_string();
             assert!(refused.contains(method.name()) && refused.contains("no baseline"), "{refused}");
         }
     }

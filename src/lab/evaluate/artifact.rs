@@ -26,7 +26,7 @@ const REVISIONS: [(&str, u32); 6] =
 const BETWEEN_TRIES: Duration = Duration::from_millis(20);
 
 /// Progress events.
-pub enum Event<'e> {
+pub enum ArtifactEvent<'e> {
     /// An artifact is being made: its key; the evaluation adds what for.
     Begins(&'e str),
     /// An artifact was there from an earlier run.
@@ -38,7 +38,7 @@ pub enum Event<'e> {
 }
 
 /// Receives progress events and returns whether to continue.
-pub(crate) type Observe<'o> = &'o mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send);
+pub(crate) type Observe<'o> = &'o mut (dyn FnMut(ArtifactEvent<'_>) -> ControlFlow<()> + Send);
 
 /// An artifact that is there or is to be made.
 #[derive(Debug)]
@@ -99,7 +99,7 @@ impl Artifact {
                     Ok(()) => break,
                     Err(TryLockError::Error(source)) => return Err(refused(source)),
                     Err(TryLockError::WouldBlock) => {
-                        Error::unless_stopped(observe(Event::Working))?;
+                        Error::unless_stopped(observe(ArtifactEvent::Working))?;
                         thread::sleep(BETWEEN_TRIES);
                     }
                 }
@@ -111,7 +111,7 @@ impl Artifact {
             *self.making.borrow_mut() = (!is_done).then_some(file);
         }
         // A stop requested here takes effect while it is made, or before the next.
-        let _ = observe(if is_done { Event::Kept } else { Event::Begins(self.key()) });
+        let _ = observe(if is_done { ArtifactEvent::Kept } else { ArtifactEvent::Begins(self.key()) });
         Ok(!is_done)
     }
 
@@ -213,12 +213,12 @@ mod tests {
         let mut asked = 0;
         let stopped = other.begins(&mut |event| {
             asked += 1;
-            assert!(matches!(event, Event::Working));
+            assert!(matches!(event, ArtifactEvent::Working));
             if asked == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         assert!(matches!(stopped, Err(Error::Interrupted)) && asked == 3);
         let waited = other.begins(&mut move |event| {
-            if matches!(event, Event::Working) {
+            if matches!(event, ArtifactEvent::Working) {
                 one.finish().unwrap();
             }
             ControlFlow::Continue(())

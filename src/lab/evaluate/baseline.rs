@@ -1,9 +1,9 @@
 //! Baselines at the size of an evaluation.
 
 use super::kind::Kind;
-use super::settings::Settings;
+use super::settings::EvaluationSettings;
 use crate::lab::baselines::manifold;
-use crate::lab::baselines::request::Request;
+use crate::lab::baselines::request::BaselineRequest;
 use crate::planner::select::retrained;
 
 /// Side of the pictures that a method trains on while it chooses, at most, in pixels.
@@ -15,9 +15,9 @@ const SPLATS: u32 = 5;
 const WHOLE: f64 = 30_000.0;
 
 /// A request whose costs fit the evaluation: what a method trains between its choices is a part of what is trained on them.
-pub(crate) fn sized(request: Request, kind: Kind, settings: &Settings) -> Request {
-    let fit = |published: retrained::Settings| {
-        let sized = retrained::Settings {
+pub(crate) fn sized(request: BaselineRequest, kind: Kind, settings: &EvaluationSettings) -> BaselineRequest {
+    let fit = |published: retrained::RetrainingSettings| {
+        let sized = retrained::RetrainingSettings {
             max_splats: (settings.max_splats / SPLATS).max(1),
             shrink: settings.size.div_ceil(SIDE),
             background: kind.background(),
@@ -26,12 +26,12 @@ pub(crate) fn sized(request: Request, kind: Kind, settings: &Settings) -> Reques
         };
         sized.within(settings.iterations / ITERATIONS, request.views)
     };
-    let ascent = |published: manifold::Settings| {
+    let ascent = |published: manifold::ManifoldSettings| {
         let share = f64::from(settings.iterations) / WHOLE;
         let steps = (f64::from(published.steps) * share).round() as u32;
-        manifold::Settings { steps: steps.clamp(1, published.steps), ..published }
+        manifold::ManifoldSettings { steps: steps.clamp(1, published.steps), ..published }
     };
-    Request { retraining: request.retraining.map(fit), manifold: request.manifold.map(ascent), ..request }
+    BaselineRequest { retraining: request.retraining.map(fit), manifold: request.manifold.map(ascent), ..request }
 }
 
 #[cfg(test)]
@@ -44,9 +44,9 @@ mod tests {
     /// If this failed, a method would train over another background while it chooses than what it chooses is trained over.
     #[test]
     fn what_a_method_trains_is_like_what_is_trained() {
-        let request = Request::new(Method::FisherRetrain, None, &Config::new(Preset::Room, 20)).unwrap();
+        let request = BaselineRequest::new(Method::FisherRetrain, None, &Config::new(Preset::Room, 20)).unwrap();
         for (kind, background) in [(Kind::Room, Background::Black), (Kind::Object, Background::White)] {
-            let retraining = sized(request.clone(), kind, &Settings::QUICK).retraining.unwrap();
+            let retraining = sized(request.clone(), kind, &EvaluationSettings::QUICK).retraining.unwrap();
             assert_eq!((retraining.background, retraining.max_splats), (background, 1000));
         }
     }

@@ -4,7 +4,7 @@ use std::sync::Mutex;
 
 use serde_json::json;
 
-use super::artifact::{Artifact, Event, Observe};
+use super::artifact::{Artifact, ArtifactEvent, Observe};
 use super::baseline::sized;
 use super::competitor::Competitor;
 use super::kind::Kind;
@@ -15,11 +15,11 @@ use super::settings::{BaselinesFrom, Space};
 use super::training;
 use crate::engine::parallel::lock;
 use crate::lab::baselines;
-use crate::lab::baselines::job::Outside;
+use crate::lab::baselines::placing::Callbacks;
 use crate::planner::methods::Method;
 use crate::planner::plan;
 use crate::planner::plan::config::Config;
-use crate::planner::plan::job::Tools;
+use crate::planner::plan::pipeline::Tools;
 use crate::planner::plan::problem::Problem;
 use crate::planner::plan::record::PlanRecord;
 use crate::{Error, Result};
@@ -47,9 +47,11 @@ impl SceneArtifacts<'_> {
             ..method.config(self.kind.preset(), views, seed)?
         };
         let baseline = match method {
-            Competitor::Method(placing) if placing.planner(&config).is_none() => {
-                Some(sized(baselines::request::Request::new(*placing, None, &config)?, self.kind, &self.settings))
-            }
+            Competitor::Method(placing) if placing.planner(&config).is_none() => Some(sized(
+                baselines::request::BaselineRequest::new(*placing, None, &config)?,
+                self.kind,
+                &self.settings,
+            )),
             _ => None,
         };
         let region = match (baseline.is_some(), self.settings.baselines_from, self.kind) {
@@ -86,23 +88,23 @@ impl SceneArtifacts<'_> {
             (Some(request), _) => {
                 let model = model.map(training::model).transpose()?;
                 let observe = Mutex::new(observe);
-                let observe = |event: Event<'_>| lock(&observe)(event);
-                let outside = Outside {
+                let observe = |event: ArtifactEvent<'_>| lock(&observe)(event);
+                let outside = Callbacks {
                     photograph: &mut |photo| self.photograph(artifact.folder(), photo, &mut |event| observe(event)),
-                    go_on: &mut || observe(Event::Working),
+                    go_on: &mut || observe(ArtifactEvent::Working),
                 };
-                baselines::job::photographing(&self.context, &problem, &request, model.as_ref(), outside)?
+                baselines::placing::photographing(&self.context, &problem, &request, model.as_ref(), outside)?
             }
             (None, Competitor::Cameras(given)) => {
                 let config = Config { seed: 0, ..config };
-                plan::job::given(&self.context, &problem, given.poses.clone(), method.name(), &config)?
+                plan::pipeline::given(&self.context, &problem, given.poses.clone(), method.name(), &config)?
             }
             (None, Competitor::Method(Method::OursTwoPasses)) => {
                 passes::run(self, (inputs, shown), &kept, &config, &mut *observe)?
             }
-            (None, _) => {
-                plan::job::run(&self.context, &problem, config, Tools::default(), |_| observe(Event::Working))?
-            }
+            (None, _) => plan::pipeline::run(&self.context, &problem, config, Tools::default(), |_| {
+                observe(ArtifactEvent::Working)
+            })?,
         };
         if plan.interrupted() {
             return Err(Error::Interrupted);

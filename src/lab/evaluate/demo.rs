@@ -9,21 +9,21 @@ use std::time::Instant;
 use super::artifact::{self, Artifact};
 use super::competitor::Competitor;
 use super::kind::Kind;
-use super::request::Request;
+use super::request::EvaluationRequest;
 use super::results::{self, Entry, Outcome};
 use super::scene::{Scene, Setting};
 use super::scene_artifacts::SceneArtifacts;
-use super::settings::{Settings, Shown};
+use super::settings::{EvaluationSettings, Shown};
 use super::situation::Situation;
 use crate::engine::vulkan::Context;
 use crate::lab::baselines;
-use crate::lab::baselines::request::Request as Baseline;
+use crate::lab::baselines::request::BaselineRequest as Baseline;
 use crate::lab::path_tracer::lightmap::Light;
 use crate::lab::path_tracer::outputs::named;
 use crate::planner::methods::Method;
 use crate::planner::plan;
 use crate::planner::plan::config::Preset;
-use crate::planner::plan::job::{Plan, Tools};
+use crate::planner::plan::pipeline::{Plan, Tools};
 use crate::planner::plan::problem::Problem;
 use crate::planner::plan::target::Target;
 use crate::planner::quality::viewers::Viewers;
@@ -47,7 +47,7 @@ pub fn title(method: Method) -> &'static str {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Size {
     /// Pictures, tests and training.
-    pub settings: Settings,
+    pub settings: EvaluationSettings,
     /// Views of each method.
     pub views: u32,
     /// Seed of choices and training.
@@ -57,7 +57,7 @@ pub struct Size {
 impl Size {
     /// What two cores do in a minute and a half. Rooms are photographed with a wide lens.
     pub const DEMO: Self = Self {
-        settings: Settings {
+        settings: EvaluationSettings {
             size: 128,
             fov_deg: 75.0,
             light: Light::Baked,
@@ -68,7 +68,7 @@ impl Size {
             max_splats: 40_000,
             degree: 0,
             shown: Shown::True,
-            ..Settings::QUICK
+            ..EvaluationSettings::QUICK
         },
         views: 30,
         seed: 0,
@@ -98,7 +98,7 @@ pub struct Step {
 }
 
 /// Progress events.
-pub enum Event<'e> {
+pub enum DemoEvent<'e> {
     /// A step is done.
     Done(&'e Step),
     /// A step is in progress.
@@ -106,7 +106,7 @@ pub enum Event<'e> {
 }
 
 /// Receives progress events and returns whether to continue.
-pub(crate) type Observe<'o> = &'o mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send);
+pub(crate) type Observe<'o> = &'o mut (dyn FnMut(DemoEvent<'_>) -> ControlFlow<()> + Send);
 
 /// The result of the demo.
 pub struct Demo {
@@ -158,7 +158,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
     let Size { settings, views, seed } = size;
     let (name, kind) = (scene.name.clone(), Kind::Room);
     let intrinsics = settings.intrinsics();
-    let request = Request {
+    let request = EvaluationRequest {
         kind,
         methods: METHODS.map(Competitor::Method).to_vec(),
         budgets: vec![views],
@@ -179,7 +179,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
 
     let tools = Tools::default();
     let problem = Problem::new(&target, intrinsics, &[])?;
-    let mut plan = plan::job::run(context, &problem, config.clone(), tools, |_| walk.work())?;
+    let mut plan = plan::pipeline::run(context, &problem, config.clone(), tools, |_| walk.work())?;
     if plan.interrupted() {
         return Err(Error::Interrupted);
     }
@@ -196,7 +196,7 @@ pub fn run(context: &Arc<Context>, folder: &Path, size: Size, scene: &Scene, obs
             Method::Ours => None,
             _ => {
                 let baseline = Baseline::new(placing, None, &config)?;
-                Some(baselines::job::run(context, &problem, &baseline, None)?)
+                Some(baselines::placing::run(context, &problem, &baseline, None)?)
             }
         };
         let record = &other.as_ref().unwrap_or(&plan).record;
@@ -239,17 +239,17 @@ struct Walk<'o> {
 }
 
 impl Walk<'_> {
-    fn observe(&mut self, event: &artifact::Event<'_>) -> ControlFlow<()> {
+    fn observe(&mut self, event: &artifact::ArtifactEvent<'_>) -> ControlFlow<()> {
         match event {
-            artifact::Event::Begins(_) => self.kept = false,
-            artifact::Event::Kept => self.kept = true,
-            artifact::Event::Working | artifact::Event::Note(_) => {}
+            artifact::ArtifactEvent::Begins(_) => self.kept = false,
+            artifact::ArtifactEvent::Kept => self.kept = true,
+            artifact::ArtifactEvent::Working | artifact::ArtifactEvent::Note(_) => {}
         }
         self.work()
     }
 
     fn work(&mut self) -> ControlFlow<()> {
-        (self.observe)(Event::Working)
+        (self.observe)(DemoEvent::Working)
     }
 
     fn done(&mut self, name: &'static str, mut what: String) {
@@ -258,7 +258,7 @@ impl Walk<'_> {
         }
         let step = Step { name, what, seconds: self.begun.elapsed().as_secs_f64() };
         // A stop requested here takes effect within the next step.
-        let _ = (self.observe)(Event::Done(&step));
+        let _ = (self.observe)(DemoEvent::Done(&step));
         self.steps.push(step);
         (self.begun, self.kept) = (Instant::now(), false);
     }

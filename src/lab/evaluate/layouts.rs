@@ -42,7 +42,7 @@ struct Results {
 #[derive(Clone, PartialEq, Deserialize)]
 struct Asked {
     kind: Kind,
-    settings: Settings,
+    settings: LayoutSettings,
     #[serde(default)]
     viewers: Viewers,
     #[serde(default)]
@@ -52,7 +52,7 @@ struct Asked {
 }
 
 #[derive(Clone, Copy, PartialEq, Deserialize)]
-struct Settings {
+struct LayoutSettings {
     region: RegionChoice,
 }
 
@@ -140,7 +140,7 @@ impl Trained {
 
     fn of(scene: &Path, name: &str, (asked, tests, runs): (Asked, Vec<Camera>, Runs)) -> Result<Self> {
         let intrinsics = tests.first().map_or(Intrinsics::from_fov(1, 1, 1.0), |test| test.intrinsics);
-        let Asked { kind, settings: Settings { region }, viewers, situation, limits } = asked;
+        let Asked { kind, settings: LayoutSettings { region }, viewers, situation, limits } = asked;
         let preset = kind.preset();
         let setting = Setting { preset, choice: region, situation, limits };
         let (mut model, mut surface) = match situation {

@@ -1,10 +1,10 @@
 //! A plan in two passes: half of the views on the initial surface, the rest on the surface improved by their photographs.
 
-use super::artifact::{Artifact, Event, Observe};
+use super::artifact::{Artifact, ArtifactEvent, Observe};
 use super::scene_artifacts::{SceneArtifacts, read_photos};
 use crate::planner::methods::Method;
 use crate::planner::plan::config::Config;
-use crate::planner::plan::job::{self, Plan, Tools};
+use crate::planner::plan::pipeline::{self, Plan, Tools};
 use crate::planner::plan::problem::Problem;
 use crate::scene::camera::Camera;
 use crate::scene::surface::Surface;
@@ -30,11 +30,11 @@ pub fn run(
     let target = artifacts.target((inputs, shown), &artifacts.scene().region, false)?;
     let tools = Tools::default();
     let problem = Problem::new(&target, lens, kept)?;
-    let begun = job::run(context, &problem, first, tools, |_| observe(Event::Working))?;
+    let begun = pipeline::run(context, &problem, first, tools, |_| observe(ArtifactEvent::Working))?;
     if begun.interrupted() {
         return Err(Error::Interrupted);
     }
-    let taken = artifacts.standing(&begun.record.cameras, observe);
+    let taken = artifacts.settled(&begun.record.cameras, observe);
     let photos = artifacts.photographs(&taken, observe)?;
     let mut set = read_photos(inputs)?;
     set.photos.extend(read_photos(&photos)?.photos);
@@ -42,7 +42,7 @@ pub fn run(
     let target = artifacts.held(artifacts.target_of(&known, &artifacts.scene().region)?, &known, || Ok(set))?;
     let tools = Tools::default();
     let problem = Problem::new(&target, lens, &taken)?;
-    let mut plan = job::run(context, &problem, rest, tools, |_| observe(Event::Working))?;
+    let mut plan = pipeline::run(context, &problem, rest, tools, |_| observe(ArtifactEvent::Working))?;
     plan.record.method = Method::OursTwoPasses.name().to_owned();
     plan.record.seconds += begun.record.seconds;
     Ok(plan)

@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use serde_json::json;
 
-use super::artifact::{Artifact, Event, Observe};
-use super::settings::Settings;
+use super::artifact::{Artifact, ArtifactEvent, Observe};
+use super::settings::EvaluationSettings;
 use super::subject::Subject;
 use crate::engine::parallel::mapped;
 use crate::engine::vulkan::Context;
@@ -30,7 +30,12 @@ const AT_ONCE: usize = 16;
 ///
 /// # Errors
 /// In a line that names the subject or what to do.
-pub fn check(contexts: &[Arc<Context>], weights: &Weights, subject: &Subject, settings: &Settings) -> Result<()> {
+pub fn check(
+    contexts: &[Arc<Context>],
+    weights: &Weights,
+    subject: &Subject,
+    settings: &EvaluationSettings,
+) -> Result<()> {
     let (width, height) = match subject {
         Subject::Scene(_) => (settings.size, settings.size),
         Subject::Pool(pool) => {
@@ -105,7 +110,7 @@ fn distances(
     let mut distances = Distances::new();
     for some in views.chunks(AT_ONCE) {
         for ((name, _), pair) in some.iter().zip(mapped(some, |_, (_, file)| read(file))) {
-            Error::unless_stopped(observe(Event::Working))?;
+            Error::unless_stopped(observe(ArtifactEvent::Working))?;
             let [rendered, reference] = pair.map_err(|error: Error| trained.damaged(&error.to_string()))?;
             let least = lpips.network().least();
             let distance = match rendered.width.min(rendered.height) >= least {

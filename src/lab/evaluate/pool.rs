@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use super::request::Request;
-use crate::files::io::photos::{self, Images, Options};
+use super::request::EvaluationRequest;
+use crate::files::io::photos::{self, Images, ReadOptions};
 use crate::files::photos::{Photo, PhotoSet};
 use crate::splats::data::split::{Split, TEST_EVERY, Test};
 use crate::{Error, Result};
@@ -27,8 +27,8 @@ impl Pool {
     ///
     /// # Errors
     /// Where it cannot be read, lacks an image, or has too few photos for the request.
-    pub fn read(path: &Path, request: &Request, notes: &mut Vec<String>) -> Result<Self> {
-        let mut set = photos::read(path, &Options { images: Images::Needed, ..Options::default() })?;
+    pub fn read(path: &Path, request: &EvaluationRequest, notes: &mut Vec<String>) -> Result<Self> {
+        let mut set = photos::read(path, &ReadOptions { images: Images::Needed, ..ReadOptions::default() })?;
         notes.append(&mut set.notes);
         let all = set.photos.len();
         let checksum = checksum(&set)?;

@@ -12,8 +12,8 @@ use super::artifact::{Artifact, Observe};
 use super::competitor::Competitor;
 use super::kind::Kind;
 use super::pool::Pool;
-use super::request::{Request, Run};
-use super::settings::Settings;
+use super::request::{EvaluationRequest, Run};
+use super::settings::EvaluationSettings;
 use super::training::{self, Training};
 use crate::engine::vulkan::Context;
 use crate::files::io;
@@ -22,14 +22,14 @@ use crate::photogrammetry::stereo;
 use crate::planner::plan::config::Preset;
 use crate::planner::plan::target::{RegionChoice, Target};
 use crate::planner::select::farthest::Distance;
-use crate::planner::select::job::{self as select, SelectionContext};
 use crate::planner::select::pool;
-use crate::planner::select::request::Request as Choice;
+use crate::planner::select::request::SelectionRequest as Choice;
+use crate::planner::select::selection::{self as select, SelectionContext};
 use crate::planner::select::sight::Sight;
 use crate::scene::camera::{Camera, Pose, common_up};
 use crate::scene::region::Shape;
 use crate::scene::surface::Surface;
-use crate::splats::config::{Config, Start, Strategy};
+use crate::splats::config::{Start, Strategy, TrainConfig};
 use crate::splats::data::split::Split;
 use crate::splats::run::record::TrainRecord;
 use crate::{Error, Result};
@@ -53,7 +53,7 @@ pub struct Chosen {
 pub(crate) struct PoolArtifacts<'a> {
     context: Arc<Context>,
     root: PathBuf,
-    settings: Settings,
+    settings: EvaluationSettings,
     pool: &'a Pool,
     target: Target,
     /// The surface's name among the inputs of others.
@@ -69,7 +69,7 @@ impl<'a> PoolArtifacts<'a> {
     pub fn new(
         context: &Arc<Context>,
         root: &Path,
-        request: &Request,
+        request: &EvaluationRequest,
         pool: &'a Pool,
         observe: Observe,
     ) -> Result<Self> {
@@ -77,7 +77,7 @@ impl<'a> PoolArtifacts<'a> {
         let (surface, key) = if set.points.positions.is_empty() {
             let artifact = Artifact::new(root, "surface", json!({ "pool": pool.checksum, "seed": SEED }));
             if artifact.begins(observe)? {
-                let options = stereo::Options { seed: SEED, ..stereo::Options::default() };
+                let options = stereo::StereoOptions { seed: SEED, ..stereo::StereoOptions::default() };
                 let found = stereo::reconstruct(context, set, &options).map_err(|error| match error {
                     Error::Request(what) => Error::input(pool.path(), what),
                     other => other,
@@ -180,17 +180,17 @@ impl<'a> PoolArtifacts<'a> {
         seed: u64,
         observe: Observe,
     ) -> Result<(Artifact, TrainRecord)> {
-        let Settings { iterations, max_splats, shrink, antialiased, .. } = self.settings;
+        let EvaluationSettings { iterations, max_splats, shrink, antialiased, .. } = self.settings;
         let kept: HashSet<&str> = names.iter().map(String::as_str).collect();
         let of_these = |photo: &Photo| kept.contains(photo.camera.name.as_str());
         let train: PhotoSet = self.pool.candidates.clone().filtered(of_these).with_points_seen();
         let start = Start::of(&train);
         let split = Split { train, test, notes: Vec::new() };
-        let config = Config {
+        let config = TrainConfig {
             background: split.usual_background(),
             antialiased,
             seed,
-            ..Config::new(iterations, max_splats).with_strategy(Strategy::Mcmc, start)
+            ..TrainConfig::new(iterations, max_splats).with_strategy(Strategy::Mcmc, start)
         };
         let inputs = json!({
             "pool": self.pool.checksum, "photos": names, "tests": split.test.len(), "config": config, "shrink": shrink,

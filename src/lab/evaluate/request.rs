@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::competitor::Competitor;
 use super::kind::Kind;
-use super::settings::{BY_BOUNDS, BaselinesFrom, InputsFrom, Settings, Shown, Space};
+use super::settings::{BY_BOUNDS, BaselinesFrom, EvaluationSettings, InputsFrom, Shown, Space};
 use super::situation::Situation;
 use crate::planner::methods::Method;
 use crate::planner::quality::viewers::Viewers;
@@ -37,7 +37,7 @@ impl fmt::Display for Run<'_> {
 
 /// The request of an evaluation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Request {
+pub struct EvaluationRequest {
     /// The kind of all subjects.
     pub kind: Kind,
     /// Methods, each once.
@@ -49,7 +49,7 @@ pub struct Request {
     /// The seed of the first of these; the others follow.
     pub first_seed: u32,
     /// The size of everything.
-    pub settings: Settings,
+    pub settings: EvaluationSettings,
     /// Where viewers look from: where the tests are, and what the planner plans for. By default the protocol's sets.
     #[serde(skip_serializing_if = "Viewers::is_default")]
     pub viewers: Viewers,
@@ -60,7 +60,7 @@ pub struct Request {
     pub limits: Limits,
 }
 
-impl Request {
+impl EvaluationRequest {
     /// Sets of test views; of several, by what their names begin with.
     pub fn sets(&self) -> &'static [&'static str] {
         if self.usual_tests() { self.kind.sets() } else { &[GIVEN_VIEWERS] }
@@ -211,10 +211,11 @@ mod tests {
     #[test]
     fn nothing_to_compare_is_said() {
         let of = |methods: Vec<Competitor>, budgets: Vec<u32>| {
-            let (kind, settings) = (Kind::Object, Settings::QUICK);
+            let (kind, settings) = (Kind::Object, EvaluationSettings::QUICK);
             let viewers = Viewers::Region;
             let (situation, limits) = (Situation::Free, Limits::default());
-            Request { kind, methods, budgets, seeds: 1, first_seed: 0, settings, viewers, situation, limits }.validate()
+            EvaluationRequest { kind, methods, budgets, seeds: 1, first_seed: 0, settings, viewers, situation, limits }
+                .validate()
         };
         let given = Given { name: "cameras:a".into(), poses: Vec::new(), notes: Vec::new() };
         let given = Competitor::Cameras(Arc::new(given));

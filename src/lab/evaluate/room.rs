@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use super::views::camera;
 use crate::engine::vulkan::Context;
 use crate::lab::baselines;
-use crate::lab::baselines::request::Request;
+use crate::lab::baselines::request::BaselineRequest;
 use crate::planner::methods::Method;
 use crate::planner::plan::config::{Config, Preset};
 use crate::planner::plan::problem::Problem;
@@ -73,9 +73,9 @@ impl EmptySpace {
     /// Where the device fails.
     pub fn inputs(&self, context: &Arc<Context>, intrinsics: Intrinsics, count: u32) -> Result<Vec<Camera>> {
         let config = Config { seed: INPUT_SEED, held_out: 1, ..Config::new(Preset::Room, count) };
-        let request = Request::new(Method::Coverage, Some(PLACES.max(count)), &config)?;
+        let request = BaselineRequest::new(Method::Coverage, Some(PLACES.max(count)), &config)?;
         let problem = Problem::new(&self.target, intrinsics, &[])?;
-        let plan = baselines::job::run(context, &problem, &request, None)?;
+        let plan = baselines::placing::run(context, &problem, &request, None)?;
         let named = |camera: Camera| Camera { name: format!("input_{}", camera.name), ..camera };
         Ok(plan.record.cameras.into_iter().map(named).collect())
     }

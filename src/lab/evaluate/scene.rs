@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::room::{self, EmptySpace};
-use super::settings::Settings;
+use super::settings::EvaluationSettings;
 use super::situation::Situation;
 use super::views;
 use crate::engine::vulkan::Context;
@@ -189,7 +189,7 @@ impl Scene {
     ///
     /// # Errors
     /// Where the device fails.
-    pub fn inputs(&self, context: &Arc<Context>, settings: &Settings) -> Result<Vec<Camera>> {
+    pub fn inputs(&self, context: &Arc<Context>, settings: &EvaluationSettings) -> Result<Vec<Camera>> {
         let (intrinsics, count) = (settings.intrinsics(), settings.inputs);
         match &self.views {
             Around::Object(_) => {

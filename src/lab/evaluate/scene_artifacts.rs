@@ -11,15 +11,15 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use super::artifact::{Artifact, Event, Observe};
+use super::artifact::{Artifact, ArtifactEvent, Observe};
 use super::kind::Kind;
-use super::request::Request;
+use super::request::EvaluationRequest;
 use super::scene::{Around, Scene};
-use super::settings::{Settings, Shown, Space};
+use super::settings::{EvaluationSettings, Shown, Space};
 use super::training::{self, Training};
 use crate::engine::vulkan::Context;
 use crate::files::io;
-use crate::files::io::photos::{self, Images, Options};
+use crate::files::io::photos::{self, Images, ReadOptions};
 use crate::files::photos::{Photo, PhotoSet};
 use crate::lab::path_tracer;
 use crate::lab::path_tracer::lightmap::{self, Light, LightMap};
@@ -34,7 +34,7 @@ use crate::scene::limits::Limits;
 use crate::scene::proxy::Orientation;
 use crate::scene::region::Region;
 use crate::scene::surface::{Points, Surface};
-use crate::splats::config::{Config, Start, Strategy};
+use crate::splats::config::{Start, Strategy, TrainConfig};
 use crate::splats::data::split::{Split, Test};
 use crate::splats::run::record::TrainRecord;
 use crate::{Error, Result};
@@ -65,10 +65,10 @@ pub(crate) struct SceneArtifacts<'a> {
     pub(super) context: Arc<Context>,
     pub(super) root: PathBuf,
     pub(super) kind: Kind,
-    pub(super) settings: Settings,
+    pub(super) settings: EvaluationSettings,
     pub(super) viewers: Viewers,
     /// How the light map was baked; none where light is traced.
-    light: Option<lightmap::Settings>,
+    light: Option<lightmap::LightmapSettings>,
     pub(super) tracer: Tracer,
     pub(super) scene: &'a Scene,
 }
@@ -81,13 +81,14 @@ impl<'a> SceneArtifacts<'a> {
     pub fn new(
         context: &Arc<Context>,
         root: &Path,
-        request: &Request,
+        request: &EvaluationRequest,
         scene: &'a Scene,
         observe: Observe,
     ) -> Result<Self> {
-        let Request { kind, settings, .. } = *request;
+        let EvaluationRequest { kind, settings, .. } = *request;
         let pixels = u64::from(settings.size).pow(2);
-        let light = (settings.light == Light::Baked).then(|| lightmap::Settings::new(pixels, settings.samples, SEED));
+        let light =
+            (settings.light == Light::Baked).then(|| lightmap::LightmapSettings::new(pixels, settings.samples, SEED));
         let tracer = match &light {
             None => Tracer::new(context, scene.assembly.clone(), pixels)?,
             Some(light) => {
@@ -110,7 +111,7 @@ impl<'a> SceneArtifacts<'a> {
 
     /// The cameras as they are photographed: in a room, those that a method put inside an object which it did not see are moved
     /// beside it.
-    pub fn standing(&self, cameras: &[Camera], observe: Observe) -> Vec<Camera> {
+    pub fn settled(&self, cameras: &[Camera], observe: Observe) -> Vec<Camera> {
         let Around::Room(space) = &self.scene.views else { return cameras.to_vec() };
         let (settled, moved) = space.settled(cameras);
         if moved > 0 {
@@ -119,7 +120,7 @@ impl<'a> SceneArtifacts<'a> {
                 "{moved} of {all} cameras stood outside of the region or its limits, nearer to things than the clearance or in them, and \
                  have moved to the nearest free place"
             );
-            let _ = observe(Event::Note(note));
+            let _ = observe(ArtifactEvent::Note(note));
         }
         settled
     }
@@ -175,7 +176,7 @@ impl<'a> SceneArtifacts<'a> {
         if !plain.is_empty() {
             let (count, all) = (plain.len(), cameras.len());
             let note = format!("{count} of {all} test views are of one colour throughout and are left out");
-            let _ = observe(Event::Note(note));
+            let _ = observe(ArtifactEvent::Note(note));
         }
         Ok(Tests { artifact, plain })
     }
@@ -210,12 +211,12 @@ impl<'a> SceneArtifacts<'a> {
         let all = record.cameras.len() as u32;
         // The tracer's observer cannot change anything: what it receives goes through a cell.
         let observer = std::cell::RefCell::new(observe);
-        let taken = path_tracer::job::run(&self.tracer, &record, &outputs, artifact.folder(), |_| {
-            (observer.borrow_mut())(Event::Working)
+        let taken = path_tracer::capture::run(&self.tracer, &record, &outputs, artifact.folder(), |_| {
+            (observer.borrow_mut())(ArtifactEvent::Working)
         })?;
         if taken.empty > 0 {
             let note = format!("{} of {all} photographs show nothing of the scene", taken.empty);
-            let _ = (observer.borrow_mut())(Event::Note(note));
+            let _ = (observer.borrow_mut())(ArtifactEvent::Note(note));
         }
         // Of candidates that are photographed one by one hundreds may be.
         if !taken.dark.is_empty() && all > 1 {
@@ -228,7 +229,7 @@ impl<'a> SceneArtifacts<'a> {
                 "{dark} of {made} photographs are black: no light reaches what they see, or they are taken inside of \
                  something{narrower}"
             );
-            let _ = (observer.borrow_mut())(Event::Note(note));
+            let _ = (observer.borrow_mut())(ArtifactEvent::Note(note));
         }
         if taken.pictures < all {
             return Err(Error::Interrupted);
@@ -262,18 +263,23 @@ impl<'a> SceneArtifacts<'a> {
                         "the surface made from the input photos lies along {covered:.0}% of the scene's own{hidden}, which \
                          --surface true shows"
                     );
-                    let _ = observe(Event::Note(note));
+                    let _ = observe(ArtifactEvent::Note(note));
                 }
                 (Surface::Points(points), None)
             }
             Shown::True => (self.scene.surface.clone(), Some(SCORED)),
         };
-        Error::unless_stopped(observe(Event::Working))?;
+        Error::unless_stopped(observe(ArtifactEvent::Working))?;
         // Photos across a room all look past its middle: from these alone it could also be an object.
         let middle = self.scene.region.bounding_sphere().0;
         let orientation = (self.kind == Kind::Room).then_some(Orientation::Inward(middle));
-        let settings = vds::job::Settings { points, seed: SEED, orientation, ..vds::job::Settings::default() };
-        let scored = vds::job::run(&self.context, &set, &surface, &settings, |_| {})?.points;
+        let settings = vds::scoring::ScoringSettings {
+            points,
+            seed: SEED,
+            orientation,
+            ..vds::scoring::ScoringSettings::default()
+        };
+        let scored = vds::scoring::run(&self.context, &set, &surface, &settings, |_| {})?.points;
         artifact.write(SURFACE, &io::ply::write::surface_points(&scored))?;
         artifact.finish()?;
         Ok(artifact)
@@ -284,14 +290,14 @@ impl<'a> SceneArtifacts<'a> {
     /// # Errors
     /// Where they give none, or the device fails.
     pub(super) fn reconstructed(&self, set: &PhotoSet) -> Result<Points> {
-        let usual = stereo::Options::default();
-        let options = stereo::Options { seed: SEED, photos: usual.photos.max(set.photos.len()), ..usual };
+        let usual = stereo::StereoOptions::default();
+        let options = stereo::StereoOptions { seed: SEED, photos: usual.photos.max(set.photos.len()), ..usual };
         if let Around::Room(space) = &self.scene.views {
             // Cameras in a room have no common focus; what is nearer than a tenth of how far away walls can be is too near to be
             // found in two pictures.
             let far = space.farthest();
             let depths = Some([0.1 * far, far]);
-            let options = stereo::Options { depths, hull: false, ..options };
+            let options = stereo::StereoOptions { depths, hull: false, ..options };
             return match stereo::reconstruct(&self.context, set, &options) {
                 Ok(found) => Ok(found.points),
                 Err(Error::Request(what)) => Err(Error::input(
@@ -367,13 +373,13 @@ impl<'a> SceneArtifacts<'a> {
         seed: u64,
         observe: Observe,
     ) -> Result<(Artifact, TrainRecord)> {
-        let Settings { iterations, max_splats, degree, antialiased, .. } = self.settings;
-        let config = Config {
+        let EvaluationSettings { iterations, max_splats, degree, antialiased, .. } = self.settings;
+        let config = TrainConfig {
             background: self.kind.background(),
             degree,
             antialiased,
             seed,
-            ..Config::new(iterations, max_splats).with_strategy(Strategy::Mcmc, Start::Surface)
+            ..TrainConfig::new(iterations, max_splats).with_strategy(Strategy::Mcmc, Start::Surface)
         };
         let tested = tests.map(|tests| tests.artifact.key());
         let artifact = self.artifact("training", json!({ "photos": photos.key(), "tests": tested, "config": config }));
@@ -402,7 +408,7 @@ fn light_map(
     context: &Arc<Context>,
     root: &Path,
     scene: &Scene,
-    settings: &lightmap::Settings,
+    settings: &lightmap::LightmapSettings,
     eyes: &[DVec3],
     observe: Observe,
 ) -> Result<LightMap> {
@@ -414,7 +420,7 @@ fn light_map(
         let map = LightMap::read(&file, &scene.assembly, settings, eyes)?;
         return map.ok_or_else(|| artifact.damaged(lightmap::FILE));
     }
-    let map = LightMap::bake(context, &scene.assembly, settings, eyes, |_| observe(Event::Working))?;
+    let map = LightMap::bake(context, &scene.assembly, settings, eyes, |_| observe(ArtifactEvent::Working))?;
     map.write(&file, &scene.assembly, settings, eyes)?;
     artifact.finish()?;
     Ok(map)
@@ -429,7 +435,7 @@ fn is_plain(photo: &Photo) -> Result<bool, image::ImageError> {
 
 /// The photographs of an artifact.
 pub(super) fn read_photos(artifact: &Artifact) -> Result<PhotoSet> {
-    let set = photos::read(artifact.folder(), &Options { images: Images::Optional, ..Options::default() });
+    let set = photos::read(artifact.folder(), &ReadOptions { images: Images::Optional, ..ReadOptions::default() });
     let set = set.map_err(|error| artifact.damaged(&error.to_string()))?;
     match set.missing.first() {
         Some(missing) => Err(artifact.damaged(&format!("missing or unreadable: {missing}"))),

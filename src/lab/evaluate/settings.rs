@@ -63,7 +63,7 @@ pub(crate) const BY_BOUNDS: RegionChoice = RegionChoice { shape: None, floor: No
 
 /// The size of everything.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Settings {
+pub struct EvaluationSettings {
     /// Side of the pictures in pixels.
     pub size: u32,
     /// Field of view of all cameras that photograph a scene, in degrees.
@@ -103,7 +103,7 @@ pub struct Settings {
     pub antialiased: bool,
 }
 
-impl Settings {
+impl EvaluationSettings {
     /// The whole protocol, for a GPU.
     pub const WHOLE: Self = Self {
         size: 800,

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::competitor::Competitor;
 use super::kind::Kind;
-use super::request::Request;
+use super::request::EvaluationRequest;
 use super::results::{Interval, METRICS, Outcome, Row, measured};
 use super::settings::{BaselinesFrom, InputsFrom, Shown, Space};
 use crate::planner::plan::target::RegionChoice;
@@ -19,7 +19,7 @@ const TWICE_DB: f64 = 3.01;
 pub(crate) const DECIMALS: [usize; METRICS.len()] = [2, 4, 4, 4];
 
 /// What the numbers are of. `left` runs are still to come.
-pub(crate) fn description(request: &Request, left: usize) -> String {
+pub(crate) fn description(request: &EvaluationRequest, left: usize) -> String {
     let settings = &request.settings;
     let mut text = format!(
         "{}; {} iterations of training{}, at most {} splats, {}. Mean and half of the 95% interval over seeds \
@@ -42,7 +42,7 @@ pub(crate) fn description(request: &Request, left: usize) -> String {
 }
 
 /// Which seeds there are, in words.
-fn seeds(request: &Request) -> String {
+fn seeds(request: &EvaluationRequest) -> String {
     match (request.first_seed, request.seeds) {
         (first, 1) => format!("seed {first}"),
         (0, count) => format!("{count} seeds"),
@@ -51,7 +51,7 @@ fn seeds(request: &Request) -> String {
 }
 
 /// A table for each metric, as Markdown.
-pub(crate) fn markdown(request: &Request, outcome: &Outcome) -> String {
+pub(crate) fn markdown(request: &EvaluationRequest, outcome: &Outcome) -> String {
     let Outcome { rows, left, .. } = outcome;
     let mut text = description(request, *left) + "\n";
     for line in [ceilings(outcome), drowned(outcome), apart(rows)].into_iter().flatten() {
@@ -110,7 +110,7 @@ pub(crate) fn drowned(outcome: &Outcome) -> Option<String> {
 }
 
 /// What methods chose on and which pictures were trained on.
-fn conditions(request: &Request) -> String {
+fn conditions(request: &EvaluationRequest) -> String {
     let settings = &request.settings;
     if request.kind == Kind::Pool {
         return format!(
@@ -177,7 +177,7 @@ fn conditions(request: &Request) -> String {
 }
 
 /// A line for each scene, method, budget, set and metric.
-pub fn csv(request: &Request, rows: &[Row]) -> String {
+pub fn csv(request: &EvaluationRequest, rows: &[Row]) -> String {
     let columns = request.columns();
     let mut text = String::from("scene,method,views,seeds,set,metric,mean,half_interval_95\n");
     for row in rows {
@@ -214,7 +214,7 @@ pub fn cell(Interval { mean, half }: Interval, decimals: usize) -> String {
 mod tests {
     use super::*;
     use crate::lab::evaluate::competitor::Given;
-    use crate::lab::evaluate::settings::Settings;
+    use crate::lab::evaluate::settings::EvaluationSettings;
     use crate::lab::evaluate::situation::Situation;
     use crate::planner::methods::Method;
     use crate::scene::limits::Limits;
@@ -263,13 +263,13 @@ mod tests {
     /// If this failed, numbers would be under the wrong headings, or a missing one would look like a zero.
     #[test]
     fn known_numbers_stand_where_they_belong() {
-        let request = Request {
+        let request = EvaluationRequest {
             kind: Kind::Object,
             methods: vec![Competitor::Method(Method::PaperNoVds)],
             budgets: vec![20],
             seeds: 3,
             first_seed: 7,
-            settings: Settings::QUICK,
+            settings: EvaluationSettings::QUICK,
             viewers: Viewers::Region,
             situation: Situation::Free,
             limits: Limits::default(),
@@ -303,13 +303,13 @@ mod tests {
     #[test]
     fn a_kind_has_its_own_columns() {
         let one = Row { measured: row().measured.map(|all| all[..1].to_vec()), ..row() };
-        let request = Request {
+        let request = EvaluationRequest {
             kind: Kind::Pool,
             methods: vec![Competitor::Method(Method::Ours)],
             budgets: vec![20],
             seeds: 3,
             first_seed: 0,
-            settings: Settings::QUICK,
+            settings: EvaluationSettings::QUICK,
             viewers: Viewers::Region,
             situation: Situation::Free,
             limits: Limits::default(),
@@ -320,13 +320,13 @@ mod tests {
         // The views of an object's three sets are explained, where these are the tests.
         assert!(!text.contains("half and full"), "{text}");
         assert!(
-            description(&Request { kind: Kind::Object, ..request.clone() }, 0)
+            description(&EvaluationRequest { kind: Kind::Object, ..request.clone() }, 0)
                 .contains("half and full look at the centre")
         );
-        let room = Request { kind: Kind::Room, ..request };
+        let room = EvaluationRequest { kind: Kind::Room, ..request };
         assert!(csv(&room, std::slice::from_ref(&one)).contains(",20,3,random,PSNR,20,0.5"));
         // And where the user specifies viewers, one of its own.
-        let up_to_eye_height = Request { viewers: Viewers::Heights { low: 0.0, high: 1.7 }, ..room };
+        let up_to_eye_height = EvaluationRequest { viewers: Viewers::Heights { low: 0.0, high: 1.7 }, ..room };
         assert!(csv(&up_to_eye_height, &[one]).contains(",20,3,viewers,PSNR,20,0.5"));
     }
 }

@@ -3,15 +3,15 @@
 use std::fs;
 use std::sync::Arc;
 
-use super::artifact::{Artifact, Event, Observe};
+use super::artifact::{Artifact, ArtifactEvent, Observe};
 use crate::engine::vulkan::Context;
 use crate::files::io;
 use crate::planner::select::information::Model;
-use crate::splats::config::Config;
+use crate::splats::config::TrainConfig;
 use crate::splats::data::split::Split;
-use crate::splats::run::job::{self, Run};
 use crate::splats::run::outputs::{CHECKPOINT, MODEL, RECORD};
 use crate::splats::run::record::{Status, TrainRecord};
+use crate::splats::run::request::{self, Run};
 use crate::{Error, Result};
 
 /// How splats are trained.
@@ -19,7 +19,7 @@ pub struct Training {
     /// Where the photos come from.
     pub capture: String,
     /// Configuration.
-    pub config: Config,
+    pub config: TrainConfig,
     /// Each pixel is a square of so many stored pixels.
     pub shrink: u32,
 }
@@ -40,10 +40,11 @@ pub fn run(
     }
     let Training { capture, config, shrink } = training;
     let folder = artifact.folder().to_owned();
-    let asked = job::Request { capture, split: split()?, config, shrink, folder, save_every: 5000, evaluate_every: 0 };
+    let asked =
+        request::TrainRequest { capture, split: split()?, config, shrink, folder, save_every: 5000, evaluate_every: 0 };
     let run = Run::new(context, asked)?;
     let resume = artifact.file(CHECKPOINT).is_file();
-    let record = run.run(resume, None, &mut |_| observe(Event::Working))?;
+    let record = run.run(resume, None, &mut |_| observe(ArtifactEvent::Working))?;
     if record.status != Status::Complete {
         return Err(Error::Interrupted);
     }

@@ -118,7 +118,7 @@ pub fn camera(name: String, pose: Pose, intrinsics: Intrinsics) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lab::evaluate::settings::Settings;
+    use crate::lab::evaluate::settings::EvaluationSettings;
     use crate::scene::limits::{Limits, Wall};
     use crate::scene::proxy::{Orientation, Proxy};
     use crate::scene::samples;
@@ -132,7 +132,7 @@ mod tests {
         let limits = Limits { walls: vec![wall], ..Limits::default() };
         let geometry = SceneGeometry::among(&proxy, &region, &limits).unwrap();
         for from in [InputsFrom::Uniform, InputsFrom::Random, InputsFrom::Biased] {
-            let cameras = inputs((&region, &geometry), Settings::QUICK.intrinsics(), from, 20).unwrap();
+            let cameras = inputs((&region, &geometry), EvaluationSettings::QUICK.intrinsics(), from, 20).unwrap();
             assert_eq!(cameras.len(), 20);
             assert!(cameras.iter().all(|camera| camera.pose.position.x > -0.6), "{from:?}");
         }
@@ -146,7 +146,7 @@ mod tests {
         let proxy = Proxy::new(&ball, Orientation::Trusted).unwrap();
         let geometry = SceneGeometry::new(&proxy, &region).unwrap();
         let places = |from| -> Vec<DVec3> {
-            let cameras = inputs((&region, &geometry), Settings::QUICK.intrinsics(), from, 20).unwrap();
+            let cameras = inputs((&region, &geometry), EvaluationSettings::QUICK.intrinsics(), from, 20).unwrap();
             cameras.iter().map(|camera| camera.pose.position - DVec3::ONE).collect()
         };
         let (even, random, side) =
@@ -176,7 +176,7 @@ mod tests {
                 DVec3::ONE + 0.5 * random::direction(u, v)
             })
             .collect();
-        let cameras = tests(&region, &points, Settings::QUICK.intrinsics(), 30);
+        let cameras = tests(&region, &points, EvaluationSettings::QUICK.intrinsics(), 30);
         let full = region.bounding_sphere().1;
         assert_eq!(cameras.len(), 90);
         for camera in &cameras {

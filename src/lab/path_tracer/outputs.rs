@@ -43,7 +43,7 @@ pub struct Record {
     pub samples: u32,
     /// The light map; none where diffuse light is traced.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub light: Option<lightmap::Settings>,
+    pub light: Option<lightmap::LightmapSettings>,
     /// Key of the random numbers.
     pub seed: u64,
     /// Factor of two, so many times, on the light of the 8-bit pictures.

@@ -4,7 +4,7 @@ use glam::{DMat3, DVec2, DVec3, DVec4, Vec3};
 
 use crate::engine::vulkan::shaders::glsl::photogrammetry::stereo::zncc;
 use crate::files::photos::Photo;
-use crate::files::photos::decode::{Decoded, Decoder, Settings};
+use crate::files::photos::decode::{DecodeSettings, Decoded, Decoder};
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::colour;
 use crate::scene::lens::{Distortion, Lens};
@@ -216,7 +216,7 @@ impl Frame {
     ) -> Result<Vec<Self>> {
         // Integer factors while decoding; the remaining factor is applied to each photo.
         let shrink = photos.iter().map(|photo| longer(&photo.camera.intrinsics) / longest).min().unwrap_or(1).max(1);
-        let settings = Settings { shrink, memory, ..Settings::default() };
+        let settings = DecodeSettings { shrink, memory, ..DecodeSettings::default() };
         let decoder = Decoder::new(photos, settings)?;
         photos
             .iter()

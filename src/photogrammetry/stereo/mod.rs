@@ -46,7 +46,7 @@ const HULL_CELLS: u32 = 128;
 
 /// What to make a surface from, and how finely.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Options {
+pub struct StereoOptions {
     /// Photos to use at most, those that spread best.
     pub photos: usize,
     /// Longest side in pixels that photos are shrunk to.
@@ -69,7 +69,7 @@ pub struct Options {
     pub seed: u64,
 }
 
-impl Default for Options {
+impl Default for StereoOptions {
     fn default() -> Self {
         Self {
             photos: 30,
@@ -125,7 +125,7 @@ struct Measured {
 /// # Errors
 /// Where there are fewer than [`MIN_PHOTOS`] with images (and depth maps), where images or maps cannot be read, where the cameras do not
 /// determine where to look, where no two photos overlap, where nothing was found, and where the device fails.
-pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) -> Result<Reconstruction> {
+pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &StereoOptions) -> Result<Reconstruction> {
     let mut clock = Clock { last: Instant::now(), seconds: Vec::new() };
     let chosen = choose_photos(set, options)?;
     let cameras: Vec<Camera> = chosen.iter().map(|photo| photo.camera.clone()).collect();
@@ -245,7 +245,7 @@ pub fn reconstruct(context: &Arc<Context>, set: &PhotoSet, options: &Options) ->
 ///
 /// # Errors
 /// As [`reconstruct`], and where no photo has a mask.
-pub fn hull_of(context: &Arc<Context>, set: &PhotoSet, options: &Options) -> Result<Points> {
+pub fn hull_of(context: &Arc<Context>, set: &PhotoSet, options: &StereoOptions) -> Result<Points> {
     let chosen = choose_photos(set, options)?;
     let cameras: Vec<Camera> = chosen.iter().map(|photo| photo.camera.clone()).collect();
     let volume = find_volume(set, &cameras, options).ok_or_else(no_points)?;
@@ -310,7 +310,7 @@ impl Clock {
     }
 }
 
-fn choose_photos(set: &PhotoSet, options: &Options) -> Result<Vec<Photo>> {
+fn choose_photos(set: &PhotoSet, options: &StereoOptions) -> Result<Vec<Photo>> {
     let reach = set.reach();
     let near = |photo: &&Photo| reach.holds(photo.camera.pose.position);
     let measured =
@@ -333,7 +333,7 @@ fn choose_photos(set: &PhotoSet, options: &Options) -> Result<Vec<Photo>> {
 }
 
 /// The ball that the scene is in; none where the cameras look at no one place and no depths are given.
-fn find_volume(set: &PhotoSet, cameras: &[Camera], options: &Options) -> Option<Volume> {
+fn find_volume(set: &PhotoSet, cameras: &[Camera], options: &StereoOptions) -> Option<Volume> {
     let found =
         if options.use_points { volume::around_points(&set.points.positions) } else { volume::around_focus(cameras) };
     found.or_else(|| options.depths.map(|depths| around_cameras(cameras, Some(depths))))

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::{Options, Reconstruction, choose_photos, reconstruct};
+use super::{Reconstruction, StereoOptions, choose_photos, reconstruct};
 use crate::engine::vulkan::Context;
 use crate::files::photos::PhotoSet;
 use crate::scene::camera::Camera;
@@ -28,7 +28,7 @@ const HYPOTHESES: u32 = 96;
 ///
 /// # Errors
 /// Where neither points nor stereo show any, and where the device fails.
-pub fn of_walk(context: &Arc<Context>, set: &PhotoSet, options: &Options) -> Result<[f64; 2]> {
+pub fn of_walk(context: &Arc<Context>, set: &PhotoSet, options: &StereoOptions) -> Result<[f64; 2]> {
     let cameras: Vec<Camera> = choose_photos(set, options)?.into_iter().map(|photo| photo.camera).collect();
     if let Some(range) = range(&set.points.positions, &cameras) {
         return Ok(range);
@@ -36,7 +36,7 @@ pub fn of_walk(context: &Arc<Context>, set: &PhotoSet, options: &Options) -> Res
     let apart = between_neighbours(&cameras);
     let mut best: Option<Reconstruction> = None;
     for far in TRIED.map(|far| far * apart) {
-        let coarse = Options {
+        let coarse = StereoOptions {
             depths: Some([far / SPAN, far]),
             resolution: RESOLUTION.min(options.resolution),
             hypotheses: HYPOTHESES,

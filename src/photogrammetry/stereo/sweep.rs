@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::depth::Sweeper;
 use super::frame::{Frame, device_pairs, device_views};
 use super::hull::Hull;
-use super::{Clock, Measured, Options, choose, consistency, cost, smooth};
+use super::{Clock, Measured, StereoOptions, choose, consistency, cost, smooth};
 use crate::engine::vulkan::Context;
 use crate::scene::camera::Camera;
 use crate::{Error, Result};
@@ -26,7 +26,7 @@ pub(super) fn measured(
     frames: &[Frame],
     ranges: &[[f64; 2]],
     hull: &Hull,
-    options: &Options,
+    options: &StereoOptions,
     clock: &mut Clock,
 ) -> Result<Measured> {
     let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera.clone()).collect();

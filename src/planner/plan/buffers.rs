@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::clock::mailbox;
-use super::shared::{Control, Gradient, Moments, Record, Settings, Splat};
+use super::shared::{CameraState, Control, Gradient, Moments, Record, Settings};
 use crate::Result;
 use crate::engine::vulkan::footprint::Footprint;
 use crate::engine::vulkan::{Buffer, Context};
@@ -52,13 +52,13 @@ pub(super) fn sizes(s: &Settings, checkpoint_every: u32) -> Vec<(&'static str, u
     vec![
         ("settings", size_of::<Settings>() as u64),
         ("control", size_of::<Control>() as u64),
-        ("splats", bytes(size_of::<Splat>(), splats)),
+        ("splats", bytes(size_of::<CameraState>(), splats)),
         ("moments", bytes(size_of::<Moments>(), splats)),
         ("terms", bytes(2 * size_of::<f32>(), splats)),
         ("arrivals", 8),
         ("gradients", bytes(size_of::<Gradient>(), splats)),
         ("history", bytes(size_of::<Record>(), s.iterations.into())),
-        ("snapshots", bytes(size_of::<Splat>(), splats * snapshots)),
+        ("snapshots", bytes(size_of::<CameraState>(), splats * snapshots)),
         ("mailbox", 4 * mailbox::WORDS as u64),
     ]
 }

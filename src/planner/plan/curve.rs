@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::config::Config;
-use super::job;
+use super::pipeline;
 use super::problem::Problem;
 use crate::engine::vulkan::Context;
 use crate::{Error, Result};
@@ -32,7 +32,7 @@ pub struct Point {
 /// number of views before it is planned, and may stop the run.
 ///
 /// # Errors
-/// As [`job::run`]; [`Error::Interrupted`] where it was stopped.
+/// As [`pipeline::run`]; [`Error::Interrupted`] where it was stopped.
 pub fn curve(
     context: &Arc<Context>,
     problem: &Problem<'_>,
@@ -43,7 +43,7 @@ pub fn curve(
     for views in BUDGETS {
         Error::unless_stopped(observe(views))?;
         let config = Config { views, ..config.clone() };
-        let (expectation, _) = job::expected_plan(context, problem, config)?;
+        let (expectation, _) = pipeline::expected_plan(context, problem, config)?;
         errors.push((views, expectation.error_db, expectation.unseen));
     }
     let last = errors.last().map_or(0.0, |(_, error, _)| *error);

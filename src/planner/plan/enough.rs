@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::config::Config;
-use super::job::expected_beside;
+use super::pipeline::expected_beside;
 use super::problem::Problem;
 use super::reference::Reference;
 use super::target::Target;
@@ -76,7 +76,7 @@ impl Enough {
         let over_own_db = own.map(|own| own.error_db - before.error_db);
         let (after, _) = expected_beside(context, &problem, &scene, &reference, config.clone())?;
         let points: Vec<DVec3> = problem.held_out(&config).iter().map(|point| point.position).collect();
-        let errors = reference.outlook(cameras, &points)?.map.points;
+        let errors = reference.prediction(cameras, &points)?.map.points;
         let radius = RADIUS * target.proxy.sphere.1;
         Ok(Self {
             gain_db: before.error_db - after.error_db,

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::buffers::Buffers;
-use super::shared::{Record, Settings, Splat};
+use super::shared::{CameraState, Record, Settings};
 use crate::Result;
 use crate::engine::vulkan::footprint::Footprint;
 use crate::engine::vulkan::{Context, Recorder};
@@ -68,7 +68,7 @@ impl Run {
     ///
     /// # Errors
     /// Where the device fails.
-    pub(super) fn splats(&self) -> Result<Vec<Splat>> {
+    pub(super) fn splats(&self) -> Result<Vec<CameraState>> {
         self.buffers.splats.download(self.settings.splats as usize)
     }
 }

@@ -5,7 +5,7 @@ use std::ops::{ControlFlow, Range};
 use glam::{DVec3, Vec3};
 
 use super::*;
-use crate::engine::vulkan::{Options, Pipeline};
+use crate::engine::vulkan::{ContextOptions, Pipeline};
 use crate::planner::plan::config::{Config, Preset};
 use crate::planner::plan::planner::Planner;
 use crate::planner::plan::preparation::Preparation;
@@ -30,7 +30,7 @@ crate::stage!(
     UpdateToyStage = update_toy<UpdateConstants>(ToyPush) {
         read settings, write control, write splats, read slots, read partials, write moments, write terms, write gradients,
         read region, read free_distance, write history, write mailbox, write arrivals,
-    } with [Settings, Control, Splat, Gradient, Moments, DeviceRegion, Record]
+    } with [Settings, Control, CameraState, Gradient, Moments, DeviceRegion, Record]
 );
 
 /// Cameras come to a place.
@@ -100,7 +100,7 @@ impl Pass for ToyPass {
 /// If this failed, what both objectives share would have become one's own, so that a third could not be added beside them.
 #[test]
 fn a_third_objective_brings_only_what_is_its_own() -> Result<()> {
-    let context = Context::new(&Options::default())?;
+    let context = Context::new(&ContextOptions::default())?;
     let lens = Intrinsics::from_fov(800, 600, 60f64.to_radians());
     let choice = RegionChoice::default();
     let target = Target::new(&samples::object(), "object", Preset::Object, &choice, DVec3::Z, &lens)?;
@@ -112,7 +112,8 @@ fn a_third_objective_brings_only_what_is_its_own() -> Result<()> {
     let preparation = Preparation::of(&context, &problem, config, |_, _| Ok(Arc::new(Toy(place))))?;
     let planner = Planner::new(&context, &scene, preparation)?;
     let outcome = planner.run(None, |_| ControlFlow::Continue(()))?;
-    let squares = |splats: &[Splat]| splats.iter().map(|s| Vec3::from(s.centre).distance_squared(place)).sum::<f32>();
+    let squares =
+        |splats: &[CameraState]| splats.iter().map(|s| Vec3::from(s.centre).distance_squared(place)).sum::<f32>();
     let (first, last) = (outcome.history[0].loss, squares(&planner.splats()?));
     assert!((first - squares(planner.start())).abs() < 1e-3 * first, "{first} of {}", squares(planner.start()));
     assert!(outcome.history.len() == 400 && last < 0.1 * first, "{last} of {first}");

@@ -9,7 +9,7 @@ use super::config::Config;
 use super::footprint;
 use super::objective::{Pass, Run};
 use super::preparation::Preparation;
-use super::shared::{Control, Gradient, Settings, Splat};
+use super::shared::{CameraState, Control, Gradient, Settings};
 use super::snapshot::{SnapshotPush, SnapshotStage};
 use crate::Result;
 use crate::engine::vulkan::{Context, Pipeline, Recorder};
@@ -19,7 +19,7 @@ use crate::visibility::device_scene::DeviceScene;
 pub struct Planner {
     pub(super) run: Run,
     pub(super) config: Config,
-    pub(super) start: Vec<Splat>,
+    pub(super) start: Vec<CameraState>,
     pub(super) pass: Box<dyn Pass>,
     block: u32,
     snapshot: Pipeline,
@@ -96,7 +96,7 @@ impl Planner {
     }
 
     /// The splats at the start, kept ones first.
-    pub fn start(&self) -> &[Splat] {
+    pub fn start(&self) -> &[CameraState] {
         &self.start
     }
 
@@ -155,7 +155,7 @@ impl Planner {
     ///
     /// # Errors
     /// Where the device fails.
-    pub fn splats(&self) -> Result<Vec<Splat>> {
+    pub fn splats(&self) -> Result<Vec<CameraState>> {
         self.run.splats()
     }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::config::{Config, MAX_VIEWS};
 use super::objective::Objective;
 use super::problem::Problem;
-use super::shared::{Settings, Splat};
+use super::shared::{CameraState, Settings};
 use super::{footprint, start};
 use crate::engine::vulkan::Context;
 use crate::engine::vulkan::footprint::Footprint;
@@ -21,7 +21,7 @@ pub(crate) const PROBE_STREAM: u32 = 0;
 pub struct Preparation {
     pub(super) config: Config,
     pub(super) settings: Settings,
-    pub(super) start: Vec<Splat>,
+    pub(super) start: Vec<CameraState>,
     pub(super) objective: Arc<dyn Objective>,
     pub(super) scene_bytes: u64,
     pub(super) footprint: Footprint,
@@ -36,7 +36,7 @@ impl Preparation {
         context: &Context,
         problem: &Problem<'_>,
         config: Config,
-        prepare: impl FnOnce(&Config, &mut Vec<Splat>) -> Result<Arc<dyn Objective>>,
+        prepare: impl FnOnce(&Config, &mut Vec<CameraState>) -> Result<Arc<dyn Objective>>,
     ) -> Result<Self> {
         config.validate()?;
         if config.views > MAX_VIEWS {
@@ -55,7 +55,8 @@ impl Preparation {
         };
         footprint::check_counts(&settings, &config, context)?;
         let kept = problem.kept.iter().map(|camera| splat(camera, &problem.geometry));
-        let mut start: Vec<Splat> = kept.chain(start::splats(&config, &problem.geometry, &problem.lens)).collect();
+        let mut start: Vec<CameraState> =
+            kept.chain(start::splats(&config, &problem.geometry, &problem.lens)).collect();
         let objective = prepare(&config, &mut start)?;
         settings.round_length = objective.round_length();
         if settings.round_length > 0 {
@@ -88,9 +89,9 @@ impl Preparation {
 }
 
 /// A camera of the user's world as a splat.
-pub(super) fn splat(camera: &Camera, geometry: &SceneGeometry) -> Splat {
+pub(super) fn splat(camera: &Camera, geometry: &SceneGeometry) -> CameraState {
     let [tan_x, tan_y] = start::tangents(&camera.intrinsics);
-    let mut splat = Splat { tan_x, tan_y, ..Splat::default() };
+    let mut splat = CameraState { tan_x, tan_y, ..CameraState::default() };
     splat.place(&geometry.to_internal.pose(&camera.pose));
     splat
 }

@@ -30,7 +30,7 @@ const JUDGE_SEED: u64 = 0x6a75_6467;
 
 /// What is expected of a set of cameras, and where they leave error.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outlook {
+pub struct Prediction {
     /// In numbers.
     pub expected: Expected,
     /// On the surface, and what the worst viewers see.
@@ -179,11 +179,11 @@ impl<'a> Reference<'a> {
     ///
     /// # Errors
     /// Where the device fails.
-    pub fn outlook(&self, cameras: &[Camera], points: &[DVec3]) -> Result<Outlook> {
+    pub fn prediction(&self, cameras: &[Camera], points: &[DVec3]) -> Result<Prediction> {
         let expectation = self.judge.expect(cameras)?;
         let scene = (&*self.scene.geometry, self.around);
         let map = error_map(&self.judge, scene, &Law::embedded(), cameras, points)?;
-        Ok(Outlook { expected: self.compare(&expectation), map })
+        Ok(Prediction { expected: self.compare(&expectation), map })
     }
 
     /// An expectation against the best layout.

@@ -5,7 +5,7 @@
 use super::expected_quality::QualityPass;
 use super::planner::Planner;
 use super::preparation::splat;
-use super::shared::Splat;
+use super::shared::CameraState;
 use crate::engine::vulkan::Buffer;
 use crate::files::io::checks;
 use crate::planner::quality::look::Viewer;
@@ -80,7 +80,7 @@ impl Planner {
         self.reset()
     }
 
-    /// The cameras as they are on the device, kept ones first: a [`Splat`] each, in the planner's frame (lengths in units of the
+    /// The cameras as they are on the device, kept ones first: a [`CameraState`] each, in the planner's frame (lengths in units of the
     /// region's radius, +Z up), which `DeviceScene::geometry.to_internal` maps to. For stages of a host's own, after the blocks that
     /// write it; [`Planner::settings`] has their number.
     pub fn device_cameras(&self) -> &Buffer {
@@ -89,7 +89,7 @@ impl Planner {
 
     /// Capacity for kept cameras.
     fn most_kept(&self) -> usize {
-        let capacity = self.run.buffers.splats.size() / size_of::<Splat>() as u64;
+        let capacity = self.run.buffers.splats.size() / size_of::<CameraState>() as u64;
         capacity as usize - (self.run.settings.splats - self.run.settings.kept) as usize
     }
 }

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::config::{Config, Preset};
-use super::job::{self, Event, Plan, Tools};
+use super::pipeline::{self, Plan, PlanEvent, Tools};
 use super::problem::Problem;
 use super::target::{RegionChoice, Target};
-use crate::engine::vulkan::{Context, Options};
+use crate::engine::vulkan::{Context, ContextOptions};
 use crate::files::io::checks;
 use crate::planner::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics};
@@ -133,7 +133,7 @@ impl PlanRequest<'_> {
     /// # Errors
     /// As [`Self::run_on`]; also where no Vulkan device is found.
     pub fn run(self) -> Result<Plan> {
-        self.run_on(&Context::new(&Options::default())?)
+        self.run_on(&Context::new(&ContextOptions::default())?)
     }
 
     /// Plans on a device that is open already, such as one that [`Context::adopt`] took over from a host application.
@@ -172,11 +172,11 @@ impl PlanRequest<'_> {
         }
         let target = Target::new(surface, "surface", config.preset, &choice, up, &lens)?.within(limits)?;
         let observe = |event| match event {
-            Event::Iterations(done, all) => observe(done, all),
-            Event::Captured(_) | Event::Scoring => ControlFlow::Continue(()),
+            PlanEvent::Iterations(done, all) => observe(done, all),
+            PlanEvent::Captured(_) | PlanEvent::Scoring => ControlFlow::Continue(()),
         };
         let problem = Problem::new(&target, lens, &kept)?;
-        let mut plan = job::run(context, &problem, config, Tools::default(), observe)?;
+        let mut plan = pipeline::run(context, &problem, config, Tools::default(), observe)?;
         plan.sort_for_a_tour();
         Ok(plan)
     }
@@ -190,7 +190,7 @@ mod tests {
     /// If this failed, a program that plans through the library would get another plan than the command line gives.
     #[test]
     fn what_a_request_says_is_what_is_planned() {
-        let context = Context::new(&Options::default()).unwrap();
+        let context = Context::new(&ContextOptions::default()).unwrap();
         let room = Shape::Box { min: DVec3::new(0.3, 0.3, 0.4), max: DVec3::new(5.7, 3.7, 2.4) };
         let limits = Limits { heights: Some([0.9, 1.4]), ..Limits::default() };
         let lens = Intrinsics::from_fov(640, 480, 1.0);

@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::clock::mailbox;
 use super::planner::Planner;
 use super::record::{IterationRecord, Status};
-use super::shared::{Record, Splat};
+use super::shared::{CameraState, Record};
 use crate::engine::vulkan::Recorder;
 use crate::engine::vulkan::pace::Pace;
 use crate::engine::vulkan::profile::Profile;
@@ -195,7 +195,7 @@ impl Planner {
         let history = history.iter().zip(0..).map(|(record, iteration)| self.iteration(iteration, record)).collect();
         let poses = self.poses(&self.splats()?, true);
         let rows = done.div_ceil(self.config.checkpoint_every.max(1)) as usize;
-        let all: Vec<Splat> = self.run.buffers.snapshots.download(rows * self.run.settings.splats as usize)?;
+        let all: Vec<CameraState> = self.run.buffers.snapshots.download(rows * self.run.settings.splats as usize)?;
         let mut snapshots: Vec<_> = all
             .chunks_exact(self.run.settings.splats as usize)
             .zip(0..)
@@ -220,7 +220,7 @@ impl Planner {
 
     /// Poses in the user's world of the planned splats. The region's pull is soft, so a camera may end a little outside;
     /// `settle` moves it to the nearest feasible place.
-    fn poses(&self, splats: &[Splat], settle: bool) -> Vec<Pose> {
+    fn poses(&self, splats: &[CameraState], settle: bool) -> Vec<Pose> {
         let back = self.run.scene.geometry.to_internal.inverse();
         let up = back.direction(self.run.scene.geometry.region.up);
         splats[self.run.settings.kept as usize..]

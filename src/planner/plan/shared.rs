@@ -49,7 +49,7 @@ gpu_struct! {
 
 gpu_struct! {
     /// A camera splat: its centre and viewing direction (unit length).
-    pub struct Splat {
+    pub struct CameraState {
         /// Centre.
         pub centre: [f32; 3],
         /// Tangent of half the horizontal field of view.
@@ -61,7 +61,7 @@ gpu_struct! {
     }
 }
 
-impl Splat {
+impl CameraState {
     /// Gives it the pose of a camera in the planner's frame.
     pub(crate) fn place(&mut self, pose: &Pose) {
         self.centre = pose.position.as_vec3().to_array();

@@ -1,6 +1,6 @@
 //! Splats kept by iteration (`snapshot.comp`).
 
-use super::shared::{Control, Settings, Splat};
+use super::shared::{CameraState, Control, Settings};
 
 crate::gpu_struct! {
     /// Push constants of `snapshot`.
@@ -13,5 +13,5 @@ crate::gpu_struct! {
 crate::stage!(
     /// Copies the splats into row `iteration / interval`.
     pub(crate) SnapshotStage = snapshot(SnapshotPush) { read settings, read control, read splats, write snapshots }
-    with [Settings, Control, Splat]
+    with [Settings, Control, CameraState]
 );

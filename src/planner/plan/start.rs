@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::config::{Config, Preset};
-use super::shared::Splat;
+use super::shared::CameraState;
 use crate::scene::camera::Intrinsics;
 use crate::scene::random;
 use crate::scene::region::Shape;
@@ -23,13 +23,13 @@ pub fn tangents(intrinsics: &Intrinsics) -> [f32; 2] {
 
 /// Start poses of `config.views` splats in the planner's frame: for an object uniform on a sphere (or in the box) and
 /// looking in, for a room uniform in free space with uniform directions.
-pub fn splats(config: &Config, scene: &SceneGeometry, intrinsics: &Intrinsics) -> Vec<Splat> {
+pub fn splats(config: &Config, scene: &SceneGeometry, intrinsics: &Intrinsics) -> Vec<CameraState> {
     let [tan_x, tan_y] = tangents(intrinsics);
     (0..config.views)
         .map(|j| {
             let (position, direction) = pose(config, scene, j);
             let (centre, direction) = (position.as_vec3().to_array(), direction.as_vec3().normalize().to_array());
-            Splat { centre, direction, tan_x, tan_y }
+            CameraState { centre, direction, tan_x, tan_y }
         })
         .collect()
 }

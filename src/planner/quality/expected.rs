@@ -26,7 +26,7 @@ crate::gpu_struct! {
 
 crate::gpu_struct! {
     /// What a viewer is expected to see.
-    pub(crate) struct Verdict {
+    pub(crate) struct ViewerError {
         /// Weighted sum of exp(law) over all looks, over their number.
         pub error: f32,
         /// Looks that show the surface.
@@ -41,8 +41,8 @@ crate::gpu_struct! {
 crate::stage!(
     /// A workgroup per viewer, a thread per look.
     pub(crate) ExpectedStage = expected<TraversalConstants>(ExpectedPush) {
-        read nodes, read primitives, read looks, read cameras, read law, write errors, write verdicts,
-    } with [Node, Look, View, Law, Verdict]
+        read nodes, read primitives, read looks, read cameras, read law, write errors, write viewer_errors,
+    } with [Node, Look, View, Law, ViewerError]
 );
 
 /// Looks of a viewer along a side of its picture.
@@ -77,7 +77,7 @@ pub struct Judge<'a> {
     looks: Buffer,
     law: Buffer,
     errors: Buffer,
-    verdicts: Buffer,
+    viewer_errors: Buffer,
     pipeline: Pipeline,
     // Of pairs of viewer and camera.
     pace: Mutex<Pace>,
@@ -124,7 +124,11 @@ impl<'a> Judge<'a> {
             looks,
             law: Buffer::from_slice(context, "law", &[*law])?,
             errors: Buffer::device(context, "errors", u64::from(4 * count * LOOKS))?,
-            verdicts: Buffer::device(context, "verdicts", u64::from(count) * size_of::<Verdict>() as u64)?,
+            viewer_errors: Buffer::device(
+                context,
+                "viewer_errors",
+                u64::from(count) * size_of::<ViewerError>() as u64,
+            )?,
             pipeline: Pipeline::new::<ExpectedStage>(context, &scene.constants())?,
             viewers,
             pace: Mutex::new(Pace::new(context, FIRST_PAIRS)),
@@ -175,7 +179,7 @@ impl<'a> Judge<'a> {
                                 cameras: &camera_buffer,
                                 law: &self.law,
                                 errors: &self.errors,
-                                verdicts: &self.verdicts,
+                                viewer_errors: &self.viewer_errors,
                             },
                         )
                         .push(&ExpectedPush { views: cameras.len() as u32, first })
@@ -184,7 +188,7 @@ impl<'a> Judge<'a> {
                 Ok(())
             },
         )?;
-        Ok(aggregate(&self.verdicts.download::<Verdict>(self.viewers.len())?))
+        Ok(aggregate(&self.viewer_errors.download::<ViewerError>(self.viewers.len())?))
     }
 
     /// Expected errors by look of the cameras judged last: exp(law), negative where no view sees the point, zero where the
@@ -202,14 +206,23 @@ fn push(count: u32, around: Surroundings, seed: u64) -> LookPush {
 }
 
 /// The mean over viewers.
-fn aggregate(verdicts: &[Verdict]) -> Expectation {
-    let counts = |verdict: &&Verdict| verdict.shown >= MIN_SHOWN;
-    let decibels = |verdict: &Verdict| 10.0 * verdict.error.max(f32::MIN_POSITIVE).log10();
-    let all = verdicts.iter().filter(counts).count().max(1) as f64;
+fn aggregate(viewer_errors: &[ViewerError]) -> Expectation {
+    let counts = |viewer_error: &&ViewerError| viewer_error.shown >= MIN_SHOWN;
+    let decibels = |viewer_error: &ViewerError| 10.0 * viewer_error.error.max(f32::MIN_POSITIVE).log10();
+    let all = viewer_errors.iter().filter(counts).count().max(1) as f64;
     Expectation {
-        error_db: verdicts.iter().filter(counts).map(|verdict| f64::from(decibels(verdict))).sum::<f64>() / all,
-        unseen: verdicts.iter().filter(counts).map(|v| f64::from(v.unseen) / f64::from(v.shown)).sum::<f64>() / all,
-        viewers: verdicts.iter().map(|verdict| counts(&verdict).then(|| decibels(verdict))).collect(),
+        error_db: viewer_errors
+            .iter()
+            .filter(counts)
+            .map(|viewer_error| f64::from(decibels(viewer_error)))
+            .sum::<f64>()
+            / all,
+        unseen: viewer_errors.iter().filter(counts).map(|v| f64::from(v.unseen) / f64::from(v.shown)).sum::<f64>()
+            / all,
+        viewers: viewer_errors
+            .iter()
+            .map(|viewer_error| counts(&viewer_error).then(|| decibels(viewer_error)))
+            .collect(),
     }
 }
 
@@ -226,9 +239,9 @@ pub fn expect(
     let caster = Caster::new(geometry, around);
     let views: Vec<View> = cameras.iter().map(|camera| view(geometry, camera)).collect();
     let mut looks = Vec::new();
-    let mut verdicts = Vec::new();
+    let mut viewer_errors = Vec::new();
     for (viewer, index) in viewers.iter().map(|viewer| Viewer::new(viewer, geometry)).zip(0..) {
-        let mut verdict = Verdict::default();
+        let mut viewer_error = ViewerError::default();
         let (mut sum, mut looked) = (0.0, 0);
         for pixel in 0..LOOKS {
             let look = caster.look(index, &viewer, place(seed, index, pixel, SIDE));
@@ -236,14 +249,14 @@ pub fn expect(
                 let found = nearest_cameras(&geometry.bvh, &look, &views);
                 let surface = u32::from(look.normal != [0.0; 3]);
                 looked += 1;
-                verdict.shown += surface;
-                verdict.unseen += surface * u32::from(found.is_empty());
+                viewer_error.shown += surface;
+                viewer_error.unseen += surface * u32::from(found.is_empty());
                 sum += f64::from(look.weight) * law.log_error(&found, f64::from(look.distance)).exp();
             }
             looks.push(look);
         }
-        verdict.error = if looked > 0 { (sum / f64::from(looked)) as f32 } else { 0.0 };
-        verdicts.push(verdict);
+        viewer_error.error = if looked > 0 { (sum / f64::from(looked)) as f32 } else { 0.0 };
+        viewer_errors.push(viewer_error);
     }
-    (looks, aggregate(&verdicts))
+    (looks, aggregate(&viewer_errors))
 }

@@ -31,16 +31,16 @@ const MAX_PAIRS: u64 = 1 << 29;
 /// How much wider than the views' bounds the grid is, over all.
 const WIDER: f64 = 1.2;
 
-/// Settings of the method.
+/// AcpSettings of the method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Settings {
+pub struct AcpSettings {
     /// Nodes along each side of the grid, at most 64.
     pub grid: u32,
     /// Whether the surface hides nodes; as published it does not.
     pub occlusion: bool,
 }
 
-impl Default for Settings {
+impl Default for AcpSettings {
     fn default() -> Self {
         Self { grid: 32, occlusion: false }
     }
@@ -50,7 +50,7 @@ impl Default for Settings {
 ///
 /// # Errors
 /// A pool that is too large for the grid.
-pub fn choose(pool: &Pool<'_>, settings: Settings, occluder: Option<&SceneGeometry>) -> Result<Vec<usize>> {
+pub fn choose(pool: &Pool<'_>, settings: AcpSettings, occluder: Option<&SceneGeometry>) -> Result<Vec<usize>> {
     let views = pool.allowed.len() as u64;
     if u64::from(settings.grid).pow(3).saturating_mul(views) > MAX_PAIRS {
         let what = format!("{views} views are too many for a grid of {0} x {0} x {0} nodes; give fewer", settings.grid);
@@ -227,7 +227,7 @@ mod tests {
         let allowed: Vec<usize> = (0..set.photos.len()).collect();
         let sight = Sight::empty(0, set.photos.len());
         let pool = Pool { set, region: &region, sight: &sight, include: must, allowed: &allowed, count, seed: 0 };
-        choose(&pool, Settings { grid, occlusion: false }, None).unwrap()
+        choose(&pool, AcpSettings { grid, occlusion: false }, None).unwrap()
     }
 
     /// The objective by its definition, for a subset as a whole.

@@ -25,16 +25,16 @@ pub struct Model {
     pub antialiased: bool,
 }
 
-/// Settings of FisherRF and COVER.
+/// InformationSettings of FisherRF and COVER.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Settings {
+pub struct InformationSettings {
     /// Added to what is known of each parameter, by FisherRF.
     pub lambda: f32,
     /// Views by farthest view sampling to begin with, where there are none.
     pub first: u32,
 }
 
-impl Default for Settings {
+impl Default for InformationSettings {
     fn default() -> Self {
         Self { lambda: 1e-6, first: 4 }
     }
@@ -45,9 +45,14 @@ impl Default for Settings {
 ///
 /// # Errors
 /// A model that none of the photos shows, or a device that fails.
-pub fn fisher(context: &Arc<Context>, pool: &Pool<'_>, model: &Model, settings: Settings) -> Result<Vec<usize>> {
+pub fn fisher(
+    context: &Arc<Context>,
+    pool: &Pool<'_>,
+    model: &Model,
+    settings: InformationSettings,
+) -> Result<Vec<usize>> {
     let Model { path, gaussians, antialiased } = model;
-    let Settings { lambda, first } = settings;
+    let InformationSettings { lambda, first } = settings;
     let cameras = pool.set.cameras();
     let mut fisher = Fisher::new(context, gaussians.clone(), &cameras, *antialiased, lambda)?;
     choose(&mut fisher, pool, path, first)
@@ -57,7 +62,12 @@ pub fn fisher(context: &Arc<Context>, pool: &Pool<'_>, model: &Model, settings: 
 ///
 /// # Errors
 /// As [`fisher`].
-pub fn cover(context: &Arc<Context>, pool: &Pool<'_>, model: &Model, settings: Settings) -> Result<Vec<usize>> {
+pub fn cover(
+    context: &Arc<Context>,
+    pool: &Pool<'_>,
+    model: &Model,
+    settings: InformationSettings,
+) -> Result<Vec<usize>> {
     let Model { path, gaussians, antialiased } = model;
     let mut cover = Cover::new(context, gaussians.clone(), &pool.set.cameras(), *antialiased)?;
     choose(&mut cover, pool, path, settings.first)

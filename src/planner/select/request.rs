@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::retrained::Settings;
+use super::retrained::RetrainingSettings;
 use crate::planner::methods::Method;
 use crate::planner::plan::config::Preset;
 use crate::planner::quality::viewers::Viewers;
@@ -10,7 +10,7 @@ use crate::{Error, Result};
 
 /// The request for a choice. Photos by index into the set, ascending.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Request {
+pub struct SelectionRequest {
     /// Photos to select.
     pub count: usize,
     /// How.
@@ -31,10 +31,10 @@ pub struct Request {
     pub viewers: Option<Viewers>,
     /// How [`Method::FisherRetrain`] trains.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub retraining: Option<Settings>,
+    pub retraining: Option<RetrainingSettings>,
 }
 
-impl Request {
+impl SelectionRequest {
     /// The defaults.
     pub fn new(count: usize) -> Self {
         Self {

@@ -12,7 +12,7 @@ use crate::engine::vulkan::Context;
 use crate::files::photos::{Photo, PhotoSet};
 use crate::scene::proxy::Proxy;
 use crate::scene::surface::Points;
-use crate::splats::config::{Background, Config, Start, Strategy};
+use crate::splats::config::{Background, Start, Strategy, TrainConfig};
 use crate::splats::data::pictures;
 use crate::splats::data::start;
 use crate::splats::data::store::PhotoStore;
@@ -33,7 +33,7 @@ pub type Photograph<'p> = &'p mut dyn FnMut(&Photo) -> Result<Photo>;
 
 /// How to train and to choose.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Settings {
+pub struct RetrainingSettings {
     /// Added to what is known of each parameter.
     pub lambda: f32,
     /// Views by farthest view sampling to begin with, where there are none.
@@ -50,9 +50,9 @@ pub struct Settings {
     pub antialiased: bool,
 }
 
-impl Default for Settings {
+impl Default for RetrainingSettings {
     fn default() -> Self {
-        let information::Settings { lambda, first } = information::Settings::default();
+        let information::InformationSettings { lambda, first } = information::InformationSettings::default();
         Self {
             lambda,
             first,
@@ -65,7 +65,7 @@ impl Default for Settings {
     }
 }
 
-impl Settings {
+impl RetrainingSettings {
     /// Iterations until the last of `views` is chosen, where `begin` of them are there at first.
     pub fn iterations(&self, begin: u32, views: u32) -> u32 {
         (begin..views).fold(0, |sum, views| views.saturating_mul(self.every).saturating_add(sum))
@@ -105,7 +105,7 @@ pub fn fisher(
     context: &Arc<Context>,
     pool: &Pool<'_>,
     proxy: &Proxy,
-    settings: Settings,
+    settings: RetrainingSettings,
     photograph: Photograph<'_>,
 ) -> Result<Vec<usize>> {
     settings.validate()?;
@@ -119,9 +119,10 @@ pub fn fisher(
         let what = format!("`train_every` {every} makes {iterations} iterations for {count} views");
         return Err(Error::request(format!("{what}; give less, for at most {MAX_ITERATIONS}")));
     }
-    let Settings { background, antialiased, .. } = settings;
-    let config = Config { seed: pool.seed, background, antialiased, ..Config::new(iterations, settings.max_splats) }
-        .with_strategy(Strategy::Mcmc, Start::Points);
+    let RetrainingSettings { background, antialiased, .. } = settings;
+    let config =
+        TrainConfig { seed: pool.seed, background, antialiased, ..TrainConfig::new(iterations, settings.max_splats) }
+            .with_strategy(Strategy::Mcmc, Start::Points);
     let mut trainer = trainer(context, pool, proxy, config, settings.shrink)?;
     let mut fisher = Fisher::of_training(context, &trainer, settings.lambda)?;
     for view in &chosen {
@@ -152,13 +153,19 @@ pub fn fisher(
 }
 
 /// A trainer with the views of all photos of the pool and no picture of any.
-fn trainer(context: &Arc<Context>, pool: &Pool<'_>, proxy: &Proxy, config: Config, shrink: u32) -> Result<Trainer> {
+fn trainer(
+    context: &Arc<Context>,
+    pool: &Pool<'_>,
+    proxy: &Proxy,
+    config: TrainConfig,
+    shrink: u32,
+) -> Result<Trainer> {
     let cameras = pictures::cameras(&pool.set.photos, shrink);
     let count = POINTS.min(config.max_splats) as usize;
     let positions = proxy.sample(count, config.seed, POINT_STREAM).into_iter().map(|point| point.position).collect();
     let set = PhotoSet { points: Points { positions, ..Points::default() }, ..PhotoSet::default() };
     let frame = Frame::new(&cameras, &set.points.positions);
-    let start = start::start(&set, &frame, &start::Settings::from(&config))?;
+    let start = start::start(&set, &frame, &start::StartSettings::from(&config))?;
     let views = cameras.iter().map(|camera| frame.view(camera)).collect();
     // Half of what is free, as in any training.
     let store = PhotoStore::new(context, context.memory_available() / 2);
@@ -168,7 +175,7 @@ fn trainer(context: &Arc<Context>, pool: &Pool<'_>, proxy: &Proxy, config: Confi
 /// Takes a photograph and trains on it from now on.
 fn add(trainer: &mut Trainer, pool: &Pool<'_>, view: usize, shrink: u32, photograph: Photograph<'_>) -> Result<()> {
     let photo = photograph(&pool.set.photos[view])?;
-    let settings = pictures::Settings { shrink, ..pictures::Settings::default() };
+    let settings = pictures::PictureSettings { shrink, ..pictures::PictureSettings::default() };
     for picture in pictures::pictures(&[photo], &settings)? {
         trainer.add_photo(view as u32, &picture?.pixels)?;
     }
@@ -182,7 +189,7 @@ mod tests {
     /// Computed directly. If this failed, a run would train longer than requested, or not as published.
     #[test]
     fn iterations_are_a_hundred_for_each_view_or_what_the_limit_leaves() {
-        let published = Settings::default();
+        let published = RetrainingSettings::default();
         // 100 (4 + 5 + ... + 19), as in the published schedule of 20 views.
         assert_eq!(published.iterations(4, 20), 18_400);
         assert_eq!(published.within(1_000_000, 20), published);

@@ -35,13 +35,13 @@ pub enum Rule {
     /// Greedy coverage of points.
     Coverage,
     /// Uniformity and frequency at nodes of a grid.
-    Acp(acp::Settings),
+    Acp(acp::AcpSettings),
     /// Fisher information about a trained model.
-    Fisher(information::Settings),
+    Fisher(information::InformationSettings),
     /// The same about a model that is trained on the photos chosen so far.
-    FisherRetrain(retrained::Settings),
+    FisherRetrain(retrained::RetrainingSettings),
     /// What a trained model shows from directions not seen yet.
-    Cover(information::Settings),
+    Cover(information::InformationSettings),
 }
 
 /// What rules choose with, beside the pool.
@@ -72,10 +72,10 @@ impl Method {
             Self::FvsChord => Rule::Farthest(Distance::Chord),
             Self::FvsShared => Rule::Farthest(Distance::Shared),
             Self::Coverage => Rule::Coverage,
-            Self::Acp => Rule::Acp(acp::Settings::default()),
-            Self::Fisher => Rule::Fisher(information::Settings::default()),
-            Self::FisherRetrain => Rule::FisherRetrain(retrained::Settings::default()),
-            Self::Cover => Rule::Cover(information::Settings::default()),
+            Self::Acp => Rule::Acp(acp::AcpSettings::default()),
+            Self::Fisher => Rule::Fisher(information::InformationSettings::default()),
+            Self::FisherRetrain => Rule::FisherRetrain(retrained::RetrainingSettings::default()),
+            Self::Cover => Rule::Cover(information::InformationSettings::default()),
             _ => return None,
         })
     }

@@ -33,7 +33,7 @@ impl<'s> SubsetScorer<'s> {
         let near = REACH_DEG.to_radians().cos();
         let mut reach = vec![false; survey.points.len() * texels];
         in_parallel(&mut reach, texels, |point, reach| {
-            for photo in survey.sight.seers(point) {
+            for photo in survey.sight.photos_that_see(point) {
                 let n = survey.direction(point, photo).as_dvec3();
                 reach.iter_mut().zip(&directions).for_each(|(reach, w)| *reach |= w.dot(n) > near);
             }

@@ -5,7 +5,7 @@ use image::GrayImage;
 use image::imageops::FilterType;
 
 use crate::files::photos::PhotoSet;
-use crate::files::photos::decode::{Channels, Decoded, Decoder, Precision, Settings};
+use crate::files::photos::decode::{Channels, DecodeSettings, Decoded, Decoder, Precision};
 use crate::{Error, Result};
 
 /// Longer side of the reduced image, in pixels.
@@ -25,7 +25,7 @@ pub fn of_photos(set: &PhotoSet) -> Result<Vec<f64>> {
         );
         return Err(Error::input(&set.path, what));
     }
-    let decoding = Settings { channels: Channels::Luma, precision: Precision::Half, ..Settings::default() };
+    let decoding = DecodeSettings { channels: Channels::Luma, precision: Precision::Half, ..DecodeSettings::default() };
     Decoder::new(&set.photos, decoding)?.map(|photo| Ok(of_photo(&photo?))).collect()
 }
 

@@ -77,7 +77,7 @@ impl Sight {
     }
 
     /// The photos that see a point, ascending.
-    pub fn seers(&self, point: usize) -> impl Iterator<Item = usize> + '_ {
+    pub fn photos_that_see(&self, point: usize) -> impl Iterator<Item = usize> + '_ {
         let row = &self.bits[point * self.words..(point + 1) * self.words];
         row.iter().enumerate().flat_map(|(i, word)| {
             let mut left = *word;
@@ -93,7 +93,7 @@ impl Sight {
     pub fn by_photo(&self) -> Vec<Vec<u32>> {
         let mut lists = vec![Vec::new(); self.photos];
         for (point, number) in (0..self.bits.len() / self.words).zip(0u32..) {
-            self.seers(point).for_each(|photo| lists[photo].push(number));
+            self.photos_that_see(point).for_each(|photo| lists[photo].push(number));
         }
         lists
     }
@@ -233,7 +233,7 @@ pub fn sight(geometry: &SceneGeometry, photos: &[Photo], points: &[SurfacePoint]
     for (i, point) in points.iter().enumerate() {
         let probe = Probe::new(point, geometry);
         let origin = Vec3::from(probe.position);
-        for photo in framed.seers(i) {
+        for photo in framed.photos_that_see(i) {
             let direction = direction(origin, centres[photo]);
             let t_max = origin.distance(centres[photo]).max(1e-6);
             let open = !geometry.bvh.any_hit(&Ray { origin, direction, t_min: 0.0, t_max });

@@ -14,18 +14,18 @@ use crate::{Error, Result};
 
 /// How photos are turned into pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
+pub struct PictureSettings {
     /// Each pixel is the mean of `shrink` x `shrink` stored pixels, of linear values. At least 1.
     pub shrink: u32,
-    /// Bytes that photos on their way take together; see [`decode::Settings::memory`].
+    /// Bytes that photos on their way take together; see [`decode::DecodeSettings::memory`].
     pub memory: u64,
     /// Threads; 0 for as many as there are: one per core, or a worker's share of them.
     pub threads: usize,
 }
 
-impl Default for Settings {
+impl Default for PictureSettings {
     fn default() -> Self {
-        let decode::Settings { memory, threads, .. } = decode::Settings::default();
+        let decode::DecodeSettings { memory, threads, .. } = decode::DecodeSettings::default();
         Self { shrink: 1, memory, threads }
     }
 }
@@ -54,9 +54,10 @@ pub struct Picture {
 ///
 /// # Errors
 /// As [`Decoder`]: each photo on its own, in a line that names its file; also where straightening leaves nothing of it.
-pub fn pictures(photos: &[Photo], settings: &Settings) -> Result<Decoder<Picture>> {
-    let Settings { shrink, memory, threads } = *settings;
-    let decoding = decode::Settings { channels: Channels::Rgb, precision: Precision::Byte, shrink, memory, threads };
+pub fn pictures(photos: &[Photo], settings: &PictureSettings) -> Result<Decoder<Picture>> {
+    let PictureSettings { shrink, memory, threads } = *settings;
+    let decoding =
+        decode::DecodeSettings { channels: Channels::Rgb, precision: Precision::Byte, shrink, memory, threads };
     // Photos of one lens mostly follow each other.
     let last: Mutex<Option<Arc<Map>>> = Mutex::default();
     // The photo and its picture, and a map that takes as much as both.
@@ -135,7 +136,7 @@ mod tests {
     }
 
     fn all(photos: &[Photo], shrink: u32) -> Vec<Result<Picture>> {
-        pictures(photos, &Settings { shrink, ..Settings::default() }).unwrap().collect()
+        pictures(photos, &PictureSettings { shrink, ..PictureSettings::default() }).unwrap().collect()
     }
 
     fn one(photo: &Photo, shrink: u32) -> Vec<[u8; 4]> {
@@ -222,7 +223,9 @@ mod tests {
             }
         }
         assert!(pictures[4].is_err());
-        let alone = super::pictures(&photos[5..], &Settings { threads: 1, memory: 1, ..Settings::default() }).unwrap();
+        let alone =
+            super::pictures(&photos[5..], &PictureSettings { threads: 1, memory: 1, ..PictureSettings::default() })
+                .unwrap();
         for (alone, picture) in alone.zip(&pictures[5..]) {
             assert_eq!(alone.unwrap().pixels, picture.as_ref().unwrap().pixels);
         }

@@ -23,7 +23,7 @@ const NEARBY: f64 = 3.0;
 pub enum Test {
     /// The transforms_test.json beside a transforms_train.json, else one of every [`TEST_EVERY`] photos.
     #[default]
-    Usual,
+    Default,
     /// One of every so many photos, by name, from the first on; none for 0.
     Every(u32),
     /// All photos of another capture, in the same frame.
@@ -46,12 +46,12 @@ impl Split {
     ///
     /// # Errors
     /// Where fewer than two photos are left to train on, or the other capture cannot be read.
-    pub fn new(set: PhotoSet, test: &Test, options: io::photos::Options) -> Result<Self> {
+    pub fn new(set: PhotoSet, test: &Test, options: io::photos::ReadOptions) -> Result<Self> {
         let beside = || test_file(&set).map_or(Test::Every(TEST_EVERY), Test::Capture);
-        let test = if *test == Test::Usual { beside() } else { test.clone() };
+        let test = if *test == Test::Default { beside() } else { test.clone() };
         let path = set.path.clone();
         let split = match test {
-            Test::Usual | Test::Every(0) => Self { train: set, test: Vec::new(), notes: Vec::new() },
+            Test::Default | Test::Every(0) => Self { train: set, test: Vec::new(), notes: Vec::new() },
             Test::Every(every) => Self::every(set, every as usize),
             Test::Capture(path) => Self::against(set, &path, options)?,
         };
@@ -78,7 +78,7 @@ impl Split {
         Self { train, test, notes: Vec::new() }
     }
 
-    fn against(train: PhotoSet, path: &Path, options: io::photos::Options) -> Result<Self> {
+    fn against(train: PhotoSet, path: &Path, options: io::photos::ReadOptions) -> Result<Self> {
         let test = io::photos::read(path, &options)?.photos;
         let mut notes = vec![format!("tested with the {} photos of {}", test.len(), path.display())];
         let frame = Frame::new(&train.cameras(), &train.points.positions);
@@ -146,7 +146,7 @@ mod tests {
     #[test]
     fn every_eighth_photo_from_the_first_is_for_testing() {
         let split = |count, test| Split::new(set(count), &test, Images::Optional.into()).unwrap();
-        let usual = split(20, Test::Usual);
+        let usual = split(20, Test::Default);
         assert_eq!(usual, split(20, Test::Every(8)));
         assert_eq!(names(&usual.test), ["00.png", "08.png", "16.png"]);
         assert_eq!(usual.train.photos.len(), 17);
@@ -160,7 +160,7 @@ mod tests {
     /// If this failed, a run would start without training photos.
     #[test]
     fn too_few_photos_are_refused() {
-        for (count, test) in [(2, Test::Usual), (20, Test::Every(1)), (1, Test::Every(0)), (0, Test::Usual)] {
+        for (count, test) in [(2, Test::Default), (20, Test::Every(1)), (1, Test::Every(0)), (0, Test::Default)] {
             let error = Split::new(set(count), &test, Images::Optional.into()).unwrap_err().to_string();
             assert!(error.starts_with("capture: ") && error.contains("`test_every`"), "{error}");
         }
@@ -192,20 +192,20 @@ mod tests {
             write(folder.path(), file, offset);
         }
         let split = |from: &Path, test: &Test| {
-            let set = io::photos::read(from, &io::photos::Options::default()).unwrap();
+            let set = io::photos::read(from, &io::photos::ReadOptions::default()).unwrap();
             Split::new(set, test, Images::Needed.into()).unwrap()
         };
         let given = split(folder.path(), &Test::Capture(path("transforms_test.json")));
         assert_eq!((given.train.photos.len(), given.test.len(), given.notes.len()), (4, 4, 1), "{:?}", given.notes);
-        assert_eq!(split(folder.path(), &Test::Usual), given);
-        assert_eq!(split(&path("transforms_train.json"), &Test::Usual).test, given.test);
+        assert_eq!(split(folder.path(), &Test::Default), given);
+        assert_eq!(split(&path("transforms_train.json"), &Test::Default).test, given.test);
         assert_eq!(split(folder.path(), &Test::Every(2)).test.len(), 2);
         let far = split(folder.path(), &Test::Capture(path("far.json")));
         assert!(far.notes.iter().any(|note| note.contains("one frame")), "{:?}", far.notes);
         let same = split(folder.path(), &Test::Capture(path("transforms_train.json")));
         assert!(same.notes.iter().any(|note| note.starts_with("4 of the test photos")), "{:?}", same.notes);
         std::fs::copy(path("transforms_train.json"), path("transforms.json")).unwrap();
-        assert_eq!(split(folder.path(), &Test::Usual).test.len(), 1);
+        assert_eq!(split(folder.path(), &Test::Default).test.len(), 1);
         let error = Split::new(set(4), &Test::Capture(path("none.json")), Images::Needed.into()).unwrap_err();
         assert!(error.to_string().contains("none.json"), "{error}");
     }

@@ -13,7 +13,7 @@ use crate::scene::gaussians::{Gaussians, coefficients};
 use crate::scene::harmonics::CONSTANT;
 use crate::scene::random;
 use crate::scene::surface::Points;
-use crate::splats::config::Config;
+use crate::splats::config::TrainConfig;
 use crate::splats::render::frame::Frame;
 use crate::{Error, Result};
 
@@ -38,7 +38,7 @@ const CHUNK: usize = 1024;
 
 /// How to start.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct StartSettings {
     /// Most Gaussians; of more points, as many are chosen at random.
     pub budget: usize,
     /// Gaussians where the capture has no points.
@@ -53,14 +53,14 @@ pub struct Settings {
     pub seed: u64,
 }
 
-impl Default for Settings {
+impl Default for StartSettings {
     fn default() -> Self {
         Self { budget: 1_000_000, random: 100_000, degree: 3, scale: 1.0, opacity: 0.1, seed: 0 }
     }
 }
 
-impl From<&Config> for Settings {
-    fn from(config: &Config) -> Self {
+impl From<&TrainConfig> for StartSettings {
+    fn from(config: &TrainConfig) -> Self {
         Self {
             budget: config.max_splats as usize,
             degree: config.degree,
@@ -77,7 +77,7 @@ impl From<&Config> for Settings {
 ///
 /// # Errors
 /// Where no search tree over the points can be built.
-pub fn start(set: &PhotoSet, frame: &Frame, settings: &Settings) -> Result<Gaussians> {
+pub fn start(set: &PhotoSet, frame: &Frame, settings: &StartSettings) -> Result<Gaussians> {
     match set.points.positions.is_empty() {
         true => at_random(&set.cameras(), frame, settings),
         false => at_points(&set.points, frame, settings),
@@ -86,7 +86,7 @@ pub fn start(set: &PhotoSet, frame: &Frame, settings: &Settings) -> Result<Gauss
 
 /// Gaussians at points of the world, of their colours (grey where they have none), as wide as the points' spacing; flat on the
 /// surface, where points have a normal.
-fn at_points(points: &Points, frame: &Frame, settings: &Settings) -> Result<Gaussians> {
+fn at_points(points: &Points, frame: &Frame, settings: &StartSettings) -> Result<Gaussians> {
     let chosen = chosen(points.positions.len(), settings);
     let centres = chosen.iter().map(|i| frame.to_training.point(points.positions[*i as usize])).collect();
     let colour = |i: &u32| points.colours.get(*i as usize).map_or([0.5; 3], |c| c.map(|v| f64::from(v) / 255.0));
@@ -103,7 +103,7 @@ fn at_points(points: &Points, frame: &Frame, settings: &Settings) -> Result<Gaus
 }
 
 /// Gaussians anywhere in the cube around what the cameras look at, of any colours.
-fn at_random(cameras: &[Camera], frame: &Frame, settings: &Settings) -> Result<Gaussians> {
+fn at_random(cameras: &[Camera], frame: &Frame, settings: &StartSettings) -> Result<Gaussians> {
     let Volume { centre, radius } = cube(cameras, frame);
     let count = settings.random.min(settings.budget).min(u32::MAX as usize) as u32;
     let place = |i: u32| {
@@ -128,7 +128,7 @@ fn cube(cameras: &[Camera], frame: &Frame) -> Volume {
 }
 
 /// Which of `count` points are taken: all that the budget allows, in their order.
-fn chosen(count: usize, settings: &Settings) -> Vec<u32> {
+fn chosen(count: usize, settings: &StartSettings) -> Vec<u32> {
     let mut chosen: Vec<u32> = (0..count.min(u32::MAX as usize) as u32).collect();
     if chosen.len() > settings.budget {
         random::shuffle(&mut chosen, settings.seed, SUBSET_STREAM);
@@ -139,7 +139,11 @@ fn chosen(count: usize, settings: &Settings) -> Vec<u32> {
 }
 
 /// Round Gaussians at `centres` with sRGB colours in [0, 1].
-fn gaussians(centres: Vec<DVec3>, colours: impl Iterator<Item = [f64; 3]>, settings: &Settings) -> Result<Gaussians> {
+fn gaussians(
+    centres: Vec<DVec3>,
+    colours: impl Iterator<Item = [f64; 3]>,
+    settings: &StartSettings,
+) -> Result<Gaussians> {
     let count = centres.len();
     let log_scale = |spacing: &f64| [(settings.scale * spacing).ln() as f32; 3];
     let log_scales = spacings(&centres)?.iter().map(log_scale).collect();
@@ -204,7 +208,7 @@ mod tests {
         (0..count).map(|i| DVec3::from_slice(&random::uniforms(7, 0, i)[..3])).collect()
     }
 
-    fn scales(positions: Vec<DVec3>, settings: &Settings) -> Vec<f64> {
+    fn scales(positions: Vec<DVec3>, settings: &StartSettings) -> Vec<f64> {
         let start = start(&cloud(positions), &STILL, settings).unwrap();
         assert!(start.log_scales.iter().all(|[x, y, z]| x == y && y == z));
         start.log_scales.iter().map(|[x, ..]| f64::from(*x).exp()).collect()
@@ -216,16 +220,16 @@ mod tests {
         let line: Vec<DVec3> = [0.0, 1.0, 3.0, 7.0, 20.0].iter().map(|x| 0.001 * *x * DVec3::X).collect();
         let expected = [11.0 / 3.0, 3.0, 3.0, 17.0 / 3.0, 49.0 / 3.0];
         for factor in [1.0, 0.1] {
-            let found = scales(line.clone(), &Settings { scale: factor, ..Settings::default() });
+            let found = scales(line.clone(), &StartSettings { scale: factor, ..StartSettings::default() });
             for (found, expected) in found.iter().zip(expected) {
                 assert!((found / (0.001 * factor * expected) - 1.0).abs() < 1e-6, "{found} and {expected}");
             }
         }
         // Fewer neighbours than three; none; and one too far.
-        let two = scales(vec![DVec3::ZERO, 0.02 * DVec3::Y], &Settings::default());
+        let two = scales(vec![DVec3::ZERO, 0.02 * DVec3::Y], &StartSettings::default());
         assert!(two.iter().all(|scale| (scale - 0.02).abs() < 1e-8), "{two:?}");
         for lonely in [vec![DVec3::ONE], vec![DVec3::ZERO, DVec3::ONE]] {
-            let scales = scales(lonely, &Settings::default());
+            let scales = scales(lonely, &StartSettings::default());
             assert!(scales.iter().all(|scale| (scale - SCALES[1]).abs() < 1e-7), "{scales:?}");
         }
     }
@@ -236,7 +240,7 @@ mod tests {
         for count in [2, 4, 5, 3000] {
             let mut positions = vec![DVec3::splat(0.3); count];
             positions.push(DVec3::X);
-            let scales = scales(positions, &Settings::default());
+            let scales = scales(positions, &StartSettings::default());
             let least = if count < 4 { SCALES[1] } else { SCALES[0] };
             assert!(scales[..count].iter().all(|scale| (scale / least - 1.0).abs() < 1e-5), "{count}: {:?}", scales[0]);
             assert!((scales[count] / SCALES[1] - 1.0).abs() < 1e-5);
@@ -265,7 +269,7 @@ mod tests {
         let mut set = cloud(scattered(10));
         set.points.colours = (0..10).map(|i| [25 * i, 255, 0]).collect();
         let frame = Frame { to_training: Similarity::to_unit_sphere(DVec3::X, 4.0) };
-        let settings = Settings { degree: 2, opacity: 0.5, ..Settings::default() };
+        let settings = StartSettings { degree: 2, opacity: 0.5, ..StartSettings::default() };
         let start = start(&set, &frame, &settings).unwrap();
         assert_eq!((start.len(), start.degree, start.harmonics.len()), (10, 2, 270));
         for i in 0..10 {
@@ -279,7 +283,7 @@ mod tests {
         }
         set.points.colours.clear();
         assert!(super::start(&set, &frame, &settings).unwrap().harmonics.iter().all(|h| *h == 0.0));
-        let faint = super::start(&set, &frame, &Settings::default()).unwrap();
+        let faint = super::start(&set, &frame, &StartSettings::default()).unwrap();
         assert!((f64::from(faint.opacities[0]) + 9f64.ln()).abs() < 1e-6);
     }
 
@@ -289,7 +293,7 @@ mod tests {
         let mut set = cloud(scattered(3));
         set.points.normals = vec![DVec3::new(0.6, 0.0, 0.8), DVec3::ZERO, -DVec3::Z];
         let turned = Similarity { rotation: DQuat::from_rotation_x(0.5), ..STILL.to_training };
-        let start = start(&set, &Frame { to_training: turned }, &Settings::default()).unwrap();
+        let start = start(&set, &Frame { to_training: turned }, &StartSettings::default()).unwrap();
         for (i, normal) in set.points.normals.iter().enumerate() {
             let [x, y, z] = start.log_scales[i];
             let flat = if *normal == DVec3::ZERO { 1.0 } else { FLATNESS };
@@ -310,7 +314,8 @@ mod tests {
     #[test]
     fn more_points_than_the_budget_are_thinned_by_the_seed() {
         let set = cloud(scattered(1000));
-        let with = |budget, seed| start(&set, &STILL, &Settings { budget, seed, ..Settings::default() }).unwrap();
+        let with =
+            |budget, seed| start(&set, &STILL, &StartSettings { budget, seed, ..StartSettings::default() }).unwrap();
         let some = with(100, 1);
         assert_eq!(some, with(100, 1));
         assert_eq!(some.len(), 100);
@@ -320,7 +325,7 @@ mod tests {
         // Spacings are those of the points that were taken.
         assert_eq!(
             some.log_scales,
-            start(&cloud(some.centres.clone()), &STILL, &Settings::default()).unwrap().log_scales
+            start(&cloud(some.centres.clone()), &STILL, &StartSettings::default()).unwrap().log_scales
         );
         assert_eq!(with(1000, 1).centres, set.points.positions);
     }
@@ -339,7 +344,7 @@ mod tests {
     fn without_points_the_place_that_cameras_look_at_is_filled() {
         let at = DVec3::new(10.0, 20.0, 30.0);
         let away = |t: f64| 4.0 * DVec3::new(0.8 * t.cos(), 0.8 * t.sin(), 0.6);
-        let settings = Settings { random: 5000, seed: 3, ..Settings::default() };
+        let settings = StartSettings { random: 5000, seed: 3, ..StartSettings::default() };
         let inward = photos(|t| Pose::looking(at + away(t), -away(t), DVec3::Z));
         let frame = Frame::new(&inward.cameras(), &[]);
         let start = |set: &PhotoSet| start(set, &Frame::new(&set.cameras(), &[]), &settings).unwrap();
@@ -362,14 +367,14 @@ mod tests {
             let reach = start(&set).centres.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
             assert!(reach <= 3.0 && reach > 2.97, "{reach}");
         }
-        let few = super::start(&inward, &frame, &Settings { budget: 70, ..settings }).unwrap();
+        let few = super::start(&inward, &frame, &StartSettings { budget: 70, ..settings }).unwrap();
         assert_eq!(few.len(), 70);
     }
 
     /// If this failed, a capture in millimetres would start otherwise than the same in metres.
     #[test]
     fn a_capture_in_another_unit_starts_the_same() {
-        let settings = Settings { random: 500, ..Settings::default() };
+        let settings = StartSettings { random: 500, ..StartSettings::default() };
         for points in [0, 200] {
             // A power of two: nothing is rounded otherwise.
             let starts = [1.0, 4096.0].map(|unit| {

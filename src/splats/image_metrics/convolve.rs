@@ -43,7 +43,7 @@ crate::stage!(
 
 /// Which of two stages with the same result convolves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum ConvolutionKernel {
     /// Values are shared in shared memory: for GPUs.
     Shared,
     /// Values are shared among the lanes of a subgroup of eight: for CPUs.
@@ -53,7 +53,7 @@ pub enum Way {
 /// The stage.
 pub struct Convolve {
     pipeline: Pipeline,
-    way: Way,
+    way: ConvolutionKernel,
 }
 
 impl Convolve {
@@ -64,21 +64,21 @@ impl Convolve {
     pub fn new(context: &Arc<Context>) -> Result<Self> {
         let physical = context.physical();
         let narrow = physical.is_cpu() && physical.subgroup_width == Some(convolve_lanes::LANES);
-        Self::by(context, if narrow { Way::Lanes } else { Way::Shared })
+        Self::by(context, if narrow { ConvolutionKernel::Lanes } else { ConvolutionKernel::Shared })
     }
 
     /// Compiles one of them.
     ///
     /// # Errors
-    /// Where the device fails, or its subgroups are not those that [`Way::Lanes`] asks for.
-    pub fn by(context: &Arc<Context>, way: Way) -> Result<Self> {
-        if way == Way::Lanes && context.physical().subgroup_width != Some(convolve_lanes::LANES) {
+    /// Where the device fails, or its subgroups are not those that [`ConvolutionKernel::Lanes`] asks for.
+    pub fn by(context: &Arc<Context>, way: ConvolutionKernel) -> Result<Self> {
+        if way == ConvolutionKernel::Lanes && context.physical().subgroup_width != Some(convolve_lanes::LANES) {
             let what = format!("{} has no subgroups of {}", context.physical().name, convolve_lanes::LANES);
             return Err(Error::request(what));
         }
         let pipeline = match way {
-            Way::Shared => Pipeline::new::<ConvolveStage>(context, &())?,
-            Way::Lanes => Pipeline::new::<ConvolveLanesStage>(context, &())?,
+            ConvolutionKernel::Shared => Pipeline::new::<ConvolveStage>(context, &())?,
+            ConvolutionKernel::Lanes => Pipeline::new::<ConvolveLanesStage>(context, &())?,
         };
         Ok(Self { pipeline, way })
     }
@@ -149,11 +149,11 @@ impl Kernels {
         let Self { weights, biases, taps, .. } = self;
         let Convolve { pipeline, way } = convolve;
         match way {
-            Way::Shared => recorder
+            ConvolutionKernel::Shared => recorder
                 .stage(pipeline, ConvolveStage { weights, biases, taps, source, target })
                 .push(&push)
                 .linear(groups(TILE, TILE)),
-            Way::Lanes => recorder
+            ConvolutionKernel::Lanes => recorder
                 .stage(pipeline, ConvolveLanesStage { weights, biases, taps, source, target })
                 .push(&push)
                 .linear(groups(convolve_lanes::CHANNELS, convolve_lanes::PIXELS)),

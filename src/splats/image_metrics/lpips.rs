@@ -24,7 +24,7 @@ pub struct Lpips {
     /// What the bytes of a picture mean.
     values: Buffer,
     pipelines: Pipelines,
-    room: Option<Room>,
+    buffers: Option<LayerBuffers>,
     // Of millions of products of a channel read and one written.
     pace: Pace,
 }
@@ -48,7 +48,7 @@ struct Pipelines {
 }
 
 /// Buffers for pictures of one size.
-struct Room {
+struct LayerBuffers {
     sizes: Vec<Size>,
     /// Bytes of each picture, on the host and on the device.
     pictures: [[Buffer; 2]; 2],
@@ -83,7 +83,7 @@ impl Lpips {
                 max_pool: Pipeline::new::<MaxPoolStage>(context, &())?,
                 distance: Pipeline::new::<LpipsDistanceStage>(context, &())?,
             },
-            room: None,
+            buffers: None,
             pace: Pace::new(context, FIRST_PRODUCTS),
         })
     }
@@ -117,33 +117,34 @@ impl Lpips {
         a.check_size(b)?;
         let size = Size { channels: 3, width: a.width(), height: a.height() };
         // The old buffers go first: both may not fit.
-        let kept = self.room.take().filter(|room| room.sizes.first() == Some(&size));
-        let room = match kept {
-            Some(room) => room,
-            None => Room::new(&self.context, self.network, size)?,
+        let kept = self.buffers.take().filter(|buffers| buffers.sizes.first() == Some(&size));
+        let buffers = match kept {
+            Some(buffers) => buffers,
+            None => LayerBuffers::new(&self.context, self.network, size)?,
         };
         let mut pace = self.pace.clone();
-        let layers = self.run(&room, [a, b], &mut pace);
+        let layers = self.run(&buffers, [a, b], &mut pace);
         self.pace = pace;
-        self.room = Some(room);
+        self.buffers = Some(buffers);
         layers
     }
 
-    fn run(&self, room: &Room, pictures: [&Rgb8; 2], pace: &mut Pace) -> Result<[f64; TAPS]> {
+    fn run(&self, buffers: &LayerBuffers, pictures: [&Rgb8; 2], pace: &mut Pace) -> Result<[f64; TAPS]> {
         let mut commands = Recorder::paced(&self.context)?;
-        for (picture, ([host, device], features)) in pictures.iter().zip(room.pictures.iter().zip(&room.features)) {
+        for (picture, ([host, device], features)) in pictures.iter().zip(buffers.pictures.iter().zip(&buffers.features))
+        {
             host.write(picture.pixels())?;
             commands.copy(host, device, device.size());
             let bound = LpipsPlanesStage { picture: device, values: &self.values, planes: &features[0] };
-            let pixels = room.sizes[0].pixels();
+            let pixels = buffers.sizes[0].pixels();
             let groups = pixels.div_ceil(LpipsPlanesStage::SHADER.local_size[0]);
             commands.stage(&self.pipelines.planes, bound).push(&PlanesPush { pixels }).linear(groups);
         }
         let (mut from, mut pixels) = (0, Vec::with_capacity(TAPS));
         let (mut products, mut since) = (0, 0);
-        for (part, sizes) in self.parts.iter().zip(room.sizes.windows(2)) {
+        for (part, sizes) in self.parts.iter().zip(buffers.sizes.windows(2)) {
             let sizes = [sizes[0], sizes[1]];
-            let in_turns = room.features.each_ref().map(|buffers| [&buffers[from], &buffers[1 - from]]);
+            let in_turns = buffers.features.each_ref().map(|buffers| [&buffers[from], &buffers[1 - from]]);
             match part {
                 Part::Convolve(kernels) => {
                     let [read, written] = sizes;
@@ -171,18 +172,18 @@ impl Lpips {
                     commands
                         .stage(
                             &self.pipelines.distance,
-                            LpipsDistanceStage { weights: counts, first, second, distances: &room.distances },
+                            LpipsDistanceStage { weights: counts, first, second, distances: &buffers.distances },
                         )
                         .push(&DistancePush { channels: sizes[0].channels, pixels: count })
                         .linear(count.div_ceil(LpipsDistanceStage::SHADER.local_size[0]));
                     let tap = pixels.len() as u32;
-                    room.reduce.record(&mut commands, &room.distances, Count::Host(count), &room.sums, tap)?;
+                    buffers.reduce.record(&mut commands, &buffers.distances, Count::Host(count), &buffers.sums, tap)?;
                     pixels.push(f64::from(count));
                 }
             }
         }
         pace.took(products, commands.submit_and_wait()?);
-        let sums: Vec<f32> = room.sums.download(TAPS)?;
+        let sums: Vec<f32> = buffers.sums.download(TAPS)?;
         Ok(std::array::from_fn(|tap| f64::from(sums[tap]) / pixels[tap]))
     }
 }
@@ -230,7 +231,7 @@ impl Needs {
     }
 }
 
-impl Room {
+impl LayerBuffers {
     fn new(context: &Arc<Context>, network: Network, size: Size) -> Result<Self> {
         let Needs { sizes, largest, pixels } = Needs::new(context, network, size)?;
         let features = |name| Buffer::device(context, name, largest);

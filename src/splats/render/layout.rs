@@ -60,7 +60,7 @@ crate::gpu_struct! {
         /// Degree of the harmonics that take part.
         pub degree: u32,
         /// Capacity for instances.
-        pub room: u32,
+        pub capacity: u32,
         /// sRGB colour behind everything.
         pub background: [f32; 3],
         /// Iteration, from zero.

@@ -65,7 +65,7 @@ pub struct Sizes {
     /// Gaussians.
     pub gaussians: u32,
     /// Instances: pairs of a Gaussian and a tile that it reaches.
-    pub room: u32,
+    pub capacity: u32,
     /// Pixels of a picture.
     pub pixels: u32,
     /// Tiles of a picture.
@@ -165,15 +165,16 @@ impl Lists {
             instance_splats: buffer("instance_splats")?,
             checkpoints: buffer("checkpoints")?,
             partials: buffer("partials")?,
-            sort: RadixSort::new(context, sizes.gaussians.max(sizes.room))?,
+            sort: RadixSort::new(context, sizes.gaussians.max(sizes.capacity))?,
         })
     }
 }
 
 /// Buffers by name and bytes.
 pub fn buffers(context: &Context, sizes: &Sizes, wanted: Wanted) -> Vec<(&'static str, u64)> {
-    let [gaussians, room, pixels, tiles] = [sizes.gaussians, sizes.room, sizes.pixels, sizes.tiles].map(u64::from);
-    let checkpoints = 16 * u64::from(TILE * TILE) * (room / u64::from(BLOCK) + 1);
+    let [gaussians, capacity, pixels, tiles] =
+        [sizes.gaussians, sizes.capacity, sizes.pixels, sizes.tiles].map(u64::from);
+    let checkpoints = 16 * u64::from(TILE * TILE) * (capacity / u64::from(BLOCK) + 1);
     let only = |there: bool, bytes: u64| if there { bytes } else { 0 };
     vec![
         ("projected", size_of::<Projected>() as u64 * gaussians),
@@ -183,9 +184,9 @@ pub fn buffers(context: &Context, sizes: &Sizes, wanted: Wanted) -> Vec<(&'stati
         ("tile_offsets", 4 * gaussians),
         ("runs", 8 * gaussians),
         ("counts", 4),
-        ("tile_keys", 4 * room),
-        ("tile_instances", 4 * room),
-        ("instance_splats", 4 * room),
+        ("tile_keys", 4 * capacity),
+        ("tile_instances", 4 * capacity),
+        ("instance_splats", 4 * capacity),
         ("ranges", 8 * tiles),
         ("picture", 16 * pixels),
         ("ends", 4 * pixels),
@@ -193,8 +194,8 @@ pub fn buffers(context: &Context, sizes: &Sizes, wanted: Wanted) -> Vec<(&'stati
         // The forward pass writes them in any case.
         ("checkpoints", checkpoints),
         ("depths", only(wanted.depths, 4 * pixels)),
-        ("partials", only(wanted.gradients, 4 * SUMS * if wanted.fast { gaussians } else { room })),
-        ("sort", RadixSort::footprint(context, sizes.gaussians.max(sizes.room))),
+        ("partials", only(wanted.gradients, 4 * SUMS * if wanted.fast { gaussians } else { capacity })),
+        ("sort", RadixSort::footprint(context, sizes.gaussians.max(sizes.capacity))),
         ("scan", Scan::footprint(sizes.gaussians)),
     ]
 }
@@ -289,10 +290,10 @@ impl Rasterizer {
     ///
     /// # Errors
     /// Where the device has too little memory; the capacity is one instance then.
-    pub fn set_room(&mut self, room: u32) -> Result<()> {
+    pub fn set_capacity(&mut self, capacity: u32) -> Result<()> {
         // The old lists go first: both may not fit.
-        for room in [1, room] {
-            let sizes = Sizes { room, ..self.sizes };
+        for capacity in [1, capacity] {
+            let sizes = Sizes { capacity, ..self.sizes };
             self.lists = Lists::new(&self.context, &sizes, self.wanted)?;
             self.sizes = sizes;
         }
@@ -303,7 +304,7 @@ impl Rasterizer {
     ///
     /// # Errors
     /// Where the device has not even memory for those, or none of its lists can be so long.
-    pub fn make_room(&mut self, needed: u32) -> Result<()> {
+    pub fn ensure_capacity(&mut self, needed: u32) -> Result<()> {
         let physical = self.context.physical();
         let longest = physical.storage_range.min(physical.allocation) / (4 * SUMS);
         let most = u32::try_from(longest).unwrap_or(u32::MAX).min(1 << 28);
@@ -316,8 +317,8 @@ impl Rasterizer {
             });
         }
         let [ample, scarce] = [8, 32].map(|part| needed.saturating_add(needed / part).min(most));
-        match self.set_room(ample) {
-            Err(Error::OutOfMemory { .. }) => self.set_room(scarce),
+        match self.set_capacity(ample) {
+            Err(Error::OutOfMemory { .. }) => self.set_capacity(scarce),
             made => made,
         }
     }
@@ -328,7 +329,7 @@ impl Rasterizer {
     }
 
     /// Records the way from the model to the picture of view `push.view`, which is of size `size`. Where `counts` then exceeds
-    /// `push.room`, instances are missing and the picture is wrong.
+    /// `push.capacity`, instances are missing and the picture is wrong.
     ///
     /// # Errors
     /// None that the sizes do not rule out.
@@ -340,7 +341,7 @@ impl Rasterizer {
         size: Size,
         push: &PassPush,
     ) -> Result<Instances<'a>> {
-        let Sizes { gaussians, room, .. } = self.sizes;
+        let Sizes { gaussians, capacity, .. } = self.sizes;
         let population = || Count::Device(&model.population, 0);
         let by_gaussian = gaussians.div_ceil(64);
         commands
@@ -401,7 +402,7 @@ impl Rasterizer {
                 SplatRangesStage { counts: &self.counts, tile_keys: by_tile.keys, ranges: &self.tile_ranges },
             )
             .push(push)
-            .linear(room.div_ceil(256));
+            .linear(capacity.div_ceil(256));
         commands
             .stage(
                 &self.forward,
@@ -423,20 +424,20 @@ impl Rasterizer {
         Ok(Instances { keys: by_tile.keys, values: by_tile.values })
     }
 
-    /// Makes the picture of view `push.view` in [`Rasterizer::picture`] and waits for it; it allocates as needed, and `push.room`
+    /// Makes the picture of view `push.view` in [`Rasterizer::picture`] and waits for it; it allocates as needed, and `push.capacity`
     /// is ignored.
     ///
     /// # Errors
     /// Where the device fails or has not enough memory.
     pub fn render(&mut self, model: &Model, views: &Buffer, size: Size, push: PassPush) -> Result<()> {
         loop {
-            let push = PassPush { room: self.sizes.room, ..push };
+            let push = PassPush { capacity: self.sizes.capacity, ..push };
             let mut commands = Recorder::new(&self.context)?;
             self.forward(&mut commands, model, views, size, &push)?;
             commands.submit_and_wait()?;
             drop(commands);
             match self.counts.download::<u32>(1)?[0] {
-                needed if needed > push.room => self.make_room(needed)?,
+                needed if needed > push.capacity => self.ensure_capacity(needed)?,
                 _ => return Ok(()),
             }
         }
@@ -474,6 +475,6 @@ impl Rasterizer {
                 },
             )
             .push(push)
-            .linear(self.sizes.room.div_ceil(BLOCK));
+            .linear(self.sizes.capacity.div_ceil(BLOCK));
     }
 }

@@ -82,8 +82,8 @@ impl Renderer {
         largest: Size,
         wanted: Wanted,
     ) -> Result<Self> {
-        let room = most.saturating_mul(4).clamp(1 << 16, 1 << 28);
-        let sizes = Sizes { gaussians: most, room, pixels: largest.pixels(), tiles: largest.tiles() };
+        let capacity = most.saturating_mul(4).clamp(1 << 16, 1 << 28);
+        let sizes = Sizes { gaussians: most, capacity, pixels: largest.pixels(), tiles: largest.tiles() };
         let bytes = 4 * layout::planes(degree) as u64 * u64::from(most);
         check(context, sizes, wanted, &[("parameters", bytes)])?;
         Ok(Self {

@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::record::Evaluation;
 use crate::files::io::folder::replace_file;
-use crate::splats::config::{Config, Strategy};
+use crate::splats::config::{Strategy, TrainConfig};
 use crate::splats::render::layout::planes;
 use crate::splats::train::loss::Record;
 use crate::splats::train::trainer::State;
@@ -49,7 +49,7 @@ pub struct Input {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Header {
     /// Configuration.
-    pub config: Config,
+    pub config: TrainConfig,
     /// The run's other inputs.
     pub input: Input,
     /// Iterations done.
@@ -162,8 +162,8 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
 ///
 /// # Errors
 /// In a line that names a key that differs, and its two values.
-pub fn check(path: &Path, header: &Header, config: &Config, input: &Input) -> Result<()> {
-    let of = |config: &Config, input: &Input| -> Vec<(String, Value)> {
+pub fn check(path: &Path, header: &Header, config: &TrainConfig, input: &Input) -> Result<()> {
+    let of = |config: &TrainConfig, input: &Input| -> Vec<(String, Value)> {
         let objects = [serde_json::to_value(config), serde_json::to_value(input)];
         let entries = objects.into_iter().flatten().filter_map(|value| match value {
             Value::Object(map) => Some(map),
@@ -208,7 +208,7 @@ mod tests {
     use crate::splats::run::record::Quality;
 
     fn checkpoint() -> Checkpoint {
-        let mut config = Config::new(100, 8);
+        let mut config = TrainConfig::new(100, 8);
         config.degree = 0;
         let values = planes(0) * 3;
         let quality = Quality { psnr: f64::INFINITY, ssim: 1.0, ..Quality::default() };
@@ -273,11 +273,11 @@ mod tests {
     #[test]
     fn the_key_that_differs_is_named() {
         let Header { config, input, .. } = checkpoint().header;
-        let refusal = |config: &Config, input: &Input| {
+        let refusal = |config: &TrainConfig, input: &Input| {
             check(Path::new("c"), &checkpoint().header, config, input).unwrap_err().to_string()
         };
         check(Path::new("c"), &checkpoint().header, &config, &input).unwrap();
-        let other = Config { degree: 2, ..config.clone() };
+        let other = TrainConfig { degree: 2, ..config.clone() };
         assert!(refusal(&other, &input).contains("`degree` 0, not 2"), "{}", refusal(&other, &input));
         let other = config.clone().with_strategy(Strategy::Adc, Start::Points);
         assert!(refusal(&other, &input).contains("`strategy` mcmc, not adc"), "{}", refusal(&other, &input));

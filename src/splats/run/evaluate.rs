@@ -25,7 +25,7 @@ const BYTES: u64 = 1 << 28;
 /// Photos to test with. Few of them are kept decoded; all of them are decoded again in the end.
 pub struct Tests {
     photos: Vec<Photo>,
-    settings: pictures::Settings,
+    settings: pictures::PictureSettings,
     few: Vec<Picture>,
     /// The view of the first photo; the others follow.
     first: usize,
@@ -65,7 +65,7 @@ impl Tests {
     /// Where a photo cannot be decoded.
     pub fn new(
         photos: &[Photo],
-        settings: pictures::Settings,
+        settings: pictures::PictureSettings,
         first: usize,
         background: [f32; 3],
         mut observe: impl FnMut(usize) -> ControlFlow<()>,

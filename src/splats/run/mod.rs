@@ -2,7 +2,7 @@
 
 pub mod checkpoint;
 pub mod evaluate;
-pub mod job;
 pub(crate) mod outputs;
 pub mod record;
+pub mod request;
 mod training_loop;

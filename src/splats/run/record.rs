@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::splats::config::Config;
+use crate::splats::config::TrainConfig;
 
 /// How far a run has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -126,7 +126,7 @@ pub struct TrainRecord {
     /// Photos.
     pub photos: PhotosRecord,
     /// Configuration.
-    pub config: Config,
+    pub config: TrainConfig,
     /// Iterations done.
     pub iterations: u32,
     /// Splats now.

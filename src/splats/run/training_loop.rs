@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 
 use super::checkpoint::{self, Checkpoint, Header, Input};
 use super::evaluate::{self, Camera, Pair, Tests};
-use super::job::{Event, Request, Run};
 use super::outputs::{self, CHECKPOINT, MODEL};
 use super::record::{CurvePoint, Evaluation, MemoryRecord, PhotosRecord, StageTime, Status, TrainRecord, finite_mean};
+use super::request::{Run, TrainEvent, TrainRequest};
 use crate::engine::vulkan::profile::{Profile, Row};
 use crate::files::io::folder::replace_file;
 use crate::files::photos::Photo;
@@ -106,7 +106,7 @@ impl<'a> TrainingLoop<'a> {
         &mut self,
         mut trainer: Trainer,
         profile: &mut Option<&mut Profile>,
-        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+        observe: &mut dyn FnMut(TrainEvent) -> ControlFlow<()>,
     ) -> Result<()> {
         let first = trainer.done();
         let trained = self.iterate(&mut trainer, profile, observe);
@@ -124,9 +124,9 @@ impl<'a> TrainingLoop<'a> {
         &mut self,
         trainer: &mut Trainer,
         profile: &mut Option<&mut Profile>,
-        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+        observe: &mut dyn FnMut(TrainEvent) -> ControlFlow<()>,
     ) -> Result<()> {
-        let Request { config, save_every, evaluate_every, .. } = &self.run.request;
+        let TrainRequest { config, save_every, evaluate_every, .. } = &self.run.request;
         let due = |every: u32, done: u32| every > 0 && done.is_multiple_of(every);
         let next = |every: u32, done: u32| match every {
             0 => config.iterations,
@@ -164,12 +164,12 @@ impl<'a> TrainingLoop<'a> {
         trainer: &mut Trainer,
         stop: u32,
         profile: &mut Option<&mut Profile>,
-        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+        observe: &mut dyn FnMut(TrainEvent) -> ControlFlow<()>,
     ) -> Result<ControlFlow<()>> {
         let (first, begun) = (trainer.done(), Instant::now());
         let mut flow = ControlFlow::Continue(());
         let mut watch = |done| {
-            flow = observe(Event::Iterations(done));
+            flow = observe(TrainEvent::Iterations(done));
             flow
         };
         if let Some(profile) = profile {
@@ -181,7 +181,7 @@ impl<'a> TrainingLoop<'a> {
         if flow.is_continue() {
             let enough = || begun.elapsed() > BETWEEN_REPORTS;
             trainer.run(stop, None, |done| {
-                flow = observe(Event::Iterations(done));
+                flow = observe(TrainEvent::Iterations(done));
                 if flow.is_break() || enough() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             })?;
         }
@@ -194,7 +194,7 @@ impl<'a> TrainingLoop<'a> {
         camera: Camera,
         done: u32,
         all: bool,
-        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+        observe: &mut dyn FnMut(TrainEvent) -> ControlFlow<()>,
     ) -> Result<()> {
         if self.tests.is_empty() {
             return Ok(());
@@ -220,12 +220,12 @@ impl<'a> TrainingLoop<'a> {
         views.sort_by(|a, b| a.quality.psnr.total_cmp(&b.quality.psnr));
         self.record.test_views = views;
         self.record.evaluations.push(evaluation);
-        let _ = observe(Event::Evaluated(&evaluation));
+        let _ = observe(TrainEvent::Evaluated(&evaluation));
         Ok(())
     }
 
     /// Writes the checkpoint while training continues. A failure to write is reported, and the run continues.
-    fn save(&mut self, trainer: &Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<()> {
+    fn save(&mut self, trainer: &Trainer, observe: &mut dyn FnMut(TrainEvent) -> ControlFlow<()>) -> Result<()> {
         let state = trainer.state()?;
         let header = Header {
             config: self.run.request.config.clone(),
@@ -243,14 +243,14 @@ impl<'a> TrainingLoop<'a> {
     }
 
     /// Waits for the checkpoint that is being written.
-    fn join(&mut self, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) {
+    fn join(&mut self, observe: &mut dyn FnMut(TrainEvent) -> ControlFlow<()>) {
         let Some(saving) = self.saving.take() else { return };
         let fault = |_| {
             let what = "writing the checkpoint ended by a fault of this program, told above; please report it";
             Err(Error::input(self.run.request.folder.join(CHECKPOINT), what))
         };
         if let Err(error) = saving.join().unwrap_or_else(fault) {
-            let _ = observe(Event::NotSaved(&error));
+            let _ = observe(TrainEvent::NotSaved(&error));
         }
     }
 
@@ -259,7 +259,7 @@ impl<'a> TrainingLoop<'a> {
         &mut self,
         trainer: &Trainer,
         profile: &Option<&mut Profile>,
-        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+        observe: &mut dyn FnMut(TrainEvent) -> ControlFlow<()>,
     ) -> Result<()> {
         let history = trainer.history()?;
         let record = &mut self.record;
@@ -277,12 +277,12 @@ impl<'a> TrainingLoop<'a> {
         };
         let stage = |row: Row| StageTime { name: row.name.into(), ms: row.total_ms / f64::from(iterations.max(1)) };
         record.stages = profile.rows().into_iter().map(stage).collect();
-        let _ = observe(Event::Report(&self.record, &self.worst));
+        let _ = observe(TrainEvent::Report(&self.record, &self.worst));
         Ok(())
     }
 
     /// The outputs. Test views are evaluated once the trainer's memory is free again.
-    fn finish(&mut self, trainer: Trainer, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<()> {
+    fn finish(&mut self, trainer: Trainer, observe: &mut dyn FnMut(TrainEvent) -> ControlFlow<()>) -> Result<()> {
         let Run { context, request, frame, views, .. } = self.run;
         let (done, trained) = (trainer.done(), trainer.gaussians()?);
         drop(trainer);
@@ -291,7 +291,7 @@ impl<'a> TrainingLoop<'a> {
         let in_world = frame.gaussians_to_world(trained.clone());
         let bytes = crate::files::io::ply::write::gaussians(&in_world);
         replace_file(&request.folder.join(MODEL), |file| file.write_all(&bytes))?;
-        let _ = observe(Event::Trained(&in_world));
+        let _ = observe(TrainEvent::Trained(&in_world));
         drop((bytes, in_world));
         let complete = done == request.config.iterations;
         if complete && !self.tests.is_empty() {
@@ -304,7 +304,7 @@ impl<'a> TrainingLoop<'a> {
             self.evaluate(&mut camera, done, true, observe)?;
         }
         self.record.status = if complete { Status::Complete } else { Status::Interrupted };
-        let _ = observe(Event::Report(&self.record, &self.worst));
+        let _ = observe(TrainEvent::Report(&self.record, &self.worst));
         Ok(())
     }
 }
@@ -344,14 +344,14 @@ impl Run {
         &self,
         resume: bool,
         mut profile: Option<&mut Profile>,
-        observe: &mut dyn FnMut(Event) -> ControlFlow<()>,
+        observe: &mut dyn FnMut(TrainEvent) -> ControlFlow<()>,
     ) -> Result<TrainRecord> {
         self.check()?;
         let photos: Vec<&Photo> = self.request.split.train.photos.iter().chain(&self.request.split.test).collect();
         let capture = Path::new(&self.request.capture);
         outputs::check(&self.request.folder, capture, &photos, &self.picture_names())?;
-        let Request { split, config, shrink, folder, .. } = &self.request;
-        let first = start::start(&split.train, &self.frame, &start::Settings::from(config))?;
+        let TrainRequest { split, config, shrink, folder, .. } = &self.request;
+        let first = start::start(&split.train, &self.frame, &start::StartSettings::from(config))?;
         let file = folder.join(CHECKPOINT);
         let resumed = if resume { Some(checkpoint::read(&file)?) } else { None };
         let (photos, tests) = self.photos(observe)?;
@@ -380,7 +380,7 @@ impl Run {
         let trained = training.train(trainer, &mut profile, observe);
         if trained.is_err() {
             training.record.status = Status::Failed;
-            let _ = observe(Event::Report(&training.record, &training.worst));
+            let _ = observe(TrainEvent::Report(&training.record, &training.worst));
         }
         trained.map(|()| training.record)
     }
@@ -392,18 +392,19 @@ impl Run {
     }
 
     /// Decodes all photos: those to train on into the store.
-    fn photos(&self, observe: &mut dyn FnMut(Event) -> ControlFlow<()>) -> Result<(PhotoStore, Tests)> {
+    fn photos(&self, observe: &mut dyn FnMut(TrainEvent) -> ControlFlow<()>) -> Result<(PhotoStore, Tests)> {
         let Split { train, test, .. } = &self.request.split;
-        let settings = pictures::Settings { shrink: self.request.shrink, ..pictures::Settings::default() };
+        let settings =
+            pictures::PictureSettings { shrink: self.request.shrink, ..pictures::PictureSettings::default() };
         let mut store = PhotoStore::new(&self.context, self.photos_on_device()?);
         let all = train.photos.len() + test.len();
         for picture in pictures::pictures(&train.photos, &settings)? {
             store.add(&picture?.pixels)?;
-            Error::unless_stopped(observe(Event::Photos(store.len(), all)))?;
+            Error::unless_stopped(observe(TrainEvent::Photos(store.len(), all)))?;
         }
         store.flush()?;
         let background = self.request.config.test_background();
-        let decoded = |done| observe(Event::Photos(train.photos.len() + done, all));
+        let decoded = |done| observe(TrainEvent::Photos(train.photos.len() + done, all));
         let tests = Tests::new(test, settings, train.photos.len(), background, decoded)?;
         Ok((store, tests))
     }

@@ -2,30 +2,30 @@
 
 use super::loss::{self, Record};
 use crate::engine::vulkan::Context;
-use crate::splats::config::{Config, Strategy};
+use crate::splats::config::{Strategy, TrainConfig};
 use crate::splats::render::frame::View;
 use crate::splats::render::layout;
 use crate::splats::render::rasterizer::{self, Size, Sizes};
 use crate::splats::render::wanted::Wanted;
 
 /// Capacity for instances that a run starts with: three tiles for every Gaussian that there may be, and enough for few large ones.
-pub fn first_room(max_splats: u32) -> u32 {
+pub fn first_capacity(max_splats: u32) -> u32 {
     max_splats.saturating_mul(3).clamp(1 << 18, 1 << 28)
 }
 
 /// Sizes for pictures of these views.
-pub fn sizes(config: &Config, views: &[View], room: u32) -> Sizes {
+pub fn sizes(config: &TrainConfig, views: &[View], capacity: u32) -> Sizes {
     let of = |view: &View| Size { width: view.width, height: view.height };
     Sizes {
         gaussians: config.max_splats,
-        room,
+        capacity,
         pixels: views.iter().map(|view| of(view).pixels()).max().unwrap_or(1),
         tiles: views.iter().map(|view| of(view).tiles()).max().unwrap_or(1),
     }
 }
 
 /// Long-lived buffers of a run by name and bytes, but for the photos.
-pub fn footprint(context: &Context, config: &Config, sizes: &Sizes, views: usize) -> Vec<(&'static str, u64)> {
+pub fn footprint(context: &Context, config: &TrainConfig, sizes: &Sizes, views: usize) -> Vec<(&'static str, u64)> {
     let planes = 4 * layout::planes(config.degree) as u64 * u64::from(config.max_splats);
     let wanted = wanted(config);
     let mut buffers = vec![
@@ -45,11 +45,11 @@ pub fn footprint(context: &Context, config: &Config, sizes: &Sizes, views: usize
 }
 
 /// Bytes of the statistics that adaptive density control decides by.
-pub(super) fn statistics(config: &Config) -> u64 {
+pub(super) fn statistics(config: &TrainConfig) -> u64 {
     if config.strategy == Strategy::Adc { 8 * u64::from(config.max_splats) } else { 0 }
 }
 
 /// What a run needs of its pictures.
-pub(super) fn wanted(config: &Config) -> Wanted {
+pub(super) fn wanted(config: &TrainConfig) -> Wanted {
     Wanted { antialiased: config.antialiased, depths: false, gradients: true, fast: config.fast, threads: None }
 }

@@ -20,7 +20,7 @@ use crate::engine::vulkan::profile::Profile;
 use crate::engine::vulkan::{Buffer, Context, Recorder};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::random;
-use crate::splats::config::{Background, Config, Schedule, Strategy};
+use crate::splats::config::{Background, Schedule, Strategy, TrainConfig};
 use crate::splats::data::store::PhotoStore;
 use crate::splats::render::frame::View;
 use crate::splats::render::layout::{self, PassPush};
@@ -56,7 +56,7 @@ enum Density {
 /// A run.
 pub struct Trainer {
     context: Arc<Context>,
-    config: Config,
+    config: TrainConfig,
     schedule: Schedule,
     /// Gaussians at the start.
     started_with: u32,
@@ -86,7 +86,7 @@ impl Trainer {
     /// Where there is nothing to start from or more than the budget, or the device has not enough memory.
     pub fn new(
         context: &Arc<Context>,
-        config: Config,
+        config: TrainConfig,
         start: &Gaussians,
         views: Vec<View>,
         photos: PhotoStore,
@@ -97,7 +97,7 @@ impl Trainer {
             let most = config.max_splats;
             return Err(Error::request(format!("training starts with 1 to {most} splats, not with {population}")));
         }
-        let sizes = memory::sizes(&config, &views, memory::first_room(config.max_splats));
+        let sizes = memory::sizes(&config, &views, memory::first_capacity(config.max_splats));
         let planes = layout::planes(config.degree);
         let stride = config.max_splats;
         let bytes = 4 * planes as u64 * u64::from(stride);
@@ -204,7 +204,7 @@ impl Trainer {
     }
 
     /// The configuration.
-    pub(in crate::splats) fn config(&self) -> &Config {
+    pub(in crate::splats) fn config(&self) -> &TrainConfig {
         &self.config
     }
 
@@ -240,7 +240,7 @@ impl Trainer {
     /// Losses of the iterations so far.
     ///
     /// # Errors
-    /// None: the history has room for all iterations.
+    /// None: the history has capacity for all iterations.
     pub fn history(&self) -> Result<Vec<Record>> {
         self.ledger.history.read(self.done as usize)
     }
@@ -270,7 +270,7 @@ impl Trainer {
                 return Ok(());
             }
             self.unhalt()?;
-            self.rasterizer.make_room(needed)?;
+            self.rasterizer.ensure_capacity(needed)?;
         }
     }
 
@@ -344,8 +344,8 @@ impl Trainer {
     ///
     /// # Errors
     /// Where the device has not enough memory.
-    pub fn set_room(&mut self, room: u32) -> Result<()> {
-        self.rasterizer.set_room(room)
+    pub fn set_capacity(&mut self, capacity: u32) -> Result<()> {
+        self.rasterizer.set_capacity(capacity)
     }
 
     /// Clears a halt.
@@ -376,7 +376,7 @@ impl Trainer {
             stride: self.model.stride,
             view,
             degree: self.schedule.degree(iteration, self.config.degree),
-            room: self.rasterizer.sizes().room,
+            capacity: self.rasterizer.sizes().capacity,
             background: self.background_of(iteration),
             iteration,
         };

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::Result;
 use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder};
-use crate::splats::config::{Config, HARMONICS_EVERY, Schedule, Strategy};
+use crate::splats::config::{HARMONICS_EVERY, Schedule, Strategy, TrainConfig};
 use crate::splats::render::frame::View;
 use crate::splats::render::layout::{PassPush, Projected};
 use crate::splats::render::rasterizer::{Model, Rasterizer};
@@ -51,7 +51,7 @@ crate::gpu_struct! {
 
 impl UpdatePush {
     /// Adam's step in the iteration of `pass`.
-    pub fn new(config: &Config, schedule: &Schedule, pass: &PassPush) -> Self {
+    pub fn new(config: &TrainConfig, schedule: &Schedule, pass: &PassPush) -> Self {
         let iteration = pass.iteration;
         let t = f64::from(iteration + 1);
         let progress = f64::from(iteration) / f64::from(config.iterations);

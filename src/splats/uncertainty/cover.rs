@@ -29,7 +29,7 @@ crate::gpu_struct! {
         /// The view's index.
         pub view: u32,
         /// Capacity for instances.
-        pub room: u32,
+        pub capacity: u32,
         /// Whether to remember the directions.
         pub learn: u32,
     }
@@ -128,8 +128,8 @@ impl Cover {
         };
         loop {
             let Renderer { model, rasterizer, degree, .. } = &self.renderer;
-            let (stride, view, room) = (model.stride, view as u32, rasterizer.sizes().room);
-            let push = PassPush { stride, view, degree: *degree, room, ..PassPush::default() };
+            let (stride, view, capacity) = (model.stride, view as u32, rasterizer.sizes().capacity);
+            let push = PassPush { stride, view, degree: *degree, capacity, ..PassPush::default() };
             let mut commands = Recorder::new(&self.context)?;
             let instances = rasterizer.forward(&mut commands, model, &self.views, size, &push)?;
             rasterizer.backward(&mut commands, &self.views, instances, &self.by_pixel, &push);
@@ -150,7 +150,7 @@ impl Cover {
                         covered: &self.covered,
                     },
                 )
-                .push(&CoverPush { stride, view, room, learn: u32::from(learn) })
+                .push(&CoverPush { stride, view, capacity, learn: u32::from(learn) })
                 .linear(stride.div_ceil(64));
             for (sums, of) in [&self.parts, &self.covered].into_iter().zip(0..) {
                 self.sum.record(&mut commands, sums, Count::Device(&model.population, 0), &self.results, of)?;
@@ -161,7 +161,7 @@ impl Cover {
             let mut results = [0u32; 3];
             self.results.read_into(&mut results)?;
             match results[2] {
-                needed if needed > room => self.renderer.rasterizer.make_room(needed)?,
+                needed if needed > capacity => self.renderer.rasterizer.ensure_capacity(needed)?,
                 _ => return Ok([results[0], results[1]].map(|sum| f64::from(f32::from_bits(sum)))),
             }
         }

@@ -14,7 +14,7 @@ use crate::engine::vulkan::stage::GroupConstants;
 use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::scene::camera::Camera;
 use crate::scene::gaussians::Gaussians;
-use crate::splats::config::Config;
+use crate::splats::config::TrainConfig;
 use crate::splats::render::frame::{Frame, View};
 use crate::splats::render::layout::{self, PassPush, Projected, SplatConstants};
 use crate::splats::render::rasterizer::{Composited, Rasterizer, Size};
@@ -146,7 +146,7 @@ impl Fisher {
     /// As [`Fisher::new`].
     pub fn of_training(context: &Arc<Context>, trainer: &Trainer, lambda: f32) -> Result<Self> {
         let (sizes, largest) = sizes(trainer.views())?;
-        let Config { antialiased, degree, max_splats, .. } = *trainer.config();
+        let TrainConfig { antialiased, degree, max_splats, .. } = *trainer.config();
         let wanted = Wanted { antialiased, gradients: true, ..Wanted::default() };
         let renderer = Renderer::empty(context, max_splats, degree, largest, wanted)?;
         Self::on(context, renderer, (trainer.views(), sizes), antialiased, (lambda, 0))
@@ -266,8 +266,8 @@ impl Fisher {
         let out = Buffer::device(&self.context, "squares", 4 * VALUES * u64::from(self.renderer.model.stride))?;
         loop {
             let Renderer { model, rasterizer, degree, .. } = &self.renderer;
-            let (stride, room) = (model.stride, rasterizer.sizes().room);
-            let push = PassPush { stride, view: view as u32, degree: *degree, room, ..PassPush::default() };
+            let (stride, capacity) = (model.stride, rasterizer.sizes().capacity);
+            let push = PassPush { stride, view: view as u32, degree: *degree, capacity, ..PassPush::default() };
             let mut commands = Recorder::new(&self.context)?;
             let instances = rasterizer.forward(&mut commands, model, &self.views, size, &push)?;
             commands
@@ -301,7 +301,7 @@ impl Fisher {
                 forms: &self.forms,
                 partials: rasterizer.partials(),
             };
-            commands.stage(&self.squares, squared).push(&push).linear(room.div_ceil(layout::BLOCK));
+            commands.stage(&self.squares, squared).push(&push).linear(capacity.div_ceil(layout::BLOCK));
             let Rasterizer { counts, projected, runs, .. } = rasterizer;
             commands
                 .stage(
@@ -320,7 +320,7 @@ impl Fisher {
             commands.submit_and_wait()?;
             drop(commands);
             match rasterizer.counts.download::<u32>(1)?[0] {
-                needed if needed > room => self.renderer.rasterizer.make_room(needed)?,
+                needed if needed > capacity => self.renderer.rasterizer.ensure_capacity(needed)?,
                 _ => return Ok(out),
             }
         }

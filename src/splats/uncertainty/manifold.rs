@@ -380,8 +380,8 @@ impl Manifold {
             drop(commands);
             let needed: Vec<u32> = self.needed.read(pictures)?;
             match needed.into_iter().max() {
-                Some(most) if most > self.renderer.rasterizer.sizes().room => {
-                    self.renderer.rasterizer.make_room(most)?;
+                Some(most) if most > self.renderer.rasterizer.sizes().capacity => {
+                    self.renderer.rasterizer.ensure_capacity(most)?;
                 }
                 _ => return Ok(()),
             }
@@ -390,8 +390,8 @@ impl Manifold {
 
     fn push(&self, view: u32) -> PassPush {
         let Renderer { model, rasterizer, degree, .. } = &self.renderer;
-        let (stride, room) = (model.stride, rasterizer.sizes().room);
-        PassPush { stride, view, degree: *degree, room, ..PassPush::default() }
+        let (stride, capacity) = (model.stride, rasterizer.sizes().capacity);
+        PassPush { stride, view, degree: *degree, capacity, ..PassPush::default() }
     }
 
     fn record_perturbation(&self, commands: &mut Recorder, draw: u32, amplitude: f32) {

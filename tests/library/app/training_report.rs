@@ -5,7 +5,7 @@ use crate::support::browser::{acting, figure, number_after, rendered, write};
 use camsplat::app::report::training::{Comparison, Model, Shown, html};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::gaussians::Gaussians;
-use camsplat::splats::config::Config;
+use camsplat::splats::config::TrainConfig;
 use camsplat::splats::run::record::{
     CurvePoint, Evaluation, MemoryRecord, PhotosRecord, Quality, StageTime, Status, TestView, TrainRecord,
 };
@@ -76,7 +76,7 @@ fn run(iterations: u32, status: Status) -> TrainRecord {
             points: 138_766,
             extent: 4.812_37,
         },
-        config: Config { seed: 7, ..Config::new(30_000, 1_000_000) },
+        config: TrainConfig { seed: 7, ..TrainConfig::new(30_000, 1_000_000) },
         iterations,
         splats: if iterations > 5000 { 1_000_000 } else { 138_766 },
         seconds: f64::from(iterations) / 214.0,
@@ -361,7 +361,8 @@ fn a_training_that_diverged_says_so() {
             && page_with(&record, 1).contains("to 15.0 dB")
     );
     let stopped = TrainRecord { status: Status::Interrupted, ..record.clone() };
-    let short = |iterations| TrainRecord { config: Config { iterations, ..record.config.clone() }, ..record.clone() };
+    let short =
+        |iterations| TrainRecord { config: TrainConfig { iterations, ..record.config.clone() }, ..record.clone() };
     assert_eq!([stopped, short(999), short(1000)].map(|record| warns(&record)), [false, false, true]);
     let text = serde_json::to_string(&record).unwrap();
     assert_eq!(serde_json::from_str::<TrainRecord>(&text).unwrap(), record);

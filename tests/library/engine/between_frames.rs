@@ -10,7 +10,7 @@ use std::time::Instant;
 use ash::vk;
 use camsplat::Error;
 use camsplat::engine::vulkan::host::QueueLock;
-use camsplat::engine::vulkan::{Buffer, Context, Options, Recorder};
+use camsplat::engine::vulkan::{Buffer, Context, ContextOptions, Recorder};
 use camsplat::planner::plan::config::{Config, Preset};
 use camsplat::scene::samples;
 use glam::DVec3;
@@ -19,7 +19,7 @@ use crate::support::host::Host;
 use crate::support::plans;
 
 fn host() -> Host {
-    Host::new(&Context::new(&Options::default()).unwrap().physical().name)
+    Host::new(&Context::new(&ContextOptions::default()).unwrap().physical().name)
 }
 
 /// A host's lock that looks at a buffer whenever the engine is about to submit.

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use ash::vk;
 use camsplat::engine::primitives::{Count, RadixSort, twin};
 use camsplat::engine::vulkan::host::Timeline;
-use camsplat::engine::vulkan::{Buffer, Context, Options, Recorder};
+use camsplat::engine::vulkan::{Buffer, Context, ContextOptions, Recorder};
 use camsplat::planner::plan::config::{Config, Preset};
 use camsplat::planner::plan::paper::Pass;
 use camsplat::planner::plan::planner::Planner;
@@ -90,7 +90,7 @@ fn bits(outcome: &Outcome) -> Bits {
 /// seed, or one that changes with how it submits; or the planner would use the host's device in a way that Vulkan forbids.
 #[test]
 fn a_host_that_submits_itself_gets_the_same_bits() {
-    let own = Context::new(&Options { validation: true, ..Options::default() }).unwrap();
+    let own = Context::new(&ContextOptions { validation: true, ..ContextOptions::default() }).unwrap();
     let host = Host::new(&own.physical().name);
     for pass in [Pass::Dense, Pass::Binned] {
         let expected = plan(&Driver::Planner, pass, &own);
@@ -134,7 +134,7 @@ fn looking_in(from: DVec3) -> Camera {
 /// If this failed, a host that plans view after view would get another plan from a planner it has used before than from a new one.
 #[test]
 fn a_planner_used_again_is_as_good_as_new() {
-    let context = Context::new(&Options { validation: true, ..Options::default() }).unwrap();
+    let context = Context::new(&ContextOptions { validation: true, ..ContextOptions::default() }).unwrap();
     let run = |planner: &Planner| planner.run(None, |_| ControlFlow::Continue(())).unwrap();
     let given = [DVec3::X, DVec3::Y, DVec3::new(-1.0, 0.0, 0.3)].map(looking_in);
     let mut planner = quality_planner(&context, &given);
@@ -173,7 +173,7 @@ fn a_planner_used_again_is_as_good_as_new() {
 /// If this failed, a host that records its blocks once would go on with the old start or viewers, or get a broken plan.
 #[test]
 fn recorded_blocks_serve_other_starts_and_viewers() {
-    let own = Context::new(&Options::default()).unwrap();
+    let own = Context::new(&ContextOptions::default()).unwrap();
     let host = Host::new(&own.physical().name);
     let context = host.adopted();
     let given = [DVec3::X, DVec3::Y].map(looking_in);
@@ -198,7 +198,7 @@ fn recorded_blocks_serve_other_starts_and_viewers() {
 /// If this failed, a host that forgot an extension, or named a queue that cannot compute, would end in the first plan.
 #[test]
 fn devices_that_cannot_serve_are_refused() {
-    let own = Context::new(&Options::default()).unwrap();
+    let own = Context::new(&ContextOptions::default()).unwrap();
     let refusal =
         |host: &Host, family: u32| host.adopted_on(family).err().map(|error| error.to_string()).unwrap_or_default();
     let bare = Host::with(&own.physical().name, &[]);
@@ -210,7 +210,7 @@ fn devices_that_cannot_serve_are_refused() {
 /// If this failed, a host's own stages could not follow the engine's on the device: they would read cameras that are not there yet.
 #[test]
 fn a_host_takes_the_cameras_from_the_device() {
-    let own = Context::new(&Options::default()).unwrap();
+    let own = Context::new(&ContextOptions::default()).unwrap();
     let host = Host::new(&own.physical().name);
     let context = host.adopted();
     let planner = quality_planner(&context, &[looking_in(DVec3::X)]);
@@ -260,7 +260,7 @@ fn a_host_takes_the_cameras_from_the_device() {
 /// that stages cannot use would be taken.
 #[test]
 fn a_part_of_a_hosts_buffer_is_sorted_in_place() {
-    let own = Context::new(&Options::default()).unwrap();
+    let own = Context::new(&ContextOptions::default()).unwrap();
     let host = Host::new(&own.physical().name);
     let context = host.adopted();
     let step = context.physical().storage_alignment.max(64);
@@ -306,7 +306,7 @@ fn a_part_of_a_hosts_buffer_is_sorted_in_place() {
 /// If this failed, the absence of messages above could mean that none are ever received.
 #[test]
 fn the_host_hears_the_validation_layers() {
-    let own = Context::new(&Options::default()).unwrap();
+    let own = Context::new(&ContextOptions::default()).unwrap();
     let host = Host::new(&own.physical().name);
     // SAFETY: a buffer without any usage breaks a rule, but one that no memory depends on: it is never bound nor used.
     unsafe {

@@ -7,7 +7,7 @@ use std::time::Duration;
 use ash::vk;
 use camsplat::engine::primitives::Copy;
 use camsplat::engine::vulkan::host::{HostDevice, Timeline};
-use camsplat::engine::vulkan::{Buffer, Context, Options, Recorder};
+use camsplat::engine::vulkan::{Buffer, Context, ContextOptions, Recorder};
 use camsplat::{Error, Result};
 
 use crate::support::host::Host;
@@ -16,7 +16,7 @@ use crate::support::host::Host;
 const MANY: usize = 20;
 
 fn context() -> Result<Arc<Context>> {
-    Context::new(&Options { validation: true, ..Options::default() })
+    Context::new(&ContextOptions { validation: true, ..ContextOptions::default() })
 }
 
 /// Fills a buffer through so many recorders that are alive at once, and reads the last value back.

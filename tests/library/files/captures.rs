@@ -1,29 +1,22 @@
-//! Reading captures that other programs wrote; skipped without the folder that CAMSPLAT_DATA names.
+//! Reading captures that other programs wrote, in the folder that CAMSPLAT_DATA names.
 
 use std::collections::{HashMap, HashSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
+use crate::support::data::data_folder;
 use camsplat::files::io::colmap::{self, NO_POINT, Point, binary};
-use camsplat::files::io::photos::{Images, Options, read};
+use camsplat::files::io::photos::{Images, ReadOptions, read};
 use camsplat::files::photos::Photo;
 use camsplat::scene::camera::Intrinsics;
 use camsplat::scene::lens::{Distortion, Lens};
 use glam::{DVec2, DVec3};
 
-/// The data folder, where there is one.
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("CAMSPLAT_DATA").map(PathBuf::from);
-    if folder.is_none() {
-        println!("skipped: CAMSPLAT_DATA is not set");
-    }
-    folder
-}
-
 /// If this failed, typical captures would not be read, or not whole.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn every_capture_reads() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let known = [
         ("photos/fox", 67, 12_528, 0),
         ("photos/fox/transforms.json", 67, 0, 0),
@@ -35,7 +28,7 @@ fn every_capture_reads() {
         ("nerf-synthetic/lego/transforms_test.json", 50, 0, 0),
     ];
     for (name, photos, points, masks) in known {
-        let set = read(&data.join(name), &Options { images: Images::Needed, ..Options::default() }).unwrap();
+        let set = read(&data.join(name), &ReadOptions { images: Images::Needed, ..ReadOptions::default() }).unwrap();
         println!("{name}\n  {}", set.notes.join("\n  "));
         assert_eq!((set.photos.len(), set.points.positions.len()), (photos, points), "{name}");
         assert_eq!(set.photos.iter().filter(|photo| photo.mask.is_some()).count(), masks, "{name}");
@@ -54,7 +47,7 @@ fn every_capture_reads() {
 /// Mean distance in pixels from observations to the projections of their points, with the lens and with its pinhole alone,
 /// and the mean error that the model itself states.
 fn reprojection(folder: &Path) -> (f64, f64, f64) {
-    let set = read(folder, &Options::default()).unwrap();
+    let set = read(folder, &ReadOptions::default()).unwrap();
     let model = folder.join("sparse/0");
     let bytes = |name: &str| std::fs::read(model.join(name)).unwrap();
     let images = binary::observed(&model, &bytes("images.bin"), |_| true).unwrap();
@@ -84,8 +77,9 @@ fn reprojection(folder: &Path) -> (f64, f64, f64) {
 
 /// If this failed, distortion would be read but not honoured, or with a coefficient mistaken for another.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn points_fall_where_they_were_observed() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     for name in ["fox", "plush", "beer-can", "gold-cape", "tankard"] {
         let (bent, straight, stated) = reprojection(&data.join("photos").join(name));
         println!("{name}: {bent:.4} pixels, {straight:.4} without distortion, {stated:.4} stated");
@@ -99,10 +93,11 @@ fn points_fall_where_they_were_observed() {
 
 /// If this failed, one of two readers would have poses or lenses wrong: both files hold the same capture.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn both_files_of_the_fox_agree() {
-    let Some(data) = data() else { return };
-    let colmap = read(&data.join("photos/fox"), &Options::default()).unwrap();
-    let transforms = read(&data.join("photos/fox/transforms.json"), &Options::default()).unwrap();
+    let data = data_folder();
+    let colmap = read(&data.join("photos/fox"), &ReadOptions::default()).unwrap();
+    let transforms = read(&data.join("photos/fox/transforms.json"), &ReadOptions::default()).unwrap();
     for (a, b) in colmap.photos.iter().zip(&transforms.photos) {
         assert_eq!((&a.camera.name, a.image.as_ref()), (&b.camera.name, b.image.as_ref()));
         assert!((a.camera.pose.position - b.camera.pose.position).length() < 2e-6);
@@ -116,10 +111,11 @@ fn both_files_of_the_fox_agree() {
 
 /// If this failed, a trajectory would be inverted, or its default lens be taken for measured.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn the_barn_is_read_as_poses_only() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let file = data.join("photos/barn-poses/Barn_COLMAP_SfM.log");
-    let set = read(&file, &Options::default()).unwrap();
+    let set = read(&file, &ReadOptions::default()).unwrap();
     println!("{}", set.notes.join("\n"));
     assert_eq!((set.photos.len(), set.missing.len()), (410, 410));
     assert!(set.notes.iter().any(|note| note.contains("are a guess")), "{:?}", set.notes);
@@ -133,15 +129,16 @@ fn the_barn_is_read_as_poses_only() {
     let first = set.photos[0].camera.pose.position;
     assert!((first - DVec3::new(3.247106620677, 0.140327149378, 0.557238856010)).length() < 1e-9);
     let intrinsics = Intrinsics::from_fov(1920, 1080, 1.2);
-    let set = read(&file, &Options { intrinsics: Some(intrinsics), ..Options::default() }).unwrap();
+    let set = read(&file, &ReadOptions { intrinsics: Some(intrinsics), ..ReadOptions::default() }).unwrap();
     assert_eq!(set.photos[7].camera.intrinsics, intrinsics);
-    assert!(read(&file, &Options { images: Images::Needed, ..Options::default() }).is_err());
+    assert!(read(&file, &ReadOptions { images: Images::Needed, ..ReadOptions::default() }).is_err());
 }
 
 /// If this failed, a subset of another program's model would hold other numbers than the model.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn a_subset_of_the_fox_is_a_part_of_its_model() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let model = data.join("photos/fox/sparse/0");
     let bytes = |name: &str| std::fs::read(model.join(name)).unwrap();
     let all = binary::observed(&model, &bytes("images.bin"), |_| true).unwrap();

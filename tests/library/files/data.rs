@@ -1,22 +1,14 @@
 //! Reading files that other programs wrote. They are not part of the repository: the environment variable CAMSPLAT_DATA
-//! names the folder that holds them, and without it these tests are skipped.
+//! names the folder that holds them.
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use crate::support::data::data_folder;
 use camsplat::files::io::{read_cameras, read_gaussians_with_notes, read_surface, read_surface_with_notes};
 use camsplat::scene::camera::Camera;
 use camsplat::scene::surface::{Mesh, Points, Surface};
 use glam::DVec3;
-
-/// The data folder, where there is one.
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("CAMSPLAT_DATA").map(PathBuf::from);
-    if folder.is_none() {
-        println!("skipped: CAMSPLAT_DATA is not set");
-    }
-    folder
-}
 
 fn mesh(path: &Path) -> Mesh {
     match read_surface(path) {
@@ -51,8 +43,9 @@ fn looked_at(cameras: &[Camera]) -> DVec3 {
 
 /// If this failed, one of the two readers would have a convention wrong: both files hold the same poses.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn transforms_and_colmap_agree_on_the_fox() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let colmap = read_cameras(&data.join("photos/fox")).unwrap();
     let transforms = read_cameras(&data.join("photos/fox/transforms.json")).unwrap();
     assert_eq!((colmap.len(), transforms.len()), (67, 67));
@@ -71,8 +64,9 @@ fn transforms_and_colmap_agree_on_the_fox() {
 
 /// If this failed, poses would be inverted, or cameras would look away from their subject.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn captures_look_at_their_subject() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let known = [
         ("fox", 67, 12528, DVec3::new(0.03, -0.06, -0.02), 5.1),
         ("gold-cape", 119, 14675, DVec3::new(-0.04, 1.33, 1.11), 4.0),
@@ -100,8 +94,9 @@ fn captures_look_at_their_subject() {
 
 /// If this failed, images with lenses of their own would share one.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn every_beer_can_image_has_its_own_lens() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let cameras = read_cameras(&data.join("photos/beer-can")).unwrap();
     let mut focal: Vec<f64> = cameras.iter().map(|c| c.intrinsics.focal[0]).collect();
     focal.sort_by(f64::total_cmp);
@@ -113,8 +108,9 @@ fn every_beer_can_image_has_its_own_lens() {
 /// If this failed, Blender's dialect would be misread: names without extension, sizes known from the images only, and
 /// OpenGL axes.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn the_lego_cameras_stand_on_their_sphere() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     for (file, count) in [("transforms_train.json", 100), ("transforms_test.json", 50)] {
         let cameras = read_cameras(&data.join("nerf-synthetic/lego").join(file)).unwrap();
         assert_eq!(cameras.len(), count);
@@ -132,8 +128,9 @@ fn the_lego_cameras_stand_on_their_sphere() {
 
 /// If this failed, a scene graph would be put together wrongly, or a file with some extension refused.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn every_object_and_room_loads_at_its_size() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     // Least and greatest length of the bounds' diagonal, in the file's units.
     let known = [
         ("objects/ToyCar.glb", 0.05, 0.2),
@@ -162,8 +159,9 @@ fn every_object_and_room_loads_at_its_size() {
 
 /// If this failed, node transforms of a whole room would be off: its bounds were measured by another program.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn the_rooms_have_their_published_bounds() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     for name in ["living-room", "staircase2"] {
         let text = std::fs::read_to_string(data.join(format!("rooms/{name}.json"))).unwrap();
         let described: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -177,8 +175,9 @@ fn the_rooms_have_their_published_bounds() {
 
 /// If this failed, trained splats would be read with a property, a scale or an axis mistaken for another.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn splats_become_discs() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let known =
         [("donut_3dgs_dc_45624.ply", 45_624), ("tnt_train_1000_sh3.ply", 1000), ("guitar.compressed.ply", 90_854)];
     for (name, count) in known {
@@ -196,8 +195,9 @@ fn splats_become_discs() {
 /// If this failed, the component order of packed rotations would be wrong: on a smooth body the shortest axis of a splat is
 /// normal to the plane of its neighbours.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn packed_splats_lie_in_the_surface() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let (splats, _) = points(&data.join("splats/guitar.compressed.ply"));
     let (mut aligned, mut tried) = (0, 0);
     for i in (0..splats.positions.len()).step_by(151) {
@@ -219,8 +219,9 @@ fn packed_splats_lie_in_the_surface() {
 
 /// If this failed, other programs' splats would be rendered with another shape, place or colour than they were trained with.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn splats_are_read_as_gaussians() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let known = [
         ("donut_3dgs_dc_45624.ply", 45_624, 0, 1.0),
         // Its quaternions are not of unit length, and are left as they are.

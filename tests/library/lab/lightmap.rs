@@ -6,16 +6,21 @@ use std::path::PathBuf;
 
 use crate::support::photographs::{add_quad, ball, camera, context, lambert, mean, photograph};
 use camsplat::lab::path_tracer::assembly::Assembly;
-use camsplat::lab::path_tracer::lightmap::{LightMap, Settings};
+use camsplat::lab::path_tracer::lightmap::{LightMap, LightmapSettings};
 use camsplat::lab::path_tracer::tracer::{Exposure, Photograph, Tracer};
 use camsplat::scene::camera::Camera;
 use camsplat::scene::model::{Environment, Lamp, LampKind, Material, Model};
 use camsplat::scene::samples;
 use glam::{DVec3, Vec3};
 
-const SETTINGS: Settings = Settings { cells: 4000, rays: 256, tolerance: 0.02, samples: 16, seed: 1 };
+const SETTINGS: LightmapSettings = LightmapSettings { cells: 4000, rays: 256, tolerance: 0.02, samples: 16, seed: 1 };
 
-fn baked(model: &Model, sky: Option<&Environment>, camera: &Camera, settings: Settings) -> (LightMap, Photograph) {
+fn baked(
+    model: &Model,
+    sky: Option<&Environment>,
+    camera: &Camera,
+    settings: LightmapSettings,
+) -> (LightMap, Photograph) {
     let context = context();
     let assembly = Assembly::new(model, sky).unwrap();
     let eyes = [camera.pose.position];
@@ -63,7 +68,7 @@ fn a_floor_under_a_square_light_is_as_bright_as_lambert_says() {
         &model,
         None,
         &camera(DVec3::new(3.0, 1.0, 0.0), DVec3::ZERO, 16, 0.02),
-        Settings { cells: 40_000, rays: 64, ..SETTINGS },
+        LightmapSettings { cells: 40_000, rays: 64, ..SETTINGS },
     );
     let part = |a: f64, b: f64, h: f64| a / (a * a + h * h).sqrt() * (b / (a * a + h * h).sqrt()).atan();
     let corner = 0.5 * (part(0.5, 0.8, 1.5) + part(0.8, 0.5, 1.5));
@@ -129,7 +134,7 @@ fn a_hazy_sun_casts_its_shadows_at_the_pixel() {
         }
     }
     let camera = camera(DVec3::new(2.0, 1.5, 1.5), DVec3::ZERO, 32, 0.4);
-    let (_, taken) = baked(&model, Some(&sky), &camera, Settings { cells: 1000, ..SETTINGS });
+    let (_, taken) = baked(&model, Some(&sky), &camera, LightmapSettings { cells: 1000, ..SETTINGS });
     let errors = errors(&taken, &photograph(&model, Some(&sky), &camera, 512), 32);
     assert!(errors[57] < 0.05, "a tenth of the blocks differ by {}", errors[57]);
 }
@@ -185,7 +190,7 @@ fn furnished() -> Model {
 fn a_furnished_room_looks_as_traced_paths_say() {
     let model = furnished();
     let camera = camera(DVec3::new(0.1, 0.1, 2.6), DVec3::new(0.0, -0.1, 0.0), 48, 0.75);
-    let settings = Settings { cells: 20_000, rays: 128, ..SETTINGS };
+    let settings = LightmapSettings { cells: 20_000, rays: 128, ..SETTINGS };
     let (_, taken) = baked(&model, None, &camera, settings);
     let traced = photograph(&model, None, &camera, 512);
     let errors = errors(&taken, &traced, 48);
@@ -203,7 +208,7 @@ fn the_same_seed_gives_the_same_bits_also_from_a_file() {
     let (light, first) = baked(&model, None, &camera, SETTINGS);
     let (_, second) = baked(&model, None, &camera, SETTINGS);
     assert_eq!(first, second);
-    let (_, other) = baked(&model, None, &camera, Settings { seed: 2, ..SETTINGS });
+    let (_, other) = baked(&model, None, &camera, LightmapSettings { seed: 2, ..SETTINGS });
     assert_ne!(first, other);
 
     let folder = tempfile::tempdir().unwrap();
@@ -211,13 +216,13 @@ fn the_same_seed_gives_the_same_bits_also_from_a_file() {
     let assembly = Assembly::new(&model, None).unwrap();
     let eyes = [camera.pose.position];
     light.write(&file, &assembly, &SETTINGS, &eyes).unwrap();
-    let read = |settings: &Settings, eyes: &[DVec3]| LightMap::read(&file, &assembly, settings, eyes).unwrap();
+    let read = |settings: &LightmapSettings, eyes: &[DVec3]| LightMap::read(&file, &assembly, settings, eyes).unwrap();
     let kept = read(&SETTINGS, &eyes).expect("it is the same light");
     let tracer = Tracer::lit(&context(), &assembly, 256, &kept).unwrap();
     let exposure = Exposure { samples: 16, seed: 1, show_sky: true };
     assert_eq!(tracer.photograph(&camera, 0, exposure, || ControlFlow::Continue(())).unwrap(), first);
 
-    assert!(read(&Settings { seed: 3, ..SETTINGS }, &eyes).is_none(), "another light was taken");
+    assert!(read(&LightmapSettings { seed: 3, ..SETTINGS }, &eyes).is_none(), "another light was taken");
     assert!(read(&SETTINGS, &[DVec3::ONE]).is_none(), "light for other places was taken");
     let mut bytes = std::fs::read(&file).unwrap();
     let middle = bytes.len() / 2;
@@ -230,7 +235,7 @@ fn the_same_seed_gives_the_same_bits_also_from_a_file() {
 #[test]
 fn small_triangles_and_dark_scenes_are_baked() {
     let camera = camera(DVec3::new(0.0, 0.5, 2.0), DVec3::ZERO, 16, 0.6);
-    let few = Settings { cells: 100, rays: 8, ..SETTINGS };
+    let few = LightmapSettings { cells: 100, rays: 8, ..SETTINGS };
     let (light, taken) = baked(&samples::object_model(), Some(&samples::studio()), &camera, few);
     assert!(light.cells() >= 2 * samples::object_model().faces.len());
     assert!(taken.pixels.iter().all(|pixel| pixel.iter().all(|v| v.is_finite() && *v >= 0.0)));

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use crate::support::splats::{Draws, context, scene, silent, twin_view, view};
-use camsplat::lab::baselines::manifold::{self, Settings};
+use camsplat::lab::baselines::manifold::{self, ManifoldSettings};
 use camsplat::planner::plan::config::Preset;
 use camsplat::planner::plan::problem::Problem;
 use camsplat::planner::plan::target::{RegionChoice, Target};
@@ -162,7 +162,7 @@ fn what_no_view_shows_keeps_its_noise() -> Result<()> {
     let gaussians = ball();
     let size = Size { width: 40, height: 40 };
     let view = view(size.width, size.height);
-    let mut manifold = Manifold::new(&context, &gaussians, size, false, (SEED, Settings::default().reward))?;
+    let mut manifold = Manifold::new(&context, &gaussians, size, false, (SEED, ManifoldSettings::default().reward))?;
     for _ in 0..150 {
         manifold.learn(&view, 1)?;
     }
@@ -197,7 +197,7 @@ fn cameras_are_placed_where_no_view_has_been() -> Result<()> {
         })
         .collect();
     let target = Target::new(&samples::object(), "object", Preset::Object, &choice, DVec3::Z, &intrinsics)?;
-    let settings = Settings { learn: 150, steps: 10, rate: 0.02, side: 48, ..Settings::default() };
+    let settings = ManifoldSettings { learn: 150, steps: 10, rate: 0.02, side: 48, ..ManifoldSettings::default() };
     let place = |kept: &[Camera], count: usize, mut most: usize| {
         let mut go_on = || {
             most = most.wrapping_sub(1);

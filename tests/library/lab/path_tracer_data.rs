@@ -1,8 +1,8 @@
-//! Photographs of scenes that others made; skipped without the folder that CAMSPLAT_DATA names.
+//! Photographs of scenes that others made, in the folder that CAMSPLAT_DATA names.
 
 use std::ops::ControlFlow;
-use std::path::PathBuf;
 
+use crate::support::data::data_folder;
 use crate::support::photographs::context;
 use camsplat::files::io::environment::read_environment;
 use camsplat::files::io::gltf::read_model;
@@ -11,18 +11,11 @@ use camsplat::lab::path_tracer::tracer::{Exposure, Tracer};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use glam::DVec3;
 
-fn data() -> Option<PathBuf> {
-    let data = std::env::var_os("CAMSPLAT_DATA").map(PathBuf::from);
-    if data.is_none() {
-        println!("skipped: CAMSPLAT_DATA is not set");
-    }
-    data
-}
-
 /// If this failed, a scene that other programs show would be refused here, or silently lose its looks.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn scenes_of_others_are_read() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     for (name, images, noted) in [
         ("ClearCoatTest", 6, ""),
         ("DamagedHelmet", 4, ""),
@@ -45,8 +38,9 @@ fn scenes_of_others_are_read() {
 /// If this failed, a room would be lit otherwise than another renderer lights it: the mean over the whole picture is theirs
 /// within 2 %, and the median over blocks of a fifth within 4 %, in green; glass and coats are modelled a little differently.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn rooms_are_as_bright_as_their_references() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     for (name, width, height, env) in
         [("living-room", 160, 90, Some("living-room.env.hdr")), ("staircase2", 90, 90, None)]
     {

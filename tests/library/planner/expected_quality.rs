@@ -8,7 +8,7 @@ use camsplat::planner::plan::config::{Config, Preset};
 use camsplat::planner::plan::expected_quality::QualityPass;
 use camsplat::planner::plan::expected_quality::viewed::{Cameras, viewed};
 use camsplat::planner::plan::gate::Gate;
-use camsplat::planner::plan::job::{self, Tools};
+use camsplat::planner::plan::pipeline::{self, Tools};
 use camsplat::planner::plan::planner::Planner;
 use camsplat::planner::plan::problem::Problem;
 use camsplat::planner::plan::reference::Reference;
@@ -182,10 +182,10 @@ fn together(parts: &[(Surface, DVec3, DVec3)]) -> Surface {
     Surface::Mesh(mesh)
 }
 
-fn planned(surface: &Surface, choice: &RegionChoice, config: &Config) -> (Target, job::Plan) {
+fn planned(surface: &Surface, choice: &RegionChoice, config: &Config) -> (Target, pipeline::Plan) {
     let target = Target::new(surface, "sample", config.preset, choice, DVec3::Z, &intrinsics()).expect("a target");
-    let go_on = |_: job::Event| ControlFlow::Continue(());
-    let plan = job::run(&context(), &problem_of(&target, &[]), config.clone(), Tools::default(), go_on);
+    let go_on = |_: pipeline::PlanEvent| ControlFlow::Continue(());
+    let plan = pipeline::run(&context(), &problem_of(&target, &[]), config.clone(), Tools::default(), go_on);
     (target, plan.expect("a plan"))
 }
 
@@ -220,8 +220,8 @@ fn views_are_added_where_those_that_are_kept_leave_a_hole() {
     kept.sort_by(|a, b| beside(a).total_cmp(&beside(b)));
     kept.truncate(27);
     let config = Config::new(Preset::Object, 3);
-    let go_on = |_: job::Event| ControlFlow::Continue(());
-    let plan = job::run(&context(), &problem_of(&target, &kept), config, Tools::default(), go_on).expect("a plan");
+    let go_on = |_: pipeline::PlanEvent| ControlFlow::Continue(());
+    let plan = pipeline::run(&context(), &problem_of(&target, &kept), config, Tools::default(), go_on).expect("a plan");
     let added: Vec<f64> = plan.record.cameras[..3].iter().map(beside).collect();
     assert!(added.iter().all(|x| *x > 0.5), "along x they stand at {added:?}");
     assert!(plan.record.expected.expect("an expectation").db >= 0.0);

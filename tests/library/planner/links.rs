@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use crate::support::plans::{context, intrinsics, object, planner, room, silent};
 use camsplat::planner::plan::config::{Config, Preset};
 use camsplat::planner::plan::expected_quality::links::{Links, penalty};
-use camsplat::planner::plan::job::{self, Plan, Tools};
+use camsplat::planner::plan::pipeline::{self, Plan, Tools};
 use camsplat::planner::plan::problem::Problem;
 use camsplat::planner::plan::start::tangents;
 use camsplat::planner::plan::target::{RegionChoice, Target};
@@ -13,7 +13,7 @@ use camsplat::scene::camera::{Camera, Pose};
 use camsplat::scene::samples;
 use glam::{DVec3, Vec3};
 
-const GO_ON: fn(job::Event) -> ControlFlow<()> = |_| ControlFlow::Continue(());
+const GO_ON: fn(pipeline::PlanEvent) -> ControlFlow<()> = |_| ControlFlow::Continue(());
 
 /// If this failed, cameras would descend another penalty than the one that their links are made by. Looks and all else being the same,
 /// what the gradients of two planners differ by is the penalty's.
@@ -66,7 +66,7 @@ fn planned(config: Config, kept: &[Camera]) -> Plan {
     let target = Target::new(&ball, "ball", Preset::Object, &RegionChoice::default(), DVec3::Z, &intrinsics());
     let target = target.expect("a target");
     let problem = Problem::new(&target, intrinsics(), kept).expect("a good region");
-    job::run(&context(), &problem, config, Tools::default(), GO_ON).expect("a plan")
+    pipeline::run(&context(), &problem, config, Tools::default(), GO_ON).expect("a plan")
 }
 
 /// Sizes of the groups of cameras around the unit ball that share three tenths of what either sees at no wider an angle than this: by

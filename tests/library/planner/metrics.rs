@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
-use camsplat::engine::vulkan::{Context, Options};
+use camsplat::engine::vulkan::{Context, ContextOptions};
 use camsplat::planner::metrics::PointMetrics;
 use camsplat::planner::metrics::score_point::{Field, Scorer, score_point};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
@@ -16,7 +16,7 @@ use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
 use glam::{DQuat, DVec3};
 
 fn context() -> Arc<Context> {
-    let options = Options { validation: true, ..Options::default() };
+    let options = ContextOptions { validation: true, ..ContextOptions::default() };
     Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
 }
 

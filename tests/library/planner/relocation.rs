@@ -9,7 +9,7 @@ use camsplat::planner::metrics::score_point::{Field, Scorer, aggregate};
 use camsplat::planner::plan::config::{Config, Preset};
 use camsplat::planner::plan::paper::Start;
 use camsplat::planner::plan::paper::relocate::rank;
-use camsplat::planner::plan::shared::Splat;
+use camsplat::planner::plan::shared::CameraState;
 use camsplat::scene::camera::Camera;
 use camsplat::visibility::raycast::Ray;
 use glam::Vec3;
@@ -46,7 +46,7 @@ fn the_least_useful_are_relocated_and_only_into_the_region() {
         }
         let before = planner.splats().expect("splats");
         // Centres only: a direction is normalised again each time.
-        let elsewhere = |a: &[Splat], b: &[Splat], j: usize| a[j].centre != b[j].centre;
+        let elsewhere = |a: &[CameraState], b: &[CameraState], j: usize| a[j].centre != b[j].centre;
         assert!((0..60).all(|j| !elsewhere(&before, planner.start(), j)), "rates of zero, and yet something moved");
         step(true);
         let after = planner.splats().expect("splats");
@@ -65,7 +65,7 @@ fn the_least_useful_are_relocated_and_only_into_the_region() {
 }
 
 /// A relocated splat is in the region, to rounding, free, and looks at the surface.
-fn may_stand(scene: &Scene, splat: &Splat) {
+fn may_stand(scene: &Scene, splat: &CameraState) {
     let geometry = &scene.device.geometry;
     let at = Vec3::from(splat.centre);
     assert!(geometry.region.violation(at.as_dvec3()).0 < 1e-10, "relocated out of the region, to {at}");

@@ -1,12 +1,12 @@
 //! FisherRF with training between its choices, on a small capture.
 
 use crate::support::splats::{capture, context, silent};
-use camsplat::files::io::photos::{self, Options};
+use camsplat::files::io::photos::{self, ReadOptions};
 use camsplat::files::photos::{Photo, PhotoSet};
 use camsplat::planner::plan::config::Preset;
 use camsplat::planner::plan::target::{RegionChoice, Target};
 use camsplat::planner::select::pool::Pool;
-use camsplat::planner::select::retrained::{self, Settings};
+use camsplat::planner::select::retrained::{self, RetrainingSettings};
 use camsplat::planner::select::sight::Sight;
 use camsplat::scene::surface::Surface;
 use camsplat::{Error, Result};
@@ -16,7 +16,7 @@ use glam::DVec3;
 fn captured() -> (tempfile::TempDir, PhotoSet, Target) {
     let folder = tempfile::tempdir().unwrap();
     capture::write(folder.path(), 14, 32);
-    let set = photos::read(folder.path(), &Options::default()).unwrap();
+    let set = photos::read(folder.path(), &ReadOptions::default()).unwrap();
     let intrinsics = set.photos[0].camera.intrinsics;
     let surface = Surface::Points(set.points.clone());
     let choice = RegionChoice::default();
@@ -40,7 +40,7 @@ fn choose(
         taken.extend(set.photos.iter().position(|other| other.camera.name == photo.camera.name));
         Ok(photo.clone())
     };
-    let settings = Settings { every, max_splats: 200, ..Settings::default() };
+    let settings = RetrainingSettings { every, max_splats: 200, ..RetrainingSettings::default() };
     let chosen = retrained::fisher(&context, &pool, &target.proxy, settings, &mut photograph)?;
     silent(&context);
     Ok((chosen, taken))
@@ -102,7 +102,7 @@ fn a_photograph_that_is_not_taken_ends_the_choice() -> Result<()> {
         left -= 1;
         if left > 0 { Ok(photo.clone()) } else { Err(Error::Interrupted) }
     };
-    let settings = Settings { every: 2, max_splats: 200, ..Settings::default() };
+    let settings = RetrainingSettings { every: 2, max_splats: 200, ..RetrainingSettings::default() };
     let ended = retrained::fisher(&context, &pool, &target.proxy, settings, &mut photograph);
     assert!(matches!(ended, Err(Error::Interrupted)));
     assert_eq!(left, 0);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use camsplat::engine::vulkan::{Context, Options};
+use camsplat::engine::vulkan::{Context, ContextOptions};
 use camsplat::files::photos::{Photo, PhotoSet};
 use camsplat::planner::methods::Method;
 use camsplat::planner::plan::config::Preset;
@@ -13,10 +13,10 @@ use camsplat::planner::quality::look::Surroundings;
 use camsplat::planner::quality::viewers::Viewers;
 use camsplat::planner::select::farthest::Distance;
 use camsplat::planner::select::interchange::refine;
-use camsplat::planner::select::job::SelectionContext;
 use camsplat::planner::select::objective::{Objective, Scratch};
 use camsplat::planner::select::pool::Pool;
-use camsplat::planner::select::request::Request;
+use camsplat::planner::select::request::SelectionRequest;
+use camsplat::planner::select::selection::SelectionContext;
 use camsplat::planner::select::sight::{Survey, framed, sight};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::lens::Distortion;
@@ -27,7 +27,7 @@ use camsplat::visibility::device_scene::DeviceScene;
 use glam::DVec3;
 
 fn context() -> Arc<Context> {
-    let options = Options { validation: true, ..Options::default() };
+    let options = ContextOptions { validation: true, ..ContextOptions::default() };
     Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
 }
 
@@ -230,7 +230,13 @@ fn must_and_never_hold_for_every_method() {
     let set = pool(30, 5);
     let target = target();
     for method in Method::BASELINES.into_iter().chain([Method::Ours, Method::Acp]) {
-        let request = Request { method, include: vec![3, 17], exclude: vec![0, 5, 29], points: 150, ..Request::new(8) };
+        let request = SelectionRequest {
+            method,
+            include: vec![3, 17],
+            exclude: vec![0, 5, 29],
+            points: 150,
+            ..SelectionRequest::new(8)
+        };
         let selector = SelectionContext::new(&context, &set, &target, request).expect("a pool");
         let selection = selector.select(None, false).expect("a selection");
         let photos: Vec<usize> = selection.chosen.iter().map(|chosen| chosen.photo).collect();
@@ -263,8 +269,7 @@ fn no_control_is_better_by_the_objective() {
     };
     let mut choice = objective.choose(&pool.random());
     refine(&mut choice, &everything, &[false; 10]);
-    let farthest =
-        [Distance::GreatCircle, Distance::Chord, Distance::Shared].map(|d| pool.farthest(d));
+    let farthest = [Distance::GreatCircle, Distance::Chord, Distance::Shared].map(|d| pool.farthest(d));
     for baseline in farthest.into_iter().chain([pool.random(), pool.coverage()]) {
         assert_eq!(baseline.len(), 10);
         assert!(choice.cost() <= objective.choose(&baseline).cost());
@@ -278,7 +283,7 @@ fn the_same_request_gives_the_same_choice() {
     let set = pool(60, 6);
     let target = target();
     let select = || {
-        let request = Request { points: 300, ..Request::new(10) };
+        let request = SelectionRequest { points: 300, ..SelectionRequest::new(10) };
         SelectionContext::new(&context, &set, &target, request)
             .expect("a pool")
             .select(None, true)
@@ -298,7 +303,7 @@ fn of_two_photos_alike_the_sharper_is_taken() {
         set.photos[2 * i + 1].camera.pose = set.photos[2 * i].camera.pose;
     }
     let target = target();
-    let request = Request { points: 300, ..Request::new(10) };
+    let request = SelectionRequest { points: 300, ..SelectionRequest::new(10) };
     let selector = SelectionContext::new(&context, &set, &target, request).expect("a pool");
     let sharpness: Vec<f64> = (0..60).map(|i| if i % 2 == 0 { 80.0 } else { 300.0 + f64::from(i % 3) }).collect();
     let odd = |sharpness: Option<&[f64]>| {
@@ -317,7 +322,7 @@ fn suggested_poses_are_worth_adding() {
     let mut set = pool(40, 7);
     set = PhotoSet { photos: set.photos.drain(..).filter(|p| p.camera.pose.position.x > 0.3).collect(), ..set };
     let target = target();
-    let request = Request { points: 300, ..Request::new(6) };
+    let request = SelectionRequest { points: 300, ..SelectionRequest::new(6) };
     let selector = SelectionContext::new(&context, &set, &target, request).expect("a pool");
     let selection = selector.select(None, false).expect("a selection");
     let suggested = selector.suggest(&selection.chosen, 6).expect("suggestions");
@@ -336,7 +341,7 @@ fn a_choice_is_never_worse_than_a_simple_one() {
     let target = target();
     for seed in 0..4 {
         let set = pool(50, 20 + seed);
-        let request = Request { points: 200, seed, ..Request::new([4, 7, 12, 20][seed as usize]) };
+        let request = SelectionRequest { points: 200, seed, ..SelectionRequest::new([4, 7, 12, 20][seed as usize]) };
         let selector = SelectionContext::new(&context, &set, &target, request).expect("a pool");
         let selection = selector.select(None, false).expect("a selection");
         assert!(selection.expected.db >= 0.0, "seed {seed}: {:?}", selection.expected);

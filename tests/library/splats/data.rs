@@ -1,28 +1,24 @@
-//! What Gaussians are trained on, of captures that other programs made; skipped without the folder that CAMSPLAT_DATA names.
+//! What Gaussians are trained on, of captures that other programs made, in the folder that CAMSPLAT_DATA names.
 
-use std::path::PathBuf;
 use std::time::Instant;
 
-use camsplat::files::io::photos::{Images, Options, read};
+use crate::support::data::data_folder;
+use camsplat::files::io::photos::{Images, ReadOptions, read};
 use camsplat::files::photos::{Photo, PhotoSet};
-use camsplat::splats::data::pictures::{self, Picture, Settings, UNKNOWN, picture_bytes, pictures};
+use camsplat::splats::data::pictures::{self, Picture, PictureSettings, UNKNOWN, picture_bytes, pictures};
 use camsplat::splats::data::split::{Split, Test};
 use camsplat::splats::data::start::{self, start};
 use camsplat::splats::render::frame::Frame;
 use glam::Vec3;
 
-/// A capture of the data folder, where there is one.
-fn capture(name: &str) -> Option<PhotoSet> {
-    let Some(data) = std::env::var_os("CAMSPLAT_DATA").map(PathBuf::from) else {
-        println!("skipped: CAMSPLAT_DATA is not set");
-        return None;
-    };
-    Some(read(&data.join(name), &Options { images: Images::Needed, ..Options::default() }).unwrap())
+/// A capture of the data folder.
+fn capture(name: &str) -> PhotoSet {
+    read(&data_folder().join(name), &ReadOptions { images: Images::Needed, ..ReadOptions::default() }).unwrap()
 }
 
 fn load(photos: &[Photo], shrink: u32) -> Vec<Picture> {
     let clock = Instant::now();
-    let settings = Settings { shrink, ..Settings::default() };
+    let settings = PictureSettings { shrink, ..PictureSettings::default() };
     let mut decoder = pictures(photos, &settings).unwrap();
     let all: Vec<Picture> = decoder.by_ref().map(Result::unwrap).collect();
     println!(
@@ -51,9 +47,10 @@ fn shares(pictures: &[Picture]) -> [f64; 3] {
 
 /// If this failed, a standard capture with a distorted lens would be trained on as it is, or lose much of its pixels.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn fox_is_straightened_and_hardly_loses_a_pixel() {
-    let Some(set) = capture("photos/fox") else { return };
-    let split = Split::new(set, &Test::Usual, Images::Needed.into()).unwrap();
+    let set = capture("photos/fox");
+    let split = Split::new(set, &Test::Default, Images::Needed.into()).unwrap();
     assert_eq!((split.train.photos.len(), split.test.len()), (58, 9));
     let pictures = load(&split.train.photos, 1);
     let [unknown, transparent, opaque] = shares(&pictures);
@@ -64,11 +61,12 @@ fn fox_is_straightened_and_hardly_loses_a_pixel() {
 /// The share of points whose projections by the views lie on known pixels that resemble them. If this failed, pictures, cameras
 /// and points would not be of one frame.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn views_see_the_points_where_the_pictures_show_them() {
-    let Some(set) = capture("photos/fox") else { return };
+    let set = capture("photos/fox");
     let frame = Frame::new(&set.cameras(), &set.points.positions);
     let pictures = load(&set.photos, 2);
-    let start = start(&set, &frame, &start::Settings::default()).unwrap();
+    let start = start(&set, &frame, &start::StartSettings::default()).unwrap();
     assert_eq!(start.len(), 12_528);
     let (mut difference, mut shuffled, mut seen) = (0.0, 0.0, 0);
     for (i, track) in set.tracks.iter().enumerate() {
@@ -97,8 +95,9 @@ fn views_see_the_points_where_the_pictures_show_them() {
 
 /// If this failed, the turntable's background, which does not turn with it, would be learnt.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn masks_cut_the_tankard_out() {
-    let Some(set) = capture("photos/tankard") else { return };
+    let set = capture("photos/tankard");
     let [unknown, transparent, opaque] = shares(&load(&set.photos, 1));
     println!("{:.1}% outside the masks", 100.0 * transparent);
     assert!(unknown == 0.0 && transparent > 0.2 && opaque > 0.2);
@@ -106,8 +105,9 @@ fn masks_cut_the_tankard_out() {
 
 /// If this failed, the biggest capture of the folder would take more time or memory than its pictures need.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn gold_cape_loads() {
-    let Some(set) = capture("photos/gold-cape") else { return };
+    let set = capture("photos/gold-cape");
     let [unknown, transparent, opaque] = shares(&load(&set.photos, 1));
     assert!(unknown == 0.0 && transparent > 0.2 && opaque > 0.1);
 }
@@ -115,9 +115,10 @@ fn gold_cape_loads() {
 /// If this failed, the synthetic scene would be trained on a black or white background, tested on its training views, or start
 /// empty.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn lego_has_alpha_its_own_test_views_and_a_random_start() {
-    let Some(set) = capture("nerf-synthetic/lego") else { return };
-    let split = Split::new(set, &Test::Usual, Images::Needed.into()).unwrap();
+    let set = capture("nerf-synthetic/lego");
+    let split = Split::new(set, &Test::Default, Images::Needed.into()).unwrap();
     println!("{}", split.notes.join("\n"));
     assert_eq!((split.train.photos.len(), split.test.len(), split.notes.len()), (100, 50, 1));
     for photos in [&split.train.photos, &split.test] {
@@ -125,7 +126,7 @@ fn lego_has_alpha_its_own_test_views_and_a_random_start() {
         assert!(unknown == 0.0 && transparent > 0.5 && opaque > 0.1 && transparent + opaque < 1.0);
     }
     let frame = Frame::new(&split.train.cameras(), &[]);
-    let start = frame.gaussians_to_world(start(&split.train, &frame, &start::Settings::default()).unwrap());
+    let start = frame.gaussians_to_world(start(&split.train, &frame, &start::StartSettings::default()).unwrap());
     let reach = start.centres.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
     println!("{} Gaussians within {reach:.2}, an extent of {:.2}", start.len(), frame.extent());
     // The model reaches to about 1.2.

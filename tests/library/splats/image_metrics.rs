@@ -1,13 +1,14 @@
 //! PSNR, SSIM and LPIPS against other programs, and every stage against its twin with the validation layers on.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::LazyLock;
 
 use crate::support::buffers::{context, random, silent};
+use crate::support::data::data_folder;
 use crate::support::images::Image;
 use crate::support::lpips_weights::{file, vgg};
 use camsplat::engine::vulkan::{Buffer, Pipeline, Recorder};
-use camsplat::splats::image_metrics::convolve::{Convolve, Kernels, Way, convolve};
+use camsplat::splats::image_metrics::convolve::{ConvolutionKernel, Convolve, Kernels, convolve};
 use camsplat::splats::image_metrics::lpips_distance::{DistancePush, LpipsDistanceStage, lpips_distance};
 use camsplat::splats::image_metrics::lpips_planes::{self, LpipsPlanesStage, PlanesPush, lpips_planes};
 use camsplat::splats::image_metrics::max_pool::{self, MaxPoolStage, max_pool};
@@ -87,9 +88,9 @@ fn what_cannot_be_compared_is_refused() {
 #[test]
 fn convolve_matches_its_twin() -> Result<()> {
     let context = context()?;
-    let mut ways = vec![Convolve::by(&context, Way::Shared)?];
+    let mut ways = vec![Convolve::by(&context, ConvolutionKernel::Shared)?];
     if context.physical().subgroup_width == Some(8) {
-        ways.push(Convolve::by(&context, Way::Lanes)?);
+        ways.push(Convolve::by(&context, ConvolutionKernel::Lanes)?);
     }
     for (from, to, kernel, stride, padding, width, height) in [
         (3, 64, 11, 4, 2, 35, 41),
@@ -336,15 +337,6 @@ fn layers_that_are_none() {
     assert!(!layer(32_769, 1, 1, 2 * 32_769) && !layer(1, 256, 1, 2 * 65_536) && !layer(u32::MAX, 2, 1, 0));
 }
 
-/// The folder with images, weights and distances of the reference implementation, where there is one.
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("CAMSPLAT_DATA").map(|folder| PathBuf::from(folder).join("lpips"));
-    if folder.is_none() {
-        println!("skipped: CAMSPLAT_DATA is not set");
-    }
-    folder
-}
-
 fn load(path: &Path) -> Image {
     let image = image::open(path).unwrap().to_rgb8();
     Image { width: image.width(), height: image.height(), pixels: image.into_raw() }
@@ -352,8 +344,9 @@ fn load(path: &Path) -> Image {
 
 /// If this failed, our LPIPS would differ from the metric that papers report.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn lpips_is_that_of_the_reference() -> Result<()> {
-    let Some(folder) = data() else { return Ok(()) };
+    let folder = data_folder().join("lpips");
     let golden: Value = serde_json::from_slice(&std::fs::read(folder.join("golden.json")).unwrap()).unwrap();
     let context = context()?;
     let full = Weights::read(&folder.join("lpips_alex.safetensors"), Network::Alex)?;
@@ -379,8 +372,9 @@ fn lpips_is_that_of_the_reference() -> Result<()> {
 /// If this failed, real images would be measured otherwise than made ones. Expected figures as above, of the files in the
 /// folder.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn psnr_and_ssim_of_real_images_are_those_of_scikit_image() {
-    let Some(folder) = data() else { return };
+    let folder = data_folder().join("lpips");
     for (a, b, expected) in [
         ("ex_ref", "ex_p0", [18.045_541_4, 0.436_746_1]),
         ("ex_ref", "ex_p1", [13.867_510_1, 0.295_903_1]),

@@ -4,12 +4,13 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::support::data::data_folder;
 use crate::support::splats::{capture, context, silent};
 use camsplat::Result;
 use camsplat::engine::vulkan::Context;
-use camsplat::files::io::photos::{Images, Options};
+use camsplat::files::io::photos::{Images, ReadOptions};
 use camsplat::scene::gaussians::Gaussians;
-use camsplat::splats::config::{Config, MIN_OPACITY, Start, Strategy};
+use camsplat::splats::config::{MIN_OPACITY, Start, Strategy, TrainConfig};
 use camsplat::splats::data::split::{Split, Test};
 use camsplat::splats::data::store::PhotoStore;
 use camsplat::splats::data::{pictures, start};
@@ -24,18 +25,19 @@ fn go_on(_: u32) -> ControlFlow<()> {
 }
 
 /// A trainer for the capture at `path`, all of whose photos are trained on.
-fn trainer(context: &Arc<Context>, path: &Path, config: &Config, shrink: u32) -> Result<Trainer> {
-    let set = camsplat::files::io::photos::read(path, &Options { images: Images::Needed, ..Options::default() })?;
+fn trainer(context: &Arc<Context>, path: &Path, config: &TrainConfig, shrink: u32) -> Result<Trainer> {
+    let set =
+        camsplat::files::io::photos::read(path, &ReadOptions { images: Images::Needed, ..ReadOptions::default() })?;
     let split = Split::new(set, &Test::Every(0), Images::Needed.into())?;
     let cameras = pictures::cameras(&split.train.photos, shrink);
     let frame = Frame::new(&cameras, &split.train.points.positions);
     let mut store = PhotoStore::new(context, 1 << 26);
-    let settings = pictures::Settings { shrink, ..pictures::Settings::default() };
+    let settings = pictures::PictureSettings { shrink, ..pictures::PictureSettings::default() };
     for picture in pictures::pictures(&split.train.photos, &settings)? {
         store.add(&picture?.pixels)?;
     }
     store.flush()?;
-    let begun = start::Settings {
+    let begun = start::StartSettings {
         budget: config.max_splats as usize,
         random: config.max_splats as usize,
         degree: config.degree,
@@ -49,9 +51,9 @@ fn trainer(context: &Arc<Context>, path: &Path, config: &Config, shrink: u32) ->
 }
 
 /// A short run that refines on the way; of adaptive density control, with an early reset of the opacities.
-fn short(strategy: Strategy) -> Config {
-    let config = Config::new(120, 300).with_strategy(strategy, Start::Points);
-    Config { degree: 1, init_opacity: 0.3, init_scale: 0.5, ..config }
+fn short(strategy: Strategy) -> TrainConfig {
+    let config = TrainConfig::new(120, 300).with_strategy(strategy, Start::Points);
+    TrainConfig { degree: 1, init_opacity: 0.3, init_scale: 0.5, ..config }
 }
 
 fn folder() -> tempfile::TempDir {
@@ -88,7 +90,7 @@ fn a_small_scene_is_learnt() -> Result<()> {
 fn suppressing_floaters_holds_opacities_down() -> Result<()> {
     let (context, folder) = (context()?, folder());
     let mean_logit = |suppress_floaters: bool| -> Result<f64> {
-        let config = Config { suppress_floaters, ..short(Strategy::Mcmc) };
+        let config = TrainConfig { suppress_floaters, ..short(Strategy::Mcmc) };
         let mut trainer = trainer(&context, folder.path(), &config, 1)?;
         trainer.run(10, None, go_on)?;
         let opacities = trainer.gaussians()?.opacities;
@@ -127,7 +129,7 @@ fn a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> Result<()> {
 #[test]
 fn colours_step_where_a_photo_shows_them_and_harmonics_every_other_time() -> Result<()> {
     let (context, folder) = (context()?, folder());
-    let config = Config { iterations: 12, ..short(Strategy::Mcmc) };
+    let config = TrainConfig { iterations: 12, ..short(Strategy::Mcmc) };
     let mut trainer = trainer(&context, folder.path(), &config, 1)?;
     trainer.run(4, None, go_on)?;
     let (mut before, history) = (trainer.state()?, trainer.history()?);
@@ -173,7 +175,7 @@ fn colours_step_where_a_photo_shows_them_and_harmonics_every_other_time() -> Res
 #[test]
 fn a_long_run_ends_with_small_steps() -> Result<()> {
     let (context, folder) = (context()?, folder());
-    let config = Config { iterations: 5000, ..short(Strategy::Mcmc) };
+    let config = TrainConfig { iterations: 5000, ..short(Strategy::Mcmc) };
     let mut trainer = trainer(&context, folder.path(), &config, 1)?;
     let begun = trainer.state()?;
     let count = begun.population as usize;
@@ -202,7 +204,7 @@ fn many_photos_set_the_schedule_and_the_population() -> Result<()> {
     const PHOTOS: usize = 60;
     let (context, folder) = (context()?, tempfile::tempdir().unwrap());
     capture::write(folder.path(), PHOTOS as u32, 20);
-    let config = Config { degree: 0, ..Config::new(300, 300) };
+    let config = TrainConfig { degree: 0, ..TrainConfig::new(300, 300) };
     let mut first = trainer(&context, folder.path(), &config, 1)?;
     let begun = first.state()?.population;
     let expected = |photos: usize, iteration: u32| {
@@ -239,7 +241,7 @@ fn too_little_room_changes_nothing() -> Result<()> {
     let mut roomy = trainer(&context, folder.path(), &config, 1)?;
     roomy.run(40, None, go_on)?;
     let mut narrow = trainer(&context, folder.path(), &config, 1)?;
-    narrow.set_room(100)?;
+    narrow.set_capacity(100)?;
     narrow.run(40, None, go_on)?;
     assert!(roomy.history()?.iter().any(|record| record.instances > 100), "there was room enough");
     assert_eq!(narrow.history()?, roomy.history()?);
@@ -269,7 +271,7 @@ fn a_loss_that_is_no_number_ends_the_run() -> Result<()> {
 #[test]
 fn relocated_splats_look_as_their_source_did() -> Result<()> {
     let (context, folder) = (context()?, folder());
-    let config = Config { iterations: 30_000, ..short(Strategy::Mcmc) };
+    let config = TrainConfig { iterations: 30_000, ..short(Strategy::Mcmc) };
     let mut trainer = trainer(&context, folder.path(), &config, 1)?;
     trainer.run(3, None, go_on)?;
     let before = trainer.gaussians()?;
@@ -299,18 +301,16 @@ fn relocated_splats_look_as_their_source_did() -> Result<()> {
 /// Lego at full size, for as long as a test may take. It ends at 16.8 dB; with centres that do not move at 16.3, with the scales'
 /// gradient turned round at 11.5.
 #[test]
+#[ignore = "needs the folder CAMSPLAT_DATA"]
 fn lego_is_learnt() -> Result<()> {
-    let Some(data) = std::env::var_os("CAMSPLAT_DATA") else {
-        eprintln!("skipped: CAMSPLAT_DATA is not set");
-        return Ok(());
-    };
+    let data = data_folder();
     let context = context()?;
-    let config = Config {
+    let config = TrainConfig {
         background: camsplat::splats::config::Background::White,
         degree: 1,
         init_opacity: 0.1,
         init_scale: 0.3,
-        ..Config::new(200, 5000)
+        ..TrainConfig::new(200, 5000)
     };
     let mut trainer = trainer(&context, &Path::new(&data).join("nerf-synthetic/lego"), &config, 1)?;
     trainer.run(200, None, go_on)?;

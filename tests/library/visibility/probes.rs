@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use camsplat::engine::vulkan::{Context, Options};
+use camsplat::engine::vulkan::{Context, ContextOptions};
 use camsplat::scene::octahedral;
 use camsplat::scene::proxy::{Orientation, Proxy};
 use camsplat::scene::region::{Region, Shape};
@@ -15,7 +15,7 @@ use glam::{DVec3, Vec3};
 const RESOLUTION: u32 = 32;
 
 fn context() -> Arc<Context> {
-    let options = Options { validation: true, ..Options::default() };
+    let options = ContextOptions { validation: true, ..ContextOptions::default() };
     Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
 }
 

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use camsplat::Result;
-use camsplat::engine::vulkan::{Context, Options};
+use camsplat::engine::vulkan::{Context, ContextOptions};
 
 /// Around workgroups, tiles and blocks; then many of them, and radix tables with rows longer than one chunk.
 pub const SIZES: [usize; 16] =
@@ -12,7 +12,7 @@ pub const SIZES: [usize; 16] =
 
 /// A context whose validation messages [`silent`] checks.
 pub fn context() -> Result<Arc<Context>> {
-    Context::new(&Options { validation: true, ..Options::default() })
+    Context::new(&ContextOptions { validation: true, ..ContextOptions::default() })
 }
 
 /// Fails the test if the validation layers reported anything.

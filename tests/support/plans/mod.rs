@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use camsplat::engine::vulkan::{Context, Options};
+use camsplat::engine::vulkan::{Context, ContextOptions};
 use camsplat::planner::plan::config::Config;
 use camsplat::planner::plan::planner::Planner;
 use camsplat::planner::plan::preparation::Preparation;
@@ -34,7 +34,7 @@ impl Scene {
 
 /// A context whose validation messages [`silent`] checks.
 pub fn context() -> Arc<Context> {
-    let options = Options { validation: true, ..Options::default() };
+    let options = ContextOptions { validation: true, ..ContextOptions::default() };
     Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
 }
 

@@ -6,7 +6,7 @@ pub mod capture;
 use std::sync::Arc;
 
 use camsplat::Result;
-use camsplat::engine::vulkan::{Buffer, Context, Options, Recorder};
+use camsplat::engine::vulkan::{Buffer, Context, ContextOptions, Recorder};
 use camsplat::scene::gaussians::{Gaussians, coefficients};
 use camsplat::scene::random;
 use camsplat::splats::render::frame::View;
@@ -20,7 +20,7 @@ use glam::{DMat3, DVec3};
 
 /// A context whose validation messages [`silent`] checks.
 pub fn context() -> Result<Arc<Context>> {
-    Context::new(&Options { validation: true, ..Options::default() })
+    Context::new(&ContextOptions { validation: true, ..ContextOptions::default() })
 }
 
 /// Fails the test if the validation layers reported anything.
@@ -143,12 +143,12 @@ pub fn pass(
     photo: &[u32],
     background: [f32; 3],
     wanted: Wanted,
-    room: u32,
+    capacity: u32,
 ) -> Result<Pass> {
     let size = Size { width: view.width, height: view.height };
     let count = gaussians.len() as u32;
     let stride = count.max(1);
-    let sizes = Sizes { gaussians: stride, room, pixels: size.pixels(), tiles: size.tiles() };
+    let sizes = Sizes { gaussians: stride, capacity, pixels: size.pixels(), tiles: size.tiles() };
     let planes = layout::to_planes(gaussians, gaussians.degree, stride as usize);
     let zeros = vec![0f32; planes.len()];
     let model = Model {
@@ -172,7 +172,7 @@ pub fn pass(
     let loss = Loss::new(context, &sizes, wanted.divided(context)?)?;
     loss.photo.upload(photo)?;
     let update = Update::new(context, wanted, false)?;
-    let push = PassPush { stride, view: 0, degree: gaussians.degree, room, background, iteration: 0 };
+    let push = PassPush { stride, view: 0, degree: gaussians.degree, capacity, background, iteration: 0 };
     // Rates of zero leave the parameters; Adam's first mean is then a tenth of the gradient.
     let step = UpdatePush { stride, degree: gaussians.degree, ..UpdatePush::default() };
     let mut commands = Recorder::new(context)?;

@@ -12,7 +12,7 @@ struct Gate {
 #include "shared/sigmoid.glsl"
 
 // Does a camera see what lies along unit direction `v` from it?
-Gate gate(vec3 v, Splat camera, float softness) {
+Gate gate(vec3 v, CameraState camera, float softness) {
     vec3 r = camera.direction;
     Gate g = Gate(0.0, vec3(0.0), vec3(0.0));
     if (GATE == HARD_CONE || GATE == SOFT_CONE) {

@@ -24,7 +24,7 @@ struct Control {
     float rate;       // factor on the learning rates
 };
 
-struct Splat {
+struct CameraState {
     vec3 centre;
     float tan_x;  // of half the horizontal field of view
     vec3 direction;

@@ -9,8 +9,8 @@ layout(local_size_x = 64) in;
 layout(push_constant) uniform Push { uint interval; };
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
 layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
-layout(binding = 2, std430) readonly buffer Splats { Splat splats[]; };
-layout(binding = 3, std430) writeonly buffer Snapshots { Splat snapshots[]; };
+layout(binding = 2, std430) readonly buffer Splats { CameraState splats[]; };
+layout(binding = 3, std430) writeonly buffer Snapshots { CameraState snapshots[]; };
 
 void main() {
     uint j = group_index() * 64 + gl_LocalInvocationIndex, n = settings[0].splats;

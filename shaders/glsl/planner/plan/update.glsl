@@ -12,7 +12,7 @@ layout(constant_id = 6) const uint THREADS = 256;  // a power of two from 64 to 
 
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
 layout(binding = 1, std430) buffer ControlBlock { Control control[]; };
-layout(binding = 2, std430) buffer Splats { Splat splats[]; };
+layout(binding = 2, std430) buffer Splats { CameraState splats[]; };
 layout(binding = 3, std430) readonly buffer Slots { uint slots[]; };
 layout(binding = 4, std430) readonly buffer Partials { Gradient partials[]; };
 layout(binding = 5, std430) buffer MomentsBlock { Moments moments[]; };
@@ -40,11 +40,11 @@ vec3 adam(vec3 gradient, inout vec3 mean, inout vec3 square, uint steps) {
 void begin();
 
 // Of the objective. Adds to `sum` what this thread has to add of splat j, and to `penalty` its part of what cameras are penalised for.
-void gather(uint j, Splat splat, Settings s, Control c, uint thread, inout Gradient sum, inout float penalty);
+void gather(uint j, CameraState splat, Settings s, Control c, uint thread, inout Gradient sum, inout float penalty);
 
 // Sums the partials of splat j, by all threads; the first one moves it.
 void update(uint j, Settings s, Control c, uint thread) {
-    Splat splat = splats[j];
+    CameraState splat = splats[j];
     // Loaded before the sums, needed after them.
     Moments m = moments[j];
     vec3 outward = vec3(0.0);

@@ -7,7 +7,7 @@ layout(push_constant) uniform Push { vec3 place; };
 
 void begin() {}
 
-void gather(uint j, Splat splat, Settings s, Control c, uint thread, inout Gradient sum, inout float penalty) {
+void gather(uint j, CameraState splat, Settings s, Control c, uint thread, inout Gradient sum, inout float penalty) {
     if (thread != 0) return;
     vec3 off = splat.centre - place;
     sum.centre += 2.0 * off;

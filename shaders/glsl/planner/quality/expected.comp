@@ -26,7 +26,7 @@ struct View {
 };
 
 // Of a viewer.
-struct Verdict {
+struct ViewerError {
     float error;   // weighted sum of exp(law) over all looks, over their number
     uint shown;    // looks that show the surface
     uint unseen;   // of these, looks whose point no view sees
@@ -39,7 +39,7 @@ layout(binding = 2, std430) readonly buffer Looks { Look looks[]; };
 layout(binding = 3, std430) readonly buffer Cameras { View cameras[]; };
 layout(binding = 4, std430) readonly buffer LawBlock { Law law[]; };
 layout(binding = 5, std430) writeonly buffer Errors { float errors[]; };  // by look; negative where no view sees the point
-layout(binding = 6, std430) writeonly buffer Verdicts { Verdict verdicts[]; };
+layout(binding = 6, std430) writeonly buffer ViewerErrors { ViewerError viewer_errors[]; };
 #include "shared/traverse.glsl"
 
 
@@ -87,6 +87,6 @@ void main() {
     FOLD(thread, 64, sums[thread] += sums[thread + apart]; counts[thread] += counts[thread + apart]);
     if (thread == 0) {
         uint looked = counts[0] & 0xffu, shown = (counts[0] >> 8u) & 0xffu;
-        verdicts[viewer] = Verdict(looked > 0 ? sums[0] / float(looked) : 0.0, shown, counts[0] >> 16u, 0.0);
+        viewer_errors[viewer] = ViewerError(looked > 0 ? sums[0] / float(looked) : 0.0, shown, counts[0] >> 16u, 0.0);
     }
 }

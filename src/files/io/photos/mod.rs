@@ -45,7 +45,7 @@ pub enum Images {
 
 /// How to read a capture.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Options {
+pub struct ReadOptions {
     /// Images that are missing or cannot be read.
     pub images: Images,
     /// The lens of a file of poses only; a default, which the notes state, where none is given.
@@ -54,7 +54,7 @@ pub struct Options {
     pub outside_paths: bool,
 }
 
-impl From<Images> for Options {
+impl From<Images> for ReadOptions {
     fn from(images: Images) -> Self {
         Self { images, ..Self::default() }
     }
@@ -84,7 +84,7 @@ struct Found {
 /// # Errors
 /// As [`super::read_cameras`]; where the path is no capture; where an image or mask is of another shape than its camera; where
 /// images are missing or unreadable, unless `options` allows it; where [`photos::check_convention`] finds the poses wrong.
-pub fn read(path: &Path, options: &Options) -> Result<PhotoSet> {
+pub fn read(path: &Path, options: &ReadOptions) -> Result<PhotoSet> {
     let mut found = find(path, options)?;
     if !found.unposed.is_empty() {
         found.notes.push(format!("left out, for they have no pose: {}", some(&found.unposed)));
@@ -144,7 +144,7 @@ pub fn is_capture(folder: &Path) -> bool {
 }
 
 /// Reads whatever format lies at `path`.
-fn find(path: &Path, options: &Options) -> Result<Found> {
+fn find(path: &Path, options: &ReadOptions) -> Result<Found> {
     if !path.is_dir() {
         if path.file_name().is_some_and(|name| is_video(&name.to_string_lossy())) && path.is_file() {
             let what = "this is a video; choose frames of it with `camsplat frames`, run COLMAP on them as that prints, and give their folder";
@@ -224,7 +224,7 @@ fn unposed(folder: &Path) -> String {
     }
 }
 
-fn from_transforms(path: &Path, bytes: &[u8], options: &Options) -> Result<Found> {
+fn from_transforms(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Found> {
     let mut notes = Vec::new();
     let mut read = transforms::photos(path, bytes, options.outside_paths, &mut notes)?;
     if !read.outside.is_empty() {

@@ -42,7 +42,7 @@ impl Place {
     }
 
     fn read(&self, images: Images) -> Result<PhotoSet> {
-        read(self.0.path(), &Options { images, ..Options::default() })
+        read(self.0.path(), &ReadOptions { images, ..ReadOptions::default() })
     }
 
     #[track_caller]
@@ -79,7 +79,7 @@ fn a_capture_by_hand() {
         assert!(set.notes.iter().any(|note| note.contains(fragment)), "{fragment:?} is not in {:?}", set.notes);
     }
     // From the model's own folder, the same images are found.
-    let inner = read(&place.path("sparse/0"), &Options::default()).unwrap();
+    let inner = read(&place.path("sparse/0"), &ReadOptions::default()).unwrap();
     assert_eq!(inner.photos, set.photos);
 }
 
@@ -274,7 +274,7 @@ fn a_trajectory_takes_the_images_beside_it() {
     let view = |i: u32| format!("{i} {i} 0\n1 0 0 {i}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
     let place = Place::new(&[("a.log", &(view(0) + &view(1)))]);
     place.image("images/000002.jpg", 40, 20);
-    let read_log = || read(&place.path("a.log"), &Options::default()).unwrap();
+    let read_log = || read(&place.path("a.log"), &ReadOptions::default()).unwrap();
     let set = read_log();
     assert!(set.notes.iter().any(|note| note.contains("1 images lie beside 2 poses")), "{:?}", set.notes);
     assert_eq!(set.photos[1].image, None);

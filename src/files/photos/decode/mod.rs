@@ -44,7 +44,7 @@ pub enum Precision {
 
 /// How to decode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
+pub struct DecodeSettings {
     /// Channels of the values.
     pub channels: Channels,
     /// Precision of the values.
@@ -59,13 +59,13 @@ pub struct Settings {
     pub threads: usize,
 }
 
-impl Default for Settings {
+impl Default for DecodeSettings {
     fn default() -> Self {
         Self { channels: Channels::Rgb, precision: Precision::Single, shrink: 1, memory: 1 << 30, threads: 0 }
     }
 }
 
-impl Settings {
+impl DecodeSettings {
     /// Bytes of a decoded photo of `width` x `height` pixels with its mask.
     fn result_bytes(&self, width: u32, height: u32) -> u64 {
         let channels = if self.channels == Channels::Rgb { 3 } else { 1 };
@@ -177,7 +177,7 @@ impl Decoder {
     ///
     /// # Errors
     /// Where the system gives no threads.
-    pub fn new(photos: &[Photo], settings: Settings) -> Result<Self> {
+    pub fn new(photos: &[Photo], settings: DecodeSettings) -> Result<Self> {
         Self::making(photos, settings, 1, |_, decoded| Ok(decoded))
     }
 }
@@ -190,11 +190,11 @@ impl<T: Send + 'static> Decoder<T> {
     /// Where the system gives no threads.
     pub fn making(
         photos: &[Photo],
-        settings: Settings,
+        settings: DecodeSettings,
         copies: u64,
         make: impl Fn(&Photo, Decoded) -> Result<T> + Send + Sync + 'static,
     ) -> Result<Self> {
-        let settings = Settings { shrink: settings.shrink.max(1), ..settings };
+        let settings = DecodeSettings { shrink: settings.shrink.max(1), ..settings };
         let threads = if settings.threads == 0 { threads() } else { settings.threads }.min(photos.len());
         let work = Arc::new(Work { photos: photos.into(), settings, copies, make });
         let mut decoder = Self { queue: Arc::new(Queue::new(photos.len(), settings.memory)), workers: Vec::new() };
@@ -245,7 +245,7 @@ impl<T> Drop for Decoder<T> {
 /// What the threads share.
 struct Work<M> {
     photos: Arc<[Photo]>,
-    settings: Settings,
+    settings: DecodeSettings,
     /// See [`Decoder::making`].
     copies: u64,
     make: M,

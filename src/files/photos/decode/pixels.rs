@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use half::f16;
 use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
 
-use super::{Channels, Decoded, Encoded, Precision, Settings, Values};
+use super::{Channels, DecodeSettings, Decoded, Encoded, Precision, Values};
 use crate::error::{Error, Result};
 use crate::files::photos::{Header, Photo};
 use crate::scene::colour;
@@ -42,7 +42,7 @@ pub(super) fn estimate(photo: &Photo) -> Option<u64> {
 }
 
 /// Decodes a photo and its mask.
-pub(super) fn decode(photo: &Photo, index: usize, settings: &Settings) -> Result<Decoded> {
+pub(super) fn decode(photo: &Photo, index: usize, settings: &DecodeSettings) -> Result<Decoded> {
     let Some(path) = &photo.image else {
         let name = &photo.camera.name;
         return Err(Error::input(name, "this photo has no image file; bring it back or leave the photo out"));

@@ -50,7 +50,7 @@ fn order_and_bits_do_not_depend_on_threads() {
         (Channels::Rgb, Precision::Byte, 2),
     ] {
         let decode = |threads, memory| -> Vec<Decoded> {
-            let settings = Settings { channels, precision, shrink, memory, threads };
+            let settings = DecodeSettings { channels, precision, shrink, memory, threads };
             Decoder::new(&photos, settings).unwrap().map(Result::unwrap).collect()
         };
         let one = decode(1, 1 << 30);
@@ -66,9 +66,9 @@ fn order_and_bits_do_not_depend_on_threads() {
 fn the_budget_holds() {
     let folder = tempfile::tempdir().unwrap();
     let photos = photos(&folder, 30);
-    let settings = Settings { threads: 4, ..Settings::default() };
+    let settings = DecodeSettings { threads: 4, ..DecodeSettings::default() };
     let most = |memory, patience: u64| {
-        let mut decoder = Decoder::new(&photos, Settings { memory, ..settings }).unwrap();
+        let mut decoder = Decoder::new(&photos, DecodeSettings { memory, ..settings }).unwrap();
         assert_eq!(decoder.len(), 30);
         let mut count = 0;
         for decoded in decoder.by_ref() {
@@ -97,7 +97,8 @@ fn the_budget_holds() {
 fn what_is_made_of_photos_comes_in_their_order_and_within_the_budget() {
     let folder = tempfile::tempdir().unwrap();
     let photos = photos(&folder, 30);
-    let settings = Settings { precision: Precision::Byte, memory: 200_000, threads: 3, ..Settings::default() };
+    let settings =
+        DecodeSettings { precision: Precision::Byte, memory: 200_000, threads: 3, ..DecodeSettings::default() };
     let make = |photo: &Photo, decoded: Decoded| {
         assert_ne!(decoded.index, 7, "for the test");
         Ok((photo.camera.name.clone(), decoded.width, std::thread::current().id()))
@@ -122,7 +123,8 @@ fn dropping_ends_the_threads() {
     let folder = tempfile::tempdir().unwrap();
     let photos = photos(&folder, 200);
     for memory in [1, 100_000, 1 << 30] {
-        let mut decoder = Decoder::new(&photos, Settings { memory, threads: 3, ..Settings::default() }).unwrap();
+        let mut decoder =
+            Decoder::new(&photos, DecodeSettings { memory, threads: 3, ..DecodeSettings::default() }).unwrap();
         assert_eq!(decoder.next().unwrap().unwrap().index, 0);
         let queue = Arc::clone(&decoder.queue);
         drop(decoder);
@@ -143,7 +145,7 @@ fn faults_name_their_file() {
     photos[2].camera.intrinsics.width = 7;
     photos[3].image = None;
     photos[4].mask = Some(folder.path().join("none.png"));
-    let all: Vec<Result<Decoded>> = Decoder::new(&photos, Settings::default()).unwrap().collect();
+    let all: Vec<Result<Decoded>> = Decoder::new(&photos, DecodeSettings::default()).unwrap().collect();
     let message = |i: usize| all[i].as_ref().unwrap_err().to_string();
     for (i, fragment) in [(0, "cannot be decoded"), (1, "cut short"), (2, "its camera 7 x"), (3, "no image file")] {
         let name = format!("{i:03}.");
@@ -168,7 +170,7 @@ fn a_header_that_announces_too_much_is_refused_before_its_mask() {
     bytes[29..33].copy_from_slice(&crc.to_be_bytes());
     std::fs::write(&path, bytes).unwrap();
     let photos = [Photo { mask: Some(mask), ..photo(path, 200_000, 200_000) }];
-    let decoded = Decoder::new(&photos, Settings::default()).unwrap().next().unwrap();
+    let decoded = Decoder::new(&photos, DecodeSettings::default()).unwrap().next().unwrap();
     let error = decoded.err().unwrap().to_string();
     assert!(error.contains("a.png") && error.contains("200000 x 200000 pixels are too many"), "{error}");
 }
@@ -185,19 +187,20 @@ fn values_are_linear() {
     let photos = [photo(path, 5, 3)];
     let decode = |settings| Decoder::new(&photos, settings).unwrap().next().unwrap().unwrap();
     // (188/255 + 0.055)/1.055 to the 2.4 is 0.5029.
-    let rgb = decode(Settings::default());
+    let rgb = decode(DecodeSettings::default());
     assert_eq!((rgb.width, rgb.height, single(&rgb).len()), (5, 3, 45));
     assert!((single(&rgb)[1] - 0.5029).abs() < 1e-4 && single(&rgb)[0] == 1.0 && single(&rgb)[2] == 0.0);
     assert_eq!(rgb.mask, None);
-    let luma = decode(Settings { channels: Channels::Luma, ..Settings::default() });
+    let luma = decode(DecodeSettings { channels: Channels::Luma, ..DecodeSettings::default() });
     assert!((single(&luma)[0] - (0.2126 + 0.7152 * 0.5029)).abs() < 1e-4, "{:?}", single(&luma));
-    let small = decode(Settings { shrink: 2, ..Settings::default() });
+    let small = decode(DecodeSettings { shrink: 2, ..DecodeSettings::default() });
     assert_eq!((small.width, small.height, single(&small).len()), (2, 1, 6));
     assert!((single(&small)[0] - 0.5).abs() < 1e-6 && (single(&small)[1] - 1.5029 / 4.0).abs() < 1e-4);
-    let half = decode(Settings { precision: Precision::Half, ..Settings::default() });
+    let half = decode(DecodeSettings { precision: Precision::Half, ..DecodeSettings::default() });
     let Values::Half(values) = &half.values else { panic!("single precision") };
     assert_eq!(values[1], f16::from_f32(single(&rgb)[1]));
-    let byte = |shrink| decode(Settings { precision: Precision::Byte, shrink, ..Settings::default() }).values;
+    let byte =
+        |shrink| decode(DecodeSettings { precision: Precision::Byte, shrink, ..DecodeSettings::default() }).values;
     let Values::Byte(values) = byte(1) else { panic!("not bytes") };
     assert_eq!(values, image.into_raw());
     // A linear 1.5029 / 4 is 164.9 of 255 in sRGB, and a quarter 137.0.
@@ -220,7 +223,7 @@ fn alpha_and_mask_files_cover_the_object() {
     image.save(&path).unwrap();
     let mut photos = [photo(path, 4, 2)];
     let decode = |photos: &[Photo], shrink| {
-        Decoder::new(photos, Settings { shrink, ..Settings::default() }).unwrap().next().unwrap().unwrap()
+        Decoder::new(photos, DecodeSettings { shrink, ..DecodeSettings::default() }).unwrap().next().unwrap().unwrap()
     };
     let whole = decode(&photos, 1);
     assert_eq!(whole.mask.as_deref(), Some(&[255, 128, 0, 0, 0, 0, 0, 0][..]));

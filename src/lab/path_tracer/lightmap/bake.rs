@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::layout::Layout;
-use super::{LightMap, Settings};
+use super::{LightMap, LightmapSettings};
 use crate::engine::vulkan::footprint::Footprint;
 use crate::engine::vulkan::stage::Stage;
 use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder};
@@ -49,7 +49,7 @@ pub(super) fn bake(
     context: &Arc<Context>,
     assembly: &Assembly,
     layout: Layout,
-    settings: &Settings,
+    settings: &LightmapSettings,
     mut observe: impl FnMut(f64) -> ControlFlow<()>,
 ) -> Result<LightMap> {
     let count = layout.owners.len() as u32;
@@ -100,7 +100,7 @@ impl Baker<'_> {
         &mut self,
         [first_ray, rays]: [u32; 2],
         anew: bool,
-        settings: &Settings,
+        settings: &LightmapSettings,
         mut go_on: impl FnMut() -> ControlFlow<()>,
     ) -> Result<()> {
         let mut first = 0;
@@ -187,7 +187,7 @@ mod tests {
     /// If this failed, cells would have another light than their rays brought, or a bound on error that is too low or too high.
     #[test]
     fn a_cell_is_the_mean_of_its_rays_and_its_variance_that_of_halves() -> Result<()> {
-        let context = Context::new(&crate::engine::vulkan::Options::default())?;
+        let context = Context::new(&crate::engine::vulkan::ContextOptions::default())?;
         let sum = |i: u32| {
             let [a, b, c, d] = random::bits(1, 2, i).map(random::uniform);
             let rays = if i.is_multiple_of(7) { 0.0 } else { 1.0 + (100.0 * d).floor() };

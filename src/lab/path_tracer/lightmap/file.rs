@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::layout::Layout;
-use super::{LightMap, Settings};
+use super::{LightMap, LightmapSettings};
 use crate::files::io::folder::replace_file;
 use crate::lab::path_tracer::assembly::Assembly;
 use crate::{Error, Result};
@@ -23,7 +23,7 @@ const REVISION: u32 = 2;
 struct Header {
     revision: u32,
     scene: u32,
-    settings: Settings,
+    settings: LightmapSettings,
     /// Checksum of where views are from.
     eyes: u32,
     scale: f32,
@@ -66,7 +66,7 @@ impl LightMap {
     ///
     /// # Errors
     /// Where the system refuses.
-    pub fn write(&self, path: &Path, assembly: &Assembly, settings: &Settings, eyes: &[DVec3]) -> Result<()> {
+    pub fn write(&self, path: &Path, assembly: &Assembly, settings: &LightmapSettings, eyes: &[DVec3]) -> Result<()> {
         let (scene, scale) = (assembly.checksum(), self.scale);
         let header = Header { revision: REVISION, scene, settings: *settings, eyes: checksum(eyes), scale };
         // Plain numbers can always be written.
@@ -86,7 +86,7 @@ impl LightMap {
     ///
     /// # Errors
     /// Where there is a file that the system refuses to read.
-    pub fn read(path: &Path, assembly: &Assembly, settings: &Settings, eyes: &[DVec3]) -> Result<Option<Self>> {
+    pub fn read(path: &Path, assembly: &Assembly, settings: &LightmapSettings, eyes: &[DVec3]) -> Result<Option<Self>> {
         let bytes = match fs::read(path) {
             Ok(bytes) => bytes,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
@@ -95,7 +95,7 @@ impl LightMap {
         Ok(Self::parse(&bytes, assembly, settings, eyes))
     }
 
-    fn parse(bytes: &[u8], assembly: &Assembly, settings: &Settings, eyes: &[DVec3]) -> Option<Self> {
+    fn parse(bytes: &[u8], assembly: &Assembly, settings: &LightmapSettings, eyes: &[DVec3]) -> Option<Self> {
         let (content, crc) = bytes.split_last_chunk::<4>()?;
         let end = content.iter().position(|byte| *byte == b'\n')?;
         let header: Header = serde_json::from_slice(&content[..end]).ok()?;

@@ -24,7 +24,7 @@ pub(crate) use self::file::FILE;
 
 /// How a light map is baked.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Settings {
+pub struct LightmapSettings {
     /// Cells of the map, over both sides of all triangles.
     pub cells: u32,
     /// Most rays of a cell; it has a quarter of them at least.
@@ -45,7 +45,7 @@ const CELLS: [u64; 2] = [20_000, 3_000_000];
 const SAMPLES_OF_A_RAY: u64 = 8192;
 const RAYS: [u64; 2] = [64, 2048];
 
-impl Settings {
+impl LightmapSettings {
     /// As fine as pictures of so many pixels show, with rays in proportion to the samples of a picture, which are few on CPUs.
     pub fn new(pixels: u64, samples: u32, seed: u64) -> Self {
         let cells = (CELLS_OF_A_PIXEL * pixels).clamp(CELLS[0], CELLS[1]) as u32;
@@ -97,7 +97,7 @@ impl LightMap {
     pub fn bake(
         context: &Arc<Context>,
         assembly: &Assembly,
-        settings: &Settings,
+        settings: &LightmapSettings,
         eyes: &[DVec3],
         observe: impl FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Self> {

@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 use super::shared::Anchor;
 use crate::engine::parallel::{in_parallel, mapped};
 use crate::engine::vulkan::shaders::glsl::planner::plan::expected_quality::links as glsl;
-use crate::planner::plan::shared::Splat;
+use crate::planner::plan::shared::CameraState;
 use crate::scene::proxy::Proxy;
 use crate::scene::sets::Sets;
 use crate::visibility::bvh::Bvh;
@@ -70,11 +70,11 @@ impl Links {
         Self { angle: degrees.to_radians(), points: points.iter().map(|point| Probe::new(point, geometry)).collect() }
     }
 
-    fn sights(&self, bvh: &Bvh, splats: &[Splat]) -> Vec<Sight> {
+    fn sights(&self, bvh: &Bvh, splats: &[CameraState]) -> Vec<Sight> {
         mapped(splats, |_, splat| self.sight(bvh, splat))
     }
 
-    fn sight(&self, bvh: &Bvh, splat: &Splat) -> Sight {
+    fn sight(&self, bvh: &Bvh, splat: &CameraState) -> Sight {
         let (centre, direction) = (Vec3::from(splat.centre), Vec3::from(splat.direction));
         let half_cone = splat.tan_x.min(splat.tan_y).atan();
         let mut sight = Sight { centre, toward: Vec::new(), off: Vec::new(), half_cone, seen: Vec::new() };
@@ -166,7 +166,7 @@ impl Links {
 
     /// What pulls each camera to its neighbours after `done` of the run: where its anchors begin, one more than there are cameras, and the
     /// anchors.
-    pub fn anchors(&self, bvh: &Bvh, splats: &[Splat], kept: usize, done: f32) -> (Vec<u32>, Vec<Anchor>) {
+    pub fn anchors(&self, bvh: &Bvh, splats: &[CameraState], kept: usize, done: f32) -> (Vec<u32>, Vec<Anchor>) {
         let sights = self.sights(bvh, splats);
         let mut of: Vec<Vec<Anchor>> = vec![Vec::new(); splats.len()];
         let mut scratch = Vec::new();
@@ -192,7 +192,7 @@ impl Links {
     }
 
     /// Sizes of the groups of cameras that hang together, the largest first; the first `kept` cameras are one.
-    pub(in crate::planner::plan) fn groups(&self, bvh: &Bvh, splats: &[Splat], kept: usize) -> Vec<usize> {
+    pub(in crate::planner::plan) fn groups(&self, bvh: &Bvh, splats: &[CameraState], kept: usize) -> Vec<usize> {
         let sights = self.sights(bvh, splats);
         let mut sets = Sets::new(splats.len());
         (1..kept).for_each(|j| _ = sets.join(0, j));

@@ -20,7 +20,7 @@ use super::gate::Gate;
 use super::objective::{Objective, Pass};
 use super::preparation::{PROBE_STREAM, Preparation};
 use super::problem::Problem;
-use super::shared::{Gradient, Settings, Splat};
+use super::shared::{CameraState, Gradient, Settings};
 use crate::engine::vulkan::Context;
 use crate::engine::vulkan::footprint::Footprint;
 use crate::planner::quality::expected::{LOOKS, MAX_ON_CPU};
@@ -63,7 +63,7 @@ pub(super) fn prepare(
     problem: &Problem<'_>,
     config: &Config,
     own: &QualityConfig,
-    start: &[Splat],
+    start: &[CameraState],
 ) -> Result<Arc<dyn Objective>> {
     let (geometry, proxy, splats) = (&*problem.geometry, &problem.target.proxy, start.len() as u32);
     if context.physical().is_cpu() && splats > MAX_ON_CPU {

@@ -13,7 +13,7 @@ use crate::engine::vulkan::footprint::Footprint;
 use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::planner::plan::objective::{Pass, Run};
 use crate::planner::plan::reachable::reachable;
-use crate::planner::plan::shared::{Control, Gradient, Moments, Record, Settings, Splat};
+use crate::planner::plan::shared::{CameraState, Control, Gradient, Moments, Record, Settings};
 use crate::planner::plan::update::{UpdateConstants, update_threads};
 use crate::planner::quality::expected::{LOOKS, SIDE};
 use crate::planner::quality::law::Law;
@@ -27,7 +27,7 @@ crate::stage!(
         read settings, write control, write splats, read slots, read partials, write moments, write terms, write gradients,
         read region, read free_distance, write history, write mailbox, write arrivals, read viewer_losses,
         read anchor_starts, read anchors, read quality,
-    } with [Settings, Control, Splat, Gradient, Moments, DeviceRegion, Record, ViewerLoss, Anchor, QualitySettings]
+    } with [Settings, Control, CameraState, Gradient, Moments, DeviceRegion, Record, ViewerLoss, Anchor, QualitySettings]
 );
 
 /// Texels along a side of the maps that test whether the region sees the surface.

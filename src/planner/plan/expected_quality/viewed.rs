@@ -7,7 +7,7 @@ use super::shared::{QualitySettings, ViewerLoss};
 use crate::engine::vulkan::physical::Physical;
 use crate::engine::vulkan::shaders::glsl::planner::plan::expected_quality::{nearest_together, viewed as glsl};
 use crate::planner::plan::gate::{Gate, gate, tangents_of};
-use crate::planner::plan::shared::{Control, Gradient, Splat};
+use crate::planner::plan::shared::{CameraState, Control, Gradient};
 use crate::planner::quality::expected::LOOKS;
 use crate::planner::quality::law::Law;
 use crate::planner::quality::look::Look;
@@ -49,7 +49,7 @@ crate::stage!(
     pub(crate) ViewedStage = viewed<ViewedConstants>(ViewedPush) {
         read quality, read control, read splats, read nodes, read primitives, read looks, read law, write slots,
         write partials, write viewer_losses, write errors, write arrivals,
-    } with [QualitySettings, Control, Splat, Node, Look, Law, Gradient, ViewerLoss]
+    } with [QualitySettings, Control, CameraState, Node, Look, Law, Gradient, ViewerLoss]
 );
 
 /// Threads of a look where they share its work.

@@ -11,7 +11,7 @@ use crate::engine::primitives::{Count, RadixSort, Scan};
 use crate::engine::vulkan::shaders::glsl::planner::plan::paper::bin;
 use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::planner::plan::objective::Run;
-use crate::planner::plan::shared::{Control, Gradient, Settings, Splat};
+use crate::planner::plan::shared::{CameraState, Control, Gradient, Settings};
 use crate::scene::octahedral;
 use crate::visibility::probe_depth::Probe;
 
@@ -19,28 +19,28 @@ crate::stage!(
     /// Which pairs of probe and splat pass the gate.
     pub(crate) BinCullStage = bin_cull<PaperConstants>(()) { read settings, read control, read splats, read probes, write flags, read paper,
     }
-    with [Settings, Control, Splat, Probe, PaperSettings]
+    with [Settings, Control, CameraState, Probe, PaperSettings]
 );
 crate::stage!(
     /// Slots and depth keys of the pairs that do.
     pub(crate) BinListStage = bin_list<PaperConstants>(()) {
         read settings, read control, read splats, read probes, read flags, read offsets,
         write slots, write pairs, write depth_keys, write depth_slots, read paper,
-    } with [Settings, Control, Splat, Probe, PaperSettings]
+    } with [Settings, Control, CameraState, Probe, PaperSettings]
 );
 crate::stage!(
     /// Tiles of each pair.
     pub(crate) BinCountStage = bin_count<PaperConstants>(()) {
         read settings, read control, read splats, read probes, read cones, read pairs, read depth_slots, read counts,
         write tile_counts, read paper, read scale_state,
-    } with [Settings, Control, Splat, Probe, PaperSettings, Scale]
+    } with [Settings, Control, CameraState, Probe, PaperSettings, Scale]
 );
 crate::stage!(
     /// An instance per tile of each pair.
     pub(crate) BinEmitStage = bin_emit<PaperConstants>(()) {
         read settings, read control, read splats, read probes, read cones, read pairs, read depth_slots, read counts,
         read tile_offsets, write tile_keys, write tile_instances, write instance_slots, write runs, read paper, read scale_state,
-    } with [Settings, Control, Splat, Probe, PaperSettings, Scale]
+    } with [Settings, Control, CameraState, Probe, PaperSettings, Scale]
 );
 crate::stage!(
     /// Instances of each tile.
@@ -52,21 +52,21 @@ crate::stage!(
     pub(crate) BinForwardStage = bin_forward<PaperConstants>(()) {
         read settings, read control, read splats, read probes, read directions, read depth, read pairs,
         read instance_slots, read tile_instances, read ranges, write left, write tile_sums, write deficit, read paper, read scale_state,
-    } with [Settings, Control, Splat, Probe, PaperSettings, Scale]
+    } with [Settings, Control, CameraState, Probe, PaperSettings, Scale]
 );
 crate::stage!(
     /// Sums over texels, a workgroup per tile.
     pub(crate) BinBackwardStage = bin_backward<PaperConstants>(()) {
         read settings, read control, read splats, read probes, read directions, read depth, read pairs,
         read instance_slots, read tile_instances, read ranges, read left, write instance_sums, read paper, read scale_state,
-    } with [Settings, Control, Splat, Probe, InstanceSum, PaperSettings, Scale]
+    } with [Settings, Control, CameraState, Probe, InstanceSum, PaperSettings, Scale]
 );
 crate::stage!(
     /// Sums over instances, a thread per pair.
     pub(crate) BinGatherStage = bin_gather<PaperConstants>(()) {
         read settings, read control, read splats, read probes, read pairs, read counts, read runs, read instance_sums,
         write partials, read paper, read scale_state,
-    } with [Settings, Control, Splat, Probe, InstanceSum, Gradient, PaperSettings, Scale]
+    } with [Settings, Control, CameraState, Probe, InstanceSum, Gradient, PaperSettings, Scale]
 );
 crate::stage!(
     /// Sums over tiles, a workgroup per probe.

@@ -36,7 +36,8 @@ fn emitted(context: &Arc<Context>, kernel: Kernel, round: u32, extra: impl Fn(u3
             z,
         ]
     };
-    let all: Vec<Splat> = (0..splats).map(|i| Splat { centre: centre(i), ..Splat::default() }).collect();
+    let all: Vec<CameraState> =
+        (0..splats).map(|i| CameraState { centre: centre(i), ..CameraState::default() }).collect();
     let at = |i: u32| Probe { position: uniform(1000 + i)[..3].try_into().unwrap_or_default(), ..Probe::default() };
     let pool: Vec<Probe> = (0..probes).map(at).collect();
     let resolution = 16;
@@ -115,7 +116,7 @@ fn emitted(context: &Arc<Context>, kernel: Kernel, round: u32, extra: impl Fn(u3
 /// those of the next, or words of memory that nobody wrote would be taken for the numbers of tiles.
 #[test]
 fn pairs_have_the_instances_that_were_counted_and_no_others_are_written() -> Result<()> {
-    let context = Context::new(&crate::engine::vulkan::Options::default())?;
+    let context = Context::new(&crate::engine::vulkan::ContextOptions::default())?;
     // As counted; then as if a driver had counted otherwise, by up to two tiles of four.
     let off = |i: u32| i64::from(random::bits(9, 9, i)[0] % 5) - 2;
     for (round, kernel) in (0..24).zip([Kernel::Angular, Kernel::Metric].into_iter().cycle()) {

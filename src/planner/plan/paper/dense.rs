@@ -6,7 +6,7 @@ use super::config::Kernel;
 use super::shared::{PaperConstants, PaperSettings, Scale, Tally};
 use crate::engine::vulkan::shaders::glsl::planner::plan::paper::paper;
 use crate::planner::plan::gate::{Gate, gate, tangents_of};
-use crate::planner::plan::shared::{Control, Gradient, Settings, Splat};
+use crate::planner::plan::shared::{CameraState, Control, Gradient, Settings};
 use crate::visibility::probe_depth::Probe;
 
 crate::stage!(
@@ -14,7 +14,7 @@ crate::stage!(
     pub(crate) DenseStage = dense<PaperConstants>(()) {
         read settings, read control, read splats, read probes, read directions, read depth,
         write visible, write slots, write partials, write tallies, write deficit, read paper, read scale_state, write mailbox,
-    } with [Settings, Control, Splat, Probe, Gradient, Tally, PaperSettings, Scale]
+    } with [Settings, Control, CameraState, Probe, Gradient, Tally, PaperSettings, Scale]
 );
 
 /// Where a kernel is cut off: its exponent there.

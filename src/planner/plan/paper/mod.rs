@@ -25,7 +25,7 @@ use super::config::{Config, Preset};
 use super::objective::{self, Objective};
 use super::preparation::PROBE_STREAM;
 use super::problem::Problem;
-use super::shared::{Gradient, Settings, Splat};
+use super::shared::{CameraState, Gradient, Settings};
 use crate::engine::vulkan::Context;
 use crate::engine::vulkan::footprint::Footprint;
 use crate::engine::vulkan::physical::Physical;
@@ -72,7 +72,7 @@ pub(super) fn prepare(
     problem: &Problem<'_>,
     config: &Config,
     own: &PaperConfig,
-    start: &mut [Splat],
+    start: &mut [CameraState],
 ) -> Result<Arc<dyn Objective>> {
     let (geometry, physical) = (&*problem.geometry, context.physical());
     if own.start == Start::Identical {

@@ -22,7 +22,7 @@ use crate::visibility::device_scene::DeviceScene;
 use crate::visibility::probe_depth::ProbeMaps;
 
 /// The way through the splat pass.
-enum Way {
+enum SplatPass {
     Dense { pipeline: Pipeline, visible: Buffer },
     Binned(Box<Binned>),
 }
@@ -30,7 +30,7 @@ enum Way {
 /// The objective on the device.
 pub struct PaperPass {
     own: State,
-    way: Way,
+    way: SplatPass,
     update: Pipeline,
     rank: Pipeline,
     relocate: Pipeline,
@@ -54,10 +54,10 @@ impl PaperPass {
         let buffer = |name: &str| Buffer::device(context, name, footprint.bytes_of(name)?);
         let way = || {
             Ok(match paper.binned {
-                true => Way::Binned(Box::new(Binned::new(context, run, &settings, &constants, buffer)?)),
+                true => SplatPass::Binned(Box::new(Binned::new(context, run, &settings, &constants, buffer)?)),
                 false => {
                     let pipeline = Pipeline::new::<DenseStage>(context, &constants)?;
-                    Way::Dense { pipeline, visible: buffer("visible")? }
+                    SplatPass::Dense { pipeline, visible: buffer("visible")? }
                 }
             })
         };
@@ -66,7 +66,7 @@ impl PaperPass {
             let [rank, relocate] = [Pipeline::new::<RankStage>, Pipeline::new::<RelocateStage>];
             Pipeline::several(context, &of_update, [Pipeline::new::<UpdatePaperStage>, rank, relocate])
         };
-        let (others, way): (_, Result<Way>) = Pipeline::beside(others, way);
+        let (others, way): (_, Result<SplatPass>) = Pipeline::beside(others, way);
         let [update, rank, relocate] = others?;
         let directions: Vec<[f32; 4]> =
             octahedral::directions(constants.resolution).iter().map(|d| d.as_vec3().extend(0.0).to_array()).collect();
@@ -146,8 +146,8 @@ impl PaperPass {
     fn record_splats(&self, run: &Run, commands: &mut Recorder) -> Result<()> {
         let (b, own) = (&run.buffers, &self.own);
         let (pipeline, visible) = match &self.way {
-            Way::Binned(binned) => return binned.record(commands, run, own),
-            Way::Dense { pipeline, visible } => (pipeline, visible),
+            SplatPass::Binned(binned) => return binned.record(commands, run, own),
+            SplatPass::Dense { pipeline, visible } => (pipeline, visible),
         };
         commands
             .stage(
@@ -224,17 +224,17 @@ impl Pass for PaperPass {
 
     fn stages(&self) -> u32 {
         match self.way {
-            Way::Dense { .. } => 2,
+            SplatPass::Dense { .. } => 2,
             // Nine stages and a fill, two scans of three stages, seven or eight sorting passes of three, and the update.
-            Way::Binned(_) => 10 + 6 + 24 + 1,
+            SplatPass::Binned(_) => 10 + 6 + 24 + 1,
         }
     }
 
     fn needed(&self, run: &Run) -> [u32; 2] {
         let word = |word| run.buffers.mailbox.peek(word).unwrap_or(0);
         match self.way {
-            Way::Dense { .. } => [word(mailbox::MAX_VISIBLE), 0],
-            Way::Binned(_) => [word(mailbox::MAX_PAIRS), word(mailbox::MAX_INSTANCES)],
+            SplatPass::Dense { .. } => [word(mailbox::MAX_VISIBLE), 0],
+            SplatPass::Binned(_) => [word(mailbox::MAX_PAIRS), word(mailbox::MAX_INSTANCES)],
         }
     }
 

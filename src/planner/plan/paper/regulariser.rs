@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::dense::Batch;
 use super::shared::{PaperConstants, PaperSettings, Scale, Tally};
-use crate::planner::plan::shared::{Control, Gradient, Moments, Record, Settings, Splat};
+use crate::planner::plan::shared::{CameraState, Control, Gradient, Moments, Record, Settings};
 use crate::scene::octahedral;
 use crate::visibility::device_scene::DeviceRegion;
 use crate::visibility::probe_depth::Probe;
@@ -15,7 +15,7 @@ crate::stage!(
         read settings, write control, write splats, read slots, read partials, write moments, write terms, write gradients,
         read region, read free_distance, write history, write mailbox, write arrivals, read tallies, read probes, read depth,
         read paper, write scale_state,
-    } with [Settings, Control, Splat, Probe, Gradient, Tally, Moments, DeviceRegion, Record, PaperSettings, Scale]
+    } with [Settings, Control, CameraState, Probe, Gradient, Tally, Moments, DeviceRegion, Record, PaperSettings, Scale]
 );
 
 /// Coverage regulariser of a batch with the given coverage weights: the mean over probes and splats of

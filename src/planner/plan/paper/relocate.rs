@@ -1,7 +1,7 @@
 //! Relocation of splats of low utility (`rank.comp`, `relocate.comp`; docs/reference/method.md, Optimisation).
 
 use super::shared::{PaperConstants, PaperSettings, Tally};
-use crate::planner::plan::shared::{Control, Moments, Settings, Splat};
+use crate::planner::plan::shared::{CameraState, Control, Moments, Settings};
 use crate::visibility::device_scene::DeviceRegion;
 use crate::visibility::probe_depth::Probe;
 
@@ -17,7 +17,7 @@ crate::stage!(
     pub(crate) RelocateStage = relocate<PaperConstants>(()) {
         read settings, read control, write splats, read probes, read directions, read depth, read deficit,
         write moments, read order, read region, read free_distance, read tallies, read paper,
-    } with [Settings, Control, Splat, Probe, Moments, Tally, DeviceRegion, PaperSettings]
+    } with [Settings, Control, CameraState, Probe, Moments, Tally, DeviceRegion, PaperSettings]
 );
 
 /// The splats in the order of their utility, least first, kept ones last: the twin of `rank`.

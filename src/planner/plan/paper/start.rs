@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use crate::planner::plan::config::Config;
-use crate::planner::plan::shared::Splat;
+use crate::planner::plan::shared::CameraState;
 use crate::planner::plan::start;
 use crate::scene::random;
 use crate::visibility::device_scene::SceneGeometry;
@@ -20,7 +20,7 @@ pub(super) const PROBES: usize = 256;
 const SPREAD: f64 = 0.01;
 
 /// Puts all planned splats near where the first is, but for a seeded jitter.
-pub(super) fn identical(planned: &mut [Splat], config: &Config, scene: &SceneGeometry) {
+pub(super) fn identical(planned: &mut [CameraState], config: &Config, scene: &SceneGeometry) {
     let (position, direction) = start::pose(config, scene, 0);
     for (j, splat) in (0..).zip(planned) {
         let [a, b, c, _] = random::uniforms(config.seed, JITTER, 2 * j);
@@ -42,7 +42,7 @@ pub struct Visible {
 }
 
 /// Counts the splats that probes see.
-pub fn visible(splats: &[Splat], probes: &[Probe], scene: &SceneGeometry) -> Visible {
+pub fn visible(splats: &[CameraState], probes: &[Probe], scene: &SceneGeometry) -> Visible {
     let few = (100_000 / splats.len().max(1)).clamp(16, PROBES).min(probes.len());
     let (mut gated, mut seen) = (0usize, 0usize);
     for probe in &probes[..few] {

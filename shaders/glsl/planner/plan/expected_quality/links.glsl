@@ -22,7 +22,7 @@ vec2 past(float x) {
 }
 
 // Adds the gradient of the penalty on a splat by an anchor of it to `sum`, and its value to `penalty`.
-void add_link(Anchor anchor, Splat splat, float widest, inout Gradient sum, inout float penalty) {
+void add_link(Anchor anchor, CameraState splat, float widest, inout Gradient sum, inout float penalty) {
     float half_cone = atan(min(splat.tan_x, splat.tan_y));
     vec3 ray = anchor.point - splat.centre;
     float d = max(length(ray), 1e-6);

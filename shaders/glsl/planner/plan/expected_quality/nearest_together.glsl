@@ -40,7 +40,7 @@ void list_together(Look look, uint lane, uint count, Near last) {
     barrier();
     for (uint first = 0; first < count; first += EXAMINED * TOGETHER) {
         float bound = nearest[TOGETHER - 1].cost;
-        Splat examined[EXAMINED];
+        CameraState examined[EXAMINED];
         for (uint i = 0; i < EXAMINED; ++i) examined[i] = splats[min(first + i * TOGETHER + lane, count - 1)];
         for (uint i = 0; i < EXAMINED; ++i) {
             vec3 n;

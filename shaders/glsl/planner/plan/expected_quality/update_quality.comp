@@ -18,7 +18,7 @@ void begin() {
     q = quality[0];
 }
 
-void gather(uint j, Splat splat, Settings s, Control c, uint thread, inout Gradient sum, inout float penalty) {
+void gather(uint j, CameraState splat, Settings s, Control c, uint thread, inout Gradient sum, inout float penalty) {
     uint count = q.viewers * 192;
     for (uint first = thread; first < count; first += AHEAD * THREADS) {
         // Loads that wait for memory together.

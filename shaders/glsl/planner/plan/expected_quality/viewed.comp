@@ -23,7 +23,7 @@ layout(push_constant) uniform Push {
 
 layout(binding = 0, std430) readonly buffer QualityBlock { QualitySettings quality[]; };
 layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
-layout(binding = 2, std430) readonly buffer Splats { Splat splats[]; };
+layout(binding = 2, std430) readonly buffer Splats { CameraState splats[]; };
 layout(binding = 3, std430) readonly buffer Nodes { Node nodes[]; };
 layout(binding = 4, std430) readonly buffer Primitives { vec4 primitives[]; };
 layout(binding = 5, std430) readonly buffer Looks { Look looks[]; };
@@ -42,7 +42,7 @@ QualitySettings q;
 const float TURN = 8.0;
 
 // The angle at the point between viewer and splat, and how far the splat would have to turn to have the point in its picture.
-float splat_cost(Splat splat, Look look, float bound, out vec3 n, out float d) {
+float splat_cost(CameraState splat, Look look, float bound, out vec3 n, out float d) {
     vec3 ray = splat.centre - look.position;
     d = max(length(ray), 1e-6);
     n = ray / d;

@@ -10,7 +10,7 @@ layout(local_size_x = 64) in;
 
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
 layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
-layout(binding = 2, std430) readonly buffer Splats { Splat splats[]; };
+layout(binding = 2, std430) readonly buffer Splats { CameraState splats[]; };
 layout(binding = 3, std430) readonly buffer Probes { Probe probes[]; };
 layout(binding = 4, std430) readonly buffer Directions { vec4 directions[]; };
 layout(binding = 5, std430) readonly buffer Depth { float depth[]; };
@@ -46,7 +46,7 @@ void main() {
         barrier();
         batch_open[thread] = 0.0;
         if (base + thread < range.y) {
-            Splat splat = splats[pairs[instance_slots[tile_instances[base + thread]]] % s.splats];
+            CameraState splat = splats[pairs[instance_slots[tile_instances[base + thread]]] % s.splats];
             vec3 ray = splat.centre - position;
             float d = max(length(ray), 1e-6);
             batch_ray[thread] = vec4(ray / d, d);

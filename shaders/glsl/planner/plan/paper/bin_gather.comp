@@ -8,7 +8,7 @@ layout(local_size_x = 64) in;
 
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
 layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
-layout(binding = 2, std430) readonly buffer Splats { Splat splats[]; };
+layout(binding = 2, std430) readonly buffer Splats { CameraState splats[]; };
 layout(binding = 3, std430) readonly buffer Probes { Probe probes[]; };
 layout(binding = 4, std430) readonly buffer Pairs { uint pairs[]; };
 layout(binding = 5, std430) readonly buffer Counts { uint counts[]; };
@@ -33,7 +33,7 @@ void main() {
     }
     uint pair = pairs[slot];
     uint index = (control[0].iteration * p.probes + pair / s.splats) % p.pool;
-    Splat splat = splats[pair % s.splats];
+    CameraState splat = splats[pair % s.splats];
     vec3 ray = splat.centre - probes[index].position;
     float d = max(length(ray), 1e-6), scale = exp(scale_state[0].log_scale);
     vec3 n = ray / d;

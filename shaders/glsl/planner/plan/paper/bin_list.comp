@@ -9,7 +9,7 @@ layout(local_size_x = 256) in;
 
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
 layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
-layout(binding = 2, std430) readonly buffer Splats { Splat splats[]; };
+layout(binding = 2, std430) readonly buffer Splats { CameraState splats[]; };
 layout(binding = 3, std430) readonly buffer Probes { Probe probes[]; };
 layout(binding = 4, std430) readonly buffer Flags { uint flags[]; };
 layout(binding = 5, std430) readonly buffer Offsets { uint offsets[]; };

@@ -16,7 +16,7 @@ layout(constant_id = 7) const uint EACH = 1;       // texels of a thread, up to 
 
 layout(binding = 0, std430) readonly buffer SettingsBlock { Settings settings[]; };
 layout(binding = 1, std430) readonly buffer ControlBlock { Control control[]; };
-layout(binding = 2, std430) readonly buffer Splats { Splat splats[]; };
+layout(binding = 2, std430) readonly buffer Splats { CameraState splats[]; };
 layout(binding = 3, std430) readonly buffer Probes { Probe probes[]; };
 layout(binding = 4, std430) readonly buffer Directions { vec4 directions[]; };
 // Distance to the first surface, per probe and texel; negative where the ray misses the feasible region (rho = 0).
@@ -79,7 +79,7 @@ uint list_visible(uint probe, vec3 position, Settings s, PaperSettings p) {
     return count;
 }
 
-// Splat at a place of the list, whose overflow starts at `row`.
+// CameraState at a place of the list, whose overflow starts at `row`.
 uint at(uint rank, uint row) {
     return rank < THREADS ? listed[rank] : visible[row + rank];
 }
@@ -169,7 +169,7 @@ void main() {
         float d = 1.0, total = 0.0, by_scale = 0.0, utility = 0.0;
         Gate g = Gate(0.0, vec3(0.0), vec3(0.0));
         if (rank < count) {
-            Splat splat = splats[at(rank, row)];
+            CameraState splat = splats[at(rank, row)];
             vec3 ray = splat.centre - position;
             d = max(length(ray), 1e-6);
             n = ray / d;

@@ -25,7 +25,7 @@ float coverage_weight(uint probe) {
     return sum.x / max(sum.y, 1.0);
 }
 
-void gather(uint j, Splat splat, Settings s, Control c, uint thread, inout Gradient sum, inout float penalty) {
+void gather(uint j, CameraState splat, Settings s, Control c, uint thread, inout Gradient sum, inout float penalty) {
     float share = 1.0 / (float(p.probes) * float(c.live));
     for (uint i = thread; i < p.probes * p.blocks; i += THREADS) {
         uint slot = slots[i / p.blocks * s.splats + j];

@@ -13,7 +13,7 @@ use super::planner::Planner;
 use super::preparation::Preparation;
 use super::problem::Problem;
 use super::record::{BaselineRecord, CheckpointRecord, Connection, Expected, PlanRecord, Status, TourRecord};
-use super::reference::{Outlook, Reference};
+use super::reference::{Prediction, Reference};
 use super::run::Outcome;
 use super::starts::even_layout;
 use super::target::Target;
@@ -50,7 +50,7 @@ pub struct Plan {
 }
 
 /// Progress events.
-pub enum Event {
+pub enum PlanEvent {
     /// Iterations done, and the total.
     Iterations(u32, u32),
     /// A capture was taken and lies here.
@@ -77,7 +77,7 @@ pub fn run(
     problem: &Problem<'_>,
     config: Config,
     tools: Tools<'_>,
-    mut observe: impl FnMut(Event) -> ControlFlow<()>,
+    mut observe: impl FnMut(PlanEvent) -> ControlFlow<()>,
 ) -> Result<Plan> {
     let Tools { mut profile, capture } = tools;
     let start = Instant::now();
@@ -91,7 +91,7 @@ pub fn run(
         let mut commands = Recorder::new(context)?;
         planner.record_iteration(&mut commands)?;
         commands.submit_and_wait()?;
-        let _ = observe(Event::Captured(renderdoc.end()?));
+        let _ = observe(PlanEvent::Captured(renderdoc.end()?));
     }
     let start = Instant::now();
     let reference = match config.of_quality() {
@@ -104,15 +104,15 @@ pub fn run(
     };
     mark(&mut profile, "simple layouts", start);
     let (planner, mut outcome) = optimise(context, &scene, preparation, profile.as_deref_mut(), |done, all| {
-        observe(Event::Iterations(done, all))
+        observe(PlanEvent::Iterations(done, all))
     })?;
 
     // A stop at this point has no effect.
-    let _ = observe(Event::Scoring);
+    let _ = observe(PlanEvent::Scoring);
     let start = Instant::now();
     let config = planner.config().clone();
     drop(planner);
-    let (mut outlook, mut began_from, mut connection) = (None, None, None);
+    let (mut prediction, mut began_from, mut connection) = (None, None, None);
     check_finite(&outcome.poses)?;
     if let Some(reference) = reference {
         reference.guard(&mut outcome)?;
@@ -120,7 +120,7 @@ pub fn run(
             aim(&reference, &scene.geometry, &problem.lens, &mut outcome.poses)?;
         }
         let points = problem.held_out(&config);
-        outlook = Some(reference.outlook(&problem.cameras(&outcome.poses), &positions(&points))?);
+        prediction = Some(reference.prediction(&problem.cameras(&outcome.poses), &positions(&points))?);
         began_from = Some(reference.best().name.clone());
         let poses: Vec<Pose> = outcome.poses.iter().map(|pose| scene.geometry.to_internal.pose(pose)).collect();
         let groups = reference.groups(&poses);
@@ -130,7 +130,7 @@ pub fn run(
     }
     let configuration = serde_json::to_value(&config)
         .map_err(|e| Error::request(format!("the configuration cannot be written: {e}")))?;
-    let placed = Placed { method: config.method().name(), configuration, outcome, outlook };
+    let placed = Placed { method: config.method().name(), configuration, outcome, prediction };
     let mut plan = conclude(context, problem, &scene, &config, placed)?;
     plan.record.began_from = began_from;
     plan.record.connection = connection;
@@ -207,7 +207,7 @@ pub fn given(
     let scene = problem.on(context)?;
     let configuration = serde_json::json!({ "cameras": poses.len() });
     let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds: 0.0 };
-    conclude(context, problem, &scene, config, Placed { method: name, configuration, outcome, outlook: None })
+    conclude(context, problem, &scene, config, Placed { method: name, configuration, outcome, prediction: None })
 }
 
 /// Cameras that a method has placed.
@@ -219,7 +219,7 @@ pub struct Placed<'p> {
     /// What came out.
     pub outcome: Outcome,
     /// What is expected of it, where that is known.
-    pub outlook: Option<Outlook>,
+    pub prediction: Option<Prediction>,
 }
 
 /// Scores what came out, its snapshots and the baselines on held-out points, and writes the record. Of `config` count the views,
@@ -234,7 +234,7 @@ pub fn conclude(
     config: &Config,
     placed: Placed<'_>,
 ) -> Result<Plan> {
-    let Placed { method, configuration, outcome, outlook } = placed;
+    let Placed { method, configuration, outcome, prediction } = placed;
     let points = problem.held_out(config);
     let scorer = Scorer::new(context, scene, &points)?;
     let few = Scorer::new(context, scene, &points[..points.len().min(CHECKPOINT_POINTS)])?;
@@ -257,11 +257,11 @@ pub fn conclude(
         baselines
             .push(BaselineRecord { name: name.into(), metrics: aggregate(&scorer.score(&cameras(&poses), field)?) });
     }
-    let Outlook { expected, map } = match outlook {
-        Some(outlook) => outlook,
+    let Prediction { expected, map } = match prediction {
+        Some(prediction) => prediction,
         None => {
             let reference = Reference::new(context, problem, scene, config)?;
-            reference.outlook(&cameras(&outcome.poses), &positions(&points))?
+            reference.prediction(&cameras(&outcome.poses), &positions(&points))?
         }
     };
     let physical = context.physical();

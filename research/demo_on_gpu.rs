@@ -11,14 +11,14 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use camsplat::app::report;
-use camsplat::engine::vulkan::{Context, Options};
-use camsplat::lab::evaluate::demo::{self, Event, Size};
-use camsplat::lab::evaluate::settings::Settings;
+use camsplat::engine::vulkan::{Context, ContextOptions};
+use camsplat::lab::evaluate::demo::{self, DemoEvent, Size};
+use camsplat::lab::evaluate::settings::EvaluationSettings;
 use camsplat::{Error, Result};
 
 /// Photos of 800 pixels, trained on for a minute.
 const SIZE: Size = Size {
-    settings: Settings {
+    settings: EvaluationSettings {
         size: 800,
         samples: 32,
         test_samples: 64,
@@ -36,9 +36,9 @@ fn main() -> Result<()> {
     let out = std::env::args_os().nth(1).map(PathBuf::from);
     let out = out.ok_or_else(|| Error::Request("give the folder to write".into()))?;
     let scene = SIZE.scene("two-rooms")?;
-    let context = Context::new(&Options::default())?;
+    let context = Context::new(&ContextOptions::default())?;
     let demo = demo::run(&context, &out, SIZE, &scene, &mut |event| {
-        if let Event::Done(step) = event {
+        if let DemoEvent::Done(step) = event {
             println!("{:<8} {} ({:.1} s)", step.name, step.what, step.seconds);
         }
         ControlFlow::Continue(())

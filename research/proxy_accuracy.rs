@@ -12,7 +12,7 @@ use camsplat::engine::vulkan::Context;
 use camsplat::files::io::photos;
 use camsplat::files::photos::PhotoSet;
 use camsplat::photogrammetry::stereo::frame::Frame;
-use camsplat::photogrammetry::stereo::{Options, reconstruct};
+use camsplat::photogrammetry::stereo::{StereoOptions, reconstruct};
 use camsplat::scene::camera::Camera;
 use camsplat::scene::similarity::Similarity;
 use camsplat::scene::surface::Points;
@@ -39,14 +39,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         let sets = ["photos/gold-cape", "nerf-synthetic/lego", "photos/tankard", "photos/fox", "photos/plush"];
         cases = sets.iter().map(|set| ((*set).to_owned(), 10)).collect();
     }
-    let context = Context::new(&camsplat::engine::vulkan::Options::default())?;
+    let context = Context::new(&camsplat::engine::vulkan::ContextOptions::default())?;
     println!(
         "| set | photos | reference | points, of these from stereo | reference within 1 / 2 / 5% of the proxy | proxy within 1 / 2 / 5% of the reference | seconds |"
     );
     println!("|---|---|---|---|---|---|---|");
     for (name, photos) in cases {
-        let set = photos::read(&data.join(&name), &photos::Options::default())?;
-        let options = Options { photos, ..Options::default() };
+        let set = photos::read(&data.join(&name), &photos::ReadOptions::default())?;
+        let options = StereoOptions { photos, ..StereoOptions::default() };
         let found = reconstruct(&context, &set, &options)?;
         let (what, reference) = reference(&context, &set)?;
         let size = size(&reference);
@@ -75,7 +75,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// What the proxy is compared with: its name and points.
 fn reference(context: &std::sync::Arc<Context>, set: &PhotoSet) -> Result<(&'static str, Vec<DVec3>), Box<dyn Error>> {
     if set.points.positions.is_empty() {
-        let all = Options { photos: usize::MAX, ..Options::default() };
+        let all = StereoOptions { photos: usize::MAX, ..StereoOptions::default() };
         return Ok(("points of the hull", camsplat::photogrammetry::stereo::hull_of(context, set, &all)?.positions));
     }
     if set.photos.iter().all(|photo| photo.mask.is_none()) {

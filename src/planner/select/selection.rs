@@ -10,7 +10,7 @@ use super::information::Model;
 use super::interchange::refine;
 use super::objective::Objective;
 use super::pool::Pool;
-use super::request::Request;
+use super::request::SelectionRequest;
 use super::rule::{Means, Rule};
 use super::score::SubsetScorer;
 use super::sight::Survey;
@@ -20,7 +20,7 @@ use crate::planner::methods::Method;
 use crate::planner::metrics::score_point::aggregate;
 use crate::planner::metrics::{Metrics, PointMetrics};
 use crate::planner::plan::config::{Config, Preset};
-use crate::planner::plan::job;
+use crate::planner::plan::pipeline;
 use crate::planner::plan::preparation::PROBE_STREAM;
 use crate::planner::plan::problem::Problem;
 use crate::planner::plan::record::BaselineRecord;
@@ -117,7 +117,7 @@ pub struct SelectionContext<'a> {
     set: &'a PhotoSet,
     target: &'a Target,
     scene: DeviceScene,
-    request: Request,
+    request: SelectionRequest,
     survey: Survey,
     held_out: Survey,
     model: Option<Model>,
@@ -129,7 +129,12 @@ impl<'a> SelectionContext<'a> {
     ///
     /// # Errors
     /// A request that does not fit the pool, a surface of which no photo pair sees any point, or a device that fails.
-    pub fn new(context: &Arc<Context>, set: &'a PhotoSet, target: &'a Target, request: Request) -> Result<Self> {
+    pub fn new(
+        context: &Arc<Context>,
+        set: &'a PhotoSet,
+        target: &'a Target,
+        request: SelectionRequest,
+    ) -> Result<Self> {
         request.validate(set.photos.len())?;
         let start = Instant::now();
         let scene = DeviceScene::new(context, target.geometry()?)?;
@@ -137,7 +142,7 @@ impl<'a> SelectionContext<'a> {
         let count = (request.points as usize).min(half(&target.proxy)).max(1);
         let sample = |stream| target.proxy.sample(count, request.seed, stream);
         let survey = Survey::new(context, &scene, &set.photos, sample(PROBE_STREAM))?;
-        if (0..survey.points.len()).all(|point| survey.sight.seers(point).count() < 2) {
+        if (0..survey.points.len()).all(|point| survey.sight.photos_that_see(point).count() < 2) {
             return Err(Error::input(
                 &set.path,
                 "no point of the surface is seen by two photos; do surface and photos share a frame?",
@@ -162,8 +167,8 @@ impl<'a> SelectionContext<'a> {
         let config = Config { seed: self.request.seed, viewers, checkpoint_every: base.iterations, ..base };
         let problem = Problem::new(self.target, first.camera.intrinsics, kept)?;
         match config.of_quality() {
-            Some(_) => Ok(job::expected_plan(&self.context, &problem, config)?.1),
-            None => job::poses(&self.context, &problem, config),
+            Some(_) => Ok(pipeline::expected_plan(&self.context, &problem, config)?.1),
+            None => pipeline::poses(&self.context, &problem, config),
         }
     }
 

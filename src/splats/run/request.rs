@@ -11,7 +11,7 @@ use crate::engine::vulkan::Context;
 use crate::engine::vulkan::footprint::Footprint;
 use crate::files::photos::Photo;
 use crate::scene::gaussians::Gaussians;
-use crate::splats::config::Config;
+use crate::splats::config::TrainConfig;
 use crate::splats::data::pictures;
 use crate::splats::data::split::Split;
 use crate::splats::render::frame::{Frame, View};
@@ -24,13 +24,13 @@ const SEVERAL: [&str; 3] = ["sort", "scan", "photos"];
 
 /// The request.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Request {
+pub struct TrainRequest {
     /// Path of the capture as the user gave it.
     pub capture: String,
     /// The capture, split into training and test photos.
     pub split: Split,
     /// Configuration.
-    pub config: Config,
+    pub config: TrainConfig,
     /// Each pixel is a square of so many stored pixels.
     pub shrink: u32,
     /// The folder of the run; made when training begins.
@@ -42,7 +42,7 @@ pub struct Request {
 }
 
 /// Progress events.
-pub enum Event<'a> {
+pub enum TrainEvent<'a> {
     /// So many photos of so many have been decoded.
     Photos(usize, usize),
     /// So many iterations are done.
@@ -60,7 +60,7 @@ pub enum Event<'a> {
 /// A run that is prepared: nothing is on the device yet.
 pub struct Run {
     pub(super) context: Arc<Context>,
-    pub(super) request: Request,
+    pub(super) request: TrainRequest,
     pub(super) frame: Frame,
     pub(super) views: Vec<View>,
     pub(super) footprint: Footprint,
@@ -71,7 +71,7 @@ impl Run {
     ///
     /// # Errors
     /// Where the configuration makes no sense.
-    pub fn new(context: &Arc<Context>, request: Request) -> Result<Self> {
+    pub fn new(context: &Arc<Context>, request: TrainRequest) -> Result<Self> {
         request.config.validate()?;
         let sides = request.split.train.photos.iter().chain(&request.split.test).map(|photo| photo.camera.intrinsics);
         if let Some(k) = sides.into_iter().find(|k| k.width.max(k.height) / request.shrink > MAX_SIDE) {
@@ -83,7 +83,7 @@ impl Run {
         let frame = Frame::new(&cameras, &train.points.positions);
         let mut views: Vec<View> = cameras.iter().map(|camera| frame.view(camera)).collect();
         views.extend(pictures::cameras(test, request.shrink).iter().map(|camera| frame.view(camera)));
-        let sizes = memory::sizes(&request.config, &views, memory::first_room(request.config.max_splats));
+        let sizes = memory::sizes(&request.config, &views, memory::first_capacity(request.config.max_splats));
         let mut buffers = memory::footprint(context, &request.config, &sizes, views.len());
         buffers.push(("photos", pictures::picture_bytes(&train.photos, request.shrink)));
         let footprint = Footprint { buffers, several: SEVERAL.to_vec() };
@@ -96,8 +96,8 @@ impl Run {
     }
 
     /// Instances (pairs of a splat and a tile) in the initial capacity.
-    pub fn room(&self) -> u32 {
-        memory::first_room(self.request.config.max_splats)
+    pub fn capacity(&self) -> u32 {
+        memory::first_capacity(self.request.config.max_splats)
     }
 
     /// Bytes of the device's own memory that photos may take: half of what the run itself leaves of it.

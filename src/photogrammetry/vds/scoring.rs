@@ -23,14 +23,14 @@ pub const DEFAULT_POINTS: usize = 100_000;
 
 /// How to score.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct ScoringSettings {
     /// Points; where no number is given, all of a cloud, [`DEFAULT_POINTS`] on triangles.
     pub points: Option<usize>,
     /// Seed of the points.
     pub seed: u64,
     /// Whether the photos' exposures are evened out.
     pub exposure: bool,
-    /// Bytes that photos being decoded take together; see [`decode::Settings::memory`].
+    /// Bytes that photos being decoded take together; see [`decode::DecodeSettings::memory`].
     pub memory: u64,
     /// Whether a photo that cannot be decoded is left out; else it is an error.
     pub skip_unreadable: bool,
@@ -39,20 +39,20 @@ pub struct Settings {
 }
 
 /// Progress events.
-pub enum Event<'e> {
+pub enum ScoringEvent<'e> {
     /// Photos done.
     Done(usize),
     /// A photo was left out, and why.
     Skipped(&'e Error),
 }
 
-impl Default for Settings {
+impl Default for ScoringSettings {
     fn default() -> Self {
         Self {
             points: None,
             seed: 0,
             exposure: true,
-            memory: decode::Settings::default().memory,
+            memory: decode::DecodeSettings::default().memory,
             skip_unreadable: false,
             orientation: None,
         }
@@ -68,8 +68,8 @@ pub fn run(
     context: &Arc<Context>,
     capture: &PhotoSet,
     surface: &Surface,
-    settings: &Settings,
-    mut observe: impl FnMut(Event<'_>),
+    settings: &ScoringSettings,
+    mut observe: impl FnMut(ScoringEvent<'_>),
 ) -> Result<Estimate> {
     let capture = capture.clone().filtered(|photo| photo.image.is_some());
     let photos = &capture.photos;
@@ -77,11 +77,11 @@ pub fn run(
         let what = "fewer than two photos have an image; give the folder with the images";
         return Err(Error::input(&capture.path, what));
     }
-    let decoding = decode::Settings {
+    let decoding = decode::DecodeSettings {
         channels: Channels::Luma,
         precision: Precision::Single,
         memory: settings.memory,
-        ..decode::Settings::default()
+        ..decode::DecodeSettings::default()
     };
     // First of all, so that the first photos are there when the points are.
     let mut decoder = Decoder::new(photos, decoding)?;
@@ -91,10 +91,10 @@ pub fn run(
     let mut done = 0;
     let observations = scene.observe(context, || {
         loop {
-            observe(Event::Done(done));
+            observe(ScoringEvent::Done(done));
             done += 1;
             match decoder.next() {
-                Some(Err(error)) if settings.skip_unreadable => observe(Event::Skipped(&error)),
+                Some(Err(error)) if settings.skip_unreadable => observe(ScoringEvent::Skipped(&error)),
                 decoded => return decoded.map(|decoded| decoded.map(pyramid)).transpose(),
             }
         }

@@ -3,7 +3,7 @@
 
     pip install torch gsplat==1.5.3 pillow
     pip install git+https://github.com/rahul-goel/fused-ssim --no-build-isolation
-    scripts/gsplat_compare.py nerf-synthetic/lego --iterations 30000 --max-splats 1000000
+    research/gsplat_compare.py nerf-synthetic/lego --iterations 30000 --max-splats 1000000
 
 The capture is a folder of transforms_train.json and transforms_test.json (Blender axes) with RGBA pictures, shown over
 white. Strategy, rates, weights and start are those of gsplat's trainer for its MCMC strategy; frame, schedule (compressed

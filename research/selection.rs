@@ -7,14 +7,14 @@
 
 use std::path::Path;
 
-use camsplat::engine::vulkan::{Context, Options};
+use camsplat::engine::vulkan::{Context, ContextOptions};
 use camsplat::files::io;
 use camsplat::planner::methods::Method;
 use camsplat::planner::metrics::Metrics;
 use camsplat::planner::plan::config::Preset;
 use camsplat::planner::plan::target::{RegionChoice, Target};
-use camsplat::planner::select::job::SelectionContext;
-use camsplat::planner::select::request::Request;
+use camsplat::planner::select::request::SelectionRequest;
+use camsplat::planner::select::selection::SelectionContext;
 use camsplat::scene::camera::Pose;
 use camsplat::scene::region::Shape;
 use camsplat::scene::surface::Surface;
@@ -39,9 +39,9 @@ fn main() -> Result<()> {
         pools = POOLS.map(str::to_owned).to_vec();
     }
     let data = std::env::var("CAMSPLAT_DATA").map_err(|_| Error::request("CAMSPLAT_DATA names no folder"))?;
-    let context = Context::new(&Options::default())?;
+    let context = Context::new(&ContextOptions::default())?;
     for pool in pools {
-        let set = io::photos::read(&Path::new(&data).join("photos").join(&pool), &io::photos::Options::default())?;
+        let set = io::photos::read(&Path::new(&data).join("photos").join(&pool), &io::photos::ReadOptions::default())?;
         let poses: Vec<Pose> = set.photos.iter().map(|photo| photo.camera.pose).collect();
         let up = poses.iter().map(Pose::up).sum::<DVec3>().normalize();
         let choice = RegionChoice { shape: Shape::around_cameras(&poses), ..RegionChoice::default() };
@@ -56,7 +56,7 @@ fn main() -> Result<()> {
             };
             let mut seconds = 0.0;
             for seed in 0..seeds {
-                let request = Request { seed, ..Request::new(count) };
+                let request = SelectionRequest { seed, ..SelectionRequest::new(count) };
                 let selection = SelectionContext::new(&context, &set, &target, request)?.select(None, true)?;
                 seconds += selection.seconds.iter().sum::<f64>() / seeds as f64;
                 note("all photos", selection.pool);

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The camera of a room's reference picture as a transforms.json that `camsplat capture` reads.
 
-scripts/reference_camera.py ROOM.json --width 320 > camera.json, where ROOM.json has `camera` with position, look_at, up,
+research/reference_camera.py ROOM.json --width 320 > camera.json, where ROOM.json has `camera` with position, look_at, up,
 horizontal_fov_deg and resolution, in the axes of the room's glTF file.
 """
 

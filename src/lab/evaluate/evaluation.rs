@@ -15,7 +15,7 @@ use super::artifact::{self, Artifact, Observe};
 use super::perceptual;
 use super::pool::Pool;
 use super::pool_artifacts::PoolArtifacts;
-use super::request::{Request, Run};
+use super::request::{EvaluationRequest, Run};
 use super::results::{self, Entry, Outcome};
 use super::scene::Scene;
 use super::scene_artifacts::SceneArtifacts;
@@ -37,9 +37,9 @@ pub const ASKED: &str = "evaluation.json";
 const WRITTEN: [&str; 5] = [ASKED, "table.md", "table.csv", "results.json", "report.html"];
 
 /// Progress events.
-pub enum Event<'e> {
+pub enum EvaluationEvent<'e> {
     /// An event of an artifact.
-    Artifact(artifact::Event<'e>),
+    Artifact(artifact::ArtifactEvent<'e>),
     /// A run is complete, with the number complete and the total.
     Complete(&'e Entry, [usize; 2]),
     /// The tables of the complete runs have been written.
@@ -47,7 +47,7 @@ pub enum Event<'e> {
 }
 
 /// Receives progress events and returns whether to continue.
-pub(crate) type Observer<'h> = &'h mut (dyn FnMut(Event<'_>) -> ControlFlow<()> + Send + 'h);
+pub(crate) type Observer<'h> = &'h mut (dyn FnMut(EvaluationEvent<'_>) -> ControlFlow<()> + Send + 'h);
 
 /// Checks, before anything is computed, that an evaluation can be written into `folder`, which is empty, new or an earlier
 /// evaluation's; that no two subjects would share a folder there; and that methods and box fit so many
@@ -55,7 +55,7 @@ pub(crate) type Observer<'h> = &'h mut (dyn FnMut(Event<'_>) -> ControlFlow<()> 
 ///
 /// # Errors
 /// In a line that names the folder, the subject, the method or the option.
-pub fn check(folder: &Path, request: &Request, subjects: &[Subject]) -> Result<()> {
+pub fn check(folder: &Path, request: &EvaluationRequest, subjects: &[Subject]) -> Result<()> {
     request.check_subjects(subjects.len())?;
     for (i, subject) in subjects.iter().enumerate() {
         if subjects[..i].iter().any(|other| other.name().eq_ignore_ascii_case(subject.name())) {
@@ -94,7 +94,7 @@ fn holds_evaluation(folder: &Path) -> bool {
 /// another request than a shard's.
 pub fn run(
     contexts: &[Arc<Context>],
-    request: &Request,
+    request: &EvaluationRequest,
     subjects: &[Subject],
     shard: Shard,
     folder: &Path,
@@ -119,7 +119,7 @@ pub fn run(
         Err(_) => write_files(&[(&folder.join(ASKED), asked.as_bytes())])?,
     }
     let runs = shard.runs(subjects.len() * request.runs().count());
-    let board = Board {
+    let board = SharedProgress {
         request,
         folder,
         weights,
@@ -138,8 +138,8 @@ pub fn run(
 }
 
 /// What all workers share: the observer, and what is complete.
-struct Board<'b> {
-    request: &'b Request,
+struct SharedProgress<'b> {
+    request: &'b EvaluationRequest,
     folder: &'b Path,
     /// Of the network that LPIPS is measured with beside AlexNet.
     weights: Option<&'b Weights>,
@@ -160,10 +160,10 @@ struct Board<'b> {
     ceilings: Mutex<BTreeMap<String, f64>>,
 }
 
-impl Board<'_> {
+impl SharedProgress<'_> {
     /// Reports an event; once a stop was requested, every call returns it.
-    fn report(&self, event: Event<'_>) -> ControlFlow<()> {
-        if matches!(event, Event::Artifact(artifact::Event::Begins(_))) {
+    fn report(&self, event: EvaluationEvent<'_>) -> ControlFlow<()> {
+        if matches!(event, EvaluationEvent::Artifact(artifact::ArtifactEvent::Begins(_))) {
             self.made.store(true, Ordering::Relaxed);
         }
         if lock(&self.observe)(event).is_break() {
@@ -178,7 +178,7 @@ impl Board<'_> {
         let at = entries.partition_point(|(other, _)| *other < place);
         entries.insert(at, (place, entry));
         // A stop requested here takes effect before the next run.
-        let _ = self.report(Event::Complete(&entries[at].1, [entries.len(), self.runs.len()]));
+        let _ = self.report(EvaluationEvent::Complete(&entries[at].1, [entries.len(), self.runs.len()]));
         if self.made.swap(false, Ordering::Relaxed) {
             self.write(&entries)?;
         }
@@ -203,14 +203,14 @@ impl Board<'_> {
             (&folder.join("table.csv"), table::csv(request, rows).as_bytes()),
             (&folder.join("results.json"), format!("{written:#}\n").as_bytes()),
         ])?;
-        let _ = self.report(Event::Written(&outcome));
+        let _ = self.report(EvaluationEvent::Written(&outcome));
         Ok(outcome)
     }
 }
 
 /// The runs of one subject, handed out one by one.
 struct Runs<'r, 'b> {
-    board: &'r Board<'b>,
+    board: &'r SharedProgress<'b>,
     folder: PathBuf,
     number: usize,
     subject: &'r Subject,
@@ -292,10 +292,10 @@ impl Runs<'_, '_> {
         drop(shared);
         while let Some(run) = self.take() {
             let observe = &mut made_for(format!("{}, {run}", self.subject.name()), &mut *observe);
-            Error::unless_stopped(observe(artifact::Event::Working))?;
+            Error::unless_stopped(observe(artifact::ArtifactEvent::Working))?;
             let model = model.as_ref().filter(|_| run.method.needs_model());
             let plan = artifacts.choice(run, (&inputs, &shown), model, observe)?;
-            let cameras = artifacts.standing(&plan.cameras, observe);
+            let cameras = artifacts.settled(&plan.cameras, observe);
             let photos = artifacts.photographs(&cameras, observe)?;
             let mut trained = artifacts.training(&photos, Some(&tests), run.seed, observe)?;
             self.measured(context, &mut trained, observe)?;
@@ -314,7 +314,7 @@ impl Runs<'_, '_> {
         drop(shared);
         while let Some(run) = self.take() {
             let observe = &mut made_for(format!("{}, {run}", self.subject.name()), &mut *observe);
-            Error::unless_stopped(observe(artifact::Event::Working))?;
+            Error::unless_stopped(observe(artifact::ArtifactEvent::Working))?;
             let model = model.as_ref().filter(|_| run.method.needs_model());
             let chosen = artifacts.choice(run, model, observe)?;
             let mut trained = artifacts.training(&chosen, run.seed, observe)?;
@@ -326,10 +326,15 @@ impl Runs<'_, '_> {
 }
 
 /// Forwards events; adds to every artifact and note what it is for.
-fn made_for<'o>(what: String, observe: Observe<'o>) -> impl FnMut(artifact::Event<'_>) -> ControlFlow<()> + Send + 'o {
+fn made_for<'o>(
+    what: String,
+    observe: Observe<'o>,
+) -> impl FnMut(artifact::ArtifactEvent<'_>) -> ControlFlow<()> + Send + 'o {
     move |event| match event {
-        artifact::Event::Begins(product) => observe(artifact::Event::Begins(&format!("{product} for {what}"))),
-        artifact::Event::Note(note) => observe(artifact::Event::Note(format!("{note} ({what})"))),
+        artifact::ArtifactEvent::Begins(product) => {
+            observe(artifact::ArtifactEvent::Begins(&format!("{product} for {what}")))
+        }
+        artifact::ArtifactEvent::Note(note) => observe(artifact::ArtifactEvent::Note(format!("{note} ({what})"))),
         event => observe(event),
     }
 }
@@ -352,7 +357,7 @@ fn ended_early(product: &str) -> Error {
 
 /// All runs, a worker for each device. Every worker begins with another subject, since all that
 /// come to one have to wait for what its runs share.
-fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) -> Result<()> {
+fn spread(contexts: &[Arc<Context>], board: &SharedProgress<'_>, subjects: &[Subject]) -> Result<()> {
     let each = board.request.runs().count();
     let runs: Vec<Runs> = subjects
         .iter()
@@ -372,11 +377,11 @@ fn spread(contexts: &[Arc<Context>], board: &Board<'_>, subjects: &[Subject]) ->
     let work = |first: usize, context: &Arc<Context>| {
         let _end = EndOfAll(&over);
         let (mut asked, mut product) = (false, String::new());
-        let mut observe = |event: artifact::Event<'_>| {
-            if let artifact::Event::Begins(key) = event {
+        let mut observe = |event: artifact::ArtifactEvent<'_>| {
+            if let artifact::ArtifactEvent::Begins(key) = event {
                 product = key.to_owned();
             }
-            let flow = board.report(Event::Artifact(event));
+            let flow = board.report(EvaluationEvent::Artifact(event));
             asked |= flow.is_break() || over.load(Ordering::Relaxed);
             if asked { ControlFlow::Break(()) } else { flow }
         };
@@ -411,7 +416,7 @@ mod tests {
     use super::*;
     use crate::lab::evaluate::competitor::Competitor;
     use crate::lab::evaluate::kind::Kind;
-    use crate::lab::evaluate::settings::Settings;
+    use crate::lab::evaluate::settings::EvaluationSettings;
     use crate::lab::evaluate::situation::Situation;
     use crate::planner::methods::Method;
     use crate::planner::quality::viewers::Viewers;
@@ -433,22 +438,22 @@ mod tests {
         let table = folder.path().join("table.md");
         fs::write(&table, "of an earlier run").unwrap();
         let methods = vec![Competitor::Method(Method::Ours), Competitor::Method(Method::PaperNoVds)];
-        let request = Request {
+        let request = EvaluationRequest {
             kind: Kind::Object,
             methods,
             budgets: vec![4],
             seeds: 1,
             first_seed: 0,
-            settings: Settings::QUICK,
+            settings: EvaluationSettings::QUICK,
             viewers: Viewers::Region,
             situation: Situation::Free,
             limits: Limits::default(),
         };
-        let mut observe = |event: Event<'_>| match event {
-            Event::Complete(..) => ControlFlow::Break(()),
+        let mut observe = |event: EvaluationEvent<'_>| match event {
+            EvaluationEvent::Complete(..) => ControlFlow::Break(()),
             _ => ControlFlow::Continue(()),
         };
-        let board = Board {
+        let board = SharedProgress {
             request: &request,
             folder: folder.path(),
             weights: None,
@@ -461,12 +466,12 @@ mod tests {
             entries: Mutex::default(),
             ceilings: Mutex::default(),
         };
-        let product = |event| board.report(Event::Artifact(event));
-        assert!(product(artifact::Event::Kept).is_continue());
+        let product = |event| board.report(EvaluationEvent::Artifact(event));
+        assert!(product(artifact::ArtifactEvent::Kept).is_continue());
         board.add([0, 1], entry(Competitor::Method(Method::PaperNoVds))).unwrap();
         assert_eq!(fs::read_to_string(&table).unwrap(), "of an earlier run");
-        assert!(product(artifact::Event::Working).is_break(), "the stop was forgotten");
-        let _ = product(artifact::Event::Begins("k"));
+        assert!(product(artifact::ArtifactEvent::Working).is_break(), "the stop was forgotten");
+        let _ = product(artifact::ArtifactEvent::Begins("k"));
         board.add([0, 0], entry(Competitor::Method(Method::Ours))).unwrap();
         let written = fs::read_to_string(&table).unwrap();
         let at = |method: &str| written.find(&format!("| s | {method} |")).unwrap();

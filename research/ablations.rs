@@ -11,14 +11,14 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use camsplat::engine::vulkan::{Context, Options};
+use camsplat::engine::vulkan::{Context, ContextOptions};
 use camsplat::files::io;
 use camsplat::planner::metrics::score_point::{Field, Scorer, aggregate};
 use camsplat::planner::metrics::{Metrics, PointMetrics};
 use camsplat::planner::plan::config::{Config, Minimise, Preset};
 use camsplat::planner::plan::gate::Gate;
-use camsplat::planner::plan::job::optimise;
 use camsplat::planner::plan::paper::{Kernel, PaperConfig, Start};
+use camsplat::planner::plan::pipeline::optimise;
 use camsplat::planner::plan::preparation::Preparation;
 use camsplat::planner::plan::problem::Problem;
 use camsplat::planner::plan::run::Outcome;
@@ -440,7 +440,7 @@ fn search(context: &Arc<Context>, scenes: &[Scene], seeds: u64) -> Result<()> {
 
 fn main() -> Result<()> {
     let arguments = Arguments::parse();
-    let context = Context::new(&Options { device: arguments.device.clone(), ..Options::default() })?;
+    let context = Context::new(&ContextOptions { device: arguments.device.clone(), ..ContextOptions::default() })?;
     let mut scenes = scenes(&context, arguments.data.as_deref(), &arguments.scene)?;
     if !arguments.scene.is_empty() {
         scenes.retain(|scene| arguments.scene.iter().any(|name| name == scene.name));

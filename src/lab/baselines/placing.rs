@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 
 use super::manifold;
-use super::request::Request;
+use super::request::BaselineRequest;
 use crate::engine::vulkan::Context;
 use crate::files::photos::{Photo, PhotoSet};
 use crate::planner::methods::Method;
 use crate::planner::plan::config::{Config, Preset};
-use crate::planner::plan::job::{Placed, Plan, conclude};
+use crate::planner::plan::pipeline::{Placed, Plan, conclude};
 use crate::planner::plan::preparation::PROBE_STREAM;
 use crate::planner::plan::problem::Problem;
 use crate::planner::plan::record::Status;
@@ -41,12 +41,17 @@ const POINTS: usize = 2000;
 ///
 /// # Errors
 /// A region without free space, a method that does not fit the scene, or a device that fails.
-pub fn run(context: &Arc<Context>, problem: &Problem<'_>, request: &Request, model: Option<&Model>) -> Result<Plan> {
+pub fn run(
+    context: &Arc<Context>,
+    problem: &Problem<'_>,
+    request: &BaselineRequest,
+    model: Option<&Model>,
+) -> Result<Plan> {
     if request.method.needs_photographs() {
         return Err(no_photographs(request.method));
     }
     let photograph = &mut |_: &Photo| Err(no_photographs(request.method));
-    let outside = Outside { photograph, go_on: &mut || ControlFlow::Continue(()) };
+    let outside = Callbacks { photograph, go_on: &mut || ControlFlow::Continue(()) };
     photographing(context, problem, request, model, outside)
 }
 
@@ -65,7 +70,7 @@ pub fn no_photographs(method: Method) -> Error {
 }
 
 /// What a method calls while it chooses.
-pub struct Outside<'o> {
+pub struct Callbacks<'o> {
     /// Photographs of candidates, for the methods that need them.
     pub photograph: Photograph<'o>,
     /// Whether to continue, for methods that take long.
@@ -79,9 +84,9 @@ pub struct Outside<'o> {
 pub fn photographing(
     context: &Arc<Context>,
     problem: &Problem<'_>,
-    request: &Request,
+    request: &BaselineRequest,
     model: Option<&Model>,
-    outside: Outside<'_>,
+    outside: Callbacks<'_>,
 ) -> Result<Plan> {
     let scene = problem.on(context)?;
     let candidates = PhotoSet { photos: candidates(problem, request), ..PhotoSet::default() };
@@ -92,22 +97,22 @@ pub fn photographing(
         behind_the_camera += start.elapsed();
         taken
     };
-    let timed = Outside { photograph: timed, go_on: outside.go_on };
+    let timed = Callbacks { photograph: timed, go_on: outside.go_on };
     let site = Site { context, problem, scene: &scene, candidates: &candidates, request, model };
     let poses = site.place(timed)?;
     let seconds = start.elapsed().saturating_sub(behind_the_camera).as_secs_f64();
     let outcome = Outcome { poses, history: Vec::new(), snapshots: Vec::new(), status: Status::Complete, seconds };
-    let Request { method, views, preset, seed, gate, held_out, .. } = *request;
+    let BaselineRequest { method, views, preset, seed, gate, held_out, .. } = *request;
     let viewers = request.viewers.clone();
     let config = Config { seed, gate, held_out, viewers, ..Config::new(preset, views) };
     let configuration =
         serde_json::to_value(request).map_err(|e| Error::request(format!("the request cannot be written: {e}")))?;
-    let placed = Placed { method: method.name(), configuration, outcome, outlook: None };
+    let placed = Placed { method: method.name(), configuration, outcome, prediction: None };
     conclude(context, problem, &scene, &config, placed)
 }
 
 /// The cameras that are kept, and behind them poses at random in the region.
-fn candidates(problem: &Problem<'_>, request: &Request) -> Vec<Photo> {
+fn candidates(problem: &Problem<'_>, request: &BaselineRequest) -> Vec<Photo> {
     let geometry = &problem.geometry;
     let [low, high, ..] = random::bits(request.seed, CANDIDATES, 0);
     let seed = u64::from(low) | u64::from(high) << 32;
@@ -134,7 +139,7 @@ enum Placement {
     /// Chosen among random poses.
     Choice(Rule),
     /// By the noise of a model.
-    Manifold(manifold::Settings),
+    Manifold(manifold::ManifoldSettings),
 }
 
 impl Placement {
@@ -142,7 +147,7 @@ impl Placement {
     ///
     /// # Errors
     /// Where the method is no baseline that places cameras, or does not fit the scene.
-    fn of(request: &Request) -> Result<Self> {
+    fn of(request: &BaselineRequest) -> Result<Self> {
         let refuse = |what: &str| Err(Error::request(format!("`method` {}: {what}", request.method.name())));
         Ok(match (request.method, request.method.rule()) {
             (Method::Random, _) => Self::Random,
@@ -171,13 +176,13 @@ struct Site<'s> {
     problem: &'s Problem<'s>,
     scene: &'s DeviceScene,
     candidates: &'s PhotoSet,
-    request: &'s Request,
+    request: &'s BaselineRequest,
     model: Option<&'s Model>,
 }
 
 impl Site<'_> {
     /// Poses in the user's world, in the order in which they were chosen.
-    fn place(&self, outside: Outside<'_>) -> Result<Vec<Pose>> {
+    fn place(&self, outside: Callbacks<'_>) -> Result<Vec<Pose>> {
         let Self { context, problem, request, .. } = *self;
         let (geometry, kept, views) = (&self.scene.geometry, problem.kept, request.views as usize);
         let back = geometry.to_internal.inverse();
@@ -207,7 +212,7 @@ impl Site<'_> {
     }
 
     /// As many of the candidates as there are to be views, by a rule.
-    fn choose(&self, rule: Rule, outside: Outside<'_>) -> Result<Vec<Pose>> {
+    fn choose(&self, rule: Rule, outside: Callbacks<'_>) -> Result<Vec<Pose>> {
         let Self { context, problem, scene, candidates, request, model } = *self;
         let photos = &candidates.photos;
         rule.check(photos.len())?;

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Loads a folder with photos that camsplat wrote as trainers load it, and says how far their cameras are from camsplat's.
 
-usage: python3 scripts/read_by_trainers.py CAPTURE [--gsplat CHECKOUT]
+usage: python3 research/read_by_trainers.py CAPTURE [--gsplat CHECKOUT]
 
 CAPTURE is the folder of `camsplat capture` or `camsplat select`. It is loaded by the two dataparsers of nerfstudio that read such folders,
 nerfstudio-data (transforms.json and points.ply) and colmap (sparse/0), and by Parser and Dataset of gsplat's examples/simple_trainer.py

@@ -1,7 +1,7 @@
 r"""Reads the files that camsplat writes with other programs, and says how far what these see is from camsplat's own cameras.
 
-usage: python3 scripts/read_outputs cloud FILE       a house in UTM coordinates as a cloud, PLY in double precision
-       python3 scripts/read_outputs run CAMSPLAT SURFACE DIR --geo PLACE --takeoff METRES [--env HDR] \
+usage: python3 research/read_outputs cloud FILE       a house in UTM coordinates as a cloud, PLY in double precision
+       python3 research/read_outputs run CAMSPLAT SURFACE DIR --geo PLACE --takeoff METRES [--env HDR] \
            [options of `camsplat plan`]
 
 `run` plans for the surface and exports the plan. Of a glTF surface it also takes small photos, selects among them, makes a proxy, trains

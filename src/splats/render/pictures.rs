@@ -23,7 +23,7 @@ use crate::{Error, Result};
 
 /// What pictures are made, and how.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct RenderSettings {
     /// Format of the files.
     pub format: Format,
     /// Write alpha and leave the background out.
@@ -72,7 +72,7 @@ pub struct Outcome {
 /// Cameras whose pictures have files and a size.
 pub struct Job<'a> {
     cameras: &'a [Camera],
-    settings: Settings,
+    settings: RenderSettings,
     /// Files of every camera, within the folder: picture and depths.
     names: Vec<[String; 2]>,
     /// Wide and high enough for every picture.
@@ -84,7 +84,7 @@ impl<'a> Job<'a> {
     ///
     /// # Errors
     /// Where two pictures would have the same file, a name is none, a picture is too large, or `near` is no depth.
-    pub fn new(cameras: &'a [Camera], settings: Settings) -> Result<Self> {
+    pub fn new(cameras: &'a [Camera], settings: RenderSettings) -> Result<Self> {
         if let Some(near) = settings.near.filter(|near| !(near.is_finite() && *near > 0.0)) {
             return Err(Error::request(format!("`near` is {near}; give a depth above 0")));
         }
@@ -163,7 +163,7 @@ impl<'a> Job<'a> {
     }
 
     fn renderer(&self, context: &Arc<Context>, gaussians: Gaussians) -> Result<(Frame, Renderer)> {
-        let Settings { depth, antialiased, .. } = self.settings;
+        let RenderSettings { depth, antialiased, .. } = self.settings;
         let frame = Frame::new(self.cameras, &gaussians.centres);
         let wanted = Wanted { antialiased, depths: depth, ..Wanted::default() };
         let renderer = Renderer::new(context, &frame.gaussians_to_training(gaussians), self.largest, wanted)?;
@@ -208,7 +208,7 @@ impl<'a> Job<'a> {
 
     /// Writes a picture, and its depths in units of which the frame's has `unit`.
     fn write(&self, task: &Task, unit: f64) -> Result<()> {
-        let Settings { format, alpha, depth, .. } = self.settings;
+        let RenderSettings { format, alpha, depth, .. } = self.settings;
         let Task { rendering, files: [picture, depths] } = task;
         let bytes = match alpha {
             true => picture::colours(format, rendering.width, &rendering.straight(), true)?,
@@ -237,7 +237,7 @@ struct Task {
 }
 
 /// Files of each camera's picture and depths, by its name.
-fn names(cameras: &[Camera], settings: Settings) -> Result<Vec<[String; 2]>> {
+fn names(cameras: &[Camera], settings: RenderSettings) -> Result<Vec<[String; 2]>> {
     let mut owners = HashMap::new();
     let mut names = Vec::with_capacity(cameras.len());
     for camera in cameras {
@@ -276,7 +276,7 @@ mod tests {
     use super::*;
     use crate::scene::camera::Pose;
 
-    const SETTINGS: Settings = Settings {
+    const SETTINGS: RenderSettings = RenderSettings {
         format: Format::Png,
         alpha: false,
         depth: false,
@@ -291,7 +291,7 @@ mod tests {
         names.iter().map(|name| Camera { name: (*name).into(), pose, intrinsics }).collect()
     }
 
-    fn refusal(names: &[&str], settings: Settings) -> String {
+    fn refusal(names: &[&str], settings: RenderSettings) -> String {
         Job::new(&cameras(names), settings).err().unwrap().to_string()
     }
 
@@ -323,7 +323,7 @@ mod tests {
         assert!(Job::new(&cameras(&["a.jpg", "b/a.jpg", "a.depth.jpg"]), SETTINGS).is_ok());
         assert!(refusal(&["a.jpg", "b.jpg", "a.png"], SETTINGS).contains(r#""a.jpg" and "a.png" would both be a.png"#));
         assert!(refusal(&["a.jpg", "../a.jpg"], SETTINGS).contains("would both be a.png"));
-        let exr = Settings { format: Format::Exr, depth: true, ..SETTINGS };
+        let exr = RenderSettings { format: Format::Exr, depth: true, ..SETTINGS };
         assert!(refusal(&["a.jpg", "a.depth.jpg"], exr).contains("would both be a.depth.exr"));
         assert!(refusal(&["a.jpg", "a.png/b.jpg"], SETTINGS).contains("would lie in a.png, which is another's"));
     }
@@ -335,7 +335,7 @@ mod tests {
         large[1].intrinsics.height = 65_536;
         assert!(Job::new(&large, SETTINGS).err().unwrap().to_string().contains("64 x 65536 pixels"));
         for near in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(refusal(&["a"], Settings { near: Some(near), ..SETTINGS }).contains("give a depth above 0"));
+            assert!(refusal(&["a"], RenderSettings { near: Some(near), ..SETTINGS }).contains("give a depth above 0"));
         }
     }
 
