@@ -46,7 +46,7 @@ if [ ${#missing[@]} -gt 0 ]; then
     # One at a time: a name that this release does not have must not keep the others from being installed.
     for package in "${missing[@]}"; do
         "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$package" >/dev/null ||
-            echo "setup.sh: could not install $package; see README.md, Two commands" >&2
+            echo "setup.sh: could not install $package; see README.md, Install" >&2
     done
 fi
 

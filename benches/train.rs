@@ -183,7 +183,7 @@ const STAGES: [&str; 12] = [
     "radix_scatter",
     "splat_count",
     "splat_emit",
-    "splat_ranges",
+    "key_ranges",
     "splat_forward",
     "photo_ssim",
     "photo_gradient",
@@ -213,7 +213,7 @@ impl Traffic {
             "radix_scatter" => 16 * sorted,
             "splat_count" => (4 + 48 + 4) * splats,
             "splat_emit" => (12 + 48 + 8) * splats + 12 * instances,
-            "splat_ranges" => 4 * instances,
+            "key_ranges" => 4 * instances,
             // A checkpoint of 256 pixels every 128 instances.
             "splat_forward" => (8 + 48 + 32) * instances + 20 * pixels,
             "photo_ssim" => (20 + 36) * pixels,

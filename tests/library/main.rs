@@ -12,6 +12,7 @@ mod engine {
     mod embed;
     mod primitives_arithmetic;
     mod primitives_copy;
+    mod primitives_key_ranges;
     mod primitives_radix_sort;
     mod primitives_reduce;
     mod primitives_scan;

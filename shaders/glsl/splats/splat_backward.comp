@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_KHR_shader_subgroup_shuffle : require
-// Gaussian splatting, 6: the gradient of the loss by what each instance brings to its tile. Each instance has a place of its
+// Gaussian splatting, 5: the gradient of the loss by what each instance brings to its tile. Each instance has a place of its
 // own to write to, so that no order of execution can show.
 #include "shared/group.glsl"
 #include "splats/gaussian.glsl"

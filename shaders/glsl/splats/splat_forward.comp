@@ -3,7 +3,7 @@
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_KHR_shader_subgroup_ballot : require
 #extension GL_KHR_shader_subgroup_vote : require
-// Gaussian splatting, 5: a workgroup composites the pixels of a tile, front to back. At every BLOCK-th instance it leaves a
+// Gaussian splatting, 4: a workgroup composites the pixels of a tile, front to back. At every BLOCK-th instance it leaves a
 // checkpoint, from which the backward pass continues. The lanes of a block find out together which instances reach it, and take
 // TOGETHER of them at a time: their alphas do not wait for one another.
 #include "shared/group.glsl"

@@ -1,7 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
-// Gaussian splatting, 7: every Gaussian sums its instances' gradients, in order, carries it back through the projection to its
+// Gaussian splatting, 6: every Gaussian sums its instances' gradients, in order, carries it back through the projection to its
 // parameters, and takes a step of Adam. The exploration noise of 3DGS-MCMC (Kheradmand et al. 2024) follows at once.
 #include "shared/adam.glsl"
 #include "shared/fold.glsl"

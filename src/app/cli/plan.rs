@@ -96,40 +96,54 @@ pub struct Arguments {
     tuning: Tuning,
 }
 
-/// The optimisation. What is left out is the default of the preset and the method.
+/// Declares options that are fields of [`Config`], and what sets those that are given.
+macro_rules! of_config {
+    ($($(#[$meta:meta])* $field:ident: $kind:ty,)*) => {
+        /// Options of all objectives. What is left out is the default of the preset and the method.
+        #[derive(Args, Debug, Default)]
+        pub struct OfConfig {
+            $($(#[$meta])* #[arg(long)] $field: Option<$kind>,)*
+        }
+
+        impl OfConfig {
+            fn set(&self, config: &mut Config) {
+                $(if let Some(given) = self.$field { config.$field = given; })*
+            }
+        }
+    };
+}
+
+of_config! {
+    /// Iterations [default: 100; in rooms 600; with --method paper 1000]
+    iterations: u32,
+    /// Viewers per iteration; with --method paper point cameras [default: 20]
+    probes: u32,
+    /// Field-of-view test while optimising [default: pinhole; with --method paper soft]
+    #[arg(value_enum)]
+    gate: Gate,
+    /// Softness of the gate, in cosines (cone) or sines (pinhole) [default: 0.01; with --method paper 0.02]
+    gate_softness: f32,
+    /// Weight of the region term [default: 10]
+    lambda_bound: f32,
+    /// Learning rate of positions, in radii of the region [default: 0.015; with --method paper 0.0065]
+    lr_position: f32,
+    /// Learning rate of directions [default: 0.05; with --method paper 0.02]
+    lr_direction: f32,
+    /// Surface points for the geometric metrics, apart from those that are planned for [default: 1000]
+    held_out: u32,
+    /// Iterations between checkpoints of the metrics [default: 50]
+    checkpoint_every: u32,
+}
+
+/// The optimisation.
 #[derive(Args, Debug, Default)]
 #[command(next_help_heading = "Optimisation")]
 pub struct Tuning {
     /// Seed of every random number
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Iterations [default: 100; in rooms 600; with --method paper 1000]
-    #[arg(long)]
-    iterations: Option<u32>,
-    /// Viewers per iteration; with --method paper point cameras [default: 20]
-    #[arg(long)]
-    probes: Option<u32>,
-    /// Field-of-view test while optimising [default: pinhole; with --method paper soft]
-    #[arg(long, value_enum)]
-    gate: Option<Gate>,
-    /// Softness of the gate, in cosines (cone) or sines (pinhole) [default: 0.01; with --method paper 0.02]
-    #[arg(long)]
-    gate_softness: Option<f32>,
-    /// Weight of the region term [default: 10]
-    #[arg(long)]
-    lambda_bound: Option<f32>,
-    /// Learning rate of positions, in radii of the region [default: 0.015; with --method paper 0.0065]
-    #[arg(long)]
-    lr_position: Option<f32>,
-    /// Learning rate of directions [default: 0.05; with --method paper 0.02]
-    #[arg(long)]
-    lr_direction: Option<f32>,
-    /// Surface points for the geometric metrics, apart from those that are planned for [default: 1000]
-    #[arg(long)]
-    held_out: Option<u32>,
-    /// Iterations between checkpoints of the metrics [default: 50]
-    #[arg(long)]
-    checkpoint_every: Option<u32>,
+    #[command(flatten)]
+    own: OfConfig,
     // The last, since its heading would stand above whatever follows.
     #[command(flatten, next_help_heading = "The paper's objective (--method paper, paper-no-vds and paper-iterative)")]
     paper: PaperConfig,
@@ -141,24 +155,13 @@ impl Tuning {
     /// # Errors
     /// Where options of the paper's objective are given to another method.
     pub fn config(&self, preset: Preset, views: u32, method: Method) -> Result<Config> {
-        fn set<T: Copy>(target: &mut T, given: Option<T>) {
-            *target = given.unwrap_or(*target);
-        }
         let plain = if method.is_paper() { Config::paper(preset, views) } else { Config::new(preset, views) };
         if let (false, Some(option)) = (method.is_paper(), self.of_paper()) {
             return Err(Error::request(format!("--{option} goes with --method paper; leave it out, or give that")));
         }
         let mut config = plain.with_paper(|own| *own = self.paper.clone());
         config.seed = self.seed;
-        set(&mut config.iterations, self.iterations);
-        set(&mut config.probes, self.probes);
-        set(&mut config.gate, self.gate);
-        set(&mut config.gate_softness, self.gate_softness);
-        set(&mut config.lambda_bound, self.lambda_bound);
-        set(&mut config.lr_position, self.lr_position);
-        set(&mut config.lr_direction, self.lr_direction);
-        set(&mut config.held_out, self.held_out);
-        set(&mut config.checkpoint_every, self.checkpoint_every);
+        self.own.set(&mut config);
         Ok(config)
     }
 
@@ -183,7 +186,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let config = match arguments.connect {
         Some(degrees) => {
             let connected = config.connected(degrees)?;
-            Config { iterations: arguments.tuning.iterations.unwrap_or(connected.iterations), ..connected }
+            Config { iterations: arguments.tuning.own.iterations.unwrap_or(connected.iterations), ..connected }
         }
         None => config,
     };

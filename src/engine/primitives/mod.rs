@@ -1,4 +1,4 @@
-//! Parallel primitives: scan, radix sort, reduce; copy and arithmetic as yardsticks. Nothing here knows of splats.
+//! Parallel primitives: scan, radix sort, ranges of keys, reduce; copy and arithmetic as yardsticks. Nothing here knows of splats.
 //!
 //! Each owns its pipelines and scratch, made once for a largest number of elements, and records into the caller's
 //! [`Recorder`](crate::engine::vulkan::Recorder). How many elements there are may be known to the host or only to the device
@@ -7,9 +7,9 @@
 //!
 //! ```no_run
 //! use camsplat::engine::primitives::{Count, RadixSort};
-//! use camsplat::engine::vulkan::{Buffer, Context, Options, Recorder};
+//! use camsplat::engine::vulkan::{Buffer, Context, ContextOptions, Recorder};
 //!
-//! let context = Context::new(&Options::default())?;
+//! let context = Context::new(&ContextOptions::default())?;
 //! let depths = Buffer::from_slice(&context, "depths", &[0.5f32, 2.0, 0.25])?;
 //! let splats = Buffer::from_slice(&context, "splats", &[0u32, 1, 2])?;
 //! let sort = RadixSort::new(&context, 3)?;
@@ -25,6 +25,7 @@ mod copy;
 mod count;
 mod counted;
 mod digits;
+mod key_ranges;
 mod radix_sort;
 mod reduce;
 mod scan;
@@ -35,6 +36,7 @@ pub use arithmetic::Arithmetic;
 pub use copy::Copy;
 pub use count::Count;
 pub use digits::Sorted;
+pub use key_ranges::KeyRanges;
 pub use radix_sort::RadixSort;
 pub use reduce::{Operation, Reduce};
 pub use scan::Scan;

@@ -21,6 +21,15 @@ pub fn radix_sort(keys: &[u32], values: &[u32], bits: u32) -> (Vec<u32>, Vec<u32
     pairs.into_iter().unzip()
 }
 
+/// First element of each key among sorted ones, and the one after the last; of `count` keys.
+pub fn key_ranges(sorted: &[u32], count: usize) -> Vec<[u32; 2]> {
+    let of = |key: u32| {
+        let [first, end] = [key, key + 1].map(|key| sorted.partition_point(|other| *other < key) as u32);
+        if first == end { [0, 0] } else { [first, end] }
+    };
+    (0..count as u32).map(of).collect()
+}
+
 /// All elements folded into one, floats as their bits, in the shaders' order.
 pub fn reduce(operation: Operation, elements: &[u32]) -> u32 {
     let partials: Vec<u32> = elements.chunks(BLOCK as usize).map(|block| reduce_block(operation, block)).collect();

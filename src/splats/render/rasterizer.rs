@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::frame::View;
 use super::layout::{BLOCK, PassPush, Projected, SUMS, SplatConstants, TILE, TileConstants};
 use super::wanted::Wanted;
-use crate::engine::primitives::{Count, RadixSort, Scan};
+use crate::engine::primitives::{Count, KeyRanges, RadixSort, Scan};
 use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder, footprint};
 use crate::{Error, Result};
 
@@ -28,10 +28,6 @@ crate::stage!(
         read views, read population, read projected, read depth_splats, read tile_counts, read tile_offsets,
         write tile_keys, write tile_instances, write instance_splats, write runs,
     } with [View, Projected]
-);
-crate::stage!(
-    /// Instances of each tile.
-    pub(crate) SplatRangesStage = splat_ranges(PassPush) { read counts, read tile_keys, write ranges }
 );
 crate::stage!(
     /// Compositing, a workgroup per tile.
@@ -117,7 +113,6 @@ pub struct Rasterizer {
     project: Pipeline,
     count: Pipeline,
     emit: Pipeline,
-    ranges: Pipeline,
     forward: Pipeline,
     backward: Pipeline,
     scan: Scan,
@@ -153,6 +148,7 @@ struct Lists {
     /// Sums of each instance in the order of emission, or of each Gaussian in the fast way, where gradients are requested.
     partials: Buffer,
     sort: RadixSort,
+    ranges: KeyRanges,
 }
 
 impl Lists {
@@ -166,6 +162,7 @@ impl Lists {
             checkpoints: buffer("checkpoints")?,
             partials: buffer("partials")?,
             sort: RadixSort::new(context, sizes.gaussians.max(sizes.capacity))?,
+            ranges: KeyRanges::new(context, sizes.capacity)?,
         })
     }
 }
@@ -237,7 +234,6 @@ impl Rasterizer {
             project: Pipeline::new::<SplatProjectStage>(context, &constants)?,
             count: Pipeline::new::<SplatCountStage>(context, &())?,
             emit: Pipeline::new::<SplatEmitStage>(context, &())?,
-            ranges: Pipeline::new::<SplatRangesStage>(context, &())?,
             forward: Pipeline::new::<SplatForwardStage>(context, &tiled(threads.forward))?,
             backward: backward(context, &tiled(lanes))?,
             scan: Scan::new(context, sizes.gaussians)?,
@@ -341,7 +337,7 @@ impl Rasterizer {
         size: Size,
         push: &PassPush,
     ) -> Result<Instances<'a>> {
-        let Sizes { gaussians, capacity, .. } = self.sizes;
+        let gaussians = self.sizes.gaussians;
         let population = || Count::Device(&model.population, 0);
         let by_gaussian = gaussians.div_ceil(64);
         commands
@@ -395,14 +391,7 @@ impl Rasterizer {
         let instances = Count::Device(&self.counts, 0);
         let by_tile =
             self.lists.sort.pairs(commands, &self.lists.tile_keys, &self.lists.tile_instances, instances, bits)?;
-        commands.fill(&self.tile_ranges, 0);
-        commands
-            .stage(
-                &self.ranges,
-                SplatRangesStage { counts: &self.counts, tile_keys: by_tile.keys, ranges: &self.tile_ranges },
-            )
-            .push(push)
-            .linear(capacity.div_ceil(256));
+        self.lists.ranges.record(commands, by_tile.keys, instances, &self.tile_ranges)?;
         commands
             .stage(
                 &self.forward,

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::shared::{InstanceSum, PaperConstants, PaperSettings, Scale, Tally};
 use super::state::State;
 use crate::Result;
-use crate::engine::primitives::{Count, RadixSort, Scan};
+use crate::engine::primitives::{Count, KeyRanges, RadixSort, Scan};
 use crate::engine::vulkan::shaders::glsl::planner::plan::paper::bin;
 use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::planner::plan::objective::Run;
@@ -41,11 +41,6 @@ crate::stage!(
         read settings, read control, read splats, read probes, read cones, read pairs, read depth_slots, read counts,
         read tile_offsets, write tile_keys, write tile_instances, write instance_slots, write runs, read paper, read scale_state,
     } with [Settings, Control, CameraState, Probe, PaperSettings, Scale]
-);
-crate::stage!(
-    /// Instances of each tile.
-    pub(crate) BinRangesStage = bin_ranges<PaperConstants>(()) { read paper, read control, read counts, read tile_keys, write ranges }
-    with [PaperSettings, Control]
 );
 crate::stage!(
     /// Compositing, a workgroup per tile.
@@ -85,7 +80,7 @@ pub(super) struct Binned {
     list: Pipeline,
     count: Pipeline,
     emit: Pipeline,
-    ranges: Pipeline,
+    ranges: KeyRanges,
     forward: Pipeline,
     backward: Pipeline,
     gather: Pipeline,
@@ -172,7 +167,7 @@ impl Binned {
             list: Pipeline::new::<BinListStage>(context, constants)?,
             count: Pipeline::new::<BinCountStage>(context, constants)?,
             emit: Pipeline::new::<BinEmitStage>(context, constants)?,
-            ranges: Pipeline::new::<BinRangesStage>(context, constants)?,
+            ranges: KeyRanges::new(context, s.instances)?,
             forward: Pipeline::new::<BinForwardStage>(context, constants)?,
             backward: Pipeline::new::<BinBackwardStage>(context, constants)?,
             gather: Pipeline::new::<BinGatherStage>(context, constants)?,
@@ -288,19 +283,7 @@ impl Binned {
         let bits = 32 - (s.probes * tiles - 1).leading_zeros().min(31);
         let instances = Count::Device(&self.counts, 1);
         let by_tile = self.sort.pairs(commands, &self.tile_keys, &self.tile_instances, instances, bits)?;
-        commands.fill(&self.tile_ranges, 0);
-        commands
-            .stage(
-                &self.ranges,
-                BinRangesStage {
-                    paper: &own.paper,
-                    control: &b.control,
-                    counts: &self.counts,
-                    tile_keys: by_tile.keys,
-                    ranges: &self.tile_ranges,
-                },
-            )
-            .linear(s.instances.div_ceil(256));
+        self.ranges.record(commands, by_tile.keys, instances, &self.tile_ranges)?;
         commands
             .stage(
                 &self.forward,

@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Binned pass, 7 of 9: a workgroup per tile of a probe sums, instance by instance, over the residuals of its texels. Each
+// Binned pass, 6 of 8: a workgroup per tile of a probe sums, instance by instance, over the residuals of its texels. Each
 // instance has its own place to write to, so no order of execution can show.
 #include "shared/fold.glsl"
 #include "planner/plan/plan.glsl"

@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Binned pass, 3 of 9: in the order of depth, how many tiles does each pair's kernel reach into?
+// Binned pass, 3 of 8: in the order of depth, how many tiles does each pair's kernel reach into?
 #include "shared/group.glsl"
 #include "planner/plan/plan.glsl"
 #include "planner/plan/paper/paper.glsl"

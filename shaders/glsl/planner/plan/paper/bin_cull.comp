@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Binned pass, 1 of 9: a thread per (probe, splat) tests whether the probe can see the splat at all (the gate).
+// Binned pass, 1 of 8: a thread per (probe, splat) tests whether the probe can see the splat at all (the gate).
 #include "shared/group.glsl"
 #include "planner/plan/plan.glsl"
 #include "planner/plan/paper/paper.glsl"

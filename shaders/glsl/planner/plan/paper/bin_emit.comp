@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Binned pass, 4 of 9: an instance for each tile that a pair's kernel reaches into, in the order of depth.
+// Binned pass, 4 of 8: an instance for each tile that a pair's kernel reaches into, in the order of depth.
 #include "shared/group.glsl"
 #include "planner/plan/plan.glsl"
 #include "planner/plan/paper/paper.glsl"

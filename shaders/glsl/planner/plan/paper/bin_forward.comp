@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Binned pass, 6 of 9: a workgroup per tile of a probe composites its instances front to back, a texel to a thread.
+// Binned pass, 5 of 8: a workgroup per tile of a probe composites its instances front to back, a texel to a thread.
 // The loop over instances takes four at a time: lavapipe ends an invocation's loops after 65,535 iterations.
 #include "shared/fold.glsl"
 #include "planner/plan/plan.glsl"

@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Binned pass, 8 of 9: each pair sums its instances in order and becomes a gradient by the splat's pose.
+// Binned pass, 7 of 8: each pair sums its instances in order and becomes a gradient by the splat's pose.
 #include "shared/group.glsl"
 #include "planner/plan/plan.glsl"
 #include "planner/plan/paper/paper.glsl"

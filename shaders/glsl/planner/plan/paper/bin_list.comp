@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Binned pass, 2 of 9: the pairs that passed take their slots, in the order of the scan; what is sorted next is their
+// Binned pass, 2 of 8: the pairs that passed take their slots, in the order of the scan; what is sorted next is their
 // distance (its bits sort as the number does) with the slot.
 #include "shared/group.glsl"
 #include "planner/plan/plan.glsl"

@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Binned pass, 9 of 9: a workgroup per probe sums its tiles and its splats, as the dense pass does at its end.
+// Binned pass, 8 of 8: a workgroup per probe sums its tiles and its splats, as the dense pass does at its end.
 #include "shared/fold.glsl"
 #include "planner/plan/plan.glsl"
 #include "planner/plan/paper/paper.glsl"
