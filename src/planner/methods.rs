@@ -195,6 +195,11 @@ impl Method {
         METHODS.iter().find(|entry| entry.name == name || entry.alias == Some(name)).map(|entry| entry.method)
     }
 
+    /// Whether it minimises the paper's objective.
+    pub fn is_paper(self) -> bool {
+        matches!(self, Self::Paper | Self::PaperNoVds | Self::PaperIterative)
+    }
+
     /// Whether it chooses by a model of the scene.
     pub fn needs_model(self) -> bool {
         matches!(self, Self::Fisher | Self::Cover | Self::Manifold)

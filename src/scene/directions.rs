@@ -11,7 +11,7 @@ pub struct RelativeMove {
     pub right: f64,
     /// Ahead along the level part of where the first looks.
     pub ahead: f64,
-    /// Up.
+    /// How far up, in units of the scene.
     pub up: f64,
     /// Turn to the right, in radians.
     pub turn: f64,

@@ -14,7 +14,7 @@ use crate::{Error, Result};
 /// A flat disc that represents the surface around a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disc {
-    /// Centre.
+    /// Centre in the world.
     pub centre: DVec3,
     /// Unit normal, toward the visible side.
     pub normal: DVec3,

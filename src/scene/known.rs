@@ -49,7 +49,8 @@ impl KnownSpace {
     pub fn proven(
         sights: &[Sight],
         joined: impl Fn(usize, usize) -> bool + Sync,
-        (reach, up): (Option<f64>, DVec3),
+        reach: Option<f64>,
+        up: DVec3,
     ) -> Result<Self> {
         let places: Vec<DVec3> = sights.iter().map(|sight| sight.position).collect();
         let reach = reach.unwrap_or_else(|| STEPS * step(sights));
@@ -295,7 +296,7 @@ mod tests {
             .iter()
             .map(|camera| Sight::new(camera, points.iter().copied().filter(|p| camera.sees(*p)), &[]))
             .collect();
-        let space = KnownSpace::proven(&sights, |_, _| true, (reach, DVec3::Z)).unwrap();
+        let space = KnownSpace::proven(&sights, |_, _| true, reach, DVec3::Z).unwrap();
         (cameras, space)
     }
 
@@ -348,9 +349,9 @@ mod tests {
         };
         let spaced = |step: f64| (0..20).map(|i| sight(step * f64::from(i))).collect::<Vec<_>>();
         let reach =
-            |step: f64| KnownSpace::proven(&spaced(step), |_, _| true, (None, DVec3::Z)).unwrap().reach().unwrap();
+            |step: f64| KnownSpace::proven(&spaced(step), |_, _| true, None, DVec3::Z).unwrap().reach().unwrap();
         assert!((reach(0.8) - 1.6).abs() < 1e-9 && (reach(0.01) - 1.0).abs() < 0.02, "{} {}", reach(0.8), reach(0.01));
-        assert!(KnownSpace::proven(&[sight(0.0)], |_, _| true, (Some(0.0), DVec3::Z)).is_err());
+        assert!(KnownSpace::proven(&[sight(0.0)], |_, _| true, Some(0.0), DVec3::Z).is_err());
     }
 
     /// If this failed, a plan that is scored, or replanned, would be so within another space than its own.

@@ -7,11 +7,11 @@ use super::surface::{Mesh, Surface};
 /// A scene to be photographed, in the frame of its file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
-    /// Vertices.
+    /// Vertices, which triangles name by index.
     pub vertices: Vec<Vertex>,
     /// Triangles, counter-clockwise from their front.
     pub faces: Vec<Face>,
-    /// Materials.
+    /// Materials, which triangles name by index.
     pub materials: Vec<Material>,
     /// Pictures that the materials' maps show.
     pub images: Vec<Image>,
@@ -232,11 +232,11 @@ pub struct Map {
 /// Eight bits of red, green, blue and alpha, from the top left, as the file has them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Image {
-    /// Columns.
+    /// Columns of texels.
     pub width: u32,
-    /// Rows.
+    /// Rows of texels.
     pub height: u32,
-    /// Pixels.
+    /// Texels, row by row: 8-bit RGBA.
     pub pixels: Vec<[u8; 4]>,
 }
 
@@ -274,7 +274,7 @@ pub struct Lamp {
 /// Light from infinitely far, by direction. Up is +Y: row 0 is there, and `u = 0.5 + atan2(z, x) / 2 pi`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Environment {
-    /// Columns.
+    /// Columns of texels.
     pub width: u32,
     /// Rows, half as many as there are columns.
     pub height: u32,

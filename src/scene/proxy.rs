@@ -14,7 +14,7 @@ use crate::{Error, Result};
 pub enum Occluder {
     /// Triangles of non-zero area, counter-clockwise from the visible side.
     Triangles(Vec<[DVec3; 3]>),
-    /// Discs.
+    /// Discs of a point cloud.
     Discs(Vec<Disc>),
 }
 

@@ -5,7 +5,7 @@ use glam::DVec3;
 /// A surface read from a file, in the file's own frame and units.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Surface {
-    /// Triangles.
+    /// A mesh of triangles.
     Mesh(Mesh),
     /// Points without connectivity: a scan, a sparse model, the centres of a trained splat.
     Points(Points),
@@ -27,7 +27,7 @@ pub struct Mesh {
 /// Points with optional attributes; each attribute is empty or as long as `positions`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
-    /// Positions.
+    /// Positions in the world.
     pub positions: Vec<DVec3>,
     /// Unit normals (zero where a file gives none for that point).
     pub normals: Vec<DVec3>,

@@ -29,7 +29,7 @@ pub enum Preset {
 }
 
 impl Preset {
-    /// Iterations.
+    /// Iterations of a training with the preset.
     pub fn iterations(self) -> u32 {
         match self {
             Self::Full => 30_000,
@@ -60,14 +60,14 @@ impl Start {
     }
 }
 
-/// Background.
+/// What lies behind all splats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Background {
-    /// Black.
+    /// Black everywhere.
     Black,
-    /// White.
+    /// White everywhere.
     White,
     /// A new colour in every iteration; test views are rendered on black.
     Random,
@@ -76,7 +76,7 @@ pub enum Background {
 /// Configuration of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainConfig {
-    /// Iterations.
+    /// Iterations of the training, a picture each.
     pub iterations: u32,
     /// Most Gaussians.
     pub max_splats: u32,
@@ -84,7 +84,7 @@ pub struct TrainConfig {
     pub strategy: Strategy,
     /// Degree of the harmonics, 0 to 3.
     pub degree: u32,
-    /// Background.
+    /// What lies behind all splats.
     pub background: Background,
     /// Opacities reduced by what the low-pass widens.
     pub antialiased: bool,

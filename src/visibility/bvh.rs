@@ -88,9 +88,9 @@ pub struct Triangle {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Disc {
-    /// Centre.
+    /// Centre, in the frame of the hierarchy.
     pub centre: [f32; 3],
-    /// Radius.
+    /// Radius, in lengths of that frame.
     pub radius: f32,
     /// Unit normal.
     pub normal: [f32; 3],
@@ -101,9 +101,9 @@ pub struct Disc {
 /// The primitives in the order of the leaves.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Primitives {
-    /// Triangles.
+    /// The triangles of a mesh.
     Triangles(Vec<Triangle>),
-    /// Discs.
+    /// The discs of a point cloud.
     Discs(Vec<Disc>),
 }
 

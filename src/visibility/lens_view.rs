@@ -8,7 +8,7 @@ use crate::scene::similarity::Similarity;
 crate::gpu_struct! {
     /// A posed lens in the frame that rays are cast in; see [`Distortion`](crate::scene::lens::Distortion).
     pub struct LensView {
-        /// Position.
+        /// Centre of the camera.
         pub position: [f32; 3],
         /// Radius |(x/z, y/z)| past which directions are outside the lens.
         pub limit: f32,

@@ -54,12 +54,20 @@ pub struct BaselineOptions {
     pub model: ModelOptions,
 }
 
+/// A baseline that is to place the cameras.
+pub struct Baseline {
+    /// What is asked of it.
+    pub request: BaselineRequest,
+    /// The trained splats that it chooses by.
+    model: Option<Model>,
+}
+
 impl BaselineOptions {
     /// What is asked of a baseline; none where the planner is to place the cameras.
     ///
     /// # Errors
     /// An option that the method does not take.
-    pub fn request(&self, config: &Config) -> Result<Option<(BaselineRequest, Option<Model>)>> {
+    pub fn request(&self, config: &Config) -> Result<Option<Baseline>> {
         if self.method.needs_photographs() {
             return Err(placing::no_photographs(self.method));
         }
@@ -91,20 +99,20 @@ impl BaselineOptions {
             manifold.learn = self.noise_steps.unwrap_or(manifold.learn);
         }
         request.model = model.as_ref().map(|model| model.path.clone());
-        Ok(Some((request, model)))
+        Ok(Some(Baseline { request, model }))
     }
 }
 
 /// Places cameras as a baseline does, writes the folder and prints what came out.
 pub fn run(
     context: &Arc<Context>,
-    (request, model): &(BaselineRequest, Option<Model>),
+    baseline: &Baseline,
     problem: &Problem<'_>,
     photos: Option<&PhotoSet>,
     order: Order,
     folder: OutputFolder,
 ) -> Result<Ended> {
-    let mut plan = placing::run(context, problem, request, model.as_ref())?;
+    let mut plan = placing::run(context, problem, &baseline.request, baseline.model.as_ref())?;
     order.apply(&mut plan);
     print_messages(context);
     // From here on the first Ctrl-C is not heard, so that no half of a folder is left.

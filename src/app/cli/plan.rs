@@ -194,11 +194,11 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let baseline = arguments.baselines.request(&config)?;
     let in_turn = config.of_paper().is_some_and(|own| own.iterative) || baseline.is_some();
     let order = arguments.order.unwrap_or(if in_turn { Order::None } else { Order::Tour });
-    if let (Some((baseline, _)), true) = (
+    if let (Some(baseline), true) = (
         &baseline,
         arguments.dry_run || arguments.profile || arguments.trace.is_some() || arguments.renderdoc.is_some(),
     ) {
-        let name = baseline.method.name();
+        let name = baseline.request.method.name();
         return Err(Error::request(format!("--method {name} takes no --dry-run, --profile, --trace or --renderdoc")));
     }
     for file in [&arguments.trace, &arguments.renderdoc].into_iter().flatten() {
@@ -254,8 +254,8 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     if arguments.curve {
         return draw_curve(&context, &problem, &config, folder);
     }
-    if let Some(request) = &baseline {
-        return baselines::run(&context, request, &problem, photos.as_ref(), order, folder);
+    if let Some(baseline) = &baseline {
+        return baselines::run(&context, baseline, &problem, photos.as_ref(), order, folder);
     }
 
     stop_on_interrupt()?;

@@ -11,10 +11,10 @@ function drawCharts(plan) {
   const log = history.loss.every((v) => v === null || v > 0);
   lineChart("chart-loss", history.iteration, terms.reverse(), { y: "loss", log });
   // Expected quality knows no scale, and one that is held has nothing to show.
-  if (new Set(history.scale).size > 1) {
-    lineChart("chart-scale", history.iteration, [line("scale s", history.scale, 1)], { y: "scale s" });
-  } else {
+  if (new Set(history.scale).size === 1) {
     document.getElementById("chart-scale").style.display = "none";
+  } else {
+    lineChart("chart-scale", history.iteration, [line("scale s", history.scale, 1)], { y: "scale s" });
   }
 
   const percent = (values) => values.map((v) => (v === null ? null : 100 * v));

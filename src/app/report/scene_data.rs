@@ -23,7 +23,7 @@ pub struct SceneData<'a> {
     pub words: Words,
     /// What all positions are relative to.
     pub origin: DVec3,
-    /// Up.
+    /// Unit vector that points up in the world.
     pub up: DVec3,
     /// Where cameras may be, where that is known.
     pub region: Option<RegionData>,

@@ -76,7 +76,7 @@ pub enum Kind {
     IntegratedGpu,
     /// A GPU of a virtual machine.
     VirtualGpu,
-    /// Software.
+    /// A processor that runs shaders in software, such as lavapipe.
     Cpu,
     /// None of these.
     #[default]

@@ -21,7 +21,7 @@ impl Default for Profile {
 /// One row of the table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// Stage.
+    /// The stage's name: that of its shader file.
     pub name: &'static str,
     /// Times that it ran.
     pub runs: usize,

@@ -66,7 +66,7 @@ fn file_of(folder: &Path, name: &str) -> Option<PathBuf> {
 pub struct Raster {
     /// Pixels in a row.
     pub width: u32,
-    /// Rows.
+    /// Rows of pixels.
     pub height: u32,
     /// The numbers.
     pub values: Vec<f32>,

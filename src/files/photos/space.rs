@@ -33,7 +33,7 @@ impl PhotoSet {
         let seen = self.seen();
         let (taken, sights) = self.sights(&seen, surface);
         let joined = |a: usize, b: usize| !self.tells() || shared(&seen[taken[a]], &seen[taken[b]]) >= SHARED;
-        KnownSpace::proven(&sights, joined, (reach, up))
+        KnownSpace::proven(&sights, joined, reach, up)
     }
 
     /// A photographer's step, as its photos show it; see [`step`].

@@ -17,7 +17,7 @@ use crate::planner::plan::preparation::PROBE_STREAM;
 use crate::planner::plan::problem::Problem;
 use crate::planner::plan::record::Status;
 use crate::planner::plan::run::Outcome;
-use crate::planner::plan::starts::even_layout;
+use crate::planner::plan::simple_layouts::even_layout;
 use crate::planner::select::information::Model;
 use crate::planner::select::pool::Pool;
 use crate::planner::select::retrained::Photograph;

@@ -11,23 +11,6 @@ use crate::planner::select::{acp, information, retrained};
 use crate::{Error, Result};
 
 impl Method {
-    /// Whether it minimises the paper's objective.
-    pub fn is_paper(self) -> bool {
-        matches!(self, Self::Paper | Self::PaperNoVds | Self::PaperIterative)
-    }
-
-    /// The planner's configuration, where this is the planner or a variant of it.
-    pub fn planner(self, config: &Config) -> Option<Config> {
-        let paper = || config.clone().to_paper();
-        match self {
-            Self::Ours | Self::OursTwoPasses => Some(config.clone()),
-            Self::Paper => Some(paper()),
-            Self::PaperNoVds => Some(paper().with_paper(|own| own.vds = false)),
-            Self::PaperIterative => Some(paper().with_paper(|own| (own.vds, own.iterative) = (false, true))),
-            _ => None,
-        }
-    }
-
     /// Candidates to choose `views` from by default; none where there is no choice.
     pub fn candidates(self, views: u32) -> Option<u32> {
         let usual = match self {
@@ -46,7 +29,7 @@ impl Method {
 /// A request for a plan by a baseline, as `plan.json` records it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BaselineRequest {
-    /// How.
+    /// The method that places the cameras.
     pub method: Method,
     /// Cameras to place.
     pub views: u32,

@@ -10,7 +10,7 @@ use super::competitor::Competitor;
 use super::kind::Kind;
 use super::passes;
 use super::request::Run;
-use super::scene_artifacts::SceneArtifacts;
+use super::scene_artifacts::{MethodInputs, SceneArtifacts};
 use super::settings::{BaselinesFrom, Space};
 use super::training;
 use crate::engine::parallel::lock;
@@ -37,7 +37,7 @@ impl SceneArtifacts<'_> {
     pub fn choice(
         &self,
         Run { method, views, seed, .. }: Run<'_>,
-        (inputs, shown): (&Artifact, &Artifact),
+        given: MethodInputs<'_>,
         model: Option<&Artifact>,
         observe: Observe,
     ) -> Result<PlanRecord> {
@@ -64,12 +64,12 @@ impl SceneArtifacts<'_> {
         let photographs = matches!(method, Competitor::Method(placing) if placing.needs_photographs());
         let mut made_of = match method {
             // Independent of their names and the seed.
-            Competitor::Cameras(given) => json!({
-                "surface": shown.key(), "given": given.poses, "region": region, "camera": intrinsics, "device": device,
+            Competitor::Cameras(layout) => json!({
+                "surface": given.shown.key(), "given": layout.poses, "region": region, "camera": intrinsics, "device": device,
                 "limits": limits, "viewers": config.viewers, "kept": kept,
             }),
             _ => json!({
-                "surface": shown.key(), "model": model.map(Artifact::key), "method": method, "config": config, "baseline": baseline,
+                "surface": given.shown.key(), "model": model.map(Artifact::key), "method": method, "config": config, "baseline": baseline,
                 "region": region, "camera": intrinsics, "device": device, "limits": limits, "kept": kept,
                 "samples": photographs.then_some(self.settings.samples),
             }),
@@ -82,7 +82,7 @@ impl SceneArtifacts<'_> {
             return artifact.read(PLAN);
         }
         let scored = baseline.is_none() && config.of_paper().is_some();
-        let target = self.target((inputs, shown), &region, scored)?;
+        let target = self.target(given, &region, scored)?;
         let problem = Problem::new(&target, intrinsics, &kept)?;
         let plan = match (baseline, method) {
             (Some(request), _) => {
@@ -95,12 +95,12 @@ impl SceneArtifacts<'_> {
                 };
                 baselines::placing::photographing(&self.context, &problem, &request, model.as_ref(), outside)?
             }
-            (None, Competitor::Cameras(given)) => {
+            (None, Competitor::Cameras(layout)) => {
                 let config = Config { seed: 0, ..config };
-                plan::pipeline::given(&self.context, &problem, given.poses.clone(), method.name(), &config)?
+                plan::pipeline::given(&self.context, &problem, layout.poses.clone(), method.name(), &config)?
             }
             (None, Competitor::Method(Method::OursTwoPasses)) => {
-                passes::run(self, (inputs, shown), &kept, &config, &mut *observe)?
+                passes::run(self, given, &kept, &config, &mut *observe)?
             }
             (None, _) => plan::pipeline::run(&self.context, &problem, config, Tools::default(), |_| {
                 observe(ArtifactEvent::Working)

@@ -18,7 +18,7 @@ use super::pool_artifacts::PoolArtifacts;
 use super::request::{EvaluationRequest, Run};
 use super::results::{self, Entry, Outcome};
 use super::scene::Scene;
-use super::scene_artifacts::SceneArtifacts;
+use super::scene_artifacts::{MethodInputs, SceneArtifacts};
 use super::shard::Shard;
 use super::subject::Subject;
 use super::table;
@@ -294,7 +294,7 @@ impl Runs<'_, '_> {
             let observe = &mut made_for(format!("{}, {run}", self.subject.name()), &mut *observe);
             Error::unless_stopped(observe(artifact::ArtifactEvent::Working))?;
             let model = model.as_ref().filter(|_| run.method.needs_model());
-            let plan = artifacts.choice(run, (&inputs, &shown), model, observe)?;
+            let plan = artifacts.choice(run, MethodInputs { inputs: &inputs, shown: &shown }, model, observe)?;
             let cameras = artifacts.settled(&plan.cameras, observe);
             let photos = artifacts.photographs(&cameras, observe)?;
             let mut trained = artifacts.training(&photos, Some(&tests), run.seed, observe)?;

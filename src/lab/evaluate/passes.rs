@@ -1,7 +1,7 @@
 //! A plan in two passes: half of the views on the initial surface, the rest on the surface improved by their photographs.
 
-use super::artifact::{Artifact, ArtifactEvent, Observe};
-use super::scene_artifacts::{SceneArtifacts, read_photos};
+use super::artifact::{ArtifactEvent, Observe};
+use super::scene_artifacts::{MethodInputs, SceneArtifacts, read_photos};
 use crate::planner::methods::Method;
 use crate::planner::plan::config::Config;
 use crate::planner::plan::pipeline::{self, Plan, Tools};
@@ -19,7 +19,7 @@ use crate::{Error, Result};
 /// Where a plan does not fit the device, photographs cannot be taken, the photos give no surface, or `observe` stopped it.
 pub fn run(
     artifacts: &SceneArtifacts<'_>,
-    (inputs, shown): (&Artifact, &Artifact),
+    given: MethodInputs<'_>,
     kept: &[Camera],
     config: &Config,
     observe: Observe,
@@ -27,7 +27,7 @@ pub fn run(
     let (context, lens) = (artifacts.context(), artifacts.intrinsics());
     let first = Config { views: config.views / 2, ..config.clone() };
     let rest = Config { views: config.views - first.views, ..config.clone() };
-    let target = artifacts.target((inputs, shown), &artifacts.scene().region, false)?;
+    let target = artifacts.target(given, &artifacts.scene().region, false)?;
     let tools = Tools::default();
     let problem = Problem::new(&target, lens, kept)?;
     let begun = pipeline::run(context, &problem, first, tools, |_| observe(ArtifactEvent::Working))?;
@@ -36,7 +36,7 @@ pub fn run(
     }
     let taken = artifacts.settled(&begun.record.cameras, observe);
     let photos = artifacts.photographs(&taken, observe)?;
-    let mut set = read_photos(inputs)?;
+    let mut set = read_photos(given.inputs)?;
     set.photos.extend(read_photos(&photos)?.photos);
     let known = Surface::Points(artifacts.reconstructed(&set)?);
     let target = artifacts.held(artifacts.target_of(&known, &artifacts.scene().region)?, &known, || Ok(set))?;

@@ -59,7 +59,7 @@ pub struct Row {
     pub method: Competitor,
     /// How many.
     pub views: u32,
-    /// Runs.
+    /// Runs (seeds) that the mean is over.
     pub seeds: usize,
     /// Of these the ones whose training diverged.
     pub diverged: usize,

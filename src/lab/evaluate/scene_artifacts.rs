@@ -60,6 +60,15 @@ impl Tests {
     }
 }
 
+/// What methods are given to choose by.
+#[derive(Clone, Copy)]
+pub(crate) struct MethodInputs<'a> {
+    /// Photographs of the scene.
+    pub inputs: &'a Artifact,
+    /// The surface that is shown to them.
+    pub shown: &'a Artifact,
+}
+
 /// A scene with its outputs.
 pub(crate) struct SceneArtifacts<'a> {
     pub(super) context: Arc<Context>,
@@ -324,7 +333,8 @@ impl<'a> SceneArtifacts<'a> {
     ///
     /// # Errors
     /// Where its file cannot be read any more.
-    pub fn target(&self, (inputs, shown): (&Artifact, &Artifact), region: &Region, scored: bool) -> Result<Target> {
+    pub fn target(&self, given: MethodInputs<'_>, region: &Region, scored: bool) -> Result<Target> {
+        let MethodInputs { inputs, shown } = given;
         let read = || io::read_surface(&shown.file(SURFACE)).map_err(|error| shown.damaged(&error.to_string()));
         let surface = match (self.settings.shown, scored) {
             (Shown::True, false) => self.scene.surface.clone(),

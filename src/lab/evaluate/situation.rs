@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::kind::Kind;
 use super::settings::BaselinesFrom;
-use crate::planner::plan::starts::even_layout;
+use crate::planner::plan::simple_layouts::even_layout;
 use crate::planner::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::limits::{Limits, Volume, Wall, box_triangles};

@@ -18,7 +18,7 @@ use crate::{Error, Result};
 pub struct Training {
     /// Where the photos come from.
     pub capture: String,
-    /// Configuration.
+    /// How splats are trained.
     pub config: TrainConfig,
     /// Each pixel is a square of so many stored pixels.
     pub shrink: u32,

@@ -57,7 +57,7 @@ crate::gpu_struct! {
         pub b: u32,
         /// Third corner.
         pub c: u32,
-        /// Material.
+        /// Index of the material.
         pub material: u32,
         /// Number among the lights, or [`NONE`].
         pub light: u32,
@@ -69,9 +69,9 @@ crate::gpu_struct! {
     pub struct Material {
         /// Base colour.
         pub base: [f32; 3],
-        /// Alpha.
+        /// Base colour's alpha, 0 to 1.
         pub alpha: f32,
-        /// Radiance.
+        /// Emitted radiance, linear RGB.
         pub emission: [f32; 3],
         /// Alpha below which there is nothing.
         pub cutoff: f32,
@@ -89,7 +89,7 @@ crate::gpu_struct! {
         pub sheen_roughness: f32,
         /// Share of a metal.
         pub metallic: f32,
-        /// Roughness.
+        /// Roughness as glTF has it, 0 to 1.
         pub roughness: f32,
         /// Share that passes.
         pub transmission: f32,
@@ -107,19 +107,19 @@ crate::gpu_struct! {
         pub base_map: u32,
         /// Roughness and metallic.
         pub metallic_roughness_map: u32,
-        /// Normals.
+        /// Index of the map of normals; [`NONE`] for none.
         pub normal_map: u32,
-        /// Emission.
+        /// Index of the map of emission; [`NONE`] for none.
         pub emission_map: u32,
-        /// Transmission.
+        /// Index of the map of transmission; [`NONE`] for none.
         pub transmission_map: u32,
-        /// Coat.
+        /// Index of the map of the clear coat; [`NONE`] for none.
         pub clearcoat_map: u32,
         /// Its roughness.
         pub clearcoat_roughness_map: u32,
         /// Its normals.
         pub clearcoat_normal_map: u32,
-        /// Sheen.
+        /// Index of the map of the sheen's colour; [`NONE`] for none.
         pub sheen_map: u32,
         /// Its roughness.
         pub sheen_roughness_map: u32,
@@ -149,9 +149,9 @@ crate::gpu_struct! {
         pub row1: [f32; 3],
         /// What it is.
         pub flags: u32,
-        /// Columns.
+        /// Columns of texels.
         pub width: u32,
-        /// Rows.
+        /// Rows of texels.
         pub height: u32,
         /// Unused.
         pub spare0: u32,
@@ -253,7 +253,7 @@ crate::gpu_struct! {
         pub nearness: f32,
         /// Irradiance of compact sources.
         pub compact: [f32; 3],
-        /// Rays.
+        /// Rays that have been added up.
         pub rays: f32,
         /// Luma of `direct` of even rays less that of odd ones.
         pub halves: f32,
@@ -271,7 +271,7 @@ crate::gpu_struct! {
     pub(crate) struct BakeGatherPush {
         /// Cell of the first thread.
         pub first: u32,
-        /// Cells.
+        /// Cells of the map.
         pub count: u32,
         /// Key of the random numbers.
         pub seed: u32,
@@ -291,7 +291,7 @@ crate::gpu_struct! {
 crate::gpu_struct! {
     /// Push constants of [`BakeSettleStage`].
     pub(crate) struct BakeSettlePush {
-        /// Cells.
+        /// Cells of the map.
         pub count: u32,
     }
 }
@@ -305,7 +305,7 @@ crate::gpu_struct! {
         pub first: u32,
         /// X axis.
         pub right: [f32; 3],
-        /// Pixels.
+        /// Pixels of this part of the picture.
         pub count: u32,
         /// Y axis.
         pub down: [f32; 3],
@@ -321,7 +321,7 @@ crate::gpu_struct! {
         pub principal: [f32; 2],
         /// Number of the first sample.
         pub first_sample: u32,
-        /// Samples.
+        /// Samples per pixel in this submission.
         pub samples: u32,
         /// 1: the environment is seen behind the scene.
         pub show_sky: u32,
@@ -337,7 +337,7 @@ crate::gpu_struct! {
     pub(crate) struct FirstHitPush {
         /// Camera centre.
         pub position: [f32; 3],
-        /// Pixels.
+        /// Pixels of the picture.
         pub count: u32,
         /// X axis.
         pub right: [f32; 3],

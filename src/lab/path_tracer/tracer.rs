@@ -46,7 +46,7 @@ pub struct Exposure {
 /// A photograph, by row from the top left.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Photograph {
-    /// Columns.
+    /// Columns of pixels.
     pub width: u32,
     /// Linear radiance, multiplied by alpha, and alpha.
     pub pixels: Vec<[f32; 4]>,

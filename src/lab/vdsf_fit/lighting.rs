@@ -14,7 +14,7 @@ pub struct Lighting {
     pub ambient: f64,
     /// Change of that radiance along a direction; no longer than `ambient`, so that radiance is never negative.
     pub gradient: DVec3,
-    /// Lights.
+    /// The lights, each a lobe of directions.
     pub lobes: Vec<Lobe>,
 }
 

@@ -28,7 +28,7 @@ crate::gpu_struct! {
         pub cells_z: u32,
         /// The view whose depth is looked for.
         pub reference: u32,
-        /// Planes.
+        /// Planes that the sweep tries.
         pub hypotheses: u32,
         /// First row of the dispatch.
         pub first_row: u32,

@@ -36,7 +36,7 @@ crate::gpu_struct! {
         pub width: u32,
         /// See `across`.
         pub along: [f32; 3],
-        /// Rows.
+        /// Rows of pixels.
         pub height: u32,
         /// See `across`.
         pub corner: [f32; 3],
@@ -287,7 +287,7 @@ impl Frame {
         self.mask.as_ref().is_some_and(|mask| mask[pixel] < 0.5)
     }
 
-    /// Pixels.
+    /// Pixels of all frames together.
     pub fn len(&self) -> usize {
         self.brightness.len()
     }

@@ -7,7 +7,7 @@ use glam::DVec3;
 /// A pixel's point, or the mean of many.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Position.
+    /// Position in the stereo frame.
     pub position: DVec3,
     /// Unit normal towards the camera.
     pub normal: DVec3,

@@ -34,7 +34,7 @@ crate::gpu_struct! {
         pub cells_y: u32,
         /// Voxels along z.
         pub cells_z: u32,
-        /// Views.
+        /// Views that carve.
         pub count: u32,
         /// Views that must hold a voxel.
         pub least: u32,

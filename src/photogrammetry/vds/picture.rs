@@ -12,7 +12,7 @@ use crate::scene::surface::Points;
 /// Width of a view in pixels, and height of the scale beneath.
 const WIDTH: u32 = 640;
 const SCALE: u32 = 24;
-/// Views.
+/// Photos in the picture, beside one another.
 const VIEWS: usize = 3;
 const BACKGROUND: Rgb<u8> = Rgb([24, 24, 28]);
 

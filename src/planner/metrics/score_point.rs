@@ -23,7 +23,7 @@ crate::gpu_struct! {
     pub(crate) struct ScorePush {
         /// Point of the first workgroup.
         pub first: u32,
-        /// Cameras.
+        /// Cameras that are scored.
         pub views: u32,
         /// Texels along a side.
         pub resolution: u32,
@@ -35,7 +35,7 @@ crate::gpu_struct! {
 crate::gpu_struct! {
     /// A camera: position and image axes, the latter over the tangents of the half fields of view.
     pub struct View {
-        /// Position.
+        /// Position in the planner's frame.
         pub position: [f32; 3],
         /// Focal length in pixels.
         pub focal: f32,

@@ -44,7 +44,7 @@ pub struct Config {
     pub preset: Preset,
     /// Seed of every random number.
     pub seed: u64,
-    /// Iterations.
+    /// Iterations of the descent.
     pub iterations: u32,
     /// Viewers a step, or point cameras of the paper's objective.
     pub probes: u32,
@@ -199,6 +199,19 @@ impl Config {
         match &self.minimise {
             Minimise::Quality(own) => own.validate(self.probes),
             Minimise::Paper(own) => own.validate(self.probes),
+        }
+    }
+}
+impl Method {
+    /// The planner's configuration, where this is the planner or a variant of it.
+    pub fn planner(self, config: &Config) -> Option<Config> {
+        let paper = || config.clone().to_paper();
+        match self {
+            Self::Ours | Self::OursTwoPasses => Some(config.clone()),
+            Self::Paper => Some(paper()),
+            Self::PaperNoVds => Some(paper().with_paper(|own| own.vds = false)),
+            Self::PaperIterative => Some(paper().with_paper(|own| (own.vds, own.iterative) = (false, true))),
+            _ => None,
         }
     }
 }

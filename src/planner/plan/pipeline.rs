@@ -15,7 +15,7 @@ use super::problem::Problem;
 use super::record::{BaselineRecord, CheckpointRecord, Connection, Expected, PlanRecord, Status, TourRecord};
 use super::reference::{Prediction, Reference};
 use super::run::Outcome;
-use super::starts::even_layout;
+use super::simple_layouts::even_layout;
 use super::target::Target;
 use crate::engine::vulkan::capture::RenderDoc;
 use crate::engine::vulkan::profile::Profile;

@@ -10,7 +10,7 @@ use super::preparation::splat;
 use super::problem::Problem;
 use super::record::{Expected, Status};
 use super::run::Outcome;
-use super::{reachable, starts};
+use super::{reachable, simple_layouts};
 use crate::engine::vulkan::Context;
 use crate::planner::quality::expected::{Expectation, Judge};
 use crate::planner::quality::law::{Fitted, Law};
@@ -55,7 +55,7 @@ pub struct Reference<'a> {
     intrinsics: Intrinsics,
     kept: Vec<Camera>,
     links: Option<Links>,
-    /// At least one, as [`starts::layouts`] gives them.
+    /// At least one, as [`simple_layouts::layouts`] gives them.
     pub layouts: Vec<Layout>,
 }
 
@@ -76,7 +76,7 @@ impl<'a> Reference<'a> {
         let links = config.connect().map(|degrees| Links::new(&target.proxy, &scene.geometry, config.seed, degrees));
         let (intrinsics, mine) = (*intrinsics, kept.to_vec());
         let mut reference = Self { judge, scene, around, intrinsics, kept: mine, links, layouts: Vec::new() };
-        for (name, ways) in starts::layouts(config, &scene.geometry, kept) {
+        for (name, ways) in simple_layouts::layouts(config, &scene.geometry, kept) {
             let poses = reference.best_way(&fewer, ways)?;
             let expectation = reference.expect(&poses)?;
             if expectation.viewers.iter().all(Option::is_none) {
@@ -132,7 +132,7 @@ impl<'a> Reference<'a> {
 
     /// The layout of which most is expected.
     pub fn best(&self) -> &Layout {
-        // `starts::layouts` always has cameras at random.
+        // `simple_layouts::layouts` always has cameras at random.
         best_of(self.layouts.iter()).expect("there is a simple layout in every region")
     }
 
@@ -181,8 +181,7 @@ impl<'a> Reference<'a> {
     /// Where the device fails.
     pub fn prediction(&self, cameras: &[Camera], points: &[DVec3]) -> Result<Prediction> {
         let expectation = self.judge.expect(cameras)?;
-        let scene = (&*self.scene.geometry, self.around);
-        let map = error_map(&self.judge, scene, &Law::embedded(), cameras, points)?;
+        let map = error_map(&self.judge, &self.scene.geometry, self.around, &Law::embedded(), cameras, points)?;
         Ok(Prediction { expected: self.compare(&expectation), map })
     }
 

@@ -50,7 +50,7 @@ gpu_struct! {
 gpu_struct! {
     /// A camera splat: its centre and viewing direction (unit length).
     pub struct CameraState {
-        /// Centre.
+        /// Position of the camera's centre, in the planner's frame.
         pub centre: [f32; 3],
         /// Tangent of half the horizontal field of view.
         pub tan_x: f32,

@@ -17,7 +17,7 @@ use crate::{Error, Result};
 crate::gpu_struct! {
     /// Push constants of `expected`.
     pub(crate) struct ExpectedPush {
-        /// Cameras.
+        /// Cameras whose photos are judged.
         pub views: u32,
         /// Viewer of the first workgroup.
         pub first: u32,

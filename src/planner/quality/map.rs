@@ -52,7 +52,8 @@ pub struct Worst {
 /// Where the device fails.
 pub(crate) fn error_map(
     judge: &Judge,
-    (geometry, around): (&SceneGeometry, Surroundings),
+    geometry: &SceneGeometry,
+    around: Surroundings,
     law: &Law,
     cameras: &[Camera],
     points: &[DVec3],

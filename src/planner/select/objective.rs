@@ -102,7 +102,8 @@ impl Objective {
         context: &Arc<Context>,
         scene: &DeviceScene,
         photos: &[Photo],
-        (looks, viewers): (Vec<Look>, usize),
+        looks: Vec<Look>,
+        viewers: usize,
         law: Law,
     ) -> Result<Self> {
         let each = looks.len() / viewers.max(1);

@@ -31,7 +31,7 @@ pub struct Pool<'a> {
     pub allowed: &'a [usize],
     /// How many to choose.
     pub count: usize,
-    /// Seed.
+    /// Seed of what is drawn at random.
     pub seed: u64,
 }
 

@@ -13,7 +13,7 @@ use crate::{Error, Result};
 pub struct SelectionRequest {
     /// Photos to select.
     pub count: usize,
-    /// How.
+    /// The method that chooses.
     pub method: Method,
     /// Photos that are chosen in any case.
     pub include: Vec<usize>,

@@ -269,9 +269,15 @@ impl<'a> SelectionContext<'a> {
         let judge = self.judge(&judges, request.seed ^ JUDGE_SEED, JUDGES)?;
         let simple = self.simple(&pool, &planned, &judge)?;
         let looked_at = self.judge(&viewers, request.seed, VIEWERS)?;
-        let looks = (looked_at.looks()?, looked_at.viewers().len());
         let law = Law::embedded();
-        let plain = Objective::new(&self.context, &self.scene, &self.set.photos, looks, law)?;
+        let plain = Objective::new(
+            &self.context,
+            &self.scene,
+            &self.set.photos,
+            looked_at.looks()?,
+            looked_at.viewers().len(),
+            law,
+        )?;
         if plain.looks() == 0 {
             return Err(Error::request(
                 "viewers: none of them has the surface in a sixteenth of its picture; give nearer ones (`viewers`), in the surface's frame",
@@ -298,8 +304,7 @@ impl<'a> SelectionContext<'a> {
         subset.sort_unstable();
         let cameras = self.cameras(&subset);
         let places: Vec<DVec3> = self.held_out.points.iter().map(|point| point.position).collect();
-        let scene = (&*self.scene.geometry, self.surroundings(&law));
-        let map = error_map(&judge, scene, &law, &cameras, &places)?;
+        let map = error_map(&judge, &self.scene.geometry, self.surroundings(&law), &law, &cameras, &places)?;
         let choosing = start.elapsed().as_secs_f64();
 
         let choice = plain.choose(&subset);

@@ -24,7 +24,7 @@ crate::gpu_struct! {
         pub first: u32,
         /// Points of this dispatch.
         pub points: u32,
-        /// Photos.
+        /// Photos in the pool.
         pub photos: u32,
         /// Words of a point's row of bits, an even number.
         pub words: u32,
@@ -44,7 +44,7 @@ const RAYS: usize = 1 << 20;
 /// Which photos see which points: a bit each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sight {
-    /// Photos.
+    /// How many photos there are.
     pub photos: usize,
     /// 32-bit words of a point's row, an even number.
     pub words: usize,

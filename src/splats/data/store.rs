@@ -74,7 +74,7 @@ impl PhotoStore {
         self.sum.clone().finalize()
     }
 
-    /// Photos.
+    /// How many photos there are.
     pub fn len(&self) -> usize {
         self.places.len()
     }

@@ -7,7 +7,7 @@ crate::gpu_struct! {
     pub struct DistancePush {
         /// Channels of the features.
         pub channels: u32,
-        /// Pixels.
+        /// Pixels of the layer's picture.
         pub pixels: u32,
     }
 }

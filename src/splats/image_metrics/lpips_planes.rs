@@ -5,7 +5,7 @@ use super::Rgb8;
 crate::gpu_struct! {
     /// Push constants of [`LpipsPlanesStage`].
     pub struct PlanesPush {
-        /// Pixels.
+        /// Pixels of the picture.
         pub pixels: u32,
     }
 }

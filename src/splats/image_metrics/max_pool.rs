@@ -11,7 +11,7 @@ crate::gpu_struct! {
         pub width: u32,
         /// Height of the input.
         pub height: u32,
-        /// Channels.
+        /// Channels of the layer.
         pub channels: u32,
         /// Width of the output.
         pub out_width: u32,

@@ -12,7 +12,7 @@ pub enum Network {
 /// Channels, width and height of a layer's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
-    /// Channels.
+    /// Channels of the layer.
     pub channels: u32,
     /// Width in pixels.
     pub width: u32,
@@ -21,12 +21,12 @@ pub struct Size {
 }
 
 impl Size {
-    /// Pixels.
+    /// Pixels: width times height.
     pub fn pixels(&self) -> u32 {
         self.width * self.height
     }
 
-    /// Values.
+    /// Values: pixels times channels.
     pub fn values(&self) -> usize {
         self.channels as usize * self.width as usize * self.height as usize
     }

@@ -110,7 +110,7 @@ crate::gpu_struct! {
         pub principal: [f32; 2],
         /// Pixels in a row.
         pub width: u32,
-        /// Rows.
+        /// Rows of pixels.
         pub height: u32,
         /// Unused.
         pub spare0: u32,

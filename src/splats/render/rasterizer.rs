@@ -58,7 +58,7 @@ pub(crate) const MAX_SIDE: u32 = 65_535;
 /// How large pictures and models can be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
-    /// Gaussians.
+    /// Most Gaussians.
     pub gaussians: u32,
     /// Instances: pairs of a Gaussian and a tile that it reaches.
     pub capacity: u32,
@@ -76,7 +76,7 @@ pub struct Model {
     pub population: Buffer,
     /// From one plane to the next.
     pub stride: u32,
-    /// Planes.
+    /// Planes of parameters, a value per Gaussian each.
     pub planes: u32,
 }
 
@@ -97,12 +97,12 @@ pub struct Size {
 }
 
 impl Size {
-    /// Tiles.
+    /// Tiles that cover the picture.
     pub fn tiles(self) -> u32 {
         self.width.div_ceil(TILE) * self.height.div_ceil(TILE)
     }
 
-    /// Pixels.
+    /// Pixels: width times height.
     pub fn pixels(self) -> u32 {
         self.width * self.height
     }

@@ -48,13 +48,13 @@ pub struct Input {
 /// The head of a checkpoint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Header {
-    /// Configuration.
+    /// How the run trains.
     pub config: TrainConfig,
     /// The run's other inputs.
     pub input: Input,
     /// Iterations done.
     pub done: u32,
-    /// Gaussians.
+    /// Gaussians that there are.
     pub population: u32,
     /// Evaluations so far.
     pub evaluations: Vec<Evaluation>,

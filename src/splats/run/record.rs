@@ -97,7 +97,7 @@ pub struct TestView {
 /// GPU time of a stage, sampled from blocks of iterations throughout the run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageTime {
-    /// Stage.
+    /// The stage's name.
     pub name: String,
     /// Milliseconds in an iteration, all its dispatches together.
     pub ms: f64,
@@ -121,11 +121,11 @@ pub struct TrainRecord {
     pub version: String,
     /// How far it has come.
     pub status: Status,
-    /// Device.
+    /// Name of the device.
     pub device: String,
-    /// Photos.
+    /// The photos that were trained and tested on.
     pub photos: PhotosRecord,
-    /// Configuration.
+    /// How the run trained.
     pub config: TrainConfig,
     /// Iterations done.
     pub iterations: u32,

@@ -29,7 +29,7 @@ pub struct TrainRequest {
     pub capture: String,
     /// The capture, split into training and test photos.
     pub split: Split,
-    /// Configuration.
+    /// How to train.
     pub config: TrainConfig,
     /// Each pixel is a square of so many stored pixels.
     pub shrink: u32,

@@ -38,7 +38,7 @@ crate::gpu_struct! {
         pub ssim: f32,
         /// Mean (x - y)^2.
         pub squared: f32,
-        /// Instances.
+        /// Pairs of a Gaussian and a tile in the iteration.
         pub instances: u32,
         /// Gaussians, with what adaptive density control keeps of free slots.
         pub splats: u32,

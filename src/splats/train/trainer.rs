@@ -39,7 +39,7 @@ const BACKGROUND_STREAM: u32 = 0x4580_0000;
 pub struct State {
     /// Iterations done.
     pub done: u32,
-    /// Gaussians.
+    /// Gaussians that there are.
     pub population: u32,
     /// Parameters, and Adam's two means: planes, `population` apart.
     pub planes: [Vec<f32>; 3],

@@ -39,7 +39,7 @@ crate::gpu_struct! {
 crate::gpu_struct! {
     /// Push constants of [`NoiseResidualStage`].
     pub(crate) struct ResidualPush {
-        /// Pixels.
+        /// Pixels of a picture.
         pub pixels: u32,
     }
 }
@@ -83,7 +83,7 @@ crate::gpu_struct! {
 crate::gpu_struct! {
     /// Push constants of [`NoiseSpreadStage`].
     pub(crate) struct SpreadPush {
-        /// Pixels.
+        /// Pixels of a picture.
         pub pixels: u32,
         /// Which picture.
         pub picture_index: u32,

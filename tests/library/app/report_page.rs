@@ -305,7 +305,7 @@ fn doubts_are_on_the_page() {
     assert!(!stage.page().contains("neither a floor nor a wall"));
     let sees = |camera: &Camera| Sight::new(camera, (0..50).map(|i| direction(i, 50)), &[]);
     let sights: Vec<Sight> = stage.record.cameras.iter().map(sees).collect();
-    stage.record.limits.space = Some(KnownSpace::proven(&sights, |_, _| true, (None, DVec3::Z)).unwrap());
+    stage.record.limits.space = Some(KnownSpace::proven(&sights, |_, _| true, None, DVec3::Z).unwrap());
     assert!(stage.page().contains("neither a floor nor a wall limits these cameras"));
 }
 

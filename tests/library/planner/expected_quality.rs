@@ -12,8 +12,8 @@ use camsplat::planner::plan::pipeline::{self, Tools};
 use camsplat::planner::plan::planner::Planner;
 use camsplat::planner::plan::problem::Problem;
 use camsplat::planner::plan::reference::Reference;
+use camsplat::planner::plan::simple_layouts;
 use camsplat::planner::plan::start::tangents;
-use camsplat::planner::plan::starts;
 use camsplat::planner::plan::target::{RegionChoice, Target};
 use camsplat::planner::quality::expected::{Judge, LOOKS, expect};
 use camsplat::planner::quality::law::Law;
@@ -258,7 +258,7 @@ fn a_plan_is_never_worse_than_a_simple_layout() {
         let scene = DeviceScene::new(&context, scene).expect("room for it");
         let reference = Reference::new(&context, &problem_of(&target, &[]), &scene, &fresh).expect("a reference");
         let planned = reference.expect_cameras(&plan.record.cameras).expect("an expectation").error_db;
-        for (name, ways) in starts::layouts(&config, &scene.geometry, &[]) {
+        for (name, ways) in simple_layouts::layouts(&config, &scene.geometry, &[]) {
             let errors: Vec<f64> =
                 ways.iter().map(|poses| reference.expect(poses).expect("an expectation").error_db).collect();
             // Turned at random, as it would be without a plan.

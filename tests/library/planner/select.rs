@@ -78,8 +78,8 @@ fn objective(context: &Arc<Context>, set: &PhotoSet, viewers: u32, seed: u64) ->
     let viewers = Viewers::Region.sample(&scene.geometry, intrinsics, true, seed, viewers).expect("viewers");
     let around = Surroundings::new(&scene.geometry, target().proxy.sphere, true, &law);
     let judge = Judge::new(context, &scene, around, viewers, &law, seed).expect("a judge");
-    let looks = (judge.looks().expect("looks"), judge.viewers().len());
-    Objective::new(context, &scene, &set.photos, looks, law).expect("an objective")
+    let looks = judge.looks().expect("looks");
+    Objective::new(context, &scene, &set.photos, looks, judge.viewers().len(), law).expect("an objective")
 }
 
 fn survey(context: &Arc<Context>, set: &PhotoSet, points: usize) -> Survey {

@@ -13,17 +13,7 @@ layout(push_constant) uniform Push {
     uint first;  // viewer of the first workgroup
 };
 
-// A camera: position and image axes scaled by the inverse tangents of the half fields of view.
-struct View {
-    vec3 position;
-    float focal;
-    vec3 forward;
-    float cone_cos;
-    vec3 right;
-    float spare0;
-    vec3 down;
-    float spare1;
-};
+#include "planner/metrics/view.glsl"
 
 // Of a viewer.
 struct ViewerError {

@@ -25,7 +25,7 @@ pub(super) struct Decoded {
     pub log_scales: Vec<DVec3>,
     /// World-from-splat quaternions (w, x, y, z) of any length.
     pub rotations: Vec<[f64; 4]>,
-    /// Logits.
+    /// Opacities as logits, one per Gaussian.
     pub opacities: Vec<f64>,
     /// Coefficients of the constant harmonic.
     pub constants: Vec<DVec3>,

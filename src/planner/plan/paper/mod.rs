@@ -10,7 +10,7 @@ pub mod regulariser;
 pub mod relocate;
 pub mod scale;
 pub mod shared;
-mod start;
+mod start_scale;
 mod state;
 
 use std::sync::Arc;
@@ -76,14 +76,14 @@ pub(super) fn prepare(
 ) -> Result<Arc<dyn Objective>> {
     let (geometry, physical) = (&*problem.geometry, context.physical());
     if own.start == Start::Identical {
-        start::identical(&mut start[problem.kept.len()..], config, geometry);
+        start_scale::identical(&mut start[problem.kept.len()..], config, geometry);
     }
     let mut points = problem.target.proxy.sample(own.pool as usize, config.seed, PROBE_STREAM);
     random::shuffle(&mut points, config.seed, PROBE_STREAM);
-    let few: Vec<Probe> = points.iter().take(start::PROBES).map(|point| Probe::new(point, geometry)).collect();
-    let visible = start::visible(start, &few, geometry);
-    let start_scale = own.scale.unwrap_or_else(|| start::scale(visible.seen));
-    let resolution = own.resolution.unwrap_or_else(|| start::resolution(start_scale));
+    let few: Vec<Probe> = points.iter().take(start_scale::PROBES).map(|point| Probe::new(point, geometry)).collect();
+    let visible = start_scale::visible(start, &few, geometry);
+    let start_scale = own.scale.unwrap_or_else(|| start_scale::scale(visible.seen));
+    let resolution = own.resolution.unwrap_or_else(|| start_scale::resolution(start_scale));
     points.truncate(capacity::pool(points.len(), config.probes, resolution, physical));
 
     let (probes, splats) = (config.probes.min(points.len() as u32), start.len() as u32);

@@ -99,7 +99,7 @@ gpu_struct! {
         pub total: f32,
         /// Gradient by log s.
         pub log_scale: f32,
-        /// Utility.
+        /// What the instance adds to its camera's utility.
         pub utility: f32,
         /// Unused.
         pub spare0: u32,

@@ -79,7 +79,7 @@ uint list_visible(uint probe, vec3 position, Settings s, PaperSettings p) {
     return count;
 }
 
-// CameraState at a place of the list, whose overflow starts at `row`.
+// Index of the camera at a place of the list, whose overflow starts at `row`.
 uint at(uint rank, uint row) {
     return rank < THREADS ? listed[rank] : visible[row + rank];
 }
