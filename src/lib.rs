@@ -21,8 +21,8 @@
 //! [`plan()`] is the front door, and [`PlanRequest`] has its options; [`engine::vulkan::host`] is for applications that own the Vulkan
 //! device.
 //!
-//! The storeys look down only, from the top: [`app`], [`lab`], [`planner`], [`photogrammetry`], [`splats`], [`visibility`], [`files`],
-//! [`scene`], [`engine`].
+//! The storeys look down only, from the top: [`app`], `lab` (a feature), [`planner`], [`photogrammetry`], [`splats`], [`visibility`],
+//! [`files`], [`scene`], [`engine`].
 
 // What is private is read with `cargo doc --document-private-items`.
 #![allow(rustdoc::private_intra_doc_links)]

@@ -68,7 +68,7 @@ def shaders(folder):
     """The shaders of a build by name."""
     text = (folder / "shaders.rs").read_text()
     found = {}
-    for name, body in re.findall(r"^pub mod (\w+) \{\n    use crate::vulkan::stage.*?\n(.*?)^\}", text, re.M | re.S):
+    for name, body in re.findall(r"^pub mod (\w+) \{\n    use crate::engine::vulkan::stage.*?\n(.*?)^\}", text, re.M | re.S):
         size = re.search(r"local_size: \[(\d+), (\d+), (\d+)\]", body)
         constants = re.search(r"constants: &\[(.*)\]", body)
         found[name] = Shader(

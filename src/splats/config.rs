@@ -65,9 +65,9 @@ impl Start {
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Background {
-    /// Black everywhere.
+    /// Black.
     Black,
-    /// White everywhere.
+    /// White.
     White,
     /// A new colour in every iteration; test views are rendered on black.
     Random,

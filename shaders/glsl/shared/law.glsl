@@ -1,4 +1,4 @@
-// The law of expected error (src/planner/quality/law.rs, which fits it): the logarithm of the squared error of trained splats at a
+// The law of expected error (twin: src/planner/quality/law.rs): the logarithm of the squared error of trained splats at a
 // look, beside what the material itself makes of it, from the angles and distances of the nearest views that see the point.
 struct Law {
     vec3 angle;      // by the angle of the first, second and third nearest view, in radians

@@ -2,7 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 // Relocation, 3: a Gaussian that represents n from now on gets the opacity and the size with which n of it look as it did.
 // Its moments stay, so that it and its copies, which have none, do not move in step for ever.
-// With o the new opacity, the sum over the powers of o in eq. 9 of the paper is sum_j C(n, j) (-1)^(j-1) o^j / sqrt(j).
+// Twin: `split` in src/splats/twin/optimise.rs, without the bounds of opacity and powers. With o the new opacity, the sum over the
+// powers of o in eq. 9 of the paper is sum_j C(n, j) (-1)^(j-1) o^j / sqrt(j).
 #include "shared/group.glsl"
 #include "splats/gaussian.glsl"
 #include "splats/mcmc.glsl"

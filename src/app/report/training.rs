@@ -43,7 +43,7 @@ impl Shown {
     /// views the page stays under 4 MB.
     ///
     /// # Errors
-    /// [`Error::Request`] if a picture has not the bytes that its size implies.
+    /// [`crate::Error::Request`] if a picture has not the bytes that its size implies.
     pub fn new(record: &TrainRecord, views: &[Comparison]) -> Result<Self> {
         match views {
             [] => Ok(Self(nothing(untested(record, "No test view was rendered yet.")))),
@@ -55,7 +55,7 @@ impl Shown {
 /// The page of a run, self-contained, with its worst test views and, once it has ended, the model in 3D.
 ///
 /// # Errors
-/// [`Error::Request`] if the record cannot be put into it.
+/// [`crate::Error::Request`] if the record cannot be put into it.
 pub fn html(record: &TrainRecord, worst: &Shown, model: Option<&Model>) -> Result<String> {
     let data =
         Data { curve: &record.curve, evaluations: &record.evaluations, model: model.map(|model| model.data(record)) };

@@ -51,7 +51,7 @@ pub struct RenderDoc {
 }
 
 impl RenderDoc {
-    /// Loads RenderDoc. It must come before the context that is to be captured, which is made with [`Options::capture`](super::Options).
+    /// Loads RenderDoc. It must come before the context that is to be captured, which is made with [`ContextOptions::capture`](super::ContextOptions::capture).
     ///
     /// # Errors
     /// Where RenderDoc is not installed.

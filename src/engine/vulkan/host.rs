@@ -39,7 +39,7 @@ pub struct HostDevice {
     pub prefix: String,
     /// Whether `VK_EXT_memory_budget` is enabled on the device: what fits is then decided by what is free, not by the heap's size.
     pub memory_budget: bool,
-    /// As [`Options::wait_limit`](super::Options::wait_limit).
+    /// As [`ContextOptions::wait_limit`](super::ContextOptions::wait_limit).
     pub wait_limit: Option<Duration>,
 }
 

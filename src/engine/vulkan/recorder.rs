@@ -350,7 +350,7 @@ impl Recorder {
     ///
     /// # Errors
     /// Where the device is lost; the error names the last stage that started, where the driver reports it. Where a submission takes longer
-    /// than [`Options::wait_limit`](super::Options) after those before it.
+    /// than [`ContextOptions::wait_limit`](super::ContextOptions::wait_limit) after those before it.
     pub fn wait(&mut self) -> Result<()> {
         let limit = self.context.wait_limit();
         let nanoseconds = limit.map_or(u64::MAX, |limit| limit.as_nanos().try_into().unwrap_or(u64::MAX));

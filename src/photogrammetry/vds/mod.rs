@@ -1,8 +1,8 @@
 //! View dependency: how much the look of a surface changes with the view, from photos.
 //!
 //! [`observe`] finds on the device which photos see a point and how bright it is there, [`gains`] the exposure of each
-//! photo, [`variance`] how much the intensity of a point varies beyond that. The variance becomes a score by a cubic, the [`vdsf`], which [`fit`] makes, and scores are spread over [1, 2]. [`scoring`]
-//! does it all.
+//! photo, [`variance`] how much the intensity of a point varies beyond that. The variance becomes a score by a cubic, the [`vdsf`],
+//! which `lab/vdsf_fit` makes, and scores are spread over [1, 2]. [`scoring`] does it all.
 
 pub mod gains;
 pub mod observe;

@@ -2,7 +2,7 @@
 //! the directions around it should be sampled.
 //!
 //! A cubic, as in the paper ("Camera Splatting for Continuous View Optimization", Lee et al. 2026), whose coefficients
-//! were not published; ours are fitted by [`super::fit`] and kept in `vdsf.json`.
+//! were not published; ours are fitted by `lab/vdsf_fit` and kept in `vdsf.json`.
 
 use std::path::Path;
 

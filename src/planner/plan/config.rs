@@ -123,7 +123,7 @@ impl Config {
     pub fn of_quality(&self) -> Option<&QualityConfig> {
         match &self.minimise {
             Minimise::Quality(own) => Some(own),
-            Minimise::Paper(_) => None,
+            _ => None,
         }
     }
 
@@ -131,7 +131,7 @@ impl Config {
     pub fn of_paper(&self) -> Option<&PaperConfig> {
         match &self.minimise {
             Minimise::Paper(own) => Some(own),
-            Minimise::Quality(_) => None,
+            _ => None,
         }
     }
 

@@ -4,7 +4,7 @@
 //! between d and the directions of the training views that see p (2 rad where there are fewer), and r the distance of the nearest
 //! of them over D: `log e^2 = a + b1 g1 + b3 g3 + c max(ln r, 0)`, where `a` is the material's, the texture's
 //! and the light's alone. A pixel beside an object looks at the empty place where its ray passes the object's middle, by the same law
-//! at a small weight. [`super::fit`] makes the coefficients, `law.json` has them, and docs/results/objects.md the measurements.
+//! at a small weight. `lab/quality_fit` makes the coefficients, `law.json` has them, and docs/results/objects.md the measurements.
 
 use std::path::Path;
 

@@ -39,7 +39,8 @@ vec3 adam(vec3 gradient, inout vec3 mean, inout vec3 square, uint steps) {
 // Of the objective. Reads what it has beside the settings: first of all, so that it waits for memory together with these.
 void begin();
 
-// Of the objective. Adds to `sum` what this thread has to add of splat j, and to `penalty` its part of what cameras are penalised for.
+// Of the objective. Adds to `sum` what this thread has to add of splat j, and to `penalty` its part of what each
+// camera is penalised for, or of a loss that each has.
 void gather(uint j, CameraState splat, Settings s, Control c, uint thread, inout Gradient sum, inout float penalty);
 
 // Sums the partials of splat j, by all threads; the first one moves it.
