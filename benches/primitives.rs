@@ -1,4 +1,4 @@
-//! GPU time of scan, reduce and radix sort, at sizes that show how it grows. Results are first checked against the twins: a
+//! GPU time of scan, reduce, radix sort and ranges of keys, at sizes that show how it grows. Results are first checked against the twins: a
 //! device that gets them wrong gets no row.
 
 mod report;
@@ -7,7 +7,7 @@ use std::process::{Command, ExitCode};
 use std::sync::Arc;
 
 use camsplat::Result;
-use camsplat::engine::primitives::{Count, Operation, RadixSort, Reduce, Scan, twin};
+use camsplat::engine::primitives::{Count, KeyRanges, Operation, RadixSort, Reduce, Scan, twin};
 use camsplat::engine::vulkan::{Buffer, Context};
 use report::{Amount, Job, Report};
 
@@ -24,6 +24,7 @@ fn rows(context: Arc<Context>, report: &mut Report) -> Result<()> {
     for &count in &sizes {
         scan(&context, report, count)?;
         reduce(&context, report, count)?;
+        key_ranges(&context, report, count)?;
         radix_sort(&context, report, count, "", &RadixSort::new(&context, count)?)?;
         let without_waiting = RadixSort::without_waiting(&context, count)?;
         radix_sort(&context, report, count, "_without_waiting", &without_waiting)?;
@@ -101,6 +102,26 @@ fn reduce(context: &Arc<Context>, report: &mut Report, count: u32) -> Result<()>
     job.run()?;
     assert!(output.download::<u32>(1)? == [twin::reduce(Operation::SumF32, &elements)], "a sum went wrong");
     report.row("reduce_sum_f32", amount(count, 4, 1), &mut job)
+}
+
+/// Of keys with eight elements each on average. Operations are comparisons with the keys before and behind.
+fn key_ranges(context: &Arc<Context>, report: &mut Report, count: u32) -> Result<()> {
+    if !report.wants("key_ranges", u64::from(count)) {
+        return Ok(());
+    }
+    let ranges = KeyRanges::new(context, count)?;
+    let keys = count / 8;
+    let mut elements: Vec<u32> = random(count).iter().map(|word| word % keys).collect();
+    elements.sort_unstable();
+    let input = Buffer::from_slice(context, "input", &elements)?;
+    let output = Buffer::device(context, "output", 8 * u64::from(keys))?;
+    let mut job =
+        Job::new(context, 2, |_| {}, |recorder| ranges.record(recorder, &input, Count::Host(count), &output))?;
+    job.run()?;
+    let found: Vec<[u32; 2]> = output.download(keys as usize)?;
+    assert!(found == twin::key_ranges(&elements, keys as usize), "ranges of keys went wrong");
+    // The filling writes each range once more.
+    report.row("key_ranges", amount(count, 4 + 2 * 8 / 8, 2), &mut job)
 }
 
 /// Operations of a key in each of four passes: a shift and a mask to its digit, an addition to count it, one to place it.

@@ -15,7 +15,7 @@ use crate::files::io::environment::read_environment;
 use crate::files::io::folder::write_files;
 use crate::lab::evaluate::artifact::ArtifactEvent;
 use crate::lab::evaluate::competitor::Competitor;
-use crate::lab::evaluate::evaluation;
+use crate::lab::evaluate::evaluation::{self, EvaluationEvent};
 use crate::lab::evaluate::kind::Kind;
 use crate::lab::evaluate::pool::Pool;
 use crate::lab::evaluate::request::EvaluationRequest;
@@ -379,23 +379,23 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let mut page = Page::new(&arguments.out, &request, &subjects);
     // Devices are worked on by threads of their own, which are in this session too.
     let session = session::current();
-    let mut observe = |event: evaluation::EvaluationEvent<'_>| {
+    let mut observe = |event: EvaluationEvent<'_>| {
         match event {
-            evaluation::EvaluationEvent::Artifact(ArtifactEvent::Begins(product)) => {
+            EvaluationEvent::Artifact(ArtifactEvent::Begins(product)) => {
                 made += 1;
                 say!("making   {product}, after {:.0} s", start.elapsed().as_secs_f64());
             }
-            evaluation::EvaluationEvent::Artifact(ArtifactEvent::Kept) => kept += 1,
-            evaluation::EvaluationEvent::Artifact(ArtifactEvent::Note(note)) => say!("note     {note}"),
-            evaluation::EvaluationEvent::Artifact(ArtifactEvent::Working) => {}
-            evaluation::EvaluationEvent::Complete(entry, [done, all]) => {
+            EvaluationEvent::Artifact(ArtifactEvent::Kept) => kept += 1,
+            EvaluationEvent::Artifact(ArtifactEvent::Note(note)) => say!("note     {note}"),
+            EvaluationEvent::Artifact(ArtifactEvent::Working) => {}
+            EvaluationEvent::Complete(entry, [done, all]) => {
                 let Entry { scene, method, views, seed, folder, .. } = entry;
                 say!("complete {scene}, {method}, {views} views, seed {seed}: {folder} ({done} of {all})");
                 if let Some(listener) = session.listener() {
                     listener.progress("evaluating", done as u64, all as u64);
                 }
             }
-            evaluation::EvaluationEvent::Written(outcome) => page.show(outcome),
+            EvaluationEvent::Written(outcome) => page.show(outcome),
         }
         go_on()
     };

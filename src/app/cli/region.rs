@@ -260,7 +260,7 @@ impl RegionOptions {
             _ => Planes::of(surface.positions(), &photographed),
         };
         let up = self.up.or(stored.map(|region| region.up)).or(planes.up).unwrap_or_else(|| usual_up(path));
-        limits.space = self.space(surface, path, capture, up, stored.is_some().then(|| limits.space.take()))?;
+        limits.space = self.space(surface, path, capture, up, stored.is_some(), limits.space.take())?;
         if preset == Preset::Object && choice.shape.is_none() {
             choice.shape = Shape::around_cameras(&photographed);
             if let (None, None, Some(space)) = (choice.shape, self.preset, &limits.space) {
@@ -296,7 +296,8 @@ impl RegionOptions {
         path: &Path,
         capture: Option<&PhotoSet>,
         up: DVec3,
-        earlier: Option<Option<KnownSpace>>,
+        replanned: bool,
+        stored: Option<KnownSpace>,
     ) -> Result<Option<KnownSpace>> {
         if self.reach.is_some() && matches!(self.space, Some(SpaceOption::Open | SpaceOption::File(_))) {
             return Err(Error::request("--reach is how far known space reaches; leave it or --space out"));
@@ -309,11 +310,11 @@ impl RegionOptions {
             (_, None) if asked => Err(Error::request(
                 "--space known and --reach need a capture, whose photos prove where cameras can be; leave them out",
             )),
-            (_, Some(set)) if asked || (earlier.is_none() && (set.has_surface_points() || path != set.path)) => {
+            (_, Some(set)) if asked || (!replanned && (set.has_surface_points() || path != set.path)) => {
                 let beside = if path == set.path { &[] } else { surface.positions() };
                 set.known_space(beside, self.reach, up).map(Some)
             }
-            _ => Ok(earlier.flatten()),
+            _ => Ok(stored),
         }
     }
 

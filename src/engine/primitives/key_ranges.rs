@@ -1,4 +1,4 @@
-//! Where the elements of each key are among sorted keys: 4 bytes read an element, 8 written a key.
+//! Where the elements of each key are among sorted keys: 4 bytes read an element, 8 filled and 8 written a key.
 
 use std::sync::Arc;
 

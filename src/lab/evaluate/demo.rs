@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::artifact::{self, Artifact};
+use super::artifact::{Artifact, ArtifactEvent};
 use super::competitor::Competitor;
 use super::kind::Kind;
 use super::request::EvaluationRequest;
@@ -239,11 +239,11 @@ struct Walk<'o> {
 }
 
 impl Walk<'_> {
-    fn observe(&mut self, event: &artifact::ArtifactEvent<'_>) -> ControlFlow<()> {
+    fn observe(&mut self, event: &ArtifactEvent<'_>) -> ControlFlow<()> {
         match event {
-            artifact::ArtifactEvent::Begins(_) => self.kept = false,
-            artifact::ArtifactEvent::Kept => self.kept = true,
-            artifact::ArtifactEvent::Working | artifact::ArtifactEvent::Note(_) => {}
+            ArtifactEvent::Begins(_) => self.kept = false,
+            ArtifactEvent::Kept => self.kept = true,
+            ArtifactEvent::Working | ArtifactEvent::Note(_) => {}
         }
         self.work()
     }

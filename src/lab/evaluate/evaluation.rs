@@ -11,7 +11,7 @@ use std::thread;
 
 use serde_json::json;
 
-use super::artifact::{self, Artifact, Observe};
+use super::artifact::{Artifact, ArtifactEvent, Observe};
 use super::perceptual;
 use super::pool::Pool;
 use super::pool_artifacts::PoolArtifacts;
@@ -39,7 +39,7 @@ const WRITTEN: [&str; 5] = [ASKED, "table.md", "table.csv", "results.json", "rep
 /// Progress events.
 pub enum EvaluationEvent<'e> {
     /// An event of an artifact.
-    Artifact(artifact::ArtifactEvent<'e>),
+    Artifact(ArtifactEvent<'e>),
     /// A run is complete, with the number complete and the total.
     Complete(&'e Entry, [usize; 2]),
     /// The tables of the complete runs have been written.
@@ -163,7 +163,7 @@ struct SharedProgress<'b> {
 impl SharedProgress<'_> {
     /// Reports an event; once a stop was requested, every call returns it.
     fn report(&self, event: EvaluationEvent<'_>) -> ControlFlow<()> {
-        if matches!(event, EvaluationEvent::Artifact(artifact::ArtifactEvent::Begins(_))) {
+        if matches!(event, EvaluationEvent::Artifact(ArtifactEvent::Begins(_))) {
             self.made.store(true, Ordering::Relaxed);
         }
         if lock(&self.observe)(event).is_break() {
@@ -292,7 +292,7 @@ impl Runs<'_, '_> {
         drop(shared);
         while let Some(run) = self.take() {
             let observe = &mut made_for(format!("{}, {run}", self.subject.name()), &mut *observe);
-            Error::unless_stopped(observe(artifact::ArtifactEvent::Working))?;
+            Error::unless_stopped(observe(ArtifactEvent::Working))?;
             let model = model.as_ref().filter(|_| run.method.needs_model());
             let plan = artifacts.choice(run, MethodInputs { inputs: &inputs, shown: &shown }, model, observe)?;
             let cameras = artifacts.settled(&plan.cameras, observe);
@@ -314,7 +314,7 @@ impl Runs<'_, '_> {
         drop(shared);
         while let Some(run) = self.take() {
             let observe = &mut made_for(format!("{}, {run}", self.subject.name()), &mut *observe);
-            Error::unless_stopped(observe(artifact::ArtifactEvent::Working))?;
+            Error::unless_stopped(observe(ArtifactEvent::Working))?;
             let model = model.as_ref().filter(|_| run.method.needs_model());
             let chosen = artifacts.choice(run, model, observe)?;
             let mut trained = artifacts.training(&chosen, run.seed, observe)?;
@@ -326,15 +326,10 @@ impl Runs<'_, '_> {
 }
 
 /// Forwards events; adds to every artifact and note what it is for.
-fn made_for<'o>(
-    what: String,
-    observe: Observe<'o>,
-) -> impl FnMut(artifact::ArtifactEvent<'_>) -> ControlFlow<()> + Send + 'o {
+fn made_for<'o>(what: String, observe: Observe<'o>) -> impl FnMut(ArtifactEvent<'_>) -> ControlFlow<()> + Send + 'o {
     move |event| match event {
-        artifact::ArtifactEvent::Begins(product) => {
-            observe(artifact::ArtifactEvent::Begins(&format!("{product} for {what}")))
-        }
-        artifact::ArtifactEvent::Note(note) => observe(artifact::ArtifactEvent::Note(format!("{note} ({what})"))),
+        ArtifactEvent::Begins(product) => observe(ArtifactEvent::Begins(&format!("{product} for {what}"))),
+        ArtifactEvent::Note(note) => observe(ArtifactEvent::Note(format!("{note} ({what})"))),
         event => observe(event),
     }
 }
@@ -377,8 +372,8 @@ fn spread(contexts: &[Arc<Context>], board: &SharedProgress<'_>, subjects: &[Sub
     let work = |first: usize, context: &Arc<Context>| {
         let _end = EndOfAll(&over);
         let (mut asked, mut product) = (false, String::new());
-        let mut observe = |event: artifact::ArtifactEvent<'_>| {
-            if let artifact::ArtifactEvent::Begins(key) = event {
+        let mut observe = |event: ArtifactEvent<'_>| {
+            if let ArtifactEvent::Begins(key) = event {
                 product = key.to_owned();
             }
             let flow = board.report(EvaluationEvent::Artifact(event));
@@ -467,11 +462,11 @@ mod tests {
             ceilings: Mutex::default(),
         };
         let product = |event| board.report(EvaluationEvent::Artifact(event));
-        assert!(product(artifact::ArtifactEvent::Kept).is_continue());
+        assert!(product(ArtifactEvent::Kept).is_continue());
         board.add([0, 1], entry(Competitor::Method(Method::PaperNoVds))).unwrap();
         assert_eq!(fs::read_to_string(&table).unwrap(), "of an earlier run");
-        assert!(product(artifact::ArtifactEvent::Working).is_break(), "the stop was forgotten");
-        let _ = product(artifact::ArtifactEvent::Begins("k"));
+        assert!(product(ArtifactEvent::Working).is_break(), "the stop was forgotten");
+        let _ = product(ArtifactEvent::Begins("k"));
         board.add([0, 0], entry(Competitor::Method(Method::Ours))).unwrap();
         let written = fs::read_to_string(&table).unwrap();
         let at = |method: &str| written.find(&format!("| s | {method} |")).unwrap();

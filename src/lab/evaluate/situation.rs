@@ -222,6 +222,7 @@ mod tests {
     }
 
     /// If this failed, a situation would have one name on the command line and another in tables and records.
+    #[cfg(feature = "cli")]
     #[test]
     fn a_situation_has_one_name_everywhere() {
         for situation in <Situation as clap::ValueEnum>::value_variants() {

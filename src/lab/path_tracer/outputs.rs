@@ -113,7 +113,7 @@ pub enum Found {
     Nothing,
     /// It is, but it, its mask or a map cannot be read whole, or is of another size.
     Damaged,
-    /// All samples of a pixel.
+    /// All of it is there.
     Whole,
 }
 

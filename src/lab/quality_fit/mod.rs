@@ -2,8 +2,9 @@
 //! views.
 //!
 //! A layout's expected quality is the mean over test views of `-10 log10` of the mean of `w exp(b1 g1 + b3 g3 + c max(ln r, 0))` over
-//! the pixels of a grid, as [`law`](crate::planner::quality::law) has it. What is fitted is `b1`, `b3`, `c` and the weight `w` of pixels beside an object; the
-//! scale needs no factor of its own, since it is that of the `b`s. What all layouts of a scene and budget share, such as material and light, cancels.
+//! the pixels of a grid, as [`law`](crate::planner::quality::law) has it. What is fitted is `b1`, `b3`, `c` and the weight `w` of pixels
+//! beside an object; the scale needs no factor of its own, since it is that of the `b`s. What all layouts of a scene and budget share, such
+//! as material and light, cancels.
 
 mod observation;
 mod solver;

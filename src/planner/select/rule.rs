@@ -93,8 +93,8 @@ impl Rule {
     /// In a line that names the method.
     pub fn check(self, photos: usize) -> Result<()> {
         if self == Self::Farthest(Distance::Shared) && photos > MAX_SHARED {
-            let what = format!("shared points are counted among up to {MAX_SHARED} photos or `candidates`");
-            return Err(Error::request(format!("`method` fvs-shared: {what}; use fvs")));
+            let what = format!("shared points are counted among up to {MAX_SHARED} photos or candidates");
+            return Err(Error::request(format!("`method` fvs-shared: {what}; take fewer, or use fvs")));
         }
         Ok(())
     }
