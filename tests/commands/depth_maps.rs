@@ -1,11 +1,10 @@
 //! The command `proxy` on depth maps that users have: of LiDAR, with confidence, and of models whose scale is unknown.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use crate::support::ball_scene::{BALL, HEIGHT, TABLE, WIDTH, cameras, photograph, ray, true_depth};
 use crate::support::command::Place;
-use camsplat::engine::vulkan::{self, Context};
+use crate::support::device::context;
 use camsplat::files::io;
 use camsplat::files::io::depth_maps::DepthMaps;
 use camsplat::files::photos::PhotoSet;
@@ -14,11 +13,6 @@ use camsplat::scene::camera::Camera;
 use camsplat::scene::surface::{Points, Surface};
 use glam::{DVec2, DVec3};
 use image::{GrayImage, ImageBuffer, Luma};
-
-fn context() -> Arc<Context> {
-    let options = vulkan::ContextOptions { validation: true, ..vulkan::ContextOptions::default() };
-    Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
-}
 
 /// Pixels of the maps: fewer than the photos have, as those of phones.
 const MAP: [u32; 2] = [WIDTH / 2, HEIGHT / 2];

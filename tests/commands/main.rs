@@ -37,6 +37,7 @@ mod support {
     pub mod browser;
     pub mod command;
     pub mod data;
+    pub mod device;
     pub mod gps;
     pub mod images;
     pub mod lpips_weights;

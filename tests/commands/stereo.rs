@@ -1,11 +1,11 @@
 //! Depth from pictures, hulls and the command `proxy` on a ball above a table.
 
 use std::f64::consts::PI;
-use std::sync::Arc;
 
 use crate::support::ball_scene::{BALL, HEIGHT, TABLE, WIDTH, cameras, photograph, pixel, ray, true_depth};
 use crate::support::command::{Place, ended};
-use camsplat::engine::vulkan::{self, Buffer, Context};
+use crate::support::device::context;
+use camsplat::engine::vulkan::Buffer;
 use camsplat::files::io;
 use camsplat::files::photos::volume::{Volume, around_focus};
 use camsplat::files::photos::{Photo, PhotoSet};
@@ -20,11 +20,6 @@ use camsplat::scene::camera::{Camera, Pose};
 use camsplat::scene::surface::{Points, Surface};
 use camsplat::scene::voxels::Grid;
 use glam::{DVec2, DVec3, Vec2, Vec3};
-
-fn context() -> Arc<Context> {
-    let options = vulkan::ContextOptions { validation: true, ..vulkan::ContextOptions::default() };
-    Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
-}
 
 /// What the device is given of cameras: views, pictures, pairs and masks of the ball.
 struct Given {

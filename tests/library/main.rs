@@ -68,6 +68,7 @@ mod support {
     pub mod browser;
     pub mod buffers;
     pub mod data;
+    pub mod device;
     pub mod host;
     pub mod images;
     pub mod lpips_weights;

@@ -52,7 +52,7 @@ pub struct Context {
     notes: Vec<String>,
     /// Before names and labels, so that a host application's capture keeps them apart.
     prefix: String,
-    /// Cache of compiled pipelines.
+    /// The driver's cache of what it compiles.
     pub(super) pipeline_cache: vk::PipelineCache,
     pub(super) reusable: Reusable,
     queue: vk::Queue,
@@ -354,7 +354,7 @@ fn prefixed<'n>(prefix: &str, name: &'n CStr) -> Cow<'n, CStr> {
 impl Drop for Context {
     fn drop(&mut self) {
         self.destroy_reusable();
-        // SAFETY: buffers, pipelines and recorders hold an `Arc` of this context, so none is left; each waited for its
+        // SAFETY: buffers, pipelines and recordings hold an `Arc` of this context, so none is left; each waited for its
         // own work. The allocator goes before the device, the device before the instance (the last field).
         unsafe {
             ManuallyDrop::drop(&mut self.allocator);
@@ -450,12 +450,13 @@ impl Context {
 
     /// Destroys what is kept.
     pub(super) fn destroy_reusable(&self) {
-        let Reusable { commands, fences, queries } = &self.reusable;
-        // SAFETY: what is kept is unused.
+        let Reusable { commands, fences, queries, pipelines } = &self.reusable;
+        // SAFETY: what is kept is unused, as no recording is left that could run a pipeline.
         unsafe {
             lock(commands).drain(..).for_each(|Commands { pool, .. }| self.device.destroy_command_pool(pool, None));
             lock(fences).drain(..).for_each(|fence| self.device.destroy_fence(fence, None));
             lock(queries).drain(..).for_each(|Queries { pool, .. }| self.device.destroy_query_pool(pool, None));
+            lock(pipelines).drain().for_each(|(_, compiled)| compiled.destroy(&self.device));
         }
     }
 }

@@ -13,7 +13,7 @@ use super::stage::{Access, Stage};
 impl Recorder {
     /// Starts the record of one stage: `recorder.stage(&fade, FadeStage { source, target }).push(&push).linear(groups)`.
     pub fn stage<'r, 'a, S: Stage<'a>>(&'r mut self, pipeline: &'a Pipeline, stage: S) -> StageRecord<'r, 'a, S::Push> {
-        let shader = pipeline.compiled.shader;
+        let shader = pipeline.shader;
         // A mismatch here is a mistake in this crate that no input can cause.
         assert_eq!(shader.buffers, S::SHADER.buffers, "`{}` bound as `{}`", shader.name, S::SHADER.name);
         StageRecord { recorder: self, pipeline, buffers: stage.in_order(), push: None }
@@ -59,8 +59,7 @@ impl<'a, P: Pod> StageRecord<'_, 'a, P> {
 
     fn dispatch(self, size: &Size<'a>) {
         let Self { recorder, pipeline, buffers, push } = self;
-        let pipeline = &pipeline.compiled;
-        let shader = pipeline.shader;
+        let (shader, compiled) = (pipeline.shader, pipeline.compiled);
         let push = push.as_ref().map_or(&[][..], bytemuck::bytes_of);
         // A mismatch here is a mistake in this crate that no input can cause.
         assert_eq!(push.len(), shader.push_size as usize, "push constants of `{}`", shader.name);
@@ -85,7 +84,6 @@ impl<'a, P: Pod> StageRecord<'_, 'a, P> {
         if !Arc::ptr_eq(&pipeline.context, &recorder.context) {
             recorder.refuse(format!("the pipeline of `{}` is of another context", shader.name));
         }
-        recorder.kept.keep(pipeline, &pipeline.last_kept);
         if !recorder.keep(buffers.iter().copied().chain(indirect)) {
             return;
         }
@@ -126,19 +124,19 @@ impl<'a, P: Pod> StageRecord<'_, 'a, P> {
             if let Some(checkpoints) = &context.checkpoints {
                 checkpoints.cmd_set_checkpoint(raw, shader.label.as_ptr().cast());
             }
-            device.cmd_bind_pipeline(raw, vk::PipelineBindPoint::COMPUTE, pipeline.raw);
+            device.cmd_bind_pipeline(raw, vk::PipelineBindPoint::COMPUTE, compiled.raw);
             if !writes.is_empty() {
                 context.push_descriptor.cmd_push_descriptor_set(
                     raw,
                     vk::PipelineBindPoint::COMPUTE,
-                    pipeline.layout,
+                    compiled.layout,
                     0,
                     &writes,
                 );
             }
             if !push.is_empty() {
                 let flags = vk::ShaderStageFlags::COMPUTE;
-                device.cmd_push_constants(raw, pipeline.layout, flags, 0, push);
+                device.cmd_push_constants(raw, compiled.layout, flags, 0, push);
             }
             match size {
                 Size::Groups([x, y, z]) => device.cmd_dispatch(raw, *x, *y, *z),

@@ -4,8 +4,8 @@ use std::any::Any;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// The buffers and pipelines of a recording. They stay in memory while this is there, whatever becomes of the [`Buffer`](super::Buffer)s and
-/// [`Pipeline`](super::Pipeline)s that were recorded.
+/// The buffers of a recording, and the context, which has its pipelines. They stay in memory while this is there, whatever becomes of the
+/// [`Buffer`](super::Buffer)s and [`Pipeline`](super::Pipeline)s that were recorded.
 #[must_use = "what was recorded is freed with it, and may still run"]
 pub struct Kept {
     mark: u64,
@@ -32,6 +32,11 @@ impl Default for Kept {
 }
 
 impl Kept {
+    /// With the context of the recording.
+    pub(super) fn new<T: Any + Send + Sync>(context: &Arc<T>) -> Self {
+        Self { objects: vec![context.clone()], ..Self::default() }
+    }
+
     /// Keeps an object, whose `last` it is.
     pub(super) fn keep<T: Any + Send + Sync>(&mut self, object: &Arc<T>, last: &LastKept) {
         if last.renewed(self.mark) {

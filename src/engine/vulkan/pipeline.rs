@@ -6,26 +6,18 @@ use ash::vk;
 use rayon::prelude::*;
 
 use super::context::Context;
-use super::kept::LastKept;
+use super::reuse::Compiled;
 use super::stage::{Constants, Shader, Stage};
 use crate::Result;
+use crate::engine::parallel::lock;
 
 /// [`Pipeline::new`] of a stage.
 type Compile<C> = fn(&Arc<Context>, &C) -> Result<Pipeline>;
 
-/// A stage, compiled for a device. What is recorded with it keeps it until it has run, also where the pipeline is dropped before.
+/// A stage, compiled for a device; the context keeps it, so that the same stage with the same constants is compiled once.
 pub struct Pipeline {
-    pub(super) compiled: Arc<Compiled>,
-}
-
-/// What a pipeline is made of.
-pub(super) struct Compiled {
-    pub(super) raw: vk::Pipeline,
-    pub(super) layout: vk::PipelineLayout,
+    pub(super) compiled: Compiled,
     pub(super) shader: &'static Shader,
-    set_layout: vk::DescriptorSetLayout,
-    module: vk::ShaderModule,
-    pub(super) last_kept: LastKept,
     pub(super) context: Arc<Context>,
 }
 
@@ -35,74 +27,23 @@ impl Pipeline {
     /// # Errors
     /// Where the driver refuses.
     pub fn new<S: Stage<'static>>(context: &Arc<Context>, constants: &S::Constants) -> Result<Self> {
-        Self::compile(context, S::SHADER, &constants.words())
-    }
-
-    fn compile(context: &Arc<Context>, shader: &'static Shader, constants: &[u32]) -> Result<Self> {
-        let mut pipeline = Compiled {
-            raw: vk::Pipeline::null(),
-            layout: vk::PipelineLayout::null(),
-            shader,
-            set_layout: vk::DescriptorSetLayout::null(),
-            module: vk::ShaderModule::null(),
-            last_kept: LastKept::default(),
-            context: context.clone(),
+        let shader = S::SHADER;
+        let key = (std::ptr::from_ref(shader).addr(), constants.words());
+        let pipelines = &context.reusable.pipelines;
+        let found = lock(pipelines).get(&key).copied();
+        let compiled = match found {
+            Some(compiled) => compiled,
+            None => {
+                let compiled = compile(context, shader, &key.1)?;
+                let kept = *lock(pipelines).entry(key).or_insert(compiled);
+                if kept.raw != compiled.raw {
+                    // SAFETY: another thread has compiled the same one meanwhile; nobody has seen this.
+                    unsafe { compiled.destroy(&context.device) };
+                }
+                kept
+            }
         };
-        let failure = |what| move |code| context.failure(what, code);
-        let bindings: Vec<_> = (0..shader.buffers.len() as u32)
-            .map(|slot| {
-                vk::DescriptorSetLayoutBinding::default()
-                    .binding(slot)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
-                    .descriptor_count(1)
-                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
-            })
-            .collect();
-        let set_info = vk::DescriptorSetLayoutCreateInfo::default()
-            .flags(vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR)
-            .bindings(&bindings);
-        // SAFETY: all create infos are valid for the device and outlive the calls; what was made before a failure is
-        // destroyed when `pipeline` is dropped.
-        unsafe {
-            let device = &context.device;
-            pipeline.set_layout =
-                device.create_descriptor_set_layout(&set_info, None).map_err(failure("vkCreateDescriptorSetLayout"))?;
-            let sets = [pipeline.set_layout];
-            let push =
-                [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(shader.push_size)];
-            let mut layout_info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
-            if shader.push_size > 0 {
-                layout_info = layout_info.push_constant_ranges(&push);
-            }
-            pipeline.layout =
-                device.create_pipeline_layout(&layout_info, None).map_err(failure("vkCreatePipelineLayout"))?;
-            let code: Vec<u32> = bytemuck::pod_collect_to_vec(shader.code);
-            let module_info = vk::ShaderModuleCreateInfo::default().code(&code);
-            pipeline.module =
-                device.create_shader_module(&module_info, None).map_err(failure("vkCreateShaderModule"))?;
-            let entry = |&(number, place): &(u32, usize)| {
-                vk::SpecializationMapEntry::default().constant_id(number).offset(4 * place as u32).size(4)
-            };
-            let entries: Vec<_> = shader.constants.iter().map(entry).collect();
-            let special = vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
-            let asked = context.physical().asked_width.filter(|_| shader.subgroups);
-            let mut width = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
-                .required_subgroup_size(asked.unwrap_or_default());
-            let mut stage = vk::PipelineShaderStageCreateInfo::default()
-                .stage(vk::ShaderStageFlags::COMPUTE)
-                .module(pipeline.module)
-                .name(c"main")
-                .specialization_info(&special);
-            if asked.is_some() {
-                let full = vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS;
-                stage = stage.flags(full).push_next(&mut width);
-            }
-            let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(pipeline.layout)];
-            let made = device.create_compute_pipelines(context.pipeline_cache, &info, None);
-            pipeline.raw = made.map_err(|(_, code)| context.failure("vkCreateComputePipelines", code))?[0];
-        }
-        context.name(pipeline.raw, shader.label);
-        Ok(Self { compiled: Arc::new(pipeline) })
+        Ok(Self { compiled, shader, context: context.clone() })
     }
 
     /// Compiles several stages with the same constants side by side, as a driver takes its time over each:
@@ -133,15 +74,67 @@ impl Pipeline {
     }
 }
 
-impl Drop for Compiled {
-    fn drop(&mut self) {
-        // SAFETY: whatever was recorded with the pipeline holds this until it has run; destroying a null handle does nothing.
-        unsafe {
-            let device = &self.context.device;
-            device.destroy_pipeline(self.raw, None);
-            device.destroy_shader_module(self.module, None);
-            device.destroy_pipeline_layout(self.layout, None);
-            device.destroy_descriptor_set_layout(self.set_layout, None);
-        }
+fn compile(context: &Context, shader: &Shader, constants: &[u32]) -> Result<Compiled> {
+    let mut made = Compiled::default();
+    if let Err(error) = fill(&mut made, context, shader, constants) {
+        // SAFETY: nothing has been recorded with what was made before the failure.
+        unsafe { made.destroy(&context.device) };
+        return Err(error);
     }
+    context.name(made.raw, shader.label);
+    Ok(made)
+}
+
+/// Makes one part after the other.
+fn fill(made: &mut Compiled, context: &Context, shader: &Shader, constants: &[u32]) -> Result<()> {
+    let failure = |what| move |code| context.failure(what, code);
+    let bindings: Vec<_> = (0..shader.buffers.len() as u32)
+        .map(|slot| {
+            vk::DescriptorSetLayoutBinding::default()
+                .binding(slot)
+                .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                .descriptor_count(1)
+                .stage_flags(vk::ShaderStageFlags::COMPUTE)
+        })
+        .collect();
+    let set_info = vk::DescriptorSetLayoutCreateInfo::default()
+        .flags(vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR)
+        .bindings(&bindings);
+    // SAFETY: all create infos are valid for the device and outlive the calls.
+    unsafe {
+        let device = &context.device;
+        made.set_layout =
+            device.create_descriptor_set_layout(&set_info, None).map_err(failure("vkCreateDescriptorSetLayout"))?;
+        let sets = [made.set_layout];
+        let push = [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(shader.push_size)];
+        let mut layout_info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
+        if shader.push_size > 0 {
+            layout_info = layout_info.push_constant_ranges(&push);
+        }
+        made.layout = device.create_pipeline_layout(&layout_info, None).map_err(failure("vkCreatePipelineLayout"))?;
+        let code: Vec<u32> = bytemuck::pod_collect_to_vec(shader.code);
+        let module_info = vk::ShaderModuleCreateInfo::default().code(&code);
+        made.module = device.create_shader_module(&module_info, None).map_err(failure("vkCreateShaderModule"))?;
+        let entry = |&(number, place): &(u32, usize)| {
+            vk::SpecializationMapEntry::default().constant_id(number).offset(4 * place as u32).size(4)
+        };
+        let entries: Vec<_> = shader.constants.iter().map(entry).collect();
+        let special = vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
+        let asked = context.physical().asked_width.filter(|_| shader.subgroups);
+        let mut width = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
+            .required_subgroup_size(asked.unwrap_or_default());
+        let mut stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(made.module)
+            .name(c"main")
+            .specialization_info(&special);
+        if asked.is_some() {
+            let full = vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS;
+            stage = stage.flags(full).push_next(&mut width);
+        }
+        let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(made.layout)];
+        let all = device.create_compute_pipelines(context.pipeline_cache, &info, None);
+        made.raw = all.map_err(|(_, code)| context.failure("vkCreateComputePipelines", code))?[0];
+    }
+    Ok(())
 }

@@ -134,7 +134,7 @@ impl Recorder {
             written: Vec::new(),
             clock: None,
             failure: None,
-            kept: Kept::default(),
+            kept: Kept::new(context),
             stages: None,
             given_up: false,
             lost_sight: false,

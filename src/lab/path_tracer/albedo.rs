@@ -5,6 +5,7 @@
 //! steps from 0 to 1.
 
 use std::f32::consts::{PI, TAU};
+use std::sync::OnceLock;
 
 use glam::{Vec2, Vec3};
 
@@ -73,8 +74,17 @@ pub fn fresnel(cosine: f32, eta: f32) -> f32 {
 }
 
 /// The tables of GGX, of which the albedo for `f0` and `f90` in Schlick's form is `f0` times the first plus `f90` times the
-/// second, and of sheen.
-pub fn common() -> Vec<f32> {
+/// second, and of sheen. They are the same for all scenes, and computed once.
+pub fn common() -> &'static [f32] {
+    static TABLES: OnceLock<Vec<f32>> = OnceLock::new();
+    // Not within `get_or_init`: a thread that waits for the rows of the tables may take other work meanwhile, which wants them too.
+    TABLES.get().unwrap_or_else(|| {
+        let tables = ggx_and_sheen();
+        TABLES.get_or_init(|| tables)
+    })
+}
+
+fn ggx_and_sheen() -> Vec<f32> {
     let split = |grazing: bool| {
         table(move |z, alpha| {
             let alpha = alpha.max(MIN_ALPHA);

@@ -105,7 +105,7 @@ impl Assembly {
             offsets.push(texels.len() as u32);
             texels.extend_from_slice(&image.pixels);
         }
-        let mut tables = Tables { albedo: albedo::common(), glass: HashMap::new() };
+        let mut tables = Tables { albedo: albedo::common().to_vec(), glass: HashMap::new() };
         let mut maps = Maps { model, offsets, maps: Vec::new() };
         let materials = model.materials.iter().map(|material| laid_out(material, &mut maps, &mut tables)).collect();
         let (sky, aliases) = environment.map(lights::sky).unwrap_or_default();

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::support::buffers::{SIZES, context, random, silent};
+use crate::support::buffers::{SIZES, random};
+use crate::support::device::{context, silent};
 use camsplat::Result;
 use camsplat::engine::primitives::{Count, RadixSort, twin};
 use camsplat::engine::vulkan::{Buffer, Context, Recorder};
@@ -43,7 +44,7 @@ fn ramp(count: usize) -> Vec<u32> {
 /// Were a tile's end, a row of the table or a rank wrong, keys would be lost or out of order at some size.
 #[test]
 fn pairs_match_the_twin_at_every_size() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let sorters = sorters(&context, 1 << 23)?;
     for size in SIZES {
         let (keys, values) = (random(size as u64, size), ramp(size));
@@ -60,7 +61,7 @@ fn pairs_match_the_twin_at_every_size() -> Result<()> {
 /// ones look like what a tile is filled up with.
 #[test]
 fn equal_keys_keep_their_order() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let sorters = sorters(&context, 100_003)?;
     let values = ramp(100_003);
     let random = random(1, 100_003);
@@ -86,7 +87,7 @@ fn equal_keys_keep_their_order() -> Result<()> {
 /// an odd number of passes, some number of bits would fail. Higher bits must be carried along, not sorted by.
 #[test]
 fn any_number_of_bits_sorts_by_these_bits_only() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let sorters = sorters(&context, 9001)?;
     let (keys, values) = (random(2, 9001), ramp(9001));
     for bits in 1..=32 {
@@ -103,7 +104,7 @@ fn any_number_of_bits_sorts_by_these_bits_only() -> Result<()> {
 /// behind would change.
 #[test]
 fn keys_alone_sort_like_keys_with_values() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let sorters = sorters(&context, 50_000)?;
     let keys = random(3, 50_000);
     for (bits, sorter) in [7, 12, 20, 32].into_iter().flat_map(|bits| sorters.iter().map(move |sorter| (bits, sorter)))
@@ -121,7 +122,7 @@ fn keys_alone_sort_like_keys_with_values() -> Result<()> {
 /// Were the counter not obeyed by every stage, keys behind it would be mixed in or moved.
 #[test]
 fn a_counter_on_the_device_says_how_many() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let sorters = sorters(&context, 1 << 20)?;
     let (keys, values) = (random(4, 70_000), ramp(70_000));
     let counters = [(0, 0), (1, 1), (2048, 2048), (33_333, 33_333), (u32::MAX, 70_000)];
@@ -148,7 +149,7 @@ fn a_counter_on_the_device_says_how_many() -> Result<()> {
 /// inside a tile would be out of order.
 #[test]
 fn floats_then_tiles_sort_as_compositing_needs() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let count = 30_000;
     let sorter = RadixSort::new(&context, count as u32)?;
     let depths: Vec<f32> = random(5, count).iter().map(|word| *word as f32 * 1e-6).collect();
@@ -166,7 +167,7 @@ fn floats_then_tiles_sort_as_compositing_needs() -> Result<()> {
 /// Were anything to depend on scheduling, one of many repeats would differ.
 #[test]
 fn repeats_give_equal_bits() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let sorters = sorters(&context, 200_000)?;
     let keys: Vec<u32> = random(8, 200_000).iter().map(|key| key >> 20).collect();
     let first = sort(&context, &sorters[0], &keys, &ramp(200_000), 12)?;
@@ -231,7 +232,7 @@ fn passes_that_could_wait_sort_too() -> Result<()> {
 /// Were the variable to lose its meaning, the test above would test nothing.
 #[test]
 fn the_environment_sets_the_width_of_subgroups() -> Result<()> {
-    let context = context()?;
+    let context = context();
     if let Ok(width) = std::env::var("LP_NATIVE_VECTOR_WIDTH")
         && context.physical().name.contains("llvmpipe")
     {
@@ -243,7 +244,7 @@ fn the_environment_sets_the_width_of_subgroups() -> Result<()> {
 /// Were these let through, shaders would reach outside buffers or a shift would overflow.
 #[test]
 fn what_does_not_fit_is_an_error() -> Result<()> {
-    let context = context()?;
+    let context = context();
     assert!(RadixSort::new(&context, (1 << 28) + 1).is_err());
     let sorter = RadixSort::new(&context, 100)?;
     let (small, large) = (Buffer::device(&context, "small", 200)?, Buffer::device(&context, "large", 800)?);

@@ -1,6 +1,7 @@
 //! Reduce against its twin, on the device with the validation layers on.
 
-use crate::support::buffers::{SIZES, context, random, silent};
+use crate::support::buffers::{SIZES, random};
+use crate::support::device::{context, silent};
 use camsplat::Result;
 use camsplat::engine::primitives::{Count, Operation, Reduce, twin};
 use camsplat::engine::vulkan::{Buffer, Recorder};
@@ -21,7 +22,7 @@ fn elements(operation: Operation, seed: u64, count: usize) -> Vec<u32> {
 /// Were any element missed or added in another order, the bits would differ: sums of floats are compared as bits.
 #[test]
 fn bits_match_the_twin_at_every_size() -> Result<()> {
-    let context = context()?;
+    let context = context();
     for operation in OPERATIONS {
         let reduce = Reduce::new(&context, operation, 1 << 25)?;
         for size in SIZES.into_iter().chain([(1 << 24) + 1]) {
@@ -53,7 +54,7 @@ fn the_twin_sums() {
 /// Were the order to depend on the capacity instead of the count, a counter on the device would change a sum's bits.
 #[test]
 fn a_counter_on_the_device_gives_the_bits_of_a_count_on_the_host() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let elements = elements(Operation::SumF32, 11, 300_000);
     let input = Buffer::from_slice(&context, "input", &elements)?;
     let reduce = Reduce::new(&context, Operation::SumF32, 300_000)?;

@@ -1,6 +1,7 @@
 //! Scan against its twin, on the device with the validation layers on.
 
-use crate::support::buffers::{SIZES, context, random, silent};
+use crate::support::buffers::{SIZES, random};
+use crate::support::device::{context, silent};
 use camsplat::Result;
 use camsplat::engine::primitives::{Count, Scan, twin};
 use camsplat::engine::vulkan::{Buffer, Recorder};
@@ -11,7 +12,7 @@ const UNTOUCHED: u32 = 0xdead_beef;
 /// input missed, what lies behind the sums would change.
 #[test]
 fn sums_match_the_twin_at_every_size() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let scan = Scan::new(&context, 1 << 25)?;
     for size in SIZES.into_iter().chain([(1 << 24) + 1]) {
         let values = random(size as u64, size);
@@ -36,7 +37,7 @@ fn sums_match_the_twin_at_every_size() -> Result<()> {
 /// Were the counter read from elsewhere, or not checked against the capacity, elements behind it would be touched.
 #[test]
 fn a_counter_on_the_device_says_how_many() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let scan = Scan::new(&context, 70_000)?;
     let values = random(7, 70_000);
     let input = Buffer::from_slice(&context, "input", &values)?;
@@ -59,7 +60,7 @@ fn a_counter_on_the_device_says_how_many() -> Result<()> {
 /// the total.
 #[test]
 fn the_total_may_follow_the_sums() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let scan = Scan::new(&context, 5000)?;
     let values = random(3, 5000);
     let input = Buffer::from_slice(&context, "input", &values)?;
@@ -77,7 +78,7 @@ fn the_total_may_follow_the_sums() -> Result<()> {
 /// Were these let through, shaders would reach outside buffers.
 #[test]
 fn what_does_not_fit_is_an_error() -> Result<()> {
-    let context = context()?;
+    let context = context();
     assert!(Scan::new(&context, (1 << 28) + 1).is_err());
     let scan = Scan::new(&context, 100)?;
     let small = Buffer::device(&context, "small", 4 * 50)?;

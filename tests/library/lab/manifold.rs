@@ -2,7 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use crate::support::splats::{Draws, context, scene, silent, twin_view, view};
+use crate::support::device::{context, silent};
+use crate::support::splats::{Draws, scene, twin_view, view};
 use camsplat::lab::baselines::manifold::{self, ManifoldSettings};
 use camsplat::planner::plan::config::Preset;
 use camsplat::planner::plan::problem::Problem;
@@ -41,7 +42,7 @@ fn moved(gaussians: &Gaussians, scales: &[f32], draw: u32) -> Gaussians {
 /// If this failed, views would be compared by another variance than that of their pictures, or each under other perturbations.
 #[test]
 fn the_spread_is_the_variance_of_perturbed_pictures() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let size = Size { width: 37, height: 29 };
     let other = {
         let mut other = view(size.width, size.height);
@@ -86,7 +87,7 @@ fn the_spread_is_the_variance_of_perturbed_pictures() -> Result<()> {
 /// If this failed, noise would grow where pictures suffer from it, and only worse plans would show it.
 #[test]
 fn noise_takes_the_steps_of_the_twin() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let size = Size { width: 33, height: 35 };
     let view = view(size.width, size.height);
     let reward = 2e-3;
@@ -158,7 +159,7 @@ fn ball() -> Gaussians {
 /// If this failed, a model would be thought certain of what no view has shown.
 #[test]
 fn what_no_view_shows_keeps_its_noise() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let gaussians = ball();
     let size = Size { width: 40, height: 40 };
     let view = view(size.width, size.height);
@@ -184,7 +185,7 @@ fn what_no_view_shows_keeps_its_noise() -> Result<()> {
 /// If this failed, cameras would be placed where the model is known, or two runs place them in two ways.
 #[test]
 fn cameras_are_placed_where_no_view_has_been() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let shape = Shape::Shell { centre: DVec3::ZERO, r_min: 2.8, r_max: 3.4 };
     let choice = RegionChoice { shape: Some(shape), floor: None, clearance: Some(0.0) };
     let model = Model { path: "ball".into(), gaussians: ball(), antialiased: false };

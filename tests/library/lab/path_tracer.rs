@@ -3,9 +3,8 @@
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
-use crate::support::photographs::{
-    add_ball, add_quad, ball, camera, context, lambert, mean, photograph, photograph_by,
-};
+use crate::support::device::context;
+use crate::support::photographs::{add_ball, add_quad, ball, camera, lambert, mean, photograph, photograph_by};
 use camsplat::engine::vulkan::Recorder;
 use camsplat::lab::path_tracer::albedo;
 use camsplat::lab::path_tracer::assembly::Assembly;

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use crate::support::data::data_folder;
-use crate::support::photographs::context;
+use crate::support::device::context;
 use camsplat::files::io::environment::read_environment;
 use camsplat::files::io::gltf::read_model;
 use camsplat::lab::path_tracer::assembly::Assembly;

@@ -2,7 +2,7 @@
 //! one lamp and an even sky, rendered here point by point.
 
 use crate::support::data::data_folder;
-use crate::support::plans::{context, silent};
+use crate::support::device::{context, silent};
 use camsplat::files::io::photos as captures;
 use camsplat::files::photos::Photo;
 use camsplat::photogrammetry::vds::observe::{Observations, Scene, lens_pixel, observe};

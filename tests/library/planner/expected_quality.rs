@@ -2,7 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use crate::support::plans::{Scene, context, intrinsics, object, planner, preparation, room, silent};
+use crate::support::device::{context, silent};
+use crate::support::plans::{Scene, intrinsics, object, planner, preparation, room};
 use camsplat::engine::vulkan::Recorder;
 use camsplat::planner::plan::config::{Config, Preset};
 use camsplat::planner::plan::expected_quality::QualityPass;

@@ -2,7 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use crate::support::plans::{context, intrinsics, object, planner, room, silent};
+use crate::support::device::{context, silent};
+use crate::support::plans::{intrinsics, object, planner, room};
 use camsplat::planner::plan::config::{Config, Preset};
 use camsplat::planner::plan::expected_quality::links::{Links, penalty};
 use camsplat::planner::plan::pipeline::{self, Plan, Tools};

@@ -3,7 +3,8 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
-use camsplat::engine::vulkan::{Context, ContextOptions};
+use crate::support::device::{context, silent};
+use camsplat::engine::vulkan::Context;
 use camsplat::planner::metrics::PointMetrics;
 use camsplat::planner::metrics::score_point::{Field, Scorer, score_point};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
@@ -14,15 +15,6 @@ use camsplat::scene::samples;
 use camsplat::scene::surface::Surface;
 use camsplat::visibility::device_scene::{DeviceScene, SceneGeometry};
 use glam::{DQuat, DVec3};
-
-fn context() -> Arc<Context> {
-    let options = ContextOptions { validation: true, ..ContextOptions::default() };
-    Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
-}
-
-fn silent(context: &Arc<Context>) {
-    assert_eq!(context.messages(), Vec::<String>::new(), "the validation layers found fault");
-}
 
 fn scene(context: &Arc<Context>, surface: &Surface, region: &Region) -> (Proxy, DeviceScene) {
     let proxy = Proxy::new(surface, Orientation::Trusted).expect("a good surface");

@@ -3,7 +3,8 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use crate::support::plans::{Scene, context, intrinsics, object, planner, room, scene, silent};
+use crate::support::device::{context, silent};
+use crate::support::plans::{Scene, intrinsics, object, planner, room, scene};
 use camsplat::engine::vulkan::Context;
 use camsplat::planner::metrics::score_point::{Field, Scorer, aggregate};
 use camsplat::planner::plan::config::{Config, Preset};

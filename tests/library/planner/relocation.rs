@@ -2,7 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use crate::support::plans::{Scene, context, intrinsics, object, planner, room, silent};
+use crate::support::device::{context, silent};
+use crate::support::plans::{Scene, intrinsics, object, planner, room};
 use camsplat::engine::vulkan::Recorder;
 use camsplat::planner::metrics::Metrics;
 use camsplat::planner::metrics::score_point::{Field, Scorer, aggregate};

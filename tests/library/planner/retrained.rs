@@ -1,6 +1,7 @@
 //! FisherRF with training between its choices, on a small capture.
 
-use crate::support::splats::{capture, context, silent};
+use crate::support::device::{context, silent};
+use crate::support::splats::capture;
 use camsplat::files::io::photos::{self, ReadOptions};
 use camsplat::files::photos::{Photo, PhotoSet};
 use camsplat::planner::plan::config::Preset;
@@ -31,7 +32,7 @@ fn choose(
     must: &[usize],
     (count, every): (usize, u32),
 ) -> Result<(Vec<usize>, Vec<usize>)> {
-    let context = context()?;
+    let context = context();
     let allowed: Vec<usize> = (0..set.photos.len()).collect();
     let sight = Sight::empty(0, set.photos.len());
     let pool = Pool { set, region: &target.region, sight: &sight, include: must, allowed: &allowed, count, seed: 5 };
@@ -92,7 +93,7 @@ fn the_next_view_is_from_the_side_that_has_not_been_seen() -> Result<()> {
 #[test]
 fn a_photograph_that_is_not_taken_ends_the_choice() -> Result<()> {
     let (_folder, set, target) = captured();
-    let context = context()?;
+    let context = context();
     let allowed: Vec<usize> = (0..set.photos.len()).collect();
     let sight = Sight::empty(0, set.photos.len());
     let pool =

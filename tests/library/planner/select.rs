@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use camsplat::engine::vulkan::{Context, ContextOptions};
+use crate::support::device::{context, silent};
+use camsplat::engine::vulkan::Context;
 use camsplat::files::photos::{Photo, PhotoSet};
 use camsplat::planner::methods::Method;
 use camsplat::planner::plan::config::Preset;
@@ -25,15 +26,6 @@ use camsplat::scene::region::Shape;
 use camsplat::scene::samples;
 use camsplat::visibility::device_scene::DeviceScene;
 use glam::DVec3;
-
-fn context() -> Arc<Context> {
-    let options = ContextOptions { validation: true, ..ContextOptions::default() };
-    Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
-}
-
-fn silent(context: &Context) {
-    assert_eq!(context.messages(), [""; 0], "the validation layers found fault");
-}
 
 /// Photos on rings around the sample object, that look past it a little, through a lens with barrel distortion.
 fn pool(count: u32, seed: u64) -> PhotoSet {

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::support::plans::{Scene, context, planner, scene, silent};
+use crate::support::device::{context, silent};
+use crate::support::plans::{Scene, planner, scene};
 use camsplat::engine::vulkan::{Context, Recorder};
 use camsplat::planner::plan::clock::Clock;
 use camsplat::planner::plan::config::{Config, Preset};

@@ -1,6 +1,7 @@
 //! Information of views about a model, on the device, against the twin in double precision: Fisher information, coverage.
 
-use crate::support::splats::{Draws, context, scene, silent, twin_view};
+use crate::support::device::{context, silent};
+use crate::support::splats::{Draws, scene, twin_view};
 use camsplat::Result;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::gaussians::Gaussians;
@@ -45,7 +46,7 @@ fn expected(gaussians: &Gaussians, cameras: &[Camera], view: usize, antialiased:
 /// Squares cannot be checked by descending: a wrong form would only rank views otherwise, and nothing else would show it.
 #[test]
 fn the_information_of_a_view_agrees_with_the_twin() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let cases = [
         ("one splat", 1, 0, 40, 24, false),
         ("odd size, degree 1", 60, 1, 37, 29, false),
@@ -72,7 +73,7 @@ fn the_information_of_a_view_agrees_with_the_twin() -> Result<()> {
 /// If this failed, the view that is chosen would not be the one that adds most to what is known.
 #[test]
 fn what_a_view_is_worth_is_its_information_over_what_is_known() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let (gaussians, cameras) = (scene(31, 80, 1), cameras(5, 32, 24));
     let mut fisher = Fisher::new(&context, gaussians.clone(), &cameras, false, 1e-2)?;
     fisher.learn(0)?;
@@ -93,7 +94,7 @@ fn what_a_view_is_worth_is_its_information_over_what_is_known() -> Result<()> {
 /// If this failed, COVER would go where the model has been seen from, or nowhere.
 #[test]
 fn what_is_not_covered_agrees_with_the_definition() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let (gaussians, cameras) = (scene(41, 90, 0), cameras(6, 40, 30));
     let mut cover = Cover::new(&context, gaussians.clone(), &cameras, false)?;
     let frame = Frame::new(&cameras, &gaussians.centres);

@@ -3,8 +3,9 @@
 use std::path::Path;
 use std::sync::LazyLock;
 
-use crate::support::buffers::{context, random, silent};
+use crate::support::buffers::random;
 use crate::support::data::data_folder;
+use crate::support::device::{context, silent};
 use crate::support::images::Image;
 use crate::support::lpips_weights::{file, vgg};
 use camsplat::engine::vulkan::{Buffer, Pipeline, Recorder};
@@ -71,7 +72,7 @@ fn what_cannot_be_compared_is_refused() {
         let message = result.unwrap_err().to_string();
         assert!(message.contains(fragment) && message.lines().count() == 1, "{message}");
     };
-    let context = context().unwrap();
+    let context = context();
     let mut lpips = Lpips::new(&context, &Weights::alex().unwrap()).unwrap();
     says(psnr(&a.view(), &b.view()), "32 x 40 and 40 x 32");
     says(ssim(&a.view(), &b.view()), "32 x 40 and 40 x 32");
@@ -87,7 +88,7 @@ fn what_cannot_be_compared_is_refused() {
 /// neither network has.
 #[test]
 fn convolve_matches_its_twin() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let mut ways = vec![Convolve::by(&context, ConvolutionKernel::Shared)?];
     if context.physical().subgroup_width == Some(8) {
         ways.push(Convolve::by(&context, ConvolutionKernel::Lanes)?);
@@ -136,7 +137,7 @@ fn convolve_matches_its_twin() -> Result<()> {
 /// If this failed, a pool would look beside its window, or leave the last row out.
 #[test]
 fn max_pool_matches_its_twin() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let pipeline = Pipeline::new::<MaxPoolStage>(&context, &())?;
     for (window, stride, channels, width, height) in
         [(3, 2, 5, 17, 24), (2, 2, 70, 9, 7), (1, 1, 1, 1, 1), (4, 3, 2, 4, 13)]
@@ -161,7 +162,7 @@ fn max_pool_matches_its_twin() -> Result<()> {
 /// whole words would be those of another.
 #[test]
 fn lpips_planes_matches_its_twin() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let pipeline = Pipeline::new::<LpipsPlanesStage>(&context, &())?;
     let values = Buffer::from_slice(&context, "values", lpips_planes::values().as_flattened())?;
     for (width, height) in [(1, 1), (16, 16), (13, 5), (67, 3)] {
@@ -185,7 +186,7 @@ fn lpips_planes_matches_its_twin() -> Result<()> {
 /// If this failed, features would be weighed wrongly, or a pixel without any be NaN.
 #[test]
 fn lpips_distance_matches_its_twin() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let pipeline = Pipeline::new::<LpipsDistanceStage>(&context, &())?;
     for (channels, pixels) in [(1, 1), (64, 63), (192, 65), (512, 130)] {
         let features = |seed| -> Vec<f32> {
@@ -245,7 +246,7 @@ static VGG: LazyLock<Weights> = LazyLock::new(|| Weights::parse(Path::new("vgg")
 /// what was compared before.
 #[test]
 fn whole_networks_match_their_twins_and_keep_their_buffers() -> Result<()> {
-    let context = context()?;
+    let context = context();
     for (weights, first, second) in [(&Weights::alex()?, (33, 47), (40, 31)), (&*VGG, (17, 16), (16, 21))] {
         let pair = |(width, height)| [Image::new(width, height, 1, 30), Image::new(width, height, 2, 56)];
         let measure = |lpips: &mut Lpips, size| {
@@ -272,7 +273,7 @@ fn whole_networks_match_their_twins_and_keep_their_buffers() -> Result<()> {
 /// If this failed, a large image would be measured by a part of its pixels, or end in a message about a buffer.
 #[test]
 fn images_beyond_the_device_are_refused() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let pixels = context.physical().storage_range.min(context.physical().allocation) / (4 * 64) + 1;
     if pixels > 1 << 22 {
         println!("skipped: the device takes large images");
@@ -348,7 +349,7 @@ fn load(path: &Path) -> Image {
 fn lpips_is_that_of_the_reference() -> Result<()> {
     let folder = data_folder().join("lpips");
     let golden: Value = serde_json::from_slice(&std::fs::read(folder.join("golden.json")).unwrap()).unwrap();
-    let context = context()?;
+    let context = context();
     let full = Weights::read(&folder.join("lpips_alex.safetensors"), Network::Alex)?;
     let vgg = Weights::read(&folder.join("lpips_vgg16_f16.safetensors"), Network::Vgg)?;
     for (weights, name, tolerance) in

@@ -1,6 +1,7 @@
 //! The stages of Gaussian splatting against their twin in double precision.
 
-use crate::support::splats::{Pass, context, pass, photo, scene, silent, twin_view, view};
+use crate::support::device::{context, silent};
+use crate::support::splats::{Pass, pass, photo, scene, twin_view, view};
 use camsplat::Result;
 use camsplat::scene::gaussians::Gaussians;
 use camsplat::splats::render::frame::View;
@@ -85,7 +86,7 @@ fn wanted(antialiased: bool) -> Wanted {
 /// Every gradient of the trainer comes from these stages: a wrong sign or factor still descends, only badly.
 #[test]
 fn stages_agree_with_the_twin_over_odd_scenes() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let cases = [
         ("one splat", 1, 0, 40, 24, false),
         ("odd size, degree 1", 60, 1, 37, 53, false),
@@ -139,7 +140,7 @@ fn a_tile_is_divided_only_as_stages_were_written() {
 /// The fast mode must differ in the order of its sums alone.
 #[test]
 fn the_fast_way_sums_the_same() -> Result<()> {
-    let context = context()?;
+    let context = context();
     if !context.physical().atomic_floats {
         eprintln!("skipped: {} adds no floats atomically", context.physical().name);
         return Ok(());
@@ -159,7 +160,7 @@ fn the_fast_way_sums_the_same() -> Result<()> {
 /// what lies behind either bound must count like the rest.
 #[test]
 fn a_tile_takes_more_splats_than_a_loop_may_have_rounds() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let count = 100_000;
     let faint = Gaussians {
         // All in the middle of one pixel, one behind the other, the last one red and dense.
@@ -201,7 +202,7 @@ fn a_tile_takes_more_splats_than_a_loop_may_have_rounds() -> Result<()> {
 /// If this failed, a model that dies during training, or a view into nothing, would end in rubbish.
 #[test]
 fn nothing_to_see_is_the_background() -> Result<()> {
-    let context = context()?;
+    let context = context();
     let view = view(33, 21);
     let photo = photo(3, &view);
     let mut behind = scene(3, 40, 0);

@@ -5,7 +5,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::support::data::data_folder;
-use crate::support::splats::{capture, context, silent};
+use crate::support::device::{context, silent};
+use crate::support::splats::capture;
 use camsplat::Result;
 use camsplat::engine::vulkan::Context;
 use camsplat::files::io::photos::{Images, ReadOptions};
@@ -71,7 +72,7 @@ fn psnr(trainer: &Trainer, from: usize, to: usize) -> f64 {
 /// right to four digits is held by tests/library/splats/passes.rs; in so few iterations most of them hardly show.)
 #[test]
 fn a_small_scene_is_learnt() -> Result<()> {
-    let (context, folder) = (context()?, folder());
+    let (context, folder) = (context(), folder());
     for strategy in [Strategy::Mcmc, Strategy::Adc] {
         let mut trainer = trainer(&context, folder.path(), &short(strategy), 1)?;
         trainer.run(120, None, go_on)?;
@@ -88,7 +89,7 @@ fn a_small_scene_is_learnt() -> Result<()> {
 /// splats are still the same; a tenth of what ten steps of Adam can move at most is required. (Sizes have a far smaller gradient.)
 #[test]
 fn suppressing_floaters_holds_opacities_down() -> Result<()> {
-    let (context, folder) = (context()?, folder());
+    let (context, folder) = (context(), folder());
     let mean_logit = |suppress_floaters: bool| -> Result<f64> {
         let config = TrainConfig { suppress_floaters, ..short(Strategy::Mcmc) };
         let mut trainer = trainer(&context, folder.path(), &config, 1)?;
@@ -105,7 +106,7 @@ fn suppressing_floaters_holds_opacities_down() -> Result<()> {
 /// If this failed, a run that was stopped would end in another model than one that was not, without explanation.
 #[test]
 fn a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> Result<()> {
-    let (context, folder) = (context()?, folder());
+    let (context, folder) = (context(), folder());
     for strategy in [Strategy::Mcmc, Strategy::Adc] {
         let config = short(strategy);
         let mut whole = trainer(&context, folder.path(), &config, 1)?;
@@ -128,7 +129,7 @@ fn a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> Result<()> {
 /// every iteration.
 #[test]
 fn colours_step_where_a_photo_shows_them_and_harmonics_every_other_time() -> Result<()> {
-    let (context, folder) = (context()?, folder());
+    let (context, folder) = (context(), folder());
     let config = TrainConfig { iterations: 12, ..short(Strategy::Mcmc) };
     let mut trainer = trainer(&context, folder.path(), &config, 1)?;
     trainer.run(4, None, go_on)?;
@@ -174,7 +175,7 @@ fn colours_step_where_a_photo_shows_them_and_harmonics_every_other_time() -> Res
 /// long run ends.
 #[test]
 fn a_long_run_ends_with_small_steps() -> Result<()> {
-    let (context, folder) = (context()?, folder());
+    let (context, folder) = (context(), folder());
     let config = TrainConfig { iterations: 5000, ..short(Strategy::Mcmc) };
     let mut trainer = trainer(&context, folder.path(), &config, 1)?;
     let begun = trainer.state()?;
@@ -202,7 +203,7 @@ fn a_long_run_ends_with_small_steps() -> Result<()> {
 #[test]
 fn many_photos_set_the_schedule_and_the_population() -> Result<()> {
     const PHOTOS: usize = 60;
-    let (context, folder) = (context()?, tempfile::tempdir().unwrap());
+    let (context, folder) = (context(), tempfile::tempdir().unwrap());
     capture::write(folder.path(), PHOTOS as u32, 20);
     let config = TrainConfig { degree: 0, ..TrainConfig::new(300, 300) };
     let mut first = trainer(&context, folder.path(), &config, 1)?;
@@ -236,7 +237,7 @@ fn same(a: &State, b: &State) -> bool {
 /// little.
 #[test]
 fn too_little_room_changes_nothing() -> Result<()> {
-    let (context, folder) = (context()?, folder());
+    let (context, folder) = (context(), folder());
     let config = short(Strategy::Mcmc);
     let mut roomy = trainer(&context, folder.path(), &config, 1)?;
     roomy.run(40, None, go_on)?;
@@ -252,7 +253,7 @@ fn too_little_room_changes_nothing() -> Result<()> {
 /// A photo of rubbish must end in a line, not in a model of NaNs that is called trained.
 #[test]
 fn a_loss_that_is_no_number_ends_the_run() -> Result<()> {
-    let (context, folder) = (context()?, folder());
+    let (context, folder) = (context(), folder());
     let mut trainer = trainer(&context, folder.path(), &short(Strategy::Mcmc), 1)?;
     trainer.run(10, None, go_on)?;
     let mut state = trainer.state()?;
@@ -270,7 +271,7 @@ fn a_loss_that_is_no_number_ends_the_run() -> Result<()> {
 /// Relocation must leave the picture as it was: a Gaussian that becomes n has the opacity and the size that the paper gives.
 #[test]
 fn relocated_splats_look_as_their_source_did() -> Result<()> {
-    let (context, folder) = (context()?, folder());
+    let (context, folder) = (context(), folder());
     let config = TrainConfig { iterations: 30_000, ..short(Strategy::Mcmc) };
     let mut trainer = trainer(&context, folder.path(), &config, 1)?;
     trainer.run(3, None, go_on)?;
@@ -304,7 +305,7 @@ fn relocated_splats_look_as_their_source_did() -> Result<()> {
 #[ignore = "needs the folder CAMSPLAT_DATA"]
 fn lego_is_learnt() -> Result<()> {
     let data = data_folder();
-    let context = context()?;
+    let context = context();
     let config = TrainConfig {
         background: camsplat::splats::config::Background::White,
         degree: 1,

@@ -1,8 +1,6 @@
 //! What probes see of the surface and of the region, on the device, against the twin.
 
-use std::sync::Arc;
-
-use camsplat::engine::vulkan::{Context, ContextOptions};
+use crate::support::device::context;
 use camsplat::scene::octahedral;
 use camsplat::scene::proxy::{Orientation, Proxy};
 use camsplat::scene::region::{Region, Shape};
@@ -13,11 +11,6 @@ use camsplat::visibility::probe_depth::{ProbeMaps, probe_depth, probe_sky};
 use glam::{DVec3, Vec3};
 
 const RESOLUTION: u32 = 32;
-
-fn context() -> Arc<Context> {
-    let options = ContextOptions { validation: true, ..ContextOptions::default() };
-    Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
-}
 
 /// Regions of each kind: a shell with a floor that holds the surface, a box within walls, a shell within walls.
 fn scenes() -> [(&'static str, Surface, Region); 3] {

@@ -1,24 +1,9 @@
 //! What the tests of the primitives share.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
-use std::sync::Arc;
-
-use camsplat::Result;
-use camsplat::engine::vulkan::{Context, ContextOptions};
-
 /// Around workgroups, tiles and blocks; then many of them, and radix tables with rows longer than one chunk.
 pub const SIZES: [usize; 16] =
     [0, 1, 2, 255, 256, 257, 2047, 2049, 4095, 4096, 4097, 65_535, 65_536, 65_537, 1_000_003, (1 << 22) + 3];
-
-/// A context whose validation messages [`silent`] checks.
-pub fn context() -> Result<Arc<Context>> {
-    Context::new(&ContextOptions { validation: true, ..ContextOptions::default() })
-}
-
-/// Fails the test if the validation layers reported anything.
-pub fn silent(context: &Context) {
-    assert_eq!(context.messages(), [""; 0]);
-}
 
 /// Random words: the same for the same seed.
 pub fn random(seed: u64, count: usize) -> Vec<u32> {

@@ -3,21 +3,13 @@
 
 use std::f64::consts::{PI, TAU};
 use std::ops::ControlFlow;
-use std::sync::{Arc, OnceLock};
 
-use camsplat::engine::vulkan::{Context, ContextOptions};
+use super::device::context;
 use camsplat::lab::path_tracer::assembly::Assembly;
 use camsplat::lab::path_tracer::tracer::{Exposure, Photograph, Strategy, Tracer};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::model::{Environment, Face, Material, Model, Vertex};
 use glam::{DVec3, Vec2, Vec3, Vec4};
-
-/// One device for all tests of a binary; the validation layers watch.
-pub fn context() -> Arc<Context> {
-    static CONTEXT: OnceLock<Arc<Context>> = OnceLock::new();
-    let open = || Context::new(&ContextOptions { validation: true, ..ContextOptions::default() });
-    CONTEXT.get_or_init(|| open().expect("a Vulkan device and the validation layers: ./setup.sh")).clone()
-}
 
 /// A white Lambert surface, that reflects nothing else.
 pub fn lambert(colour: f32) -> Material {

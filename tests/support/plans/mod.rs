@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use camsplat::engine::vulkan::{Context, ContextOptions};
+use camsplat::engine::vulkan::Context;
 use camsplat::planner::plan::config::Config;
 use camsplat::planner::plan::planner::Planner;
 use camsplat::planner::plan::preparation::Preparation;
@@ -30,17 +30,6 @@ impl Scene {
     pub fn problem<'s>(&'s self, kept: &'s [Camera]) -> Problem<'s> {
         Problem { target: &self.target, geometry: self.device.geometry.clone(), lens: intrinsics(), kept }
     }
-}
-
-/// A context whose validation messages [`silent`] checks.
-pub fn context() -> Arc<Context> {
-    let options = ContextOptions { validation: true, ..ContextOptions::default() };
-    Context::new(&options).expect("a Vulkan device and the validation layers: ./setup.sh")
-}
-
-/// Fails the test if the validation layers reported anything.
-pub fn silent(context: &Context) {
-    assert_eq!(context.messages(), [""; 0], "the validation layers found fault");
 }
 
 /// The camera of all these plans.

@@ -6,7 +6,7 @@ pub mod capture;
 use std::sync::Arc;
 
 use camsplat::Result;
-use camsplat::engine::vulkan::{Buffer, Context, ContextOptions, Recorder};
+use camsplat::engine::vulkan::{Buffer, Context, Recorder};
 use camsplat::scene::gaussians::{Gaussians, coefficients};
 use camsplat::scene::random;
 use camsplat::splats::render::frame::View;
@@ -17,16 +17,6 @@ use camsplat::splats::train::loss::{Ledger, Loss, Record};
 use camsplat::splats::train::update::{Moments, Update, UpdatePush};
 use camsplat::splats::twin;
 use glam::{DMat3, DVec3};
-
-/// A context whose validation messages [`silent`] checks.
-pub fn context() -> Result<Arc<Context>> {
-    Context::new(&ContextOptions { validation: true, ..ContextOptions::default() })
-}
-
-/// Fails the test if the validation layers reported anything.
-pub fn silent(context: &Context) {
-    assert_eq!(context.messages(), [""; 0]);
-}
 
 /// Uniform numbers in [-1, 1) without end.
 pub struct Draws {
