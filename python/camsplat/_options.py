@@ -62,6 +62,9 @@ class PlanOptions(TypedDict, total=False):
     geo: str
     """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""
 
+    margin: float
+    """Metres that cameras and the tour keep from polygons of --keep-out: GPS drifts [default: 3]"""
+
     fov: float
     """Horizontal field of view in degrees [default: that of the capture or of the cameras to keep, else 50]"""
 
@@ -237,6 +240,9 @@ class ScoreOptions(TypedDict, total=False):
     geo: str
     """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""
 
+    margin: float
+    """Metres that cameras and the tour keep from polygons of --keep-out: GPS drifts [default: 3]"""
+
     device: Union[str, int]
     """Device, by index or part of its name (see `camsplat devices`) [default: the best]"""
 
@@ -306,6 +312,9 @@ class SelectOptions(TypedDict, total=False):
 
     geo: str
     """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""
+
+    margin: float
+    """Metres that cameras and the tour keep from polygons of --keep-out: GPS drifts [default: 3]"""
 
     viewers: Union[File, Cameras, Plan]
     """Where the trained model will be viewed from: shell:CX,CY,CZ,RMIN,RMAX; box:X0,Y0,Z0,X1,Y1,Z1; cone:DEGREES,X,Y,Z, the default within a cone around this direction; heights:LOW,HIGH, the default between these; or a file or folder of cameras [default: around an object, between half of the region's outer radius and all of it; in rooms, anywhere; with `select`, where the photos were taken]"""

@@ -3,6 +3,7 @@
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
+use super::least_spread::direction_of_least_variance;
 use super::stray::Reach;
 
 /// Pinhole intrinsics in pixels; pixel (0, 0) is the top-left corner of the image, so its centre is (0.5, 0.5).
@@ -114,9 +115,35 @@ pub(crate) fn looked_at(poses: &[Pose], parallel: f64) -> Option<DVec3> {
     (across.determinant() > parallel * count.powi(3)).then(|| across.inverse() * offset)
 }
 
-/// The direction that cameras hold up in the mean; none where they agree on none.
+/// Length of a mean direction from which on directions agree: they are within some 37 degrees of it.
+const AGREED: f64 = 0.8;
+
+/// The direction that cameras hold up in the mean. Such that look down and are turned to several sides hold up nothing in common: theirs is
+/// the one to which their images' sides are level. None where they agree on none.
 pub(crate) fn common_up(poses: &[Pose]) -> Option<DVec3> {
-    poses.iter().map(Pose::up).sum::<DVec3>().try_normalize()
+    let up = mean_of(poses, Pose::up);
+    if up.length() >= AGREED {
+        return up.try_normalize();
+    }
+    let side = |pose: &Pose| pose.rotation * DVec3::X;
+    let sides: DMat3 = poses.iter().map(side).map(|s| DMat3::from_cols(s * s.x, s * s.y, s * s.z)).sum();
+    let level = direction_of_least_variance(sides);
+    let upward = [up, -mean_of(poses, Pose::forward)].map(|mean| mean.dot(level));
+    // Which of its two ends is up, by whichever says it more clearly.
+    match upward.into_iter().max_by(|a, b| a.abs().total_cmp(&b.abs())) {
+        Some(along) if along.abs() > 0.5 * AGREED => Some(along.signum() * level),
+        _ => up.try_normalize(),
+    }
+}
+
+/// Whether cameras look the same way and hold the same direction up: ahead, or straight down with one heading.
+pub(crate) fn parallel(poses: &[Pose]) -> bool {
+    const SAME: f64 = 0.9999;
+    poses.len() > 1 && [Pose::up, Pose::forward].into_iter().all(|of| mean_of(poses, of).length() > SAME)
+}
+
+fn mean_of(poses: &[Pose], of: fn(&Pose) -> DVec3) -> DVec3 {
+    poses.iter().map(of).sum::<DVec3>() / poses.len().max(1) as f64
 }
 
 /// A camera: pose, intrinsics and a name (the image's file name where it has one).
@@ -148,5 +175,42 @@ impl Camera {
         let x = focal[0] * p.x / p.z + principal[0];
         let y = focal[1] * p.y / p.z + principal[1];
         p.z > 0.0 && (0.0..width as f64).contains(&x) && (0.0..height as f64).contains(&y)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn looking(headings: &[f64], pitch: f64, up: DVec3) -> Vec<Pose> {
+        let (across, along) = up.any_orthonormal_pair();
+        let pose = |heading: &f64| {
+            let (sin, cos) = heading.to_radians().sin_cos();
+            let (down, level) = (-pitch).to_radians().sin_cos();
+            let toward = cos * along + sin * across;
+            // Image up by hand: straight down it is the heading.
+            let (forward, image_up) = (level * toward - down * up, down * toward + level * up);
+            let rotation = DQuat::from_mat3(&DMat3::from_cols(forward.cross(image_up), -image_up, forward));
+            Pose { position: DVec3::ZERO, rotation }
+        };
+        headings.iter().map(pose).collect()
+    }
+
+    /// If this failed, photos of a drone that looks straight down would be taken for photos of walls, or those of an orbit from above tilted.
+    #[test]
+    fn up_is_found_wherever_cameras_look() {
+        let up = DVec3::new(0.2, -0.9, 0.4).normalize();
+        for pitch in [-90.0, -89.9, -75.0, -60.0, -20.0, 0.0, 40.0] {
+            let poses = looking(&[0.0, 90.0, 200.0, 90.0, 310.0], pitch, up);
+            let found = common_up(&poses).unwrap();
+            let leaning = found.angle_between(up).to_degrees();
+            // Where all hold up the same thing, their mean leans to where most look.
+            assert!(leaning < if pitch.abs() < 37.0 { 15.0 } else { 1e-6 }, "{pitch}: {leaning} degrees off");
+            assert!(!parallel(&poses));
+        }
+        let mut aslant = looking(&[0.0, 90.0, 200.0, 90.0, 0.0], -90.0, up);
+        aslant.extend(looking(&[90.0], -60.0, up));
+        assert!(common_up(&aslant).unwrap().angle_between(up) < 1e-6);
+        assert!(parallel(&looking(&[90.0, 90.0], -90.0, up)) && parallel(&looking(&[90.0, 90.0], 0.0, up)));
     }
 }

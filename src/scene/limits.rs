@@ -6,6 +6,7 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::distances::leg_to_triangle;
 use super::known::KnownSpace;
 use super::proxy::Occluder;
 use super::similarity::Similarity;
@@ -27,9 +28,19 @@ pub struct Volume {
     /// Where the scene lies on Earth, as it was given, where the volume is over areas there; else empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub geo: String,
+    /// Outlines of those areas: corners in degrees east and north, the first one not repeated at the end.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub areas: Vec<Vec<[f64; 2]>>,
+    /// How near to it is kept out too: what positions may be off by.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub margin: f64,
     /// Its faces.
     #[serde(default)]
     pub triangles: Vec<Triangle>,
+}
+
+fn is_zero(margin: &f64) -> bool {
+    *margin == 0.0
 }
 
 /// Limits in the frame of the surface. Walls, volumes and known space apply to cameras and viewers, heights and ground to cameras only.
@@ -94,6 +105,7 @@ impl Limits {
         let wall = |wall: &Wall| format!("wall at {:.3}, cameras to the side of {:.3}", wall.point, wall.normal);
         let volume = |volume: &Volume| match &volume.file[..] {
             "" => format!("no camera in a volume of {} triangles", volume.triangles.len()),
+            file if volume.margin > 0.0 => format!("no camera in {file} or within {:.3} of it", volume.margin),
             file => format!("no camera in {file}"),
         };
         let heights = |[low, high]: [f64; 2]| format!("cameras at heights {low:.3} to {high:.3}");
@@ -123,6 +135,11 @@ impl Limits {
                     return wrong(format!("`wall` at {point} with normal {normal}: give a normal that is not zero"));
                 }
             };
+        }
+        if let Some(Volume { file, margin, .. }) =
+            self.keep_out.iter().find(|volume| !(0.0..FARTHEST).contains(&volume.margin))
+        {
+            return wrong(format!("`keep_out` {file}: its `margin` is {margin}; give a length, or 0"));
         }
         if let Some(Volume { file, .. }) = self.keep_out.iter().find(|volume| volume.triangles.is_empty()) {
             return wrong(format!("`keep_out` {file}: it has no faces; give a mesh or boxes"));
@@ -156,10 +173,10 @@ impl Limits {
             radius: similarity.length(walk.radius),
             height: similarity.length(walk.height),
         };
-        let volume = |Volume { file, geo, triangles }: &Volume| Volume {
-            file: file.clone(),
-            geo: geo.clone(),
-            triangles: triangles.iter().map(|corners| corners.map(point)).collect(),
+        let volume = |volume: &Volume| Volume {
+            margin: similarity.length(volume.margin),
+            triangles: volume.triangles.iter().map(|corners| corners.map(point)).collect(),
+            ..volume.clone()
         };
         Self {
             walls: self.walls.iter().map(wall).collect(),
@@ -175,9 +192,12 @@ impl Limits {
         self.walls.iter().any(|wall| (p - wall.point).dot(wall.normal) < 0.0)
     }
 
-    /// Marks the voxels that a volume to keep out of touches or holds.
+    /// Marks the voxels that a volume to keep out of touches or holds, or that reach into its margin.
     pub(super) fn fill_volumes(&self, grid: &Grid, marked: &mut [bool]) {
-        for Volume { triangles, .. } in &self.keep_out {
+        for Volume { triangles, margin, .. } in &self.keep_out {
+            if *margin > 0.0 {
+                mark_near(grid, triangles, *margin, marked);
+            }
             let on = touched(grid, &Occluder::Triangles(triangles.clone()));
             let within = enclosed(grid, triangles);
             for (marked, (on, within)) in marked.iter_mut().zip(on.into_iter().zip(within)) {
@@ -186,7 +206,7 @@ impl Limits {
         }
     }
 
-    /// Whether `p` is inside of a volume to keep out of: by the solid angles of its faces, which add up to a whole turn and more
+    /// Whether `p` is inside of a volume to keep out of, or in its margin: by the solid angles of its faces, which add up to a whole turn and more
     /// around a point inside of a closed mesh.
     pub fn in_a_volume(&self, p: DVec3) -> bool {
         self.keep_out.iter().any(|volume| {
@@ -196,7 +216,9 @@ impl Limits {
                 let around = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
                 2.0 * a.dot(b.cross(c)).atan2(around)
             };
+            let near = |corners: &Triangle| leg_to_triangle(p, p, corners) <= volume.margin;
             volume.triangles.iter().map(angle).sum::<f64>().abs() > TAU
+                || volume.margin > 0.0 && volume.triangles.iter().any(near)
         })
     }
 
@@ -218,6 +240,18 @@ impl Limits {
                 || self.space.as_ref().is_some_and(|space| !space.holds_cube(centre, half));
         }
         barred
+    }
+}
+
+/// Marks the voxels that reach to within `margin` of a triangle.
+fn mark_near(grid: &Grid, triangles: &[Triangle], margin: f64, marked: &mut [bool]) {
+    let reach = margin + 0.5 * 3f64.sqrt() * grid.cell;
+    for corners in triangles {
+        let [a, b, c] = *corners;
+        for i in grid.overlapping(a.min(b).min(c) - reach, a.max(b).max(c) + reach) {
+            let centre = grid.centre(grid.coordinates(i));
+            marked[i] = marked[i] || leg_to_triangle(centre, centre, corners) <= reach;
+        }
     }
 }
 
@@ -427,5 +461,35 @@ mod tests {
             assert!(depth.abs() < 0.05 || space.holds(p) == (depth > 0.0), "{p}");
         }
         assert!(KnownSpace::inside(&[]).is_err());
+    }
+
+    /// If this failed, a drone that GPS shows a metre beside where it is would be in an area that it may not enter; one that lies just outside
+    /// of the grid, too.
+    #[test]
+    fn a_margin_is_kept_from_volumes_inside_and_outside_of_the_grid() -> Result<()> {
+        for (min, max) in [
+            (DVec3::new(1.0, -2.0, -1.5), DVec3::new(2.0, 2.0, 1.5)),
+            (DVec3::new(3.2, -2.0, -1.5), DVec3::new(5.0, 2.0, 1.5)),
+        ] {
+            let limits = Limits { keep_out: vec![Volume { margin: 0.5, ..volume(min, max) }], ..Limits::default() }
+                .validated()?;
+            let at = |x: f64| DVec3::new(x, 0.1, 0.1);
+            assert!(limits.in_a_volume(at(min.x - 0.49)) && !limits.in_a_volume(at(min.x - 0.51)));
+            let space = room(limits)?;
+            let cell = 6.0 / 60.0;
+            for i in 0..40 {
+                let x = 0.7 + 0.05 * f64::from(i);
+                let away = (min.x - x).max(x - max.x);
+                let (inside, beyond) = (away < 0.5 && x < 2.9, away > 0.5 + 2.0 * cell);
+                assert!(!inside || space.is_barred(at(x)), "{x} is in the margin of {min}");
+                assert!(!beyond || !space.is_barred(at(x)), "{x} is far from {min}");
+            }
+        }
+        assert!(
+            Limits { keep_out: vec![Volume { margin: -1.0, ..volume(DVec3::ZERO, DVec3::ONE) }], ..Limits::default() }
+                .validated()
+                .is_err()
+        );
+        Ok(())
     }
 }

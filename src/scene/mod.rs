@@ -10,13 +10,16 @@ pub mod connected;
 pub mod directions;
 mod discs;
 mod distance_transform;
+pub mod distances;
 mod enclosure;
 pub mod free_space;
 pub mod gaussians;
 pub(crate) mod harmonics;
 pub mod known;
 pub mod layouts;
+mod least_spread;
 mod legs;
+
 pub mod lens;
 pub mod limits;
 pub mod model;

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::distances::leg_to_point;
 use super::proxy::{Disc, Occluder};
 
 /// An axis-aligned grid of cubic voxels.
@@ -26,16 +27,16 @@ impl Grid {
 
     /// Indices of the voxels whose centres are within `radius` of the straight way from `a` to `b`, and those that `a` and `b` lie in.
     pub(super) fn around(&self, a: DVec3, b: DVec3, radius: f64) -> impl Iterator<Item = usize> + '_ {
-        let (low, high) = (self.voxel(a.min(b) - radius), self.voxel(a.max(b) + radius));
         let ends = [a, b].map(|p| self.index(self.voxel(p)));
-        let along = b - a;
-        let away = move |p: DVec3| {
-            let share = (p - a).dot(along) / along.length_squared().max(f64::MIN_POSITIVE);
-            p.distance(a + share.clamp(0.0, 1.0) * along)
-        };
+        let near = self.overlapping(a.min(b) - radius, a.max(b) + radius);
+        near.filter(move |i| leg_to_point(a, b, self.centre(self.coordinates(*i))) <= radius).chain(ends)
+    }
+
+    /// Indices of the voxels that a box overlaps; beyond the grid those at its rim.
+    pub(super) fn overlapping(&self, low: DVec3, high: DVec3) -> impl Iterator<Item = usize> + '_ {
+        let (low, high) = (self.voxel(low), self.voxel(high));
         let rows = (low[2]..=high[2]).flat_map(move |z| (low[1]..=high[1]).map(move |y| (y, z)));
-        let voxels = rows.flat_map(move |(y, z)| (low[0]..=high[0]).map(move |x| [x, y, z]));
-        voxels.filter(move |voxel| away(self.centre(*voxel)) <= radius).map(|voxel| self.index(voxel)).chain(ends)
+        rows.flat_map(move |(y, z)| (low[0]..=high[0]).map(move |x| self.index([x, y, z])))
     }
 
     /// Number of voxels.

@@ -18,6 +18,7 @@ mod keep_out_areas;
 mod known_space;
 mod limits;
 mod metrics_command;
+mod missions;
 mod quality_fit;
 mod real_captures;
 mod render;

@@ -20,6 +20,7 @@ mod export;
 mod frames;
 mod manual;
 mod metrics;
+mod missions;
 mod options;
 mod order;
 mod outcome;

@@ -108,11 +108,11 @@ pub fn metre(capture: &PhotoSet) -> Result<Option<f64>> {
     Ok(Some(1.0 / earth.scale()))
 }
 
-/// The areas of a file as upright prisms that reach over all heights of a region, in the frame of the scene.
+/// The areas of a file as upright prisms that reach over all heights of a region, in the frame of the scene, with a margin in metres.
 ///
 /// # Errors
 /// Where nothing says where the scene lies on Earth, or the file has no sound polygons.
-pub fn areas(file: &Path, geo: Option<&str>, region: &Region) -> Result<Volume> {
+pub fn areas(file: &Path, geo: Option<&str>, margin: f64, region: &Region) -> Result<Volume> {
     let Some(geo) = geo else {
         let what = "its polygons are in degrees; say where the scene lies on Earth with --geo LAT,LON,ALT[,HEADING]";
         return Err(Error::input(file, what));
@@ -126,7 +126,7 @@ pub fn areas(file: &Path, geo: Option<&str>, region: &Region) -> Result<Volume> 
     let heights = [-2.0, 2.0].map(|beyond| centre.dot(up) + beyond * radius);
     let mut triangles = Vec::new();
     let mut nearest = f64::INFINITY;
-    for (number, ring) in (1..).zip(rings) {
+    for (number, ring) in (1..).zip(&rings) {
         let refuse = |what: &str| Error::input(file, format!("polygon {number} {what}"));
         let reach = |[longitude, latitude]: &[f64; 2]| -> Result<f64> {
             let place = Geodetic { latitude: *latitude, longitude: *longitude, altitude };
@@ -141,7 +141,7 @@ pub fn areas(file: &Path, geo: Option<&str>, region: &Region) -> Result<Volume> 
             );
             return Err(refuse(&what));
         }
-        let ring = in_steps(&ring)
+        let ring = in_steps(ring)
             .ok_or_else(|| refuse("is too long around for its corners; cut it to what is near the scene"))?;
         let corner = |[longitude, latitude]: &[f64; 2]| {
             earth.scene_point(&Geodetic { latitude: *latitude, longitude: *longitude, altitude })
@@ -164,7 +164,13 @@ pub fn areas(file: &Path, geo: Option<&str>, region: &Region) -> Result<Volume> 
         file.display(),
         earth.scale() * nearest
     );
-    Ok(Volume { file: file.to_string_lossy().into_owned(), geo: geo.to_owned(), triangles })
+    Ok(Volume {
+        file: file.to_string_lossy().into_owned(),
+        geo: geo.to_owned(),
+        areas: rings,
+        margin: margin / earth.scale(),
+        triangles,
+    })
 }
 
 /// A ring with corners between its own where these are far apart: its sides are straight in degrees, and a map bends them by 0.1 m on

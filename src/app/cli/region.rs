@@ -60,7 +60,13 @@ pub struct RegionOptions {
     /// a capture with GPS, as for `export`
     #[arg(long, value_name = "PLACE", allow_hyphen_values = true)]
     pub geo: Option<String>,
+    /// Metres that cameras and the tour keep from polygons of --keep-out: GPS drifts [default: 3]
+    #[arg(long, value_name = "METRES", allow_hyphen_values = true)]
+    pub margin: Option<f64>,
 }
+
+/// Metres by which GPS drifts.
+const DRIFT: f64 = 3.0;
 
 /// The height of the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -275,7 +281,9 @@ impl RegionOptions {
             self.take_planes(&planes, up, preset, &mut choice, &mut limits);
         }
         let target = Target::new(surface, &path.to_string_lossy(), preset, &choice, up, intrinsics)?;
-        let limits = self.limits.read(limits, |file| place::areas(file, self.geo.as_deref(), &target.region))?;
+        let limits = self.limits.read(limits, |file| {
+            place::areas(file, self.geo.as_deref(), self.margin.unwrap_or(DRIFT), &target.region)
+        })?;
         let mut target = target.within(limits)?;
         if target.limits.space.as_ref().is_some_and(|space| space.reach().is_some()) {
             match capture.filter(|set| 2 * set.cut_out() > set.photos.len()) {
@@ -354,6 +362,12 @@ impl RegionOptions {
             return Err(Error::request(
                 "--geo is for polygons of --keep-out (.geojson or .kml), of which there are none; `export` takes it for missions",
             ));
+        }
+        if self.margin.is_some_and(|margin| !(0.0..1e5).contains(&margin)) {
+            return Err(Error::request("--margin takes metres from 0"));
+        }
+        if self.margin.is_some() && self.geo.is_none() {
+            return Err(Error::request("--margin is of polygons of --keep-out, which need --geo; leave it out"));
         }
         let shape = match (&self.shell, &self.box_) {
             (Some(numbers), _) => {

@@ -4,16 +4,15 @@
 //! other models ask, or take another number in `droneInfo`.
 
 use std::fmt::Write as _;
-use std::io::{Cursor, Write as _};
+use std::io::{Cursor, Read as _, Write as _};
 
 use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, ZipWriter};
+use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
+use super::flown::{Flown, Height, Photo, Place, number};
 use super::mission::{Mission, Waypoint};
 use crate::{Error, Result};
 
-/// Metres that the drone climbs to before it flies to the first waypoint, at least.
-const SAFE_HEIGHT: f64 = 20.0;
 /// DJI's numbers of the Mavic 3E and of its camera.
 const DRONE: u32 = 77;
 const PAYLOAD: u32 = 66;
@@ -100,11 +99,12 @@ fn head(mission: &Mission) -> String {
          xmlns:wpml=\"http://www.dji.com/wpmz/1.0.2\">\n<Document>\n<wpml:missionConfig>\n\
          <wpml:flyToWaylineMode>safely</wpml:flyToWaylineMode>\n<wpml:finishAction>goHome</wpml:finishAction>\n\
          <wpml:exitOnRCLost>executeLostAction</wpml:exitOnRCLost>\n<wpml:executeRCLostAction>goBack</wpml:executeRCLostAction>\n\
-         <wpml:takeOffSecurityHeight>{SAFE_HEIGHT:.0}</wpml:takeOffSecurityHeight>\n\
+         <wpml:takeOffSecurityHeight>{:.0}</wpml:takeOffSecurityHeight>\n\
          <wpml:globalTransitionalSpeed>{:.1}</wpml:globalTransitionalSpeed>\n\
          <wpml:droneInfo>\n<wpml:droneEnumValue>{DRONE}</wpml:droneEnumValue>\n<wpml:droneSubEnumValue>0</wpml:droneSubEnumValue>\n\
          </wpml:droneInfo>\n<wpml:payloadInfo>\n<wpml:payloadEnumValue>{PAYLOAD}</wpml:payloadEnumValue>\n\
          <wpml:payloadPositionIndex>0</wpml:payloadPositionIndex>\n</wpml:payloadInfo>\n</wpml:missionConfig>\n",
+        mission.climb.ceil(),
         mission.speed
     )
 }
@@ -167,4 +167,57 @@ fn action(text: &mut String, id: u32, name: &str, parameters: &str) {
          <wpml:actionActuatorFuncParam>\n{parameters}<wpml:payloadPositionIndex>0</wpml:payloadPositionIndex>\n\
          </wpml:actionActuatorFuncParam>\n</wpml:action>\n"
     );
+}
+
+/// What a mission says: its waylines, which the drone flies, with which the template has to agree.
+///
+/// # Errors
+/// In words, where it cannot be read.
+pub fn read(bytes: &[u8]) -> Result<Flown, String> {
+    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| format!("it is no archive: {e}"))?;
+    let mut file = |name: &str, height: &str, mode: &str| -> Result<Flown, String> {
+        let mut text = String::new();
+        let mut packed = archive.by_name(name).map_err(|e| format!("{name}: {e}"))?;
+        packed.read_to_string(&mut text).map_err(|e| format!("{name}: {e}"))?;
+        read_file(&text, height, mode).map_err(|e| format!("{name}: {e}"))
+    };
+    let mut flown = file("wpmz/waylines.wpml", "executeHeight", "executeHeightMode")?;
+    let template = file("wpmz/template.kml", "height", "heightMode")?;
+    flown.expect(template == Flown { faults: template.faults.clone(), ..flown.clone() }, || {
+        "its template says another flight than its waylines".into()
+    });
+    flown.faults.extend(template.faults);
+    Ok(flown)
+}
+
+fn read_file(text: &str, height_name: &str, mode: &str) -> Result<Flown, String> {
+    let document = roxmltree::Document::parse(text).map_err(|e| format!("it is no XML: {e}"))?;
+    let inner = |node: roxmltree::Node<'_, '_>, name: &str| -> Result<String, String> {
+        let found = node.descendants().find(|inner| inner.tag_name().name() == name);
+        found.and_then(|found| found.text().map(str::to_owned)).ok_or(format!("it has no {name}"))
+    };
+    let root = document.root();
+    let of = |node, name: &str| inner(node, name).and_then(|text| number(&text).map_err(|e| format!("{name}: {e}")));
+    let mut flown = Flown {
+        speed: Some(of(root, "autoFlightSpeed")?),
+        climb: Some(of(root, "takeOffSecurityHeight")?),
+        ..Flown::default()
+    };
+    flown.expect(inner(root, mode)? == "relativeToStartPoint", || "its heights are not above the take-off".into());
+    for (i, mark) in document.descendants().filter(|node| node.tag_name().name() == "Placemark").enumerate() {
+        let coordinates = inner(mark, "coordinates")?;
+        let [longitude, latitude] = coordinates.split(',').map(number).collect::<Result<Vec<_>, _>>()?[..] else {
+            return Err(format!("{coordinates} is not two coordinates"));
+        };
+        let place = Place { latitude, longitude, height: Height::AboveTakeoff(of(mark, height_name)?) };
+        flown.expect(of(mark, "index")? == i as f64, || format!("waypoint {i} has another index"));
+        flown.way.push(place);
+        let actions = mark.descendants().filter(|inner| inner.tag_name().name() == "actionActuatorFunc");
+        let photos = actions.filter(|action| action.text() == Some("takePhoto")).count();
+        for _ in 0..photos {
+            let heading = of(mark, "waypointHeadingAngle")?;
+            flown.photos.push(Photo { place, heading, pitch: of(mark, "gimbalPitchRotateAngle")? });
+        }
+    }
+    Ok(flown)
 }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use super::flown::{Flown, Height, Photo, Place, number};
 use super::mission::Mission;
 
 /// Actions that a line has room for.
@@ -38,4 +39,41 @@ pub fn csv(mission: &Mission) -> String {
         let _ = writeln!(text, ",0,{:.1},0,0,0,0,-1,-1", mission.speed);
     }
     text
+}
+
+/// What a mission says.
+///
+/// # Errors
+/// In words, where a line cannot be read.
+pub fn read(bytes: &[u8]) -> Result<Flown, String> {
+    let text = std::str::from_utf8(bytes).map_err(|_| "it is no text".to_owned())?;
+    let mut lines = text.lines();
+    let names: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+    let column = |name: &str| names.iter().position(|of| *of == name).ok_or(format!("it has no column {name}"));
+    let [latitude, longitude, altitude, heading, pitch, mode, speed] =
+        ["latitude", "longitude", "altitude(m)", "heading(deg)", "gimbalpitchangle", "altitudemode", "speed(m/s)"]
+            .map(column);
+    let [latitude, longitude, altitude] = [latitude?, longitude?, altitude?];
+    let [heading, pitch, mode, speed] = [heading?, pitch?, mode?, speed?];
+    let actions: Vec<usize> = (1..=ACTIONS).map(|i| column(&format!("actiontype{i}"))).collect::<Result<_, _>>()?;
+    let mut flown = Flown::default();
+    for (i, line) in lines.enumerate() {
+        let values =
+            line.split(',').map(number).collect::<Result<Vec<f64>, _>>().map_err(|e| format!("line {}: {e}", i + 2))?;
+        if values.len() != names.len() {
+            return Err(format!("line {} has {} values where {} are named", i + 2, values.len(), names.len()));
+        }
+        flown.expect(values[mode] == 0.0, || format!("line {}: its altitude is not above the take-off", i + 2));
+        let height = Height::AboveTakeoff(values[altitude]);
+        let place = Place { latitude: values[latitude], longitude: values[longitude], height };
+        flown.way.push(place);
+        let photos = actions.iter().filter(|action| values[**action] == f64::from(TAKE_PHOTO)).count();
+        let photo = Photo { place, heading: values[heading], pitch: values[pitch] };
+        flown.photos.extend(std::iter::repeat_n(photo, photos));
+        flown.expect(flown.speed.is_none_or(|speed_before| speed_before == values[speed]), || {
+            format!("line {}: its speed is another one", i + 2)
+        });
+        flown.speed = Some(values[speed]);
+    }
+    Ok(flown)
 }

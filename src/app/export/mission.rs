@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::georeference::{Geodetic, Georeference};
+use super::terrain::Terrain;
 use crate::scene::camera::Camera;
 use crate::{Error, Result};
 
@@ -12,12 +13,19 @@ pub const MAX_WAYPOINTS: usize = 99;
 const PHOTO_SECONDS: f64 = 4.0;
 /// Roll in degrees from which on it is mentioned that drones have none.
 const ROLLED: f64 = 5.0;
+/// Metres above the ground from which on heights are mentioned: the limit of the open category in the EU, and of Part 107 in the US (400 feet).
+const HIGHEST: f64 = 120.0;
+/// Metres that the drone climbs to before it flies to the first waypoint, at least, and above what stands on the way.
+const CLIMB: f64 = 20.0;
+const ABOVE_ALL: f64 = 5.0;
 
 /// What a flight must keep to.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules {
     /// Altitude of the place of the take-off, in metres.
     pub takeoff: f64,
+    /// Altitude of the highest point of the surface, in metres.
+    pub top: Option<f64>,
     /// No waypoint is lower above the take-off than so many metres.
     pub lowest: f64,
     /// Least and greatest pitch of the gimbal, in degrees above the horizon.
@@ -48,8 +56,21 @@ pub struct Mission {
     pub waypoints: Vec<Waypoint>,
     /// Metres per second.
     pub speed: f64,
-    /// Altitude of the take-off, in metres.
-    pub takeoff: f64,
+    /// The place of the take-off: that below the first waypoint of the flight.
+    pub home: Geodetic,
+    /// Metres above the take-off to which the drone climbs before it flies to the first waypoint: above all of the surface.
+    pub climb: f64,
+    /// Areas on Earth that are not to be flown over.
+    pub zones: Vec<Zone>,
+}
+
+/// An area on Earth that a plan keeps out of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Zone {
+    /// The file that it is from.
+    pub name: String,
+    /// Corners in degrees east and north, the first one not repeated at the end.
+    pub ring: Vec<[f64; 2]>,
 }
 
 /// All missions of a plan.
@@ -68,8 +89,16 @@ impl Flight {
     ///
     /// # Errors
     /// Where a waypoint would be lower than allowed, or is not on Earth.
-    pub fn new(cameras: &[Camera], path: &[DVec3], earth: &Georeference, rules: &Rules) -> Result<Self> {
+    pub fn new(
+        cameras: &[Camera],
+        path: &[DVec3],
+        earth: &Georeference,
+        terrain: Option<&Terrain>,
+        zones: &[Zone],
+        rules: &Rules,
+    ) -> Result<Self> {
         let (stops, toured) = stops(cameras, path);
+        let (mut high, mut highest) = (0, 0.0f64);
         let mut waypoints = Vec::with_capacity(stops.len());
         let (mut beyond, mut farthest, mut rolled) = (0, 0.0f64, 0);
         for (i, (position, photo)) in stops.iter().enumerate() {
@@ -91,6 +120,10 @@ impl Flight {
                     rules.lowest
                 )));
             }
+            let below = terrain.and_then(|terrain| terrain.below(*position));
+            let above = below.map_or(height, |below| earth.scale() * (position.dot(earth.up()) - below));
+            high += usize::from(above > HIGHEST);
+            highest = highest.max(above);
             waypoints.push(Waypoint { place, height, heading, pitch, photo: photo.map(|camera| camera.name.clone()) });
         }
         let mut notes = Vec::new();
@@ -112,12 +145,25 @@ impl Flight {
                 cameras.len()
             ));
         }
+        if high > 0 {
+            notes.push(format!(
+                "{high} of {} waypoints are more than {HIGHEST:.0} m above the ground, the highest {highest:.0} m: most countries allow no more",
+                waypoints.len()
+            ));
+        }
+        let Some(first) = waypoints.first() else {
+            return Err(Error::request("there are no cameras; a mission needs one at least"));
+        };
+        let home = Geodetic { altitude: rules.takeoff, ..first.place };
+        let climb = rules.top.map_or(0.0, |top| top - rules.takeoff + ABOVE_ALL).max(CLIMB);
         let way: Vec<DVec3> = stops.iter().map(|(position, _)| *position).collect();
         let length = earth.scale() * way.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f64>();
         let mission = |waypoints: &[Waypoint]| Mission {
             waypoints: waypoints.to_vec(),
             speed: rules.speed,
-            takeoff: rules.takeoff,
+            home,
+            climb,
+            zones: zones.to_vec(),
         };
         Ok(Self { missions: waypoints.chunks(MAX_WAYPOINTS).map(mission).collect(), length, notes })
     }

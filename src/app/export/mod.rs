@@ -1,7 +1,9 @@
 //! Cameras for those who carry a plan out: robots, artists and drones. Cameras come in, texts and bytes of files go out.
 
 pub mod blender;
+pub mod check;
 pub mod dji;
+pub mod flown;
 pub mod geojson;
 pub mod georeference;
 pub mod gltf;
@@ -11,6 +13,7 @@ pub mod litchi;
 pub mod mission;
 pub mod qgc;
 pub mod ros;
+pub mod terrain;
 pub mod usd;
 
 use clap::ValueEnum;

@@ -2,7 +2,9 @@
 
 use serde_json::{Value, json};
 
-use super::mission::Mission;
+use super::flown::{Flown, Height, Photo, Place};
+use super::georeference::Geodetic;
+use super::mission::{Mission, Zone};
 
 /// MAVLink's frames: heights above the take-off, and commands that have no place.
 const RELATIVE: u32 = 3;
@@ -29,7 +31,7 @@ pub fn plan(mission: &Mission) -> String {
     let Some(first) = mission.waypoints.first() else { return String::new() };
     let place = |lat: f64, lon: f64, height: f64| [json!(lat), json!(lon), json!(height)];
     let at = place(first.place.latitude, first.place.longitude, first.height);
-    items.add(TAKE_OFF, RELATIVE, [json!(0), json!(0), json!(0), Value::Null], at);
+    items.add(TAKE_OFF, RELATIVE, [json!(0), json!(0), json!(0), json!(first.heading)], at);
     for waypoint in &mission.waypoints {
         let nowhere = || [json!(0), json!(0), json!(0)];
         if waypoint.photo.is_some() {
@@ -45,12 +47,15 @@ pub fn plan(mission: &Mission) -> String {
         }
     }
     items.add(RETURN, NO_PLACE, [json!(0), json!(0), json!(0), json!(0)], [json!(0), json!(0), json!(0)]);
-    let empty = || json!({ "circles": [], "polygons": [], "version": 2 });
+    let latitude_first =
+        |ring: &Vec<[f64; 2]>| ring.iter().map(|[east, north]| json!([north, east])).collect::<Vec<_>>();
+    let fence = |zone: &Zone| json!({ "inclusion": false, "polygon": latitude_first(&zone.ring), "version": 1 });
+    let fences: Vec<Value> = mission.zones.iter().map(fence).collect();
     json!({
         "fileType": "Plan",
         "version": 1,
         "groundStation": "QGroundControl",
-        "geoFence": empty(),
+        "geoFence": { "circles": [], "polygons": fences, "version": 2 },
         "rallyPoints": { "points": [], "version": 2 },
         "mission": {
             "version": 2,
@@ -59,7 +64,7 @@ pub fn plan(mission: &Mission) -> String {
             "cruiseSpeed": mission.speed,
             "hoverSpeed": mission.speed,
             "globalPlanAltitudeMode": 1,
-            "plannedHomePosition": [first.place.latitude, first.place.longitude, mission.takeoff],
+            "plannedHomePosition": [mission.home.latitude, mission.home.longitude, mission.home.altitude],
             "items": items.0
         }
     })
@@ -88,4 +93,72 @@ impl Items {
         }
         self.0.push(item);
     }
+}
+
+/// What a plan says.
+///
+/// # Errors
+/// In words, where it cannot be read.
+pub fn read(bytes: &[u8]) -> Result<Flown, String> {
+    let plan: Value = serde_json::from_slice(bytes).map_err(|e| format!("it is no JSON: {e}"))?;
+    let numbers = |value: &Value, what: &str| -> Result<Vec<f64>, String> {
+        let list = value.as_array().ok_or(format!("it has no {what}"))?;
+        list.iter().map(|number| number.as_f64().ok_or(format!("a number of {what} is {number}"))).collect()
+    };
+    let mission = &plan["mission"];
+    let mut flown = Flown { speed: mission["cruiseSpeed"].as_f64(), ..Flown::default() };
+    flown.expect(mission["hoverSpeed"] == mission["cruiseSpeed"], || "its two speeds differ".into());
+    match numbers(&mission["plannedHomePosition"], "plannedHomePosition")?[..] {
+        [latitude, longitude, altitude] => flown.home = Some(Geodetic { latitude, longitude, altitude }),
+        _ => return Err("its plannedHomePosition is not three numbers".into()),
+    }
+    let fences = plan["geoFence"]["polygons"].as_array().ok_or("it has no geofence")?;
+    let mut zones = Vec::new();
+    for fence in fences {
+        flown.expect(fence["inclusion"] == false, || "an area of its geofence is to be flown in".into());
+        let corners = fence["polygon"].as_array().ok_or("an area of its geofence has no polygon")?;
+        let corner = |corner: &Value| match numbers(corner, "geofence")?[..] {
+            [north, east] => Ok([east, north]),
+            _ => Err("a corner of its geofence is not two numbers".to_owned()),
+        };
+        zones.push(corners.iter().map(corner).collect::<Result<Vec<_>, String>>()?);
+    }
+    flown.zones = Some(zones);
+    let items = mission["items"].as_array().ok_or("it has no items")?;
+    let (mut heading, mut pitch) = (0.0, None);
+    for (i, item) in items.iter().enumerate() {
+        let says = |what: String| format!("item {}: {what}", i + 1);
+        // ArduPilot takes nothing that is null.
+        let [a, _, _, d, x, y, z] = numbers(&item["params"], "params").map_err(says)?[..] else {
+            return Err(says("it has not seven params".into()));
+        };
+        flown.expect(item["doJumpId"] == i + 1, || says("its doJumpId is another".into()));
+        let command = item["command"].as_u64().unwrap_or_default() as u32;
+        let first = i == 0;
+        flown.expect(first == (command == TAKE_OFF), || says("only the first item is a take-off".into()));
+        flown.expect((i + 1 == items.len()) == (command == RETURN), || says("only the last item is the return".into()));
+        match command {
+            TAKE_OFF | WAYPOINT => {
+                flown.expect(item["frame"] == RELATIVE && item["AltitudeMode"] == 1, || {
+                    says("its altitude is not above the take-off".into())
+                });
+                flown.expect(item["Altitude"].as_f64() == Some(z), || says("its two altitudes differ".into()));
+                let place = Place { latitude: x, longitude: y, height: Height::AboveTakeoff(z) };
+                if command == WAYPOINT {
+                    flown.way.push(place);
+                    heading = d;
+                } else {
+                    flown.climb = Some(z);
+                }
+            }
+            MOUNT => pitch = Some(a),
+            TAKE_PHOTO => match (flown.way.last().copied(), pitch.take()) {
+                (Some(place), Some(pitch)) => flown.photos.push(Photo { place, heading, pitch }),
+                _ => flown.faults.push(says("the gimbal is not turned for its photo".into())),
+            },
+            RETURN | DELAY => {}
+            other => flown.faults.push(says(format!("command {other} is none of a mission"))),
+        }
+    }
+    Ok(flown)
 }
