@@ -36,7 +36,7 @@ class PlanOptions(TypedDict, total=False):
     """Cameras stay at or above this height along --up; `auto` finds what an object stands on below all photos of a capture, `none` is no floor"""
 
     up: str
-    """Up direction: x, -x, +y, ... [default: the photos' own for captures, +y for glTF and OBJ, else +z]"""
+    """Up direction: x, -x, +y, ... [default: the photos' own for captures, +y for glTF, as the ground of an OBJ shows it, else +z]"""
 
     clearance: float
     """Minimum distance between cameras and the surface [default: a twentieth of the object's radius or of the room's smallest side]"""
@@ -61,6 +61,9 @@ class PlanOptions(TypedDict, total=False):
 
     geo: str
     """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""
+
+    subject: str
+    """What of the surface is to be seen, where it holds more: a box X0,Y0,Z0,X1,Y1,Z1, a closed mesh or boxes as for --keep-out, or `largest`, the largest thing that stands on the ground; the rest blocks views, and its ground is the floor [default: all of the surface]"""
 
     margin: float
     """Metres that cameras and the tour keep from polygons of --keep-out: GPS drifts [default: 3]"""
@@ -214,7 +217,7 @@ class ScoreOptions(TypedDict, total=False):
     """Cameras stay at or above this height along --up; `auto` finds what an object stands on below all photos of a capture, `none` is no floor"""
 
     up: str
-    """Up direction: x, -x, +y, ... [default: the photos' own for captures, +y for glTF and OBJ, else +z]"""
+    """Up direction: x, -x, +y, ... [default: the photos' own for captures, +y for glTF, as the ground of an OBJ shows it, else +z]"""
 
     clearance: float
     """Minimum distance between cameras and the surface [default: a twentieth of the object's radius or of the room's smallest side]"""
@@ -239,6 +242,9 @@ class ScoreOptions(TypedDict, total=False):
 
     geo: str
     """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""
+
+    subject: str
+    """What of the surface is to be seen, where it holds more: a box X0,Y0,Z0,X1,Y1,Z1, a closed mesh or boxes as for --keep-out, or `largest`, the largest thing that stands on the ground; the rest blocks views, and its ground is the floor [default: all of the surface]"""
 
     margin: float
     """Metres that cameras and the tour keep from polygons of --keep-out: GPS drifts [default: 3]"""
@@ -287,7 +293,7 @@ class SelectOptions(TypedDict, total=False):
     """Cameras stay at or above this height along --up; `auto` finds what an object stands on below all photos of a capture, `none` is no floor"""
 
     up: str
-    """Up direction: x, -x, +y, ... [default: the photos' own for captures, +y for glTF and OBJ, else +z]"""
+    """Up direction: x, -x, +y, ... [default: the photos' own for captures, +y for glTF, as the ground of an OBJ shows it, else +z]"""
 
     clearance: float
     """Minimum distance between cameras and the surface [default: a twentieth of the object's radius or of the room's smallest side]"""
@@ -312,6 +318,9 @@ class SelectOptions(TypedDict, total=False):
 
     geo: str
     """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""
+
+    subject: str
+    """What of the surface is to be seen, where it holds more: a box X0,Y0,Z0,X1,Y1,Z1, a closed mesh or boxes as for --keep-out, or `largest`, the largest thing that stands on the ground; the rest blocks views, and its ground is the floor [default: all of the surface]"""
 
     margin: float
     """Metres that cameras and the tour keep from polygons of --keep-out: GPS drifts [default: 3]"""

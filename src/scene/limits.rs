@@ -84,6 +84,22 @@ pub struct Walk {
     pub height: f64,
 }
 
+impl Volume {
+    /// Whether a point is inside, or in the margin: by the solid angles of the faces, which add up to a whole turn and more around a point
+    /// inside of a closed mesh.
+    pub fn holds(&self, p: DVec3) -> bool {
+        let angle = |corners: &Triangle| {
+            let [a, b, c] = corners.map(|corner| corner - p);
+            let [la, lb, lc] = [a, b, c].map(DVec3::length);
+            let around = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+            2.0 * a.dot(b.cross(c)).atan2(around)
+        };
+        let near = |corners: &Triangle| leg_to_triangle(p, p, corners) <= self.margin;
+        self.triangles.iter().map(angle).sum::<f64>().abs() > TAU
+            || self.margin > 0.0 && self.triangles.iter().any(near)
+    }
+}
+
 impl Limits {
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
@@ -206,20 +222,9 @@ impl Limits {
         }
     }
 
-    /// Whether `p` is inside of a volume to keep out of, or in its margin: by the solid angles of its faces, which add up to a whole turn and more
-    /// around a point inside of a closed mesh.
+    /// Whether `p` is inside of a volume to keep out of, or in its margin.
     pub fn in_a_volume(&self, p: DVec3) -> bool {
-        self.keep_out.iter().any(|volume| {
-            let angle = |corners: &Triangle| {
-                let [a, b, c] = corners.map(|corner| corner - p);
-                let [la, lb, lc] = [a, b, c].map(DVec3::length);
-                let around = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-                2.0 * a.dot(b.cross(c)).atan2(around)
-            };
-            let near = |corners: &Triangle| leg_to_triangle(p, p, corners) <= volume.margin;
-            volume.triangles.iter().map(angle).sum::<f64>().abs() > TAU
-                || volume.margin > 0.0 && volume.triangles.iter().any(near)
-        })
+        self.keep_out.iter().any(|volume| volume.holds(p))
     }
 
     /// For every voxel, whether it is excluded; empty where there is no such limit. A voxel that a wall or a volume to keep out

@@ -102,9 +102,10 @@ pub struct Proxy {
     pub stray: usize,
     /// Points that were left out because others stand for them: duplicates, and the excess of a very dense cloud.
     pub thinned: usize,
-    /// Centre and radius of the bounding sphere of the vertices or disc centres.
+    /// Centre and radius of the bounding sphere of the vertices or disc centres; of the subject's alone, where there is one.
     pub sphere: (DVec3, f64),
-    /// Discs from which no point is drawn, because nothing outside can see them or they are only assumed; empty where none is.
+    /// Primitives from which no point is drawn, because nothing outside can see them, they are only assumed, or they are no part of the
+    /// subject; empty where none is.
     pub buried: Vec<bool>,
     /// How many discs, the last ones, are only assumed.
     pub assumed: usize,

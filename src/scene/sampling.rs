@@ -28,15 +28,18 @@ impl Proxy {
 
     fn sample_triangles(&self, triangles: &[[DVec3; 3]], count: usize, seed: u64, stream: u32) -> Vec<SurfacePoint> {
         let twice: Vec<DVec3> = triangles.iter().map(|[a, b, c]| (b - a).cross(c - a)).collect();
-        let area = 0.5 * twice.iter().map(|n| n.length()).sum::<f64>();
+        let drawn: Vec<usize> =
+            (0..triangles.len()).filter(|i| !self.buried.get(*i).is_some_and(|buried| *buried)).collect();
+        let area = 0.5 * drawn.iter().map(|i| twice[*i].length()).sum::<f64>();
         let radius = (area / (PI * count.max(1) as f64)).sqrt();
         let step = area / count as f64;
         let mut next = step * random::uniforms(seed, stream, OFFSET)[0];
         let mut passed = 0.0;
         let mut points = Vec::with_capacity(count);
-        for (i, (&[a, b, c], normal)) in triangles.iter().zip(&twice).enumerate() {
+        for &i in &drawn {
+            let ([a, b, c], normal) = (triangles[i], twice[i]);
             passed += 0.5 * normal.length();
-            let last = i + 1 == triangles.len();
+            let last = drawn.last() == Some(&i);
             // Rounding may leave the last point just beyond the sum of the areas: it belongs to the last triangle.
             while points.len() < count && (next < passed || last) {
                 // At most 2^32 points have streams of their own.

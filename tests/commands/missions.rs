@@ -285,6 +285,59 @@ fn a_way_through_the_house_is_not_written() {
     );
 }
 
+/// If this failed, cameras would stand around the middle of a lawn, a hundred metres from the house that they are for, and below the ground;
+/// or a reconstruction with +z up would lie on its side.
+#[test]
+fn a_house_on_its_lawn_is_the_subject() {
+    let place = Place::new();
+    let wide = house().replace("30 ", "200 ");
+    place.write("house.ply", &wide);
+    let mut lines = wide.lines().skip_while(|line| *line != "end_header").skip(1);
+    let vertices: Vec<String> = lines.by_ref().take(16).map(|line| format!("v {line}")).collect();
+    let face = |line: &str| {
+        line.split(' ').skip(1).map(|i| (i.parse::<u32>().unwrap() + 1).to_string()).collect::<Vec<_>>().join(" ")
+    };
+    let faces: Vec<String> = lines.map(|line| format!("f {}", face(line))).collect();
+    place.write("house.obj", format!("{}\n{}\n", vertices.join("\n"), faces.join("\n")));
+    place.write("box.json", r#"{"boxes": [[-6, -6, 1.5, 6, 6, 10]]}"#);
+    let short = "--views 8 --held-out 60 --iterations 20 --checkpoint-every 10";
+    let distances = |name: &str| -> Vec<f64> {
+        let cameras = place.plan(name).cameras;
+        assert!(name == "all" || cameras.iter().all(|camera| camera.pose.position.z > GROUND), "{cameras:?}");
+        cameras.iter().map(|camera| camera.pose.position.distance(DVec3::new(0.0, 0.0, 5.5))).collect()
+    };
+    place.done(&format!("plan house.ply --out all {short}"));
+    assert!(distances("all").iter().all(|distance| *distance > 200.0));
+    for (name, options) in [
+        ("largest", "house.ply --subject largest"),
+        ("box", "house.ply --subject=-6,-6,1.5,6,6,10"),
+        ("file", "house.ply --subject box.json"),
+        ("obj", "house.obj --subject largest"),
+    ] {
+        let told = place.done(&format!("plan {options} --out {name} {short}")).out;
+        assert!(told.contains("subject  ") && told.contains("block rays and are not planned for"), "{told}");
+        assert!(distances(name).iter().all(|distance| *distance < 40.0), "{name}: {:?}", distances(name));
+        assert_eq!(told.contains("up       +z, by the ground of house.obj"), name == "obj", "{told}");
+    }
+    // A score of the plan is of the same subject.
+    let told = place.done("score house.ply file --held-out 60").out;
+    assert!(told.contains("subject  ") && told.contains("floor at 1.5"), "{told}");
+    place.write("cube.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+    assert_refused(
+        &place,
+        &[
+            (&format!("plan cube.obj --out no {short}"), &["which way is up", "--up y or --up z"]),
+            (&format!("plan house.ply --subject 1,2,3 --out no {short}"), &["--subject", "largest"]),
+            (&format!("plan house.ply --subject 0,0,5,1,1,4 --out no {short}"), &["the lower corner"]),
+            (
+                &format!("plan house.ply --subject 50,50,50,60,60,60 --out no {short}"),
+                &["--subject", "nothing of the surface"],
+            ),
+            (&format!("plan ball.ply --subject largest --out no {short} --up z --subject none.json"), &["--subject"]),
+        ],
+    );
+}
+
 /// If this failed, cameras that look straight down would be flown tilted, at heights that none of them has.
 #[test]
 fn cameras_that_look_down_keep_their_headings_and_height() {

@@ -16,10 +16,13 @@ use crate::planner::plan::record::SurfaceRecord;
 use crate::planner::plan::target::{RegionChoice, Target};
 use crate::scene::camera::{Intrinsics, Pose};
 use crate::scene::known::KnownSpace;
-use crate::scene::limits::{Limits, Volume, Walk, Wall};
+use crate::scene::limits::{Limits, Volume, Walk, Wall, box_triangles};
 use crate::scene::planes::Planes;
+use crate::scene::proxy::{Orientation, Proxy};
 use crate::scene::region::{Region, Shape};
+use crate::scene::subject::largest;
 use crate::scene::surface::Surface;
+use crate::scene::upright::upright;
 use crate::{Error, Result};
 
 /// Where cameras may stand, and what kind of scene it is.
@@ -38,7 +41,8 @@ pub struct RegionOptions {
     /// no floor
     #[arg(long, allow_hyphen_values = true, default_value = "auto", value_name = "HEIGHT", value_parser = parse_floor)]
     pub floor: FloorOption,
-    /// Up direction: x, -x, +y, ... [default: the photos' own for captures, +y for glTF and OBJ, else +z]
+    /// Up direction: x, -x, +y, ... [default: the photos' own for captures, +y for glTF, as the ground of an OBJ
+    /// shows it, else +z]
     #[arg(long, allow_hyphen_values = true, value_parser = parse_up)]
     pub up: Option<DVec3>,
     /// Minimum distance between cameras and the surface [default: a twentieth of the object's radius or of the room's
@@ -60,6 +64,10 @@ pub struct RegionOptions {
     /// a capture with GPS, as for `export`
     #[arg(long, value_name = "PLACE", allow_hyphen_values = true)]
     pub geo: Option<String>,
+    /// What of the surface is to be seen, where it holds more: a box X0,Y0,Z0,X1,Y1,Z1, a closed mesh or boxes as for --keep-out, or `largest`,
+    /// the largest thing that stands on the ground; the rest blocks views, and its ground is the floor [default: all of the surface]
+    #[arg(long, value_name = "SUBJECT", value_parser = parse_subject, allow_hyphen_values = true)]
+    pub subject: Option<SubjectOption>,
     /// Metres that cameras and the tour keep from polygons of --keep-out: GPS drifts [default: 3]
     #[arg(long, value_name = "METRES", allow_hyphen_values = true)]
     pub margin: Option<f64>,
@@ -119,12 +127,25 @@ pub enum SpaceOption {
     File(PathBuf),
 }
 
+/// What is to be seen.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SubjectOption {
+    /// The largest thing that stands on the ground.
+    Largest,
+    /// What is in a box.
+    Box(DVec3, DVec3),
+    /// What is in a volume.
+    File(PathBuf),
+}
+
 /// What an earlier plan was made for.
 pub struct Stored {
     /// Its region.
     pub region: Region,
     /// Its limits.
     pub limits: Limits,
+    /// What was to be seen.
+    pub subject: Option<Volume>,
     /// Whether surroundings were assumed that no point shows, if it says so.
     pub surrounded: Option<bool>,
 }
@@ -205,6 +226,17 @@ fn parse_space(text: &str) -> Result<SpaceOption, String> {
     })
 }
 
+fn parse_subject(text: &str) -> Result<SubjectOption, String> {
+    if text == "largest" {
+        return Ok(SubjectOption::Largest);
+    }
+    match numbers::<6>(text, "six numbers") {
+        Ok([x0, y0, z0, x1, y1, z1]) => Ok(SubjectOption::Box(DVec3::new(x0, y0, z0), DVec3::new(x1, y1, z1))),
+        Err(_) if Path::new(text).extension().is_some() => Ok(SubjectOption::File(text.into())),
+        Err(_) => Err("give a box X0,Y0,Z0,X1,Y1,Z1, a file, or largest".into()),
+    }
+}
+
 fn parse_heights(text: &str) -> Result<[f64; 2], String> {
     numbers(text, "two numbers: LOW,HIGH")
 }
@@ -248,6 +280,7 @@ impl RegionOptions {
         let photographed: Vec<Pose> =
             capture.iter().flat_map(|set| &set.photos).map(|photo| photo.camera.pose).collect();
         let surrounded = stored.as_ref().and_then(|stored| stored.surrounded);
+        let mut subject = stored.as_ref().and_then(|stored| stored.subject.clone());
         let (stored, mut limits) =
             stored.map_or((None, Limits::default()), |stored| (Some(stored.region), stored.limits));
         if let (None, Some(region)) = (choice.shape, stored) {
@@ -265,7 +298,8 @@ impl RegionOptions {
             }
             _ => Planes::of(surface.positions(), &photographed),
         };
-        let up = self.up.or(stored.map(|region| region.up)).or(planes.up).unwrap_or_else(|| usual_up(path));
+        let up = self.up.or(stored.map(|region| region.up)).or(planes.up);
+        let up = up.map_or_else(|| usual_up(path, surface), Ok)?;
         limits.space = self.space(surface, path, capture, up, stored.is_some(), limits.space.take())?;
         if preset == Preset::Object && choice.shape.is_none() {
             choice.shape = Shape::around_cameras(&photographed);
@@ -277,10 +311,19 @@ impl RegionOptions {
                 (preset, choice.shape) = (Preset::Room, Some(Shape::Box { min, max }));
             }
         }
+        if let Some(asked) = &self.subject {
+            let (volume, bottom) = subject_of(asked, surface, up)?;
+            if let (Preset::Object, FloorOption::Auto, None) = (preset, self.floor, choice.floor) {
+                say!("floor    at {bottom:.3} along {up:.3}: what the subject stands on (--floor none leaves it out)");
+                choice.floor = Some(bottom);
+            }
+            subject = Some(volume);
+        }
         if stored.is_none() {
             self.take_planes(&planes, up, preset, &mut choice, &mut limits);
         }
-        let target = Target::new(surface, &path.to_string_lossy(), preset, &choice, up, intrinsics)?;
+        let name = path.to_string_lossy();
+        let target = Target::of_subject(surface, &name, preset, &choice, up, intrinsics, subject.as_ref())?;
         let limits = self.limits.read(limits, |file| {
             place::areas(file, self.geo.as_deref(), self.margin.unwrap_or(DRIFT), &target.region)
         })?;
@@ -417,7 +460,13 @@ pub fn print_target(target: &Target) {
         say!("         {assumed} more stand for surroundings that no point shows");
     }
     let buried = target.proxy.buried.iter().filter(|buried| **buried).count() - assumed;
-    if buried > 0 {
+    if target.record.subject.is_some() {
+        let (centre, radius) = target.proxy.sphere;
+        say!(
+            "subject  {} {kind} within {radius:.3} of {centre:.3}; the other {buried} block rays and are not planned for",
+            primitives - buried
+        );
+    } else if buried > 0 {
         say!("         {buried} buried under others: they block rays and are not planned for");
     }
     let region = &target.region;
@@ -432,10 +481,44 @@ pub fn print_target(target: &Target) {
     }
 }
 
-/// Up where neither the user nor photos name it: glTF's by its standard, OBJ's by custom.
-fn usual_up(path: &Path) -> DVec3 {
+/// The volume of what is to be seen, and the height along up of what it stands on.
+fn subject_of(subject: &SubjectOption, surface: &Surface, up: DVec3) -> Result<(Volume, f64)> {
+    let volume = match subject {
+        SubjectOption::Largest => return largest(&Proxy::new(surface, Orientation::Trusted)?, up),
+        SubjectOption::Box(min, max) if min.cmplt(*max).all() => {
+            Volume { triangles: box_triangles(*min, *max), ..Volume::default() }
+        }
+        SubjectOption::Box(..) => {
+            return Err(Error::request("--subject: give the lower corner of the box, then the higher one"));
+        }
+        SubjectOption::File(file) => read_volume(file)?,
+    };
+    let bottom = volume.triangles.iter().flatten().map(|p| p.dot(up)).fold(f64::INFINITY, f64::min);
+    Ok((volume, bottom))
+}
+
+/// Up where neither the user nor photos name it: +y in glTF, by its standard; in OBJ, which both kinds of programs write, as its ground
+/// shows it.
+///
+/// # Errors
+/// Where nothing shows it.
+fn usual_up(path: &Path, surface: &Surface) -> Result<DVec3> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    if matches!(extension.as_str(), "glb" | "gltf" | "obj") { DVec3::Y } else { DVec3::Z }
+    match (extension.as_str(), surface) {
+        ("glb" | "gltf", _) => Ok(DVec3::Y),
+        ("obj", Surface::Mesh(mesh)) => match upright(mesh) {
+            Some(up) => {
+                let axis = if up == DVec3::Y { "y" } else { "z" };
+                say!("up       +{axis}, by the ground of {} (--up says another)", path.display());
+                Ok(up)
+            }
+            None => Err(Error::input(
+                path,
+                "an OBJ does not say which way is up, and this one has no ground that shows it; give --up y or --up z",
+            )),
+        },
+        _ => Ok(DVec3::Z),
+    }
 }
 
 pub fn parse_up(text: &str) -> Result<DVec3, String> {

@@ -203,5 +203,8 @@ fn stored(cameras: &Path) -> Result<(Option<Stored>, usize), String> {
         _ => return Err(format!("the limits in {file} are no object, and its region is not taken either")),
     };
     let surrounded = surface["assumed"].as_u64().map(|count| count > 0);
-    Ok((Some(Stored { region, limits, surrounded }), kept))
+    let subject = serde_json::from_value(surface["subject"].clone()).map_err(|error| {
+        format!("the subject in {file} cannot be read ({error}), and its region is not taken either")
+    })?;
+    Ok((Some(Stored { region, limits, subject, surrounded }), kept))
 }

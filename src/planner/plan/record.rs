@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::planner::metrics::Metrics;
 use crate::scene::camera::Camera;
-use crate::scene::limits::Limits;
+use crate::scene::limits::{Limits, Volume};
 use crate::scene::region::Region;
 
 /// How a run ended.
@@ -30,6 +30,9 @@ pub struct SurfaceRecord {
     /// Discs beside them that stand for surroundings that no point shows; none in files that do not say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub assumed: Option<usize>,
+    /// What of it is to be seen; all of it where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subject: Option<Volume>,
     /// Lowest corner of the bounds.
     pub min: DVec3,
     /// Highest corner of the bounds.

@@ -6,10 +6,11 @@ use serde::{Deserialize, Serialize};
 use super::config::Preset;
 use super::record::SurfaceRecord;
 use crate::scene::camera::Intrinsics;
-use crate::scene::limits::Limits;
+use crate::scene::limits::{Limits, Volume};
 use crate::scene::proxy::{Occluder, Orientation, Proxy};
 use crate::scene::region::{Region, Shape};
 use crate::scene::stray::Reach;
+use crate::scene::subject::focus;
 use crate::scene::surface::Surface;
 use crate::visibility::device_scene::SceneGeometry;
 use crate::visibility::{closing, exposure};
@@ -57,6 +58,22 @@ impl Target {
         up: DVec3,
         intrinsics: &Intrinsics,
     ) -> Result<Self> {
+        Self::of_subject(surface, path, preset, choice, up, intrinsics, None)
+    }
+
+    /// As [`Self::new`], of what lies in a volume: the rest blocks views, and nothing is planned for it.
+    ///
+    /// # Errors
+    /// As there, and where nothing lies in it.
+    pub fn of_subject(
+        surface: &Surface,
+        path: &str,
+        preset: Preset,
+        choice: &RegionChoice,
+        up: DVec3,
+        intrinsics: &Intrinsics,
+        subject: Option<&Volume>,
+    ) -> Result<Self> {
         let positions = surface.positions();
         let reach = Reach::of(positions);
         let near = || positions.iter().filter(|p| reach.holds(**p));
@@ -79,6 +96,9 @@ impl Target {
             && points.toward_cameras.is_empty()
         {
             exposure::expose(&mut proxy)?;
+        }
+        if let Some(volume) = subject {
+            focus(&mut proxy, volume)?;
         }
         let region = match (choice.shape, preset) {
             (Some(shape), _) => {
@@ -115,6 +135,7 @@ impl Target {
             kind: kind.into(),
             primitives: proxy.occluder.len() - proxy.assumed,
             assumed: Some(proxy.assumed),
+            subject: subject.cloned(),
             min,
             max,
         };

@@ -113,6 +113,7 @@ fn record(path: &str, region: Region, cameras: Vec<Camera>, kept: usize) -> Plan
             kind: "mesh".into(),
             primitives: 48_200,
             assumed: None,
+            subject: None,
             min: centre - radius,
             max: centre + radius,
         },

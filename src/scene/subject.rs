@@ -1,0 +1,197 @@
+//! What of a surface is to be seen: the rest blocks views, and nothing is planned for it.
+
+use glam::{DVec2, DVec3};
+
+use super::bounding_sphere::bounding_sphere;
+use super::limits::{Volume, box_triangles};
+use super::proxy::{Occluder, Proxy};
+use crate::{Error, Result};
+
+/// Points drawn from the surface, and cells along the longer side of a map of them.
+const POINTS: usize = 200_000;
+const CELLS: f64 = 128.0;
+/// Part of the greatest height above the ground from which on something stands on it.
+const STANDS: f64 = 0.25;
+/// Least height above the ground, as part of the map's longer side, of something that stands on it.
+const FLAT: f64 = 0.01;
+
+/// Leaves in a proxy only what lies in the subject to be planned for, by the middles of its primitives: no point is drawn from the rest, and
+/// the sphere is that around the subject. Returns how many primitives are left.
+///
+/// # Errors
+/// Where none is.
+pub fn focus(proxy: &mut Proxy, subject: &Volume) -> Result<usize> {
+    let mut corners = Vec::new();
+    let inside: Vec<bool> = match &proxy.occluder {
+        Occluder::Triangles(triangles) => triangles
+            .iter()
+            .map(|triangle| {
+                let inside = subject.holds(triangle.iter().sum::<DVec3>() / 3.0);
+                corners.extend(triangle.iter().filter(|corner| inside && subject.holds(**corner)));
+                inside
+            })
+            .collect(),
+        Occluder::Discs(discs) => discs
+            .iter()
+            .map(|disc| {
+                let inside = subject.holds(disc.centre);
+                corners.extend(inside.then_some(disc.centre));
+                inside
+            })
+            .collect(),
+    };
+    let left = inside.iter().filter(|inside| **inside).count();
+    let sphere = bounding_sphere(&corners).filter(|(_, radius)| *radius > 0.0);
+    let (Some(sphere), true) = (sphere, left > 0) else {
+        return Err(Error::request(
+            "`subject`: nothing of the surface is in it; give a box or volume in the frame of the surface",
+        ));
+    };
+    proxy.sphere = sphere;
+    proxy.buried.resize(inside.len(), false);
+    for (buried, inside) in proxy.buried.iter_mut().zip(inside) {
+        *buried |= !inside;
+    }
+    Ok(left)
+}
+
+/// The largest thing that stands on the ground of a surface, by the volume below its top, as an axis-aligned box from the ground up.
+///
+/// The ground is the median over a map of the lowest points of its cells; what stands on it are connected cells that rise above by a quarter
+/// of what the highest does. Returns the height of the ground along up, too.
+///
+/// # Errors
+/// Where nothing stands on anything.
+pub fn largest(proxy: &Proxy, up: DVec3) -> Result<(Volume, f64)> {
+    let (across, along) = up.any_orthonormal_pair();
+    let points: Vec<(DVec2, f64)> = proxy
+        .sample(POINTS, 0, 0)
+        .iter()
+        .map(|point| point.position)
+        .map(|p| (DVec2::new(p.dot(across), p.dot(along)), p.dot(up)))
+        .collect();
+    let low = points.iter().map(|(p, _)| *p).fold(DVec2::INFINITY, DVec2::min);
+    let high = points.iter().map(|(p, _)| *p).fold(DVec2::NEG_INFINITY, DVec2::max);
+    let side = (high - low).max_element();
+    let cell = side / CELLS;
+    let dims = ((high - low) / cell).floor().as_uvec2() + 1;
+    let index = |p: DVec2| {
+        let at = ((p - low) / cell).as_uvec2().min(dims - 1);
+        (at.y * dims.x + at.x) as usize
+    };
+    let mut cells = vec![[f64::INFINITY, f64::NEG_INFINITY]; (dims.x * dims.y) as usize];
+    for (p, height) in &points {
+        let [bottom, top] = &mut cells[index(*p)];
+        (*bottom, *top) = (bottom.min(*height), top.max(*height));
+    }
+    let mut bottoms: Vec<f64> = cells.iter().map(|[bottom, _]| *bottom).filter(|bottom| bottom.is_finite()).collect();
+    bottoms.sort_by(f64::total_cmp);
+    let nothing =
+        || Error::request("`subject` largest: nothing stands on the ground of this surface; give a box or a file");
+    let ground = *bottoms.get(bottoms.len() / 2).ok_or_else(nothing)?;
+    let rise = points.iter().map(|(_, height)| height - ground).fold(0.0, f64::max);
+    if rise <= FLAT * side {
+        return Err(nothing());
+    }
+    let stands = |i: usize| cells[i][1] > ground + STANDS * rise;
+    let part = components(dims.x as usize, dims.y as usize, stands);
+    let mut volumes = vec![0.0; cells.len()];
+    for (i, part) in part.iter().enumerate() {
+        if let Some(part) = part {
+            volumes[*part] += cells[i][1] - ground;
+        }
+    }
+    let chosen = (0..cells.len()).max_by(|a, b| volumes[*a].total_cmp(&volumes[*b])).ok_or_else(nothing)?;
+    let of_it = points.iter().filter(|(p, _)| part[index(*p)] == Some(chosen));
+    let corners = of_it.flat_map(|(p, height)| {
+        let at = move |height: f64| p.x * across + p.y * along + height * up;
+        [at(*height), at(ground)]
+    });
+    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    corners.for_each(|p| (min, max) = (min.min(p), max.max(p)));
+    // Points are drawn: the surface ends a little beyond the outermost.
+    let beyond = 0.5 * cell;
+    Ok((Volume { triangles: box_triangles(min - beyond, max + beyond), ..Volume::default() }, ground))
+}
+
+/// For each cell that stands, the first cell of those that it is connected with, over corners too.
+fn components(width: usize, height: usize, stands: impl Fn(usize) -> bool) -> Vec<Option<usize>> {
+    let mut part = vec![None; width * height];
+    for first in 0..width * height {
+        if part[first].is_some() || !stands(first) {
+            continue;
+        }
+        let mut open = vec![first];
+        part[first] = Some(first);
+        while let Some(i) = open.pop() {
+            let (x, y) = (i % width, i / width);
+            for j in (y.saturating_sub(1)..(y + 2).min(height))
+                .flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x))
+            {
+                if part[j].is_none() && stands(j) {
+                    part[j] = Some(first);
+                    open.push(j);
+                }
+            }
+        }
+    }
+    part
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::proxy::Orientation;
+    use crate::scene::surface::{Mesh, Surface};
+
+    /// A lawn with a house, a shed and a pole on it; `up` is the frame's.
+    fn garden(up: DVec3) -> Proxy {
+        let (across, along) = up.any_orthonormal_pair();
+        let mut mesh = Mesh::default();
+        for (min, max) in [
+            ([-80.0, -60.0, -0.2], [80.0, 60.0, 0.0]),
+            ([10.0, -4.0, 0.0], [22.0, 6.0, 8.0]),
+            ([-30.0, 10.0, 0.0], [-26.0, 14.0, 3.0]),
+            ([-50.0, -20.0, 0.0], [-49.5, -19.5, 12.0]),
+        ] {
+            for corners in box_triangles(DVec3::from_array(min), DVec3::from_array(max)) {
+                let first = mesh.positions.len() as u32;
+                mesh.positions.extend(corners.map(|p| p.x * across + p.y * along + p.z * up));
+                mesh.triangles.push([first, first + 1, first + 2]);
+            }
+        }
+        Proxy::new(&Surface::Mesh(mesh), Orientation::Trusted).unwrap()
+    }
+
+    /// If this failed, cameras would stand around a lawn of 160 m with a house somewhere in it, or around a pole.
+    #[test]
+    fn the_house_is_found_on_its_lawn() {
+        for up in [DVec3::Z, DVec3::Y, DVec3::new(0.1, 0.9, -0.2).normalize()] {
+            let mut proxy = garden(up);
+            let whole = proxy.sphere.1;
+            let (subject, ground) = largest(&proxy, up).unwrap();
+            let left = focus(&mut proxy, &subject).unwrap();
+            let (across, along) = up.any_orthonormal_pair();
+            let middle = 16.0 * across + 1.0 * along + 4.0 * up;
+            let (centre, radius) = proxy.sphere;
+            assert!(whole > 90.0 && left >= 24 && ground.abs() < 0.3, "{whole}, {left}, {ground}");
+            // Half of the diagonal of 12 x 10 x 8.
+            assert!(
+                centre.distance(middle) < 0.1 && (radius - 308f64.sqrt() / 2.0).abs() < 0.1,
+                "{up}: {centre}, {radius}"
+            );
+            let points = proxy.sample(1000, 3, 1);
+            let away = |p: DVec3| p.distance(middle) > radius + 0.1;
+            assert!(points.len() == 1000 && !points.iter().any(|point| away(point.position)));
+        }
+        let (flat, nowhere) = (DVec3::new(10.0, 10.0, 0.01), DVec3::splat(500.0));
+        let lawn = box_triangles(-flat, flat);
+        let positions = lawn.iter().flatten().copied().collect();
+        let triangles = (0..lawn.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let mesh = Mesh { positions, triangles, ..Mesh::default() };
+        let mut proxy = Proxy::new(&Surface::Mesh(mesh), Orientation::Trusted).unwrap();
+        assert!(largest(&proxy, DVec3::Z).unwrap_err().to_string().contains("nothing stands"));
+        let empty = Volume { triangles: box_triangles(nowhere, nowhere + 1.0), ..Volume::default() };
+        assert!(focus(&mut proxy, &empty).unwrap_err().to_string().contains("`subject`"));
+    }
+}
