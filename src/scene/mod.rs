@@ -27,6 +27,7 @@ mod morton;
 pub mod octahedral;
 mod orientation;
 pub mod planes;
+pub mod polygon;
 pub mod prism;
 pub mod proxy;
 pub mod random;

@@ -3,6 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::limits::Triangle;
+use super::polygon::{area, triangulated};
 
 /// The prism over a polygon, between two heights along `up` (of unit length). Corners go round either way, and may be at any height.
 ///
@@ -34,11 +35,6 @@ pub fn prism(corners: &[DVec3], up: DVec3, [low, high]: [f64; 2]) -> Result<Vec<
     Ok(caps.chain(sides).collect())
 }
 
-/// Twice the area of a triangle, positive where its corners go round to the left.
-fn area(a: DVec2, b: DVec2, c: DVec2) -> f64 {
-    (b - a).perp_dot(c - a)
-}
-
 /// Whether two sides cross that are no neighbours.
 fn crosses_itself(corners: &[DVec2]) -> bool {
     let count = corners.len();
@@ -51,34 +47,6 @@ fn crosses_itself(corners: &[DVec2]) -> bool {
             area(a, b, c) * area(a, b, d) < 0.0 && area(c, d, a) * area(c, d, b) < 0.0
         })
     })
-}
-
-/// Triangles of a simple polygon whose corners go round to the left, by cutting off one ear after the other; none where there is no ear.
-fn triangulated(corners: &[DVec2]) -> Option<Vec<[usize; 3]>> {
-    let mut left: Vec<usize> = (0..corners.len()).collect();
-    let mut faces = Vec::with_capacity(corners.len().saturating_sub(2));
-    while left.len() > 2 {
-        let count = left.len();
-        let ear = |i: &usize| {
-            let [before, at, after] = [left[(i + count - 1) % count], left[*i], left[(i + 1) % count]];
-            let [a, b, c] = [before, at, after].map(|corner| corners[corner]);
-            let inside = |p: DVec2| area(a, b, p) >= 0.0 && area(b, c, p) >= 0.0 && area(c, a, p) >= 0.0;
-            let others = left.iter().map(|corner| corners[*corner]).filter(|p| ![a, b, c].contains(p));
-            area(a, b, c) > 0.0 && !others.into_iter().any(inside)
-        };
-        // What lies on a line has no area, and is cut off without a face.
-        let flat = |i: &usize| {
-            let [a, b, c] = [left[(i + count - 1) % count], left[*i], left[(i + 1) % count]].map(|at| corners[at]);
-            area(a, b, c) == 0.0
-        };
-        if let Some(i) = (0..count).find(ear) {
-            faces.push([left[(i + count - 1) % count], left[i], left[(i + 1) % count]]);
-            left.remove(i);
-        } else {
-            left.remove((0..count).find(flat)?);
-        }
-    }
-    (!faces.is_empty()).then_some(faces)
 }
 
 #[cfg(test)]

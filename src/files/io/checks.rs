@@ -39,9 +39,58 @@ pub(crate) fn finite(path: &Path, positions: &[DVec3], what: &str) -> Result<()>
     }
 }
 
-/// Passes a surface on when [`sound`] accepts it.
-pub(crate) fn surface(path: &Path, surface: Surface) -> Result<Surface> {
+/// Passes a surface on when [`sound`] accepts it, without its points that are not finite, and the triangles at such vertices; a note says
+/// how many.
+pub(crate) fn surface(path: &Path, surface: Surface, notes: &mut Vec<String>) -> Result<Surface> {
+    let positions = surface.positions();
+    let keep: Vec<bool> = positions.iter().map(|p| usable(*p)).collect();
+    let bad = keep.iter().filter(|keep| !**keep).count();
+    let surface = match keep.iter().position(|keep| !keep) {
+        // Where none is left the refusal says so.
+        Some(first) if bad < positions.len() => {
+            let (what, all) =
+                (if matches!(surface, Surface::Mesh(_)) { "vertices" } else { "points" }, positions.len());
+            let (surface, triangles) = without(surface, &keep);
+            let with = if triangles > 0 { format!(", with {triangles} triangles") } else { String::new() };
+            notes.push(format!(
+                "{bad} of {all} {what} are not finite and were left out{with}; the first is number {first}, from 0"
+            ));
+            surface
+        }
+        _ => surface,
+    };
     sound(path, &surface).map(|()| surface)
+}
+
+/// What `keep` selects of the points or vertices, and how many triangles go with the others.
+fn without(surface: Surface, keep: &[bool]) -> (Surface, usize) {
+    let mut mesh = match surface {
+        Surface::Points(points) => return (Surface::Points(points.filtered(keep)), 0),
+        Surface::Mesh(mesh) => mesh,
+    };
+    let mut next = 0;
+    let count = |keep: &bool| {
+        let number = next;
+        next += u32::from(*keep);
+        number
+    };
+    let number: Vec<u32> = keep.iter().map(count).collect();
+    let stays: Vec<bool> =
+        mesh.triangles.iter().map(|t| t.iter().all(|v| keep.get(*v as usize).is_none_or(|keep| *keep))).collect();
+    let all = mesh.triangles.len();
+    let mut kept = stays.iter();
+    mesh.triangles.retain(|_| *kept.next().unwrap_or(&true));
+    let mut kept = stays.iter();
+    mesh.colours.retain(|_| *kept.next().unwrap_or(&true));
+    for corner in mesh.triangles.iter_mut().flatten() {
+        *corner = number.get(*corner as usize).copied().unwrap_or(*corner);
+    }
+    let mut kept = keep.iter();
+    mesh.positions.retain(|_| *kept.next().unwrap_or(&true));
+    let mut kept = keep.iter();
+    mesh.scores.retain(|_| *kept.next().unwrap_or(&true));
+    let gone = all - mesh.triangles.len();
+    (Surface::Mesh(mesh), gone)
 }
 
 /// Accepts a surface when it can be planned for: two distinct finite positions or more, indices in range, scores in [1, 2], and
@@ -121,17 +170,41 @@ mod tests {
     use crate::scene::surface::{Mesh, Points};
 
     fn points(positions: Vec<DVec3>) -> Result<Surface> {
-        surface(Path::new("a"), Surface::Points(Points { positions, ..Points::default() }))
+        surface(Path::new("a"), Surface::Points(Points { positions, ..Points::default() }), &mut Vec::new())
     }
 
-    /// If this failed, a NaN would reach the planner and silently corrupt every camera.
+    /// If this failed, a NaN would reach the planner and silently corrupt every camera, or one bad point lose a scan of millions.
     #[test]
-    fn positions_that_are_not_finite_are_counted() {
-        let mut positions = vec![DVec3::ZERO; 10];
+    fn positions_that_are_not_finite_are_left_out_and_counted() {
+        let mut positions: Vec<DVec3> = (0..10).map(|i| DVec3::splat(f64::from(i))).collect();
         positions[3].x = f64::NAN;
         positions[7].y = f64::INFINITY;
-        let message = points(positions).unwrap_err().to_string();
+        let scores = (0..10).map(|i| 1.0 + 0.1 * i as f32).collect();
+        let mut notes = Vec::new();
+        let cloud = Points { positions: positions.clone(), scores, ..Points::default() };
+        let Ok(Surface::Points(left)) = surface(Path::new("a"), Surface::Points(cloud.clone()), &mut notes) else {
+            panic!("not points")
+        };
+        assert_eq!((left.positions.len(), left.positions[3], left.scores[3]), (8, DVec3::splat(4.0), 1.4));
+        assert_eq!(notes, ["2 of 10 points are not finite and were left out; the first is number 3, from 0"]);
+        // A program that hands over such points itself has a mistake to find.
+        let message = sound(Path::new("a"), &Surface::Points(cloud)).unwrap_err().to_string();
         assert!(message.contains("2 of 10 positions are not finite") && message.contains("at point 3"), "{message}");
+        assert!(points(vec![DVec3::NAN; 4]).unwrap_err().to_string().contains("4 of 4 positions are not finite"));
+
+        let mesh = Mesh {
+            positions,
+            triangles: vec![[0, 1, 2], [2, 3, 4], [4, 5, 6], [9, 8, 7], [9, 8, 6]],
+            colours: (0..5).map(|i| [i; 3]).collect(),
+            ..Mesh::default()
+        };
+        let mut notes = Vec::new();
+        let Ok(Surface::Mesh(left)) = surface(Path::new("a"), Surface::Mesh(mesh), &mut notes) else {
+            panic!("no mesh")
+        };
+        assert_eq!(left.triangles, [[0, 1, 2], [3, 4, 5], [7, 6, 5]]);
+        assert_eq!((left.colours, left.positions[7]), (vec![[0; 3], [2; 3], [4; 3]], DVec3::splat(9.0)));
+        assert!(notes[0].contains("2 of 10 vertices are not finite and were left out, with 2 triangles"), "{notes:?}");
     }
 
     /// If this failed, surfaces without extent would be planned for, with a region of size zero.
@@ -147,6 +220,11 @@ mod tests {
     #[test]
     fn triangles_out_of_range_are_refused() {
         let mesh = Mesh { positions: vec![DVec3::ZERO, DVec3::X], triangles: vec![[0, 1, 2]], ..Mesh::default() };
-        assert!(surface(Path::new("a"), Surface::Mesh(mesh)).unwrap_err().to_string().contains("triangle 0"));
+        assert!(
+            surface(Path::new("a"), Surface::Mesh(mesh), &mut Vec::new())
+                .unwrap_err()
+                .to_string()
+                .contains("triangle 0")
+        );
     }
 }

@@ -92,7 +92,7 @@ pub fn read_surface_with_notes(path: &Path) -> Result<(Surface, Vec<String>)> {
     } else if extension == "obj" {
         obj::parse(path, &bytes, &mut notes)?
     } else if extension == "stl" {
-        stl::parse(path, &bytes)?
+        stl::parse(path, &bytes, &mut notes)?
     } else {
         return Err(Error::input(
             path,

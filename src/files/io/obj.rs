@@ -7,8 +7,8 @@ use glam::DVec3;
 
 use super::checks;
 use crate::error::{Error, Result, bounded};
-use crate::scene::colour;
 use crate::scene::surface::{Mesh, Points, Surface};
+use crate::scene::{colour, polygon};
 
 /// Colour of faces without one where others have one: the format's default diffuse colour of 0.8.
 const DEFAULT_COLOUR: [u8; 3] = [204; 3];
@@ -25,36 +25,64 @@ struct Reading {
     materials: HashMap<String, [u8; 3]>,
     material: Option<[u8; 3]>,
     polygons: usize,
+    /// Faces that were left out, and what is wrong with the first, with its line.
+    left_out: usize,
+    first_fault: Option<(usize, String)>,
 }
 
 /// Reads a mesh from the bytes of an OBJ file; material libraries are looked for beside `path`. Polygons are cut into
-/// fans about their first vertex. A triangle has the diffuse colour (Kd, taken as sRGB) of its material, or else the
+/// triangles. A triangle has the diffuse colour (Kd, taken as sRGB) of its material, or else the
 /// mean of its vertices' colours (`v x y z r g b` in [0, 1]). A file without faces is read as points. Groups, normals
-/// and texture coordinates are not needed. Frame and units are the file's.
+/// and texture coordinates are not needed. Frame and units are the file's. Faces of fewer than three corners, or with corners that are not
+/// there, are left out and counted; lines may go on behind a backslash, and end as on any system.
 ///
 /// # Errors
-/// When a line cannot be read, with its number, or the surface fails the checks that all surfaces pass.
+/// When a vertex cannot be read, with its line, no face is right, or the surface fails the checks that all surfaces pass.
 pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surface> {
     let mut reading = Reading::default();
-    for (i, line) in bytes.split(|&b| b == b'\n').enumerate() {
-        let line = String::from_utf8_lossy(line);
-        reading.line(path, line.trim(), notes).map_err(|what| {
-            Error::input(path, format!("line {}: {what}; mend the line or export the mesh again", i + 1))
-        })?;
+    let refuse = |line: usize, what: &str| {
+        Err(Error::input(path, format!("line {line}: {what}; mend the line or export the mesh again")))
+    };
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
+    let mut begun = String::new();
+    for (number, line) in (1..).zip(bytes.split(|&b| b == end)) {
+        begun += String::from_utf8_lossy(line).trim();
+        if begun.ends_with('\\') {
+            begun.pop();
+            begun.push(' ');
+            continue;
+        }
+        if let Err(what) = reading.line(path, &begun, number, notes) {
+            return refuse(number, &what);
+        }
+        begun.clear();
+    }
+    if let Some((line, what)) = &reading.first_fault {
+        if reading.triangles.is_empty() {
+            return refuse(*line, what);
+        }
+        notes.push(format!("{} faces were left out; the first, in line {line}: {what}", reading.left_out));
     }
     if reading.polygons > 0 {
         notes.push(format!("{} faces with more than three vertices were cut into triangles", reading.polygons));
     }
-    checks::surface(path, reading.surface())
+    checks::surface(path, reading.surface(), notes)
 }
 
 impl Reading {
     /// Takes in one line.
-    fn line(&mut self, path: &Path, line: &str, notes: &mut Vec<String>) -> Result<(), String> {
+    fn line(&mut self, path: &Path, line: &str, number: usize, notes: &mut Vec<String>) -> Result<(), String> {
         let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         match keyword {
             "v" => self.vertex(rest),
-            "f" => self.face(rest),
+            "f" => {
+                if let Err(what) = self.face(rest) {
+                    self.left_out += 1;
+                    self.first_fault.get_or_insert((number, what));
+                }
+                Ok(())
+            }
             "usemtl" => {
                 self.material = self.materials.get(rest.trim()).copied();
                 Ok(())
@@ -67,16 +95,19 @@ impl Reading {
         }
     }
 
-    /// `x y z`, then nothing, a weight, or a colour.
+    /// `x y z`, then nothing, a weight, a colour, or both; a colour may have an alpha.
     fn vertex(&mut self, rest: &str) -> Result<(), String> {
-        let mut numbers = [0.0; 7];
+        let mut numbers = [0.0; 8];
         let mut count = 0;
         for word in rest.split_whitespace() {
-            let Some(number) = numbers.get_mut(count) else { return Err("a vertex has at most seven numbers".into()) };
+            let Some(number) = numbers.get_mut(count) else { return Err("a vertex has at most eight numbers".into()) };
             *number = word.parse().map_err(|_| format!("{word:?} is not a number"))?;
             count += 1;
         }
-        let [x, y, z, r, g, b, _] = numbers;
+        let [x, y, z, ..] = numbers;
+        // Of eight the fourth is the weight, and the last the alpha.
+        let [r, g, b] =
+            if count == 8 { [numbers[4], numbers[5], numbers[6]] } else { [numbers[3], numbers[4], numbers[5]] };
         if count < 3 {
             return Err(format!("a vertex has three coordinates and here are {count}"));
         }
@@ -102,8 +133,9 @@ impl Reading {
             return Err(format!("a face has three corners or more and here are {}", corners.len()));
         }
         self.polygons += usize::from(corners.len() > 3);
-        for i in 2..corners.len() {
-            self.triangles.push([corners[0], corners[i - 1], corners[i]]);
+        let places: Vec<DVec3> = corners.iter().map(|corner| self.positions[*corner as usize]).collect();
+        for triangle in polygon::triangles(&places) {
+            self.triangles.push(triangle.map(|i| corners[i]));
             self.triangle_colours.push(self.material);
         }
         Ok(())
@@ -206,7 +238,40 @@ mod tests {
         assert!(message("v 0 0 0\nv 1 0 0\nf 1 2 3\n").contains("line 3: a face refers to vertex 3"));
         assert!(message("v 0 0 0\nv 1 0 0\nf 1 2 0\n").contains("vertex 0"));
         assert!(message("v 0 0 0\nv 1 0 0\nf 1 2\n").contains("three corners"));
-        assert!(message("v 0 0 0\nv nan 0 0\nf 1 2 1\n").contains("1 of 2 positions are not finite"));
+        assert!(message("v 0 0 0\nv nan 0 0\nv inf 0 0\nf 1 2 3\n").contains("no triangles"));
         assert!(message("").contains("no points"));
+    }
+
+    /// If this failed, one odd line would refuse a whole mesh, or, as a byte-order mark did, take the first vertex away in silence, so that
+    /// every face had other corners.
+    #[test]
+    fn odd_lines_cost_no_more_than_themselves() {
+        let corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+        let whole = format!("{corners}f 1 2 3 4\n");
+        let mesh = |text: &str| {
+            let mut notes = Vec::new();
+            match parse(Path::new("a.obj"), text.as_bytes(), &mut notes) {
+                Ok(Surface::Mesh(mesh)) => (mesh.positions, mesh.triangles, notes),
+                other => panic!("{text:?}: {other:?}"),
+            }
+        };
+        let (positions, triangles, _) = mesh(&whole);
+        for text in [
+            format!("\u{feff}{whole}"),
+            whole.replace('\n', "\r"),
+            whole.replace('\n', "\r\n"),
+            format!("{corners}f 1 2 \\\n  3 \\\r\n4\n"),
+            whole.replace("v 1 1 0", "v 1 1 0 1.0 0.5 0.5 0.5 1.0"),
+        ] {
+            let (found, cut, notes) = mesh(&text);
+            assert_eq!((&found, &cut, notes.len()), (&positions, &triangles, 1), "{text:?}");
+        }
+        for bad in ["f 1 2", "f 1 2 9", "f 1 2 x", "f 0 1 2"] {
+            let (_, cut, notes) = mesh(&format!("{corners}{bad}\nf 1 2 3 4\n"));
+            assert_eq!(cut, triangles, "{bad}");
+            assert!(notes[0].starts_with("1 faces were left out; the first, in line 5: "), "{notes:?}");
+        }
+        let (_, cut, notes) = mesh(&format!("{whole}v nan 0 0\nf 1 2 5\n"));
+        assert!(cut == triangles && notes[1].contains("1 of 5 vertices are not finite"), "{notes:?}");
     }
 }

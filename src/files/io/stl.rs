@@ -18,13 +18,13 @@ const TRIANGLE: usize = 50;
 ///
 /// # Errors
 /// When the file is cut short, holds something else, or fails the checks that all surfaces pass.
-pub fn parse(path: &Path, bytes: &[u8]) -> Result<Surface> {
+pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surface> {
     let mut corners = Corners::default();
     match is_binary(bytes) {
         true => binary(path, bytes, &mut corners)?,
         false => ascii(path, bytes, &mut corners)?,
     }
-    checks::surface(path, Surface::Mesh(corners.mesh))
+    checks::surface(path, Surface::Mesh(corners.mesh), notes)
 }
 
 /// Whether the length is that of the count in the header: binary files may begin with `solid` too.
@@ -125,7 +125,7 @@ mod tests {
     }
 
     fn mesh(bytes: &[u8]) -> Mesh {
-        match parse(Path::new("a.stl"), bytes).unwrap() {
+        match parse(Path::new("a.stl"), bytes, &mut Vec::new()).unwrap() {
             Surface::Mesh(mesh) => mesh,
             Surface::Points(_) => panic!("points"),
         }
@@ -150,11 +150,11 @@ mod tests {
     fn cut_files_are_refused() {
         let (binary, ascii) = (binary_file(b"x"), ascii_file());
         for length in 0..binary.len() {
-            assert!(parse(Path::new("a.stl"), &binary[..length]).is_err(), "{length} bytes");
+            assert!(parse(Path::new("a.stl"), &binary[..length], &mut Vec::new()).is_err(), "{length} bytes");
         }
         let cut = ascii.find("endloop").unwrap();
         for text in [&ascii[..cut], &ascii[..cut].replace("vertex 1", "vertex x"), "solid nothing\nendsolid\n"] {
-            assert!(parse(Path::new("a.stl"), text.as_bytes()).is_err(), "{text}");
+            assert!(parse(Path::new("a.stl"), text.as_bytes(), &mut Vec::new()).is_err(), "{text}");
         }
     }
 }

@@ -79,7 +79,7 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
         notes.push(format!("{} triangles with a corner that is not finite were dropped", scene.dropped));
     }
     notes.append(&mut scene.paint.notes);
-    checks::surface(path, Surface::Mesh(scene.mesh))
+    checks::surface(path, Surface::Mesh(scene.mesh), notes)
 }
 
 /// Refuses other versions, and files that require extensions that `readable` does not accept as readable or harmless.

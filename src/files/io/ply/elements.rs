@@ -103,6 +103,14 @@ pub(super) fn read(path: &Path, bytes: &[u8], header: &Header, wanted: impl Fn(&
     Ok(columns)
 }
 
+/// A number, also such as Windows' libraries print that are none: "-nan(ind)", "1.#QNAN", "1.#INF".
+fn number(text: &str) -> Option<f64> {
+    text.parse().ok().or_else(|| {
+        let text = text.to_ascii_lowercase();
+        (text.contains("nan") || text.contains("1.#")).then_some(f64::NAN)
+    })
+}
+
 /// The values that follow the header.
 struct Values<'a> {
     bytes: &'a [u8],
@@ -195,7 +203,7 @@ impl Values<'_> {
             return Err("the file is cut short here; copy or export it again".into());
         }
         self.at += start;
-        match std::str::from_utf8(word).ok().and_then(|text| text.parse().ok()) {
+        match std::str::from_utf8(word).ok().and_then(|text| number(text)) {
             Some(value) => {
                 self.at += word.len();
                 Ok(value)

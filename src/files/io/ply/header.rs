@@ -139,10 +139,10 @@ impl Header {
                         return refuse("has an unknown type; known are char to double and lists of them");
                     };
                     let Some(element) = elements.last_mut() else { return refuse("stands before any element") };
-                    if element.properties.iter().any(|p| p.name == name) {
-                        return refuse("names a property for the second time");
-                    }
-                    element.properties.push(Property { name: name.into(), kind, length });
+                    // Some programs write a column twice; the first one counts, and a second one has no name that is asked for.
+                    let again = element.properties.iter().any(|p| p.name == name);
+                    let name = if again { format!("{name} {}", element.properties.len()) } else { name.into() };
+                    element.properties.push(Property { name, kind, length });
                 }
                 _ => return refuse("is no header line; export the file again"),
             }

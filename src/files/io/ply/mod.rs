@@ -17,8 +17,8 @@ use self::elements::Columns;
 pub use self::gaussians::gaussians;
 use self::header::{Header, Kind};
 use crate::error::{Error, Result};
-use crate::scene::colour;
 use crate::scene::surface::{Mesh, Points, Surface};
+use crate::scene::{colour, polygon};
 
 /// Reads a surface from the bytes of a PLY file; `path` is for messages only, `notes` takes what a user should know
 /// about what was read.
@@ -37,7 +37,7 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
     } else {
         plain(path, bytes, &header, notes)?
     };
-    super::checks::surface(path, surface)
+    super::checks::surface(path, surface, notes)
 }
 
 /// Points or a mesh.
@@ -72,7 +72,7 @@ fn plain(path: &Path, bytes: &[u8], header: &Header, notes: &mut Vec<String>) ->
             ..Points::default()
         }));
     }
-    let triangles = triangles(path, &mut columns, positions.len(), notes)?;
+    let triangles = triangles(path, &mut columns, &positions, notes)?;
     let colours = match colours[..] {
         [] => Vec::new(),
         _ => triangles.iter().map(|t| colour::mean(t.map(|v| colours[v as usize]))).collect(),
@@ -116,8 +116,14 @@ fn colours(header: &Header, columns: &mut Columns) -> Vec<[u8; 3]> {
     Vec::new()
 }
 
-/// The faces as triangles: polygons are cut into fans about their first vertex.
-fn triangles(path: &Path, columns: &mut Columns, vertices: usize, notes: &mut Vec<String>) -> Result<Vec<[u32; 3]>> {
+/// The faces as triangles.
+fn triangles(
+    path: &Path,
+    columns: &mut Columns,
+    positions: &[DVec3],
+    notes: &mut Vec<String>,
+) -> Result<Vec<[u32; 3]>> {
+    let vertices = positions.len();
     let faces = columns.lists("face", "vertex_indices").or_else(|| columns.lists("face", "vertex_index"));
     let Some(faces) = faces else {
         let what = "the element \"face\" has no list vertex_indices; export it with faces as vertex index lists";
@@ -137,8 +143,8 @@ fn triangles(path: &Path, columns: &mut Columns, vertices: usize, notes: &mut Ve
             3 => {}
             _ => polygons += 1,
         }
-        let corner = |i: usize| face[i] as u32;
-        triangles.extend((2..face.len()).map(|i| [corner(0), corner(i - 1), corner(i)]));
+        let corners: Vec<DVec3> = face.iter().map(|v| positions[*v as usize]).collect();
+        triangles.extend(polygon::triangles(&corners).into_iter().map(|of| of.map(|i| face[i] as u32)));
     }
     if polygons > 0 {
         notes.push(format!("{polygons} of {} faces were cut into triangles", faces.len()));
