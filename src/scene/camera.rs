@@ -136,10 +136,9 @@ pub(crate) fn common_up(poses: &[Pose]) -> Option<DVec3> {
     }
 }
 
-/// Whether cameras look the same way and hold the same direction up: ahead, or straight down with one heading.
+/// Whether cameras all look about the same way and hold about the same direction up: ahead, or down with about one heading.
 pub(crate) fn parallel(poses: &[Pose]) -> bool {
-    const SAME: f64 = 0.9999;
-    poses.len() > 1 && [Pose::up, Pose::forward].into_iter().all(|of| mean_of(poses, of).length() > SAME)
+    [Pose::up, Pose::forward].into_iter().all(|of| mean_of(poses, of).length() > AGREED)
 }
 
 fn mean_of(poses: &[Pose], of: fn(&Pose) -> DVec3) -> DVec3 {
@@ -211,6 +210,8 @@ mod tests {
         let mut aslant = looking(&[0.0, 90.0, 200.0, 90.0, 0.0], -90.0, up);
         aslant.extend(looking(&[90.0], -60.0, up));
         assert!(common_up(&aslant).unwrap().angle_between(up) < 1e-6);
-        assert!(parallel(&looking(&[90.0, 90.0], -90.0, up)) && parallel(&looking(&[90.0, 90.0], 0.0, up)));
+        for headings in [&[90.0][..], &[90.0, 90.0], &[60.0, 90.0, 120.0]] {
+            assert!([-90.0, -70.0, 0.0].iter().all(|pitch| parallel(&looking(headings, *pitch, up))), "{headings:?}");
+        }
     }
 }

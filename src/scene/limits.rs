@@ -157,6 +157,11 @@ impl Limits {
         {
             return wrong(format!("`keep_out` {file}: its `margin` is {margin}; give a length, or 0"));
         }
+        if let Some(Volume { file, .. }) =
+            self.keep_out.iter().find(|volume| volume.areas.iter().any(|ring| ring.len() < 3))
+        {
+            return wrong(format!("`keep_out` {file}: an area has fewer than three corners"));
+        }
         if let Some(Volume { file, .. }) = self.keep_out.iter().find(|volume| volume.triangles.is_empty()) {
             return wrong(format!("`keep_out` {file}: it has no faces; give a mesh or boxes"));
         }

@@ -46,6 +46,17 @@ pub struct Points {
     pub toward_cameras: Vec<DVec3>,
 }
 
+impl Mesh {
+    /// The area of all triangles.
+    pub fn area(&self) -> f64 {
+        let corners = |triangle: &[u32; 3]| {
+            let [a, b, c] = triangle.map(|i| self.positions.get(i as usize).copied());
+            Some((b? - a?).cross(c? - a?).length())
+        };
+        0.5 * self.triangles.iter().filter_map(corners).sum::<f64>()
+    }
+}
+
 impl Points {
     /// The points that `keep`, which is as long, selects.
     pub fn filtered(self, keep: &[bool]) -> Self {

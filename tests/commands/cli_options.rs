@@ -47,10 +47,11 @@ fn every_option_of_the_help_is_accepted() {
         "--viewers heights:-0.5,1.5",
         "--viewers first",
         "--wall 0,0,-2.5,0,0,1 --keep-out boxes.json --heights -2,2.5 --walk 2.4,0.5,-1,0.2,1.6",
-        "--keep-out zone.json --geo 0,0,0",
+        "--keep-out zone.json --geo 0,0,0 --margin 0.2 --subject whole.json",
     ];
     let zone = "[[[-0.00001, 0.00001], [0.00001, 0.00001], [0, 0.00005]]]";
     place.write("zone.json", format!(r#"{{"type": "Polygon", "coordinates": {zone}}}"#));
+    place.write("whole.json", r#"{"boxes": [[-2, -2, -2, 2, 2, 2]]}"#);
     place.write("boxes.json", r#"{"boxes": [[-4, -4, 1, 4, -0.5, 4]]}"#);
     let known = options(&place, "plan");
     let mut tried: BTreeSet<String> = BTreeSet::new();
@@ -89,7 +90,7 @@ fn every_option_of_the_help_is_accepted() {
 
     let given = "--preset room --box -0.9,-0.9,-0.9,0.9,0.9,0.9 --floor -0.5 --up z --clearance 0.1 \
                  --device 0 --debug-sync --held-out 50 --seed 4 --cone --all --viewers heights:-0.9,0.5 --json m.json \
-                 --wall 0,0,-0.7,0,0,1 --keep-out small.json --keep-out zone.json --geo -0.001,0,0 --heights -0.4,0.4 \
+                 --wall 0,0,-0.7,0,0,1 --keep-out small.json --keep-out zone.json --geo -0.001,0,0 --margin 0.01 --subject=-1,-1,-1,1,1,1 --heights -0.4,0.4 \
                  --walk 0.5,0.5,-0.5,0.05,0.3 --space open";
     place.write("small.json", r#"{"boxes": [[-0.9, -0.9, 0.2, -0.6, -0.6, 0.4]]}"#);
     place.done(&format!("score ball.ply first/plan.json {given}"));

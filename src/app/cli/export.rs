@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum as _};
 use glam::DVec3;
 
-use super::missions::{MissionOptions, Plan};
+use super::missions::{MissionOptions, Plan, Source};
 use super::overwrite_guard::check_output_folder;
 use super::region::parse_up;
 use super::session::Ended;
@@ -48,7 +48,8 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         let (cameras, plan) = read(arguments)?;
         // Without a place there is nothing to check, which has been refused.
         let place = missions.geo.as_deref().unwrap_or_default();
-        return missions.check(place, &cameras, arguments.up, plan.as_ref()).map(|()| Ended::Done);
+        let source = Source { path: &arguments.cameras, cameras: &cameras, up: arguments.up };
+        return missions.check(place, source, plan.as_ref()).map(|()| Ended::Done);
     };
     let folder = OutputFolder::create(out, arguments.force)?;
     check_output_folder(out, [&arguments.cameras])?;
@@ -72,7 +73,8 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         );
     }
     if let Some(place) = place {
-        missions.write(place, (&folder, &wanted), &cameras, arguments.up, plan.as_ref())?;
+        let source = Source { path: &arguments.cameras, cameras: &cameras, up: arguments.up };
+        missions.write(place, (&folder, &wanted), source, plan.as_ref())?;
     }
     let path = folder.path().to_owned();
     folder.commit()?;
@@ -84,10 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
 fn read(arguments: &Arguments) -> Result<(Vec<Camera>, Option<Plan>)> {
     let file = io::plan_file(&arguments.cameras);
     let mut cameras = io::read_cameras(&file)?;
-    let mut plan = plan(&file);
-    if let Some(plan) = &mut plan {
-        plan.region = plan.region.validated()?;
-    }
+    let plan = plan(&file)?;
     if let Some(kept) = plan.as_ref().map(|plan| plan.kept).filter(|kept| (1..cameras.len()).contains(kept)) {
         cameras.truncate(cameras.len() - kept);
         say!("note     the {kept} kept cameras are left out: their photos are there");
@@ -112,9 +111,20 @@ fn formats(arguments: &Arguments) -> Result<Vec<Format>> {
 }
 
 /// The plan beside the cameras, where there is one.
-fn plan(cameras: &Path) -> Option<Plan> {
-    let file = io::json_file(cameras).ok()?;
-    io::json(&file, &std::fs::read(&file).ok()?).ok()
+///
+/// # Errors
+/// Where there is one that cannot be read: its limits would not be kept.
+fn plan(cameras: &Path) -> Result<Option<Plan>> {
+    let Ok(file) = io::json_file(cameras) else { return Ok(None) };
+    let bytes = std::fs::read(&file).map_err(|source| Error::io(&file, source))?;
+    // Cameras of others have no region.
+    match io::json::<serde_json::Value>(&file, &bytes) {
+        Ok(value) if value.get("region").is_some() => {
+            let plan: Plan = io::json(&file, &bytes)?;
+            Ok(Some(Plan { region: plan.region.validated()?, limits: plan.limits.validated()?, ..plan }))
+        }
+        _ => Ok(None),
+    }
 }
 
 fn write(folder: &OutputFolder, format: Format, cameras: &[Camera], up: DVec3, frame: &str) -> Result<()> {

@@ -7,10 +7,11 @@ use glam::DVec3;
 use serde::Deserialize;
 
 use super::place::georeference;
-use crate::app::export::check::{Surroundings, faults, format_of, missions_of, read};
+use crate::app::export::check::{Surroundings, faults, format_of, read, shorten};
 use crate::app::export::georeference::Georeference;
 use crate::app::export::mission::{Flight, Mission, Rules, Zone};
 use crate::app::export::terrain::Terrain;
+use crate::app::export::written::differences;
 use crate::app::export::{Format, dji, geojson, kml, litchi, qgc};
 use crate::files::io;
 use crate::files::io::folder::OutputFolder;
@@ -20,6 +21,10 @@ use crate::scene::proxy::{Orientation, Proxy};
 use crate::scene::region::Region;
 use crate::{Error, Result};
 
+/// Metres around the first waypoint within which the ground is looked for, and above it from which on something is no ground.
+const AROUND: f64 = 12.0;
+const RAISED: f64 = 1.0;
+
 /// How cameras are flown.
 #[derive(Args, Debug)]
 pub struct MissionOptions {
@@ -28,8 +33,8 @@ pub struct MissionOptions {
     /// ones; or a capture in the same frame whose photos have GPS positions
     #[arg(long, value_name = "PLACE", allow_hyphen_values = true)]
     pub geo: Option<String>,
-    /// Altitude of the place that the drone takes off from, in metres as those of --geo [default: that of the ground below the first
-    /// waypoint]
+    /// Altitude of the place that the drone takes off from, in metres as those of --geo [default: that of the ground around the
+    /// first waypoint]
     #[arg(long, value_name = "ALTITUDE", allow_hyphen_values = true)]
     takeoff: Option<f64>,
     /// Lowest height of a drone above the take-off, in metres: missions with a lower waypoint are refused
@@ -58,24 +63,49 @@ pub struct Plan {
     /// How many cameras, the last ones, were there before.
     #[serde(default)]
     pub kept: usize,
+    /// The way along all cameras.
     #[serde(default)]
-    tour: Option<Tour>,
+    pub tour: Option<Tour>,
+    /// What cameras keep to.
     #[serde(default)]
-    limits: Limits,
-    surface: Option<PlannedSurface>,
+    pub limits: Limits,
+    /// The surface that it was made for.
+    pub surface: Option<PlannedSurface>,
 }
 
+/// A way along all cameras.
 #[derive(Deserialize)]
-struct Tour {
+pub struct Tour {
     path: Vec<DVec3>,
 }
 
+/// A surface that a plan was made for.
 #[derive(Deserialize)]
-struct PlannedSurface {
+pub struct PlannedSurface {
     #[serde(default)]
     path: PathBuf,
     min: DVec3,
     max: DVec3,
+}
+
+impl PlannedSurface {
+    /// The file, by its path or by its name in the plan's folder or that above.
+    fn found(&self, plan: &Path) -> Option<PathBuf> {
+        let name = self.path.file_name()?;
+        let folders = plan.ancestors().take(3).map(|folder| folder.join(name));
+        std::iter::once(self.path.clone()).chain(folders).find(|file| file.exists())
+    }
+}
+
+/// Where cameras were read from, which cameras, and up if it is given.
+#[derive(Clone, Copy)]
+pub struct Source<'s> {
+    /// The file or folder.
+    pub path: &'s Path,
+    /// The cameras.
+    pub cameras: &'s [Camera],
+    /// Up in their frame.
+    pub up: Option<DVec3>,
 }
 
 /// A flight and what it is held against.
@@ -94,8 +124,11 @@ impl MissionOptions {
     /// Where they do not.
     pub fn validate(&self) -> Result<()> {
         let numbers = [Some(self.lowest), Some(self.speed), self.takeoff];
-        if numbers.into_iter().flatten().any(|number| !number.is_finite()) || self.speed <= 0.0 {
-            return Err(Error::request("--takeoff, --lowest and --speed take numbers, and --speed one above zero"));
+        // A tenth of a metre per second is the least that formats write.
+        if numbers.into_iter().flatten().any(|number| !number.is_finite()) || self.speed < 0.1 {
+            return Err(Error::request(
+                "--takeoff, --lowest and --speed take numbers, and --speed one above zero, 0.1 at least",
+            ));
         }
         let of_missions = [
             ("--takeoff", self.takeoff.is_some()),
@@ -118,15 +151,14 @@ impl MissionOptions {
         &self,
         place: &str,
         (folder, formats): (&OutputFolder, &[Format]),
-        cameras: &[Camera],
-        up: Option<DVec3>,
+        source: Source<'_>,
         plan: Option<&Plan>,
     ) -> Result<()> {
-        let planned = self.planned(place, cameras, up, plan)?;
+        let planned = self.planned(place, source, plan)?;
         check_older(folder.path(), &planned.flight)?;
         for format in formats.iter().filter(|format| format.is_geographic()) {
-            for (name, bytes) in files(*format, &planned.flight)? {
-                let found = planned.faults(*format, &name, &bytes)?;
+            for (name, missions, bytes) in files(*format, &planned.flight)? {
+                let found = planned.faults(*format, missions, &bytes)?;
                 // What is looked at on a map shows what is wrong; what is flown must not be.
                 let flown = matches!(format, Format::Dji | Format::Qgc | Format::Litchi);
                 if let (Some(fault), true) = (found.first(), flown) {
@@ -148,8 +180,8 @@ impl MissionOptions {
     ///
     /// # Errors
     /// Where one is not as it should be.
-    pub fn check(&self, place: &str, cameras: &[Camera], up: Option<DVec3>, plan: Option<&Plan>) -> Result<()> {
-        let planned = self.planned(place, cameras, up, plan)?;
+    pub fn check(&self, place: &str, source: Source<'_>, plan: Option<&Plan>) -> Result<()> {
+        let planned = self.planned(place, source, plan)?;
         let mut wrong = Vec::new();
         for file in &self.check {
             let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -158,8 +190,11 @@ impl MissionOptions {
                 return Err(Error::input(file, "it is no mission; give a .kmz, .plan, .csv, .kml or .geojson"));
             };
             let bytes = std::fs::read(file).map_err(|source| Error::io(file, source))?;
-            let found = planned.faults(format, &name, &bytes)?;
-            say!("check    {}: {}", file.display(), if found.is_empty() { "as planned" } else { "not as planned" });
+            let (mission, found) = planned.best(format, &name, &bytes)?;
+            let which =
+                if planned.flight.missions.len() > 1 { format!(", held against {mission}") } else { String::new() };
+            let verdict = if found.is_empty() { "as planned" } else { "not as planned" };
+            say!("check    {}: {verdict}{which}", file.display());
             found.iter().for_each(|fault| say!("         {fault}"));
             wrong.extend((!found.is_empty()).then_some(file));
         }
@@ -170,7 +205,8 @@ impl MissionOptions {
         }
     }
 
-    fn planned(&self, place: &str, cameras: &[Camera], up: Option<DVec3>, plan: Option<&Plan>) -> Result<Planned> {
+    fn planned(&self, place: &str, source: Source<'_>, plan: Option<&Plan>) -> Result<Planned> {
+        let Source { path: beside, cameras, up } = source;
         check_areas(plan, place)?;
         let poses: Vec<Pose> = cameras.iter().map(|camera| camera.pose).collect();
         let middle = poses.iter().map(|pose| pose.position).sum::<DVec3>() / poses.len().max(1) as f64;
@@ -183,7 +219,7 @@ impl MissionOptions {
             .flat_map(|volume| volume.areas.iter().map(|ring| zone(&volume.file, ring)))
             .collect();
         let path = plan.and_then(|plan| plan.tour.as_ref()).map_or(&[][..], |tour| &tour.path);
-        let terrain = self.terrain(plan, &earth)?;
+        let terrain = self.terrain(plan, beside, &earth)?;
         let first = path.first().copied().or(poses.first().map(|pose| pose.position)).unwrap_or(middle);
         let rules = Rules {
             takeoff: self.takeoff_altitude(first, &earth, terrain.as_ref(), plan)?,
@@ -198,10 +234,11 @@ impl MissionOptions {
     }
 
     /// The surface: that which is given, or the plan's, where it can still be read.
-    fn terrain(&self, plan: Option<&Plan>, earth: &Georeference) -> Result<Option<Terrain>> {
+    fn terrain(&self, plan: Option<&Plan>, beside: &Path, earth: &Georeference) -> Result<Option<Terrain>> {
         let surface = match (&self.surface, plan.and_then(|plan| plan.surface.as_ref())) {
             (Some(file), _) => io::read_surface(file)?,
-            (None, Some(planned)) => match planned.path.exists().then(|| io::read_surface(&planned.path)) {
+            // From where the plan was made; else beside it.
+            (None, Some(planned)) => match planned.found(beside).map(|file| io::read_surface(&file)) {
                 Some(Ok(surface)) => surface,
                 _ => {
                     say!(
@@ -219,7 +256,7 @@ impl MissionOptions {
         Ok(Some(Terrain::new(Proxy::new(&surface, Orientation::Trusted)?.occluder, earth.up())))
     }
 
-    /// Altitude of the take-off: that which is given, of the ground below the first waypoint, or of the lowest point of the plan's surface.
+    /// Altitude of the take-off: that which is given, of the ground around the first waypoint, or of the lowest point of the plan's surface.
     fn takeoff_altitude(
         &self,
         first: DVec3,
@@ -233,16 +270,22 @@ impl MissionOptions {
         let up = earth.up();
         let lowest = |bounds: &PlannedSurface| (bounds.min * up).min(bounds.max * up).element_sum();
         let below = terrain.and_then(|terrain| terrain.below(first));
+        let ground = terrain.and_then(|terrain| terrain.ground(first, AROUND / earth.scale()));
         let bottom = terrain.map(Terrain::bottom).or(plan.and_then(|plan| plan.surface.as_ref()).map(lowest));
-        match below.or(bottom) {
+        match ground.or(bottom) {
             Some(height) => {
                 let altitude = earth.place(first + (height - first.dot(up)) * up)?.altitude;
-                let by = if below.is_some() {
-                    "the ground below the first waypoint"
-                } else {
-                    "the lowest point of the surface"
+                let by = match ground {
+                    Some(_) => "the ground around the first waypoint",
+                    None => "the lowest point of the surface, as nothing is below the first waypoint",
                 };
                 say!("take-off at {altitude:.1} m, {by} (--takeoff gives another altitude)");
+                let above = earth.scale() * below.map_or(0.0, |below| below - height);
+                if above > RAISED {
+                    say!(
+                        "note     the first waypoint is over something {above:.1} m high: take off beside it, on the ground"
+                    );
+                }
                 Ok(altitude)
             }
             None => Err(Error::request(
@@ -253,8 +296,20 @@ impl MissionOptions {
 }
 
 impl Planned {
-    fn faults(&self, format: Format, name: &str, bytes: &[u8]) -> Result<Vec<String>> {
-        let stem = name.split('.').next().unwrap_or_default();
+    /// The mission that a file is of, by its name or, where an app has given it another, by what fits best; and what is wrong with it.
+    fn best(&self, format: Format, name: &str, bytes: &[u8]) -> Result<(String, Vec<String>)> {
+        let all = files(format, &self.flight)?;
+        let named: Vec<_> = all.iter().filter(|(own, ..)| own == name).collect();
+        let tried = if named.is_empty() { all.iter().collect() } else { named };
+        let mut found = Vec::new();
+        for (name, missions, _) in tried {
+            found.push((name.clone(), self.faults(format, missions, bytes)?));
+        }
+        let fewest = found.into_iter().min_by_key(|(_, faults)| faults.len());
+        Ok(fewest.unwrap_or_else(|| (name.to_owned(), vec!["the plan has no such mission".to_owned()])))
+    }
+
+    fn faults(&self, format: Format, missions: &[Mission], bytes: &[u8]) -> Result<Vec<String>> {
         let around = Surroundings {
             earth: &self.earth,
             terrain: self.terrain.as_ref(),
@@ -262,7 +317,19 @@ impl Planned {
             clearance: self.clearance,
         };
         match read(format, bytes) {
-            Ok(flown) => faults(&flown, format, missions_of(&self.flight, format, stem), &around),
+            Ok(flown) => {
+                let found = faults(&flown, format, missions, &around)?;
+                // Places, photos and legs first, in words; then whatever else would be flown otherwise.
+                let wanted = missions.first().map(|mission| written(format, mission)).transpose()?.flatten();
+                match (found.is_empty(), wanted) {
+                    (true, Some(wanted)) => {
+                        let mut named = Vec::new();
+                        shorten(&mut named, differences(format, &wanted, bytes).unwrap_or_else(|what| vec![what]));
+                        Ok(named)
+                    }
+                    _ => Ok(found),
+                }
+            }
             Err(what) => Ok(vec![what]),
         }
     }
@@ -297,7 +364,9 @@ fn parse_gimbal(text: &str) -> Result<[f64; 2], String> {
 /// Refuses another place on Earth than that by which the plan keeps out of areas there.
 fn check_areas(plan: Option<&Plan>, place: &str) -> Result<()> {
     let areas = plan.into_iter().flat_map(|plan| &plan.limits.keep_out).filter(|volume| !volume.geo.is_empty());
-    match areas.into_iter().find(|volume| volume.geo != place) {
+    let numbers = |text: &str| text.split(',').map(|number| number.trim().parse().ok()).collect::<Option<Vec<f64>>>();
+    let same = |geo: &str| geo == place || numbers(geo).is_some_and(|numbers_of| numbers(place) == Some(numbers_of));
+    match areas.into_iter().find(|volume| !same(&volume.geo)) {
         Some(area) => Err(Error::request(format!(
             "--geo {place}: the plan keeps out of {} by --geo {}; give that, or plan again",
             area.file, area.geo
@@ -337,20 +406,36 @@ fn stem(flight: &Flight, mission: usize) -> String {
     }
 }
 
-/// Names and bytes of the files of a format.
-fn files(format: Format, flight: &Flight) -> Result<Vec<(String, Vec<u8>)>> {
-    let each = |extension: &str, bytes: &dyn Fn(&Mission) -> Result<Vec<u8>>| {
-        let file = |(i, mission)| Ok((format!("{}.{extension}", stem(flight, i)), bytes(mission)?));
-        flight.missions.iter().enumerate().map(file).collect()
+/// The bytes of a mission in a format of those that are flown; none in others.
+fn written(format: Format, mission: &Mission) -> Result<Option<Vec<u8>>> {
+    Ok(match format {
+        Format::Dji => Some(dji::kmz(mission)?),
+        Format::Qgc => Some(qgc::plan(mission).into_bytes()),
+        Format::Litchi => Some(litchi::csv(mission).into_bytes()),
+        _ => None,
+    })
+}
+
+/// A file of missions: its name, the missions that it is of, and its bytes.
+type MissionFile<'f> = (String, &'f [Mission], Vec<u8>);
+
+/// The files of a format.
+fn files(format: Format, flight: &Flight) -> Result<Vec<MissionFile<'_>>> {
+    let all = &flight.missions[..];
+    let extension = match format {
+        Format::Kml => return Ok(vec![("mission.kml".into(), all, kml::kml(all).into_bytes())]),
+        Format::Geojson => return Ok(vec![("mission.geojson".into(), all, geojson::geojson(all).into_bytes())]),
+        Format::Dji => "kmz",
+        Format::Qgc => "plan",
+        Format::Litchi => "csv",
+        Format::Ros | Format::Glb | Format::Blender | Format::Usd => return Ok(Vec::new()),
     };
-    match format {
-        Format::Dji => each("kmz", &dji::kmz),
-        Format::Qgc => each("plan", &|mission| Ok(qgc::plan(mission).into_bytes())),
-        Format::Litchi => each("csv", &|mission| Ok(litchi::csv(mission).into_bytes())),
-        Format::Kml => Ok(vec![("mission.kml".into(), kml::kml(&flight.missions).into_bytes())]),
-        Format::Geojson => Ok(vec![("mission.geojson".into(), geojson::geojson(&flight.missions).into_bytes())]),
-        Format::Ros | Format::Glb | Format::Blender | Format::Usd => Ok(Vec::new()),
+    let mut files = Vec::new();
+    for (i, mission) in all.iter().enumerate() {
+        let bytes = written(format, mission)?.unwrap_or_default();
+        files.push((format!("{}.{extension}", stem(flight, i)), &all[i..=i], bytes));
     }
+    Ok(files)
 }
 
 fn print(Planned { flight, .. }: &Planned) {

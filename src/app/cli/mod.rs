@@ -37,6 +37,7 @@ mod score;
 mod select;
 mod server;
 mod session;
+mod subject;
 mod train;
 mod vds;
 mod vdsf;

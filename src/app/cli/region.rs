@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::options::{numbers, read_surface};
 use super::place;
+use super::subject::{SubjectOption, parse_subject, subject_of};
 use crate::files::io;
 use crate::files::io::areas::is_areas;
 use crate::files::io::volume::{read_space, read_volume};
@@ -16,11 +17,9 @@ use crate::planner::plan::record::SurfaceRecord;
 use crate::planner::plan::target::{RegionChoice, Target};
 use crate::scene::camera::{Intrinsics, Pose};
 use crate::scene::known::KnownSpace;
-use crate::scene::limits::{Limits, Volume, Walk, Wall, box_triangles};
+use crate::scene::limits::{Limits, Volume, Walk, Wall};
 use crate::scene::planes::Planes;
-use crate::scene::proxy::{Orientation, Proxy};
 use crate::scene::region::{Region, Shape};
-use crate::scene::subject::largest;
 use crate::scene::surface::Surface;
 use crate::scene::upright::upright;
 use crate::{Error, Result};
@@ -127,17 +126,6 @@ pub enum SpaceOption {
     File(PathBuf),
 }
 
-/// What is to be seen.
-#[derive(Clone, Debug, PartialEq)]
-pub enum SubjectOption {
-    /// The largest thing that stands on the ground.
-    Largest,
-    /// What is in a box.
-    Box(DVec3, DVec3),
-    /// What is in a volume.
-    File(PathBuf),
-}
-
 /// What an earlier plan was made for.
 pub struct Stored {
     /// Its region.
@@ -224,17 +212,6 @@ fn parse_space(text: &str) -> Result<SpaceOption, String> {
         "open" => SpaceOption::Open,
         file => SpaceOption::File(file.into()),
     })
-}
-
-fn parse_subject(text: &str) -> Result<SubjectOption, String> {
-    if text == "largest" {
-        return Ok(SubjectOption::Largest);
-    }
-    match numbers::<6>(text, "six numbers") {
-        Ok([x0, y0, z0, x1, y1, z1]) => Ok(SubjectOption::Box(DVec3::new(x0, y0, z0), DVec3::new(x1, y1, z1))),
-        Err(_) if Path::new(text).extension().is_some() => Ok(SubjectOption::File(text.into())),
-        Err(_) => Err("give a box X0,Y0,Z0,X1,Y1,Z1, a file, or largest".into()),
-    }
 }
 
 fn parse_heights(text: &str) -> Result<[f64; 2], String> {
@@ -481,22 +458,6 @@ pub fn print_target(target: &Target) {
     }
 }
 
-/// The volume of what is to be seen, and the height along up of what it stands on.
-fn subject_of(subject: &SubjectOption, surface: &Surface, up: DVec3) -> Result<(Volume, f64)> {
-    let volume = match subject {
-        SubjectOption::Largest => return largest(&Proxy::new(surface, Orientation::Trusted)?, up),
-        SubjectOption::Box(min, max) if min.cmplt(*max).all() => {
-            Volume { triangles: box_triangles(*min, *max), ..Volume::default() }
-        }
-        SubjectOption::Box(..) => {
-            return Err(Error::request("--subject: give the lower corner of the box, then the higher one"));
-        }
-        SubjectOption::File(file) => read_volume(file)?,
-    };
-    let bottom = volume.triangles.iter().flatten().map(|p| p.dot(up)).fold(f64::INFINITY, f64::min);
-    Ok((volume, bottom))
-}
-
 /// Up where neither the user nor photos name it: +y in glTF, by its standard; in OBJ, which both kinds of programs write, as its ground
 /// shows it.
 ///
@@ -506,10 +467,12 @@ fn usual_up(path: &Path, surface: &Surface) -> Result<DVec3> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     match (extension.as_str(), surface) {
         ("glb" | "gltf", _) => Ok(DVec3::Y),
-        ("obj", Surface::Mesh(mesh)) => match upright(mesh) {
+        // A mesh without any area is refused for that.
+        ("obj", Surface::Mesh(mesh)) if mesh.area() > 0.0 => match upright(mesh) {
             Some(up) => {
-                let axis = if up == DVec3::Y { "y" } else { "z" };
-                say!("up       +{axis}, by the ground of {} (--up says another)", path.display());
+                let sign = if up.element_sum() > 0.0 { "+" } else { "-" };
+                let axis = if up.y == 0.0 { "z" } else { "y" };
+                say!("up       {sign}{axis}, by the ground of {} (--up says another)", path.display());
                 Ok(up)
             }
             None => Err(Error::input(

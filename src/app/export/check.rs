@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::flown::{Flown, Height, Place};
 use super::georeference::{Geodetic, Georeference};
-use super::mission::{Flight, Mission, Waypoint};
+use super::mission::{Mission, Waypoint};
 use super::terrain::Terrain;
 use super::{Format, dji, geojson, kml, litchi, qgc};
 use crate::Result;
@@ -67,6 +67,11 @@ pub fn format_of(extension: &str) -> Option<Format> {
 pub fn faults(flown: &Flown, format: Format, missions: &[Mission], around: &Surroundings<'_>) -> Result<Vec<String>> {
     let Some(first) = missions.first() else { return Ok(vec!["the plan has no such mission".into()]) };
     let mut faults = flown.faults.clone();
+    let nowhere = |place: &&Place| geodetic(place, first.home.altitude).validated().is_err();
+    let places = flown.way.iter().chain(flown.photos.iter().map(|photo| &photo.place));
+    if let Some(Place { latitude, longitude, .. }) = places.into_iter().find(nowhere) {
+        return Ok(vec![format!("there is no place at {latitude}, {longitude} on Earth, or not at that height")]);
+    }
     compare(&mut faults, flown, format, missions, around)?;
     if let Some(speed) = flown.speed
         && (speed - first.speed).abs() > 0.051
@@ -79,10 +84,10 @@ pub fn faults(flown: &Flown, format: Format, missions: &[Mission], around: &Surr
             faults.push(format!("its take-off is {}", beside(off)));
         }
     }
-    let climb =
-        if format == Format::Dji { first.climb } else { first.waypoints.first().map_or(0.0, |first| first.height) };
-    if flown.climb.is_some_and(|found| found < climb - OFF_HEIGHT) {
-        faults.push(format!("it climbs to {:.1} m first, not to {climb:.1}", flown.climb.unwrap_or_default()));
+    if let Some(found) = flown.climb
+        && found < first.climb - OFF_HEIGHT
+    {
+        faults.push(format!("it climbs to {found:.1} m first, not to {:.1}", first.climb));
     }
     if let Some(zones) = &flown.zones {
         let wanted: Vec<_> = first.zones.iter().map(|zone| &zone.ring).collect();
@@ -148,8 +153,11 @@ fn legs(flown: &Flown, takeoff: f64, around: &Surroundings<'_>) -> Result<Vec<St
     // What touches is too near, whatever the clearance.
     let wanted = ((1.0 - SHORT) * around.clearance).max(1e-9);
     let (mut near, mut within) = (Vec::new(), Vec::new());
-    for (i, leg) in places.windows(2).enumerate() {
-        let name = format!("the leg from waypoint {} to {}", i + 1, i + 2);
+    // A single place is a leg to itself.
+    let ends = (1..places.len()).map(|i| [i - 1, i]).chain((places.len() == 1).then_some([0, 0]));
+    for [from, to] in ends {
+        let leg = [places[from], places[to]];
+        let name = format!("the leg from waypoint {} to {}", from + 1, to + 1);
         if let Some(terrain) = around.terrain {
             let distance = terrain.clearance(leg[0], leg[1], wanted);
             if distance < wanted {
@@ -167,11 +175,7 @@ fn legs(flown: &Flown, takeoff: f64, around: &Surroundings<'_>) -> Result<Vec<St
                 .map(|corners| leg_to_triangle(leg[0], leg[1], corners))
                 .fold(f64::INFINITY, f64::min);
             let kept = (1.0 - SHORT) * volume.margin;
-            if distance < kept
-                || distance == 0.0
-                || around.limits.in_a_volume(leg[0])
-                || around.limits.in_a_volume(leg[1])
-            {
+            if distance < kept || distance == 0.0 || volume.holds(leg[0]) || volume.holds(leg[1]) {
                 within.push(format!(
                     "{name} leads into {}, or its margin of {:.1} m",
                     volume.file,
@@ -187,7 +191,7 @@ fn legs(flown: &Flown, takeoff: f64, around: &Surroundings<'_>) -> Result<Vec<St
 }
 
 /// A few of many alike, and how many more there are.
-fn shorten(faults: &mut Vec<String>, mut more: Vec<String>) {
+pub fn shorten(faults: &mut Vec<String>, mut more: Vec<String>) {
     let left = more.len().saturating_sub(NAMED);
     more.truncate(NAMED);
     faults.append(&mut more);
@@ -227,14 +231,4 @@ fn same_ring(a: &[[f64; 2]], b: &[[f64; 2]]) -> bool {
         && [a, &reversed]
             .iter()
             .any(|a| (0..count.max(1)).any(|shift| (0..count).all(|i| near(&a[(i + shift) % count], &b[i]))))
-}
-
-/// The missions of a flight that a file is of: all in formats that hold all, else the one by the number in its name, or the only one.
-pub fn missions_of<'f>(flight: &'f Flight, format: Format, stem: &str) -> &'f [Mission] {
-    if matches!(format, Format::Kml | Format::Geojson) {
-        return &flight.missions;
-    }
-    let number = stem.rsplit_once('-').and_then(|(_, number)| number.parse::<usize>().ok());
-    let at = if flight.missions.len() == 1 { Some(0) } else { number.and_then(|number| number.checked_sub(1)) };
-    at.and_then(|at| flight.missions.get(at..=at)).unwrap_or_default()
 }

@@ -4,13 +4,15 @@
 //! other models ask, or take another number in `droneInfo`.
 
 use std::fmt::Write as _;
-use std::io::{Cursor, Read as _, Write as _};
+use std::io::{Cursor, Write as _};
 
 use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, ZipArchive, ZipWriter};
+use zip::{CompressionMethod, ZipWriter};
 
 use super::flown::{Flown, Height, Photo, Place, number};
 use super::mission::{Mission, Waypoint};
+use super::written::unpacked;
+use crate::files::io::xml;
 use crate::{Error, Result};
 
 /// DJI's numbers of the Mavic 3E and of its camera.
@@ -174,12 +176,8 @@ fn action(text: &mut String, id: u32, name: &str, parameters: &str) {
 /// # Errors
 /// In words, where it cannot be read.
 pub fn read(bytes: &[u8]) -> Result<Flown, String> {
-    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| format!("it is no archive: {e}"))?;
-    let mut file = |name: &str, height: &str, mode: &str| -> Result<Flown, String> {
-        let mut text = String::new();
-        let mut packed = archive.by_name(name).map_err(|e| format!("{name}: {e}"))?;
-        packed.read_to_string(&mut text).map_err(|e| format!("{name}: {e}"))?;
-        read_file(&text, height, mode).map_err(|e| format!("{name}: {e}"))
+    let file = |name: &str, height: &str, mode: &str| {
+        read_file(&unpacked(bytes, name)?, height, mode).map_err(|e| format!("{name}: {e}"))
     };
     let mut flown = file("wpmz/waylines.wpml", "executeHeight", "executeHeightMode")?;
     let template = file("wpmz/template.kml", "height", "heightMode")?;
@@ -191,7 +189,7 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
 }
 
 fn read_file(text: &str, height_name: &str, mode: &str) -> Result<Flown, String> {
-    let document = roxmltree::Document::parse(text).map_err(|e| format!("it is no XML: {e}"))?;
+    let document = xml::document(text).map_err(|e| format!("it is no XML: {e}"))?;
     let inner = |node: roxmltree::Node<'_, '_>, name: &str| -> Result<String, String> {
         let found = node.descendants().find(|inner| inner.tag_name().name() == name);
         found.and_then(|found| found.text().map(str::to_owned)).ok_or(format!("it has no {name}"))
@@ -206,7 +204,7 @@ fn read_file(text: &str, height_name: &str, mode: &str) -> Result<Flown, String>
     flown.expect(inner(root, mode)? == "relativeToStartPoint", || "its heights are not above the take-off".into());
     for (i, mark) in document.descendants().filter(|node| node.tag_name().name() == "Placemark").enumerate() {
         let coordinates = inner(mark, "coordinates")?;
-        let [longitude, latitude] = coordinates.split(',').map(number).collect::<Result<Vec<_>, _>>()?[..] else {
+        let [longitude, latitude, ..] = coordinates.split(',').map(number).collect::<Result<Vec<_>, _>>()?[..] else {
             return Err(format!("{coordinates} is not two coordinates"));
         };
         let place = Place { latitude, longitude, height: Height::AboveTakeoff(of(mark, height_name)?) };

@@ -61,6 +61,11 @@ impl Flown {
     }
 }
 
+/// Whether two values are the same, whichever way their numbers are written.
+pub fn same(a: &serde_json::Value, b: &serde_json::Value) -> bool {
+    a == b || a.as_f64().is_some_and(|a| Some(a) == b.as_f64())
+}
+
 /// A number in a text, which has to be finite.
 pub fn number(text: &str) -> Result<f64, String> {
     let number = text.trim().parse::<f64>().ok().filter(|number| number.is_finite());

@@ -77,7 +77,8 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
             }
             Some("LineString") => {
                 let corners = coordinates.as_array().ok_or("its way has no corners")?;
-                flown.way = corners.iter().map(place).collect::<Result<_, _>>()?;
+                flown.expect(flown.way.is_empty(), || "it has more than one way".into());
+                flown.way.extend(corners.iter().map(place).collect::<Result<Vec<_>, _>>()?);
             }
             Some("Polygon") => {
                 let corner = |at: &Value| Some([at[0].as_f64()?, at[1].as_f64()?]);

@@ -6,6 +6,7 @@ use super::flown::{Flown, Height, Photo, Place, number};
 use super::georeference::Geodetic;
 use super::mission::{Mission, Waypoint, Zone};
 use crate::app::report::escape;
+use crate::files::io::xml;
 
 /// Text of the document.
 pub fn kml(missions: &[Mission]) -> String {
@@ -59,7 +60,7 @@ pub fn kml(missions: &[Mission]) -> String {
 /// In words, where it cannot be read.
 pub fn read(bytes: &[u8]) -> Result<Flown, String> {
     let text = std::str::from_utf8(bytes).map_err(|_| "it is no text".to_owned())?;
-    let document = roxmltree::Document::parse(text).map_err(|e| format!("it is no XML: {e}"))?;
+    let document = xml::document(text).map_err(|e| format!("it is no XML: {e}"))?;
     let inner = |node: roxmltree::Node<'_, '_>, name: &str| {
         let found = node.descendants().find(|inner| inner.tag_name().name() == name);
         found.and_then(|found| found.text().map(str::to_owned)).ok_or(format!("it has no {name}"))
@@ -77,7 +78,8 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
         let coordinates = inner(mark, "coordinates")?;
         if has("Polygon") {
             let corner = |tuple: &str| match tuple.split(',').map(number).collect::<Result<Vec<_>, _>>()?[..] {
-                [east, north] => Ok([east, north]),
+                // Google Earth adds an altitude, which says nothing of an area.
+                [east, north, ..] => Ok([east, north]),
                 _ => Err(format!("{tuple} is not two coordinates")),
             };
             let mut ring = coordinates.split_whitespace().map(corner).collect::<Result<Vec<_>, String>>()?;
@@ -87,7 +89,8 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
         }
         flown.expect(inner(mark, "altitudeMode")? == "absolute", || "an altitude is not absolute".into());
         if has("LineString") {
-            flown.way = places(&coordinates)?;
+            flown.expect(flown.way.is_empty(), || "it has more than one way".into());
+            flown.way.extend(places(&coordinates)?);
             continue;
         }
         let [longitude, latitude, altitude, heading, tilt] = ["longitude", "latitude", "altitude", "heading", "tilt"]

@@ -47,9 +47,8 @@ pub fn csv(mission: &Mission) -> String {
 /// In words, where a line cannot be read.
 pub fn read(bytes: &[u8]) -> Result<Flown, String> {
     let text = std::str::from_utf8(bytes).map_err(|_| "it is no text".to_owned())?;
-    let mut lines = text.lines();
-    let names: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
-    let column = |name: &str| names.iter().position(|of| *of == name).ok_or(format!("it has no column {name}"));
+    let (names, rows) = cells(text);
+    let column = |name: &str| names.iter().position(|of| of == name).ok_or(format!("it has no column {name}"));
     let [latitude, longitude, altitude, heading, pitch, mode, speed] =
         ["latitude", "longitude", "altitude(m)", "heading(deg)", "gimbalpitchangle", "altitudemode", "speed(m/s)"]
             .map(column);
@@ -57,9 +56,9 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
     let [heading, pitch, mode, speed] = [heading?, pitch?, mode?, speed?];
     let actions: Vec<usize> = (1..=ACTIONS).map(|i| column(&format!("actiontype{i}"))).collect::<Result<_, _>>()?;
     let mut flown = Flown::default();
-    for (i, line) in lines.enumerate() {
-        let values =
-            line.split(',').map(number).collect::<Result<Vec<f64>, _>>().map_err(|e| format!("line {}: {e}", i + 2))?;
+    for (i, row) in rows.iter().enumerate() {
+        let values = row.iter().map(|cell| number(cell)).collect::<Result<Vec<f64>, _>>();
+        let values = values.map_err(|e| format!("line {}: {e}", i + 2))?;
         if values.len() != names.len() {
             return Err(format!("line {} has {} values where {} are named", i + 2, values.len(), names.len()));
         }
@@ -76,4 +75,11 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
         flown.speed = Some(values[speed]);
     }
     Ok(flown)
+}
+
+/// The names of the columns, and the cells of each line that is not empty, without quotation marks around them.
+pub(super) fn cells(text: &str) -> (Vec<String>, Vec<Vec<String>>) {
+    let row = |line: &str| line.split(',').map(|cell| cell.trim().trim_matches('"').to_owned()).collect::<Vec<_>>();
+    let mut lines = text.trim_start_matches('\u{feff}').lines().filter(|line| !line.trim().is_empty()).map(row);
+    (lines.next().unwrap_or_default(), lines.collect())
 }

@@ -157,7 +157,7 @@ impl Flight {
         let home = Geodetic { altitude: rules.takeoff, ..first.place };
         let climb = rules.top.map_or(0.0, |top| top - rules.takeoff + ABOVE_ALL).max(CLIMB);
         let way: Vec<DVec3> = stops.iter().map(|(position, _)| *position).collect();
-        let length = earth.scale() * way.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f64>();
+        let length = 0.0 + earth.scale() * way.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f64>();
         let mission = |waypoints: &[Waypoint]| Mission {
             waypoints: waypoints.to_vec(),
             speed: rules.speed,

@@ -15,6 +15,7 @@ pub mod qgc;
 pub mod ros;
 pub mod terrain;
 pub mod usd;
+pub mod written;
 
 use clap::ValueEnum;
 use glam::{DQuat, DVec3};

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::flown::{Flown, Height, Photo, Place};
+use super::flown::{Flown, Height, Photo, Place, same};
 use super::georeference::Geodetic;
 use super::mission::{Mission, Zone};
 
@@ -21,6 +21,8 @@ const MOUNT_ANGLES: f64 = 2.0;
 /// Seconds at a waypoint before a photo, and for it.
 const SETTLE: f64 = 2.0;
 const EXPOSE: f64 = 1.0;
+/// Degrees by which two of the same place may differ, a decimetre.
+const SAME_DEGREES: f64 = 1e-6;
 /// MAVLink's numbers of the autopilot (PX4) and the vehicle (a quadrotor).
 const AUTOPILOT: u32 = 12;
 const VEHICLE: u32 = 2;
@@ -30,7 +32,8 @@ pub fn plan(mission: &Mission) -> String {
     let mut items = Items(Vec::new());
     let Some(first) = mission.waypoints.first() else { return String::new() };
     let place = |lat: f64, lon: f64, height: f64| [json!(lat), json!(lon), json!(height)];
-    let at = place(first.place.latitude, first.place.longitude, first.height);
+    // Straight up, above all that stands on the way to the first waypoint.
+    let at = place(mission.home.latitude, mission.home.longitude, mission.climb);
     items.add(TAKE_OFF, RELATIVE, [json!(0), json!(0), json!(0), json!(first.heading)], at);
     for waypoint in &mission.waypoints {
         let nowhere = || [json!(0), json!(0), json!(0)];
@@ -103,11 +106,13 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
     let plan: Value = serde_json::from_slice(bytes).map_err(|e| format!("it is no JSON: {e}"))?;
     let numbers = |value: &Value, what: &str| -> Result<Vec<f64>, String> {
         let list = value.as_array().ok_or(format!("it has no {what}"))?;
-        list.iter().map(|number| number.as_f64().ok_or(format!("a number of {what} is {number}"))).collect()
+        // QGroundControl writes null where a command has nothing to say; what should be there is missed below.
+        let number = |number: &Value| if number.is_null() { Some(0.0) } else { number.as_f64() };
+        list.iter().map(|value| number(value).ok_or(format!("a number of {what} is {value}"))).collect()
     };
     let mission = &plan["mission"];
     let mut flown = Flown { speed: mission["cruiseSpeed"].as_f64(), ..Flown::default() };
-    flown.expect(mission["hoverSpeed"] == mission["cruiseSpeed"], || "its two speeds differ".into());
+    flown.expect(same(&mission["hoverSpeed"], &mission["cruiseSpeed"]), || "its two speeds differ".into());
     match numbers(&mission["plannedHomePosition"], "plannedHomePosition")?[..] {
         [latitude, longitude, altitude] => flown.home = Some(Geodetic { latitude, longitude, altitude }),
         _ => return Err("its plannedHomePosition is not three numbers".into()),
@@ -128,26 +133,29 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
     let (mut heading, mut pitch) = (0.0, None);
     for (i, item) in items.iter().enumerate() {
         let says = |what: String| format!("item {}: {what}", i + 1);
-        // ArduPilot takes nothing that is null.
         let [a, _, _, d, x, y, z] = numbers(&item["params"], "params").map_err(says)?[..] else {
             return Err(says("it has not seven params".into()));
         };
-        flown.expect(item["doJumpId"] == i + 1, || says("its doJumpId is another".into()));
-        let command = item["command"].as_u64().unwrap_or_default() as u32;
+        flown.expect(item["doJumpId"].as_f64() == Some((i + 1) as f64), || says("its doJumpId is another".into()));
+        let command = item["command"].as_f64().unwrap_or_default() as u32;
         let first = i == 0;
         flown.expect(first == (command == TAKE_OFF), || says("only the first item is a take-off".into()));
         flown.expect((i + 1 == items.len()) == (command == RETURN), || says("only the last item is the return".into()));
         match command {
             TAKE_OFF | WAYPOINT => {
-                flown.expect(item["frame"] == RELATIVE && item["AltitudeMode"] == 1, || {
-                    says("its altitude is not above the take-off".into())
-                });
+                flown.expect(
+                    item["frame"].as_f64() == Some(f64::from(RELATIVE)) && item["AltitudeMode"].as_f64() == Some(1.0),
+                    || says("its altitude is not above the take-off".into()),
+                );
                 flown.expect(item["Altitude"].as_f64() == Some(z), || says("its two altitudes differ".into()));
                 let place = Place { latitude: x, longitude: y, height: Height::AboveTakeoff(z) };
                 if command == WAYPOINT {
                     flown.way.push(place);
                     heading = d;
                 } else {
+                    let home = flown.home.map_or([x, y], |home| [home.latitude, home.longitude]);
+                    let there = (x - home[0]).abs().max((y - home[1]).abs()) < SAME_DEGREES;
+                    flown.expect(there, || says("the take-off is not at the planned home".into()));
                     flown.climb = Some(z);
                 }
             }

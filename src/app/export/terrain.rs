@@ -1,9 +1,14 @@
 //! The surface that a mission is flown over and around: what is below a place, and how near a leg comes to it.
 
+use std::f64::consts::TAU;
+
 use glam::DVec3;
 
 use crate::scene::distances::{leg_to_point, leg_to_triangle};
 use crate::scene::proxy::Occluder;
+
+/// Directions in which the ground around a place is looked at.
+const DIRECTIONS: u32 = 16;
 
 /// A surface in the frame of the cameras.
 pub struct Terrain {
@@ -49,6 +54,19 @@ impl Terrain {
             }
         });
         met.filter(|met| *met <= height).reduce(f64::max)
+    }
+
+    /// Height along up of the ground around a place: the lower quartile of what is below it and within `radius` of it, so that it is neither
+    /// a roof nor a hole.
+    pub fn ground(&self, place: DVec3, radius: f64) -> Option<f64> {
+        let (across, along) = self.up.any_orthonormal_pair();
+        let around = (0..DIRECTIONS).flat_map(|i| {
+            let (sin, cos) = (TAU * f64::from(i) / f64::from(DIRECTIONS)).sin_cos();
+            [0.5, 1.0].map(|share| place + share * radius * (cos * across + sin * along))
+        });
+        let mut heights: Vec<f64> = std::iter::once(place).chain(around).filter_map(|at| self.below(at)).collect();
+        heights.sort_by(f64::total_cmp);
+        heights.get(heights.len() / 4).copied()
     }
 
     /// Distance of the straight leg between two places from the surface, where it is less than `most`; else `most`.
@@ -100,6 +118,10 @@ mod tests {
         assert_eq!(terrain.below(DVec3::new(1.0, 1.5, 7.0)), Some(3.0));
         assert_eq!(terrain.below(DVec3::new(1.0, 1.5, 2.0)), None);
         assert_eq!(terrain.below(DVec3::new(11.0, 0.0, 20.0)), None);
-        assert_eq!(terrain.top(), 8.0);
+        assert_eq!((terrain.top(), terrain.bottom()), (8.0, 3.0));
+        // Above the house the ground is beside it; beyond the edge there is some, far away none.
+        assert_eq!(terrain.ground(DVec3::new(1.0, 1.5, 20.0), 8.0), Some(3.0));
+        assert_eq!(terrain.ground(DVec3::new(11.0, 0.0, 20.0), 8.0), Some(3.0));
+        assert_eq!(terrain.ground(DVec3::new(30.0, 0.0, 20.0), 8.0), None);
     }
 }

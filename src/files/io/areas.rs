@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{json, read_file};
+use super::{json, read_file, xml};
 use crate::error::{Error, Result};
 
 /// Corners of a polygon without holes: degrees east and north, the first one not repeated at the end.
@@ -116,8 +116,7 @@ fn geojson(object: &Value, polygons: &mut Vec<Ring>) -> Result<(), String> {
 /// The polygons of a KML document, wherever they are in it.
 fn kml(bytes: &[u8]) -> Result<Vec<Ring>, String> {
     let text = std::str::from_utf8(bytes).map_err(|_| "it is no text; export it again")?;
-    let text = text.trim_start_matches('\u{feff}').trim_start();
-    let document = roxmltree::Document::parse(text).map_err(|e| format!("{e}; export it again"))?;
+    let document = xml::document(text).map_err(|e| format!("{e}; export it again"))?;
     let mut polygons = Vec::new();
     for polygon in document.descendants().filter(|node| node.tag_name().name() == "Polygon") {
         let find = |name: &str| polygon.descendants().find(|node| node.tag_name().name() == name);

@@ -40,6 +40,7 @@ pub mod ply;
 pub mod stl;
 pub mod transforms;
 pub mod volume;
+pub(crate) mod xml;
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};

@@ -238,7 +238,7 @@ mod tests {
         assert!(message("v 0 0 0\nv 1 0 0\nf 1 2 3\n").contains("line 3: a face refers to vertex 3"));
         assert!(message("v 0 0 0\nv 1 0 0\nf 1 2 0\n").contains("vertex 0"));
         assert!(message("v 0 0 0\nv 1 0 0\nf 1 2\n").contains("three corners"));
-        assert!(message("v 0 0 0\nv nan 0 0\nv inf 0 0\nf 1 2 3\n").contains("no triangles"));
+        assert!(message("v 0 0 0\nv nan 0 0\nv inf 0 0\nf 1 2 3\n").contains("only one point"));
         assert!(message("").contains("no points"));
     }
 

@@ -203,7 +203,7 @@ impl Values<'_> {
             return Err("the file is cut short here; copy or export it again".into());
         }
         self.at += start;
-        match std::str::from_utf8(word).ok().and_then(|text| number(text)) {
+        match std::str::from_utf8(word).ok().and_then(number) {
             Some(value) => {
                 self.at += word.len();
                 Ok(value)
