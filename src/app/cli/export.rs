@@ -44,13 +44,13 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<Ended> {
     let missions = &arguments.missions;
     missions.validate()?;
-    let (Some(out), place) = (&arguments.out, missions.geo.as_deref()) else {
+    let place = missions.geo.as_deref();
+    if let (Some(place), None) = (place, &arguments.out) {
         let (cameras, plan) = read(arguments)?;
-        // Without a place there is nothing to check, which has been refused.
-        let place = missions.geo.as_deref().unwrap_or_default();
         let source = Source { path: &arguments.cameras, cameras: &cameras, up: arguments.up };
         return missions.check(place, source, plan.as_ref()).map(|()| Ended::Done);
-    };
+    }
+    let out = arguments.out.as_ref().ok_or_else(|| Error::request("give a folder to write with --out"))?;
     let folder = OutputFolder::create(out, arguments.force)?;
     check_output_folder(out, [&arguments.cameras])?;
     let (cameras, plan) = read(arguments)?;

@@ -77,6 +77,8 @@ pub struct Plan {
 #[derive(Deserialize)]
 pub struct Tour {
     path: Vec<DVec3>,
+    #[serde(default)]
+    blocked: usize,
 }
 
 /// A surface that a plan was made for.
@@ -173,6 +175,12 @@ impl MissionOptions {
             }
         }
         print(&planned);
+        let blocked = plan.and_then(|plan| plan.tour.as_ref()).map_or(0, |tour| tour.blocked);
+        if blocked > 0 {
+            say!(
+                "warning  {blocked} legs of the tour lead through the surface or a limit: do not fly them as they are"
+            );
+        }
         Ok(())
     }
 
