@@ -1,47 +1,17 @@
 //! Limits on camera positions beside the region and the surface: walls, volumes to keep out of, heights that a tripod
 //! reaches, ground that can be walked on.
 
-use std::f64::consts::TAU;
-
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::distances::leg_to_triangle;
 use super::known::KnownSpace;
-use super::proxy::Occluder;
 use super::similarity::Similarity;
-use super::voxels::{Grid, enclosed, touched};
+use super::volume::Volume;
+use super::voxels::Grid;
 use crate::{Error, Result};
 
 /// Coordinates are below this, so that squares of their differences are finite.
 pub(crate) const FARTHEST: f64 = 1e18;
-
-/// Corners of a triangle.
-pub type Triangle = [DVec3; 3];
-
-/// A closed volume that cameras and viewers keep out of.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Volume {
-    /// The file that it is from; empty where it is from none.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub file: String,
-    /// Where the scene lies on Earth, as it was given, where the volume is over areas there; else empty.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub geo: String,
-    /// Outlines of those areas: corners in degrees east and north, the first one not repeated at the end.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub areas: Vec<Vec<[f64; 2]>>,
-    /// How near to it is kept out too: what positions may be off by.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub margin: f64,
-    /// Its faces.
-    #[serde(default)]
-    pub triangles: Vec<Triangle>,
-}
-
-fn is_zero(margin: &f64) -> bool {
-    *margin == 0.0
-}
 
 /// Limits in the frame of the surface. Walls, volumes and known space apply to cameras and viewers, heights and ground to cameras only.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -82,22 +52,6 @@ pub struct Walk {
     pub radius: f64,
     /// From the feet to the top of the head, or of the robot.
     pub height: f64,
-}
-
-impl Volume {
-    /// Whether a point is inside, or in the margin: by the solid angles of the faces, which add up to a whole turn and more around a point
-    /// inside of a closed mesh.
-    pub fn holds(&self, p: DVec3) -> bool {
-        let angle = |corners: &Triangle| {
-            let [a, b, c] = corners.map(|corner| corner - p);
-            let [la, lb, lc] = [a, b, c].map(DVec3::length);
-            let around = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-            2.0 * a.dot(b.cross(c)).atan2(around)
-        };
-        let near = |corners: &Triangle| leg_to_triangle(p, p, corners) <= self.margin;
-        self.triangles.iter().map(angle).sum::<f64>().abs() > TAU
-            || self.margin > 0.0 && self.triangles.iter().any(near)
-    }
 }
 
 impl Limits {
@@ -215,16 +169,7 @@ impl Limits {
 
     /// Marks the voxels that a volume to keep out of touches or holds, or that reach into its margin.
     pub(super) fn fill_volumes(&self, grid: &Grid, marked: &mut [bool]) {
-        for Volume { triangles, margin, .. } in &self.keep_out {
-            if *margin > 0.0 {
-                mark_near(grid, triangles, *margin, marked);
-            }
-            let on = touched(grid, &Occluder::Triangles(triangles.clone()));
-            let within = enclosed(grid, triangles);
-            for (marked, (on, within)) in marked.iter_mut().zip(on.into_iter().zip(within)) {
-                *marked |= on | within;
-            }
-        }
+        self.keep_out.iter().for_each(|volume| volume.fill(grid, marked));
     }
 
     /// Whether `p` is inside of a volume to keep out of, or in its margin.
@@ -253,40 +198,14 @@ impl Limits {
     }
 }
 
-/// Marks the voxels that reach to within `margin` of a triangle.
-fn mark_near(grid: &Grid, triangles: &[Triangle], margin: f64, marked: &mut [bool]) {
-    let reach = margin + 0.5 * 3f64.sqrt() * grid.cell;
-    for corners in triangles {
-        let [a, b, c] = *corners;
-        for i in grid.overlapping(a.min(b).min(c) - reach, a.max(b).max(c) + reach) {
-            let centre = grid.centre(grid.coordinates(i));
-            marked[i] = marked[i] || leg_to_triangle(centre, centre, corners) <= reach;
-        }
-    }
-}
-
-/// The triangles of an axis-aligned box.
-pub(crate) fn box_triangles(min: DVec3, max: DVec3) -> Vec<Triangle> {
-    let corner = |bits: usize| {
-        DVec3::new(
-            if bits & 1 == 0 { min.x } else { max.x },
-            if bits & 2 == 0 { min.y } else { max.y },
-            if bits & 4 == 0 { min.z } else { max.z },
-        )
-    };
-    // Each face by its corners, outward.
-    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    let halves = |[a, b, c, d]: [usize; 4]| [[a, b, c], [a, c, d]];
-    faces.into_iter().flat_map(halves).map(|triangle| triangle.map(corner)).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene::free_space::FreeSpace;
-    use crate::scene::proxy::{Orientation, Proxy};
+    use crate::scene::proxy::{Occluder, Orientation, Proxy};
     use crate::scene::region::{Region, Shape};
     use crate::scene::samples;
+    use crate::scene::volume::box_triangles;
 
     /// The free space of a box of 6 x 4 x 3 around a cube of side 1 in its middle.
     fn room(limits: Limits) -> Result<FreeSpace> {

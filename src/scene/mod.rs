@@ -43,5 +43,6 @@ pub mod subject;
 pub mod surface;
 pub mod tour;
 pub mod upright;
+pub mod volume;
 pub mod voxels;
 mod walk;

@@ -2,8 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
-use super::limits::Triangle;
 use super::polygon::{area, triangulated};
+use super::volume::Triangle;
 
 /// The prism over a polygon, between two heights along `up` (of unit length). Corners go round either way, and may be at any height.
 ///
@@ -52,7 +52,8 @@ fn crosses_itself(corners: &[DVec2]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::limits::{Limits, Volume};
+    use crate::scene::limits::Limits;
+    use crate::scene::volume::Volume;
 
     fn volume(triangles: &[Triangle]) -> f64 {
         triangles.iter().map(|[a, b, c]| a.dot(b.cross(*c)) / 6.0).sum()

@@ -3,8 +3,8 @@
 use glam::{DMat3, DVec2, DVec3};
 
 use super::bounding_sphere::bounding_sphere;
-use super::limits::{Volume, box_triangles};
 use super::proxy::{Occluder, Proxy};
+use super::volume::{Volume, box_triangles};
 use crate::{Error, Result};
 
 /// Points drawn from the surface, and cells along the longer side of a map of them.
@@ -24,19 +24,28 @@ const ROUNDS: usize = 12;
 /// Where none is.
 pub fn focus(proxy: &mut Proxy, subject: &Volume) -> Result<usize> {
     let mut corners = Vec::new();
+    // Around the volume first: a file's has many faces, and a surface many triangles.
+    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    subject.triangles.iter().flatten().for_each(|p| (min, max) = (min.min(*p), max.max(*p)));
+    let holds = |p: DVec3| p.cmpge(min).all() && p.cmple(max).all() && subject.holds(p);
     let inside: Vec<bool> = match &proxy.occluder {
         Occluder::Triangles(triangles) => triangles
             .iter()
             .map(|triangle| {
-                let inside = subject.holds(triangle.iter().sum::<DVec3>() / 3.0);
-                corners.extend(triangle.iter().filter(|corner| inside && subject.holds(**corner)));
+                let middle = triangle.iter().sum::<DVec3>() / 3.0;
+                let inside = holds(middle);
+                if inside {
+                    // Of a large triangle no corner may be in it.
+                    corners.push(middle);
+                    corners.extend(triangle.iter().filter(|corner| holds(**corner)));
+                }
                 inside
             })
             .collect(),
         Occluder::Discs(discs) => discs
             .iter()
             .map(|disc| {
-                let inside = subject.holds(disc.centre);
+                let inside = holds(disc.centre);
                 corners.extend(inside.then_some(disc.centre));
                 inside
             })

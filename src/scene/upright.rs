@@ -72,7 +72,7 @@ fn shows(mesh: &Mesh, up: DVec3) -> [bool; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::limits::box_triangles;
+    use crate::scene::volume::box_triangles;
 
     fn boxes(boxes: &[([f64; 3], [f64; 3])], place: fn(DVec3) -> DVec3) -> Mesh {
         let mut mesh = Mesh::default();

@@ -227,10 +227,10 @@ impl DeviceRegion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::limits::{Volume, box_triangles};
     use crate::scene::proxy::Orientation;
     use crate::scene::region::Shape;
     use crate::scene::samples::textured::two_rooms_model;
+    use crate::scene::volume::{Volume, box_triangles};
     use crate::scene::{random, samples};
 
     /// If this failed, a planned camera would be nearer to surfaces than the clearance, and move when it is photographed.

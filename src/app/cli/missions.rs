@@ -159,19 +159,20 @@ impl MissionOptions {
         let planned = self.planned(place, source, plan)?;
         check_older(folder.path(), &planned.flight)?;
         for format in formats.iter().filter(|format| format.is_geographic()) {
-            for (name, missions, bytes) in files(*format, &planned.flight)? {
-                let found = planned.faults(*format, missions, &bytes)?;
+            for file in files(*format, &planned.flight)? {
+                let found = planned.faults(&file, &file.bytes)?;
                 // What is looked at on a map shows what is wrong; what is flown must not be.
                 let flown = matches!(format, Format::Dji | Format::Qgc | Format::Litchi);
                 if let (Some(fault), true) = (found.first(), flown) {
                     return Err(Error::request(format!(
-                        "{name} cannot be flown: {fault}; plan again, or look at it on a map with --to kml,geojson"
+                        "{} cannot be flown: {fault}; plan again, or look at it on a map with --to kml,geojson",
+                        file.name
                     )));
                 }
                 for fault in found {
-                    say!("warning  {name}: {fault}");
+                    say!("warning  {}: {fault}", file.name);
                 }
-                folder.write(&name, bytes)?;
+                folder.write(&file.name, file.bytes)?;
             }
         }
         print(&planned);
@@ -306,40 +307,38 @@ impl MissionOptions {
 impl Planned {
     /// The mission that a file is of, by its name or, where an app has given it another, by what fits best; and what is wrong with it.
     fn best(&self, format: Format, name: &str, bytes: &[u8]) -> Result<(String, Vec<String>)> {
-        let all = files(format, &self.flight)?;
-        let named: Vec<_> = all.iter().filter(|(own, ..)| own == name).collect();
-        let tried = if named.is_empty() { all.iter().collect() } else { named };
+        let mut tried = files(format, &self.flight)?;
+        if tried.iter().any(|file| file.name == name) {
+            tried.retain(|file| file.name == name);
+        }
         let mut found = Vec::new();
-        for (name, missions, _) in tried {
-            found.push((name.clone(), self.faults(format, missions, bytes)?));
+        for file in tried {
+            let faults = self.faults(&file, bytes)?;
+            found.push((file.name, faults));
         }
         let fewest = found.into_iter().min_by_key(|(_, faults)| faults.len());
         Ok(fewest.unwrap_or_else(|| (name.to_owned(), vec!["the plan has no such mission".to_owned()])))
     }
 
-    fn faults(&self, format: Format, missions: &[Mission], bytes: &[u8]) -> Result<Vec<String>> {
+    /// What is wrong with bytes that should be those of a file.
+    fn faults(&self, file: &MissionFile<'_>, bytes: &[u8]) -> Result<Vec<String>> {
         let around = Surroundings {
             earth: &self.earth,
             terrain: self.terrain.as_ref(),
             limits: &self.limits,
             clearance: self.clearance,
         };
-        match read(format, bytes) {
-            Ok(flown) => {
-                let found = faults(&flown, format, missions, &around)?;
-                // Places, photos and legs first, in words; then whatever else would be flown otherwise.
-                let wanted = missions.first().map(|mission| written(format, mission)).transpose()?.flatten();
-                match (found.is_empty(), wanted) {
-                    (true, Some(wanted)) => {
-                        let mut named = Vec::new();
-                        shorten(&mut named, differences(format, &wanted, bytes).unwrap_or_else(|what| vec![what]));
-                        Ok(named)
-                    }
-                    _ => Ok(found),
-                }
-            }
-            Err(what) => Ok(vec![what]),
+        let flown = match read(file.format, bytes) {
+            Ok(flown) => flown,
+            Err(what) => return Ok(vec![what]),
+        };
+        // Places, photos and legs first, in words; then whatever else would be flown otherwise.
+        let mut found = faults(&flown, file.missions, &around)?;
+        if found.is_empty() {
+            let others = differences(file.format, &file.bytes, bytes);
+            shorten(&mut found, others.unwrap_or_else(|what| vec![what]));
         }
+        Ok(found)
     }
 }
 
@@ -414,36 +413,36 @@ fn stem(flight: &Flight, mission: usize) -> String {
     }
 }
 
-/// The bytes of a mission in a format of those that are flown; none in others.
-fn written(format: Format, mission: &Mission) -> Result<Option<Vec<u8>>> {
-    Ok(match format {
-        Format::Dji => Some(dji::kmz(mission)?),
-        Format::Qgc => Some(qgc::plan(mission).into_bytes()),
-        Format::Litchi => Some(litchi::csv(mission).into_bytes()),
-        _ => None,
-    })
+/// A file of missions, as it is written.
+struct MissionFile<'f> {
+    name: String,
+    format: Format,
+    /// One, or all where the format holds all.
+    missions: &'f [Mission],
+    bytes: Vec<u8>,
 }
 
-/// A file of missions: its name, the missions that it is of, and its bytes.
-type MissionFile<'f> = (String, &'f [Mission], Vec<u8>);
-
-/// The files of a format.
+/// The files of a format; none of one that is not geographic.
 fn files(format: Format, flight: &Flight) -> Result<Vec<MissionFile<'_>>> {
     let all = &flight.missions[..];
-    let extension = match format {
-        Format::Kml => return Ok(vec![("mission.kml".into(), all, kml::kml(all).into_bytes())]),
-        Format::Geojson => return Ok(vec![("mission.geojson".into(), all, geojson::geojson(all).into_bytes())]),
-        Format::Dji => "kmz",
-        Format::Qgc => "plan",
-        Format::Litchi => "csv",
-        Format::Ros | Format::Glb | Format::Blender | Format::Usd => return Ok(Vec::new()),
+    let whole = |name: &str, text: String| {
+        Ok(vec![MissionFile { name: name.into(), format, missions: all, bytes: text.into_bytes() }])
     };
-    let mut files = Vec::new();
-    for (i, mission) in all.iter().enumerate() {
-        let bytes = written(format, mission)?.unwrap_or_default();
-        files.push((format!("{}.{extension}", stem(flight, i)), &all[i..=i], bytes));
+    let each = |extension: &str, bytes: fn(&Mission) -> Result<Vec<u8>>| {
+        let file = |i: usize| {
+            let name = format!("{}.{extension}", stem(flight, i));
+            Ok(MissionFile { name, format, missions: &all[i..=i], bytes: bytes(&all[i])? })
+        };
+        (0..all.len()).map(file).collect()
+    };
+    match format {
+        Format::Dji => each("kmz", dji::kmz),
+        Format::Qgc => each("plan", |mission| Ok(qgc::plan(mission).into_bytes())),
+        Format::Litchi => each("csv", |mission| Ok(litchi::csv(mission).into_bytes())),
+        Format::Kml => whole("mission.kml", kml::kml(all)),
+        Format::Geojson => whole("mission.geojson", geojson::geojson(all)),
+        Format::Ros | Format::Glb | Format::Blender | Format::Usd => Ok(Vec::new()),
     }
-    Ok(files)
 }
 
 fn print(Planned { flight, .. }: &Planned) {

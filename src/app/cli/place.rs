@@ -8,9 +8,10 @@ use crate::app::export::georeference::{Fit, Geodetic, Georeference};
 use crate::app::export::gps;
 use crate::files::io::{areas, photos};
 use crate::files::photos::PhotoSet;
-use crate::scene::limits::Volume;
+use crate::scene::distances::leg_to_point;
 use crate::scene::prism::prism;
 use crate::scene::region::Region;
+use crate::scene::volume::Volume;
 use crate::{Error, Result};
 
 /// Metres from the scene within which areas are.
@@ -148,7 +149,7 @@ pub fn areas(file: &Path, geo: Option<&str>, margin: f64, region: &Region) -> Re
         };
         let corners = ring.iter().map(corner).collect::<Result<Vec<DVec3>>>()?;
         let from = |i: usize| (corners[i % corners.len()] - centre).reject_from(up);
-        nearest = (0..corners.len()).map(|i| to_segment(from(i), from(i + 1))).fold(nearest, f64::min);
+        nearest = (0..corners.len()).map(|i| leg_to_point(from(i), from(i + 1), DVec3::ZERO)).fold(nearest, f64::min);
         let faces = prism(&corners, up, heights);
         triangles.extend(faces.map_err(refuse)?);
     }
@@ -196,11 +197,4 @@ fn along_ground(a: &Geodetic, b: &Geodetic) -> f64 {
     let cosines = a.latitude.to_radians().cos() * b.latitude.to_radians().cos();
     let square = half(a.latitude, b.latitude) + cosines * half(a.longitude, b.longitude);
     2.0 * square.min(1.0).sqrt().asin() * METRES_A_DEGREE.to_degrees()
-}
-
-/// Distance of the origin from the straight line between two points.
-fn to_segment(a: DVec3, b: DVec3) -> f64 {
-    let along = b - a;
-    let share = (-a.dot(along) / along.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-    (a + share * along).length()
 }

@@ -17,11 +17,12 @@ use crate::planner::plan::record::SurfaceRecord;
 use crate::planner::plan::target::{RegionChoice, Target};
 use crate::scene::camera::{Intrinsics, Pose};
 use crate::scene::known::KnownSpace;
-use crate::scene::limits::{Limits, Volume, Walk, Wall};
+use crate::scene::limits::{Limits, Walk, Wall};
 use crate::scene::planes::Planes;
 use crate::scene::region::{Region, Shape};
 use crate::scene::surface::Surface;
 use crate::scene::upright::upright;
+use crate::scene::volume::Volume;
 use crate::{Error, Result};
 
 /// Where cameras may stand, and what kind of scene it is.

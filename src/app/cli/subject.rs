@@ -6,10 +6,10 @@ use glam::DVec3;
 
 use super::options::numbers;
 use crate::files::io::volume::read_volume;
-use crate::scene::limits::{Volume, box_triangles};
 use crate::scene::proxy::{Orientation, Proxy};
 use crate::scene::subject::largest;
 use crate::scene::surface::Surface;
+use crate::scene::volume::{Volume, box_triangles};
 use crate::{Error, Result};
 
 /// What is to be seen.

@@ -17,6 +17,8 @@ const OFF_HEIGHT: f64 = 0.0101;
 /// Degrees that a heading and a pitch may be off: DJI has whole and tenth ones.
 const OFF_HEADING: f64 = 0.51;
 const OFF_PITCH: f64 = 0.051;
+/// Metres per second that the speed may be off: formats have tenths.
+const OFF_SPEED: f64 = 0.051;
 /// Part of a clearance by which a leg may fall short of it: a tour keeps it from cell to cell.
 const SHORT: f64 = 0.1;
 /// Degrees by which corners of areas may be off, a centimetre.
@@ -64,7 +66,7 @@ pub fn format_of(extension: &str) -> Option<Format> {
 }
 
 /// What is wrong with what a file says of a mission, or, in formats that hold all missions, of the flight; nothing where it is right.
-pub fn faults(flown: &Flown, format: Format, missions: &[Mission], around: &Surroundings<'_>) -> Result<Vec<String>> {
+pub fn faults(flown: &Flown, missions: &[Mission], around: &Surroundings<'_>) -> Result<Vec<String>> {
     let Some(first) = missions.first() else { return Ok(vec!["the plan has no such mission".into()]) };
     let mut faults = flown.faults.clone();
     let nowhere = |place: &&Place| geodetic(place, first.home.altitude).validated().is_err();
@@ -72,16 +74,16 @@ pub fn faults(flown: &Flown, format: Format, missions: &[Mission], around: &Surr
     if let Some(Place { latitude, longitude, .. }) = places.into_iter().find(nowhere) {
         return Ok(vec![format!("there is no place at {latitude}, {longitude} on Earth, or not at that height")]);
     }
-    compare(&mut faults, flown, format, missions, around)?;
+    compare(&mut faults, flown, missions, around)?;
     if let Some(speed) = flown.speed
-        && (speed - first.speed).abs() > 0.051
+        && (speed - first.speed).abs() > OFF_SPEED
     {
         faults.push(format!("it flies at {speed} m/s, not at {:.1}", first.speed));
     }
     if let Some(home) = flown.home {
-        let off = metres(around.earth, &home, &first.home)?;
-        if off.length() > OFF {
-            faults.push(format!("its take-off is {}", beside(off)));
+        let (aside, above) = apart(around.earth, &home, &first.home)?;
+        if aside > OFF || above.abs() > OFF {
+            faults.push(format!("its take-off is {}", misplaced(aside, above)));
         }
     }
     if let Some(found) = flown.climb
@@ -102,31 +104,22 @@ pub fn faults(flown: &Flown, format: Format, missions: &[Mission], around: &Surr
 }
 
 /// Holds all missions of a flight, or one, against what a file says, place by place.
-fn compare(
-    faults: &mut Vec<String>,
-    flown: &Flown,
-    format: Format,
-    missions: &[Mission],
-    around: &Surroundings<'_>,
-) -> Result<()> {
+fn compare(faults: &mut Vec<String>, flown: &Flown, missions: &[Mission], around: &Surroundings<'_>) -> Result<()> {
     let waypoints: Vec<&Waypoint> = missions.iter().flat_map(|mission| &mission.waypoints).collect();
     let photos: Vec<&Waypoint> = waypoints.iter().copied().filter(|waypoint| waypoint.photo.is_some()).collect();
     let takeoff = missions.first().map_or(0.0, |mission| mission.home.altitude);
     let off = |place: &Place, wanted: &Waypoint| -> Result<Option<String>> {
-        let off = metres(around.earth, &geodetic(place, takeoff), &wanted.place)?;
-        let right = off.truncate().length() <= OFF && off.z.abs() <= OFF_HEIGHT;
-        Ok((!right).then(|| beside(off)))
+        let (aside, above) = apart(around.earth, &geodetic(place, takeoff), &wanted.place)?;
+        Ok((aside > OFF || above.abs() > OFF_HEIGHT).then(|| misplaced(aside, above)))
     };
-    // Views for Google Earth say nothing of the places that are only passed where there is a single one.
-    let way = if format == Format::Kml && waypoints.len() < 2 { &photos } else { &waypoints };
-    if flown.way.len() != way.len() {
-        faults.push(format!("it has {} waypoints, not {}", flown.way.len(), way.len()));
+    if flown.way.len() != waypoints.len() {
+        faults.push(format!("it has {} waypoints, not {}", flown.way.len(), waypoints.len()));
     }
     if flown.photos.len() != photos.len() {
         faults.push(format!("it takes {} photos, not {}", flown.photos.len(), photos.len()));
     }
     let mut wrong = Vec::new();
-    for (i, (place, wanted)) in flown.way.iter().zip(way).enumerate() {
+    for (i, (place, wanted)) in flown.way.iter().zip(&waypoints).enumerate() {
         wrong.extend(off(place, wanted)?.map(|off| format!("waypoint {} is {off}", i + 1)));
     }
     for (photo, wanted) in flown.photos.iter().zip(&photos) {
@@ -168,6 +161,9 @@ fn legs(flown: &Flown, takeoff: f64, around: &Surroundings<'_>) -> Result<Vec<St
                 ));
             }
         }
+        if leg.iter().any(|end| around.limits.behind_a_wall(*end)) {
+            within.push(format!("{name} leads behind a wall"));
+        }
         for volume in &around.limits.keep_out {
             let distance = volume
                 .triangles
@@ -208,19 +204,15 @@ fn geodetic(place: &Place, takeoff: f64) -> Geodetic {
     Geodetic { latitude: place.latitude, longitude: place.longitude, altitude }
 }
 
-/// From where a place should be to where it is: metres east, north and up.
-fn metres(earth: &Georeference, found: &Geodetic, wanted: &Geodetic) -> Result<DVec3> {
+/// How far a place is beside another, and above it, in metres.
+fn apart(earth: &Georeference, found: &Geodetic, wanted: &Geodetic) -> Result<(f64, f64)> {
     let level = Geodetic { altitude: wanted.altitude, ..*found };
-    let across = earth.scene_point(&level)? - earth.scene_point(wanted)?;
-    let up = earth.up();
-    let (heading, _) = earth.heading_and_pitch(across);
-    let length = earth.scale() * across.reject_from_normalized(up).length();
-    let (sin, cos) = heading.to_radians().sin_cos();
-    Ok(DVec3::new(length * sin, length * cos, found.altitude - wanted.altitude))
+    let across = (earth.scene_point(&level)? - earth.scene_point(wanted)?).reject_from_normalized(earth.up());
+    Ok((earth.scale() * across.length(), found.altitude - wanted.altitude))
 }
 
-fn beside(off: DVec3) -> String {
-    format!("{:.2} m beside and {:+.2} m above where it should be", off.truncate().length(), off.z)
+fn misplaced(aside: f64, above: f64) -> String {
+    format!("{aside:.2} m beside and {above:+.2} m above where it should be")
 }
 
 /// Whether two rings have the same corners, from whichever one and either way around.

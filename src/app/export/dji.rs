@@ -181,7 +181,7 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
     };
     let mut flown = file("wpmz/waylines.wpml", "executeHeight", "executeHeightMode")?;
     let template = file("wpmz/template.kml", "height", "heightMode")?;
-    flown.expect(template == Flown { faults: template.faults.clone(), ..flown.clone() }, || {
+    flown.require(template == Flown { faults: template.faults.clone(), ..flown.clone() }, || {
         "its template says another flight than its waylines".into()
     });
     flown.faults.extend(template.faults);
@@ -201,14 +201,14 @@ fn read_file(text: &str, height_name: &str, mode: &str) -> Result<Flown, String>
         climb: Some(of(root, "takeOffSecurityHeight")?),
         ..Flown::default()
     };
-    flown.expect(inner(root, mode)? == "relativeToStartPoint", || "its heights are not above the take-off".into());
+    flown.require(inner(root, mode)? == "relativeToStartPoint", || "its heights are not above the take-off".into());
     for (i, mark) in document.descendants().filter(|node| node.tag_name().name() == "Placemark").enumerate() {
         let coordinates = inner(mark, "coordinates")?;
         let [longitude, latitude, ..] = coordinates.split(',').map(number).collect::<Result<Vec<_>, _>>()?[..] else {
             return Err(format!("{coordinates} is not two coordinates"));
         };
         let place = Place { latitude, longitude, height: Height::AboveTakeoff(of(mark, height_name)?) };
-        flown.expect(of(mark, "index")? == i as f64, || format!("waypoint {i} has another index"));
+        flown.require(of(mark, "index")? == i as f64, || format!("waypoint {i} has another index"));
         flown.way.push(place);
         let actions = mark.descendants().filter(|inner| inner.tag_name().name() == "actionActuatorFunc");
         let photos = actions.filter(|action| action.text() == Some("takePhoto")).count();

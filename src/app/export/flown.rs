@@ -54,7 +54,7 @@ pub struct Flown {
 
 impl Flown {
     /// Takes note of something wrong unless it holds.
-    pub fn expect(&mut self, holds: bool, otherwise: impl FnOnce() -> String) {
+    pub fn require(&mut self, holds: bool, otherwise: impl FnOnce() -> String) {
         if !holds {
             self.faults.push(otherwise());
         }

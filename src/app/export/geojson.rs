@@ -77,7 +77,7 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
             }
             Some("LineString") => {
                 let corners = coordinates.as_array().ok_or("its way has no corners")?;
-                flown.expect(flown.way.is_empty(), || "it has more than one way".into());
+                flown.require(flown.way.is_empty(), || "it has more than one way".into());
                 flown.way.extend(corners.iter().map(place).collect::<Result<Vec<_>, _>>()?);
             }
             Some("Polygon") => {

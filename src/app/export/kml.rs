@@ -87,16 +87,16 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
             flown.zones.get_or_insert_default().push(ring);
             continue;
         }
-        flown.expect(inner(mark, "altitudeMode")? == "absolute", || "an altitude is not absolute".into());
+        flown.require(inner(mark, "altitudeMode")? == "absolute", || "an altitude is not absolute".into());
         if has("LineString") {
-            flown.expect(flown.way.is_empty(), || "it has more than one way".into());
+            flown.require(flown.way.is_empty(), || "it has more than one way".into());
             flown.way.extend(places(&coordinates)?);
             continue;
         }
         let [longitude, latitude, altitude, heading, tilt] = ["longitude", "latitude", "altitude", "heading", "tilt"]
             .map(|name| inner(mark, name).and_then(|text| number(&text)));
         let place = Place { latitude: latitude?, longitude: longitude?, height: Height::Altitude(altitude?) };
-        flown.expect(places(&coordinates)? == [place], || "the point of a photo is not where its camera is".into());
+        flown.require(places(&coordinates)? == [place], || "the point of a photo is not where its camera is".into());
         flown.photos.push(Photo { place, heading: heading?, pitch: tilt? - 90.0 });
     }
     if flown.way.is_empty() {

@@ -62,14 +62,14 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
         if values.len() != names.len() {
             return Err(format!("line {} has {} values where {} are named", i + 2, values.len(), names.len()));
         }
-        flown.expect(values[mode] == 0.0, || format!("line {}: its altitude is not above the take-off", i + 2));
+        flown.require(values[mode] == 0.0, || format!("line {}: its altitude is not above the take-off", i + 2));
         let height = Height::AboveTakeoff(values[altitude]);
         let place = Place { latitude: values[latitude], longitude: values[longitude], height };
         flown.way.push(place);
         let photos = actions.iter().filter(|action| values[**action] == f64::from(TAKE_PHOTO)).count();
         let photo = Photo { place, heading: values[heading], pitch: values[pitch] };
         flown.photos.extend(std::iter::repeat_n(photo, photos));
-        flown.expect(flown.speed.is_none_or(|speed_before| speed_before == values[speed]), || {
+        flown.require(flown.speed.is_none_or(|speed_before| speed_before == values[speed]), || {
             format!("line {}: its speed is another one", i + 2)
         });
         flown.speed = Some(values[speed]);

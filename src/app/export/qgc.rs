@@ -112,7 +112,7 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
     };
     let mission = &plan["mission"];
     let mut flown = Flown { speed: mission["cruiseSpeed"].as_f64(), ..Flown::default() };
-    flown.expect(same(&mission["hoverSpeed"], &mission["cruiseSpeed"]), || "its two speeds differ".into());
+    flown.require(same(&mission["hoverSpeed"], &mission["cruiseSpeed"]), || "its two speeds differ".into());
     match numbers(&mission["plannedHomePosition"], "plannedHomePosition")?[..] {
         [latitude, longitude, altitude] => flown.home = Some(Geodetic { latitude, longitude, altitude }),
         _ => return Err("its plannedHomePosition is not three numbers".into()),
@@ -120,7 +120,7 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
     let fences = plan["geoFence"]["polygons"].as_array().ok_or("it has no geofence")?;
     let mut zones = Vec::new();
     for fence in fences {
-        flown.expect(fence["inclusion"] == false, || "an area of its geofence is to be flown in".into());
+        flown.require(fence["inclusion"] == false, || "an area of its geofence is to be flown in".into());
         let corners = fence["polygon"].as_array().ok_or("an area of its geofence has no polygon")?;
         let corner = |corner: &Value| match numbers(corner, "geofence")?[..] {
             [north, east] => Ok([east, north]),
@@ -136,18 +136,19 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
         let [a, _, _, d, x, y, z] = numbers(&item["params"], "params").map_err(says)?[..] else {
             return Err(says("it has not seven params".into()));
         };
-        flown.expect(item["doJumpId"].as_f64() == Some((i + 1) as f64), || says("its doJumpId is another".into()));
+        flown.require(item["doJumpId"].as_f64() == Some((i + 1) as f64), || says("its doJumpId is another".into()));
         let command = item["command"].as_f64().unwrap_or_default() as u32;
         let first = i == 0;
-        flown.expect(first == (command == TAKE_OFF), || says("only the first item is a take-off".into()));
-        flown.expect((i + 1 == items.len()) == (command == RETURN), || says("only the last item is the return".into()));
+        flown.require(first == (command == TAKE_OFF), || says("only the first item is a take-off".into()));
+        flown
+            .require((i + 1 == items.len()) == (command == RETURN), || says("only the last item is the return".into()));
         match command {
             TAKE_OFF | WAYPOINT => {
-                flown.expect(
+                flown.require(
                     item["frame"].as_f64() == Some(f64::from(RELATIVE)) && item["AltitudeMode"].as_f64() == Some(1.0),
                     || says("its altitude is not above the take-off".into()),
                 );
-                flown.expect(item["Altitude"].as_f64() == Some(z), || says("its two altitudes differ".into()));
+                flown.require(item["Altitude"].as_f64() == Some(z), || says("its two altitudes differ".into()));
                 let place = Place { latitude: x, longitude: y, height: Height::AboveTakeoff(z) };
                 if command == WAYPOINT {
                     flown.way.push(place);
@@ -155,7 +156,7 @@ pub fn read(bytes: &[u8]) -> Result<Flown, String> {
                 } else {
                     let home = flown.home.map_or([x, y], |home| [home.latitude, home.longitude]);
                     let there = (x - home[0]).abs().max((y - home[1]).abs()) < SAME_DEGREES;
-                    flown.expect(there, || says("the take-off is not at the planned home".into()));
+                    flown.require(there, || says("the take-off is not at the planned home".into()));
                     flown.climb = Some(z);
                 }
             }

@@ -10,7 +10,7 @@ use crate::scene::proxy::Occluder;
 /// Directions in which the ground around a place is looked at.
 const DIRECTIONS: u32 = 16;
 
-/// A surface in the frame of the cameras.
+/// A surface in the frame of the cameras, asked in double precision: coordinates may be those of a map.
 pub struct Terrain {
     surface: Occluder,
     bounds: Vec<(DVec3, DVec3)>,

@@ -7,8 +7,9 @@ use serde::Serialize;
 use super::geometry::{bounds, nearest, pack, split};
 use super::{Cloud, SurfacePoint, Triangles};
 use crate::scene::camera::Camera;
-use crate::scene::limits::{Limits, Triangle};
+use crate::scene::limits::Limits;
 use crate::scene::region::{Region, Shape};
+use crate::scene::volume::Triangle;
 
 /// Points embedded at most: index of the nearest point must fit 16 bits, and the page 4 MB.
 pub const MAX_POINTS: usize = 20_000;

@@ -138,3 +138,32 @@ fn fill(made: &mut Compiled, context: &Context, shader: &Shader, constants: &[u3
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::primitives::{Operation, Reduce};
+    use crate::engine::vulkan::ContextOptions;
+
+    /// If this failed, each tracer, planner and trainer of a context would compile its shaders anew, half a second at a time on software; or
+    /// constants or contexts would be mixed up.
+    #[test]
+    fn a_stage_is_compiled_once_for_each_context_and_constants() -> Result<()> {
+        let options = ContextOptions { validation: true, ..ContextOptions::default() };
+        let [context, other] = [Context::new(&options)?, Context::new(&options)?];
+        let kept = |context: &Context| lock(&context.reusable.pipelines).len();
+        let sum = Reduce::new(&context, Operation::SumF32, 1000)?;
+        let before: Vec<_> = lock(&context.reusable.pipelines).values().map(|compiled| compiled.raw).collect();
+        (0..8).into_par_iter().try_for_each(|_| Reduce::new(&context, Operation::SumF32, 2000).map(drop))?;
+        // Those of several threads at once too, of which all but one are destroyed.
+        (0..8).into_par_iter().try_for_each(|_| Reduce::new(&context, Operation::MaxF32, 1000).map(drop))?;
+        drop(sum);
+        assert_eq!((before.len(), kept(&context), kept(&other)), (1, 2, 0));
+        assert!(lock(&context.reusable.pipelines).values().any(|compiled| compiled.raw == before[0]));
+        // What a context keeps goes with it, which the validation layers watch.
+        drop(Reduce::new(&other, Operation::SumF32, 1000)?);
+        drop(other);
+        assert_eq!(context.messages(), [""; 0]);
+        Ok(())
+    }
+}

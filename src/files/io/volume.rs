@@ -7,9 +7,10 @@ use serde::Deserialize;
 
 use super::{json, json_file, read_file, read_surface};
 use crate::scene::known::KnownSpace;
-use crate::scene::limits::{FARTHEST, Limits, Triangle, Volume, box_triangles};
+use crate::scene::limits::{FARTHEST, Limits};
 use crate::scene::proxy::{Occluder, Orientation, Proxy};
 use crate::scene::surface::Surface;
+use crate::scene::volume::{Triangle, Volume, box_triangles};
 use crate::{Error, Result};
 
 /// Reads a space that cameras stay in: that of a plan.json (or its folder), or the inside of a volume.

@@ -8,11 +8,12 @@ use super::settings::BaselinesFrom;
 use crate::planner::plan::simple_layouts::even_layout;
 use crate::planner::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics, Pose};
-use crate::scene::limits::{Limits, Volume, Wall, box_triangles};
+use crate::scene::limits::{Limits, Wall};
 use crate::scene::model::Model;
 use crate::scene::random;
 use crate::scene::region::{Region, Shape};
 use crate::scene::samples::textured::Surroundings;
+use crate::scene::volume::{Volume, box_triangles};
 use crate::visibility::device_scene::SceneGeometry;
 use crate::{Error, Result};
 

@@ -5,8 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::planner::metrics::Metrics;
 use crate::scene::camera::Camera;
-use crate::scene::limits::{Limits, Volume};
+use crate::scene::limits::Limits;
 use crate::scene::region::Region;
+use crate::scene::volume::Volume;
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
