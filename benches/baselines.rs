@@ -73,6 +73,7 @@ fn model(target: &Target, count: usize) -> Model {
         opacities: vec![1.0; points.len()],
         degree: 1,
         harmonics: (0..points.len()).flat_map(|i| (0..12).map(move |k| harmonic(i, k))).collect(),
+        antialiased: false,
     };
     Model { path: "sample".into(), gaussians, antialiased: false }
 }

@@ -1,6 +1,9 @@
 //! Trained splats: three-dimensional Gaussians with an opacity and a colour that changes with the view.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
+
+use super::harmonics;
+use super::similarity::Similarity;
 
 /// Highest degree of the harmonics.
 pub const MAX_DEGREE: u32 = 3;
@@ -21,9 +24,53 @@ pub struct Gaussians {
     /// Coefficients of the real spherical harmonics: `(degree + 1)^2` of red, green and blue side by side for each Gaussian.
     /// With basis B in the direction w from the camera to the centre, the sRGB colour is `max(0, 0.5 + sum_k c_k B_k(w))`.
     pub harmonics: Vec<f32>,
+    /// Whether they were trained with Mip-Splatting's 2D filter, so that renderers have to apply it.
+    pub antialiased: bool,
 }
 
+/// Largest size of a logit: the opacity is 0 or 1 in single precision.
+pub const MAX_LOGIT: f32 = 20.0;
+
+/// Logarithm of the standard deviation of what is flat: its square is still a number in single precision.
+pub const FLAT: f32 = -40.0;
+
 impl Gaussians {
+    /// Gives what files hold as infinite the values that can be computed with: opacities of 0 or 1, and no extent along an axis.
+    pub fn bounded(mut self) -> Self {
+        let infinite = self.opacities.iter_mut().filter(|opacity| opacity.is_infinite());
+        infinite.for_each(|opacity| *opacity = MAX_LOGIT.copysign(*opacity));
+        let flat = self.log_scales.iter_mut().flatten().filter(|scale| **scale == f32::NEG_INFINITY);
+        flat.for_each(|scale| *scale = FLAT);
+        self
+    }
+
+    /// The same model in another frame.
+    pub fn through(mut self, map: &Similarity) -> Self {
+        let grown = map.scale.ln();
+        self.centres.iter_mut().for_each(|centre| *centre = map.point(*centre));
+        for scale in self.log_scales.as_flattened_mut() {
+            *scale = (f64::from(*scale) + grown) as f32;
+        }
+        if map.rotation == DQuat::IDENTITY {
+            return self;
+        }
+        for rotation in &mut self.rotations {
+            let [w, x, y, z] = rotation.map(f64::from);
+            let DQuat { x, y, z, w } = map.rotation * DQuat::from_xyzw(x, y, z, w);
+            *rotation = [w, x, y, z].map(|v| v as f32);
+        }
+        let (each, matrix) = (self.coefficients(), harmonics::turned(map.rotation));
+        for own in self.harmonics.chunks_exact_mut(3 * each) {
+            for channel in 0..3 {
+                let before: Vec<f64> = (1..each).map(|k| f64::from(own[3 * k + channel])).collect();
+                for (k, row) in (1..each).zip(&matrix) {
+                    own[3 * k + channel] = row.iter().zip(&before).map(|(a, b)| a * b).sum::<f64>() as f32;
+                }
+            }
+        }
+        self
+    }
+
     /// How many there are.
     pub fn len(&self) -> usize {
         self.centres.len()
@@ -45,6 +92,7 @@ impl Gaussians {
             opacities: kept.iter().map(|&i| self.opacities[i]).collect(),
             degree: self.degree,
             harmonics: kept.iter().flat_map(|&i| self.harmonics[row * i..][..row].iter().copied()).collect(),
+            antialiased: self.antialiased,
         }
     }
 

@@ -1,6 +1,6 @@
 //! The spherical harmonics that the colours of trained splats are stored in.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 /// Value of the constant spherical harmonic, 1 / (2 sqrt(pi)).
 pub(crate) const CONSTANT: f64 = 0.282_094_791_773_878_14;
@@ -60,10 +60,53 @@ pub(crate) fn above_constant_slopes(w: DVec3) -> [DVec3; 15] {
     ]
 }
 
+/// Nodes and weights of Gauss and Legendre's quadrature with four points, exact for polynomials up to degree 7.
+const QUADRATURE: [(f64, f64); 4] = [
+    (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
+    (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
+    (0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
+    (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
+];
+
+/// The matrix that takes the coefficients of [`above_constant`] to those of the function turned by `rotation`: row i has what each adds to
+/// coefficient i. By quadrature over the sphere, which is exact for products of degree 6.
+pub(crate) fn turned(rotation: DQuat) -> [[f64; 15]; 15] {
+    const STEPS: u32 = 8;
+    let mut matrix = [[0.0; 15]; 15];
+    let back = rotation.inverse();
+    for (z, weight) in QUADRATURE {
+        for step in 0..STEPS {
+            let (sin, cos) = (f64::from(step) * std::f64::consts::TAU / f64::from(STEPS)).sin_cos();
+            let across = (1.0 - z * z).sqrt();
+            let w = DVec3::new(across * cos, across * sin, z);
+            let (own, from) = (above_constant(w), above_constant(back * w));
+            let area = weight * std::f64::consts::TAU / f64::from(STEPS);
+            for (row, own) in matrix.iter_mut().zip(own) {
+                row.iter_mut().zip(from).for_each(|(sum, from)| *sum += area * own * from);
+            }
+        }
+    }
+    matrix
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene::octahedral;
+
+    /// If this failed, colours of a model that a scene turns would stay behind, or turn the other way.
+    #[test]
+    fn a_turned_function_has_its_values_elsewhere() {
+        let rotation = DQuat::from_scaled_axis(DVec3::new(0.4, -1.1, 0.7));
+        let matrix = turned(rotation);
+        let before: [f64; 15] = std::array::from_fn(|k| (1.0 + k as f64).sin());
+        let after = matrix.map(|row| row.iter().zip(before).map(|(a, b)| a * b).sum::<f64>());
+        let value = |c: &[f64; 15], w: DVec3| c.iter().zip(above_constant(w)).map(|(c, b)| c * b).sum::<f64>();
+        for w in octahedral::directions(4) {
+            let (a, b) = (value(&after, rotation * w), value(&before, w));
+            assert!((a - b).abs() < 1e-12, "{w}: {a} for {b}");
+        }
+    }
 
     /// If this failed, trained splats would show other colours than in every other program, or one coefficient would count
     /// for more than another.

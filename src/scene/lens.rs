@@ -11,7 +11,8 @@ use super::camera::Intrinsics;
 /// How directions are bent before the pinhole maps them to pixels.
 ///
 /// From (u, v) = (x/z, y/z), with r = |(u, v)|: a fisheye scales (u, v) by theta/r, theta = atan r; the FOV model scales by
-/// `atan(2 r tan(w/2)) / (r w)`. Then (u, v) is scaled by `(1 + sum a_i r^2i) / (1 + sum b_i r^2i)`, and tangential and prism
+/// `atan(2 r tan(w/2)) / (r w)`, the division model by `2 / (1 + sqrt(1 - 4 k r^2))`, the enhanced unified model by
+/// `1 / (alpha sqrt(1 + beta r^2) + 1 - alpha)`. Then (u, v) is scaled by `(1 + sum a_i r^2i) / (1 + sum b_i r^2i)`, and tangential and prism
 /// terms are added.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Distortion {
@@ -19,6 +20,12 @@ pub struct Distortion {
     pub fisheye: bool,
     /// The FOV model's angle in radians; zero for every other model.
     pub fov: f64,
+    /// The division model's k; zero for every other model.
+    #[serde(default)]
+    pub division: f64,
+    /// Alpha and beta of the enhanced unified model; zero for every other model.
+    #[serde(default)]
+    pub unified: [f64; 2],
     /// Factors of r^2, r^4, ... r^12 in the numerator.
     pub radial: [f64; 6],
     /// Factors of r^2, r^4, r^6 in the denominator.
@@ -62,8 +69,12 @@ impl Distortion {
             r.atan() / r
         } else if self.fov > 0.0 {
             (2.0 * r * (0.5 * self.fov).tan()).atan() / (r * self.fov)
+        } else if self.division != 0.0 {
+            // Not a number past the radius that the model reaches, where `limit` ends.
+            2.0 / (1.0 + (1.0 - 4.0 * self.division * r * r).sqrt())
         } else {
-            1.0
+            let [alpha, beta] = self.unified;
+            1.0 / (alpha * (1.0 + beta * r * r).sqrt() + 1.0 - alpha)
         };
         let p = turned * p;
         let r2 = p.length_squared();
@@ -181,6 +192,9 @@ mod tests {
             Distortion { radial: [0.3, 0.1, 0.01, 0.0, 0.0, 0.0], rational: [0.2, 0.05, 0.01], ..none },
             Distortion { fisheye: true, radial: [0.02, -0.01, 0.001, 0.0, 0.0, 0.0], ..none },
             Distortion { fov: 0.9, ..none },
+            Distortion { division: -0.2, ..none },
+            Distortion { division: 0.3, ..none },
+            Distortion { unified: [0.6, 1.1], ..none },
             Distortion { fisheye: true, tangential: [1e-3, 2e-3], prism: [1e-3, 0.0, -1e-3, 0.0], ..none },
             Distortion { fisheye: true, tangential: [1e-3, 2e-3], prism: [1e-3; 4], after_radial: true, ..none },
         ]

@@ -23,7 +23,7 @@ mod legs;
 pub mod lens;
 pub mod limits;
 pub mod model;
-mod morton;
+pub(crate) mod morton;
 pub mod octahedral;
 mod orientation;
 pub mod planes;

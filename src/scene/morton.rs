@@ -3,11 +3,11 @@
 use glam::DVec3;
 
 /// Bits per axis of a code: the finest grid has 2^21 cells along the longest side of the bounds.
-pub(super) const BITS: u32 = 21;
+pub(crate) const BITS: u32 = 21;
 
 /// Code of `p` within the cube at `min` with the given side: the bits of the cell's three coordinates, interleaved.
 /// Dropping the lowest `3 * k` bits gives the code on a grid with cells 2^k times as long.
-pub(super) fn code(p: DVec3, min: DVec3, side: f64) -> u64 {
+pub(crate) fn code(p: DVec3, min: DVec3, side: f64) -> u64 {
     let cells = f64::from(1u32 << BITS);
     let scale = if side > 0.0 { cells / side } else { 0.0 };
     // The clamp keeps the conversion within 21 bits.

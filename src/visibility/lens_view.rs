@@ -36,14 +36,12 @@ crate::gpu_struct! {
         pub prism: [f32; 4],
         /// Factors in the denominator.
         pub rational: [f32; 3],
-        /// Unused.
-        pub spare0: f32,
+        /// The division model's k; zero for every other.
+        pub division: f32,
         /// Factors in the numerator.
         pub radial: [f32; 6],
-        /// Unused.
-        pub spare1: f32,
-        /// Unused.
-        pub spare2: f32,
+        /// Alpha and beta of the enhanced unified model; zero for every other.
+        pub unified: [f32; 2],
     }
 }
 
@@ -69,8 +67,9 @@ impl LensView {
             tangential: distortion.tangential.map(|v| v as f32),
             prism: distortion.prism.map(|v| v as f32),
             rational: distortion.rational.map(|v| v as f32),
+            division: distortion.division as f32,
             radial: distortion.radial.map(|v| v as f32),
-            ..Self::default()
+            unified: distortion.unified.map(|v| v as f32),
         }
     }
 }

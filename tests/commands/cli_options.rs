@@ -142,7 +142,7 @@ fn every_option_of_train_is_accepted_and_counts() {
     capture::write(&place.path("more"), 2, 32);
     let given = "--max-splats 100 --strategy adc --sh 1 --background random --antialiased --init-opacity 0.2 \
                  --init-scale 0.7 --shrink 2 --skip-missing --seed 3 --save-every 1 --evaluate-every 1 --profile \
-                 --preset fast --trace t.json --device 0 --debug-sync --iterations 3 --out o";
+                 --preset fast --trace t.json --device 0 --debug-sync --iterations 3 --format splat,glb --out o";
     let ran = place.done(&format!("train capture --test-every 3 {given}"));
     let record: serde_json::Value = serde_json::from_str(&place.read("o/train.json")).unwrap();
     let expected = serde_json::json!({
@@ -185,5 +185,6 @@ fn one_splat() -> Gaussians {
         opacities: vec![2.0],
         degree: 0,
         harmonics: vec![0.5; 3],
+        antialiased: false,
     }
 }

@@ -6,6 +6,7 @@ mod capture_command;
 mod cli;
 mod cli_options;
 mod cli_refusals;
+mod convert;
 mod demo;
 mod depth_maps;
 mod determinism;

@@ -20,8 +20,10 @@ mod engine {
 }
 
 mod files {
+    mod assimp;
     mod captures;
     mod data;
+    mod pycolmap_models;
 }
 
 mod lab {

@@ -13,6 +13,7 @@ macro_rules! complain {
 mod baselines;
 mod capture;
 mod completions;
+mod convert;
 mod demo;
 mod devices;
 mod evaluate;
@@ -86,6 +87,8 @@ enum Command {
     Proxy(proxy::Arguments),
     /// Render trained splats, from any program, at given cameras
     Render(render::Arguments),
+    /// Write trained splats in another format: PLY, packed PLY, SPZ, SOG, .splat, glTF
+    Convert(convert::Arguments),
     /// Render photos of a glTF scene from given cameras by path tracing
     Capture(Box<capture::Arguments>),
     /// Write cameras for robots (ROS), artists (glTF, Blender, USD) and drones (DJI, QGroundControl, Litchi, KML, GeoJSON)
@@ -215,6 +218,7 @@ fn start(command: Command) -> Result<Ended> {
         Command::Train(arguments) => train::run(&arguments),
         Command::Proxy(arguments) => proxy::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
+        Command::Convert(arguments) => convert::run(&arguments),
         Command::Capture(arguments) => capture::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),

@@ -78,10 +78,10 @@ pub struct DeviceOptions {
 /// A model of the scene, for the methods that choose by one.
 #[derive(Args, Clone, Debug)]
 pub struct ModelOptions {
-    /// Trained splats of the scene (.ply) in the frame of the cameras, for methods that need them
+    /// Trained splats of the scene (.ply, .spz, .sog, .splat, .glb) in the frame of the cameras, for methods that need them
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
-    /// The model was trained with antialiasing
+    /// The model was trained with antialiasing [default: as its file says]
     #[arg(long, requires = "model")]
     pub antialiased: bool,
 }
@@ -101,7 +101,8 @@ impl ModelOptions {
             say!("{note}");
         }
         let path = path.to_string_lossy().into_owned();
-        Ok(Some(Model { path, gaussians, antialiased: self.antialiased }))
+        let antialiased = self.antialiased || gaussians.antialiased;
+        Ok(Some(Model { path, gaussians, antialiased }))
     }
 }
 

@@ -18,7 +18,8 @@ use crate::splats::render::pictures::{Job, Outcome, RenderSettings, resize};
 /// Arguments of `camsplat render`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// Trained splats from any program: a .ply file in the usual 3DGS layout or packed
+    /// Trained splats from any program: .ply in the usual 3DGS layout or packed, .spz, .sog, .splat, or .glb with
+    /// KHR_gaussian_splatting
     model: PathBuf,
     /// Cameras in the model's frame: COLMAP folder, transforms.json, plan.json, NSVF folder, .log trajectory
     cameras: PathBuf,
@@ -41,7 +42,7 @@ pub struct Arguments {
     /// Colour behind everything: black, white, or sRGB values R,G,B from 0 to 1
     #[arg(long, default_value = "black", value_parser = parse_colour, value_name = "COLOUR")]
     background: Colour,
-    /// The model was trained with antialiasing (Mip-Splatting's 2D filter)
+    /// The model was trained with antialiasing (Mip-Splatting's 2D filter) [default: as its file says]
     #[arg(long)]
     antialiased: bool,
     /// Size of the pictures in pixels, of the same shape as the cameras' [default: the cameras']
@@ -65,16 +66,16 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     if let Some((width, height)) = arguments.size {
         resize(&mut cameras, width, height)?;
     }
+    let (gaussians, more) = io::read_gaussians_with_notes(&arguments.model)?;
     let settings = RenderSettings {
         format: arguments.format,
         alpha: arguments.alpha,
         depth: arguments.depth,
         background: arguments.background,
-        antialiased: arguments.antialiased,
+        antialiased: arguments.antialiased || gaussians.antialiased,
         near: arguments.near,
     };
     let job = Job::new(&cameras, settings)?;
-    let (gaussians, more) = io::read_gaussians_with_notes(&arguments.model)?;
     for note in notes.iter().chain(&renamed(&cameras)).chain(&more) {
         say!("{note}");
     }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::convert::size;
 use super::options::{DeviceOptions, ImageOptions, print_messages};
 use super::overwrite_guard::check_output_file;
 use super::progress::{Progress, stop_on_interrupt};
@@ -16,12 +17,13 @@ use crate::engine::vulkan::Context;
 use crate::engine::vulkan::profile::Profile;
 use crate::files::io;
 use crate::files::io::folder::{check_file, check_folder, replace_file, write_files};
+use crate::files::io::splats::{self, SplatFormat};
 use crate::scene::camera::Camera;
 use crate::splats::config::{Background, Preset, Start, Strategy, TrainConfig};
 use crate::splats::data::pictures::cameras;
 use crate::splats::data::split::{Split, Test};
 use crate::splats::run::evaluate::Pair;
-use crate::splats::run::outputs::{CHECKPOINT, MODEL, RECORD, REPORT};
+use crate::splats::run::outputs::{CHECKPOINT, MODEL, RECORD, REPORT, model_in};
 use crate::splats::run::record::{Evaluation, PhotosRecord, Quality, Status, TrainRecord};
 use crate::splats::run::request::{Run, TrainEvent, TrainRequest};
 use crate::{Error, Result};
@@ -53,7 +55,7 @@ pub struct Arguments {
     /// photos have masks or alpha, else black]
     #[arg(long, value_enum)]
     background: Option<Background>,
-    /// Mip-Splatting's 2D filter: splats smaller than a pixel fade instead of growing; render with --antialiased as well
+    /// Mip-Splatting's 2D filter: splats smaller than a pixel fade instead of growing; the file says so to renderers
     #[arg(long)]
     antialiased: bool,
     /// Penalise opacity and size more, above all at first: fewer floaters where a capture has no points and its photos
@@ -97,6 +99,9 @@ pub struct Arguments {
     /// Replace files in a folder that is not empty
     #[arg(long)]
     force: bool,
+    /// Write the model in these formats too, beside point_cloud.ply
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "FORMATS")]
+    format: Vec<SplatFormat>,
     /// Print how much device memory the training takes, and stop
     #[arg(long)]
     dry_run: bool,
@@ -168,6 +173,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     say!("photos   {photos} to train on, {tests} to test with");
     if complete {
         say!("complete {all} iterations were trained already; nothing is left to do");
+        write_formats(arguments)?;
         return Ok(Ended::Done);
     }
     stop_on_interrupt()?;
@@ -194,7 +200,27 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         say!("stopped after {} iterations; go on with --resume", record.iterations);
         return Ok(Ended::Stopped);
     }
+    write_formats(arguments)?;
     Ok(Ended::Done)
+}
+
+/// Writes the trained model in the other formats that were asked for.
+fn write_formats(arguments: &Arguments) -> Result<()> {
+    if arguments.format.is_empty() {
+        return Ok(());
+    }
+    let (gaussians, _) = io::read_gaussians_with_notes(&arguments.out.join(MODEL))?;
+    for format in &arguments.format {
+        let mut notes = Vec::new();
+        let bytes = splats::write(&gaussians, *format, &mut notes)?;
+        let file = arguments.out.join(model_in(*format));
+        replace_file(&file, |file| file.write_all(&bytes))?;
+        say!("model    {}: {}", file.display(), size(bytes.len() as u64));
+        for note in notes {
+            say!("         {note}");
+        }
+    }
+    Ok(())
 }
 
 /// Whether the folder holds all that the run would leave: the record is written last. A run that differs in anything goes on

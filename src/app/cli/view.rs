@@ -13,12 +13,14 @@ use super::server::{Page, Server};
 use super::session::Ended;
 use crate::app::report::view::{self, Run};
 use crate::files::io;
+use crate::files::io::splats::SplatFormat;
 use crate::{Error, Result};
 
 /// Arguments of `camsplat view`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// Folder of a plan, selection, training or evaluation; folder of such folders; capture; or .ply of trained splats
+    /// Folder of a plan, selection, training or evaluation; folder of such folders; capture; or trained splats (.ply, .spz,
+    /// .sog, .splat, .glb)
     path: PathBuf,
     /// Port to serve on; only this machine can connect [default: any that is free]
     #[arg(long, default_value_t = 0, hide_default_value = true)]
@@ -26,7 +28,7 @@ pub struct Arguments {
     /// Print the address without opening a browser
     #[arg(long)]
     no_browser: bool,
-    /// Up direction of the splats of a .ply: x, -x, +y, ...
+    /// Up direction of trained splats: x, -x, +y, ...
     #[arg(long, default_value = "+z", allow_hyphen_values = true, value_parser = parse_up)]
     up: DVec3,
 }
@@ -59,7 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
 fn content(path: &Path, up: DVec3) -> Result<(Option<PathBuf>, Page)> {
     let metadata = fs::metadata(path).map_err(|source| Error::io(path, source))?;
     let title = title_of(path);
-    if !metadata.is_dir() && path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply")) {
+    if !metadata.is_dir() && SplatFormat::of(path).is_ok() {
         let (gaussians, notes) = io::read_gaussians_with_notes(path)?;
         notes.iter().for_each(|note| say!("{note}"));
         return Ok((None, fixed(view::model(&title, &gaussians, up)?)));

@@ -20,6 +20,8 @@ const MAX_TESTS: usize = 500;
 const MAX_TRAINED: usize = 100;
 /// Training cameras whose views of a splat's colour are averaged.
 const SEEN_BY: usize = 8;
+/// What flat splats are thinner than the largest at most, as a logarithm: 256 steps are for all of them.
+const SCALES: f64 = 24.0;
 /// Alpha below which nothing is drawn.
 const FAINTEST: f64 = 1.0 / 255.0;
 
@@ -31,6 +33,7 @@ pub struct Model {
     origin: DVec3,
     /// Distance from there within which most splats are.
     spread: f64,
+    antialiased: bool,
     trained: Vec<Camera>,
     tests: Vec<Camera>,
 }
@@ -100,8 +103,9 @@ impl Model {
             t.map(|t| (65_535.0 * 0.5 * (t + 1.0)).round() as u16)
         };
         let scales = || kept.iter().flat_map(|i| gaussians.log_scales[*i]).map(f64::from);
-        let low = scales().fold(f64::INFINITY, f64::min).min(f64::MAX);
-        let step = ((scales().fold(low, f64::max) - low) / 255.0).max(f64::MIN_POSITIVE);
+        let high = scales().fold(f64::NEG_INFINITY, f64::max);
+        let low = scales().fold(f64::INFINITY, f64::min).min(f64::MAX).max(high - SCALES);
+        let step = ((high.max(low) - low) / 255.0).max(f64::MIN_POSITIVE);
         let quaternion = |i: &usize| {
             let values = gaussians.rotations[*i].map(f64::from);
             let length = values.iter().map(|v| v * v).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
@@ -115,18 +119,20 @@ impl Model {
             low: if low.is_finite() { low } else { 0.0 },
             step,
             places: pack(kept.iter().flat_map(place), u16::to_le_bytes),
-            scales: pack(scales().map(|s| ((s - low) / step).round() as u8), |s| [s]),
+            scales: pack(scales().map(|s| ((s.max(low) - low) / step).round() as u8), |s| [s]),
             rotations: pack(kept.iter().flat_map(quaternion), i8::to_le_bytes),
             colours: pack(kept.iter().map(|i| colour(gaussians, *i, &from)), |c| c),
         };
-        Self { splats, origin, spread, trained: few, tests: tests.to_vec() }
+        let antialiased = gaussians.antialiased;
+        Self { splats, origin, spread, antialiased, trained: few, tests: tests.to_vec() }
     }
 
     /// The data of a page without a training run: the splats alone, seen from outside, with `up` upwards.
     #[cfg(feature = "cli")]
     pub(super) fn alone(&self, up: DVec3) -> ModelData<'_> {
         let background = [0.0; 3];
-        ModelData { splats: &self.splats, views: Vec::new(), up, extent: self.spread, background, antialiased: false }
+        let Self { splats, spread, antialiased, .. } = self;
+        ModelData { splats, views: Vec::new(), up, extent: *spread, background, antialiased: *antialiased }
     }
 
     /// The data of the page: test views first, the worst of them foremost.
@@ -219,6 +225,7 @@ mod tests {
             opacities: vec![0.0; count],
             degree: 0,
             harmonics: vec![0.0; 3 * count],
+            antialiased: false,
         };
         (gaussians.opacities[7], gaussians.log_scales[8], gaussians.centres[9].x) = (-9.0, [-8.0; 3], f64::NAN);
         (gaussians.opacities[count - 1], gaussians.log_scales[count - 2]) = (3.0, [-1.0, -1.0, -9.0]);
@@ -240,6 +247,7 @@ mod tests {
             opacities: vec![2.0; count],
             degree: 0,
             harmonics: vec![0.0; 3 * count],
+            antialiased: false,
         };
         let Model { splats, origin, .. } = Model::new(&gaussians, &[], &[]);
         let bytes = base64::Engine::decode(&base64::engine::general_purpose::STANDARD, &splats.places).unwrap();

@@ -1,11 +1,13 @@
 //! What every surface and every set of cameras must satisfy, whichever file it came from.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 use glam::DVec3;
 
+use super::left_out::LeftOut;
 use crate::error::{Error, Result};
+use crate::files::photos::Photo;
 use crate::scene::camera::Camera;
 use crate::scene::surface::Surface;
 
@@ -132,36 +134,70 @@ pub(crate) fn sound(path: &Path, surface: &Surface) -> Result<()> {
     Ok(())
 }
 
-/// Accepts cameras when there is at least one, names are unique, poses are finite with unit rotations, and images and
-/// focal lengths have a size.
+/// Accepts a camera when its pose is finite with a unit rotation, and image and focal lengths have a size.
+///
+/// # Errors
+/// What is wrong, as a continuation of its name.
+pub(crate) fn camera(camera: &Camera) -> Result<(), String> {
+    let k = &camera.intrinsics;
+    if !usable(camera.pose.position) || !camera.pose.rotation.is_finite() {
+        return Err("has a pose that is not finite; remove it".into());
+    }
+    if (camera.pose.rotation.length() - 1.0).abs() > 1e-3 {
+        return Err("has a rotation that is not of unit length; normalise it".into());
+    }
+    if k.width == 0 || k.height == 0 {
+        return Err(format!("has an image of {} x {} pixels; give its size", k.width, k.height));
+    }
+    if !k.focal.iter().all(|f| f.is_finite() && *f > 0.0) || !k.principal.iter().all(|c| c.is_finite()) {
+        return Err(format!(
+            "has the focal lengths {:?} and the principal point {:?}; give both in pixels",
+            k.focal, k.principal
+        ));
+    }
+    Ok(())
+}
+
+/// Accepts cameras when there is at least one, [`camera`] accepts each, and names are unique.
 pub(crate) fn cameras<'a>(path: &Path, cameras: impl ExactSizeIterator<Item = &'a Camera>) -> Result<()> {
     if cameras.len() == 0 {
         return Err(Error::input(path, "it holds no cameras; export the poses again"));
     }
     let mut seen = HashMap::with_capacity(cameras.len());
-    for (i, camera) in cameras.enumerate() {
-        let refuse = |what: String| Err(Error::input(path, format!("camera {i} ({:?}) {what}", camera.name)));
-        let k = &camera.intrinsics;
-        if !usable(camera.pose.position) || !camera.pose.rotation.is_finite() {
-            return refuse("has a pose that is not finite; remove it".into());
+    for (i, one) in cameras.enumerate() {
+        let refuse = |what: String| Err(Error::input(path, format!("camera {i} ({:?}) {what}", one.name)));
+        if let Err(what) = camera(one) {
+            return refuse(what);
         }
-        if (camera.pose.rotation.length() - 1.0).abs() > 1e-3 {
-            return refuse("has a rotation that is not of unit length; normalise it".into());
-        }
-        if k.width == 0 || k.height == 0 {
-            return refuse(format!("has an image of {} x {} pixels; give its size", k.width, k.height));
-        }
-        if !k.focal.iter().all(|f| f.is_finite() && *f > 0.0) || !k.principal.iter().all(|c| c.is_finite()) {
-            return refuse(format!(
-                "has the focal lengths {:?} and the principal point {:?}; give both in pixels",
-                k.focal, k.principal
-            ));
-        }
-        if let Some(first) = seen.insert(&camera.name, i) {
+        if let Some(first) = seen.insert(&one.name, i) {
             return refuse(format!("has the name of camera {first}; names must differ"));
         }
     }
     Ok(())
+}
+
+/// Leaves out the photos of cameras that [`cameras`] would refuse, names that come again among them.
+///
+/// # Errors
+/// Where none is left, with what is wrong with the first.
+pub(crate) fn usable_photos(path: &Path, photos: &mut Vec<Photo>, left_out: &mut LeftOut) -> Result<()> {
+    let mut seen = HashSet::with_capacity(photos.len());
+    photos.retain(|photo| {
+        let name = &photo.camera.name;
+        let sound = camera(&photo.camera).and_then(|()| match seen.insert(name.clone()) {
+            true => Ok(()),
+            false => Err("has the name of another one; names must differ".into()),
+        });
+        if let Err(what) = &sound {
+            left_out.add(format!("camera {name:?} {what}"));
+        }
+        sound.is_ok()
+    });
+    match (photos.is_empty(), left_out.first()) {
+        (true, Some(why)) => Err(Error::input(path, format!("none of its cameras can be used: {why}"))),
+        (true, None) => Err(Error::input(path, "it holds no cameras; export the poses again")),
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]

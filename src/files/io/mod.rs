@@ -7,6 +7,7 @@
 //! | file | surface | cameras |
 //! |---|---|---|
 //! | PLY points, meshes, trained and packed splats | [`ply`] | |
+//! | SPZ, SOG, `.splat`, glTF with splats | [`splats`] | |
 //! | OBJ, STL | [`obj`], [`stl`] | |
 //! | glTF 2.0 (.glb, .gltf) | [`gltf`] | |
 //! | COLMAP model, text or binary | [`colmap`] | [`colmap`] |
@@ -16,7 +17,7 @@
 //! | boxes (.json), as a volume to keep out of | [`volume`] | |
 //! | polygons (.geojson, .kml), as areas on Earth to keep out of | [`areas`] | |
 //!
-//! Trained splats are also read as what they are, for rendering: [`read_gaussians_with_notes`].
+//! Trained splats are also read as what they are, for rendering, and written: [`splats`].
 //! [`photos`] reads captures: cameras with their lenses, images and masks, and the points of a reconstruction; [`depth_maps`] the depth
 //! maps that lie beside one. [`picture`] writes rendered pictures. For photographing, [`gltf::read_model`] reads a scene with its
 //! materials and lamps, and [`environment`] the light around it.
@@ -30,6 +31,7 @@ pub mod depth_maps;
 pub mod environment;
 pub mod folder;
 pub mod gltf;
+pub mod left_out;
 mod matrix;
 pub mod npy;
 pub mod obj;
@@ -37,6 +39,7 @@ pub mod photos;
 pub mod picture;
 pub mod plan_json;
 pub mod ply;
+pub mod splats;
 pub mod stl;
 pub mod transforms;
 pub mod volume;
@@ -71,6 +74,7 @@ pub fn read_surface(path: &Path) -> Result<Surface> {
 pub fn read_surface_with_notes(path: &Path) -> Result<(Surface, Vec<String>)> {
     let mut notes = Vec::new();
     if let Some(folder) = colmap::model_folder(path) {
+        notes.extend(colmap::others_note(path, &folder));
         let surface = colmap::surface(&folder, &mut notes)?;
         return Ok((surface, notes));
     }
@@ -88,6 +92,9 @@ pub fn read_surface_with_notes(path: &Path) -> Result<(Surface, Vec<String>)> {
     // The first bytes are more reliable than the name.
     let surface = if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") || extension == "ply" {
         ply::parse(path, &bytes, &mut notes)?
+    } else if splats::is_splats(path, &bytes) {
+        let splats = splats::parse(path, &bytes, &mut notes)?;
+        checks::surface(path, splats::surface::points(path, &splats, &mut notes)?, &mut notes)?
     } else if bytes.starts_with(b"glTF") || extension == "gltf" || extension == "glb" {
         gltf::parse(path, &bytes, &mut notes)?
     } else if extension == "obj" {
@@ -103,15 +110,20 @@ pub fn read_surface_with_notes(path: &Path) -> Result<(Surface, Vec<String>)> {
     Ok((surface, notes))
 }
 
-/// Reads trained splats for rendering: a .ply file of the usual 3DGS layout, or packed. Reports in a few lines what was
-/// understood, for the user to check. Frame and units are the file's.
+/// Reads trained splats for rendering, in any of the formats of [`splats`]. Reports in a few lines what was understood, for the user to
+/// check. Frame and units are the file's.
 ///
 /// # Errors
-/// [`Error::Io`] where the system refuses; [`Error::Input`] where the file is no PLY file, damaged or cut short, or where
-/// [`ply::gaussians`] refuses what it holds.
+/// [`Error::Io`] where the system refuses; [`Error::Input`] where [`splats::parse`] refuses what the file holds.
 pub fn read_gaussians_with_notes(path: &Path) -> Result<(Gaussians, Vec<String>)> {
     let mut notes = Vec::new();
-    let gaussians = ply::gaussians(path, &read_file(path)?, &mut notes)?;
+    let gaussians = match path.file_name().is_some_and(|name| name == "meta.json") {
+        true => splats::sog::read_meta(path, &mut notes)?,
+        false => splats::parse(path, &read_file(path)?, &mut notes)?,
+    };
+    if gaussians.antialiased {
+        notes.push("the model was trained with antialiasing (Mip-Splatting's 2D filter), by its file".into());
+    }
     Ok((gaussians, notes))
 }
 
@@ -145,6 +157,7 @@ pub fn read_cameras_with_notes(path: &Path) -> Result<(Vec<Camera>, Vec<String>)
     if path.is_dir()
         && let Some(folder) = colmap::model_folder(path)
     {
+        notes.extend(colmap::others_note(path, &folder));
         let cameras = colmap::cameras(&folder, &mut notes)?;
         return Ok((cameras, notes));
     }
@@ -206,11 +219,39 @@ fn read_file(path: &Path) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Parses JSON; the message has the line and column.
+/// Parses JSON; the message has the line and column. NaN and infinite numbers, which Python writes though JSON has none, count as null.
 pub(crate) fn json<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T> {
     // A mark of byte order, which some editors leave, is no part of JSON.
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    serde_json::from_slice(bytes).map_err(|e| Error::input(path, format!("{e}; mend or export the file again")))
+    serde_json::from_slice(bytes)
+        .or_else(|e| serde_json::from_slice(&without_nan(bytes).ok_or(e)?))
+        .map_err(|e| Error::input(path, format!("{e}; mend or export the file again")))
+}
+
+/// The JSON with `null` in place of `NaN`, `Infinity` and `-Infinity` outside of strings; none where it has none.
+fn without_nan(bytes: &[u8]) -> Option<Vec<u8>> {
+    const WORDS: [&[u8]; 3] = [b"NaN", b"Infinity", b"-Infinity"];
+    let mut clean = Vec::with_capacity(bytes.len());
+    let (mut rest, mut in_string, mut any) = (bytes, false, false);
+    while let [first, after @ ..] = rest {
+        if let Some(word) = WORDS.iter().find(|word| !in_string && rest.starts_with(word)) {
+            clean.extend(b"null");
+            (rest, any) = (&rest[word.len()..], true);
+            continue;
+        }
+        clean.push(*first);
+        rest = after;
+        match (first, after) {
+            // What is escaped does not end a string.
+            (b'\\', [escaped, after @ ..]) if in_string => {
+                clean.push(*escaped);
+                rest = after;
+            }
+            (b'"', _) => in_string = !in_string,
+            _ => {}
+        }
+    }
+    any.then_some(clean)
 }
 
 #[cfg(test)]
@@ -237,5 +278,14 @@ mod tests {
         let empty = folder.path().join("empty");
         std::fs::create_dir(&empty).unwrap();
         assert!(cameras(&empty).contains("no plan.json"));
+    }
+
+    /// If this failed, a NaN that nobody needs would refuse a whole capture, or a name that holds the word be changed.
+    #[test]
+    fn numbers_that_json_lacks_are_null() {
+        let text = br#"{"sharp": NaN, "far": [-Infinity, Infinity, 1], "name": "NaN \" Infinity"}"#;
+        let value: serde_json::Value = json(Path::new("a.json"), text).unwrap();
+        assert_eq!(value, serde_json::json!({"sharp": null, "far": [null, null, 1], "name": "NaN \" Infinity"}));
+        assert!(json::<serde_json::Value>(Path::new("a.json"), b"{\"a\": Nan}").is_err());
     }
 }

@@ -1,5 +1,6 @@
 //! Wavefront OBJ meshes with the diffuse colours of their materials.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -43,6 +44,7 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
     let refuse = |line: usize, what: &str| {
         Err(Error::input(path, format!("line {line}: {what}; mend the line or export the mesh again")))
     };
+    let bytes = &*utf8(bytes);
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
     let mut begun = String::new();
@@ -68,6 +70,19 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
         notes.push(format!("{} faces with more than three vertices were cut into triangles", reading.polygons));
     }
     checks::surface(path, reading.surface(), notes)
+}
+
+/// A file in UTF-16, as editors of Windows write it, in UTF-8.
+fn utf8(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let decode = |unit: fn([u8; 2]) -> u16| -> Vec<u8> {
+        let units = bytes[2..].chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
+        char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect::<String>().into()
+    };
+    match bytes {
+        [0xfe, 0xff, ..] => decode(u16::from_be_bytes).into(),
+        [0xff, 0xfe, ..] => decode(u16::from_le_bytes).into(),
+        _ => bytes.into(),
+    }
 }
 
 impl Reading {

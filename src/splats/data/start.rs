@@ -159,6 +159,7 @@ fn gaussians(
         opacities: vec![(settings.opacity / (1.0 - settings.opacity)).ln() as f32; count],
         degree: settings.degree,
         harmonics,
+        antialiased: false,
     })
 }
 

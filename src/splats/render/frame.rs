@@ -72,23 +72,13 @@ impl Frame {
 
     /// Gaussians of the world in the training frame.
     pub fn gaussians_to_training(&self, gaussians: Gaussians) -> Gaussians {
-        mapped(gaussians, &self.to_training)
+        gaussians.through(&self.to_training)
     }
 
     /// Gaussians of the training frame in the world.
     pub fn gaussians_to_world(&self, gaussians: Gaussians) -> Gaussians {
-        mapped(gaussians, &self.to_training.inverse())
+        gaussians.through(&self.to_training.inverse())
     }
-}
-
-/// Gaussians through a map without rotation.
-fn mapped(mut gaussians: Gaussians, map: &Similarity) -> Gaussians {
-    let grown = map.scale.ln();
-    gaussians.centres.iter_mut().for_each(|centre| *centre = map.point(*centre));
-    for scale in gaussians.log_scales.as_flattened_mut() {
-        *scale = (f64::from(*scale) + grown) as f32;
-    }
-    gaussians
 }
 
 crate::gpu_struct! {
@@ -231,6 +221,7 @@ mod tests {
             opacities: vec![0.3],
             degree: 0,
             harmonics: vec![0.1, 0.2, 0.3],
+            antialiased: false,
         };
         let trained = frame.gaussians_to_training(world.clone());
         assert_eq!(trained.centres[0], frame.to_training.point(world.centres[0]));

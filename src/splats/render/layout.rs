@@ -123,6 +123,7 @@ pub fn from_planes(values: &[f32], degree: u32, stride: usize, count: usize) -> 
             .flat_map(|i| (0..3 * coefficients(degree)).map(move |k| (i, k)))
             .map(|(i, k)| at(HARMONICS + k, i))
             .collect(),
+        antialiased: false,
     }
 }
 
@@ -142,6 +143,7 @@ mod tests {
             opacities: (0..n).map(value).collect(),
             degree: 2,
             harmonics: (0..27 * n).map(value).collect(),
+            antialiased: false,
         };
         assert_eq!(from_planes(&to_planes(&gaussians, 2, 8), 2, 8, n), gaussians);
         // A trainer of degree 3 adds zeros behind.

@@ -8,6 +8,7 @@ use super::record::TrainRecord;
 use crate::engine::parallel::try_each;
 use crate::files::io::folder::replace_unforced;
 use crate::files::io::picture;
+use crate::files::io::splats::SplatFormat;
 use crate::files::photos::Photo;
 use crate::{Error, Result};
 
@@ -15,6 +16,11 @@ use crate::{Error, Result};
 pub(crate) const CHECKPOINT: &str = "checkpoint.bin";
 /// The trained Gaussians in the capture's frame, in the usual layout.
 pub(crate) const MODEL: &str = "point_cloud.ply";
+/// The same in another format.
+pub(crate) fn model_in(format: SplatFormat) -> String {
+    format!("point_cloud.{}", format.extension())
+}
+
 /// The record of the run.
 pub(crate) const RECORD: &str = "train.json";
 /// The HTML report.
@@ -77,8 +83,9 @@ pub fn clear(folder: &Path) -> Result<()> {
     let earlier = serde_json::from_str(&text).map_or(Vec::new(), |record: TrainRecord| record.test_views);
     let names = picture_names(&earlier.into_iter().map(|view| view.name).collect::<Vec<_>>());
     let pictures = PICTURES.iter().flat_map(|of| names.iter().map(move |name| folder.join(of).join(name)));
-    let own = [CHECKPOINT, MODEL].map(|name| folder.join(name));
-    for path in own.into_iter().chain(pictures).filter(|path| path.is_file()) {
+    let models = SplatFormat::ALL.map(model_in);
+    let own = [CHECKPOINT].into_iter().chain(models.iter().map(String::as_str)).map(|name| folder.join(name));
+    for path in own.chain(pictures).filter(|path| path.is_file()) {
         std::fs::remove_file(&path).map_err(|source| Error::io(&path, source))?;
     }
     Ok(())

@@ -288,7 +288,8 @@ impl<'a> TrainingLoop<'a> {
         drop(trainer);
         // Not those of the last iteration: a refinement may have followed it.
         self.record.splats = trained.len() as u32;
-        let in_world = frame.gaussians_to_world(trained.clone());
+        let mut in_world = frame.gaussians_to_world(trained.clone());
+        in_world.antialiased = request.config.antialiased;
         let bytes = crate::files::io::ply::write::gaussians(&in_world);
         replace_file(&request.folder.join(MODEL), |file| file.write_all(&bytes))?;
         let _ = observe(TrainEvent::Trained(&in_world));

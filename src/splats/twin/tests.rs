@@ -405,6 +405,7 @@ fn the_values_of_a_file_keep_their_places() {
         opacities: vec![0.0, 4.0],
         degree: 1,
         harmonics: (0..24).map(|v| v as f32).collect(),
+        antialiased: false,
     };
     let expected = Splat {
         centre: DVec3::new(1.0, 2.0, 3.0),

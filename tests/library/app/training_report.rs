@@ -205,6 +205,7 @@ fn ball(count: usize) -> Gaussians {
         opacities: vec![2.0; count],
         degree: 0,
         harmonics: (0..count).flat_map(colour).collect(),
+        antialiased: false,
     }
 }
 

@@ -185,7 +185,7 @@ fn splats_become_discs() {
         let kept = splats.positions.len();
         println!("{name}: {kept} of {count} kept; {notes:?}");
         assert!(kept <= count && kept > count / 4, "{name}: {kept} of {count} kept");
-        assert!(kept == count || notes[0].contains(&format!("of {count} splats")), "{notes:?}");
+        assert!(kept == count || notes[1].contains(&format!("of {count} splats")), "{notes:?}");
         assert!(splats.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-9), "{name}");
         assert!(splats.radii.iter().all(|r| r.is_finite() && *r > 0.0), "{name}");
         assert!(!splats.oriented && splats.colours.len() == kept && splats.radii.len() == kept, "{name}");

@@ -30,6 +30,8 @@ fn lenses() -> Vec<Distortion> {
         Distortion { radial: [0.3, 0.1, 0.01, 0.0, 0.0, 0.0], rational: [0.2, 0.05, 0.01], ..none },
         Distortion { fisheye: true, radial: [0.02, -0.01, 0.001, 0.0, 0.0, 0.0], ..none },
         Distortion { fov: 0.9, ..none },
+        Distortion { division: -0.2, ..none },
+        Distortion { unified: [0.6, 1.1], ..none },
         Distortion { fisheye: true, tangential: [1e-3, 2e-3], prism: [1e-3, 0.0, -1e-3, 0.0], ..none },
         Distortion {
             fisheye: true,

@@ -173,6 +173,7 @@ fn a_tile_takes_more_splats_than_a_loop_may_have_rounds() -> Result<()> {
         opacities: (0..count).map(|i| if i + 1 == count { 4.0 } else { -5.52 }).collect(),
         degree: 0,
         harmonics: (0..count).flat_map(|i| if i + 1 == count { [1.7, -1.7, -1.7] } else { [0.0; 3] }).collect(),
+        antialiased: false,
     };
     let view = View {
         row_x: [1.0, 0.0, 0.0, 0.0],

@@ -16,10 +16,9 @@ struct LensView {
     vec2 tangential;
     vec4 prism;
     vec3 rational;
-    float spare0;
+    float division;    // the division model's k; zero for every other
     float radial[6];
-    float spare1;
-    float spare2;
+    float unified[2];  // alpha and beta of the enhanced unified model; zero for every other
 };
 
 // (u, v) before distortion to what the pinhole is applied to.
@@ -28,6 +27,10 @@ vec2 lens_distort(LensView view, vec2 p) {
     float turned = 1.0;
     if (r > 1e-6 && view.fisheye != 0) turned = atan(r) / r;
     else if (r > 1e-6 && view.fov > 0.0) turned = atan(2.0 * r * tan(0.5 * view.fov)) / (r * view.fov);
+    else if (view.division != 0.0) turned = 2.0 / (1.0 + sqrt(max(1.0 - 4.0 * view.division * r * r, 0.0)));
+    else if (view.unified[0] != 0.0) {
+        turned = 1.0 / (view.unified[0] * sqrt(1.0 + view.unified[1] * r * r) + 1.0 - view.unified[0]);
+    }
     p *= turned;
     float r2 = dot(p, p);
     float above = 0.0;

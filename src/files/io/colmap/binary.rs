@@ -5,12 +5,14 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::{Image, Lens, Observation, PROJECTIONS, Point, pose};
+use super::rigs::{Frame, Rig, Sensor};
+use super::{Image, Lens, Observation, PROJECTIONS, Point};
 use crate::error::Result;
 use crate::files::io::binary::Cursor;
+use crate::files::io::left_out::LeftOut;
 
-/// Fewest bytes of a camera: id, model, width, height and three parameters.
-const CAMERA: usize = 4 + 4 + 8 + 8 + 3 * 8;
+/// Fewest bytes of a camera: id, model, width, height and two parameters.
+const CAMERA: usize = 4 + 4 + 8 + 8 + 2 * 8;
 /// Fewest bytes of an image: id, pose, camera, a name of one byte with its end, number of observations.
 const IMAGE: usize = 4 + 7 * 8 + 4 + 2 + 8;
 /// Bytes of an observation in an image: x, y, number of the point.
@@ -20,8 +22,18 @@ const POINT: usize = 8 + 3 * 8 + 3 + 8 + 8;
 /// Bytes of an entry of a track: number of the image, number of the observation in it.
 const TRACK: usize = 2 * 4;
 
+/// Fewest bytes of a rig: number, number of sensors.
+const RIG: usize = 2 * 4;
+/// Fewest bytes of a frame: number, number of its rig, pose, number of images.
+const FRAME: usize = 2 * 4 + 7 * 8 + 4;
+/// The kind of a sensor that is a camera.
+const IS_CAMERA: u32 = 0;
+
 /// Parses cameras.bin: lenses by their number.
-pub fn cameras(path: &Path, bytes: &[u8]) -> Result<BTreeMap<u32, Lens>> {
+///
+/// # Errors
+/// Where the file is cut short, or a model is not known, so that what follows it cannot be found.
+pub fn cameras(path: &Path, bytes: &[u8], left_out: &mut LeftOut) -> Result<BTreeMap<u32, Lens>> {
     let mut cursor = Cursor::new(path, bytes, 0);
     let mut lenses = BTreeMap::new();
     for i in 0..cursor.count(CAMERA, "cameras")? {
@@ -32,26 +44,32 @@ pub fn cameras(path: &Path, bytes: &[u8]) -> Result<BTreeMap<u32, Lens>> {
             return Err(cursor.error(format!("{what} has the unknown model {model}; convert it to PINHOLE or OPENCV")));
         };
         let (width, height) = (cursor.u64(&what)?, cursor.u64(&what)?);
-        let (Ok(width), Ok(height)) = (width.try_into(), height.try_into()) else {
-            return Err(cursor.error(format!("{what} has an image of {width} x {height} pixels; export it again")));
-        };
         let parameters: Vec<f64> = (0..projection.parameters).map(|_| cursor.f64(&what)).collect::<Result<_>>()?;
-        let Some(lens) = Lens::new(projection, [width, height], &parameters) else {
-            return Err(cursor.error(format!("{what} has {} parameters", parameters.len())));
+        let lens = match (width.try_into(), height.try_into()) {
+            (Ok(width), Ok(height)) => Lens::new(projection, [width, height], &parameters),
+            _ => Err(format!("its images have {width} x {height} pixels")),
         };
-        if lenses.insert(id, lens).is_some() {
-            return Err(cursor.error(format!("{what} has the number {id} of another one; export the model again")));
+        match lens {
+            Ok(_) if lenses.contains_key(&id) => left_out.add(format!("camera {id} is given twice")),
+            Ok(lens) => _ = lenses.insert(id, lens),
+            Err(what) => left_out.add(format!("camera {id}: {what}")),
         }
     }
     Ok(lenses)
 }
 
 /// Parses images.bin, without the observations.
+///
+/// # Errors
+/// Where the file is cut short.
 pub fn images(path: &Path, bytes: &[u8]) -> Result<Vec<Image>> {
     observed(path, bytes, |_| false)
 }
 
 /// Parses images.bin, with the observations of the images whose name `wanted` accepts.
+///
+/// # Errors
+/// Where the file is cut short.
 pub fn observed(path: &Path, bytes: &[u8], wanted: impl Fn(&str) -> bool) -> Result<Vec<Image>> {
     let mut cursor = Cursor::new(path, bytes, 0);
     let count = cursor.count(IMAGE, "images")?;
@@ -59,14 +77,7 @@ pub fn observed(path: &Path, bytes: &[u8], wanted: impl Fn(&str) -> bool) -> Res
     for i in 0..count {
         let what = format!("image {i}");
         let id = cursor.u32(&what)?;
-        let mut numbers = [0.0; 7];
-        for number in &mut numbers {
-            *number = cursor.f64(&what)?;
-        }
-        let [w, x, y, z, tx, ty, tz] = numbers;
-        let Some(pose) = pose([w, x, y, z], [tx, ty, tz]) else {
-            return Err(cursor.error(format!("{what} has a pose that is not finite or no rotation; remove it")));
-        };
+        let stored = cursor.motion(&what)?;
         let lens = cursor.u32(&what)?;
         let length = cursor.rest().iter().position(|&b| b == 0).unwrap_or(cursor.rest().len());
         let name = cursor.take(length + 1, format!("the name of {what}"))?;
@@ -82,12 +93,15 @@ pub fn observed(path: &Path, bytes: &[u8], wanted: impl Fn(&str) -> bool) -> Res
         } else {
             cursor.take(count * OBSERVATION, format!("the observations in {what}"))?;
         }
-        images.push(Image { id, lens, pose, name, stored: ([w, x, y, z], [tx, ty, tz]), observations });
+        images.push(Image { id, lens, name, stored, observations });
     }
     Ok(images)
 }
 
 /// Parses points3D.bin.
+///
+/// # Errors
+/// Where the file is cut short.
 pub fn points(path: &Path, bytes: &[u8]) -> Result<Vec<Point>> {
     let mut cursor = Cursor::new(path, bytes, 0);
     let count = cursor.count(POINT, "points")?;
@@ -106,4 +120,67 @@ pub fn points(path: &Path, bytes: &[u8]) -> Result<Vec<Point>> {
         points.push(Point { id, position, colour, error, track });
     }
     Ok(points)
+}
+
+/// Parses rigs.bin.
+///
+/// # Errors
+/// Where the file is cut short.
+pub fn rigs(path: &Path, bytes: &[u8]) -> Result<Vec<Rig>> {
+    let mut cursor = Cursor::new(path, bytes, 0);
+    let mut rigs = Vec::new();
+    for i in 0..cursor.count(RIG, "rigs")? {
+        let what = format!("rig {i}");
+        let (id, count) = (cursor.u32(&what)?, cursor.u32(&what)?);
+        let mut sensors = Vec::new();
+        for i in 0..count {
+            let sensor = cursor.sensor(&what)?;
+            // The first is what the rig's pose is of.
+            let pose = match i {
+                0 => Some(Rig::REFERENCE),
+                _ if cursor.array(&what)? == [0u8] => None,
+                _ => Some(cursor.motion(&what)?),
+            };
+            sensors.push((sensor, pose));
+        }
+        rigs.push(Rig { id, sensors });
+    }
+    Ok(rigs)
+}
+
+/// Parses frames.bin.
+///
+/// # Errors
+/// Where the file is cut short.
+pub fn frames(path: &Path, bytes: &[u8]) -> Result<Vec<Frame>> {
+    let mut cursor = Cursor::new(path, bytes, 0);
+    let mut frames = Vec::new();
+    for i in 0..cursor.count(FRAME, "frames")? {
+        let what = format!("frame {i}");
+        let (_, rig) = (cursor.u32(&what)?, cursor.u32(&what)?);
+        let pose = cursor.motion(&what)?;
+        let mut images = Vec::new();
+        for _ in 0..cursor.u32(&what)? {
+            images.push((cursor.sensor(&what)?, cursor.u64(&what)?));
+        }
+        frames.push(Frame { rig, pose, images });
+    }
+    Ok(frames)
+}
+
+impl Cursor<'_> {
+    /// Quaternion (w, x, y, z) and translation.
+    fn motion(&mut self, what: &str) -> Result<([f64; 4], [f64; 3])> {
+        let mut numbers = [0.0; 7];
+        for number in &mut numbers {
+            *number = self.f64(what)?;
+        }
+        let [w, x, y, z, tx, ty, tz] = numbers;
+        Ok(([w, x, y, z], [tx, ty, tz]))
+    }
+
+    /// The kind and number of a sensor.
+    fn sensor(&mut self, what: &str) -> Result<Sensor> {
+        Ok(Sensor { is_camera: self.u32(what)? == IS_CAMERA, id: self.u32(what)? })
+    }
 }

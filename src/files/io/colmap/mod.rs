@@ -1,165 +1,29 @@
 //! COLMAP sparse models: cameras, images and points3D, as text or little-endian binary.
 //!
 //! COLMAP stores camera-from-world rotations and translations in OpenCV axes; here poses are world-from-camera. The
-//! world frame and its arbitrary scale are left as they are. Files of rigs and frames, which newer versions add, are
-//! not needed: images.txt and images.bin hold every pose as well.
+//! world frame and its arbitrary scale are left as they are. Where a model has rigs and frames, images have their poses
+//! ([`rigs`]). Lenses, images, points and lines of text that cannot be used are left out, counted and named.
 
 pub mod binary;
+mod lens;
+pub mod rigs;
 mod subset;
 pub mod text;
 pub(crate) mod write;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
 
+pub(crate) use self::lens::PROJECTIONS;
+pub use self::lens::{Lens, Projection};
 pub use self::subset::{Subset, subset};
 use super::checks;
+use super::left_out::LeftOut;
 use crate::error::{Error, Result};
-use crate::scene::camera::{Camera, Intrinsics, Pose};
-use crate::scene::lens::Distortion;
+use crate::scene::camera::{Camera, Pose};
 use crate::scene::surface::{Points, Surface};
-
-/// A camera model: what the parameters mean.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Projection {
-    /// Number in binary files.
-    pub id: u32,
-    /// Name in text files.
-    pub name: &'static str,
-    /// Number of parameters.
-    pub parameters: usize,
-    /// Whether one focal length serves both axes: f cx cy ... instead of fx fy cx cy ...
-    pub one_focal: bool,
-}
-
-/// The models that COLMAP numbers 0 to 11; later ones are refused by their number.
-pub(crate) const PROJECTIONS: [Projection; 12] = [
-    projection(0, "SIMPLE_PINHOLE", 3, true),
-    projection(1, "PINHOLE", 4, false),
-    projection(2, "SIMPLE_RADIAL", 4, true),
-    projection(3, "RADIAL", 5, true),
-    projection(4, "OPENCV", 8, false),
-    projection(5, "OPENCV_FISHEYE", 8, false),
-    projection(6, "FULL_OPENCV", 12, false),
-    projection(7, "FOV", 5, false),
-    projection(8, "SIMPLE_RADIAL_FISHEYE", 4, true),
-    projection(9, "RADIAL_FISHEYE", 5, true),
-    projection(10, "THIN_PRISM_FISHEYE", 12, false),
-    projection(11, "RAD_TAN_THIN_PRISM_FISHEYE", 16, false),
-];
-
-const fn projection(id: u32, name: &'static str, parameters: usize, one_focal: bool) -> Projection {
-    Projection { id, name, parameters, one_focal }
-}
-
-/// Intrinsics that images share.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Lens {
-    /// How the parameters were read.
-    pub projection: Projection,
-    /// The pinhole part.
-    pub intrinsics: Intrinsics,
-    /// The parameters after the pinhole part, in COLMAP's order.
-    pub distortion: Vec<f64>,
-}
-
-impl Lens {
-    /// Splits COLMAP's parameters into the pinhole part and the distortion; none where their number is wrong.
-    fn new(projection: Projection, [width, height]: [u32; 2], parameters: &[f64]) -> Option<Self> {
-        if parameters.len() != projection.parameters {
-            return None;
-        }
-        let (focal, rest) = match *parameters {
-            [f, ref rest @ ..] if projection.one_focal => ([f, f], rest),
-            [fx, fy, ref rest @ ..] => ([fx, fy], rest),
-            _ => return None,
-        };
-        let (&principal, distortion) = rest.split_first_chunk::<2>()?;
-        Some(Self {
-            projection,
-            intrinsics: Intrinsics { width, height, focal, principal },
-            distortion: distortion.to_vec(),
-        })
-    }
-}
-
-impl Lens {
-    /// A lens with a distortion in the form that holds every model, the inverse of [`Lens::unified`]; none where no model of COLMAP's
-    /// has such a distortion.
-    pub fn of(intrinsics: Intrinsics, distortion: Distortion) -> Option<Self> {
-        let Distortion { fisheye, fov, radial, rational, tangential: [p1, p2], prism, after_radial } = distortion;
-        let [k1, k2, k3, k4, ..] = radial;
-        let (name, parameters) = if distortion.is_none() {
-            ("PINHOLE", Vec::new())
-        } else if after_radial {
-            ("RAD_TAN_THIN_PRISM_FISHEYE", [&radial[..], &[p1, p2], &prism].concat())
-        } else if fisheye && ([p1, p2] != [0.0; 2] || prism != [0.0; 4]) {
-            ("THIN_PRISM_FISHEYE", vec![k1, k2, p1, p2, k3, k4, prism[0], prism[2]])
-        } else if fisheye {
-            ("OPENCV_FISHEYE", vec![k1, k2, k3, k4])
-        } else if fov != 0.0 {
-            ("FOV", vec![fov])
-        } else if rational != [0.0; 3] || k3 != 0.0 {
-            ("FULL_OPENCV", vec![k1, k2, p1, p2, k3, rational[0], rational[1], rational[2]])
-        } else {
-            ("OPENCV", vec![k1, k2, p1, p2])
-        };
-        let projection = *PROJECTIONS.iter().find(|projection| projection.name == name)?;
-        let lens = Self { projection, intrinsics, distortion: parameters };
-        (lens.unified() == distortion).then_some(lens)
-    }
-
-    /// COLMAP's parameters, in its order.
-    pub fn parameters(&self) -> Vec<f64> {
-        let focal = if self.projection.one_focal { &self.intrinsics.focal[..1] } else { &self.intrinsics.focal };
-        [focal, &self.intrinsics.principal, &self.distortion].concat()
-    }
-
-    /// The distortion in the form that holds every model (formulae: COLMAP's `models.h`).
-    pub fn unified(&self) -> Distortion {
-        let none = Distortion::default();
-        let k = |i: usize| self.distortion.get(i).copied().unwrap_or(0.0);
-        let radial = |indices: &[usize]| {
-            let mut factors = [0.0; 6];
-            factors.iter_mut().zip(indices).for_each(|(factor, i)| *factor = k(*i));
-            factors
-        };
-        match self.projection.name {
-            "SIMPLE_RADIAL" => Distortion { radial: radial(&[0]), ..none },
-            "RADIAL" => Distortion { radial: radial(&[0, 1]), ..none },
-            "OPENCV" => Distortion { radial: radial(&[0, 1]), tangential: [k(2), k(3)], ..none },
-            "FULL_OPENCV" => Distortion {
-                radial: radial(&[0, 1, 4]),
-                rational: [k(5), k(6), k(7)],
-                tangential: [k(2), k(3)],
-                ..none
-            },
-            "FOV" => Distortion { fov: k(0), ..none },
-            "OPENCV_FISHEYE" => Distortion { fisheye: true, radial: radial(&[0, 1, 2, 3]), ..none },
-            "SIMPLE_RADIAL_FISHEYE" => Distortion { fisheye: true, radial: radial(&[0]), ..none },
-            "RADIAL_FISHEYE" => Distortion { fisheye: true, radial: radial(&[0, 1]), ..none },
-            "THIN_PRISM_FISHEYE" => Distortion {
-                fisheye: true,
-                radial: radial(&[0, 1, 4, 5]),
-                tangential: [k(2), k(3)],
-                prism: [k(6), 0.0, k(7), 0.0],
-                ..none
-            },
-            "RAD_TAN_THIN_PRISM_FISHEYE" => Distortion {
-                fisheye: true,
-                radial: radial(&[0, 1, 2, 3, 4, 5]),
-                tangential: [k(6), k(7)],
-                prism: [k(8), k(9), k(10), k(11)],
-                after_radial: true,
-                ..none
-            },
-            // The two pinholes.
-            _ => none,
-        }
-    }
-}
 
 /// A posed image.
 #[derive(Clone, Debug, PartialEq)]
@@ -168,8 +32,6 @@ pub struct Image {
     pub id: u32,
     /// Number of its lens.
     pub lens: u32,
-    /// World-from-camera pose.
-    pub pose: Pose,
     /// File name, relative to the image folder.
     pub name: String,
     /// Camera-from-world quaternion (w, x, y, z) and translation, as they are in the file.
@@ -205,33 +67,89 @@ pub struct Point {
     pub track: Vec<[u32; 2]>,
 }
 
-/// World-from-camera pose of a camera-from-world quaternion (w, x, y, z) and translation; none where the quaternion has
-/// no length or a number is not finite.
-fn pose([w, x, y, z]: [f64; 4], translation: [f64; 3]) -> Option<Pose> {
-    let rotation = DQuat::from_xyzw(x, y, z, w);
-    let length = rotation.length();
-    if !(length.is_finite() && length > 1e-9) {
-        return None;
+impl Image {
+    /// World-from-camera pose; none where the quaternion has no length or a number is not finite.
+    pub fn pose(&self) -> Option<Pose> {
+        let ([w, x, y, z], translation) = self.stored;
+        let rotation = DQuat::from_xyzw(x, y, z, w);
+        let length = rotation.length();
+        if !(length.is_finite() && length > 1e-9) {
+            return None;
+        }
+        let rotation = rotation.normalize().conjugate();
+        let position = -(rotation * DVec3::from_array(translation));
+        checks::usable(position).then_some(Pose { position, rotation })
     }
-    let rotation = rotation.normalize().conjugate();
-    let position = -(rotation * DVec3::from_array(translation));
-    position.is_finite().then_some(Pose { position, rotation })
 }
 
-/// Where a model lies in a capture.
-const MODEL_FOLDERS: [&str; 4] = ["", "sparse/0", "sparse", "colmap/sparse/0"];
+/// Folders of a capture that hold a model, or one in each of their numbered folders.
+const MODEL_FOLDERS: [&str; 3] = ["", "sparse", "colmap/sparse"];
 
-/// The folder in or under `path` that holds a model: itself, `sparse/0`, `sparse` or `colmap/sparse/0`.
+/// The folder in or under `path` that holds a model: itself, or in `sparse` or `colmap/sparse`. Of several numbered ones, as COLMAP writes
+/// them where it could not join all images, that with the most images.
 pub(crate) fn model_folder(path: &Path) -> Option<PathBuf> {
-    MODEL_FOLDERS
-        .iter()
-        .map(|below| path.join(below))
-        .find(|folder| file(folder, "cameras").is_some() && file(folder, "images").is_some())
+    if is_model(path) {
+        return Some(path.to_owned());
+    }
+    MODEL_FOLDERS.iter().find_map(|below| {
+        let folder = path.join(below);
+        largest(numbered(&folder)).or_else(|| is_model(&folder).then_some(folder))
+    })
+}
+
+/// What to say of a model that [`model_folder`] chose among several in `path`.
+pub(crate) fn others_note(path: &Path, model: &Path) -> Option<String> {
+    let parent = model.parent().filter(|_| model != path)?;
+    let mut all = numbered(parent);
+    all.retain(|(folder, _)| folder != model);
+    let (other, images) = all.iter().max_by_key(|(_, images)| *images)?;
+    let count = image_count(model);
+    let name = |folder: &Path| folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Some(format!(
+        "{} holds {} models: {} is read, of {count} images; {} has {images}; name another one's folder to read that",
+        parent.display(),
+        all.len() + 1,
+        name(model),
+        name(other)
+    ))
+}
+
+fn is_model(folder: &Path) -> bool {
+    file(folder, "cameras").is_some() && file(folder, "images").is_some()
+}
+
+/// The models in folders of `folder` whose names are numbers, in their order, with their numbers of images.
+fn numbered(folder: &Path) -> Vec<(PathBuf, usize)> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let number = |entry: std::fs::DirEntry| Some((entry.file_name().to_str()?.parse::<u32>().ok()?, entry.path()));
+    let mut found: Vec<(u32, PathBuf)> = entries.filter_map(number).filter(|(_, path)| is_model(path)).collect();
+    found.sort();
+    match &found[..] {
+        // Nothing to compare.
+        [_] => found.into_iter().map(|(_, path)| (path, 0)).collect(),
+        _ => found.into_iter().map(|(_, path)| (image_count(&path), path)).map(|(count, path)| (path, count)).collect(),
+    }
+}
+
+/// The first of those with the most images.
+fn largest(models: Vec<(PathBuf, usize)>) -> Option<PathBuf> {
+    models.into_iter().rev().max_by_key(|(_, images)| *images).map(|(folder, _)| folder)
+}
+
+/// Number of images of a model; zero where its file cannot be read.
+fn image_count(folder: &Path) -> usize {
+    let Ok(Some(source)) = Source::find(folder, "images") else { return 0 };
+    match source.is_binary {
+        true => source.bytes.first_chunk().map_or(0, |count| u64::from_le_bytes(*count) as usize),
+        false => text::images(&source.bytes, &mut LeftOut::default()).len(),
+    }
 }
 
 /// What a folder in or under `path` that holds only one half of a model has, and what it lacks.
 pub(crate) fn half_model(path: &Path) -> Option<(&'static str, &'static str)> {
-    let has = |name: &str| MODEL_FOLDERS.iter().any(|below| file(&path.join(below), name).is_some());
+    let folders = MODEL_FOLDERS.iter().flat_map(|below| [path.join(below), path.join(below).join("0")]);
+    let folders: Vec<PathBuf> = folders.collect();
+    let has = |name: &str| folders.iter().any(|folder| file(folder, name).is_some());
     match (has("cameras"), has("images")) {
         (true, false) => Some(("cameras.bin or cameras.txt", "images.bin or images.txt")),
         (false, true) => Some(("images.bin or images.txt", "cameras.bin or cameras.txt")),
@@ -244,27 +162,123 @@ fn file(folder: &Path, name: &str) -> Option<PathBuf> {
     ["bin", "txt"].iter().map(|extension| folder.join(name).with_extension(extension)).find(|path| path.is_file())
 }
 
-/// Reads one of the model's files with the parser of its encoding.
-fn read<T>(
+/// One of a model's files, which may be empty.
+struct Source {
+    path: PathBuf,
+    bytes: Vec<u8>,
+    is_binary: bool,
+}
+
+impl Source {
+    /// The file of that name in a model folder; none where there is none.
+    fn find(folder: &Path, name: &str) -> Result<Option<Self>> {
+        let Some(path) = file(folder, name) else { return Ok(None) };
+        let bytes = std::fs::read(&path).map_err(|source| Error::io(&path, source))?;
+        let is_binary = path.extension().is_some_and(|extension| extension == "bin");
+        Ok(Some(Self { path, bytes, is_binary }))
+    }
+
+    /// As [`Source::find`], where there must be one that holds something.
+    fn needed(folder: &Path, name: &str) -> Result<Self> {
+        match Self::find(folder, name)? {
+            Some(source) if source.bytes.is_empty() => {
+                Err(Error::input(source.path, "the file is empty; export it again"))
+            }
+            Some(source) => Ok(source),
+            None => {
+                let what = format!("it holds no {name}.bin and no {name}.txt; export the model again");
+                Err(Error::input(folder, what))
+            }
+        }
+    }
+}
+
+/// The lenses of a model and its images in the order of the file, with the observations of those whose name `wanted` accepts. All images
+/// can be used.
+///
+/// # Errors
+/// Where a file is missing or cut short, or no image is left.
+fn views(
     folder: &Path,
-    name: &str,
-    binary: impl Fn(&Path, &[u8]) -> Result<T>,
-    text: impl Fn(&Path, &[u8]) -> Result<T>,
-) -> Result<(PathBuf, T)> {
-    let path = file(folder, name).ok_or_else(|| {
-        Error::input(folder, format!("it holds no {name}.bin and no {name}.txt; export the model again"))
-    })?;
-    let bytes = super::read_file(&path)?;
-    let is_binary = path.extension().is_some_and(|e| e == "bin");
-    let value = if is_binary { binary(&path, &bytes)? } else { text(&path, &bytes)? };
-    Ok((path, value))
+    wanted: impl Fn(&str) -> bool,
+    notes: &mut Vec<String>,
+) -> Result<(BTreeMap<u32, Lens>, Vec<Image>)> {
+    let (mut bad_lenses, mut bad_images) = (LeftOut::default(), LeftOut::default());
+    let source = Source::needed(folder, "cameras")?;
+    let lenses = match source.is_binary {
+        true => binary::cameras(&source.path, &source.bytes, &mut bad_lenses)?,
+        false => text::cameras(&source.bytes, &mut bad_lenses),
+    };
+    let source = Source::needed(folder, "images")?;
+    let mut images = match source.is_binary {
+        true => binary::observed(&source.path, &source.bytes, wanted)?,
+        false => text::observed(&source.bytes, wanted, &mut bad_images),
+    };
+    if let (Some(of_rigs), Some(of_frames)) = (Source::find(folder, "rigs")?, Source::find(folder, "frames")?) {
+        let (mut bad_rigs, mut bad_frames) = (LeftOut::default(), LeftOut::default());
+        let rigs = match of_rigs.is_binary {
+            true => binary::rigs(&of_rigs.path, &of_rigs.bytes)?,
+            false => text::rigs(&of_rigs.bytes, &mut bad_rigs),
+        };
+        let frames = match of_frames.is_binary {
+            true => binary::frames(&of_frames.path, &of_frames.bytes)?,
+            false => text::frames(&of_frames.bytes, &mut bad_frames),
+        };
+        bad_rigs.note("rigs", notes);
+        bad_frames.note("frames", notes);
+        rigs::pose_images(&rigs, &frames, &mut images, notes);
+    }
+    let images = usable(&lenses, images, &mut bad_images);
+    if images.is_empty() {
+        let why = bad_lenses.first().or(bad_images.first());
+        let what = why.map_or("it holds no images".into(), |why| format!("no image of the model can be used: {why}"));
+        return Err(Error::input(source.path, format!("{what}; export the model again")));
+    }
+    bad_lenses.note("cameras of the model", notes);
+    bad_images.note("images", notes);
+    Ok((lenses, images))
+}
+
+/// The images that have a pose, a lens, and a number and name of their own.
+pub fn usable(lenses: &BTreeMap<u32, Lens>, mut images: Vec<Image>, left_out: &mut LeftOut) -> Vec<Image> {
+    let (mut numbers, mut names) = (HashSet::new(), HashSet::new());
+    images.retain(|image| {
+        let Image { id, lens, name, .. } = image;
+        let what = if image.pose().is_none() {
+            "has a pose that is not finite or no rotation".into()
+        } else if !lenses.contains_key(lens) {
+            format!("was taken with camera {lens}, which is not among those of the model that can be used")
+        } else if !numbers.insert(*id) {
+            format!("has the number {id} of another one")
+        } else if !names.insert(name.clone()) {
+            "is there twice".into()
+        } else {
+            return true;
+        };
+        left_out.add(format!("image {name:?} {what}"));
+        false
+    });
+    images
+}
+
+/// The cameras of images that can be used, in their order.
+pub fn cameras_of(lenses: &BTreeMap<u32, Lens>, images: &[Image]) -> Vec<Camera> {
+    let camera = |image: &Image| {
+        let intrinsics = lenses.get(&image.lens)?.intrinsics;
+        Some(Camera { name: image.name.clone(), pose: image.pose()?, intrinsics })
+    };
+    images.iter().filter_map(camera).collect()
 }
 
 /// Reads the cameras of a model folder, ordered by name, since COLMAP's own order changes from run to run.
 pub fn cameras(folder: &Path, notes: &mut Vec<String>) -> Result<Vec<Camera>> {
-    let (_, lenses) = read(folder, "cameras", binary::cameras, text::cameras)?;
-    let (path, images) = read(folder, "images", binary::images, text::images)?;
-    join(&path, &lenses, images, notes)
+    let (lenses, mut images) = views(folder, |_| false, notes)?;
+    images.sort_by(|a, b| a.name.cmp(&b.name));
+    let distorted = images.iter().filter(|image| lenses[&image.lens].distortion.iter().any(|&k| k != 0.0)).count();
+    if distorted > 0 {
+        notes.push(checks::taken_as_pinholes(distorted, images.len()));
+    }
+    Ok(cameras_of(&lenses, &images))
 }
 
 /// All parts of a model, images and cameras in the order of names.
@@ -275,67 +289,57 @@ pub struct Model {
     pub images: Vec<Image>,
     /// Their cameras, in the same order.
     pub cameras: Vec<Camera>,
-    /// The points as a surface and as they are in the file; none where there is no file of points or it is empty.
-    pub points: Option<(Surface, Vec<Point>)>,
+    /// The points; none where there is no file of points or it is empty.
+    pub points: Vec<Point>,
+}
+
+impl Model {
+    /// The points with the mean direction to the cameras of each point's track.
+    pub fn surface_points(&self) -> Points {
+        surface_points(&self.points, &self.images)
+    }
 }
 
 /// Reads a whole model folder.
-pub fn model(folder: &Path) -> Result<Model> {
-    let (_, lenses) = read(folder, "cameras", binary::cameras, text::cameras)?;
-    let (path, mut images) = read(folder, "images", binary::images, text::images)?;
+pub fn model(folder: &Path, notes: &mut Vec<String>) -> Result<Model> {
+    let (lenses, mut images) = views(folder, |_| false, notes)?;
     images.sort_by(|a, b| a.name.cmp(&b.name));
-    let cameras = join(&path, &lenses, images.clone(), &mut Vec::new())?;
-    let mut points = None;
-    if file(folder, "points3D").is_some() {
-        let (path, sparse) = read(folder, "points3D", binary::points, text::points)?;
-        if !sparse.is_empty() {
-            let centres = images.iter().map(|image| (image.id, image.pose.position)).collect();
-            points = Some((points_surface(&path, &sparse, &centres)?, sparse));
-        }
-    }
+    let cameras = cameras_of(&lenses, &images);
+    let points = points(folder, notes)?.unwrap_or_default();
     Ok(Model { lenses, images, cameras, points })
 }
 
-/// Gives every image its lens; `path` is for messages only.
-pub fn join(
-    path: &Path,
-    lenses: &BTreeMap<u32, Lens>,
-    mut images: Vec<Image>,
-    notes: &mut Vec<String>,
-) -> Result<Vec<Camera>> {
-    images.sort_by(|a, b| a.name.cmp(&b.name));
-    let mut distorted = 0;
-    let mut cameras = Vec::with_capacity(images.len());
-    for image in images {
-        let Some(lens) = lenses.get(&image.lens) else {
-            return Err(Error::input(
-                path,
-                format!(
-                    "image {} ({:?}) was taken with camera {}, which is not among the {} cameras of the model; export \
-                     the model again",
-                    image.id,
-                    image.name,
-                    image.lens,
-                    lenses.len()
-                ),
-            ));
-        };
-        distorted += usize::from(lens.distortion.iter().any(|&k| k != 0.0));
-        cameras.push(Camera { name: image.name, pose: image.pose, intrinsics: lens.intrinsics });
-    }
-    if distorted > 0 {
-        notes.push(checks::taken_as_pinholes(distorted, cameras.len()));
-    }
-    checks::cameras(path, cameras.iter())?;
-    Ok(cameras)
+/// The points of a model folder that are somewhere; none where it has no file of points.
+fn points(folder: &Path, notes: &mut Vec<String>) -> Result<Option<Vec<Point>>> {
+    let Some(source) = Source::find(folder, "points3D")? else { return Ok(None) };
+    let mut left_out = LeftOut::default();
+    let mut points = match source.is_binary {
+        // Some programs leave an empty file where there are no points.
+        true if source.bytes.is_empty() => Vec::new(),
+        true => binary::points(&source.path, &source.bytes)?,
+        false => text::points(&source.bytes, &mut left_out),
+    };
+    points.retain(|point| {
+        let usable = checks::usable(point.position);
+        if !usable {
+            left_out.add(format!("point {} is at {}", point.id, point.position));
+        }
+        usable
+    });
+    left_out.note("points", notes);
+    Ok(Some(points))
 }
 
 /// Reads the points of a model folder.
 pub fn surface(folder: &Path, notes: &mut Vec<String>) -> Result<Surface> {
-    let (path, points) = read(folder, "points3D", binary::points, text::points)?;
-    let (_, images) = read(folder, "images", binary::images, text::images)?;
-    let centres = images.iter().map(|image| (image.id, image.pose.position)).collect();
-    let surface = points_surface(&path, &points, &centres)?;
+    let model = model(folder, notes)?;
+    let Model { images, points, .. } = &model;
+    if points.is_empty() {
+        let what = "the model holds no points; make a surface from its photos with `camsplat proxy`, and give that";
+        return Err(Error::input(folder, what));
+    }
+    let surface = Surface::Points(model.surface_points());
+    checks::sound(folder, &surface)?;
     let error = points.iter().map(|p| p.error).sum::<f64>() / points.len() as f64;
     notes.push(format!(
         "COLMAP model of {} images and {} points, mean reprojection error {error:.2} pixels",
@@ -345,86 +349,18 @@ pub fn surface(folder: &Path, notes: &mut Vec<String>) -> Result<Surface> {
     Ok(surface)
 }
 
-/// The points as a surface, with the mean direction to the cameras of each point's track; `centres` are the camera
-/// centres by image number.
-pub fn points_surface(path: &Path, points: &[Point], centres: &HashMap<u32, DVec3>) -> Result<Surface> {
+/// The points as a surface, with the mean direction to the cameras of each point's track. Images of a track that are not among `images`
+/// count for nothing.
+pub fn surface_points(points: &[Point], images: &[Image]) -> Points {
+    let centres: HashMap<u32, DVec3> =
+        images.iter().filter_map(|image| Some((image.id, image.pose()?.position))).collect();
     let mut surface = Points::default();
-    for (i, point) in points.iter().enumerate() {
-        let mut toward = DVec3::ZERO;
-        for [image, _] in &point.track {
-            let Some(centre) = centres.get(image) else {
-                let what = format!("point {i} was seen in image {image}, which the model lacks; export it again");
-                return Err(Error::input(path, what));
-            };
-            toward += (*centre - point.position).normalize_or_zero();
-        }
+    for point in points {
+        let centres = point.track.iter().filter_map(|[image, _]| centres.get(image));
+        let toward: DVec3 = centres.map(|centre| (*centre - point.position).normalize_or_zero()).sum();
         surface.positions.push(point.position);
         surface.colours.push(point.colour);
         surface.toward_cameras.push(toward.normalize_or_zero());
     }
-    // Nothing is left out here: who saw which point is known by its number.
-    let surface = Surface::Points(surface);
-    checks::sound(path, &surface).map(|()| surface)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// If this failed, the coefficients of a lens would be taken for one another: each model at one point, by the formulae of
-    /// COLMAP's `models.h` written out, with a different number for every parameter.
-    #[test]
-    fn every_model_bends_as_colmap_says() {
-        let (u, v) = (0.4f64, -0.3f64);
-        let r2 = u * u + v * v;
-        let r = r2.sqrt();
-        let theta = r.atan();
-        let (fu, fv) = (u * theta / r, v * theta / r);
-        let t2 = theta * theta;
-        let series = |k: &[f64], x: f64| k.iter().rev().fold(0.0, |sum, k| (sum + k) * x);
-        let tangent = |x: f64, y: f64, p1: f64, p2: f64| {
-            let r2 = x * x + y * y;
-            (2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), 2.0 * p2 * x * y + p1 * (r2 + 2.0 * y * y))
-        };
-        let full = (1.0 + series(&[0.1, 0.02, 0.03], r2)) / (1.0 + series(&[0.04, 0.05, 0.06], r2));
-        let (tu, tv) = tangent(u, v, 1e-3, 2e-3);
-        let (gu, gv) = tangent(fu, fv, 1e-3, 2e-3);
-        let prism = 1.0 + series(&[0.1, 0.02, 0.03, 0.04], t2);
-        let fov = (2.0 * r * 0.4f64.tan()).atan() / (r * 0.8);
-        let six = 1.0 + series(&[0.1, 0.02, 0.03, 0.04, 0.05, 0.06], t2);
-        let (su, sv) = (six * fu, six * fv);
-        let s2 = su * su + sv * sv;
-        let both = 2.0 * (1e-3 * su + 2e-3 * sv);
-        let cases: [(&str, &[f64], [f64; 2]); 8] = [
-            ("RADIAL", &[0.1, 0.02], [u, v].map(|x| x * (1.0 + series(&[0.1, 0.02], r2)))),
-            ("FULL_OPENCV", &[0.1, 0.02, 1e-3, 2e-3, 0.03, 0.04, 0.05, 0.06], [u * full + tu, v * full + tv]),
-            ("FOV", &[0.8], [u * fov, v * fov]),
-            ("OPENCV_FISHEYE", &[0.1, 0.02, 0.03, 0.04], [fu * prism, fv * prism]),
-            ("SIMPLE_RADIAL_FISHEYE", &[0.1], [fu, fv].map(|x| x * (1.0 + 0.1 * t2))),
-            ("RADIAL_FISHEYE", &[0.1, 0.02], [fu, fv].map(|x| x * (1.0 + series(&[0.1, 0.02], t2)))),
-            (
-                "THIN_PRISM_FISHEYE",
-                &[0.1, 0.02, 1e-3, 2e-3, 0.03, 0.04, 5e-3, 6e-3],
-                [fu * prism + gu + 5e-3 * t2, fv * prism + gv + 6e-3 * t2],
-            ),
-            (
-                "RAD_TAN_THIN_PRISM_FISHEYE",
-                &[0.1, 0.02, 0.03, 0.04, 0.05, 0.06, 1e-3, 2e-3, 5e-3, 6e-3, 7e-3, 8e-3],
-                [
-                    su + both * su + s2 * 1e-3 + 5e-3 * s2 + 6e-3 * s2 * s2,
-                    sv + both * sv + s2 * 2e-3 + 7e-3 * s2 + 8e-3 * s2 * s2,
-                ],
-            ),
-        ];
-        for (name, distortion, expected) in cases {
-            let projection = *PROJECTIONS.iter().find(|p| p.name == name).unwrap();
-            let focal: &[f64] = if projection.one_focal { &[100.0] } else { &[100.0, 100.0] };
-            let parameters = [focal, &[50.0, 60.0], distortion].concat();
-            let lens = Lens::new(projection, [100, 120], &parameters).unwrap();
-            let bent = lens.unified().distort(glam::DVec2::new(u, v)).to_array();
-            for axis in 0..2 {
-                assert!((bent[axis] - expected[axis]).abs() < 1e-12, "{name}: {bent:?} instead of {expected:?}");
-            }
-        }
-    }
+    surface
 }

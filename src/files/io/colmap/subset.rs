@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::Path;
 
-use super::{Image, Lens, NO_POINT, Point, binary, read, text};
+use super::{Image, Lens, NO_POINT, Point};
 use crate::error::{Error, Result};
 
 /// The binary files of a model that was cut down, and what is in it.
@@ -19,72 +19,51 @@ pub struct Subset {
 
 /// Cuts the model in or under `folder` (as [`super::model_folder`] finds it) down to the images named in `keep`. Numbers,
 /// poses, camera models and their parameters, observations, positions, colours and errors stay what they are, bit for
-/// bit; tracks lose the images that are gone, and points that no image sees any more are dropped. Images and points keep
-/// their order, whatever that of `keep`. Files of rigs and frames are left out, as older versions of COLMAP do; newer ones
-/// read the model without them.
+/// bit; tracks lose the images that are gone and observations that are not there, and points that no image sees any more are dropped.
+/// Images and points keep their order, whatever that of `keep`. Files of rigs and frames are left out, as older versions of COLMAP do;
+/// newer ones read the model without them, and images have the poses of theirs.
 ///
 /// # Errors
-/// When the model cannot be read, lacks an image that is named, or two of its files contradict each other.
+/// When the model cannot be read, or lacks an image that is named.
 pub fn subset(folder: &Path, keep: &[String]) -> Result<Subset> {
     let Some(folder) = super::model_folder(folder) else {
         return Err(Error::input(folder, "the folder holds no COLMAP model (cameras and images as .bin or .txt)"));
     };
     let names: HashSet<&str> = keep.iter().map(String::as_str).collect();
     let wanted = |name: &str| names.contains(name);
-    let (_, lenses) = read(&folder, "cameras", binary::cameras, text::cameras)?;
-    let (path, mut images) = read(
-        &folder,
-        "images",
-        |path, bytes| binary::observed(path, bytes, wanted),
-        |path, bytes| text::observed(path, bytes, wanted),
-    )?;
+    // Whoever chose the images read the model before, and has its notes.
+    let (lenses, mut images) = super::views(&folder, wanted, &mut Vec::new())?;
     images.retain(|image| wanted(&image.name));
     let there: HashSet<&str> = images.iter().map(|image| image.name.as_str()).collect();
     if let Some(name) = keep.iter().find(|name| !there.contains(name.as_str())) {
-        return Err(Error::input(path, format!("the model has no image {name:?}; name images as the model does")));
+        return Err(Error::input(folder, format!("the model has no image {name:?}; name images as the model does")));
     }
     let used: BTreeSet<u32> = images.iter().map(|image| image.lens).collect();
-    let mut kept_lenses = Vec::with_capacity(used.len());
-    for id in used {
-        let what = || format!("images were taken with camera {id}, which the model lacks; export the model again");
-        kept_lenses.push((id, lenses.get(&id).ok_or_else(|| Error::input(&path, what()))?));
-    }
+    let kept_lenses: Vec<(u32, &Lens)> = used.into_iter().filter_map(|id| Some((id, lenses.get(&id)?))).collect();
     let mut files = vec![("cameras.bin", cameras_bin(&kept_lenses))];
 
-    let mut points = Vec::new();
-    let has_points = super::file(&folder, "points3D").is_some();
-    if has_points {
-        let (path, all) = read(&folder, "points3D", binary::points, text::points)?;
-        points = cut(&path, all, &images)?;
-    }
-    let kept: HashSet<u64> = points.iter().map(|point| point.id).collect();
+    let points = super::points(&folder, &mut Vec::new())?.map(|points| cut(points, &images));
+    let kept: HashSet<u64> = points.iter().flatten().map(|point| point.id).collect();
     for observation in images.iter_mut().flat_map(|image| &mut image.observations) {
         if !kept.contains(&observation.point) {
             observation.point = NO_POINT;
         }
     }
     files.push(("images.bin", images_bin(&images)));
-    if has_points {
-        files.push(("points3D.bin", points_bin(&points)));
+    if let Some(points) = &points {
+        files.push(("points3D.bin", points_bin(points)));
     }
-    Ok(Subset { files, images: images.len(), points: points.len() })
+    Ok(Subset { files, images: images.len(), points: points.map_or(0, |points| points.len()) })
 }
 
 /// The points that `images` still see.
-fn cut(path: &Path, mut points: Vec<Point>, images: &[Image]) -> Result<Vec<Point>> {
+fn cut(mut points: Vec<Point>, images: &[Image]) -> Vec<Point> {
     let counts: HashMap<u32, usize> = images.iter().map(|image| (image.id, image.observations.len())).collect();
     for point in &mut points {
-        point.track.retain(|[image, _]| counts.contains_key(image));
-        if let Some([image, observation]) = point.track.iter().find(|[image, at]| *at as usize >= counts[image]) {
-            let what = format!(
-                "point {} is observation {observation} of image {image}, which has only {}; export the model again",
-                point.id, counts[image]
-            );
-            return Err(Error::input(path, what));
-        }
+        point.track.retain(|[image, at]| counts.get(image).is_some_and(|count| (*at as usize) < *count));
     }
     points.retain(|point| !point.track.is_empty());
-    Ok(points)
+    points
 }
 
 fn cameras_bin(lenses: &[(u32, &Lens)]) -> Vec<u8> {
@@ -132,7 +111,9 @@ fn points_bin(points: &[Point]) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::{binary, text};
     use super::*;
+    use crate::files::io::left_out::LeftOut;
 
     const CAMERAS: &str = "1 SIMPLE_RADIAL 640 480 500.25 320 240 0.1\n2 OPENCV 100 200 90 91 50 100 1 2 3 4\n";
     const IMAGES: &str = "7 1 0 0 0 1 2 3 1 b.jpg\n10.5 20 5 30 40 -1 50 60 6\n\
@@ -158,12 +139,13 @@ mod tests {
         let subset = subset(folder.path(), &["a 1.jpg".into(), "c.jpg".into()]).unwrap();
         assert_eq!((subset.images, subset.points), (2, 1));
         let path = Path::new("subset.bin");
-        let lenses = binary::cameras(path, file(&subset, "cameras.bin")).unwrap();
-        assert_eq!(lenses, text::cameras(path, CAMERAS.as_bytes()).unwrap());
+        let left_out = &mut LeftOut::default();
+        let lenses = binary::cameras(path, file(&subset, "cameras.bin"), left_out).unwrap();
+        assert_eq!(lenses, text::cameras(CAMERAS.as_bytes(), left_out));
         let images = binary::observed(path, file(&subset, "images.bin"), |_| true).unwrap();
-        assert_eq!(images, text::observed(path, IMAGES.as_bytes(), |_| true).unwrap()[1..]);
+        assert_eq!(images, text::observed(IMAGES.as_bytes(), |_| true, left_out)[1..]);
         let points = binary::points(path, file(&subset, "points3D.bin")).unwrap();
-        let mut known = text::points(path, POINTS.as_bytes()).unwrap().remove(0);
+        let mut known = text::points(POINTS.as_bytes(), left_out).remove(0);
         known.track = vec![[8, 0]];
         assert_eq!(points, [known]);
     }
@@ -178,7 +160,7 @@ mod tests {
         };
         let first = subset_of(&["b.jpg"]).unwrap();
         let path = Path::new("subset.bin");
-        let lenses = binary::cameras(path, file(&first, "cameras.bin")).unwrap();
+        let lenses = binary::cameras(path, file(&first, "cameras.bin"), &mut LeftOut::default()).unwrap();
         assert_eq!(lenses.keys().collect::<Vec<_>>(), [&1]);
         assert_eq!(first.points, 2);
         let images = binary::observed(path, file(&first, "images.bin"), |_| true).unwrap();
@@ -188,9 +170,10 @@ mod tests {
 
     /// If this failed, a contradiction in a model would be passed on to programs that read the subset, and crash them.
     #[test]
-    fn a_track_that_leads_nowhere_is_refused() {
-        let folder = model("5 0 0 5 10 20 30 0.5 8 3\n");
-        let message = subset(folder.path(), &["a 1.jpg".into()]).unwrap_err().to_string();
-        assert!(message.contains("point 5 is observation 3 of image 8, which has only 1"), "{message}");
+    fn a_track_that_leads_nowhere_is_left_out() {
+        let folder = model("5 0 0 5 10 20 30 0.5 8 3\n6 1 0 5 10 20 30 0.5 8 3 8 0 77 0\n");
+        let subset = subset(folder.path(), &["a 1.jpg".into()]).unwrap();
+        let points = binary::points(Path::new("points3D.bin"), file(&subset, "points3D.bin")).unwrap();
+        assert_eq!(points.iter().map(|point| (point.id, &point.track[..])).collect::<Vec<_>>(), [(6, &[[8, 0]][..])]);
     }
 }

@@ -10,8 +10,11 @@ mod materials;
 mod model;
 mod nodes;
 mod schema;
+mod splats;
 
 pub use model::{parse_model, read_model};
+pub(crate) use splats::holds_splats;
+pub use splats::{parse_splats, write_splats};
 
 use std::path::Path;
 
@@ -19,6 +22,7 @@ use glam::{DVec2, DVec3};
 use gltf_json as json;
 use json::mesh::Semantic;
 use json::validation::Checked;
+use serde::Deserialize;
 
 use self::buffers::Buffers;
 use self::materials::Paint;
@@ -56,6 +60,7 @@ const HARMLESS: [&str; 10] = [
 /// fails the checks that all surfaces pass.
 pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surface> {
     let (text, chunk) = buffers::split(path, bytes)?;
+    check_version(path, text)?;
     let root: json::Root = super::json(path, text)?;
     let harmless = |name: &str| HARMLESS.iter().any(|start| name.starts_with(start));
     refuse_unreadable(path, &root, harmless, notes)?;
@@ -66,6 +71,13 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
     let left_out = nodes::for_each_part(path, &root, &buffers, &placed, |part| scene.add(&part))?;
     if left_out > 0 {
         notes.push(format!("{left_out} parts of points or lines were left out"));
+    }
+    if scene.dropped == 0 && scene.mesh.triangles.is_empty() {
+        let others = if left_out > 0 { format!(", and {left_out} parts of points or lines") } else { String::new() };
+        return Err(Error::input(
+            path,
+            format!("its scene shows no triangles{others}; export the meshes that it should show"),
+        ));
     }
     if scene.dropped > 0 && scene.mesh.triangles.is_empty() {
         let what = format!(
@@ -82,17 +94,34 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surfa
     checks::surface(path, Surface::Mesh(scene.mesh), notes)
 }
 
-/// Refuses other versions, and files that require extensions that `readable` does not accept as readable or harmless.
+/// Refuses other versions, whose JSON has another form.
+fn check_version(path: &Path, text: &[u8]) -> Result<()> {
+    #[derive(Default, Deserialize)]
+    struct Asset {
+        version: Option<serde_json::Value>,
+    }
+    #[derive(Deserialize)]
+    struct File {
+        asset: Option<Asset>,
+    }
+    let File { asset } = super::json(path, text)?;
+    let version = asset.unwrap_or_default().version;
+    let version = version.as_ref().map(|version| version.as_str().map_or(version.to_string(), str::to_owned));
+    match version {
+        Some(version) if !version.starts_with("2.") => {
+            Err(Error::input(path, format!("this is glTF {version:?}; convert it to glTF 2.0")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Refuses files that require extensions that `readable` does not accept as readable or harmless.
 fn refuse_unreadable(
     path: &Path,
     root: &json::Root,
     readable: impl Fn(&str) -> bool,
     notes: &mut Vec<String>,
 ) -> Result<()> {
-    if !root.asset.version.starts_with("2.") {
-        let what = format!("this is glTF {:?}; convert it to glTF 2.0", root.asset.version);
-        return Err(Error::input(path, what));
-    }
     let required = root.extensions_required.iter().map(String::as_str);
     let unread: Vec<&str> = required.filter(|name| !readable(name)).collect();
     if !unread.is_empty() {

@@ -102,7 +102,10 @@ fn faults_are_named() {
     assert!(part(r#"{"mesh": 7}"#, STRIP).contains("mesh 7 is not there"));
     assert!(part(r#"{"mesh": 0, "children": [0]}"#, STRIP).contains("node 0 hangs in the scene twice"));
     assert!(part(r#"{"mesh": 0}"#, r#"{"attributes": {"POSITION": 77}}"#).contains("accessor 77"));
-    assert!(part(r#"{"mesh": 0}"#, r#"{"attributes": {"POSITION": 0}, "mode": 1}"#).contains("no points"));
+    assert!(
+        part(r#"{"mesh": 0}"#, r#"{"attributes": {"POSITION": 0}, "mode": 1}"#)
+            .contains("no triangles, and 1 parts of points or lines")
+    );
     assert!(part(r#"{"mesh": 0, "scale": [1, 1, 1e39]}"#, STRIP).contains("line 1"), "1e39 is no f32");
     let needs = r#"{"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression", "EXT_baz"]}"#;
     assert!(read(needs).unwrap_err().to_string().contains("(KHR_draco_mesh_compression, EXT_baz)"));

@@ -2,12 +2,20 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use crate::error::{Error, Result};
 use crate::files::photos::{Header, Photo};
 use crate::scene::camera::Intrinsics;
 
-/// Extensions of images that can be decoded.
-const EXTENSIONS: [&str; 6] = ["jpg", "jpeg", "png", "JPG", "JPEG", "PNG"];
+/// Extensions of images that can be decoded, in the order in which they are looked for.
+pub(super) const EXTENSIONS: [&str; 8] = ["jpg", "jpeg", "png", "webp", "JPG", "JPEG", "PNG", "WEBP"];
+
+/// Extensions of images that cannot be decoded, so that they are not said to be missing.
+const OTHERS: [&str; 8] = ["avif", "heic", "heif", "jxl", "tif", "tiff", "bmp", "gif"];
+
+/// Whether a file is a picture by its name, of a format that can be decoded or another.
+pub(crate) fn is_picture(path: &Path) -> bool {
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+    extension.is_some_and(|extension| EXTENSIONS.iter().chain(&OTHERS).any(|known| *known == extension))
+}
 
 /// Folders that captures keep their masks in.
 const MASKS: [&str; 2] = ["masks", "mask"];
@@ -48,16 +56,6 @@ pub(crate) fn within(folder: &Path, name: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// The image `name` in the first of `folders` that has it, with another extension where there is none with its own:
-/// shrunk copies are often stored in another format.
-pub(crate) fn image(folders: &[PathBuf], name: &str) -> Option<PathBuf> {
-    folders.iter().find_map(|folder| {
-        let path = within(folder, name)?;
-        let others = EXTENSIONS.iter().map(|extension| path.with_extension(extension));
-        std::iter::once(path.clone()).chain(others).find(|path| path.is_file())
-    })
-}
-
 /// The mask of the image `name`: `masks/NAME.png` as COLMAP has it, the name with `.png` in place of its extension, or either with
 /// the extension of another image format; or the same in the folder `mask`.
 pub(crate) fn mask(root: &Path, name: &str) -> Option<PathBuf> {
@@ -78,10 +76,9 @@ pub(crate) fn images_in(folder: &Path) -> Vec<String> {
     while let Some(below) = open.pop() {
         for entry in std::fs::read_dir(folder.join(&below)).into_iter().flatten().flatten() {
             let name = format!("{below}{}", entry.file_name().to_string_lossy());
-            let has = |extension: &str| EXTENSIONS.contains(&extension);
             match entry.file_type() {
                 Ok(kind) if kind.is_dir() => open.push(format!("{name}/")),
-                _ if name.rsplit_once('.').is_some_and(|(_, extension)| has(extension)) => names.push(name),
+                _ if is_picture(Path::new(&name)) => names.push(name),
                 _ => {}
             }
         }
@@ -96,7 +93,7 @@ pub(crate) fn size(path: &Path) -> Option<(u32, u32)> {
     Some((header.width, header.height))
 }
 
-/// The message where an image is of another shape than its camera.
+/// What is wrong where an image is of another shape than its camera.
 pub(crate) fn disagreement(camera: &Intrinsics, width: u32, height: u32) -> String {
     let turned = camera.resized(height, width).is_some();
     let remedy = match turned {
@@ -109,52 +106,102 @@ pub(crate) fn disagreement(camera: &Intrinsics, width: u32, height: u32) -> Stri
 /// What the check of the files of photos found.
 #[derive(Default)]
 pub(crate) struct Settled {
-    /// What is missing or unreadable: files, or names of images that were not found.
+    /// What is missing or unreadable, or does not fit its camera: files, or names of images that were not found.
     pub missing: Vec<String>,
     /// Photos whose intrinsics were rescaled to the stored image.
     pub rescaled: usize,
 }
 
-/// Reads the header of every image and mask. Images that cannot be read are taken from their photos; intrinsics are
-/// rescaled to the stored images.
-///
-/// # Errors
-/// Where an image or a mask is of another shape than the camera.
-pub(crate) fn settle(photos: &mut [Photo]) -> Result<Settled> {
+/// Reads the header of every image and mask. Images that cannot be read, are of another shape than their camera, or whose mask is, are
+/// taken from their photos; intrinsics are rescaled to the stored images.
+pub(crate) fn settle(photos: &mut [Photo]) -> Settled {
     let mut settled = Settled::default();
     for photo in photos {
         let Some(image) = &photo.image else {
             settled.missing.push(photo.camera.name.clone());
             continue;
         };
-        let k = &mut photo.camera.intrinsics;
-        match Header::read(image) {
-            Err(e) => {
-                settled.missing.push(format!("{} ({e})", image.display()));
-                photo.image = None;
-            }
+        let given = photo.camera.intrinsics;
+        let fitted = match Header::read(image) {
+            Err(e) => Err(unreadable(image, &e)),
             Ok(Header { width, height, .. }) => {
-                let resized = k.resized(width, height);
-                let resized = resized.ok_or_else(|| Error::input(image, disagreement(k, width, height)))?;
-                settled.rescaled += usize::from((k.width, k.height) != (width, height));
-                *k = resized;
+                given.resized(width, height).ok_or_else(|| disagreement(&given, width, height))
+            }
+        };
+        match fitted {
+            Err(what) => {
+                settled.missing.push(format!("{} ({what})", image.display()));
+                photo.image = None;
+                continue;
+            }
+            Ok(fitted) => {
+                settled.rescaled += usize::from((given.width, given.height) != (fitted.width, fitted.height));
+                photo.camera.intrinsics = fitted;
             }
         }
         let Some(mask) = &photo.mask else { continue };
         match Header::read(mask) {
             Err(e) => {
-                settled.missing.push(format!("{} ({e})", mask.display()));
+                settled.missing.push(format!("{} ({})", mask.display(), unreadable(mask, &e)));
                 photo.mask = None;
             }
-            Ok(Header { width, height, .. }) if k.resized(width, height).is_none() => {
-                let what = format!(
-                    "the mask is {width} x {height} pixels and its image {} x {}; make the masks again for these images",
-                    k.width, k.height
-                );
-                return Err(Error::input(mask, what));
+            Ok(Header { width, height, .. }) if given.resized(width, height).is_none() => {
+                let Intrinsics { width: w, height: h, .. } = photo.camera.intrinsics;
+                settled.missing.push(format!(
+                    "{} (the mask is {width} x {height} pixels and its image {w} x {h}; make the masks again for these images)",
+                    mask.display()
+                ));
+                // Without its mask, what it covers would count as the object.
+                (photo.image, photo.mask) = (None, None);
             }
             Ok(_) => {}
         }
     }
-    Ok(settled)
+    settled
+}
+
+/// Why an image cannot be read: its format, where it is one that others decode.
+fn unreadable(path: &Path, error: &image::ImageError) -> String {
+    let mut start = [0; 12];
+    let read = std::fs::File::open(path).and_then(|mut file| std::io::Read::read_exact(&mut file, &mut start));
+    // ISO base media files say at byte 8 what they are (ISO/IEC 14496-12, 4.3).
+    let format = match (read, &start) {
+        (Ok(()), [_, _, _, _, b'f', b't', b'y', b'p', brand @ ..]) => match brand {
+            b"avif" | b"avis" => "AVIF",
+            _ => "HEIC",
+        },
+        (Ok(()), [0, 0, 0, 12, b'J', b'X', b'L', b' ', ..] | [0xff, 0x0a, ..]) => "JPEG XL",
+        (Ok(()), [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..]) => "TIFF",
+        (Ok(()), [b'B', b'M', ..]) => "BMP",
+        (Ok(()), [b'G', b'I', b'F', ..]) => "GIF",
+        _ => return error.to_string(),
+    };
+    format!("{format}, which is not read here; convert it to PNG, JPEG or WebP")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a user would not learn which format a photo is in that cannot be read.
+    #[test]
+    fn formats_that_are_not_read_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let said = |bytes: &[u8]| {
+            let path = folder.path().join("a");
+            std::fs::write(&path, bytes).unwrap();
+            unreadable(&path, &Header::read(&path).unwrap_err())
+        };
+        let cases: [(&[u8], &str); 6] = [
+            (b"\0\0\0\x1cftypavif\0\0", "AVIF, which"),
+            (b"\0\0\0\x1cftypheic\0\0", "HEIC, which"),
+            (b"\0\0\0\x0cJXL \r\n\x87\n", "JPEG XL, which"),
+            (b"II*\0\x08\0\0\0\0\0\0\0\0", "TIFF, which"),
+            (b"GIF89a\0\0\0\0\0\0", "GIF, which"),
+            (b"nothing at all", "could not be determined"),
+        ];
+        for (bytes, expected) in cases {
+            assert!(said(bytes).contains(expected), "{}", said(bytes));
+        }
+    }
 }

@@ -3,8 +3,10 @@
 
 use std::path::Path;
 
+use super::lookup::Lookup;
 use super::{Found, files};
 use crate::error::{Error, Result};
+use crate::files::io::left_out::LeftOut;
 use crate::files::io::matrix::{self, Axes};
 use crate::files::io::{checks, npy, read_file};
 use crate::files::photos::{Convention, Photo};
@@ -45,15 +47,22 @@ pub(super) fn read(folder: &Path) -> Result<Found> {
         );
         return Err(Error::input(&path, what));
     }
+    let lookup = Lookup::default();
+    let mut left_out = LeftOut::default();
     let mut photos = Vec::with_capacity(rows.len());
     for (i, row) in rows.iter().enumerate() {
         let column = |c: usize| [row[c], row[c + 5], row[c + 10]];
         let [down, right, back, position, [height, width, focal]] = [0, 1, 2, 3, 4].map(column);
         let pose = [0, 1, 2].map(|r| [right[r], -down[r], back[r], position[r]]);
-        let pose = matrix::pose(&pose, Axes::OpenGl)
-            .map_err(|what| Error::input(&path, format!("pose {i}: the matrix {what}")))?;
+        let pose = match matrix::pose(&pose, Axes::OpenGl) {
+            Ok(pose) => pose,
+            Err(what) => {
+                left_out.add(format!("pose {i}: the matrix {what}"));
+                continue;
+            }
+        };
         let name = names.get(i).cloned().unwrap_or_else(|| format!("{i:03}.png"));
-        let image = names.get(i).and_then(|name| files::image(&folders, name));
+        let image = names.get(i).and_then(|name| lookup.image(&folders, name));
         // The lens is given for the full size; `settle` brings it to that of the stored image.
         let intrinsics = Intrinsics {
             width: width as u32,
@@ -69,8 +78,10 @@ pub(super) fn read(folder: &Path) -> Result<Found> {
             image,
         });
     }
-    checks::cameras(&path, photos.iter().map(|photo| &photo.camera))?;
-    Ok(Found { photos, convention: Convention::Llff, ..Found::default() })
+    checks::usable_photos(&path, &mut photos, &mut left_out)?;
+    let mut notes = Vec::new();
+    left_out.note("poses", &mut notes);
+    Ok(Found { photos, convention: Convention::Llff, notes, ..Found::default() })
 }
 
 #[cfg(test)]

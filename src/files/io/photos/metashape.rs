@@ -7,12 +7,14 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use roxmltree::{Document, Node};
 
+use super::lookup::Lookup;
 use super::{Found, files};
 use crate::error::{Error, Result};
+use crate::files::io::left_out::LeftOut;
 use crate::files::io::matrix::{self, Axes};
 use crate::files::io::{checks, read_file};
 use crate::files::photos::{Convention, Photo};
-use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::lens::Distortion;
 use crate::scene::similarity::Similarity;
 
@@ -34,12 +36,12 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<E
     let text = std::str::from_utf8(bytes).map_err(|_| refuse("it is no text; export the cameras again".into()))?;
     let document = Document::parse(text).map_err(|e| refuse(format!("{e}; export the cameras again")))?;
     let all = |name: &'static str| document.descendants().filter(move |node| node.has_tag_name(name));
-    let mut sensors = HashMap::new();
-    let mut unknown = 0;
-    for sensor in all("sensor") {
-        match lens(&sensor).map_err(refuse)? {
-            Some(lens) => _ = sensors.insert(sensor.attribute("id").unwrap_or_default(), lens),
-            None => unknown += 1,
+    let mut sensors: HashMap<&str, Sensor> = HashMap::new();
+    let mut bad_sensors = LeftOut::default();
+    for node in all("sensor") {
+        match sensor(&node) {
+            Ok(sensor) => _ = sensors.insert(node.attribute("id").unwrap_or_default(), sensor),
+            Err(what) => bad_sensors.add(format!("sensor {:?} {what}", node.attribute("label").unwrap_or_default())),
         }
     }
     let chunk = all("chunk").next().and_then(|chunk| child(&chunk, "transform"));
@@ -50,37 +52,60 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<E
             components.insert(id, similarity(&transform).map_err(refuse)?);
         }
     }
-    let (mut found, mut unposed) = (Vec::new(), 0);
-    for node in all("camera").filter(|node| node.attribute("sensor_id").is_some()) {
+    let nodes: Vec<Node> = all("camera").filter(|node| node.attribute("sensor_id").is_some()).collect();
+    let masters: HashMap<&str, Node> = nodes.iter().filter_map(|node| Some((node.attribute("id")?, *node))).collect();
+    let mut found = Vec::new();
+    let (mut unposed, mut bad_cameras) = (0, LeftOut::default());
+    for node in nodes {
         let label = node.attribute("label").unwrap_or_default();
-        let (Some(transform), Some((intrinsics, distortion))) =
-            (child(&node, "transform"), node.attribute("sensor_id").and_then(|id| sensors.get(id)))
-        else {
+        let sensor = node.attribute("sensor_id").and_then(|id| sensors.get(id));
+        // A camera of a rig that is not the rig's first has that one's pose, moved and turned as its sensor is.
+        let master = node.attribute("master_id").and_then(|id| masters.get(id));
+        let (own, of_master) = (child(&node, "transform"), master.and_then(|master| child(master, "transform")));
+        let (Some(transform), Some(sensor)) = (own.or(of_master), sensor) else {
             unposed += 1;
             continue;
         };
-        let wrong = |what: &str| refuse(format!("the transform of camera {label:?} {what}; export the cameras again"));
-        let numbers = numbers::<16>(&transform).ok_or_else(|| wrong("is not 16 numbers"))?;
-        let rows = [0, 4, 8].map(|i| [numbers[i], numbers[i + 1], numbers[i + 2], numbers[i + 3]]);
-        let pose = matrix::pose(&rows, Axes::OpenCv).map_err(|what| wrong(&what))?;
-        // Newer versions move components to the world, older ones the chunk.
-        let to_world = node.attribute("component_id").and_then(|id| components.get(id)).unwrap_or(&chunk);
-        let camera = Camera { name: label.into(), pose: to_world.pose(&pose), intrinsics: *intrinsics };
-        found.push(Exported { camera, distortion: *distortion });
+        let placed = pose(&transform).map_err(|what| format!("has a transform that {what}")).and_then(|pose| {
+            let pose = if own.is_none() { after(&pose, &sensor.in_rig) } else { pose };
+            // Newer versions move components to the world, older ones the chunk.
+            let component = |node: &Node| node.attribute("component_id").and_then(|id| components.get(id));
+            let to_world = component(&node).or(master.and_then(component)).unwrap_or(&chunk);
+            let camera = Camera { name: label.into(), pose: to_world.pose(&pose), intrinsics: sensor.intrinsics };
+            checks::camera(&camera).map(|()| camera)
+        });
+        match placed {
+            Ok(camera) => found.push(Exported { camera, distortion: sensor.distortion }),
+            Err(what) => bad_cameras.add(format!("camera {label:?} {what}")),
+        }
     }
     if found.is_empty() {
-        return Err(refuse(
-            "it holds no cameras with poses and calibrations; align the photos, then export the cameras".into(),
-        ));
+        let why = bad_cameras.first().or(bad_sensors.first()).map(|why| format!(" ({why})")).unwrap_or_default();
+        return Err(refuse(format!(
+            "it holds no cameras with poses and calibrations{why}; align the photos, then export the cameras"
+        )));
     }
     if unposed > 0 {
         notes.push(format!("{unposed} cameras have no pose or no calibration that is known, and are left out"));
     }
-    if unknown > 0 {
-        notes.push(format!("{unknown} sensors are neither frame nor fisheye cameras with a calibration"));
-    }
-    checks::cameras(path, found.iter().map(|photo| &photo.camera))?;
+    bad_sensors.note("sensors", notes);
+    bad_cameras.note("cameras", notes);
     Ok(found)
+}
+
+/// A camera-to-chunk pose.
+fn pose(transform: &Node<'_, '_>) -> Result<Pose, String> {
+    let numbers = numbers::<16>(transform).ok_or("is not 16 numbers")?;
+    let rows = [0, 4, 8].map(|i| [numbers[i], numbers[i + 1], numbers[i + 2], numbers[i + 3]]);
+    matrix::pose(&rows, Axes::OpenCv)
+}
+
+/// The pose of what is at `inner` in the frame of what is at `outer`.
+fn after(outer: &Pose, inner: &Pose) -> Pose {
+    Pose {
+        position: outer.position + outer.rotation * inner.position,
+        rotation: (outer.rotation * inner.rotation).normalize(),
+    }
 }
 
 /// Reads a file of cameras, whose images lie beside it or in `images/`.
@@ -89,9 +114,10 @@ pub(super) fn read(path: &Path) -> Result<Found> {
     let exported = parse(path, &read_file(path)?, &mut notes)?;
     let root = path.parent().unwrap_or(Path::new(""));
     let folders: Vec<PathBuf> = files::image_folders(root).into_iter().chain([root.to_owned()]).collect();
+    let lookup = Lookup::default();
     let photo = |Exported { mut camera, distortion }: Exported| {
         // Labels are the names of files, mostly without their extension.
-        let image = files::image(&folders, &camera.name);
+        let image = lookup.image(&folders, &camera.name);
         if let Some(name) = image.as_deref().and_then(Path::file_name) {
             camera.name = name.to_string_lossy().into_owned();
         }
@@ -100,7 +126,9 @@ pub(super) fn read(path: &Path) -> Result<Found> {
     };
     let mut photos: Vec<Photo> = exported.into_iter().map(photo).collect();
     photos.sort_by(|a, b| a.camera.name.cmp(&b.camera.name));
-    checks::cameras(path, photos.iter().map(|photo| &photo.camera))?;
+    let mut left_out = LeftOut::default();
+    checks::usable_photos(path, &mut photos, &mut left_out)?;
+    left_out.note("photos", &mut notes);
     Ok(Found { photos, convention: Convention::Metashape, notes, ..Found::default() })
 }
 
@@ -114,25 +142,33 @@ fn numbers<const N: usize>(node: &Node<'_, '_>) -> Option<[f64; N]> {
     read?.try_into().ok()
 }
 
-/// The pinhole and distortion of a sensor; none where it is of another kind, or has no calibration. Formulas: Metashape's manual,
-/// "Camera models"; its P1 and P2 are OpenCV's p2 and p1.
-fn lens(sensor: &Node<'_, '_>) -> Result<Option<(Intrinsics, Distortion)>, String> {
-    let fisheye = match sensor.attribute("type") {
+/// A sensor: its lens, and where it is in its rig.
+struct Sensor {
+    intrinsics: Intrinsics,
+    distortion: Distortion,
+    /// To the frame of the rig's first sensor.
+    in_rig: Pose,
+}
+
+/// A sensor of the file. Formulas: Metashape's manual, "Camera models"; its P1 and P2 are OpenCV's p2 and p1. The place of a sensor in its
+/// rig is that of its centre, and its rotation that to the first sensor's axes (`Sensor.location` and `Sensor.rotation` of the manual).
+///
+/// # Errors
+/// Where it is of another kind, has no calibration, or one that is none, as a continuation of its name.
+fn sensor(node: &Node<'_, '_>) -> Result<Sensor, String> {
+    let fisheye = match node.attribute("type") {
         Some("frame") => false,
         Some("fisheye") => true,
-        _ => return Ok(None),
+        kind => return Err(format!("is of the kind {:?}, and neither frame nor fisheye", kind.unwrap_or_default())),
     };
-    let calibrations = || sensor.children().filter(|node| node.has_tag_name("calibration"));
+    let calibrations = || node.children().filter(|node| node.has_tag_name("calibration"));
     let adjusted = calibrations().find(|node| node.attribute("class") == Some("adjusted"));
-    let Some(calibration) = adjusted.or_else(|| calibrations().next()) else { return Ok(None) };
-    let wrong = |what: &str| {
-        format!("sensor {:?} has {what}; export the cameras again", sensor.attribute("label").unwrap_or_default())
-    };
-    let resolution = child(&calibration, "resolution").or_else(|| child(sensor, "resolution"));
+    let Some(calibration) = adjusted.or_else(|| calibrations().next()) else { return Err("has no calibration".into()) };
+    let resolution = child(&calibration, "resolution").or_else(|| child(node, "resolution"));
     let size = |name: &str| -> Option<u32> { resolution?.attribute(name)?.parse().ok() };
-    let (Some(width), Some(height)) = (size("width"), size("height")) else { return Err(wrong("no resolution")) };
+    let (Some(width), Some(height)) = (size("width"), size("height")) else { return Err("has no resolution".into()) };
     let value = |name: &str| match child(&calibration, name) {
-        Some(node) => numbers::<1>(&node).map(|[value]| value).ok_or_else(|| wrong(&format!("no number as {name}"))),
+        Some(node) => numbers::<1>(&node).map(|[value]| value).ok_or_else(|| format!("has no number as {name}")),
         None => Ok(0.0),
     };
     let focal = value("f")?;
@@ -148,7 +184,17 @@ fn lens(sensor: &Node<'_, '_>) -> Result<Option<(Intrinsics, Distortion)>, Strin
         tangential: [value("p2")?, value("p1")?],
         ..Distortion::default()
     };
-    Ok(Some((intrinsics, distortion)))
+    let r = match child(node, "rotation") {
+        Some(node) => numbers::<9>(&node).ok_or("has no rotation of 9 numbers")?,
+        None => [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+    };
+    let centre = match child(node, "location").or_else(|| child(node, "translation")) {
+        Some(node) => numbers::<3>(&node).ok_or("has no location of 3 numbers")?,
+        None => [0.0; 3],
+    };
+    let rows = [0, 1, 2].map(|i| [r[3 * i], r[3 * i + 1], r[3 * i + 2], centre[i]]);
+    let in_rig = matrix::pose(&rows, Axes::OpenCv).map_err(|what| format!("has a rotation that {what}"))?;
+    Ok(Sensor { intrinsics, distortion, in_rig })
 }
 
 /// The similarity of a component or a chunk.
@@ -223,6 +269,28 @@ mod tests {
                 (vec![-0.1, 0.02, 0.003], [-0.005, 0.004])
             );
         }
+    }
+
+    /// If this failed, all cameras of a rig but its first would be lost, or stand where that one does.
+    #[test]
+    fn cameras_of_a_rig_have_their_sensor_s_place() {
+        let text = document("component", "component_id=\"0\"");
+        // The second sensor is 0.5 to the right of the first and turned by a quarter about z.
+        let sensor = "<rotation locked=\"false\">0 -1 0 1 0 0 0 0 1</rotation><location>0.5 0 0</location></sensor>";
+        let second = text.find("<sensor id=\"0\"").map(|from| {
+            let whole = &text[from..from + text[from..].find("</sensor>").unwrap()];
+            format!("{}{sensor}", whole.replacen("id=\"0\"", "id=\"9\" master_id=\"0\"", 1))
+        });
+        let camera = "<camera id=\"90\" master_id=\"0\" sensor_id=\"9\" label=\"second\"/></cameras>";
+        let text =
+            text.replacen("</sensors>", &format!("{}</sensors>", second.unwrap()), 1).replacen("</cameras>", camera, 1);
+        let found = parse(Path::new("cameras.xml"), text.as_bytes(), &mut Vec::new()).unwrap();
+        assert_eq!(found.len(), 2, "{found:?}");
+        let [first, second] = [0, 1].map(|i| found[i].camera.pose);
+        // The component turns x to y and is twice as large.
+        assert!(second.position.distance(first.position + DVec3::Y) < 1e-12, "{first:?} {second:?}");
+        assert!(second.forward().distance(DVec3::Z) < 1e-12 && second.up().distance(DVec3::Y) < 1e-12, "{second:?}");
+        assert_eq!(found[1].camera.intrinsics, found[0].camera.intrinsics);
     }
 
     /// If this failed, images beside the file, or in `images`, would not be found by their labels without extension.

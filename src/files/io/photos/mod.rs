@@ -13,18 +13,20 @@
 
 pub(crate) mod files;
 pub mod llff;
+pub(crate) mod lookup;
 pub mod metashape;
 pub mod nsvf;
 pub(crate) mod phone;
 pub mod realitycapture;
 pub mod trajectory;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
 use self::files::Settled;
+use self::lookup::Lookup;
 use super::{colmap, ply, transforms};
 use crate::error::{Error, Result, bounded};
 use crate::files::photos::{self, Convention, Photo, PhotoSet};
@@ -82,14 +84,14 @@ struct Found {
 /// was understood.
 ///
 /// # Errors
-/// As [`super::read_cameras`]; where the path is no capture; where an image or mask is of another shape than its camera; where
-/// images are missing or unreadable, unless `options` allows it; where [`photos::check_convention`] finds the poses wrong.
+/// As [`super::read_cameras`]; where the path is no capture; where images are missing, unreadable or of another shape than their camera or
+/// mask, unless `options` allows it; where [`photos::check_convention`] finds the poses wrong.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<PhotoSet> {
     let mut found = find(path, options)?;
     if !found.unposed.is_empty() {
         found.notes.push(format!("left out, for they have no pose: {}", some(&found.unposed)));
     }
-    let Settled { mut missing, rescaled } = files::settle(&mut found.photos)?;
+    let Settled { mut missing, rescaled } = files::settle(&mut found.photos);
     missing.append(&mut found.missing_masks);
     if !missing.is_empty() && options.images == Images::Needed {
         let all = found.photos.iter().all(|photo| photo.image.is_none());
@@ -263,37 +265,40 @@ fn from_transforms(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<F
 }
 
 fn from_colmap(path: &Path, model: &Path) -> Result<Found> {
-    let parts = colmap::model(model)?;
+    let mut notes: Vec<String> = colmap::others_note(path, model).into_iter().collect();
+    let parts = colmap::model(model, &mut notes)?;
     let root = root(path, model, &parts.images);
     let folders = files::image_folders(&root);
     let number: HashMap<u32, u32> = parts.images.iter().zip(0..).map(|(image, i)| (image.id, i)).collect();
+    let surface = parts.surface_points();
+    let lookup = Lookup::default();
     let photos: Vec<Photo> = parts
         .cameras
         .into_iter()
         .zip(&parts.images)
         .map(|(camera, image)| {
             let distortion = parts.lenses.get(&image.lens).map(colmap::Lens::unified).unwrap_or_default();
-            let image = files::image(&folders, &camera.name);
+            let image = lookup.image(&folders, &camera.name);
             let mask = files::mask(&root, &camera.name);
             Photo { camera, distortion, image, mask }
         })
         .collect();
-    let mut found = Found { photos, ..Found::default() };
+    let mut found = Found { photos, notes, ..Found::default() };
     if let Some(folder) = folders.first() {
-        let known = |name: &String| parts.images.binary_search_by(|image| image.name.cmp(name)).is_ok();
+        let shown: HashSet<&Path> = found.photos.iter().filter_map(|photo| photo.image.as_deref()).collect();
+        let listed = |name: &String| parts.images.binary_search_by(|image| image.name.cmp(name)).is_ok();
+        let known = |name: &String| listed(name) || shown.contains(&*folder.join(name));
         found.unposed = files::images_in(folder).into_iter().filter(|name| !known(name)).collect();
     }
-    if let Some((Surface::Points(surface), sparse)) = parts.points {
-        found.points = surface;
-        found.points.normals = normals_beside(&root, &found.points.positions);
-        found.points.oriented = !found.points.normals.is_empty();
-        for point in sparse {
-            let mut track: Vec<u32> = point.track.iter().filter_map(|[id, _]| number.get(id).copied()).collect();
-            track.sort_unstable();
-            track.dedup();
-            found.tracks.push(track);
-            found.errors.push(point.error as f32);
-        }
+    found.points = surface;
+    found.points.normals = normals_beside(&root, &found.points.positions);
+    found.points.oriented = !found.points.normals.is_empty();
+    for point in parts.points {
+        let mut track: Vec<u32> = point.track.iter().filter_map(|[id, _]| number.get(id).copied()).collect();
+        track.sort_unstable();
+        track.dedup();
+        found.tracks.push(track);
+        found.errors.push(point.error as f32);
     }
     Ok(found)
 }
@@ -314,7 +319,8 @@ fn normals_beside(root: &Path, positions: &[DVec3]) -> Vec<DVec3> {
 fn root(path: &Path, model: &Path, images: &[colmap::Image]) -> PathBuf {
     let holds = |folder: &&Path| {
         let folders = files::image_folders(folder);
-        !folders.is_empty() && images.iter().any(|image| files::image(&folders, &image.name).is_some())
+        let lookup = Lookup::default();
+        !folders.is_empty() && images.iter().any(|image| lookup.image(&folders, &image.name).is_some())
     };
     std::iter::once(path).chain(model.ancestors().take(4)).find(holds).unwrap_or(path).to_owned()
 }

@@ -3,8 +3,10 @@
 
 use std::path::Path;
 
+use super::lookup::Lookup;
 use super::{Found, files};
 use crate::error::{Error, Result};
+use crate::files::io::left_out::LeftOut;
 use crate::files::io::matrix::{self, Axes};
 use crate::files::io::{checks, read_file};
 use crate::files::photos::{Convention, Photo};
@@ -80,11 +82,19 @@ pub(super) fn read(folder: &Path) -> Result<Found> {
         notes.push(format!("only the {} views for training (0_) of {all} are read", stems.len()));
     }
     let rgb = [folder.join("rgb")];
+    let lookup = Lookup::default();
+    let mut left_out = LeftOut::default();
     let mut photos = Vec::with_capacity(stems.len());
     for stem in &stems {
         let path = poses.join(format!("{stem}.txt"));
-        let pose = pose(&path, &read_file(&path)?)?;
-        let image = files::image(&rgb, &format!("{stem}.png"));
+        let pose = match read_file(&path).and_then(|bytes| pose(&path, &bytes)) {
+            Ok(pose) => pose,
+            Err(what) => {
+                left_out.add(what.to_string());
+                continue;
+            }
+        };
+        let image = lookup.image(&rgb, &format!("{stem}.png"));
         let stored = image.as_deref().and_then(files::size);
         // Without a size in the file, the lens is that of the stored images.
         let Some((width, height)) = size.or(stored) else {
@@ -104,7 +114,8 @@ pub(super) fn read(folder: &Path) -> Result<Found> {
             image,
         });
     }
-    checks::cameras(&poses, photos.iter().map(|photo| &photo.camera))?;
+    checks::usable_photos(&poses, &mut photos, &mut left_out)?;
+    left_out.note("views", &mut notes);
     let unposed = files::images_in(&rgb[0]).into_iter().filter(|name| {
         let stem = name.rsplit_once('.').map_or(name.as_str(), |(stem, _)| stem);
         !poses.join(format!("{stem}.txt")).is_file()

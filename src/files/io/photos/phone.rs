@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DQuat};
 use serde::Deserialize;
 
+use super::lookup::Lookup;
 use super::{Found, files};
 use crate::error::{Error, Result};
+use crate::files::io::left_out::LeftOut;
 use crate::files::io::matrix::{self, Axes};
 use crate::files::io::{checks, json, read_file};
 use crate::files::photos::{Convention, Photo};
-use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::lens::Distortion;
 
 /// Polycam's folders of cameras and their images: those that the app has refined first.
@@ -76,55 +78,76 @@ fn polycam(folder: &Path, cameras: &Path, images: PathBuf) -> Result<Found> {
         .filter_map(|entry| entry.file_name().to_str()?.strip_suffix(".json").map(str::to_owned))
         .collect();
     stems.sort();
-    let images = [images];
+    let images = Images { folder, images: vec![images], lookup: Lookup::default() };
+    let mut left_out = LeftOut::default();
     let mut photos = Vec::with_capacity(stems.len());
     for stem in stems {
         let file = cameras.join(format!("{stem}.json"));
-        let k: Keyframe = json(&file, &read_file(&file)?)?;
+        let k: Keyframe = match read_file(&file).and_then(|bytes| json(&file, &bytes)) {
+            Ok(keyframe) => keyframe,
+            Err(what) => {
+                left_out.add(what.to_string());
+                continue;
+            }
+        };
         let rows =
             [[k.t_00, k.t_01, k.t_02, k.t_03], [k.t_10, k.t_11, k.t_12, k.t_13], [k.t_20, k.t_21, k.t_22, k.t_23]];
-        let pose = matrix::pose(&rows, Axes::OpenGl)
-            .map_err(|what| Error::input(&file, format!("the matrix of t_00 to t_23 {what}")))?;
+        let pose = match matrix::pose(&rows, Axes::OpenGl) {
+            Ok(pose) => pose,
+            Err(what) => {
+                left_out.add(format!("{stem}: the matrix of t_00 to t_23 {what}"));
+                continue;
+            }
+        };
         let intrinsics =
             Intrinsics { width: k.width as u32, height: k.height as u32, focal: [k.fx, k.fy], principal: [k.cx, k.cy] };
-        photos.push(photo(folder, &images, format!("{stem}.jpg"), pose, intrinsics));
+        photos.push(images.photo(format!("{stem}.jpg"), pose, intrinsics));
     }
-    checks::cameras(cameras, photos.iter().map(|photo| &photo.camera))?;
-    Ok(Found { photos, convention: Convention::Phone, ..Found::default() })
+    checks::usable_photos(cameras, &mut photos, &mut left_out)?;
+    let mut notes = Vec::new();
+    left_out.note("keyframes", &mut notes);
+    Ok(Found { photos, convention: Convention::Phone, notes, ..Found::default() })
 }
 
 fn record3d(folder: &Path) -> Result<Found> {
     let file = folder.join("metadata");
     let Metadata { intrinsics: k, w, h, poses } = json(&file, &read_file(&file)?)?;
-    let images = [folder.join("rgbd"), folder.join("rgb")];
+    let images = Images { folder, images: vec![folder.join("rgbd"), folder.join("rgb")], lookup: Lookup::default() };
+    let mut left_out = LeftOut::default();
     let intrinsics = Intrinsics { width: w as u32, height: h as u32, focal: [k[0], k[4]], principal: [k[6], k[7]] };
     let mut photos = Vec::with_capacity(poses.len());
     for (i, [x, y, z, w, px, py, pz]) in poses.into_iter().enumerate() {
         let axes = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
         let row = |r: usize, p: f64| [axes.x_axis[r], axes.y_axis[r], axes.z_axis[r], p];
-        let pose = matrix::pose(&[row(0, px), row(1, py), row(2, pz)], Axes::OpenGl)
-            .map_err(|what| Error::input(&file, format!("pose {i}: its rotation {what}")))?;
-        photos.push(photo(folder, &images, format!("{i}.jpg"), pose, intrinsics));
+        match matrix::pose(&[row(0, px), row(1, py), row(2, pz)], Axes::OpenGl) {
+            Ok(pose) => photos.push(images.photo(format!("{i}.jpg"), pose, intrinsics)),
+            Err(what) => left_out.add(format!("pose {i}: its rotation {what}")),
+        }
     }
-    checks::cameras(&file, photos.iter().map(|photo| &photo.camera))?;
+    checks::usable_photos(&file, &mut photos, &mut left_out)?;
+    let mut notes = Vec::new();
+    left_out.note("poses", &mut notes);
     // Names are numbers without leading zeros: photos go by name everywhere.
     photos.sort_by(|a, b| a.camera.name.cmp(&b.camera.name));
-    Ok(Found { photos, convention: Convention::Phone, ..Found::default() })
+    Ok(Found { photos, convention: Convention::Phone, notes, ..Found::default() })
 }
 
-/// The photo of a pose, with its image where there is one in `images`.
-fn photo(
-    folder: &Path,
-    images: &[PathBuf],
-    name: String,
-    pose: crate::scene::camera::Pose,
-    intrinsics: Intrinsics,
-) -> Photo {
-    let image = files::image(images, &name);
-    let stored = image.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
-    let name = stored.unwrap_or(name);
-    let mask = files::mask(folder, &name);
-    Photo { camera: Camera { name, pose, intrinsics }, distortion: Distortion::default(), image, mask }
+/// Where the images of a capture lie.
+struct Images<'a> {
+    folder: &'a Path,
+    images: Vec<PathBuf>,
+    lookup: Lookup,
+}
+
+impl Images<'_> {
+    /// The photo of a pose, with its image where there is one.
+    fn photo(&self, name: String, pose: Pose, intrinsics: Intrinsics) -> Photo {
+        let image = self.lookup.image(&self.images, &name);
+        let stored = image.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
+        let name = stored.unwrap_or(name);
+        let mask = files::mask(self.folder, &name);
+        Photo { camera: Camera { name, pose, intrinsics }, distortion: Distortion::default(), image, mask }
+    }
 }
 
 #[cfg(test)]
@@ -161,8 +184,20 @@ mod tests {
         let found = read(folder.path()).unwrap();
         looks_along_minus_z(&found.photos[0].camera);
         write(folder.path(), "keyframes/corrected_cameras/8.json", &KEYFRAME.replace("\"t_00\": 1", "\"t_00\": 3"));
-        write(folder.path(), "keyframes/corrected_cameras/9.json", &KEYFRAME.replace("\"t_00\": 1", "\"t_01\": 1"));
-        assert!(read(folder.path()).err().unwrap().to_string().contains("9.json"));
+        write(folder.path(), "keyframes/corrected_cameras/9.json", &KEYFRAME.replace("\"t_01\": 0", "\"t_01\": 1"));
+        let found = read(folder.path()).unwrap();
+        assert_eq!(found.photos.len(), 2);
+        assert!(
+            found.notes[0].starts_with("keyframes left out: 1; 9: the matrix of t_00 to t_23 is no rotation"),
+            "{:?}",
+            found.notes
+        );
+        for good in ["7", "8"] {
+            std::fs::remove_file(folder.path().join(format!("keyframes/corrected_cameras/{good}.json"))).unwrap();
+        }
+        assert!(
+            read(folder.path()).err().unwrap().to_string().contains("none of its cameras can be used: 9: the matrix")
+        );
     }
 
     /// If this failed, recordings of Record3D would be read with quaternions or intrinsics in the wrong order.
@@ -179,6 +214,7 @@ mod tests {
         // Half a turn about +y.
         assert!(found.photos[1].camera.pose.forward().distance(DVec3::Z) < 1e-12);
         write(folder.path(), "metadata", &text.replace("0, 1, 0, 0", "0, 0, 0, 0"));
-        assert!(read(folder.path()).is_err());
+        let found = read(folder.path()).unwrap();
+        assert!(found.photos.len() == 1 && found.notes[0].contains("pose 1: its rotation"), "{:?}", found.notes);
     }
 }

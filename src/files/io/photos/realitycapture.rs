@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
 
+use super::lookup::Lookup;
 use super::{Found, files};
 use crate::error::{Error, Result};
+use crate::files::io::left_out::LeftOut;
 use crate::files::io::{checks, read_file};
 use crate::files::photos::{Convention, Photo};
 use crate::scene::camera::{Camera, Intrinsics, Pose};
@@ -48,20 +50,27 @@ impl Row {
     }
 }
 
-/// The rows of the file, and a note where it leaves columns of the lens out. Lines before the header are passed over.
+/// The rows of the file, and a note where it leaves columns of the lens out. Lines before the header are passed over; rows of another
+/// number of columns, or with a value that is no number, are left out. Columns lie between commas, semicolons (then numbers may have
+/// a decimal comma) or tabs.
 ///
 /// # Errors
-/// Where the file has no such header, a row another number of columns, or a value that is no number.
+/// Where the file has no such header, or no row is left.
 pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<Row>> {
     const AGAIN: &str = "export \"Internal/External camera parameters\" from RealityCapture again";
     let refuse = |what: String| Error::input(path, format!("{what}; {AGAIN}"));
     let text = std::str::from_utf8(bytes).map_err(|_| refuse("it is no text".into()))?;
     let mut lines = (1..).zip(text.trim_start_matches('\u{feff}').lines()).filter(|(_, line)| !line.trim().is_empty());
-    let columns = |line: &str| -> Vec<String> {
-        line.split(',').map(|name| name.trim().trim_start_matches('#').to_lowercase()).collect()
+    let columns = |line: &str, between: char| -> Vec<String> {
+        line.split(between).map(|name| name.trim().trim_start_matches('#').to_lowercase()).collect()
     };
-    let header = lines.by_ref().map(|(_, line)| columns(line)).find(|header| header.iter().any(|name| name == "name"));
-    let header = header.ok_or_else(|| refuse("no line of it names columns, of which one is \"name\"".into()))?;
+    let named = |line: &str| {
+        let headers = [',', ';', '\t'].map(|between| (between, columns(line, between)));
+        headers.into_iter().find(|(_, header)| header.len() > 1 && header.iter().any(|name| name == "name"))
+    };
+    let header = lines.by_ref().find_map(|(_, line)| named(line));
+    let (between, header) =
+        header.ok_or_else(|| refuse("no line of it names columns, of which one is \"name\"".into()))?;
     let number = |name: &str| header.iter().filter(|column| *column == name).count();
     if let Some(name) = ["name"].iter().chain(&NEEDED).chain(&LENS).find(|name| number(name) > 1) {
         return Err(refuse(format!("it has {} columns {name:?}", number(name))));
@@ -78,32 +87,42 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<R
         notes.push(format!("the file has no columns {}, which are taken for zero", missing.join(", ")));
     }
     let mut rows = Vec::new();
+    let mut left_out = LeftOut::default();
     for (number, line) in lines {
-        let fields: Vec<&str> = line.split(',').map(str::trim).collect();
-        if fields.len() != header.len() {
-            let what = format!("line {number} has {} columns and the header {}", fields.len(), header.len());
-            return Err(refuse(what));
-        }
-        let value = |name: &str| -> Result<f64> {
-            let Some(field) = place(name).map(|place| fields[place]) else { return Ok(0.0) };
-            field.parse().map_err(|_| refuse(format!("line {number}: {name} is {field:?} and no number")))
+        let fields: Vec<&str> = line.split(between).map(str::trim).collect();
+        let read = || -> Result<Row, String> {
+            if fields.len() != header.len() {
+                return Err(format!("line {number} has {} columns and the header {}", fields.len(), header.len()));
+            }
+            let value = |name: &str| -> Result<f64, String> {
+                let Some(field) = place(name).map(|place| fields[place]) else { return Ok(0.0) };
+                let number_of = if between == ';' { field.replace(',', ".") } else { field.to_owned() };
+                number_of.parse().map_err(|_| format!("line {number}: {name} is {field:?} and no number"))
+            };
+            Ok(Row {
+                name: place("name").map(|place| fields[place]).unwrap_or_default().into(),
+                pose: Pose {
+                    position: DVec3::new(value("x")?, value("y")?, value("alt")?),
+                    rotation: rotation([value("heading")?, value("pitch")?, value("roll")?]),
+                },
+                focal: value("f")?,
+                principal: [value("px")?, value("py")?],
+                distortion: Distortion {
+                    radial: [value("k1")?, value("k2")?, value("k3")?, value("k4")?, 0.0, 0.0],
+                    tangential: [value("t1")?, value("t2")?],
+                    ..Distortion::default()
+                },
+            })
         };
-        let name = place("name").map(|place| fields[place]).unwrap_or_default();
-        rows.push(Row {
-            name: name.into(),
-            pose: Pose {
-                position: DVec3::new(value("x")?, value("y")?, value("alt")?),
-                rotation: rotation([value("heading")?, value("pitch")?, value("roll")?]),
-            },
-            focal: value("f")?,
-            principal: [value("px")?, value("py")?],
-            distortion: Distortion {
-                radial: [value("k1")?, value("k2")?, value("k3")?, value("k4")?, 0.0, 0.0],
-                tangential: [value("t1")?, value("t2")?],
-                ..Distortion::default()
-            },
-        });
+        match read() {
+            Ok(row) => rows.push(row),
+            Err(what) => left_out.add(what),
+        }
     }
+    if let Some(what) = left_out.first().filter(|_| rows.is_empty()) {
+        return Err(refuse(what.into()));
+    }
+    left_out.note("rows", notes);
     Ok(rows)
 }
 
@@ -122,7 +141,8 @@ pub(super) fn read(path: &Path) -> Result<Found> {
     let rows = parse(path, &read_file(path)?, &mut notes)?;
     let root = path.parent().unwrap_or(Path::new(""));
     let folders: Vec<PathBuf> = files::image_folders(root).into_iter().chain([root.to_owned()]).collect();
-    let images: Vec<Option<PathBuf>> = rows.iter().map(|row| files::image(&folders, &row.name)).collect();
+    let lookup = Lookup::default();
+    let images: Vec<Option<PathBuf>> = rows.iter().map(|row| lookup.image(&folders, &row.name)).collect();
     let sizes: Vec<Option<(u32, u32)>> = images.iter().map(|image| image.as_deref().and_then(files::size)).collect();
     let Some(usual) = sizes.iter().flatten().next().copied() else {
         let what =
@@ -144,7 +164,9 @@ pub(super) fn read(path: &Path) -> Result<Found> {
         photos.push(Photo { camera, distortion: row.distortion, image, mask });
     }
     photos.sort_by(|a, b| a.camera.name.cmp(&b.camera.name));
-    checks::cameras(path, photos.iter().map(|photo| &photo.camera))?;
+    let mut left_out = LeftOut::default();
+    checks::usable_photos(path, &mut photos, &mut left_out)?;
+    left_out.note("cameras", &mut notes);
     Ok(Found { photos, convention: Convention::RealityCapture, notes, ..Found::default() })
 }
 
@@ -212,6 +234,25 @@ mod tests {
         assert_eq!(b.camera.intrinsics.focal, [27.0; 2]);
         assert!(c.image.is_none() && c.camera.intrinsics.width == 36, "{c:?}");
         assert!(found.notes[0].contains("no columns k4") && found.notes[1].contains("1 images"), "{:?}", found.notes);
+    }
+
+    /// If this failed, exports of systems with a decimal comma would be refused, or one bad row lose all others.
+    #[test]
+    fn semicolons_divide_too_and_bad_rows_are_left_out() {
+        let known = rows(&format!("{HEADER}a.jpg,1.5,2,3,10,80,1,18,0,0,0,0,0,0,0,0\n")).unwrap();
+        let header = HEADER.replace(',', ";");
+        for x in ["1.5", "1,5"] {
+            assert_eq!(rows(&format!("{header}a.jpg;{x};2;3;10;80;1;18;0;0;0;0;0;0;0;0\n")).unwrap(), known);
+        }
+        let text = format!(
+            "{HEADER}b.jpg,1\na.jpg,1.5,2,3,10,80,1,18,0,0,0,0,0,0,0,0\nc.jpg,x,2,3,10,80,1,18,0,0,0,0,0,0,0,0\n"
+        );
+        let mut notes = Vec::new();
+        assert_eq!(parse(Path::new("cameras.csv"), text.as_bytes(), &mut notes).unwrap(), known);
+        assert_eq!(
+            notes,
+            ["rows left out: 2; line 2 has 2 columns and the header 16; line 4: x is \"x\" and no number"]
+        );
     }
 
     /// If this failed, a table of other columns would give cameras that cannot be, or end the program.

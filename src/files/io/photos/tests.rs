@@ -137,22 +137,91 @@ fn missing_images_are_listed_skipped_or_borne() {
     assert!(place.refusal(Images::SkipMissing).contains("no photo has an image that can be read"));
 }
 
-/// If this failed, images that were cropped or turned would be taken for what the cameras saw.
+/// If this failed, images that were cropped or turned would be taken for what the cameras saw, or one such lose all others.
 #[test]
-fn images_of_another_shape_are_refused() {
+fn images_of_another_shape_are_not_used() {
     for (width, height, fragment) in
         [(40, 24, "scaled as a whole"), (10, 20, "lies on its side"), (20, 40, "on its side")]
     {
         let place = Place::colmap();
         place.image("images/a.jpg", width, height);
-        let message = place.refusal(Images::Optional);
+        place.image("images/sub/b.jpg", 40, 20);
+        let message = place.refusal(Images::Needed);
         let size = format!("{width} x {height} pixels and its camera 40 x 20");
         assert!(message.contains("a.jpg") && message.contains(&size) && message.contains(fragment), "{message}");
+        let skipped = place.read(Images::SkipMissing).unwrap();
+        assert_eq!(skipped.photos.iter().map(|photo| &photo.camera.name[..]).collect::<Vec<_>>(), ["sub/b.jpg"]);
     }
     let place = Place::colmap();
     place.image("images/a.jpg", 40, 20);
+    place.image("images/sub/b.jpg", 40, 20);
     place.image("masks/a.jpg.png", 20, 20);
-    assert!(place.refusal(Images::Optional).contains("the mask is 20 x 20"));
+    assert!(place.refusal(Images::Needed).contains("the mask is 20 x 20"));
+}
+
+/// If this failed, one bad item of a model would lose a whole capture, or be gone without a word.
+#[test]
+fn a_bad_part_of_a_model_is_left_out_and_named() {
+    let read = |file: &str, text: &str| {
+        let place = Place::colmap();
+        place.image("images/a.jpg", 40, 20);
+        place.image("images/sub/b.jpg", 40, 20);
+        fs::write(place.path(file), text).unwrap();
+        let set = place.read(Images::Needed).unwrap();
+        let names: Vec<String> = set.photos.iter().map(|photo| photo.camera.name.clone()).collect();
+        (names.join(" "), set.points.positions.len(), set.tracks.len(), set.notes.join("\n"))
+    };
+    let zero = IMAGES.replace("7 1 0 0 0", "7 0 0 0 0");
+    let (names, points, _, notes) = read("sparse/0/images.txt", &zero);
+    assert!(names == "a.jpg" && points == 2, "{names} {points}");
+    assert!(notes.contains("images left out: 1; image \"sub/b.jpg\" has a pose that is not finite"), "{notes}");
+    let unused = format!("{CAMERAS}2 PINHOLE 40 20 -nan(ind) 30 20 10\n");
+    let (names, _, _, notes) = read("sparse/0/cameras.txt", &unused);
+    assert!(names == "a.jpg sub/b.jpg" && notes.contains("cameras of the model left out: 1; line 2"), "{notes}");
+    let (_, points, tracks, notes) = read("sparse/0/points3D.txt", &format!("{POINTS}7 nan 0 5 1 2 3 0.5 7 1\n"));
+    assert!(points == 2 && tracks == 2 && notes.contains("points left out: 1; point 7 is at"), "{notes}");
+    let (names, points, ..) = read("sparse/0/points3D.txt", "");
+    assert!(names == "a.jpg sub/b.jpg" && points == 0);
+}
+
+/// If this failed, cameras of a rig would stand where stale poses say, which nobody would notice.
+#[test]
+fn rigs_and_frames_say_where_cameras_are() {
+    let place = Place::colmap();
+    fs::write(place.path("sparse/0/rigs.txt"), "1 2 CAMERA 1 CAMERA 2 1 1 0 0 0 -0.25 0 0\n").unwrap();
+    fs::write(place.path("sparse/0/frames.txt"), "1 1 1 0 0 0 -1 0 0 2 CAMERA 1 3 CAMERA 2 7\n").unwrap();
+    let set = place.read(Images::Optional).unwrap();
+    let positions: Vec<DVec3> = set.photos.iter().map(|photo| photo.camera.pose.position).collect();
+    assert_eq!(positions, [DVec3::X, DVec3::new(1.25, 0.0, 0.0)]);
+    assert!(
+        set.notes.iter().any(|note| note.starts_with("1 of 2 images stand elsewhere by the rigs")),
+        "{:?}",
+        set.notes
+    );
+    // What is read as cameras, or cut down to some of them, is the same.
+    let cameras = crate::files::io::read_cameras(place.0.path()).unwrap();
+    assert_eq!(cameras[1].pose.position, positions[1]);
+    let cut = colmap::subset(place.0.path(), &["sub/b.jpg".into()]).unwrap();
+    let images = colmap::binary::images(Path::new("images.bin"), &cut.files[1].1).unwrap();
+    assert_eq!(images[0].pose().unwrap().position, positions[1]);
+}
+
+/// If this failed, a capture that COLMAP could not join would be read as its first fragment.
+#[test]
+fn the_largest_of_several_models_is_read() {
+    let place = Place::colmap();
+    fs::write(place.path("sparse/0/images.txt"), "3 1 0 0 0 -1 0 0 1 a.jpg\n\n").unwrap();
+    for (name, text) in [("cameras", CAMERAS), ("images", IMAGES), ("points3D", POINTS)] {
+        fs::write(place.path(&format!("sparse/1/{name}.txt")), text).unwrap();
+        fs::write(place.path(&format!("sparse/10/{name}.txt")), text).unwrap();
+    }
+    for path in ["", "sparse"] {
+        let set = read(&place.path(path).join("."), &ReadOptions::default()).unwrap();
+        assert_eq!(set.photos.len(), 2);
+        let said = "holds 3 models: 1 is read, of 2 images; 10 has 2";
+        assert!(set.notes.iter().any(|note| note.contains(said)), "{:?}", set.notes);
+    }
+    assert_eq!(read(&place.path("sparse/0"), &ReadOptions::default()).unwrap().photos.len(), 1);
 }
 
 /// If this failed, mistaken poses would be noticed only by empty renders.
@@ -265,7 +334,11 @@ fn an_nsvf_folder() {
     }
     assert_eq!(crate::files::io::read_cameras(place.0.path()).unwrap(), set.cameras());
     fs::write(place.path("pose/0_a.txt"), "1 0 0\n").unwrap();
-    assert!(place.refusal(Images::Optional).contains("0_a.txt: the matrix must have the rows"));
+    let set = place.read(Images::Optional).unwrap();
+    let said = |note: &String| {
+        note.starts_with("views left out: 1;") && note.contains("0_a.txt: the matrix must have the rows")
+    };
+    assert!(set.photos.len() == 1 && set.notes.iter().any(said), "{:?}", set.notes);
 }
 
 /// If this failed, the images beside a trajectory would be paired with the wrong poses, or with a part of them.

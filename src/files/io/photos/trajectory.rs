@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use super::lookup::Lookup;
 use super::{Found, files};
 use crate::error::{Error, Result};
 use crate::files::io::checks;
@@ -49,11 +50,12 @@ pub(super) fn read(path: &Path, bytes: &[u8], intrinsics: Option<Intrinsics>) ->
     if !names.is_empty() && !paired {
         notes.push(format!("{} images lie beside {} poses, so none is taken for any", names.len(), poses.len()));
     }
+    let lookup = Lookup::default();
     let mut photos = Vec::with_capacity(poses.len());
     for (i, pose) in poses.into_iter().enumerate() {
         // Without images, the names that Tanks and Temples gives them.
         let name = if paired { names[i].clone() } else { format!("{:06}.jpg", i + 1) };
-        let image = if paired { files::image(&folders, &name) } else { None };
+        let image = if paired { lookup.image(&folders, &name) } else { None };
         let (width, height) = image.as_deref().and_then(files::size).unwrap_or(SIZE);
         let (w, h) = (f64::from(width), f64::from(height));
         let guess = Intrinsics { width, height, focal: [FOCAL * w.max(h); 2], principal: [0.5 * w, 0.5 * h] };

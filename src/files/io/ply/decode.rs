@@ -7,21 +7,19 @@ use glam::DVec3;
 use super::elements::{self, Columns};
 use super::header::Header;
 use crate::error::{Error, Result};
+use crate::files::io::splats::quantised;
 use crate::scene::harmonics;
 
 /// Splats that share one set of bounds in a packed file.
-const CHUNK: usize = 256;
-
-/// Packed opacities of 0 and 1 have no logit: they count as this far from them, a quarter of a step.
-const MIN_OPACITY: f64 = 0.25 / 255.0;
+pub(super) const CHUNK: usize = 256;
 
 /// Harmonics of packed files span -4 to 4.
-const PACKED_SPAN: f64 = 8.0;
+pub(super) const PACKED_SPAN: f64 = 8.0;
 
 /// Splats as a file has them, one entry of every list each. Nothing is checked but that there are as many of each.
 pub(super) struct Decoded {
     pub centres: Vec<DVec3>,
-    /// Natural logarithms of the standard deviations along the axes; flat splats have the least there is as their third.
+    /// Natural logarithms of the standard deviations along the axes; the third of flat splats is minus infinity.
     pub log_scales: Vec<DVec3>,
     /// World-from-splat quaternions (w, x, y, z) of any length.
     pub rotations: Vec<[f64; 4]>,
@@ -36,21 +34,22 @@ pub(super) struct Decoded {
 }
 
 impl Decoded {
-    /// Reads a file that [`is_splats`] accepts. The higher harmonics of packed files are read where `packed_rest` is set.
-    pub fn read(path: &Path, bytes: &[u8], header: &Header, packed_rest: bool) -> Result<Self> {
+    /// Reads a file that [`is_splats`] accepts.
+    pub fn read(path: &Path, bytes: &[u8], header: &Header) -> Result<Self> {
         if !is_packed(header) {
-            let mut decoded = trained(path, &mut elements::read(path, bytes, header, is_used)?)?;
+            let mut decoded = trained(path, header, &mut elements::read(path, bytes, header, is_used)?)?;
             decoded.centres.iter_mut().for_each(|centre| *centre += header.origin);
             return Ok(decoded);
         }
-        let mut columns = elements::read(path, bytes, header, |element, _| packed_rest || element != "sh")?;
+        let mut columns = elements::read(path, bytes, header, |_, _| true)?;
         packed(path, &mut columns)
     }
 }
 
 /// Whether a file holds splats, trained or packed, rather than points or a mesh.
 pub(super) fn is_splats(header: &Header) -> bool {
-    is_packed(header) || ["f_dc_0", "scale_0", "rot_0"].iter().all(|name| header.kind("vertex", name).is_some())
+    let has = |name: &str| header.kind("vertex", name).is_some();
+    is_packed(header) || ["scale_0", "rot_0"].into_iter().all(has) && (has("f_dc_0") || has("opacity") && has("red"))
 }
 
 /// Whether a file has the packed layout.
@@ -61,11 +60,21 @@ pub(super) fn is_packed(header: &Header) -> bool {
 /// Whether a property of a trained file is read.
 fn is_used(element: &str, property: &str) -> bool {
     let starts = ["f_dc_", "f_rest_", "scale_", "rot_"].iter().any(|start| property.starts_with(start));
-    element == "vertex" && (starts || ["x", "y", "z", "opacity"].contains(&property))
+    element == "vertex" && (starts || ["x", "y", "z", "opacity", "red", "green", "blue"].contains(&property))
 }
 
-/// Decodes a trained file: opacity as logit, scales as logarithms, rotations w first and of any length.
-fn trained(path: &Path, columns: &mut Columns) -> Result<Decoded> {
+/// Decodes a trained file: opacity as logit, scales as logarithms, rotations w first and of any length. Where there are no harmonics at all,
+/// the colour of points counts.
+fn trained(path: &Path, header: &Header, columns: &mut Columns) -> Result<Decoded> {
+    if header.kind("vertex", "f_dc_0").is_none()
+        && let Some(colours) = super::vectors(columns, ["red", "green", "blue"])
+    {
+        let full = super::full(header.kind("vertex", "red"));
+        let constants = colours.iter().map(|colour| (*colour / full - 0.5) / harmonics::CONSTANT);
+        for (axis, name) in ["f_dc_0", "f_dc_1", "f_dc_2"].into_iter().enumerate() {
+            columns.insert("vertex", name, constants.clone().map(|constant| constant[axis]).collect());
+        }
+    }
     let [x, y, z, red, green, blue, opacities, scale_0, scale_1, rot_0, rot_1, rot_2, rot_3] = required(
         path,
         columns,
@@ -76,7 +85,7 @@ fn trained(path: &Path, columns: &mut Columns) -> Result<Decoded> {
     )?;
     let scale_2 = columns.scalars("vertex", "scale_2");
     let vectors = |[x, y, z]: [&[f64]; 3]| (0..x.len()).map(|i| DVec3::new(x[i], y[i], z[i])).collect::<Vec<_>>();
-    let third = |i: usize| scale_2.as_ref().map_or(f64::MIN, |scales| scales[i]);
+    let third = |i: usize| scale_2.as_ref().map_or(f64::NEG_INFINITY, |scales| scales[i]);
     Ok(Decoded {
         centres: vectors([&x, &y, &z]),
         log_scales: (0..x.len()).map(|i| DVec3::new(scale_0[i], scale_1[i], third(i))).collect(),
@@ -136,15 +145,11 @@ fn packed(path: &Path, columns: &mut Columns) -> Result<Decoded> {
         let (min, max) = (min[i / CHUNK], max[i / CHUNK]);
         min + t * (max - min)
     };
-    let bytes = |i: usize| (colour[i] as u32).to_be_bytes().map(|v| f64::from(v) / 255.0);
     let constant = |i: usize| {
-        let [red, green, blue, _] = bytes(i);
+        let [red, green, blue, _] = (colour[i] as u32).to_be_bytes().map(|v| f64::from(v) / 255.0);
         (between(&colours, i, DVec3::new(red, green, blue)) - 0.5) / harmonics::CONSTANT
     };
-    let logit = |i: usize| {
-        let opacity = bytes(i)[3].clamp(MIN_OPACITY, 1.0 - MIN_OPACITY);
-        (opacity / (1.0 - opacity)).ln()
-    };
+    let logit = |i: usize| quantised::logit(colour[i] as u32 as u8);
     let each = 0..centre.len();
     Ok(Decoded {
         centres: each.clone().map(|i| between(&centres, i, unpack_vector(centre[i] as u32))).collect(),

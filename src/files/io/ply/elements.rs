@@ -40,6 +40,11 @@ impl Columns {
         self.scalars.remove(&(element.into(), property.into()))
     }
 
+    /// Adds a column.
+    pub fn insert(&mut self, element: &str, property: &str, values: Vec<f64>) {
+        self.scalars.insert((element.into(), property.into()), values);
+    }
+
     /// Takes the column of a list property.
     pub fn lists(&mut self, element: &str, property: &str) -> Option<Lists> {
         self.lists.remove(&(element.into(), property.into()))

@@ -5,18 +5,19 @@ use std::path::Path;
 use super::decode::{self, Decoded};
 use super::header::Header;
 use crate::error::{Error, Result};
-use crate::files::io::checks;
+use crate::files::io::splats::usable::usable;
 use crate::scene::gaussians::{Gaussians, MAX_DEGREE, coefficients};
 
 /// Reads Gaussians from the bytes of a PLY file, of the usual 3DGS layout or packed; `path` is for messages only, `notes`
 /// takes what a user should know about what was read. Properties may be in any order, others are left out, and values
-/// are as the file has them. Packed opacities of 0 and 1 count as a thousandth away from it.
+/// are as the file has them. Packed opacities of 0 and 1 count as a thousandth away from it. Flat splats (2DGS) have no extent along their
+/// third axis. What [`usable`] does not keep is left out and counted.
 ///
 /// # Errors
-/// When the file is damaged or cut short, holds no splats or flat ones (2DGS), lacks a property or a part of the harmonics,
-/// or has values that are not finite or rotations of no length.
+/// When the file is damaged or cut short, holds no splats or none that can be used, or lacks a property.
 pub fn gaussians(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Gaussians> {
     let refuse = |what: String| Err(Error::input(path, what));
+    let bytes = &*super::with_line_feeds(bytes);
     let header = Header::parse(path, bytes)?;
     let Some(vertices) = header.element("vertex") else {
         return refuse("the file has no element \"vertex\"; give a .ply file of trained splats".into());
@@ -26,25 +27,20 @@ pub fn gaussians(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<G
     if vertices.count == 0 {
         return refuse("the file holds no splats; give one that was trained to the end".into());
     }
-    let Some(degree) = (0..=MAX_DEGREE).find(|degree| 3 * (coefficients(*degree) - 1) == rest) else {
-        return refuse(format!(
-            "it has {rest} properties f_rest_*, and whole degrees of harmonics have 0, 9, 24 or 45; export it again"
+    let decoded = Decoded::read(path, bytes, &header)?;
+    let whole = |degree: &u32| 3 * (coefficients(*degree) - 1) == rest && decoded.rest.len() == rest;
+    let degree = (0..=MAX_DEGREE).find(whole).unwrap_or_else(|| {
+        notes.push(format!(
+            "{rest} properties f_rest_* are no whole degree of harmonics, which have 0, 9, 24 or 45: colours are the same from all sides"
         ));
-    };
-    let decoded = Decoded::read(path, bytes, &header, true)?;
+        0
+    });
     if decoded.flat {
-        let what = "it holds flat splats (2DGS: there is no property scale_2), which are no Gaussians in space; give splats \
-                    of 3DGS";
-        return refuse(what.into());
+        notes.push("flat splats (2DGS: there is no property scale_2) are drawn as Gaussians without thickness".into());
     }
-    if decoded.rest.len() < rest {
-        return refuse(format!(
-            "it has {rest} properties f_rest_*, and f_rest_{} is not among them as a single value; export it again",
-            decoded.rest.len()
-        ));
-    }
-    let gaussians = in_single_precision(decoded, degree);
-    check(path, &gaussians)?;
+    let mut gaussians = in_single_precision(decoded, degree);
+    gaussians.antialiased = header.antialiased;
+    let gaussians = usable(path, gaussians, notes)?;
     let layout = if decode::is_packed(&header) { ", packed: values are rounded" } else { "" };
     notes.push(format!("{} splats with harmonics of degree {degree}{layout}", gaussians.len()));
     Ok(gaussians)
@@ -57,7 +53,7 @@ fn in_single_precision(decoded: Decoded, degree: u32) -> Gaussians {
         values[..3].copy_from_slice(&constant.as_vec3().to_array());
     }
     // Columns are dropped one by one: those of large files take much memory.
-    for (k, column) in decoded.rest.into_iter().enumerate() {
+    for (k, column) in decoded.rest.into_iter().take(3 * (each - 1)).enumerate() {
         let (channel, above) = (k / (each - 1), k % (each - 1));
         for (values, value) in harmonics.chunks_exact_mut(3 * each).zip(column) {
             values[3 * (above + 1) + channel] = value as f32;
@@ -70,31 +66,8 @@ fn in_single_precision(decoded: Decoded, degree: u32) -> Gaussians {
         opacities: decoded.opacities.into_iter().map(|o| o as f32).collect(),
         degree,
         harmonics,
+        antialiased: false,
     }
-}
-
-/// Refuses what cannot be rendered, with the count and the first splat.
-fn check(path: &Path, gaussians: &Gaussians) -> Result<()> {
-    checks::finite(path, &gaussians.centres, "vertex")?;
-    let each = 3 * gaussians.coefficients();
-    let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
-    let kinds: [(&str, &dyn Fn(usize) -> bool); 5] = [
-        ("an opacity that is not finite", &|i| gaussians.opacities[i].is_finite()),
-        ("a scale that is not finite", &|i| finite(&gaussians.log_scales[i])),
-        ("a rotation that is not finite", &|i| finite(&gaussians.rotations[i])),
-        // Squares of components as small as this vanish in single precision.
-        ("a rotation of no length", &|i| gaussians.rotations[i].iter().any(|v| v.abs() > 1e-12)),
-        ("a colour that is not finite", &|i| finite(&gaussians.harmonics[each * i..each * (i + 1)])),
-    ];
-    for (what, is_sound) in kinds {
-        let mut unsound = (0..gaussians.len()).filter(|i| !is_sound(*i));
-        if let Some(first) = unsound.next() {
-            let (bad, all) = (1 + unsound.count(), gaussians.len());
-            let what = format!("{bad} of {all} splats have {what}; first at vertex {first}; remove them");
-            return Err(Error::input(path, what));
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -103,6 +76,7 @@ mod tests {
 
     use super::super::write;
     use super::*;
+    use crate::scene::gaussians::FLAT;
 
     fn read(bytes: &[u8]) -> Result<Gaussians> {
         gaussians(Path::new("a.ply"), bytes, &mut Vec::new())
@@ -122,6 +96,7 @@ mod tests {
             opacities: (0..3).map(|i| value(i, 7)).collect(),
             degree,
             harmonics: (0..3).flat_map(|i| (0..3 * coefficients(degree)).map(move |k| value(i, 8 + k))).collect(),
+            antialiased: degree == 2,
         }
     }
 
@@ -182,6 +157,7 @@ mod tests {
             opacities: vec![-0.5],
             degree: 0,
             harmonics: vec![0.25, 0.5, 0.75],
+            antialiased: false,
         };
         let text = ROW.map(|v| v.to_string()).join(" ");
         let ascii = format!("{}{text}\n", header("ascii", ORDER, 1)).into_bytes();
@@ -208,14 +184,8 @@ mod tests {
             ascii(&names, &[&[&ROW[..], &vec![0.0; more.len()]].concat()])
         };
         assert!(read(&with(&[])).is_ok());
-        assert!(refusal(&with(&["f_rest_0", "f_rest_1"])).contains("2 properties f_rest_*"));
-        let nine = [
-            "f_rest_0", "f_rest_1", "f_rest_2", "f_rest_3", "f_rest_9", "f_rest_5", "f_rest_6", "f_rest_7", "f_rest_8",
-        ];
-        assert!(refusal(&with(&nine)).contains("f_rest_4 is not among them"));
         let lacking = refusal(&ascii(&ORDER.replace("rot_2", "a").replace("opacity", "b"), &[&ROW]));
         assert!(lacking.contains("has no property opacity, rot_2,"), "{lacking}");
-        assert!(refusal(&ascii(&ORDER.replace("scale_2", "a"), &[&ROW])).contains("flat splats"));
         assert!(refusal(&ascii(ORDER, &[])).contains("holds no splats"));
         assert!(refusal(b"ply\nformat ascii 1.0\nend_header\n").contains("no element \"vertex\""));
         let points = refusal(&ascii("x y z", &[&[0.0; 3]]));
@@ -224,33 +194,30 @@ mod tests {
         assert!(refusal(&whole[..whole.len() - 1]).contains("cut short"));
     }
 
-    /// If this failed, one bad splat would turn pictures or a whole training into NaN.
+    /// If this failed, splats of other trainers would be refused though they can be drawn, or get colours that they do not have.
     #[test]
-    fn bad_values_are_counted_and_the_first_is_named() {
-        let refused = |spoil: &dyn Fn(&mut Gaussians)| {
-            let mut splats = three(1);
-            spoil(&mut splats);
-            refusal(&write::gaussians(&splats))
+    fn what_a_file_lacks_has_its_meaning() {
+        let with = |bytes: &[u8]| {
+            let mut notes = Vec::new();
+            (gaussians(Path::new("a.ply"), bytes, &mut notes).unwrap(), notes)
         };
-        type Spoil<'a> = &'a dyn Fn(&mut Gaussians);
-        let cases: [(Spoil, &str); 7] = [
-            (&|s| s.centres[2].y = f64::NAN, "1 of 3 positions are not finite"),
-            (
-                &|s| s.opacities[1] = f32::INFINITY,
-                "1 of 3 splats have an opacity that is not finite; first at vertex 1",
-            ),
-            (&|s| s.log_scales[2][0] = f32::NAN, "1 of 3 splats have a scale that is not finite; first at vertex 2"),
-            (&|s| s.rotations[0][3] = f32::NAN, "1 of 3 splats have a rotation that is not finite; first at vertex 0"),
-            (&|s| s.rotations[1..].fill([0.0; 4]), "2 of 3 splats have a rotation of no length; first at vertex 1"),
-            (&|s| s.harmonics[12] = f32::NAN, "1 of 3 splats have a colour that is not finite; first at vertex 1"),
-            (
-                &|s| s.harmonics[35] = f32::NEG_INFINITY,
-                "1 of 3 splats have a colour that is not finite; first at vertex 2",
-            ),
+        let more = |names: &[&str]| {
+            let row = [&ROW[..], &vec![0.0; names.len()]].concat();
+            with(&ascii(&[&[ORDER], names].concat().join(" "), &[&row]))
+        };
+        let nine = [
+            "f_rest_0", "f_rest_1", "f_rest_2", "f_rest_3", "f_rest_9", "f_rest_5", "f_rest_6", "f_rest_7", "f_rest_8",
         ];
-        for (spoil, expected) in cases {
-            let message = refused(spoil);
-            assert!(message.contains(expected), "{message}");
+        for names in [&nine[..2], &nine] {
+            let (splats, notes) = more(names);
+            assert!(splats.degree == 0 && notes[0].contains("are no whole degree of harmonics"), "{notes:?}");
+        }
+        let (flat, notes) = with(&ascii(&ORDER.replace("scale_2", "a"), &[&ROW]));
+        assert!(flat.log_scales[0] == [-1.0, -2.0, FLAT] && notes[0].contains("flat splats (2DGS"), "{notes:?}");
+        let coloured = ORDER.replace("f_dc_0", "red").replace("f_dc_1", "green").replace("f_dc_2", "blue");
+        let (coloured, _) = with(&ascii(&coloured, &[&ROW]));
+        for (value, colour) in coloured.harmonics.iter().zip([0.25, 0.5, 0.75]) {
+            assert!((0.5 + 0.282_094_79 * value - colour).abs() < 1e-6, "{coloured:?}");
         }
     }
 

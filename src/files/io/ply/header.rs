@@ -79,6 +79,8 @@ pub(super) struct Header {
     pub elements: Vec<Element>,
     /// What positions of splats are less by, which are single precision: `comment camsplat offset X Y Z`.
     pub origin: DVec3,
+    /// Whether splats were trained with Mip-Splatting's 2D filter: `comment SplatRenderMode: mip`, as Brush writes it.
+    pub antialiased: bool,
     /// Offset of the first byte after the header.
     pub end: usize,
 }
@@ -92,6 +94,7 @@ impl Header {
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
         let mut origin = DVec3::ZERO;
+        let mut antialiased = false;
         let mut end = 0;
         for number in 1.. {
             let Some(length) = bytes[end..].iter().position(|&b| b == b'\n') else {
@@ -112,6 +115,7 @@ impl Header {
                     };
                     origin = DVec3::new(x, y, z);
                 }
+                ["comment", "SplatRenderMode:", mode] => antialiased = mode == "mip",
                 ["comment" | "obj_info", ..] | [] => {}
                 ["format", name, "1.0"] => {
                     encoding = match name {
@@ -144,11 +148,13 @@ impl Header {
                     let name = if again { format!("{name} {}", element.properties.len()) } else { name.into() };
                     element.properties.push(Property { name, kind, length });
                 }
-                _ => return refuse("is no header line; export the file again"),
+                ["format" | "element" | "property", ..] => return refuse("is no header line; export the file again"),
+                // Some programs forget the word `comment`.
+                _ => {}
             }
         }
         match encoding {
-            Some(encoding) => Ok(Self { encoding, elements, origin, end }),
+            Some(encoding) => Ok(Self { encoding, elements, origin, antialiased, end }),
             None => Err(Error::input(path, "the header has no \"format\" line; export the file again")),
         }
     }

@@ -4,18 +4,19 @@ mod decode;
 mod elements;
 mod gaussians;
 mod header;
-mod radiance;
-pub mod splats;
+mod packed;
 pub mod write;
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use glam::DVec3;
 
-use self::decode::Decoded;
 use self::elements::Columns;
 pub use self::gaussians::gaussians;
 use self::header::{Header, Kind};
+pub use self::packed::packed;
+use super::splats::surface;
 use crate::error::{Error, Result};
 use crate::scene::surface::{Mesh, Points, Surface};
 use crate::scene::{colour, polygon};
@@ -23,7 +24,7 @@ use crate::scene::{colour, polygon};
 /// Reads a surface from the bytes of a PLY file; `path` is for messages only, `notes` takes what a user should know
 /// about what was read.
 ///
-/// A file with a `face` element is a mesh; one with the properties of a trained or packed splat is read by [`splats`];
+/// A file with a `face` element is a mesh; one with the properties of a trained or packed splat is read by [`gaussians`];
 /// the rest is points. Known properties of `vertex`: x y z, nx ny nz (normals of any length, zero where unknown),
 /// red green blue (8 bits, 16 bits, or floats in [0, 1], all sRGB), and vds or score (view dependency in [1, 2]); for points
 /// also radius. Frame and units are the file's.
@@ -31,13 +32,23 @@ use crate::scene::{colour, polygon};
 /// # Errors
 /// When the file is damaged or cut short, lacks positions, or fails the checks that all surfaces pass.
 pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Surface> {
+    let bytes = &*with_line_feeds(bytes);
     let header = Header::parse(path, bytes)?;
     let surface = if decode::is_splats(&header) {
-        splats::points(path, &Decoded::read(path, bytes, &header, false)?, notes)?
+        surface::points(path, &gaussians(path, bytes, notes)?, notes)?
     } else {
         plain(path, bytes, &header, notes)?
     };
     super::checks::surface(path, surface, notes)
+}
+
+/// The file with line feeds where it is text whose lines end as on an old Macintosh.
+fn with_line_feeds(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let old = bytes.starts_with(b"ply\r") && bytes.get(4) != Some(&b'\n');
+    match old && bytes.windows(12).take(1000).any(|window| window == b"format ascii") {
+        true => bytes.iter().map(|byte| if *byte == b'\r' { b'\n' } else { *byte }).collect::<Vec<u8>>().into(),
+        false => bytes.into(),
+    }
 }
 
 /// Points or a mesh.
@@ -104,16 +115,21 @@ fn normals(columns: &mut Columns) -> Vec<DVec3> {
 /// 8-bit sRGB colours of the vertices; empty where there are none.
 fn colours(header: &Header, columns: &mut Columns) -> Vec<[u8; 3]> {
     for names in [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]] {
-        let full = match header.kind("vertex", names[0]) {
-            Some(Kind::F32 | Kind::F64) => 1.0,
-            Some(Kind::U16) => 65535.0,
-            _ => 255.0,
-        };
+        let full = full(header.kind("vertex", names[0]));
         if let Some(colours) = vectors(columns, names) {
             return colours.into_iter().map(|c| colour::bytes(c / full)).collect();
         }
     }
     Vec::new()
+}
+
+/// The value of a full colour of that type.
+fn full(kind: Option<Kind>) -> f64 {
+    match kind {
+        Some(Kind::F32 | Kind::F64) => 1.0,
+        Some(Kind::U16) => 65535.0,
+        _ => 255.0,
+    }
 }
 
 /// The faces as triangles.

@@ -66,7 +66,8 @@ pub fn mesh(vertices: &[(DVec3, [u8; 3])], triangles: &[[u32; 3]]) -> Vec<u8> {
 
 /// Bytes of a file of trained splats in the usual 3DGS layout, which other programs read: x y z, nx ny nz (zero), f_dc_0 to
 /// f_dc_2, f_rest_0 and on (all of red first; none at degree 0), opacity, scale_0 to scale_2, rot_0 to rot_3, all float. Where float
-/// would move them, positions are less a whole offset that a comment in the header gives, and that is added on reading.
+/// would move them, positions are less a whole offset that a comment in the header gives, and that is added on reading. Those that were
+/// trained with the 2D filter have a comment that says so.
 pub fn gaussians(gaussians: &Gaussians) -> Vec<u8> {
     let each = gaussians.coefficients();
     let rest: Vec<String> = (0..3 * (each - 1)).map(|k| format!("f_rest_{k}")).collect();
@@ -82,8 +83,9 @@ pub fn gaussians(gaussians: &Gaussians) -> Vec<u8> {
             (origin, format!("comment camsplat offset {} {} {}\n", origin.x, origin.y, origin.z))
         }
     };
+    let mode = if gaussians.antialiased { "comment SplatRenderMode: mip\n" } else { "" };
     let mut bytes = format!(
-        "ply\nformat binary_little_endian 1.0\ncomment written by camsplat\n{offset}element vertex {count}\n\
+        "ply\nformat binary_little_endian 1.0\ncomment written by camsplat\n{mode}{offset}element vertex {count}\n\
          {properties}end_header\n"
     )
     .into_bytes();
@@ -195,6 +197,7 @@ mod tests {
             opacities: vec![1.0; 50],
             degree: 0,
             harmonics: vec![0.5; 150],
+            antialiased: false,
         };
         let bytes = gaussians(&splats);
         let back = super::super::gaussians(Path::new("a.ply"), &bytes, &mut Vec::new()).unwrap();

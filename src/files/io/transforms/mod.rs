@@ -8,22 +8,22 @@
 
 mod write;
 
-use std::collections::BTreeSet;
-use std::path::{Component, Path, PathBuf};
+use std::collections::{BTreeSet, HashSet};
+use std::f64::consts::PI;
+use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
 pub use self::write::{write, write_photos};
 use super::checks;
+use super::left_out::LeftOut;
 use super::matrix::{self, Axes};
 use super::photos::files;
-use crate::error::{Error, Result, bounded};
+use super::photos::lookup::Lookup;
+use crate::error::{Result, bounded};
 use crate::files::photos::Photo;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::lens::Distortion;
-
-/// Extensions that stored images have, in the order they are looked for.
-const IMAGE_EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
 
 /// Camera models that are no pinhole with the distortion of k1 to k4, p1 and p2.
 const NO_PINHOLES: [&str; 5] = ["EQUIRECTANGULAR", "OMNIDIRECTIONAL", "VR180", "ORTHOPHOTO", "FISHEYE624"];
@@ -80,7 +80,7 @@ struct File {
     is_fisheye: bool,
     applied_transform: Option<serde::de::IgnoredAny>,
     ply_file_path: Option<String>,
-    frames: Vec<Frame>,
+    frames: Vec<serde_json::Value>,
 }
 
 /// What a transforms.json holds.
@@ -111,53 +111,37 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<C
 /// Reads photos from the bytes of a transforms.json. Images are looked for beside `path`: their headers give the size
 /// where the file does not, and the intrinsics are rescaled where a stored image has another size than w and h specify.
 /// A camera is named by its `file_path` after the folder `images`, which is how COLMAP names the same image. Files outside the folder
-/// of `path` are looked at only where `outside` is set.
+/// of `path` are looked at only where `outside` is set; the last parts of such paths are looked for inside. Frames that cannot be used are
+/// left out and counted.
 ///
 /// # Errors
-/// When the file is no such JSON, a frame has no pose or a matrix that is none, or an image size or focal length cannot be
-/// known.
-pub fn photos(path: &Path, bytes: &[u8], outside: bool, notes: &mut Vec<String>) -> Result<Transforms> {
+/// When the file is no such JSON, or no frame can be used: it has no pose or a matrix that is none, or an image size or focal length
+/// cannot be known.
+pub fn photos(path: &Path, bytes: &[u8], outside_paths: bool, notes: &mut Vec<String>) -> Result<Transforms> {
     let file: File = super::json(path, bytes)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut photos = Vec::with_capacity(file.frames.len());
-    let mut missing_masks = Vec::new();
-    let mut left_out = Vec::new();
-    let mut place = |name: &str| {
-        let path = if outside { Some(folder.join(name)) } else { files::within(folder, name) };
-        if path.is_none() {
-            left_out.push(name.to_owned());
-        }
-        path
+    let mut reading = Reading {
+        file: &file,
+        folder,
+        outside: outside_paths,
+        lookup: Lookup::default(),
+        missing_masks: Vec::new(),
+        left_out: Vec::new(),
+        rescaled: 0,
+        moved: HashSet::new(),
+        unknown_models: BTreeSet::new(),
     };
-    let mut rescaled = 0;
-    let mut unknown_models = BTreeSet::new();
-    for (i, frame) in file.frames.iter().enumerate() {
-        let refuse = |what: &str| Error::input(path, format!("frame {i} ({:?}): {what}", frame.file_path));
-        let model = frame.camera_model.as_ref().or(file.camera_model.as_ref());
-        if let Some(model) = model.filter(|model| NO_PINHOLES.iter().any(|start| model.starts_with(start))) {
-            return Err(refuse(&format!("camera_model {model:?} is no pinhole; give perspective images")));
+    let mut photos = Vec::with_capacity(file.frames.len());
+    let mut left_out = LeftOut::default();
+    for (i, value) in file.frames.iter().enumerate() {
+        let name = value.get("file_path").and_then(|name| name.as_str()).unwrap_or_default();
+        let frame = Frame::deserialize(value).map_err(|e| e.to_string());
+        match frame.and_then(|frame| reading.photo(&frame)) {
+            Ok(photo) => photos.push(photo),
+            Err(what) => left_out.add(format!("frame {i} ({name:?}): {what}")),
         }
-        let Some(rows) = &frame.transform_matrix else {
-            return Err(refuse("it has no transform_matrix; give the camera's pose or remove the frame"));
-        };
-        let pose = matrix::pose(rows, Axes::OpenGl).map_err(|what| refuse(&format!("transform_matrix {what}")))?;
-        let lens = frame.lens.or(file.lens);
-        let image = place(&frame.file_path).and_then(stored_image);
-        let stored = image.as_deref().and_then(files::size);
-        let intrinsics = lens.intrinsics(stored).map_err(|what| refuse(&what))?;
-        rescaled += usize::from(stored.is_some() && lens.size().is_ok_and(|size| size.is_some() && size != stored));
-        let fisheye = file.is_fisheye || model.is_some_and(|model| model.contains("FISHEYE"));
-        let unknown = model.filter(|model| !MODELS.contains(&model.as_str()));
-        unknown_models.extend(unknown.map(|model| (model, fisheye)));
-        let named_mask = frame.mask_path.as_ref().and_then(|mask| place(mask));
-        missing_masks.extend(named_mask.iter().filter(|mask| !mask.is_file()).map(|mask| mask.display().to_string()));
-        photos.push(Photo {
-            camera: Camera { name: name(&frame.file_path, image.as_deref()), pose, intrinsics },
-            distortion: lens.distortion(fisheye),
-            image,
-            mask: named_mask.filter(|mask| mask.is_file()),
-        });
     }
+    let Reading { missing_masks, left_out: outside, rescaled, unknown_models, moved, .. } = reading;
     for (model, fisheye) in unknown_models {
         let lens = if fisheye { "fisheye of k1 to k4" } else { "pinhole with the distortion of k1 to k4, p1 and p2" };
         notes.push(bounded(format!("camera_model {model:?} is not known and taken for a {lens}")));
@@ -165,12 +149,91 @@ pub fn photos(path: &Path, bytes: &[u8], outside: bool, notes: &mut Vec<String>)
     if rescaled > 0 {
         notes.push(format!("the intrinsics of {rescaled} cameras were rescaled to the size of their stored images"));
     }
+    if !moved.is_empty() {
+        let all = file.frames.len();
+        let count = moved.len();
+        notes.push(format!(
+            "the paths of {count} of {all} frames lead elsewhere: what lies here by the same name was taken"
+        ));
+    }
     if file.applied_transform.is_some() {
         notes.push("poses are taken as they stand, in the frame after the file's applied_transform".into());
     }
-    checks::cameras(path, photos.iter().map(|photo| &photo.camera))?;
-    let points = file.ply_file_path.and_then(|points| place(&points));
-    Ok(Transforms { photos, missing_masks, points, outside: left_out })
+    checks::usable_photos(path, &mut photos, &mut left_out)?;
+    left_out.note("frames", notes);
+    let points = file.ply_file_path.as_ref().and_then(|points| match outside_paths {
+        true => Some(folder.join(points)),
+        false => files::within(folder, points),
+    });
+    Ok(Transforms { photos, missing_masks, points, outside })
+}
+
+/// What is known on the way through the frames.
+struct Reading<'f> {
+    file: &'f File,
+    folder: &'f Path,
+    /// Whether files outside of the folder are looked at.
+    outside: bool,
+    lookup: Lookup,
+    missing_masks: Vec<String>,
+    left_out: Vec<String>,
+    rescaled: usize,
+    /// Images that were found by the last parts of their paths.
+    moved: HashSet<PathBuf>,
+    unknown_models: BTreeSet<(String, bool)>,
+}
+
+impl Reading<'_> {
+    fn photo(&mut self, frame: &Frame) -> Result<Photo, String> {
+        let model = frame.camera_model.as_ref().or(self.file.camera_model.as_ref());
+        if let Some(model) = model.filter(|model| NO_PINHOLES.iter().any(|start| model.starts_with(start))) {
+            return Err(format!("camera_model {model:?} is no pinhole; give perspective images"));
+        }
+        let Some(rows) = &frame.transform_matrix else {
+            return Err("it has no transform_matrix; give the camera's pose or remove the frame".into());
+        };
+        let pose = matrix::pose(rows, Axes::OpenGl).map_err(|what| format!("transform_matrix {what}"))?;
+        let lens = frame.lens.or(self.file.lens);
+        let image = self.place(&frame.file_path)?;
+        let stored = image.as_deref().and_then(files::size);
+        let intrinsics = lens.intrinsics(stored)?;
+        self.rescaled +=
+            usize::from(stored.is_some() && lens.size().is_ok_and(|size| size.is_some() && size != stored));
+        let fisheye = self.file.is_fisheye || model.is_some_and(|model| model.contains("FISHEYE"));
+        let unknown = model.filter(|model| !MODELS.contains(&model.as_str()));
+        self.unknown_models.extend(unknown.map(|model| (model.clone(), fisheye)));
+        let mask = frame.mask_path.as_ref().map(|name| self.place(name)).transpose()?.flatten();
+        self.missing_masks.extend(frame.mask_path.iter().filter(|_| mask.is_none()).cloned());
+        Ok(Photo {
+            camera: Camera { name: name(&frame.file_path, image.as_deref()), pose, intrinsics },
+            distortion: lens.distortion(fisheye),
+            image,
+            mask,
+        })
+    }
+
+    /// The picture that the file names; none where it is not there.
+    fn place(&mut self, name: &str) -> Result<Option<PathBuf>, String> {
+        let named = self.folder.join(name);
+        let found = if self.outside && named.is_file() { Some(named) } else { self.lookup.picture(self.folder, name) };
+        if found.is_some() {
+            return Ok(found);
+        }
+        match self.lookup.tail(self.folder, name) {
+            Some(path) if self.moved.contains(&path) => {
+                Err(format!("{name:?} is not there, and what lies here by its name is another frame's"))
+            }
+            Some(path) => {
+                self.moved.insert(path.clone());
+                Ok(Some(path))
+            }
+            None => {
+                let outside = files::within(self.folder, name).is_none();
+                self.left_out.extend(outside.then(|| name.to_owned()));
+                Ok(None)
+            }
+        }
+    }
 }
 
 impl Lens {
@@ -208,6 +271,10 @@ impl Lens {
         let Some((w, h)) = self.size()?.or(stored) else {
             return Err("the file gives no w and h, and the image was not found beside it; add w and h".into());
         };
+        if let Some(angle) = [self.camera_angle_x, self.camera_angle_y].into_iter().flatten().find(|angle| *angle >= PI)
+        {
+            return Err(format!("an angle of view is {angle}, which must be in radians and below pi"));
+        }
         let half = [0.5 * f64::from(w), 0.5 * f64::from(h)];
         let from_angle = |half: f64, angle: Option<f64>| angle.map(|angle| half / (0.5 * angle).tan());
         let x = self.fl_x.or(from_angle(half[0], self.camera_angle_x));
@@ -217,8 +284,8 @@ impl Lens {
         };
         let principal = [self.cx.unwrap_or(half[0]), self.cy.unwrap_or(half[1])];
         let given = Intrinsics { width: w, height: h, focal: [x, y], principal };
-        let (width, height) = stored.unwrap_or((w, h));
-        given.resized(width, height).ok_or_else(|| files::disagreement(&given, width, height))
+        // Where the image is of another shape, whoever needs it says so.
+        Ok(stored.and_then(|(width, height)| given.resized(width, height)).unwrap_or(given))
     }
 
     /// The distortion. nerfstudio has four radial factors for perspective cameras as for fisheyes.
@@ -232,28 +299,18 @@ impl Lens {
     }
 }
 
-/// The image file of a frame, which may be named without an extension.
-fn stored_image(path: PathBuf) -> Option<PathBuf> {
-    let with_extension = |extension: &&str| PathBuf::from(format!("{}.{extension}", path.display()));
-    std::iter::once(path.clone()).chain(IMAGE_EXTENSIONS.iter().map(with_extension)).find(|path| path.is_file())
-}
-
 /// A camera's name: the frame's path after its folder `images` (or `images_2` and the like, shrunk copies), without
-/// leading dots, with the extension of the stored image, or `.png` where there is neither.
+/// leading dots or a drive, with the extension of the stored image, or `.png` where there is neither.
 fn name(file_path: &str, image: Option<&Path>) -> String {
-    let normal = |c: Component| match c {
-        Component::Normal(part) => Some(part.to_string_lossy().into_owned()),
-        _ => None,
-    };
-    let parts: Vec<String> = Path::new(file_path).components().filter_map(normal).collect();
+    let parts: Vec<&str> =
+        file_path.split(['/', '\\']).filter(|part| !matches!(*part, "" | "." | "..") && !part.ends_with(':')).collect();
     let is_images =
-        |part: &String| part.strip_prefix("images").is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
+        |part: &&str| part.strip_prefix("images").is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
     let folders = parts.len().saturating_sub(1);
     let start = parts[..folders].iter().rposition(is_images).map_or(0, |images| images + 1);
     let name = parts[start..].join("/");
-    let has_extension = Path::new(&name).extension().is_some_and(|e| IMAGE_EXTENSIONS.iter().any(|known| e == *known));
     match image.and_then(Path::extension) {
-        _ if has_extension => name,
+        _ if files::is_picture(Path::new(&name)) => name,
         Some(extension) if Path::new(&name).extension() != Some(extension) => {
             format!("{name}.{}", extension.to_string_lossy())
         }
@@ -316,6 +373,7 @@ mod tests {
         assert_eq!(named("/home/me/a.png"), "home/me/a.png");
         assert_eq!(named("train/r_0.5"), "train/r_0.5.png");
         assert_eq!(named("images"), "images.png");
+        assert_eq!(named("D:\\scene\\images\\left\\a.webp"), "left/a.webp");
         assert_eq!(name("r_0", Some(Path::new("x/r_0.jpg"))), "r_0.jpg");
     }
 
@@ -362,11 +420,40 @@ mod tests {
         let lens = r#""fl_x": 10, "w": 10, "h": 10,"#;
         assert!(with(lens, "[[1,0,0,1],[0,1,0,2],[0,0,-1,3],[0,0,0,1]]").contains("frame 0 (\"a.png\")"));
         assert!(with(lens, "[[1,0,0,1],[0,1,0,2]]").contains("4x4"));
+        assert!(with(lens, "[[1,0,0,NaN],[0,1,0,2],[0,0,1,3]]").contains("null"));
+        assert!(with(r#""camera_angle_x": 52, "w": 10, "h": 10,"#, IDENTITY).contains("in radians"));
         assert!(with(r#""camera_model": "EQUIRECTANGULAR","#, IDENTITY).contains("no pinhole"));
         assert!(with("", IDENTITY).contains("no w and h"));
         assert!(with(r#""w": 10, "h": 10,"#, IDENTITY).contains("no focal length"));
         assert!(with(r#""fl_x": 10, "w": 10.5, "h": 10,"#, IDENTITY).contains("whole pixels"));
         assert!(read("{\"frames\": []}").unwrap_err().to_string().contains("no cameras"));
         assert!(read("{\"frames\": [{]}").unwrap_err().to_string().contains("line 1 column"));
+    }
+
+    /// If this failed, one bad frame would lose a capture, or be read as something.
+    #[test]
+    fn bad_frames_are_left_out_and_named() {
+        let good =
+            |name: &str| format!(r#"{{"file_path": "{name}", "sharpness": NaN, "transform_matrix": {IDENTITY}}}"#);
+        let frames = [
+            good("a.png"),
+            r#"{"file_path": "b.png"}"#.into(),
+            good("a.png"),
+            r#"{"transform_matrix": []}"#.into(),
+            good("c.png"),
+        ];
+        let text = format!(r#"{{"fl_x": 10, "w": 10, "h": 10, "frames": [{}]}}"#, frames.join(", "));
+        let mut notes = Vec::new();
+        let photos = photos(Path::new("t.json"), text.as_bytes(), false, &mut notes).unwrap().photos;
+        assert_eq!(photos.iter().map(|photo| &photo.camera.name[..]).collect::<Vec<_>>(), ["a.png", "c.png"]);
+        assert_eq!(notes.len(), 1, "{notes:?}");
+        for part in [
+            "frames left out: 3",
+            "frame 1 (\"b.png\"): it has no transform_matrix",
+            "frame 3",
+            "\"a.png\" has the name",
+        ] {
+            assert!(notes[0].contains(part), "{part} is not in {notes:?}");
+        }
     }
 }

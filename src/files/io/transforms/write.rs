@@ -61,8 +61,9 @@ pub fn write_photos(photos: &[&Photo], ply_file_path: Option<&str>) -> (String, 
 
 /// Whether OPENCV (k1 to k3, p1, p2: nerfstudio refuses a fourth) or OPENCV_FISHEYE (k1 to k4) holds the distortion.
 fn expressible(distortion: &Distortion) -> bool {
-    let Distortion { fisheye, fov, radial, rational, tangential, prism, .. } = distortion;
-    let bare = *fov == 0.0 && *rational == [0.0; 3] && *prism == [0.0; 4] && radial[4..] == [0.0; 2];
+    let Distortion { fisheye, fov, division, unified, radial, rational, tangential, prism, .. } = distortion;
+    let perspective = *fov == 0.0 && *division == 0.0 && *unified == [0.0; 2];
+    let bare = perspective && *rational == [0.0; 3] && *prism == [0.0; 4] && radial[4..] == [0.0; 2];
     bare && if *fisheye { *tangential == [0.0; 2] } else { radial[3] == 0.0 }
 }
 
