@@ -6,7 +6,7 @@ CAMSPLAT is the program, NODE_MODULES the folder that `npm install @playcanvas/s
 eight cameras are planned around it and rendered. Then, for each format:
 ours: we write it, splat-transform makes PLY of it;
 theirs: splat-transform writes it, and we read it;
-loader (SPZ only): we write it, and @spz-loader/core decodes it in Node.
+loader (SPZ 3, it does not know 4): we write it, and @spz-loader/core decodes it in Node.
 Each result is rendered by us at the same cameras; the table has the PSNR of its pictures against those of the model. glTF is turned by half a
 turn about z by splat-transform; its cameras are turned with it.
 """
@@ -18,8 +18,11 @@ import sys
 from pathlib import Path
 
 LOADER = """
-import { readFileSync, writeFileSync } from 'fs';
-import { loadSpz } from '@spz-loader/core';
+// The package is made for browsers.
+process.type = 'renderer';
+globalThis.window = globalThis;
+const { readFileSync, writeFileSync } = await import('fs');
+const { loadSpz } = await import('@spz-loader/core');
 const [source, target] = process.argv.slice(2);
 const cloud = await loadSpz(new Uint8Array(readFileSync(source)));
 const each = [0, 9, 24, 45][cloud.shDegree];
@@ -27,12 +30,13 @@ const names = ['x', 'y', 'z', 'f_dc_0', 'f_dc_1', 'f_dc_2', ...Array.from({ leng
     'opacity', 'scale_0', 'scale_1', 'scale_2', 'rot_0', 'rot_1', 'rot_2', 'rot_3'];
 const n = cloud.numPoints, values = new Float32Array(n * names.length);
 for (let i = 0, at = 0; i < n; ++i) {
-    const put = (array, start, count) => { for (let k = 0; k < count; ++k) values[at++] = array[start + k]; };
+    const put = (array, start, count, of = (v) => v) => { for (let k = 0; k < count; ++k) values[at++] = of(array[start + k]); };
     put(cloud.positions, 3 * i, 3);
-    put(cloud.colors, 3 * i, 3);
+    // It hands over colours, opacities and scales, not what they are made of.
+    put(cloud.colors, 3 * i, 3, (v) => (v - 0.5) / 0.28209479177387814);
     for (let c = 0; c < 3; ++c) for (let k = 0; k < each / 3; ++k) values[at++] = cloud.sh[each * i + 3 * k + c];
-    put(cloud.alphas, i, 1);
-    put(cloud.scales, 3 * i, 3);
+    put(cloud.alphas, i, 1, (v) => Math.log(v / (1 - v)));
+    put(cloud.scales, 3 * i, 3, Math.log);
     values[at++] = cloud.rotations[4 * i + 3];
     put(cloud.rotations, 4 * i, 3);
 }
@@ -102,19 +106,19 @@ def main():
                 # splat-transform writes glTF and does not read it.
                 figures.append(None)
             else:
-                run(transform, "-w", own, back)
+                run(transform, "-w", "-g", "cpu", own, back)
                 figures.append(psnr(back, f"back-{name}"))
-            if end == "spz":
+            if name == "spz":
                 decoded = folder / f"decoded-{name}.ply"
                 run("node", loader, own, decoded)
                 figures.append(psnr(decoded, f"decoded-{name}"))
             else:
                 figures.append(None)
             theirs = folder / f"theirs-{name}.{end}"
-            if name in ("splat", "spz4"):
+            if name in ("splat", "spz"):
                 figures.append(None)
             else:
-                run(transform, "-w", plain, theirs)
+                run(transform, "-w", "-g", "cpu", plain, theirs)
                 figures.append(psnr(theirs, f"theirs-{name}", half_turn if name == "glb" else cameras))
             sizes = [f"{file.stat().st_size / 2**20:.2f}" if file.exists() else "–" for file in (own, theirs)]
             row = [f"{figure:.1f} dB" if figure is not None else "–" for figure in figures]

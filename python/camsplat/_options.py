@@ -126,10 +126,10 @@ class PlanOptions(TypedDict, total=False):
     """Steps of learning the model's noise before the first camera is placed [manifold; default: 200]"""
 
     model: File
-    """Trained splats of the scene (.ply) in the frame of the cameras, for methods that need them"""
+    """Trained splats of the scene (.ply, .spz, .sog, .splat, .glb) in the frame of the cameras, for methods that need them"""
 
     antialiased: bool
-    """The model was trained with antialiasing"""
+    """The model was trained with antialiasing [default: as its file says]"""
 
     seed: int
     """Seed of every random number"""
@@ -338,10 +338,10 @@ class SelectOptions(TypedDict, total=False):
     """How to choose"""
 
     model: File
-    """Trained splats of the scene (.ply) in the frame of the cameras, for methods that need them"""
+    """Trained splats of the scene (.ply, .spz, .sog, .splat, .glb) in the frame of the cameras, for methods that need them"""
 
     antialiased: bool
-    """The model was trained with antialiasing"""
+    """The model was trained with antialiasing [default: as its file says]"""
 
     include: File
     """Always select the photos named in this file, one name per line"""
@@ -405,10 +405,16 @@ class TrainOptions(TypedDict, total=False):
     """Degree of the spherical harmonics, 0 to 3"""
 
     background: Literal["black", "white", "random"]
-    """Background, also trained where masks or alpha leave the photo out [default: white where photos have masks or alpha, else black]"""
+    """Background, also trained where masks or alpha leave the photo out [default: white where photos have masks or alpha that mean it, else black]"""
 
     antialiased: bool
-    """Mip-Splatting's 2D filter: splats smaller than a pixel fade instead of growing; render with --antialiased as well"""
+    """Mip-Splatting's 2D filter: splats smaller than a pixel fade instead of growing; the file says so to renderers"""
+
+    exposure: bool
+    """Learn each photo's exposure and white balance: for phones, whose photos of one thing differ. Test views are compared with the exposure that fits the other half of the picture"""
+
+    masks: Literal["background", "ignore"]
+    """What masks and alpha channels say of what they leave out"""
 
     suppress_floaters: bool
     """Penalise opacity and size more, above all at first: fewer floaters where a capture has no points and its photos show surroundings; other captures lose detail (mcmc only)"""
@@ -451,6 +457,9 @@ class TrainOptions(TypedDict, total=False):
 
     force: bool
     """Replace files in a folder that is not empty"""
+
+    format: Union[Literal["ply", "packed", "splat", "spz", "spz4", "sog", "glb"], Sequence[Literal["ply", "packed", "splat", "spz", "spz4", "sog", "glb"]]]
+    """Write the model in these formats too, beside point_cloud.ply"""
 
     profile: bool
     """Print GPU time per stage"""

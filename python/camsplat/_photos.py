@@ -201,12 +201,12 @@ def render(
     """Renders trained splats from cameras in the model's frame, without files; `command("render", ...)` writes files.
 
     Args:
-        model: what `train` returns, or a .ply of trained splats from any program.
+        model: what `train` returns, or a file of trained splats from any program: .ply, .spz, .sog, .splat, .glb.
         cameras: `Cameras`, a `Plan`, or a file or folder of cameras.
         background: colour behind everything: "black", "white", or sRGB values from 0 to 1.
         alpha: images have alpha, and no background; colours are not multiplied by it.
         depth: depths too: the expected depth along the optical axis, 0 where nothing is seen.
-        antialiased: the model was trained with antialiasing.
+        antialiased: the model was trained with antialiasing, and its file does not say so.
         near: nearest depth that is drawn, in the model's units; `None` for 0.01 of the cameras' extent.
         device: device by index or part of its name; `None` for the best.
 

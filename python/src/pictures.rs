@@ -37,12 +37,13 @@ pub fn render<'py>(
 ) -> PyResult<Vec<Picture<'py>>> {
     unless_forked()?;
     let cameras = cameras(names, &poses, &lenses, &sizes);
-    let settings = RenderSettings { format: Format::Exr, alpha, depth, background, antialiased, near };
     // Checked again after every picture, so that Ctrl-C is heard.
     let mut raised = None;
     let pictures = py.detach(|| -> camsplat::Result<_> {
-        let job = Job::new(&cameras, settings)?;
         let (gaussians, _) = io::read_gaussians_with_notes(&model)?;
+        let antialiased = antialiased || gaussians.antialiased;
+        let job =
+            Job::new(&cameras, RenderSettings { format: Format::Exr, alpha, depth, background, antialiased, near })?;
         let context = Context::new(&ContextOptions { device, ..ContextOptions::default() })?;
         let mut pictures = Vec::new();
         job.pictures(&context, gaussians, |rendering, unit| {

@@ -73,6 +73,18 @@ pub enum Background {
     Random,
 }
 
+/// What masks, or alpha channels, say of what they leave out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum Masks {
+    /// It is background: no splats are to be there.
+    #[default]
+    Background,
+    /// Nothing: passers-by, the own shadow, a tripod; the photo counts for nothing there.
+    Ignore,
+}
+
 /// Configuration of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainConfig {
@@ -91,6 +103,12 @@ pub struct TrainConfig {
     /// Opacities and sizes held down by more than usual, above all at first (MCMC).
     #[serde(default)]
     pub suppress_floaters: bool,
+    /// An exposure and white balance is learnt for each photo.
+    #[serde(default)]
+    pub exposure: bool,
+    /// What masks mean.
+    #[serde(default)]
+    pub masks: Masks,
     /// Gradients summed by atomic additions of floats: no two runs are the same.
     pub fast: bool,
     /// Seed of every random draw.
@@ -165,6 +183,8 @@ impl TrainConfig {
             background: Background::Black,
             antialiased: false,
             suppress_floaters: false,
+            exposure: false,
+            masks: Masks::Background,
             fast: false,
             seed: 0,
             init_opacity,

@@ -2,6 +2,7 @@
 
 pub mod config;
 pub mod data;
+pub mod exposure;
 pub mod image_metrics;
 pub mod render;
 pub mod run;

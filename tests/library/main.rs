@@ -55,6 +55,7 @@ mod scene {
 
 mod splats {
     mod data;
+    mod exposures;
     mod fisher;
     mod image_metrics;
     mod passes;

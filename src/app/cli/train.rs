@@ -19,7 +19,7 @@ use crate::files::io;
 use crate::files::io::folder::{check_file, check_folder, replace_file, write_files};
 use crate::files::io::splats::{self, SplatFormat};
 use crate::scene::camera::Camera;
-use crate::splats::config::{Background, Preset, Start, Strategy, TrainConfig};
+use crate::splats::config::{Background, Masks, Preset, Start, Strategy, TrainConfig};
 use crate::splats::data::pictures::cameras;
 use crate::splats::data::split::{Split, Test};
 use crate::splats::run::evaluate::Pair;
@@ -52,12 +52,19 @@ pub struct Arguments {
     #[arg(long = "sh", default_value_t = 3)]
     degree: u32,
     /// Background, also trained where masks or alpha leave the photo out [default: white where
-    /// photos have masks or alpha, else black]
+    /// photos have masks or alpha that mean it, else black]
     #[arg(long, value_enum)]
     background: Option<Background>,
     /// Mip-Splatting's 2D filter: splats smaller than a pixel fade instead of growing; the file says so to renderers
     #[arg(long)]
     antialiased: bool,
+    /// Learn each photo's exposure and white balance: for phones, whose photos of one thing differ. Test views are compared with the
+    /// exposure that fits the other half of the picture
+    #[arg(long)]
+    exposure: bool,
+    /// What masks and alpha channels say of what they leave out
+    #[arg(long, value_enum, default_value = "background")]
+    masks: Masks,
     /// Penalise opacity and size more, above all at first: fewer floaters where a capture has no points and its photos
     /// show surroundings; other captures lose detail (mcmc only)
     #[arg(long)]
@@ -145,7 +152,10 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         say!("{note}");
     }
     let mut config = configuration(arguments, Start::of(&split.train));
-    config.background = arguments.background.unwrap_or_else(|| split.usual_background());
+    config.background = arguments.background.unwrap_or_else(|| match arguments.masks {
+        Masks::Background => split.usual_background(),
+        Masks::Ignore => Background::Black,
+    });
     let context = arguments.device.open()?;
     say!("device   {}", context.physical().title());
     config.max_splats = arguments.max_splats.unwrap_or_else(|| usual_splats(&context, config.degree));
@@ -250,6 +260,8 @@ fn configuration(arguments: &Arguments, start: Start) -> TrainConfig {
         degree: arguments.degree,
         antialiased: arguments.antialiased,
         suppress_floaters: arguments.suppress_floaters,
+        exposure: arguments.exposure,
+        masks: arguments.masks,
         fast: arguments.fast,
         seed: arguments.seed,
         init_opacity: arguments.init_opacity.unwrap_or(config.init_opacity),

@@ -132,7 +132,7 @@ function drawPoints(svg, series, iterations, x, y) {
 }
 
 /** Lines and points over iterations. Values that are null, or not positive on a log scale, leave a gap. */
-function lineChart(id, iterations, series, { y: yName, log = false, top = Infinity }) {
+function lineChart(id, iterations, series, { y: yName, over = "iteration", log = false, top = Infinity }) {
   const figure = document.getElementById(id);
   const usable = (v) => v !== null && Number.isFinite(v) && (!log || v > 0);
   const values = series.flatMap((s) => s.y.filter(usable));
@@ -164,9 +164,9 @@ function lineChart(id, iterations, series, { y: yName, log = false, top = Infini
     key.append(`${s.name} `);
     return { series: s, text: html("b", "", "", key) };
   });
-  const description = `${series.map((s) => s.name).join(", ")} by iteration; last value of ${yName} ${format(series[series.length - 1].y.findLast(usable))}`;
+  const description = `${series.map((s) => s.name).join(", ")} by ${over}; last value of ${yName} ${format(series[series.length - 1].y.findLast(usable))}`;
   const svg = frame(figure, width, x, y, ticks(first, last, width / 70).filter(Number.isInteger), log ? logTicks(low, high) : ticks(low, high, 5),
-    { x: "iteration", y: yName }, description);
+    { x: over, y: yName }, description);
   for (const s of series) (s.x ? drawPoints : drawLine)(svg, s, iterations, x, (v) => (usable(v) ? y(v) : null));
   svg.dataset.values = values.length;
 

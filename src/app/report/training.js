@@ -1,6 +1,6 @@
 // The plots of a training run.
 
-function drawTraining({ curve, evaluations }) {
+function drawTraining({ curve, evaluations, gains }) {
   const iterations = curve.map((point) => point.iteration);
   const column = (name) => curve.map((point) => point[name]);
 
@@ -19,4 +19,9 @@ function drawTraining({ curve, evaluations }) {
   };
   counted("chart-splats", "splats", "splats");
   counted("chart-instances", "instances", "instances");
+  if (gains.length > 0) {
+    const channel = (name, c, colour) => line(name, gains.map((gain) => gain[c]), colour);
+    lineChart("chart-gains", gains.map((_, i) => i + 1), [channel("red", 0, 2), channel("green", 1, 3), channel("blue", 2, 1)],
+      { y: "gain of grey", over: "photo" });
+  }
 }

@@ -12,8 +12,8 @@ pub use super::splats::Model;
 use super::splats::ModelData;
 use super::text::{duration, escape, fill, grouped, number, telling_name};
 use crate::Result;
-use crate::splats::config::{Background, Strategy, TrainConfig};
-use crate::splats::run::record::{CurvePoint, Evaluation, Quality, Status, TrainRecord};
+use crate::splats::config::{Background, Masks, Strategy, TrainConfig};
+use crate::splats::run::record::{CurvePoint, Evaluation, PhotoExposure, Quality, Status, TrainRecord};
 
 /// Seconds after which the page of a running run reloads itself.
 const REFRESH: u32 = 30;
@@ -25,6 +25,8 @@ const MAX_BARS: usize = 12;
 struct Data<'a> {
     curve: &'a [CurvePoint],
     evaluations: &'a [Evaluation],
+    /// Of each photo whose exposure was learnt, how much brighter than the model it shows a grey of one half: red, green, blue.
+    gains: Vec<[f64; 3]>,
     model: Option<ModelData<'a>>,
 }
 
@@ -57,8 +59,12 @@ impl Shown {
 /// # Errors
 /// [`crate::Error::Request`] if the record cannot be put into it.
 pub fn html(record: &TrainRecord, worst: &Shown, model: Option<&Model>) -> Result<String> {
-    let data =
-        Data { curve: &record.curve, evaluations: &record.evaluations, model: model.map(|model| model.data(record)) };
+    let data = Data {
+        curve: &record.curve,
+        evaluations: &record.evaluations,
+        gains: record.exposures.iter().map(PhotoExposure::gains).collect(),
+        model: model.map(|model| model.data(record)),
+    };
     let scene = match model {
         Some(_) => include_str!("splats.html").into(),
         None => nothing("The trained splats are shown here once the run has ended."),
@@ -91,6 +97,11 @@ fn text(slot: &str, record: &TrainRecord) -> String {
         "stages" => stages(record),
         "memory" => memory(record),
         "summary" => summary(record),
+        "gains" if !record.exposures.is_empty() => {
+            "<figure id=\"chart-gains\"><figcaption>Exposures <span>learnt of the photos that were trained on, by name</span></figcaption>\
+             </figure>\n"
+                .into()
+        }
         _ => String::new(),
     }
 }
@@ -429,6 +440,11 @@ fn summary(record: &TrainRecord) -> String {
         ("Harmonics", format!("degree {}", config.degree)),
         ("Background", background(config).into()),
         ("Anti-aliasing", if config.antialiased { "on" } else { "off" }.into()),
+        (
+            "What masks leave out",
+            if config.masks == Masks::Ignore { "counts for nothing" } else { "is background" }.into(),
+        ),
+        ("Exposures of photos", if config.exposure { "learnt" } else { "taken as they are" }.into()),
         ("Suppression of floaters", if config.suppress_floaters { "on" } else { "off" }.into()),
         ("Seed", config.seed.to_string()),
         ("Device", record.device.clone()),

@@ -10,6 +10,7 @@ use crate::files::photos::Photo;
 use crate::files::photos::decode::{self, Channels, Decoded, Decoder, Precision};
 use crate::scene::camera::Camera;
 use crate::scene::lens::Lens;
+use crate::splats::config::Masks;
 use crate::{Error, Result};
 
 /// How photos are turned into pictures.
@@ -21,12 +22,14 @@ pub struct PictureSettings {
     pub memory: u64,
     /// Threads; 0 for as many as there are: one per core, or a worker's share of them.
     pub threads: usize,
+    /// What masks mean.
+    pub masks: Masks,
 }
 
 impl Default for PictureSettings {
     fn default() -> Self {
         let decode::DecodeSettings { memory, threads, .. } = decode::DecodeSettings::default();
-        Self { shrink: 1, memory, threads }
+        Self { shrink: 1, memory, threads, masks: Masks::default() }
     }
 }
 
@@ -55,7 +58,7 @@ pub struct Picture {
 /// # Errors
 /// As [`Decoder`]: each photo on its own, in a line that names its file; also where straightening leaves nothing of it.
 pub fn pictures(photos: &[Photo], settings: &PictureSettings) -> Result<Decoder<Picture>> {
-    let PictureSettings { shrink, memory, threads } = *settings;
+    let PictureSettings { shrink, memory, threads, masks } = *settings;
     let decoding =
         decode::DecodeSettings { channels: Channels::Rgb, precision: Precision::Byte, shrink, memory, threads };
     // Photos of one lens mostly follow each other.
@@ -66,11 +69,17 @@ pub fn pictures(photos: &[Photo], settings: &PictureSettings) -> Result<Decoder<
         let Decoded { index, width, height, .. } = decoded;
         let bent = packed(decoded);
         let lens = Lens::new(photo.camera.intrinsics.shrunk(shrink.max(1)), photo.distortion);
-        let pixels = if lens.distortion.is_none() { bent } else { map(&last, lens).straightened(&bent) };
+        let mut pixels = if lens.distortion.is_none() { bent } else { map(&last, lens).straightened(&bent) };
+        if masks == Masks::Ignore {
+            pixels
+                .iter_mut()
+                .for_each(|pixel| *pixel = if *pixel >> 24 < 128 { UNKNOWN } else { *pixel | 0xff00_0000 });
+        }
         if pixels.iter().all(|pixel| *pixel == UNKNOWN) {
             return Err(Error::input(
                 photo.image.as_deref().unwrap_or(Path::new(&photo.camera.name)),
-                "nothing is left of this photo once it is straightened; give the lens that it was taken with, or leave it out",
+                "nothing is left of this photo once it is straightened, and its mask cut out where that is ignored; give the lens that it was \
+                 taken with, or leave it out",
             ));
         }
         Ok(Picture { index, width, height, pixels })
@@ -163,6 +172,12 @@ mod tests {
         let masked = Photo { mask: Some(path("mask.png")), ..cut_out };
         let expected = [[0; 4], [10, 128, 250, 255], [0, 0, 0, 51], [0, 0, 0, 255], [0, 0, 0, 255], [0; 4]];
         assert_eq!(one(&masked, 1), expected);
+        // Where masks mean nothing, what is mostly covered by them is not known, and the rest is whole.
+        let ignoring = PictureSettings { masks: Masks::Ignore, ..PictureSettings::default() };
+        let picture = pictures(std::slice::from_ref(&masked), &ignoring).unwrap().next().unwrap().unwrap();
+        let opaque = |r: u8, g: u8, b: u8| u32::from_le_bytes([r, g, b, 255]);
+        let black = opaque(0, 0, 0);
+        assert_eq!(picture.pixels, [UNKNOWN, opaque(10, 128, 250), UNKNOWN, black, black, UNKNOWN]);
         // White and black make half the light, which is 188 of 255 in sRGB; a third column is cut off.
         let mut image = RgbImage::new(3, 2);
         [(0, 0), (1, 1)].iter().for_each(|(x, y)| image.put_pixel(*x, *y, Rgb([255; 3])));

@@ -2,7 +2,7 @@
 //!
 //! Layout, little-endian: `MAGIC`; bytes of the header as u64 and the header as JSON; a record of 20 bytes for each iteration
 //! done; the planes of parameters and of Adam's two means without gaps, as f32; two f32 a Gaussian of statistics, where there are
-//! any; the CRC-32 of everything before.
+//! any; 40 f32 a photo of its exposure, where they are learnt; the CRC-32 of everything before.
 
 use std::path::Path;
 
@@ -13,6 +13,7 @@ use super::record::Evaluation;
 use crate::files::io::folder::replace_file;
 use crate::splats::config::{Strategy, TrainConfig};
 use crate::splats::render::layout::planes;
+use crate::splats::train::exposure::ExposureState;
 use crate::splats::train::loss::Record;
 use crate::splats::train::trainer::State;
 use crate::{Error, Result};
@@ -100,6 +101,9 @@ pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
         for pair in &state.statistics {
             put(&[pair[0].to_le_bytes(), pair[1].to_le_bytes()].concat())?;
         }
+        for number in bytemuck::cast_slice::<_, f32>(&state.exposures) {
+            put(&number.to_le_bytes())?;
+        }
         let sum = sum.finalize();
         file.write_all(&sum.to_le_bytes())
     })
@@ -132,9 +136,10 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
     header.config.validate()?;
     let values = planes(header.config.degree) as u64 * u64::from(header.population);
     let counted = if header.config.strategy == Strategy::Adc { header.population as usize } else { 0 };
-    if rest.len() as u64 != 20 * u64::from(header.done) + 12 * values + 8 * counted as u64
-        || header.population > header.config.max_splats
-    {
+    let exposed = if header.config.exposure { header.input.photos } else { 0 };
+    let of_exposures = (size_of::<ExposureState>() as u64).saturating_mul(exposed as u64);
+    let others = 20 * u64::from(header.done) + 12 * values + 8 * counted as u64;
+    if rest.len() as u64 != others.saturating_add(of_exposures) || header.population > header.config.max_splats {
         return Err(damaged("it is not as long as its header says"));
     }
     let (history, rest) = rest.split_at(20 * header.done as usize);
@@ -154,7 +159,10 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
     let plane = |i: usize| (0..values as usize).map(|k| float(&rest[i * part..], k)).collect();
     let statistics = (0..counted).map(|k| [0, 1].map(|c| float(&rest[3 * part..], 2 * k + c))).collect();
     let planes = [plane(0), plane(1), plane(2)];
-    let state = State { done: header.done, population: header.population, planes, statistics };
+    let behind = &rest[3 * part + 8 * counted..];
+    let numbers: Vec<f32> = (0..behind.len() / 4).map(|k| float(behind, k)).collect();
+    let exposures = bytemuck::cast_slice(&numbers).to_vec();
+    let state = State { done: header.done, population: header.population, planes, statistics, exposures };
     Ok(Checkpoint { header, history, state })
 }
 
@@ -186,7 +194,7 @@ pub fn check(path: &Path, header: &Header, config: &TrainConfig, input: &Input) 
 }
 
 /// Keys that users set; the others follow from these or from the capture.
-const SETTINGS: [&str; 12] = [
+const SETTINGS: [&str; 14] = [
     "iterations",
     "max_splats",
     "strategy",
@@ -194,6 +202,8 @@ const SETTINGS: [&str; 12] = [
     "background",
     "antialiased",
     "suppress_floaters",
+    "exposure",
+    "masks",
     "init_opacity",
     "init_scale",
     "fast",
@@ -208,8 +218,7 @@ mod tests {
     use crate::splats::run::record::Quality;
 
     fn checkpoint() -> Checkpoint {
-        let mut config = TrainConfig::new(100, 8);
-        config.degree = 0;
+        let config = TrainConfig { degree: 0, exposure: true, ..TrainConfig::new(100, 8) };
         let values = planes(0) * 3;
         let quality = Quality { psnr: f64::INFINITY, ssim: 1.0, ..Quality::default() };
         let plane = |k: usize| (0..values).map(|i| (i * (k + 1)) as f32 * 0.1).collect();
@@ -223,7 +232,13 @@ mod tests {
                 evaluations: vec![Evaluation { iteration: 1, views: 2, quality }],
             },
             history: (0..2).map(|i| Record { l1: 0.5, ssim: 0.25, squared: 0.1, instances: i, splats: 3 }).collect(),
-            state: State { done: 2, population: 3, planes: [plane(0), plane(1), plane(2)], statistics: Vec::new() },
+            state: State {
+                done: 2,
+                population: 3,
+                planes: [plane(0), plane(1), plane(2)],
+                statistics: Vec::new(),
+                exposures: vec![ExposureState { value: [0.5; 12], steps: 3.0, ..ExposureState::default() }; 5],
+            },
         }
     }
 

@@ -4,11 +4,14 @@ use std::borrow::Borrow;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use super::record::{Quality, TestView};
 use crate::engine::parallel::{beside, mapped};
 use crate::engine::vulkan::Context;
 use crate::files::photos::Photo;
 use crate::splats::data::pictures::{self, Picture, UNKNOWN};
+use crate::splats::exposure::Exposure;
 use crate::splats::image_metrics::weights::Weights;
 use crate::splats::image_metrics::{Lpips, Rgb8, SSIM_WINDOW, psnr, ssim};
 use crate::{Error, Result};
@@ -30,6 +33,8 @@ pub struct Tests {
     /// The view of the first photo; the others follow.
     first: usize,
     background: [f32; 3],
+    /// Whether each half of a picture is shown with the exposure that fits the other half best.
+    exposure: bool,
     /// CRC-32 of all pixels.
     pixels: u32,
     lpips: Option<Lpips>,
@@ -58,7 +63,7 @@ pub struct Pair {
 }
 
 impl Tests {
-    /// Photos to test with, over a background; their views are those from `first` on. All are decoded once, to find those that
+    /// Photos to test with, over a background, with an exposure fitted where that is set; their views are those from `first` on. All are decoded once, to find those that
     /// are damaged. `observe` receives how many have been, and may stop it.
     ///
     /// # Errors
@@ -67,7 +72,7 @@ impl Tests {
         photos: &[Photo],
         settings: pictures::PictureSettings,
         first: usize,
-        background: [f32; 3],
+        (background, exposure): ([f32; 3], bool),
         mut observe: impl FnMut(usize) -> ControlFlow<()>,
     ) -> Result<Self> {
         let step = step(photos.len());
@@ -80,7 +85,8 @@ impl Tests {
             }
             Error::unless_stopped(observe(i + 1))?;
         }
-        Ok(Self { photos: photos.to_vec(), settings, few, first, background, pixels: pixels.finalize(), lpips: None })
+        let (photos, pixels) = (photos.to_vec(), pixels.finalize());
+        Ok(Self { photos, settings, few, first, background, exposure, pixels, lpips: None })
     }
 
     /// CRC-32 of all pixels.
@@ -144,7 +150,10 @@ impl Tests {
         };
         let compare = |(picture, drawn): &(P, Vec<[f32; 4]>)| {
             let index = picture.borrow().index;
-            let pair = pair(drawn, picture.borrow(), self.background);
+            let pair = match self.exposure {
+                true => pair(&exposed(drawn, picture.borrow(), self.background), picture.borrow(), self.background),
+                false => pair(drawn, picture.borrow(), self.background),
+            };
             keep(index, &pair)?;
             compared(&pair).map(|quality| (TestView { name: self.photos[index].camera.name.clone(), quality }, pair))
         };
@@ -171,6 +180,34 @@ impl Tests {
         }
         Ok(views)
     }
+}
+
+/// The picture with the exposure of its photo, which nobody has learnt: each half is shown with that which fits the other half best, so that
+/// no pixel is compared with what was fitted to it.
+fn exposed(rendered: &[[f32; 4]], picture: &Picture, background: [f32; 3]) -> Vec<[f32; 4]> {
+    let behind = DVec3::from(background.map(f64::from));
+    let width = picture.width as usize;
+    let is_left = |i: usize| i % width < width / 2;
+    let drawn = |i: usize| {
+        let [r, g, b, left] = rendered[i].map(f64::from);
+        (DVec3::new(r, g, b), left)
+    };
+    let fitted = |to_left: bool| {
+        let known = (0..picture.pixels.len()).filter(|i| is_left(*i) == to_left && picture.pixels[*i] != UNKNOWN);
+        let pixels = known.map(|i| {
+            let [r, g, b, a] = picture.pixels[i].to_le_bytes().map(|v| f64::from(v) / 255.0);
+            let (colour, left) = drawn(i);
+            (colour, left, behind.lerp(DVec3::new(r, g, b), a))
+        });
+        Exposure::fit(pixels, behind)
+    };
+    let [of_left, of_right] = [true, false].map(fitted);
+    let shown = |i: usize| {
+        let (colour, left) = drawn(i);
+        let shown = if is_left(i) { of_right } else { of_left }.shown(colour, left, behind);
+        [shown.x, shown.y, shown.z, left].map(|v| v as f32)
+    };
+    (0..picture.pixels.len()).map(shown).collect()
 }
 
 /// A test view as it is and as it should be, of what the model looks like there. What the photo does not show is black in both.

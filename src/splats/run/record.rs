@@ -3,6 +3,7 @@
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::splats::config::TrainConfig;
+use crate::splats::exposure::Exposure;
 
 /// How far a run has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -94,6 +95,30 @@ pub struct TestView {
     pub quality: Quality,
 }
 
+/// What was learnt of a photo's exposure: a colour c of the model is `matrix c + offset` in the photo, in sRGB from 0 to 1.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PhotoExposure {
+    /// Name of the photo.
+    pub name: String,
+    /// By rows.
+    pub matrix: [[f64; 3]; 3],
+    /// What is added.
+    pub offset: [f64; 3],
+}
+
+impl PhotoExposure {
+    /// Of a photo of that name.
+    pub fn new(name: String, exposure: &Exposure) -> Self {
+        let rows = exposure.matrix.transpose().to_cols_array_2d();
+        Self { name, matrix: rows, offset: exposure.offset.to_array() }
+    }
+
+    /// How much brighter than the model a grey of one half is in the photo: red, green, blue.
+    pub fn gains(&self) -> [f64; 3] {
+        [0, 1, 2].map(|c| self.matrix[c].iter().sum::<f64>() + 2.0 * self.offset[c])
+    }
+}
+
 /// GPU time of a stage, sampled from blocks of iterations throughout the run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageTime {
@@ -145,6 +170,9 @@ pub struct TrainRecord {
     pub evaluations: Vec<Evaluation>,
     /// Test views, worst PSNR first; empty before the first evaluation.
     pub test_views: Vec<TestView>,
+    /// Of the photos that were trained on, where they were learnt.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub exposures: Vec<PhotoExposure>,
     /// Time per stage, longest first.
     pub stages: Vec<StageTime>,
     /// Device memory.

@@ -8,7 +8,9 @@ use std::time::{Duration, Instant};
 use super::checkpoint::{self, Checkpoint, Header, Input};
 use super::evaluate::{self, Camera, Pair, Tests};
 use super::outputs::{self, CHECKPOINT, MODEL};
-use super::record::{CurvePoint, Evaluation, MemoryRecord, PhotosRecord, StageTime, Status, TrainRecord, finite_mean};
+use super::record::{
+    CurvePoint, Evaluation, MemoryRecord, PhotoExposure, PhotosRecord, StageTime, Status, TrainRecord, finite_mean,
+};
 use super::request::{Run, TrainEvent, TrainRequest};
 use crate::engine::vulkan::profile::{Profile, Row};
 use crate::files::io::folder::replace_file;
@@ -76,6 +78,7 @@ impl<'a> TrainingLoop<'a> {
             curve: Vec::new(),
             evaluations: Vec::new(),
             test_views: Vec::new(),
+            exposures: Vec::new(),
             stages: Vec::new(),
             memory: MemoryRecord {
                 buffers: footprint.buffers.iter().map(|(name, bytes)| ((*name).to_owned(), *bytes)).collect(),
@@ -285,6 +288,9 @@ impl<'a> TrainingLoop<'a> {
     fn finish(&mut self, trainer: Trainer, observe: &mut dyn FnMut(TrainEvent) -> ControlFlow<()>) -> Result<()> {
         let Run { context, request, frame, views, .. } = self.run;
         let (done, trained) = (trainer.done(), trainer.gaussians()?);
+        let names = request.split.train.photos.iter().map(|photo| photo.camera.name.clone());
+        self.record.exposures =
+            names.zip(trainer.exposures()?).map(|(name, exposure)| PhotoExposure::new(name, &exposure)).collect();
         drop(trainer);
         // Not those of the last iteration: a refinement may have followed it.
         self.record.splats = trained.len() as u32;
@@ -395,8 +401,9 @@ impl Run {
     /// Decodes all photos: those to train on into the store.
     fn photos(&self, observe: &mut dyn FnMut(TrainEvent) -> ControlFlow<()>) -> Result<(PhotoStore, Tests)> {
         let Split { train, test, .. } = &self.request.split;
-        let settings =
-            pictures::PictureSettings { shrink: self.request.shrink, ..pictures::PictureSettings::default() };
+        let TrainRequest { shrink, config, .. } = &self.request;
+        let usual = pictures::PictureSettings::default();
+        let settings = pictures::PictureSettings { shrink: *shrink, masks: config.masks, ..usual };
         let mut store = PhotoStore::new(&self.context, self.photos_on_device()?);
         let all = train.photos.len() + test.len();
         for picture in pictures::pictures(&train.photos, &settings)? {
@@ -406,7 +413,8 @@ impl Run {
         store.flush()?;
         let background = self.request.config.test_background();
         let decoded = |done| observe(TrainEvent::Photos(train.photos.len() + done, all));
-        let tests = Tests::new(test, settings, train.photos.len(), background, decoded)?;
+        let shown = (background, self.request.config.exposure);
+        let tests = Tests::new(test, settings, train.photos.len(), shown, decoded)?;
         Ok((store, tests))
     }
 }

@@ -1,5 +1,6 @@
 //! How much device memory a training run takes, known before anything is allocated.
 
+use super::exposure;
 use super::loss::{self, Record};
 use crate::engine::vulkan::Context;
 use crate::splats::config::{Strategy, TrainConfig};
@@ -41,6 +42,9 @@ pub fn footprint(context: &Context, config: &TrainConfig, sizes: &Sizes, views: 
     ];
     buffers.extend(rasterizer::buffers(context, sizes, wanted));
     buffers.extend(loss::buffers(sizes));
+    if config.exposure {
+        buffers.extend(exposure::buffers(sizes, views));
+    }
     buffers
 }
 

@@ -2,6 +2,7 @@
 
 pub(crate) mod density;
 mod epoch_sampler;
+pub mod exposure;
 pub mod loss;
 pub mod mcmc;
 pub mod memory;

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use super::density::{self, AdaptiveDensity};
 use super::epoch_sampler::EpochSampler;
+use super::exposure::{ExposureState, Exposures};
 use super::loss::{Ledger, Loss, Record, mailbox};
 use super::mcmc::{self, Mcmc};
 use super::memory;
@@ -22,6 +23,7 @@ use crate::scene::gaussians::Gaussians;
 use crate::scene::random;
 use crate::splats::config::{Background, Schedule, Strategy, TrainConfig};
 use crate::splats::data::store::PhotoStore;
+use crate::splats::exposure::Exposure;
 use crate::splats::render::frame::View;
 use crate::splats::render::layout::{self, PassPush};
 use crate::splats::render::rasterizer::{Model, Rasterizer, Size};
@@ -45,6 +47,8 @@ pub struct State {
     pub planes: [Vec<f32>; 3],
     /// Sum of lengths of gradients and number of views of each Gaussian; empty where nothing is decided by them.
     pub statistics: Vec<[f32; 2]>,
+    /// Of the photos, where they are learnt.
+    pub exposures: Vec<ExposureState>,
 }
 
 /// What changes the number of Gaussians.
@@ -69,6 +73,8 @@ pub struct Trainer {
     moments: Moments,
     rasterizer: Rasterizer,
     loss: Loss,
+    /// Where they are learnt.
+    exposures: Option<Exposures>,
     update: Update,
     density: Density,
     ledger: Ledger,
@@ -127,6 +133,10 @@ impl Trainer {
         commands.fill(&ledger.control, 0);
         commands.submit_and_wait()?;
         drop(commands);
+        let exposures = match config.exposure {
+            true => Some(Exposures::new(context, &sizes, views.len(), photos.len() as u32, config.iterations)?),
+            false => None,
+        };
         Ok(Self {
             context: context.clone(),
             schedule: config.schedule(photos.len()),
@@ -139,6 +149,7 @@ impl Trainer {
             moments,
             rasterizer: Rasterizer::new(context, sizes, memory::wanted(&config))?,
             loss: Loss::new(context, &sizes, memory::wanted(&config).divided(context)?)?,
+            exposures,
             update: Update::new(context, memory::wanted(&config), config.strategy == Strategy::Adc)?,
             density: match config.strategy {
                 Strategy::Mcmc => Density::Mcmc(Mcmc::new(context, config.max_splats)?),
@@ -172,6 +183,9 @@ impl Trainer {
         self.model.population.upload(&[state.population])?;
         self.ledger.history.write(history)?;
         self.moments.statistics.upload(&state.statistics)?;
+        if let Some(exposures) = &self.exposures {
+            exposures.restore(&state.exposures)?;
+        }
         self.ledger.mailbox.write(&[state.done, 0, 0, 0])?;
         self.done = state.done;
         Ok(())
@@ -383,6 +397,9 @@ impl Trainer {
         self.photos.record_copy(commands, photo as usize, &self.loss.photo);
         let Self { rasterizer, model, view_buffer, ledger, .. } = self;
         let instances = rasterizer.forward(commands, model, view_buffer, size, &push)?;
+        if let Some(exposures) = &self.exposures {
+            exposures.record_apply(commands, [view_buffer, &rasterizer.picture], size, &push);
+        }
         self.loss.record(
             commands,
             [view_buffer, &rasterizer.picture, &rasterizer.counts, &model.population],
@@ -390,6 +407,10 @@ impl Trainer {
             size,
             &push,
         );
+        if let Some(exposures) = &self.exposures {
+            let buffers = [view_buffer, &rasterizer.picture, &self.loss.by_pixel, &ledger.control];
+            exposures.record_step(commands, buffers, size, &push);
+        }
         rasterizer.backward(commands, view_buffer, instances, &self.loss.by_pixel, &push);
         let step = UpdatePush::new(&self.config, &self.schedule, &push);
         self.update.record(commands, [view_buffer, &ledger.control], rasterizer, model, &self.moments, &step);
@@ -462,7 +483,16 @@ impl Trainer {
         let planes = [packed(&self.model.parameters)?, packed(&self.moments.first)?, packed(&self.moments.second)?];
         let counted = if self.config.strategy == Strategy::Adc { population as usize } else { 0 };
         let statistics = self.moments.statistics.download(counted)?;
-        Ok(State { done: self.done, population, planes, statistics })
+        let exposures = self.exposures.as_ref().map_or(Ok(Vec::new()), Exposures::states)?;
+        Ok(State { done: self.done, population, planes, statistics, exposures })
+    }
+
+    /// Exposures of the photos as they are; empty where none are learnt.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn exposures(&self) -> Result<Vec<Exposure>> {
+        self.exposures.as_ref().map_or(Ok(Vec::new()), Exposures::learnt)
     }
 
     /// The values of the first `population` Gaussians, plane by plane.

@@ -85,6 +85,7 @@ fn run(iterations: u32, status: Status) -> TrainRecord {
         curve: curve.collect(),
         evaluations,
         test_views: (0..24).map(view).collect(),
+        exposures: Vec::new(),
         stages: stages.collect(),
         memory: MemoryRecord { announced: buffers.iter().map(|(_, size)| size).sum(), peak: 2_034 << 20, buffers },
     }
@@ -99,6 +100,7 @@ fn fresh() -> TrainRecord {
         curve: Vec::new(),
         evaluations: Vec::new(),
         test_views: Vec::new(),
+        exposures: Vec::new(),
         stages: Vec::new(),
         memory: MemoryRecord::default(),
         ..run(0, Status::Running)

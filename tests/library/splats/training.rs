@@ -107,8 +107,8 @@ fn suppressing_floaters_holds_opacities_down() -> Result<()> {
 #[test]
 fn a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> Result<()> {
     let (context, folder) = (context(), folder());
-    for strategy in [Strategy::Mcmc, Strategy::Adc] {
-        let config = short(strategy);
+    for (strategy, exposure) in [(Strategy::Mcmc, false), (Strategy::Adc, false), (Strategy::Mcmc, true)] {
+        let config = TrainConfig { exposure, ..short(strategy) };
         let mut whole = trainer(&context, folder.path(), &config, 1)?;
         whole.run(70, None, go_on)?;
         // Neither at the end of a block nor of an epoch, and between refinements.
@@ -228,7 +228,9 @@ fn many_photos_set_the_schedule_and_the_population() -> Result<()> {
 /// Equality of bits: NaN equals itself.
 fn same(a: &State, b: &State) -> bool {
     let bits = |state: &State| -> Vec<u32> {
-        state.planes.iter().flatten().chain(state.statistics.as_flattened()).map(|value| value.to_bits()).collect()
+        let exposures = state.exposures.iter().flat_map(|exposure| exposure.value);
+        let numbers = state.planes.iter().flatten().chain(state.statistics.as_flattened()).copied();
+        numbers.chain(exposures).map(f32::to_bits).collect()
     };
     (a.done, a.population, bits(a)) == (b.done, b.population, bits(b))
 }

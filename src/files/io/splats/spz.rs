@@ -11,6 +11,7 @@ use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
 use glam::DVec3;
 
+use super::order::along_morton;
 use super::quantised::{byte, from_smallest_three, logit, opacity, smallest_three};
 use super::usable::usable;
 use crate::error::{Error, Result};
@@ -228,7 +229,8 @@ pub fn write(gaussians: &Gaussians, version: u32) -> Vec<u8> {
     let mut columns = Columns::default();
     let [positions, opacities, colours, scales, rotations, harmonics] = &mut columns;
     let each = gaussians.coefficients();
-    for i in 0..gaussians.len() {
+    // Neighbours are alike, which compresses better.
+    for i in along_morton(&gaussians.centres) {
         for value in gaussians.centres[i].to_array() {
             positions.extend(&((one * value).round().clamp(-limit, limit) as i32).to_le_bytes()[..3]);
         }
