@@ -11,7 +11,7 @@ camsplat places N cameras around an object or in a room so that a radiance field
 
 Every function runs the command of the same name inside the interpreter and takes its options as keywords: `--max-splats 50000` is
 `max_splats=50000`, a flag is `True`, numbers between commas are a tuple. What fails raises `Error`, with the line that the
-command prints. The interpreter's lock is released meanwhile, and Ctrl-C stops what is running.
+command prints, options as keywords. The interpreter's lock is released meanwhile, and Ctrl-C stops what is running.
 """
 
 from ._cameras import Cameras, read_cameras, read_surface

@@ -226,14 +226,71 @@ def _intrinsics(sizes: npt.NDArray[np.uint32], fov: Optional[float], K: Optional
 
 @runtime_checkable
 class _HasVertices(Protocol):
-    """A mesh or point cloud as trimesh has them."""
+    """A mesh or point cloud as trimesh and open3d have them."""
 
     @property
     def vertices(self) -> Any: ...
 
 
-Scene = Union[PathLike, npt.ArrayLike, _HasVertices]
-"""A surface: a file or folder that the command reads, vertices, or an object with `vertices` and perhaps `faces`, such as trimesh's."""
+@runtime_checkable
+class _HasPoints(Protocol):
+    """A mesh or point cloud as pyvista has them, or a point cloud of open3d."""
+
+    @property
+    def points(self) -> Any: ...
+
+
+@runtime_checkable
+class _HasGeometry(Protocol):
+    """A scene of trimesh: meshes and their places."""
+
+    @property
+    def geometry(self) -> Any: ...
+
+
+Scene = Union[PathLike, npt.ArrayLike, tuple[npt.ArrayLike, npt.ArrayLike], _HasVertices, _HasPoints, _HasGeometry]
+"""A surface: a file or folder that the command reads, vertices, vertices and faces, or a mesh, scene or point cloud of trimesh, open3d or
+pyvista."""
+
+
+def _arrays(scene: Any) -> tuple[Any, Any]:
+    """Vertices and faces, if any, of what arrays and libraries have for a surface."""
+    if isinstance(scene, tuple) and len(scene) == 2 and all(len(getattr(part, "shape", (0, 0))) == 2 for part in scene):
+        if all(hasattr(part, "__len__") and len(part) > 0 and hasattr(part[0], "__len__") for part in scene):
+            return scene
+    refused = Error(f"the surface is a {type(scene).__name__}; give a file, vertices (V, 3), (vertices, faces), a mesh or a point cloud")
+    if isinstance(scene, _HasGeometry) and hasattr(scene, "to_mesh"):
+        # A scene of trimesh: its meshes where they stand.
+        scene = scene.to_mesh()
+    elif hasattr(scene, "to_legacy"):
+        # Tensors of open3d.
+        scene = scene.to_legacy()
+    elif hasattr(scene, "combine") and hasattr(scene, "n_blocks"):
+        # Several meshes of pyvista.
+        scene = scene.combine()
+    if any(hasattr(scene, name) for name in ("entities", "tetras")) or (hasattr(scene, "lines") and not hasattr(scene, "extract_surface")):
+        # Paths of trimesh, lines and tetrahedra of open3d.
+        raise refused
+    if hasattr(scene, "extract_surface"):
+        if not hasattr(scene, "faces"):
+            # A grid of pyvista: its outside, as older versions take it and newer ones.
+            try:
+                scene = scene.extract_surface(algorithm=None)
+            except TypeError:
+                scene = scene.extract_surface()
+        if np.size(scene.faces) == 0:
+            return scene.points, None
+        scene = scene.triangulate()
+        # Each face is how many corners it has, and these.
+        return scene.points, np.reshape(scene.faces, (-1, 4))[:, 1:]
+    if isinstance(scene, _HasVertices):
+        # trimesh has faces, and open3d triangles.
+        return scene.vertices, scene.faces if hasattr(scene, "faces") else getattr(scene, "triangles", None)
+    if isinstance(scene, _HasPoints):
+        return scene.points, None
+    if not (isinstance(scene, (list, tuple)) or hasattr(scene, "__array__")):
+        raise refused
+    return scene, None
 
 
 def surface_file(scene: Any, faces: Any, folder: Path, name: str = "scene") -> PathLike:
@@ -242,10 +299,8 @@ def surface_file(scene: Any, faces: Any, folder: Path, name: str = "scene") -> P
         if faces is not None:
             raise Error("faces go with vertices, and a file is given; leave them out")
         return scene
-    if isinstance(scene, _HasVertices):
-        if faces is None:
-            faces = getattr(scene, "faces", None)
-        scene = scene.vertices
+    scene, own_faces = _arrays(scene)
+    faces = own_faces if faces is None else faces
     vertices = _points(scene, "vertices")
     if len(vertices) == 0:
         raise Error("vertices: there are none; give (V, 3)")

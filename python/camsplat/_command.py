@@ -11,10 +11,27 @@ from typing import Any, Optional, Union
 
 import numpy as np
 
-from . import _camsplat
+from . import _camsplat, _options
 
 Progress = Union[bool, Callable[[str, int, int], object]]
 """`True` for a bar (needs tqdm), or a function of what is being done, the units that are done, and all of them."""
+
+_FUNCTIONS = {
+    "plan": _options.PlanOptions,
+    "score": _options.ScoreOptions,
+    "select": _options.SelectOptions,
+    "train": _options.TrainOptions,
+    "evaluate": _options.EvaluateOptions,
+}
+"""Commands that are functions, and their options."""
+
+_FLAGS = {
+    name
+    for options in _FUNCTIONS.values()
+    for name, kind in options.__annotations__.items()
+    if getattr(kind, "__forward_arg__", kind) in ("bool", bool)
+}
+"""Options without a value."""
 
 _logger = logging.getLogger("camsplat")
 
@@ -56,11 +73,29 @@ def run(
         try:
             _camsplat.run(words, on_line, on_progress)
         except _camsplat.Error as error:
-            if temporary is None or str(temporary) not in str(error):
-                raise
-            argument = re.compile(re.escape(str(temporary) + os.sep) + r"(\w+)\.(?:ply|json)\b")
-            raise _camsplat.Error(argument.sub(r"\1", str(error))) from None
+            message = str(error)
+            if temporary is not None:
+                argument = re.compile(re.escape(str(temporary) + os.sep) + r"(\w+)\.(?:ply|json)\b")
+                message = argument.sub(r"\1", message)
+            raise _camsplat.Error(in_python(message, name)) from None
     return lines
+
+
+def in_python(message: str, name: str) -> str:
+    """A line of the command `name` with its options as keywords.
+
+    >>> in_python("plan: there is something here already; give --force, or --max-splats 9; see --help", "plan")
+    'plan: there is something here already; give force=True, or max_splats 9; see help(camsplat.plan)'
+    """
+    help_of = f"help(camsplat.{name})" if name in _FUNCTIONS else f"`camsplat {name} --help`"
+    message, is_helpless = message.removesuffix("; see --help"), message.endswith("; see --help")
+
+    def keyword(option: re.Match[str]) -> str:
+        word = option[1].replace("-", "_")
+        return f"{word}=True" if word in _FLAGS else word
+
+    message = re.sub(r"(?<![\w/.-])--([a-z][a-z0-9]*(?:-[a-z0-9]+)*)", keyword, message)
+    return f"{message}; see {help_of}" if is_helpless else message
 
 
 def options_of(options: Mapping[str, Any]) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Optional, Union
 
@@ -12,16 +13,15 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _camsplat
-from ._cameras import Cameras, PathLike, read_cameras
+from ._cameras import Cameras, PathLike, Scene, read_cameras
 from ._camsplat import Error
 from ._command import Progress, run
+from ._keywords import keywords
 from ._options import EvaluateOptions, SelectOptions, TrainOptions
 from ._plan import Plan, _files
 from ._show import Report, Temporary
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from typing_extensions import Unpack
 
 
@@ -37,7 +37,8 @@ class Selection(Report):
     def __init__(self, folder: PathLike, *, _temporary: Optional[Temporary] = None) -> None:
         super().__init__(folder, _temporary)
         self.record: dict[str, Any] = self._json("select.json")
-        self.names: list[str] = [photo["name"] for photo in self.record["chosen"]]
+        by_worth = sorted(self.record["chosen"], key=lambda photo: -float(photo["contribution_db"]))
+        self.names: list[str] = [photo["name"] for photo in by_worth]
 
     def __repr__(self) -> str:
         return f"<camsplat.Selection: {len(self.names)} photos>"
@@ -52,13 +53,14 @@ class Training(Report):
     """Trained splats, and the folder that holds them.
 
     Attributes:
-        folder: what `camsplat train` writes: point_cloud.ply, train.json, report.html, test pictures, the checkpoint.
+        folder: what `camsplat train` writes: point_cloud.ply, train.json, report.html, test pictures, the checkpoint. Where no `out` was
+            given it is a temporary folder, which goes with the training; see `save`.
         record: the contents of train.json.
         model: the file of the trained splats, in the usual 3DGS layout.
     """
 
-    def __init__(self, folder: PathLike) -> None:
-        super().__init__(folder, None)
+    def __init__(self, folder: PathLike, *, _temporary: Optional[Temporary] = None) -> None:
+        super().__init__(folder, _temporary)
         self.record: dict[str, Any] = self._json("train.json")
         self.model: Path = self.folder / "point_cloud.ply"
 
@@ -112,6 +114,7 @@ class Rendering(NamedTuple):
     depth: Optional[npt.NDArray[np.float32]]
 
 
+@keywords(SelectOptions, Cameras=Cameras, Scene=Scene, Plan=Plan)
 def select(
     capture: PathLike,
     count: int,
@@ -140,25 +143,34 @@ def select(
     return Selection(folder, _temporary=temporary if out is None else None)
 
 
-def train(capture: PathLike, out: PathLike, *, progress: Progress = False, **options: Unpack[TrainOptions]) -> Training:
+@keywords(TrainOptions, Cameras=Cameras, Scene=Scene, Plan=Plan)
+def train(
+    capture: PathLike,
+    out: Optional[PathLike] = None,
+    *,
+    progress: Progress = False,
+    **options: Unpack[TrainOptions],
+) -> Training:
     """Trains Gaussian splats on a capture and tests them.
 
     Args:
         capture: posed photos: COLMAP, transforms.json or NSVF.
-        out: folder for the model, test pictures, metrics, checkpoint and report.
+        out: folder for the model, test pictures, metrics, checkpoint and report; `None` for a temporary one that goes with the training.
         progress: as `plan` takes it.
         options: those of `camsplat train`.
 
     Raises:
         Error: with the line that the command prints.
-        KeyboardInterrupt: after Ctrl-C; the same call with `resume=True` continues.
+        KeyboardInterrupt: after Ctrl-C; the same call with `resume=True` continues, where it has an `out`.
     """
-    with tempfile.TemporaryDirectory(prefix="camsplat-") as temporary:
-        folder = Path(temporary)
-        run("train", [capture], {"out": out, **_files("train", options, TrainOptions, folder)}, progress, folder)
-    return Training(out)
+    temporary = Temporary()
+    folder = temporary.folder / "training" if out is None else Path(out)
+    given = _files("train", options, TrainOptions, temporary.folder)
+    run("train", [capture], {"out": folder, **given}, progress, temporary.folder)
+    return Training(folder, _temporary=temporary if out is None else None)
 
 
+@keywords(EvaluateOptions, Cameras=Cameras, Scene=Scene, Plan=Plan)
 def evaluate(
     scenes: Union[PathLike, Sequence[PathLike]],
     out: PathLike,

@@ -14,7 +14,9 @@ import numpy.typing as npt
 
 from . import _show
 from ._cameras import Cameras, Floats, PathLike, Scene, cameras_file, read_cameras, read_surface, surface_file
+from ._camsplat import Error
 from ._command import Progress, run
+from ._keywords import keywords
 from ._options import PlanOptions, ScoreOptions
 from ._show import Report
 
@@ -129,6 +131,7 @@ class QualityCurve:
         return self.svg
 
 
+@keywords(PlanOptions, Cameras=Cameras, Scene=Scene, Plan=Plan)
 def plan(
     scene: Scene,
     faces: Optional[npt.ArrayLike] = None,
@@ -141,8 +144,8 @@ def plan(
     """Places `views` cameras for a surface.
 
     Args:
-        scene: a file or folder that `camsplat plan` reads (mesh, points, splats, capture); vertices, (V, 3); or an object with
-            `vertices` and `faces`, such as trimesh's. Arrays have +z up unless `up` says otherwise.
+        scene: a file or folder that `camsplat plan` reads (mesh, points, splats, capture); vertices, (V, 3); (vertices, faces); or a mesh,
+            scene or point cloud of trimesh, open3d or pyvista. All but files have +z up unless `up` says otherwise.
         faces: (F, 3) vertex indices, counter-clockwise from outside. Vertices without faces are points.
         views: cameras to place.
         out: folder to write; `None` for a temporary one that goes with the plan.
@@ -164,18 +167,24 @@ def plan(
     return Plan(folder, _temporary=temporary if out is None else None)
 
 
+@keywords(ScoreOptions, Cameras=Cameras, Scene=Scene, Plan=Plan)
 def score(
     scene: Scene,
-    cameras: Union[Cameras, Plan, PathLike],
+    cameras: Union[Cameras, Plan, PathLike, npt.ArrayLike],
     faces: Optional[npt.ArrayLike] = None,
+    *,
+    size: Optional[npt.ArrayLike] = None,
+    fov: Optional[float] = None,
+    K: Optional[npt.ArrayLike] = None,
     **options: Unpack[ScoreOptions],
 ) -> Score:
     """Predicts what cameras are worth, before a photo is taken.
 
     Args:
         scene: as `plan` takes it.
-        cameras: `Cameras`, a `Plan`, or a file or folder of cameras. With a plan, region and limits are the plan's.
+        cameras: `Cameras`, a `Plan`, a file or folder of cameras, or poses (N, 4, 4). With a plan, region and limits are the plan's.
         faces: as `plan` takes them.
+        size, fov, K: the lens of poses, as `Cameras` takes it.
         options: those of `camsplat score`.
 
     Raises:
@@ -184,6 +193,10 @@ def score(
     with tempfile.TemporaryDirectory(prefix="camsplat-") as temporary:
         folder = Path(temporary)
         source = surface_file(scene, faces, folder)
+        if isinstance(cameras, (np.ndarray, list, tuple)):
+            cameras = Cameras(cameras, size=(800, 800) if size is None else size, fov=fov, K=K)
+        elif not (size is None and fov is None and K is None):
+            raise Error("size, fov and K are the lens of poses, and the cameras that are given have their own; leave them out")
         of = cameras.folder if isinstance(cameras, Plan) else cameras_file(cameras, folder, "cameras")
         file = folder / "score.json"
         run("score", [source, of], {"json": file, **_files("score", options, ScoreOptions, folder)}, False, folder)
@@ -191,6 +204,7 @@ def score(
     return Score(**metrics.pop("expected"), metrics=metrics)
 
 
+@keywords(PlanOptions, Cameras=Cameras, Scene=Scene, Plan=Plan)
 def quality_curve(
     scene: Scene,
     faces: Optional[npt.ArrayLike] = None,

@@ -72,9 +72,12 @@ class Report:
             raise Error(f"{self.folder}: this folder goes with its object, which cannot be copied; call save() and open that folder")
         return super().__reduce_ex__(protocol)
 
-    def save(self, folder: PathLike) -> Path:
-        """Copies everything into a folder that does not exist yet or is empty, and returns its path."""
-        return self._copy(".", Path(folder))
+    def save(self, folder: PathLike, *, force: bool = False) -> Path:
+        """Copies everything into a folder that does not exist yet or is empty, and returns its path.
+
+        With `force`, into one that is not empty: files of the same names are replaced, all others stay.
+        """
+        return self._copy(".", Path(folder), force)
 
     def _frame(self, height: int) -> str:
         # A frame of its own: the report's styles and scripts are not the notebook's. It has no address, so that pictures beside the
@@ -98,9 +101,11 @@ class Report:
             raise Error(f"{file}: cannot be read: {error}") from None
         return contents
 
-    def _copy(self, part: str, to: Path) -> Path:
-        if to.exists() and (not to.is_dir() or any(to.iterdir())):
-            raise Error(f"{to}: there is something here already; name another folder")
+    def _copy(self, part: str, to: Path, force: bool = False) -> Path:
+        if to.exists() and (not to.is_dir() or (any(to.iterdir()) and not force)):
+            raise Error(f"{to}: there is something here already; name another folder, or give force=True to write over it")
+        if to.exists() and to.samefile(self.folder / part):
+            raise Error(f"{to}: this is the folder that is copied; name another")
         try:
             shutil.copytree(self.folder / part, to, symlinks=True, dirs_exist_ok=True)
         except OSError as error:

@@ -35,6 +35,13 @@ def test_what_is_trained_looks_like_the_photos(capture: Path, splats: Path, tmp_
     assert abs(training.psnr + 10 * np.log10(np.mean(errors))) < 3
     with pytest.raises(camsplat.Error, match="not empty"):
         camsplat.train(capture, tmp_path / "model", iterations=150)
+    # Without a folder, the model lasts as long as what is returned.
+    short = camsplat.train(capture, iterations=10, max_splats=2000, sh=0)
+    [one] = camsplat.render(short, plan.cameras[:1])
+    assert one.image.std() > 0 and short.model.is_file()
+    folder = short.folder
+    del short
+    assert not folder.exists()
 
 
 def test_selected_photos_are_a_capture(capture: Path, tmp_path: Path) -> None:
@@ -44,6 +51,8 @@ def test_selected_photos_are_a_capture(capture: Path, tmp_path: Path) -> None:
     everything = camsplat.read_cameras(capture)
     index = [everything.names.index(name.removesuffix(".png")) for name in selection.cameras.names]
     assert np.allclose(everything.poses[index], selection.cameras.poses, atol=1e-9)
+    worth = {photo["name"]: photo["contribution_db"] for photo in selection.record["chosen"]}
+    assert [worth[name] for name in selection.names] == sorted(worth.values(), reverse=True)
     assert camsplat.select(capture, 6).names == selection.names
     with pytest.raises(camsplat.Error, match="count"):
         camsplat.select(capture, 17)

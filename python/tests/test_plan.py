@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import logging
 import pickle
@@ -11,9 +12,10 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TypedDict
+from typing import TypedDict, Union, get_type_hints
 
 import numpy as np
 import pytest
@@ -239,8 +241,8 @@ def test_rerun_takes_the_cameras(ball: Ball, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"views": 0}, "--views is 0; give at least 1"),
-        ({"box": (1, 2, 3)}, "--box takes 6 numbers"),
+        ({"views": 0}, "views is 0; give at least 1"),
+        ({"box": (1, 2, 3)}, "box takes 6 numbers"),
         ({"preset": "rom"}, "possible values: object, room"),
         ({"faces": np.array([[0, 1, 10**6]])}, "there are"),
         ({"faces": np.array([[0, 1], [1, 2]])}, "give (F, 3)"),
@@ -249,6 +251,13 @@ def test_rerun_takes_the_cameras(ball: Ball, tmp_path: Path) -> None:
         ({"scene": np.zeros((0, 3))}, "there are none"),
         ({"scene": "nowhere.ply"}, "nowhere.ply: there is no such file"),
         ({"keep": np.eye(4)}, "ndarray"),
+        ({"scene": {}}, "the surface is a dict; give"),
+        ({"scene": None}, "the surface is a NoneType; give"),
+        # A path of trimesh, lines of open3d.
+        ({"scene": SimpleNamespace(vertices=np.eye(3), entities=[])}, "the surface is a SimpleNamespace; give"),
+        ({"scene": SimpleNamespace(points=np.eye(3), lines=np.zeros((0, 2)))}, "the surface is a SimpleNamespace; give"),
+        ({"scene": (np.eye(3), np.eye(3))}, "faces: the shape is (3, 3), of float64"),
+        ({"floor": (1, 2)}, "see help(camsplat.plan)"),
         ({"device": "no such device"}, "no such device"),
         ({"progress": "yes"}, "progress is 'yes'"),
         ({"size": (640.5, 480)}, "640.5"),
@@ -268,11 +277,79 @@ def test_misspelt_keywords_and_full_folders_are_refused(ball: Ball, tmp_path: Pa
     with pytest.raises(TypeError, match="veiws"):
         camsplat.plan(ball[0], veiws=5)  # type: ignore[call-arg]
     (tmp_path / "mine.txt").write_text("mine")
-    with pytest.raises(camsplat.Error, match="not empty"):
+    with pytest.raises(camsplat.Error, match="not empty; pass force=True to"):
         camsplat.plan(ball[0], views=5, out=tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == ["mine.txt"]
     camsplat.plan(ball[0], views=5, out=tmp_path, force=True)
     assert (tmp_path / "mine.txt").read_text() == "mine"
+    plan = camsplat.plan(ball[0], views=4)
+    with pytest.raises(camsplat.Error, match="force=True"):
+        plan.save(tmp_path)
+    plan.save(tmp_path, force=True)
+    assert (tmp_path / "mine.txt").read_text() == "mine" and len(camsplat.Plan(tmp_path).cameras) == 4
+    with pytest.raises(camsplat.Error, match="this is the folder"):
+        plan.save(plan.folder, force=True)
     shutil.rmtree(tmp_path)
     with pytest.raises(camsplat.Error, match=r"plan\.json"):
         camsplat.Plan(tmp_path)
+
+
+def test_meshes_of_other_libraries_are_taken_for_what_they_are(ball: Ball) -> None:
+    """If this failed, a mesh would silently be planned for as its points, its parts would stand elsewhere, or be refused."""
+    vertices, faces = ball
+    known = camsplat.plan(*ball, views=4, **QUICK).poses
+    of_points = camsplat.plan(vertices, views=4, **QUICK).poses
+    assert not np.allclose(known, of_points)
+    meshes: dict[str, object] = {
+        "arrays": (vertices, faces),
+        "lists": (vertices.tolist(), faces.tolist()),
+        "open3d": SimpleNamespace(vertices=vertices, triangles=faces),
+    }
+    clouds: dict[str, object] = {"open3d": SimpleNamespace(points=vertices)}
+    try:
+        import trimesh  # optional
+    except ImportError:
+        pass
+    else:
+        # The ball is elsewhere in its own file, and its node brings it back.
+        mesh = trimesh.Trimesh(vertices - [3, 0, 0], faces, process=False)
+        scene = trimesh.Scene()
+        scene.add_geometry(mesh, transform=np.block([[np.eye(3), np.array([[3.0], [0], [0]])], [np.zeros((1, 3)), np.ones((1, 1))]]))
+        meshes["trimesh"], meshes["scene of trimesh"] = trimesh.Trimesh(vertices, faces, process=False), scene
+        clouds["trimesh"] = trimesh.PointCloud(vertices)  # type: ignore[no-untyped-call]
+    try:
+        import pyvista  # optional
+    except ImportError:
+        pass
+    else:
+        triangles = pyvista.PolyData.from_regular_faces(vertices, faces)
+        meshes["pyvista"], meshes["grid of pyvista"] = triangles, triangles.cast_to_unstructured_grid()
+        clouds["pyvista"] = pyvista.PolyData(vertices)
+    for name, one in meshes.items():
+        poses = camsplat.plan(one, views=4, **QUICK).poses  # type: ignore[arg-type]
+        assert np.allclose(poses, known, atol=1e-6), name
+    for name, cloud in clouds.items():
+        poses = camsplat.plan(cloud, views=4, **QUICK).poses  # type: ignore[arg-type]
+        assert np.allclose(poses, of_points, atol=1e-6), name
+
+
+def test_poses_are_scored_with_their_lens(ball: Ball) -> None:
+    """If this failed, one could not ask what poses are worth, or would be answered for another lens."""
+    plan = camsplat.plan(*ball, views=5, fov=60, size=(640, 480), **QUICK)
+    known = camsplat.score(ball, plan.cameras, held_out=50).db
+    assert camsplat.score(ball, plan.poses, size=(640, 480), fov=60, held_out=50).db == pytest.approx(known, abs=1e-6)
+    assert camsplat.score(ball, plan.poses, size=(640, 480), K=plan.K, held_out=50).db == pytest.approx(known, abs=1e-6)
+    assert camsplat.score(ball, plan.poses, size=(640, 480), fov=30, held_out=50).db != pytest.approx(known, abs=1e-3)
+    with pytest.raises(camsplat.Error, match="have their own"):
+        camsplat.score(ball, plan, fov=60)
+
+
+@pytest.mark.parametrize(
+    "function", [camsplat.plan, camsplat.score, camsplat.quality_curve, camsplat.select, camsplat.train, camsplat.evaluate]
+)
+def test_options_are_listed(function: Callable[..., object]) -> None:
+    """If this failed, `help` and completion would not show what a function takes, or `get_type_hints` fail."""
+    parameters = inspect.signature(function).parameters
+    hints = get_type_hints(function)
+    assert "options" not in parameters and set(hints) == {*parameters, "return"}
+    assert parameters["device"].default is None and hints["device"] == Union[str, int]

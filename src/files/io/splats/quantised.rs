@@ -13,7 +13,7 @@ pub(in crate::files::io) fn opacity(logit: f32) -> f64 {
     1.0 / (1.0 + (-f64::from(logit)).exp())
 }
 
-/// The logit of an opacity in 255ths.
+/// The logit of an opacity in steps of 1/255.
 pub(in crate::files::io) fn logit(opacity: u8) -> f64 {
     let opacity = (f64::from(opacity) / 255.0).clamp(MIN_OPACITY, 1.0 - MIN_OPACITY);
     (opacity / (1.0 - opacity)).ln()
