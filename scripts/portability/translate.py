@@ -51,7 +51,8 @@ def traits(path):
 def to_metal(path, constants):
     code, text, said = called(["spirv-cross", str(path), "--msl", "--msl-version", METAL])
     found = Translation(refused=said or ([] if code == 0 else [f"spirv-cross ends with {code}"]))
-    text = re.sub(r"//.*", "", text)
+    # Attributes too, whose parentheses would be taken for the function's.
+    text = re.sub(r"//.*|__attribute__\(\(\w+\)\)", "", text)
     defined = set(re.findall(r"\b(\w+)\s*\([^;{}]*\)[\w\s]*\{", text)) | set(re.findall(r"struct (\w+)", text))
     unknown = sorted(set(re.findall(r"\b([A-Za-z_]\w*)\s*\(", text)) - defined - KNOWN)
     found.refused += [f"no such function in Metal: {name}" for name in unknown]
