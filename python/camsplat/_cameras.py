@@ -255,9 +255,9 @@ pyvista."""
 
 def _arrays(scene: Any) -> tuple[Any, Any]:
     """Vertices and faces, if any, of what arrays and libraries have for a surface."""
-    if isinstance(scene, tuple) and len(scene) == 2 and all(len(getattr(part, "shape", (0, 0))) == 2 for part in scene):
-        if all(hasattr(part, "__len__") and len(part) > 0 and hasattr(part[0], "__len__") for part in scene):
-            return scene
+    # Two points have one dimension each.
+    if isinstance(scene, tuple) and len(scene) == 2 and _numbers(scene[0], "vertices").ndim == 2:
+        return scene
     refused = Error(f"the surface is a {type(scene).__name__}; give a file, vertices (V, 3), (vertices, faces), a mesh or a point cloud")
     if isinstance(scene, _HasGeometry) and hasattr(scene, "to_mesh"):
         # A scene of trimesh: its meshes where they stand.

@@ -305,7 +305,7 @@ def test_meshes_of_other_libraries_are_taken_for_what_they_are(ball: Ball) -> No
         "lists": (vertices.tolist(), faces.tolist()),
         "open3d": SimpleNamespace(vertices=vertices, triangles=faces),
     }
-    clouds: dict[str, object] = {"open3d": SimpleNamespace(points=vertices)}
+    clouds: dict[str, object] = {"open3d": SimpleNamespace(points=vertices), "no faces": (vertices, None), "none": (vertices, faces[:0])}
     try:
         import trimesh  # optional
     except ImportError:
