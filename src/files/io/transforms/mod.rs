@@ -161,11 +161,25 @@ pub fn photos(path: &Path, bytes: &[u8], outside_paths: bool, notes: &mut Vec<St
     }
     checks::usable_photos(path, &mut photos, &mut left_out)?;
     left_out.note("frames", notes);
-    let points = file.ply_file_path.as_ref().and_then(|points| match outside_paths {
-        true => Some(folder.join(points)),
-        false => files::within(folder, points),
-    });
+    let points = file.ply_file_path.as_ref().and_then(|name| seed_cloud(folder, name, outside_paths, notes));
     Ok(Transforms { photos, missing_masks, points, outside })
+}
+
+/// Where the seed cloud `name` lies, or would lie. Where that is outside of `folder` and may not be read, what lies inside by the last parts
+/// of its path is taken, or else nothing; `notes` reports both.
+fn seed_cloud(folder: &Path, name: &str, outside_paths: bool, notes: &mut Vec<String>) -> Option<PathBuf> {
+    let named = folder.join(name);
+    if let Some(inside) = files::within(folder, name).or_else(|| (outside_paths && named.is_file()).then_some(named)) {
+        return Some(inside);
+    }
+    let found = Lookup::default().tail(folder, name);
+    notes.push(bounded(match &found {
+        Some(path) => format!("the seed cloud {name:?} leads elsewhere: {} was taken", path.display()),
+        None => format!(
+            "the seed cloud {name:?} lies outside the capture's folder and is not read; copy it into it, or pass `outside_paths`"
+        ),
+    }));
+    found
 }
 
 /// What is known on the way through the frames.
