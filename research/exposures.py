@@ -6,8 +6,9 @@ usage: exposures.py CAMSPLAT OUT [CAPTURE ...]
 Walks c, e and f of frames_walk.py, 72 frames each at even times with their true poses, photographed by `camsplat capture` at 64 samples.
 Drift: gains in linear light of half a stop to either side, as frames_walk.py has them, and of 7% between red and blue. Each walk is trained
 with and without drift and option; 30 sharp views beside the walk, without drift, are tested with. Captures hold out every eighth photo.
-Means and standard deviations over seeds: two for walks, four for captures. Test views of `--exposure` are shown with an exposure that is fitted to the other half of the picture, so both kinds of runs are also
-compared under such fits: figures "fitted" of runs without the option are made here in the same way.
+Means and standard deviations over seeds: two for walks, four for captures. Test views of `--exposure` are shown with an exposure that is
+fitted to the other half of the picture, so both kinds of runs are also compared under such fits: figures "fitted" of runs without the
+option are made here in the same way.
 Needs numpy and pillow. docs/results/exposure.md has what came out.
 """
 import json

@@ -9,12 +9,12 @@ from typing import Any, TypeVar, get_type_hints
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def keywords(options: type, **types: Any) -> Callable[[Function], Function]:
+def keywords(types: dict[str, Any], options: type) -> Callable[[Function], Function]:
     """Names the keywords that a function takes as `**options`, with their types and the default, `None`, which is the command's own.
 
     Args:
+        types: what the names stand for that the module of the options has for type checkers alone.
         options: the options, as a `TypedDict`.
-        types: what the names stand for that its module has for type checkers alone.
     """
     hints = get_type_hints(options, None, types)
 

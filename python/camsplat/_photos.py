@@ -13,12 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _camsplat
-from ._cameras import Cameras, PathLike, Scene, read_cameras
+from ._cameras import Cameras, PathLike, read_cameras
 from ._camsplat import Error
 from ._command import Progress, run
-from ._keywords import keywords
 from ._options import EvaluateOptions, SelectOptions, TrainOptions
-from ._plan import Plan, _files
+from ._plan import Plan, _files, takes
 from ._show import Report, Temporary
 
 if TYPE_CHECKING:
@@ -114,7 +113,7 @@ class Rendering(NamedTuple):
     depth: Optional[npt.NDArray[np.float32]]
 
 
-@keywords(SelectOptions, Cameras=Cameras, Scene=Scene, Plan=Plan)
+@takes(SelectOptions)
 def select(
     capture: PathLike,
     count: int,
@@ -143,7 +142,7 @@ def select(
     return Selection(folder, _temporary=temporary if out is None else None)
 
 
-@keywords(TrainOptions, Cameras=Cameras, Scene=Scene, Plan=Plan)
+@takes(TrainOptions)
 def train(
     capture: PathLike,
     out: Optional[PathLike] = None,
@@ -170,7 +169,7 @@ def train(
     return Training(folder, _temporary=temporary if out is None else None)
 
 
-@keywords(EvaluateOptions, Cameras=Cameras, Scene=Scene, Plan=Plan)
+@takes(EvaluateOptions)
 def evaluate(
     scenes: Union[PathLike, Sequence[PathLike]],
     out: PathLike,

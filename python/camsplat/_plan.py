@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import json
+import os
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -92,6 +94,10 @@ class Plan(Report):
         _show.to_viser(self.cameras, self.points, server, name)
 
 
+takes = functools.partial(keywords, {"Cameras": Cameras, "Scene": Scene, "Plan": Plan})
+"""For a function that takes the options of a command."""
+
+
 @dataclass(frozen=True)
 class Score:
     """What cameras are worth.
@@ -131,7 +137,7 @@ class QualityCurve:
         return self.svg
 
 
-@keywords(PlanOptions, Cameras=Cameras, Scene=Scene, Plan=Plan)
+@takes(PlanOptions)
 def plan(
     scene: Scene,
     faces: Optional[npt.ArrayLike] = None,
@@ -167,7 +173,7 @@ def plan(
     return Plan(folder, _temporary=temporary if out is None else None)
 
 
-@keywords(ScoreOptions, Cameras=Cameras, Scene=Scene, Plan=Plan)
+@takes(ScoreOptions)
 def score(
     scene: Scene,
     cameras: Union[Cameras, Plan, PathLike, npt.ArrayLike],
@@ -193,7 +199,7 @@ def score(
     with tempfile.TemporaryDirectory(prefix="camsplat-") as temporary:
         folder = Path(temporary)
         source = surface_file(scene, faces, folder)
-        if isinstance(cameras, (np.ndarray, list, tuple)):
+        if not isinstance(cameras, (Cameras, Plan, str, os.PathLike)) and not hasattr(cameras, "cameras"):
             cameras = Cameras(cameras, size=(800, 800) if size is None else size, fov=fov, K=K)
         elif not (size is None and fov is None and K is None):
             raise Error("size, fov and K are the lens of poses, and the cameras that are given have their own; leave them out")
@@ -204,7 +210,7 @@ def score(
     return Score(**metrics.pop("expected"), metrics=metrics)
 
 
-@keywords(PlanOptions, Cameras=Cameras, Scene=Scene, Plan=Plan)
+@takes(PlanOptions)
 def quality_curve(
     scene: Scene,
     faces: Optional[npt.ArrayLike] = None,

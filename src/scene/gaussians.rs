@@ -35,6 +35,11 @@ pub const MAX_LOGIT: f32 = 20.0;
 pub const FLAT: f32 = -40.0;
 
 impl Gaussians {
+    /// Opacity of Gaussian `i`, from 0 to 1.
+    pub fn opacity(&self, i: usize) -> f64 {
+        1.0 / (1.0 + (-f64::from(self.opacities[i])).exp())
+    }
+
     /// Gives what files hold as infinite the values that can be computed with: opacities of 0 or 1, and no extent along an axis.
     pub fn bounded(mut self) -> Self {
         let infinite = self.opacities.iter_mut().filter(|opacity| opacity.is_infinite());

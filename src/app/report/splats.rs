@@ -168,19 +168,15 @@ fn every<T>(items: &[T], most: usize) -> impl Iterator<Item = &T> {
     items.iter().step_by(items.len().div_ceil(most).max(1))
 }
 
-fn opacity(gaussians: &Gaussians, i: usize) -> f64 {
-    1.0 / (1.0 + (-f64::from(gaussians.opacities[i])).exp())
-}
-
 /// Numbers, ascending, of the Gaussians whose opacity times area is largest; those that are not finite or show nothing are left out.
 fn foremost(gaussians: &Gaussians) -> Vec<usize> {
     let weight = |i: usize| {
         let scales = gaussians.log_scales[i];
         // The area is that of the two longer axes.
         let area = scales.iter().sum::<f32>() - scales.iter().copied().fold(f32::INFINITY, f32::min);
-        opacity(gaussians, i).ln() + f64::from(area)
+        gaussians.opacity(i).ln() + f64::from(area)
     };
-    let is_seen = |i: &usize| gaussians.is_finite(*i) && opacity(gaussians, *i) >= FAINTEST;
+    let is_seen = |i: &usize| gaussians.is_finite(*i) && gaussians.opacity(*i) >= FAINTEST;
     let mut kept: Vec<(f64, usize)> = (0..gaussians.len()).filter(is_seen).map(|i| (weight(i), i)).collect();
     if kept.len() > MAX_SPLATS {
         kept.select_nth_unstable_by(MAX_SPLATS, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -207,7 +203,7 @@ fn colour(gaussians: &Gaussians, i: usize, from: &[DVec3]) -> [u8; 4] {
         count => from.iter().map(seen).sum::<DVec3>() / count as f64,
     };
     let byte = |value: f64| (255.0 * value).round() as u8;
-    [byte(mean.x), byte(mean.y), byte(mean.z), byte(opacity(gaussians, i))]
+    [byte(mean.x), byte(mean.y), byte(mean.z), byte(gaussians.opacity(i))]
 }
 
 #[cfg(test)]

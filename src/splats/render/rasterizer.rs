@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use super::frame::View;
-use super::layout::{BLOCK, PassPush, Projected, SUMS, SplatConstants, TILE, TileConstants};
+use super::layout::{BLOCK, PassPush, Projected, SUMS, SplatConstants, TILE, TileConstants, planes};
 use super::wanted::Wanted;
 use crate::engine::primitives::{Count, KeyRanges, RadixSort, Scan};
 use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder, footprint};
@@ -78,6 +78,19 @@ pub struct Model {
     pub stride: u32,
     /// Planes of parameters, a value per Gaussian each.
     pub planes: u32,
+}
+
+impl Model {
+    /// Of `most` Gaussians with harmonics of that degree; the buffers hold anything.
+    ///
+    /// # Errors
+    /// Where the device has too little memory.
+    pub fn new(context: &Arc<Context>, most: u32, degree: u32) -> Result<Self> {
+        let planes = planes(degree) as u32;
+        let bytes = 4 * u64::from(planes) * u64::from(most);
+        let parameters = Buffer::device(context, "parameters", bytes)?;
+        Ok(Self { parameters, population: Buffer::device(context, "population", 4)?, stride: most, planes })
+    }
 }
 
 /// Instances in the order of their tiles, as the forward pass left them.

@@ -87,12 +87,7 @@ impl Renderer {
         let bytes = 4 * layout::planes(degree) as u64 * u64::from(most);
         check(context, sizes, wanted, &[("parameters", bytes)])?;
         Ok(Self {
-            model: Model {
-                parameters: Buffer::device(context, "parameters", bytes)?,
-                population: Buffer::device(context, "population", 4)?,
-                stride: most,
-                planes: layout::planes(degree) as u32,
-            },
+            model: Model::new(context, most, degree)?,
             rasterizer: Rasterizer::new(context, sizes, wanted)?,
             view: Buffer::device(context, "view", size_of::<View>() as u64)?,
             wanted,

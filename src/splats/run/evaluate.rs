@@ -63,8 +63,8 @@ pub struct Pair {
 }
 
 impl Tests {
-    /// Photos to test with, over a background, with an exposure fitted where that is set; their views are those from `first` on. All are decoded once, to find those that
-    /// are damaged. `observe` receives how many have been, and may stop it.
+    /// Photos to test with, over a background, with an exposure fitted where `exposure` is set; their views are those from `first` on. All
+    /// are decoded once, to find those that are damaged. `observe` receives how many have been, and may stop it.
     ///
     /// # Errors
     /// Where a photo cannot be decoded.
@@ -72,7 +72,8 @@ impl Tests {
         photos: &[Photo],
         settings: pictures::PictureSettings,
         first: usize,
-        (background, exposure): ([f32; 3], bool),
+        background: [f32; 3],
+        exposure: bool,
         mut observe: impl FnMut(usize) -> ControlFlow<()>,
     ) -> Result<Self> {
         let step = step(photos.len());
@@ -150,10 +151,8 @@ impl Tests {
         };
         let compare = |(picture, drawn): &(P, Vec<[f32; 4]>)| {
             let index = picture.borrow().index;
-            let pair = match self.exposure {
-                true => pair(&exposed(drawn, picture.borrow(), self.background), picture.borrow(), self.background),
-                false => pair(drawn, picture.borrow(), self.background),
-            };
+            let shown = self.exposure.then(|| exposed(drawn, picture.borrow(), self.background));
+            let pair = pair(shown.as_deref().unwrap_or(drawn), picture.borrow(), self.background);
             keep(index, &pair)?;
             compared(&pair).map(|quality| (TestView { name: self.photos[index].camera.name.clone(), quality }, pair))
         };

@@ -411,10 +411,9 @@ impl Run {
             Error::unless_stopped(observe(TrainEvent::Photos(store.len(), all)))?;
         }
         store.flush()?;
-        let background = self.request.config.test_background();
+        let background = config.test_background();
         let decoded = |done| observe(TrainEvent::Photos(train.photos.len() + done, all));
-        let shown = (background, self.request.config.exposure);
-        let tests = Tests::new(test, settings, train.photos.len(), shown, decoded)?;
+        let tests = Tests::new(test, settings, train.photos.len(), background, config.exposure, decoded)?;
         Ok((store, tests))
     }
 }

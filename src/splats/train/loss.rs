@@ -83,6 +83,22 @@ pub struct Ledger {
     pub mailbox: Buffer,
 }
 
+impl Ledger {
+    /// Of a run of so many iterations; nothing is done yet. What is on the device alone holds anything.
+    ///
+    /// # Errors
+    /// Where there is too little memory.
+    pub fn new(context: &Arc<Context>, iterations: u32) -> Result<Self> {
+        let mailbox = Buffer::host(context, "mailbox", 16)?;
+        mailbox.write(&[0u32; 4])?;
+        Ok(Self {
+            control: Buffer::device(context, "control", 4)?,
+            history: Buffer::host(context, "history", size_of::<Record>() as u64 * u64::from(iterations))?,
+            mailbox,
+        })
+    }
+}
+
 /// Words of [`Ledger::mailbox`].
 pub mod mailbox {
     /// Iterations done.

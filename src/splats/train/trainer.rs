@@ -104,28 +104,11 @@ impl Trainer {
             return Err(Error::request(format!("training starts with 1 to {most} splats, not with {population}")));
         }
         let sizes = memory::sizes(&config, &views, memory::first_capacity(config.max_splats));
-        let planes = layout::planes(config.degree);
-        let stride = config.max_splats;
-        let bytes = 4 * planes as u64 * u64::from(stride);
-        let plane_buffer = |name: &str| Buffer::device(context, name, bytes);
-        let model = Model {
-            parameters: plane_buffer("parameters")?,
-            population: Buffer::from_slice(context, "population", &[population])?,
-            stride,
-            planes: planes as u32,
-        };
-        model.parameters.upload(&layout::to_planes(start, config.degree, stride as usize))?;
-        let moments = Moments {
-            first: plane_buffer("first")?,
-            second: plane_buffer("second")?,
-            statistics: Buffer::device(context, "statistics", memory::statistics(&config))?,
-        };
-        let ledger = Ledger {
-            control: Buffer::device(context, "control", 4)?,
-            history: Buffer::host(context, "history", size_of::<Record>() as u64 * u64::from(config.iterations))?,
-            mailbox: Buffer::host(context, "mailbox", 16)?,
-        };
-        ledger.mailbox.write(&[0u32; 4])?;
+        let model = Model::new(context, config.max_splats, config.degree)?;
+        model.parameters.upload(&layout::to_planes(start, config.degree, model.stride as usize))?;
+        model.population.upload(&[population])?;
+        let moments = Moments::new(context, model.parameters.size(), memory::statistics(&config))?;
+        let ledger = Ledger::new(context, config.iterations)?;
         let mut commands = Recorder::new(context)?;
         commands.fill(&moments.first, 0);
         commands.fill(&moments.second, 0);
@@ -133,10 +116,8 @@ impl Trainer {
         commands.fill(&ledger.control, 0);
         commands.submit_and_wait()?;
         drop(commands);
-        let exposures = match config.exposure {
-            true => Some(Exposures::new(context, &sizes, views.len(), photos.len() as u32, config.iterations)?),
-            false => None,
-        };
+        let exposures = || Exposures::new(context, &sizes, views.len(), photos.len() as u32, config.iterations);
+        let exposures = config.exposure.then(exposures).transpose()?;
         Ok(Self {
             context: context.clone(),
             schedule: config.schedule(photos.len()),

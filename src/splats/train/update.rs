@@ -113,6 +113,18 @@ pub struct Moments {
     pub statistics: Buffer,
 }
 
+impl Moments {
+    /// With `bytes` for the planes and `statistics` for these; they hold anything.
+    ///
+    /// # Errors
+    /// Where the device has too little memory.
+    pub fn new(context: &Arc<Context>, bytes: u64, statistics: u64) -> Result<Self> {
+        let plane = |name| Buffer::device(context, name, bytes);
+        let statistics = Buffer::device(context, "statistics", statistics)?;
+        Ok(Self { first: plane("first")?, second: plane("second")?, statistics })
+    }
+}
+
 /// All that a refinement changes, unless the run is halted.
 #[derive(Clone, Copy)]
 pub struct Trained<'a> {

@@ -152,5 +152,8 @@ fn exposures_are_learnt_and_colours_do_not_drift() {
     for exposure in &alike.exposures {
         assert!((gain(exposure) - 1.0).abs() < 0.02, "{}: {}", exposure.name, gain(exposure));
     }
-    println!("alike: {:.2} dB, {:.2} dB without", psnr(&alike), psnr(&trained(1.0, false)));
+    let plain = trained(1.0, false);
+    println!("alike: {:.2} dB, {:.2} dB without", psnr(&alike), psnr(&plain));
+    // A model that is far from done takes some of what it cannot show yet for exposure, and no more than this.
+    assert!(psnr(&alike) > psnr(&plain) - 1.0, "{} and {} dB", psnr(&alike), psnr(&plain));
 }

@@ -13,7 +13,6 @@ use super::buffers::{self, Buffers};
 use super::nodes;
 use crate::error::{Error, Result};
 use crate::files::io::left_out::LeftOut;
-use crate::files::io::splats::quantised::opacity;
 use crate::files::io::splats::spz;
 use crate::files::io::splats::usable::usable;
 use crate::scene::colour;
@@ -192,7 +191,7 @@ pub fn write_splats(gaussians: &Gaussians) -> Result<Vec<u8>> {
     let constant = |i: usize, k: usize| 0.5 + CONSTANT * f64::from(gaussians.harmonics[3 * each * i + k]);
     parts.floats("COLOR_0", &|i| {
         let linear = DVec3::from([0, 1, 2].map(|k| colour::decoded(constant(i, k).clamp(0.0, 1.0))));
-        [linear.x as f32, linear.y as f32, linear.z as f32, opacity(gaussians.opacities[i]) as f32]
+        [linear.x as f32, linear.y as f32, linear.z as f32, gaussians.opacity(i) as f32]
     });
     let own = |name: &str| format!("{EXTENSION}:{name}");
     parts.floats(&own("ROTATION"), &|i| {
@@ -201,7 +200,7 @@ pub fn write_splats(gaussians: &Gaussians) -> Result<Vec<u8>> {
         [unit.x, unit.y, unit.z, unit.w].map(|v| v as f32)
     });
     parts.floats(&own("SCALE"), &|i| gaussians.log_scales[i].map(f32::exp));
-    parts.floats(&own("OPACITY"), &|i| [opacity(gaussians.opacities[i]) as f32]);
+    parts.floats(&own("OPACITY"), &|i| [gaussians.opacity(i) as f32]);
     let mut at = 0;
     for degree in 0..=gaussians.degree {
         for k in 0..=2 * degree {

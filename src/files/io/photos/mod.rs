@@ -84,7 +84,7 @@ struct Found {
 /// was understood.
 ///
 /// # Errors
-/// As [`super::read_cameras`]; where the path is no capture; where images are missing, unreadable or of another shape than their camera or
+/// As [`super::read_cameras`]; where the path is not a capture; where images are missing, unreadable or of another shape than their camera or
 /// mask, unless `options` allows it; where [`photos::check_convention`] finds the poses wrong.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<PhotoSet> {
     let mut found = find(path, options)?;

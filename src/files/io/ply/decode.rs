@@ -191,16 +191,10 @@ fn unpack_vector(packed: u32) -> DVec3 {
     DVec3::new(fraction(packed, 21, 11), fraction(packed, 11, 10), fraction(packed, 0, 11))
 }
 
-/// The three smaller components, each at most sqrt(1/2) in size, and the largest from the unit length; w, x, y, z.
+/// Which of w, x, y, z is largest, and the others from -sqrt(1/2) to sqrt(1/2).
 fn unpack_rotation(packed: u32) -> [f64; 4] {
-    let [a, b, c] = [20, 10, 0].map(|shift| (fraction(packed, shift, 10) - 0.5) * std::f64::consts::SQRT_2);
-    let largest = (1.0 - a * a - b * b - c * c).max(0.0).sqrt();
-    match packed >> 30 {
-        0 => [largest, a, b, c],
-        1 => [a, largest, b, c],
-        2 => [a, b, largest, c],
-        _ => [a, b, c, largest],
-    }
+    let others = [20, 10, 0].map(|shift| (fraction(packed, shift, 10) - 0.5) * std::f64::consts::SQRT_2);
+    quantised::from_smallest_three((packed >> 30) as usize, others).map(f64::from)
 }
 
 /// A coefficient from its byte.

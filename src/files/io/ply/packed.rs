@@ -3,19 +3,16 @@
 
 use super::decode::{CHUNK, PACKED_SPAN};
 use crate::files::io::splats::order::along_morton;
-use crate::files::io::splats::quantised::{byte, opacity, smallest_three};
+use crate::files::io::splats::quantised::{WIDEST, byte, smallest_three};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::harmonics::CONSTANT;
-
-/// Log scales beyond this are as good as this: they would take the steps of all others in their chunk.
-const SCALE: f32 = 20.0;
 
 /// Bytes of a packed file, splats along a Morton curve so that the bounds of a chunk are narrow.
 pub fn packed(gaussians: &Gaussians) -> Vec<u8> {
     let order = along_morton(&gaussians.centres);
     let each = 3 * gaussians.coefficients();
     let centre = |i: usize| gaussians.centres[i].as_vec3().to_array();
-    let scale = |i: usize| gaussians.log_scales[i].map(|scale| scale.clamp(-SCALE, SCALE));
+    let scale = |i: usize| gaussians.log_scales[i].map(|scale| scale.clamp(-WIDEST, WIDEST));
     let colour = |i: usize| [0, 1, 2].map(|k| 0.5 + CONSTANT as f32 * gaussians.harmonics[each * i + k]);
     let mode = if gaussians.antialiased { "comment SplatRenderMode: mip\n" } else { "" };
     let bounds: String = ["", "scale_", "rgb"]
@@ -49,7 +46,7 @@ pub fn packed(gaussians: &Gaussians) -> Vec<u8> {
             let turn =
                 others.iter().fold(left_out as u32, |word, part| word << 10 | steps(part / 2.0f64.sqrt() + 0.5, 10));
             let [r, g, b] = shade.map(|share| byte(255.0 * share));
-            let alpha = byte(255.0 * opacity(gaussians.opacities[*i]));
+            let alpha = byte(255.0 * gaussians.opacity(*i));
             words.extend([vector(position), turn, vector(size), u32::from_be_bytes([r, g, b, alpha])]);
         }
     }

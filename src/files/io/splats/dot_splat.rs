@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::quantised::{byte, logit, opacity};
+use super::quantised::{byte, logit};
 use super::usable::usable;
 use crate::error::{Error, Result};
 use crate::scene::gaussians::Gaussians;
@@ -48,9 +48,8 @@ pub fn parse(path: &Path, bytes: &[u8], notes: &mut Vec<String>) -> Result<Gauss
 /// Bytes of a file, the splats that show most first, as viewers that draw what has come expect.
 pub fn write(gaussians: &Gaussians) -> Vec<u8> {
     let each = 3 * gaussians.coefficients();
-    let shown = |i: usize| {
-        opacity(gaussians.opacities[i]).ln() + gaussians.log_scales[i].iter().map(|s| f64::from(*s)).sum::<f64>()
-    };
+    let shown =
+        |i: usize| gaussians.opacity(i).ln() + gaussians.log_scales[i].iter().map(|s| f64::from(*s)).sum::<f64>();
     let mut order: Vec<(usize, f64)> = (0..gaussians.len()).map(|i| (i, shown(i))).collect();
     order.sort_by(|a, b| b.1.total_cmp(&a.1));
     let mut bytes = Vec::with_capacity(EACH * order.len());
@@ -61,7 +60,7 @@ pub fn write(gaussians: &Gaussians) -> Vec<u8> {
         bytes.extend(
             gaussians.harmonics[each * i..][..3].iter().map(|v| byte(255.0 * (CONSTANT * f64::from(*v) + 0.5))),
         );
-        bytes.push(byte(255.0 * opacity(gaussians.opacities[i])));
+        bytes.push(byte(255.0 * gaussians.opacity(i)));
         let rotation = gaussians.rotations[i].map(f64::from);
         let length = rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
         bytes.extend(rotation.map(|v| byte(128.0 * v / length + 128.0)));

@@ -3,14 +3,12 @@
 /// Opacities of 0 and 1 have no logit: they count as this far from them, a quarter of a step.
 const MIN_OPACITY: f64 = 0.25 / 255.0;
 
+/// Log scales beyond this are as good as this: they would take the steps of all others.
+pub(in crate::files::io) const WIDEST: f32 = 20.0;
+
 /// The nearest of 0 to 255.
 pub(in crate::files::io) fn byte(value: f64) -> u8 {
     value.round().clamp(0.0, 255.0) as u8
-}
-
-/// An opacity in [0, 1] of a logit.
-pub(in crate::files::io) fn opacity(logit: f32) -> f64 {
-    1.0 / (1.0 + (-f64::from(logit)).exp())
 }
 
 /// The logit of an opacity in steps of 1/255.
@@ -65,7 +63,7 @@ mod tests {
     fn opacities_survive_eight_bits() {
         for step in 0..=255u8 {
             let logit = logit(step);
-            assert!(logit.is_finite() && byte(255.0 * opacity(logit as f32)) == step, "{step}");
+            assert!(logit.is_finite() && byte(255.0 / (1.0 + (-logit).exp())) == step, "{step}");
         }
     }
 }

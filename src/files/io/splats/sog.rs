@@ -1,6 +1,6 @@
 //! SOG, the splats of PlayCanvas (developer.playcanvas.com, "The SOG format", version 2): pictures in lossless WebP, a pixel for a splat,
-//! and `meta.json`, together in a zip file, or beside each other. Positions are 16 bits of a signed logarithm, scales and colours numbers of a codebook,
-//! rotations three components in 8 bits, higher harmonics a number in a palette.
+//! and `meta.json`, together in a zip file, or beside each other. Positions are 16 bits of a signed logarithm, scales and colours numbers
+//! of a codebook, rotations three components in 8 bits, higher harmonics a number in a palette.
 
 use std::io::{Cursor, Read, Write};
 use std::path::Path;
@@ -14,7 +14,7 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 use super::codebook::{codebook, nearest, palette};
 use super::order::along_morton;
-use super::quantised::{byte, from_smallest_three, logit, opacity, smallest_three};
+use super::quantised::{WIDEST, byte, from_smallest_three, logit, smallest_three};
 use super::usable::usable;
 use crate::error::{Error, Result};
 use crate::files::io::photos::files::within;
@@ -82,9 +82,6 @@ struct Rest {
     codebook: Vec<f32>,
     files: [String; 2],
 }
-
-/// Log scales beyond this are as good as this: they would take numbers of the codebook from all others.
-const SCALE: f32 = 20.0;
 
 /// Whether a file is one of these.
 pub(super) fn is_sog(bytes: &[u8]) -> bool {
@@ -254,7 +251,7 @@ pub fn write(gaussians: &Gaussians) -> Result<Vec<u8>> {
     let (low, high) = logs.iter().fold((DVec3::MAX, DVec3::MIN), |(low, high), p| (low.min(*p), high.max(*p)));
     let span = DVec3::select((high - low).cmpgt(DVec3::ZERO), high - low, DVec3::ONE);
     let fixed = |i: usize| (65_535.0 * (logs[i] - low) / span).round().to_array().map(|v| v as u16);
-    let scale = |i: usize| gaussians.log_scales[i].map(|scale| scale.clamp(-SCALE, SCALE));
+    let scale = |i: usize| gaussians.log_scales[i].map(|scale| scale.clamp(-WIDEST, WIDEST));
     let scales = codebook((0..count).flat_map(scale));
     let each = 3 * gaussians.coefficients();
     let constant = |i: usize| &gaussians.harmonics[each * i..][..3];
@@ -266,7 +263,7 @@ pub fn write(gaussians: &Gaussians) -> Result<Vec<u8>> {
     };
     let colour = |i: usize| {
         let [r, g, b] = [0, 1, 2].map(|k| nearest(&colours, constant(i)[k]));
-        [r, g, b, byte(255.0 * opacity(gaussians.opacities[i]))]
+        [r, g, b, byte(255.0 * gaussians.opacity(i))]
     };
     let picture = |pixel: &dyn Fn(usize) -> [u8; 4]| webp(order.iter().map(|i| pixel(*i)), width, height);
     let opaque = |[a, b, c]: [u8; 3]| [a, b, c, 255];

@@ -12,7 +12,7 @@ use flate2::write::GzEncoder;
 use glam::DVec3;
 
 use super::order::along_morton;
-use super::quantised::{byte, from_smallest_three, logit, opacity, smallest_three};
+use super::quantised::{byte, from_smallest_three, logit, smallest_three};
 use super::usable::usable;
 use crate::error::{Error, Result};
 use crate::files::io::binary::Cursor;
@@ -234,7 +234,7 @@ pub fn write(gaussians: &Gaussians, version: u32) -> Vec<u8> {
         for value in gaussians.centres[i].to_array() {
             positions.extend(&((one * value).round().clamp(-limit, limit) as i32).to_le_bytes()[..3]);
         }
-        opacities.push(byte(255.0 * opacity(gaussians.opacities[i])));
+        opacities.push(byte(255.0 * gaussians.opacity(i)));
         scales.extend(gaussians.log_scales[i].map(|scale| byte(16.0 * (f64::from(scale) + 10.0))));
         let [w, x, y, z] = gaussians.rotations[i];
         let (left_out, others) = smallest_three([x, y, z, w]);

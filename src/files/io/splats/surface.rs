@@ -3,8 +3,8 @@
 //! Each splat becomes a point with a disc: its centre; the shortest axis as the normal, of unknown sign; as the radius
 //! twice the geometric mean of the standard deviations along the two longer axes, so that the disc has the area of the
 //! splat's two-sigma ellipse: neighbours overlap there, and what lies behind is hidden as it is in a render. The colour is that of the
-//! constant harmonic. Splats with an opacity under [`MIN_OPACITY`] are left out: most of them are haze around the surface. The higher harmonics, where there are any, give how
-//! much the splat's radiance varies.
+//! constant harmonic. Splats with an opacity under [`MIN_OPACITY`] are left out: most of them are haze around the surface. The higher
+//! harmonics, where there are any, give how much the splat's radiance varies.
 
 use std::path::Path;
 
@@ -30,8 +30,7 @@ pub fn points(path: &Path, splats: &Gaussians, notes: &mut Vec<String>) -> Resul
     let each = 3 * splats.coefficients();
     let radiance = Radiance::new(splats);
     for i in 0..count {
-        let opacity = 1.0 / (1.0 + (-f64::from(splats.opacities[i])).exp());
-        if opacity < MIN_OPACITY {
+        if splats.opacity(i) < MIN_OPACITY {
             faint += 1;
             continue;
         }

@@ -36,7 +36,6 @@ fn differences(a: &Gaussians, b: &Gaussians) -> [f64; 5] {
         let size = glam::DMat3::from_diagonal(DVec3::from(g.log_scales[i].map(|s| f64::from(s).exp())));
         (turn * size) * (turn * size).transpose()
     };
-    let opacity = |logit: f32| 1.0 / (1.0 + (-f64::from(logit)).exp());
     let mut worst = [0.0; 5];
     for i in 0..a.len() {
         let j = (0..b.len())
@@ -54,7 +53,7 @@ fn differences(a: &Gaussians, b: &Gaussians) -> [f64; 5] {
         let found = [
             a.centres[i].distance(b.centres[j]),
             off,
-            (opacity(a.opacities[i]) - opacity(b.opacities[j])).abs(),
+            (a.opacity(i) - b.opacity(j)).abs(),
             harmonics(0, 3),
             harmonics(3, each),
         ];
