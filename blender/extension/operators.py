@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import bpy
+import numpy as np
 
 import camsplat
 
@@ -13,8 +14,8 @@ from .cameras import check_markers, make_cameras, planned_cameras, read_cameras
 from .capture import image_name, new_folder, write_files
 from .coverage import paint, read_coverage
 from .lens import planning_lens
-from .planning import Progress, Run, read_request
-from .surface import planned_objects, read_surface, sample_points
+from .planning import Progress, Run, limits_of, read_request
+from .surface import planned_objects, read_surface, read_surroundings, sample_points
 
 Steps = Generator[Progress, None, str]
 """Work in steps, each of which says how far it is; returns what to report at the end."""
@@ -176,8 +177,11 @@ class CAMSPLAT_OT_render(SteppedOperator, bpy.types.Operator):
     def steps(self, context: bpy.types.Context) -> Steps:
         scene = context.scene
         objects, cameras = planned_cameras(scene), read_cameras(context)
-        surface = read_surface(context.evaluated_depsgraph_get(), objects_of_plan(scene))
-        points = sample_points(surface, POINTS, scene.camsplat.seed)
+        # Photos show what is around the objects too; that may be a ground of any size.
+        depsgraph, subject = context.evaluated_depsgraph_get(), objects_of_plan(scene)
+        surroundings = read_surroundings(depsgraph, subject, limits_of(scene.camsplat))
+        parts = [part for part in (read_surface(depsgraph, subject), surroundings) if len(part.faces) > 0]
+        points = np.concatenate([sample_points(part, POINTS // len(parts), scene.camsplat.seed) for part in parts])
         files = [f"images/{image_name(name)}" for name in cameras.names]
         folder = output_folder(scene.camsplat.folder)
         with new_folder(folder) as staged, render_settings_kept(scene):

@@ -12,33 +12,42 @@ import numpy as np
 import camsplat
 
 from .lens import Lens
-from .surface import Surface, read_box, read_surface, read_volumes, read_walls, write_obj
+from .surface import Surface, join, read_box, read_surface, read_surroundings, read_volumes, read_walls, write_obj
 
 Progress = tuple[str, int, int]
 """What is being done, the units that are done, and all of them."""
 
 
 class Request(NamedTuple):
-    """A surface and where cameras may stand, apart from the scene: it may be carried out in any thread."""
+    """What is to be seen, what else is there, and where cameras may stand, apart from the scene: it may be carried out in any thread."""
 
     surface: Surface
+    surroundings: Surface
+    """It hides what is behind it, and no camera stands in it."""
     options: dict[str, Any]
     volumes: dict[str, Surface]
+
+    @property
+    def everything(self) -> Surface:
+        """What is to be seen and all else, joined."""
+        return join(self.surface, self.surroundings)
 
     def plan(self, views: int, lens: Lens, progress: Callable[[str, int, int], object]) -> camsplat.Plan:
         """Places cameras."""
         with tempfile.TemporaryDirectory(prefix="camsplat-") as folder:
             options = self._options_with_files(Path(folder))
-            return camsplat.plan(*self.surface, views=views, fov=lens.fov, size=lens.square_size, progress=progress, **options)
+            return camsplat.plan(*self.everything, views=views, fov=lens.fov, size=lens.square_size, progress=progress, **options)
 
     def score(self, cameras: camsplat.Cameras) -> camsplat.Score:
         """Predicts what cameras are worth."""
         with tempfile.TemporaryDirectory(prefix="camsplat-") as folder:
-            return camsplat.score(self.surface.vertices, cameras, self.surface.faces, **self._options_with_files(Path(folder)))
+            vertices, faces = self.everything
+            return camsplat.score(vertices, cameras, faces, **self._options_with_files(Path(folder)))
 
     def reach(self, cameras: camsplat.Cameras) -> float:
-        """The distance from a camera to the farthest corner of the surface's bounding box, at most."""
-        corners = np.stack([self.surface.vertices.min(axis=0), self.surface.vertices.max(axis=0)])
+        """The distance from a camera to the farthest corner of the bounding box of everything, at most."""
+        vertices = self.everything.vertices
+        corners = np.stack([vertices.min(axis=0), vertices.max(axis=0)])
         farthest = np.abs(cameras.positions[:, None] - corners).max(axis=1)
         return float(np.linalg.norm(farthest, axis=1).max())
 
@@ -48,7 +57,13 @@ class Request(NamedTuple):
             safe = "".join(letter if letter.isalnum() else "_" for letter in name)
             files.append(folder / f"{i}-{safe}.obj")
             write_obj(files[-1], volume)
-        return {**self.options, "keep_out": files or None}
+        options = {**self.options, "keep_out": files or None}
+        if len(self.surroundings.faces) > 0:
+            options["subject"] = folder / "subject.obj"
+            write_obj(options["subject"], self.surface)
+            # What stands below the subject is there, and blocks views by itself.
+            options["floor"] = "none" if options["floor"] == "auto" else options["floor"]
+        return options
 
 
 def read_request(context: bpy.types.Context, objects: list[bpy.types.Object]) -> Request:
@@ -65,7 +80,15 @@ def read_request(context: bpy.types.Context, objects: list[bpy.types.Object]) ->
         "box": read_box(settings.box) if settings.box is not None else None,
     }
     volumes = read_volumes(depsgraph, settings.keep_out) if settings.keep_out is not None else {}
-    return Request(read_surface(depsgraph, objects), options, volumes)
+    surface = read_surface(depsgraph, objects)
+    return Request(surface, read_surroundings(depsgraph, objects, limits_of(settings)), options, volumes)
+
+
+def limits_of(settings: bpy.types.PropertyGroup) -> list[bpy.types.Object]:
+    """Objects that say where cameras may stand: they are no part of the scene that is photographed."""
+    collections = [collection for collection in (settings.walls, settings.keep_out) if collection is not None]
+    boxes = [settings.box] if settings.box is not None else []
+    return [*boxes, *(object for collection in collections for object in collection.all_objects)]
 
 
 class Stopped(Exception):

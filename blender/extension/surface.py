@@ -1,6 +1,6 @@
 """Meshes, planes and boxes of the scene in world space, as camsplat takes them."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,11 +36,23 @@ def planned_objects(context: bpy.types.Context) -> list[bpy.types.Object]:
 def read_surface(depsgraph: bpy.types.Depsgraph, objects: Iterable[bpy.types.Object]) -> Surface:
     """The evaluated meshes of objects and of all that they instance, joined."""
     chosen = list(objects)
-    surface = _join(list(_parts(depsgraph, chosen)))
+    originals = {object.original for object in chosen}
+    surface = join(*_meshes(depsgraph, lambda owner, _: owner in originals))
     if len(surface.faces) == 0:
         names = ", ".join(object.name for object in chosen[:3]) + (", ..." if len(chosen) > 3 else "")
         raise camsplat.Error(f"{names or 'the collection'}: there is no visible mesh with faces; choose objects that the viewport shows")
     return surface
+
+
+def read_surroundings(depsgraph: bpy.types.Depsgraph, objects: Iterable[bpy.types.Object], aside: Iterable[bpy.types.Object]) -> Surface:
+    """The evaluated meshes of all other objects that the viewport and renders show, but for those `aside`, joined; may be empty."""
+    left_out = {object.original for object in (*objects, *aside)}
+
+    def is_shown(owner: bpy.types.Object) -> bool:
+        collections = owner.users_collection
+        return not owner.hide_render and not (collections and all(collection.hide_render for collection in collections))
+
+    return join(*_meshes(depsgraph, lambda owner, object: owner not in left_out and is_shown(owner) and not object.hide_render))
 
 
 def read_volumes(depsgraph: bpy.types.Depsgraph, collection: bpy.types.Collection) -> dict[str, Surface]:
@@ -95,19 +107,27 @@ def write_obj(file: Path, surface: Surface) -> None:
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _parts(depsgraph: bpy.types.Depsgraph, objects: list[bpy.types.Object]) -> Iterable[Surface]:
-    """The meshes of objects and of what they instance, one for each instance."""
-    chosen = {object.original for object in objects}
+def join(*parts: Surface) -> Surface:
+    """Surfaces as one, in this order."""
+    offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    vertices = [np.empty((0, 3)), *(part.vertices for part in parts)]
+    faces = [np.empty((0, 3), dtype=np.int64), *(part.faces + offset for part, offset in zip(parts, offsets))]
+    return Surface(np.concatenate(vertices), np.concatenate(faces))
+
+
+def _meshes(depsgraph: bpy.types.Depsgraph, takes: Callable[[bpy.types.Object, bpy.types.Object], bool]) -> Iterable[Surface]:
+    """The visible meshes that are taken, by the object that they belong to and the one whose mesh they are; one for each instance."""
     for instance in depsgraph.object_instances:
         owner = instance.parent if instance.is_instance else instance.object
-        if owner.original in chosen and instance.show_self and instance.object.type in MESH_TYPES:
+        is_mesh = instance.show_self and instance.object.type in MESH_TYPES
+        if is_mesh and takes(owner.original, instance.object.original):
             yield _world_mesh(instance.object, np.array(instance.matrix_world, dtype=np.float64))
 
 
 def _world_mesh(object: bpy.types.Object, matrix: npt.NDArray[np.float64]) -> Surface:
     mesh = object.to_mesh()
     if mesh is None:
-        return _join([])
+        return join()
     mesh.calc_loop_triangles()
     local = np.empty(3 * len(mesh.vertices), dtype=np.float32)
     mesh.vertices.foreach_get("co", local)
@@ -118,10 +138,3 @@ def _world_mesh(object: bpy.types.Object, matrix: npt.NDArray[np.float64]) -> Su
     if np.linalg.det(matrix[:3, :3]) < 0:  # mirrored
         turned = turned[:, ::-1]
     return Surface(local.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3], turned)
-
-
-def _join(parts: list[Surface]) -> Surface:
-    offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    vertices = [np.empty((0, 3)), *(part.vertices for part in parts)]
-    faces = [np.empty((0, 3), dtype=np.int64), *(part.faces + offset for part, offset in zip(parts, offsets))]
-    return Surface(np.concatenate(vertices), np.concatenate(faces))

@@ -1,6 +1,8 @@
 """The extension in Blender without a window: cameras, limits, refusals, the zip."""
 
+import json
 import math
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -124,6 +126,30 @@ def test_limits_are_kept(scene):
     limited = planned_poses(scene)[:, :3, 3]
     for broken in (behind_wall, below_floor, in_volume):
         assert broken(free).any() and not broken(limited).any(), broken.__name__
+
+
+def test_what_is_not_selected_hides_and_blocks(scene, extension):
+    """If this failed, cameras would stand behind or in things that renders show, and see nothing of the selected objects."""
+    bpy.ops.mesh.primitive_cube_add(size=1, location=(1.0, 0, 0))
+    wall = bpy.context.object
+    wall.scale = (0.2, 8, 8)
+    sphere = add_sphere("sphere", 0.5)
+    select(sphere)
+    scene.camsplat.views = 20
+    bpy.ops.camsplat.plan()
+    positions = planned_poses(scene)[:, :3, 3]
+    assert (positions[:, 0] < 0.9).all(), positions
+    # Those around the sphere, not around both.
+    assert (np.linalg.norm(positions, axis=1) < 3).all(), positions
+    assert "camsplat coverage" in sphere.data.color_attributes and "camsplat coverage" not in wall.data.color_attributes
+    bpy.ops.camsplat.score()
+
+    # What renders do not show is not there.
+    wall.hide_render = True
+    bpy.ops.camsplat.plan()
+    assert (planned_poses(scene)[:, 0, 3] > 0.9).any()
+    request = extension.planning.read_request(bpy.context, [sphere])
+    assert len(request.surroundings.faces) == 0 and len(request.everything.faces) == len(request.surface.faces)
 
 
 def test_a_room_is_planned_inside_of_a_box(scene):
@@ -296,3 +322,27 @@ def test_the_zip_is_a_valid_extension(tmp_path):
     tool = next(Path(bpy.utils.resource_path("LOCAL")).glob("scripts/addons_core/bl_pkg/cli/blender_ext.py"))
     checked = subprocess.run([sys.executable, tool, "validate", printed], capture_output=True, text=True)
     assert checked.returncode == 0 and "error" not in checked.stdout.lower(), checked.stdout
+
+
+def test_the_guide_photographs_what_it_makes(tmp_path):
+    """If this failed, the zip would not install, or the guide's script would photograph another thing than it makes."""
+    root = Path(__file__).resolve().parents[2]
+    zips = sorted((root / "dist").glob("camsplat-blender-*.zip"))
+    if not zips:
+        pytest.skip("skipped: there is no zip in dist; scripts/wheel.sh and blender/build.py make it")
+    guide = (root / "docs/guide/blender.md").read_text(encoding="utf-8")
+    script = guide.split("```python\n")[1].split("```")[0]
+    named = f"camsplat-blender-{camsplat.__version__}-linux-x64.zip"
+    assert script.count(named) == 1 and script.count("/tmp/capture") == 1, script
+    # Small pictures; the rest is as in the guide.
+    small = "scene = bpy.context.scene; scene.render.engine, scene.render.resolution_percentage, scene.cycles.samples = 'CYCLES', 3, 4"
+    shown = "print('meshes', [object.name for object in bpy.data.objects if object.type == 'MESH'])"
+    script = script.replace(named, str(zips[-1])).replace("/tmp/capture", str(tmp_path / "capture"))
+    script = script.replace("bpy.ops.camsplat.plan()", f"{small}\nbpy.ops.camsplat.plan()\n{shown}")
+    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path / "resources")}
+    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, cwd=tmp_path)
+    assert ran.returncode == 0 and "meshes ['Suzanne']" in ran.stdout, ran.stdout + ran.stderr
+    frames = json.loads((tmp_path / "capture/transforms.json").read_text(encoding="utf-8"))["frames"]
+    assert len(frames) == 12 and all((tmp_path / "capture" / frame["file_path"]).is_file() for frame in frames)
+    points = camsplat.read_surface(tmp_path / "capture/points.ply")[0]
+    assert np.abs(points[:, :2]).max() < 1.5 and points[:, 2].min() > -0.1 and points[:, 2].max() < 2.1, points

@@ -63,7 +63,7 @@ class PlanOptions(TypedDict, total=False):
     """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""
 
     subject: str
-    """What of the surface is to be seen, where it holds more: a box X0,Y0,Z0,X1,Y1,Z1, a closed mesh or boxes as for --keep-out, or `largest`, the largest thing that stands on the ground; the rest blocks views, and its ground is the floor [default: all of the surface]"""
+    """What of the surface is to be seen, where it holds more: a box X0,Y0,Z0,X1,Y1,Z1, a closed mesh or boxes as for --keep-out, a mesh that is a part of the surface, or `largest`, the largest thing that stands on the ground; the rest blocks views, and its ground is the floor [default: all of the surface]"""
 
     margin: float
     """Metres that cameras and the tour keep from polygons of --keep-out: GPS drifts [default: 3]"""
@@ -244,7 +244,7 @@ class ScoreOptions(TypedDict, total=False):
     """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""
 
     subject: str
-    """What of the surface is to be seen, where it holds more: a box X0,Y0,Z0,X1,Y1,Z1, a closed mesh or boxes as for --keep-out, or `largest`, the largest thing that stands on the ground; the rest blocks views, and its ground is the floor [default: all of the surface]"""
+    """What of the surface is to be seen, where it holds more: a box X0,Y0,Z0,X1,Y1,Z1, a closed mesh or boxes as for --keep-out, a mesh that is a part of the surface, or `largest`, the largest thing that stands on the ground; the rest blocks views, and its ground is the floor [default: all of the surface]"""
 
     margin: float
     """Metres that cameras and the tour keep from polygons of --keep-out: GPS drifts [default: 3]"""
@@ -320,7 +320,7 @@ class SelectOptions(TypedDict, total=False):
     """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""
 
     subject: str
-    """What of the surface is to be seen, where it holds more: a box X0,Y0,Z0,X1,Y1,Z1, a closed mesh or boxes as for --keep-out, or `largest`, the largest thing that stands on the ground; the rest blocks views, and its ground is the floor [default: all of the surface]"""
+    """What of the surface is to be seen, where it holds more: a box X0,Y0,Z0,X1,Y1,Z1, a closed mesh or boxes as for --keep-out, a mesh that is a part of the surface, or `largest`, the largest thing that stands on the ground; the rest blocks views, and its ground is the floor [default: all of the surface]"""
 
     margin: float
     """Metres that cameras and the tour keep from polygons of --keep-out: GPS drifts [default: 3]"""
@@ -493,7 +493,7 @@ class EvaluateOptions(TypedDict, total=False):
     """Environment map that lights all scenes: an equirectangular .hdr file, +Y up"""
 
     methods: Union[str, Sequence[str]]
-    """Methods to compare: any --method of `camsplat plan`, ours:KEY=VALUE or paper:KEY=VALUE (with a key of its configuration changed), or cameras:FILE, a layout of your own in any format that `camsplat capture` reads, with the lens of the others [default: random, fibonacci, fvs, fvs-chord, fvs-shared, acp, fisherrf, fisherrf-retrain, cover, manifold, paper-iterative, paper-no-vds, paper, ours; rooms: without fibonacci and manifold; pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]"""
+    """Methods to compare: any --method of `camsplat plan`, ours:KEY=VALUE or paper:KEY=VALUE (with a key of its configuration changed), or cameras:FILE, a layout of your own in any format that `camsplat capture` reads, with the lens of the others; in FILE, {scene}, {views} and {seed} stand for those of a run, and NAME=cameras:FILE is called NAME in tables [default: random, fibonacci, fvs, fvs-chord, fvs-shared, acp, fisherrf, fisherrf-retrain, cover, manifold, paper-iterative, paper-no-vds, paper, ours; rooms: without fibonacci and manifold; pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]"""
 
     budgets: Union[int, Sequence[int]]
     """Numbers of views [default: 50,100; rooms 300; pools 20,40; quick: 20; rooms 30]"""
@@ -575,6 +575,9 @@ class EvaluateOptions(TypedDict, total=False):
 
     baselines_from: Literal["region", "sphere"]
     """Where around an object baselines may place cameras; the planner always has the whole region [default: region; paper: sphere]"""
+
+    prepare: bool
+    """Make what methods choose on and nothing else, for methods of other programs: the surface, the region and the input photos as files in OUT/SCENE/task"""
 
     devices: Union[Union[str, int], Sequence[Union[str, int]]]
     """Devices to spread the runs over, each by index or part of its name"""

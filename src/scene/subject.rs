@@ -1,10 +1,12 @@
 //! What of a surface is to be seen: the rest blocks views, and nothing is planned for it.
 
+use std::collections::HashSet;
+
 use glam::{DMat3, DVec2, DVec3};
 
 use super::bounding_sphere::bounding_sphere;
 use super::proxy::{Occluder, Proxy};
-use super::volume::{Volume, box_triangles};
+use super::volume::{Triangle, Volume, box_triangles};
 use crate::{Error, Result};
 
 /// Points drawn from the surface, and cells along the longer side of a map of them.
@@ -17,8 +19,25 @@ const FLAT: f64 = 0.01;
 /// Rounds of fitting the ground to what does not rise above it.
 const ROUNDS: usize = 12;
 
-/// Leaves in a proxy only what lies in the subject to be planned for, by the middles of its primitives: no point is drawn from the rest, and
-/// the sphere is that around the subject. Returns how many primitives are left.
+/// Corners of a triangle as bits, in one order.
+type Key = [[u64; 3]; 3];
+
+fn key(triangle: &Triangle) -> Key {
+    // Zero has two signs.
+    let mut corners = triangle.map(|corner| corner.to_array().map(|x| (x + 0.0).to_bits()));
+    corners.sort_unstable();
+    corners
+}
+
+/// Whether some of a surface's triangles are the very faces of a subject, which is then a part of the surface and need not be closed.
+pub fn is_part_of(subject: &Volume, surface: impl IntoIterator<Item = Triangle>) -> bool {
+    let faces: HashSet<Key> = subject.triangles.iter().map(key).collect();
+    surface.into_iter().any(|triangle| faces.contains(&key(&triangle)))
+}
+
+/// Leaves in a proxy only the subject to be planned for: where it is a part of the surface, the triangles that are its faces, else what lies
+/// in it by the middles of the primitives. No point is drawn from the rest, and the sphere is that around the subject. Returns how many
+/// primitives are left.
 ///
 /// # Errors
 /// Where none is.
@@ -29,6 +48,12 @@ pub fn focus(proxy: &mut Proxy, subject: &Volume) -> Result<usize> {
     subject.triangles.iter().flatten().for_each(|p| (min, max) = (min.min(*p), max.max(*p)));
     let holds = |p: DVec3| p.cmpge(min).all() && p.cmple(max).all() && subject.holds(p);
     let inside: Vec<bool> = match &proxy.occluder {
+        Occluder::Triangles(triangles) if is_part_of(subject, triangles.iter().copied()) => {
+            let faces: HashSet<Key> = subject.triangles.iter().map(key).collect();
+            let is_face: Vec<bool> = triangles.iter().map(|triangle| faces.contains(&key(triangle))).collect();
+            corners.extend(triangles.iter().zip(&is_face).filter(|(_, is_face)| **is_face).flat_map(|(t, _)| *t));
+            is_face
+        }
         Occluder::Triangles(triangles) => triangles
             .iter()
             .map(|triangle| {
@@ -202,6 +227,32 @@ mod tests {
             }
         }
         Proxy::new(&Surface::Mesh(mesh), Orientation::Trusted).unwrap()
+    }
+
+    /// If this failed, a mesh that is a part of a scene would be taken for a volume, which an open one is not: with it what it stands on or
+    /// holds would be planned for.
+    #[test]
+    fn a_part_of_the_surface_is_itself_the_subject() {
+        let quad = |low: f64, high: f64, z: f64| {
+            let corner = |x, y| DVec3::new(x, y, z);
+            let [a, b, c, d] = [corner(low, low), corner(high, low), corner(high, high), corner(low, high)];
+            [[a, b, c], [a, c, d]]
+        };
+        // An open dish over a table that is seen within its outline.
+        let (dish, table) = (quad(-1.0, 1.0, 0.5), quad(-1.0, 1.0, -0.0));
+        let positions = dish.iter().chain(&table).flatten().copied().collect();
+        let triangles = (0..4).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let surface = Surface::Mesh(Mesh { positions, triangles, ..Mesh::default() });
+        let proxy = Proxy::new(&surface, Orientation::Trusted).unwrap();
+        let turned = |[a, b, c]: Triangle| [b, c, a];
+        let subject = Volume { triangles: dish.map(turned).to_vec(), ..Volume::default() };
+        let mut focused = proxy.clone();
+        assert!(is_part_of(&subject, dish) && !is_part_of(&subject, table));
+        assert_eq!(focus(&mut focused, &subject).unwrap(), 2);
+        assert!(focused.sample(100, 3, 1).iter().all(|point| (point.position.z - 0.5).abs() < 1e-6));
+        assert!(focused.sphere.0.distance(DVec3::new(0.0, 0.0, 0.5)) < 1e-9, "{:?}", focused.sphere);
+        let table = Volume { triangles: quad(-1.0, 1.0, 0.0).to_vec(), ..Volume::default() };
+        assert_eq!(focus(&mut proxy.clone(), &table).unwrap(), 2);
     }
 
     /// If this failed, cameras would stand around a lawn of 160 m with a house somewhere in it, or around a pole.

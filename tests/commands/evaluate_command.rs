@@ -98,7 +98,8 @@ fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
     let again = place.done(&format!("{TINY} --out o"));
     assert!(again.out.contains("results  0 made, 9 reused"), "{}", again.out);
     assert_eq!(changed("cube"), before);
-    let more = place.done(&format!("{} --out o", TINY.replace("random,ours", "random,fvs,ours")));
+    let three = format!("{} --out o", TINY.replace("random,ours", "random,fvs,ours"));
+    let more = place.done(&three);
     assert!(more.out.contains("results  3 made, 9 reused"), "{}", more.out);
 
     // A picture that the page shows is missed.
@@ -106,7 +107,7 @@ fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
     let picture = place.path(&format!("o/cube/{training}/reference/full_0000.png"));
     let bytes = fs::read(&picture).unwrap();
     fs::remove_file(&picture).unwrap();
-    let lost = place.run(&format!("{TINY} --out o"));
+    let lost = place.run(&three);
     assert_eq!(lost.code, Some(2), "{}{}", lost.out, lost.err);
     assert!(lost.err.contains(&training) && lost.err.contains("missing: reference/full_0000.png"), "{}", lost.err);
     fs::write(&picture, bytes).unwrap();
@@ -118,13 +119,15 @@ fn a_stopped_evaluation_goes_on_and_a_complete_one_makes_nothing() {
     for name in place.folders("o/cube").iter().filter(|name| name.starts_with("surface-")) {
         fs::remove_dir_all(place.path(&format!("o/cube/{name}"))).unwrap();
     }
-    let damaged = place.run(&format!("{TINY} --out o"));
+    let damaged = place.run(&three);
     assert_eq!(damaged.code, Some(2), "{}{}", damaged.out, damaged.err);
     let reported = [inputs, "input_0000.png", "remove the folder"].iter().all(|part| damaged.err.contains(part));
     assert!(reported && damaged.err.lines().count() == 1, "{}", damaged.err);
     fs::remove_dir_all(place.path(&format!("o/cube/{inputs}"))).unwrap();
-    place.done(&format!("{TINY} --out o"));
-    assert_eq!(qualities(&results(&place, "o")), qualities(&results(&place, "whole")));
+    place.done(&three);
+    let made_again = results(&place, "o");
+    let two: Vec<_> = qualities(&made_again).into_iter().filter(|(method, _)| **method != "fvs").collect();
+    assert_eq!(two, qualities(&results(&place, "whole")));
 }
 
 /// If this failed, what trains while it chooses would have no photographs to train on, take them again after a stop, not record
@@ -331,7 +334,7 @@ fn bad_input_is_refused_and_nothing_is_written() {
         ("evaluate cube.gltf --env sky.hdr --out o --methods random,nobodys", &["nobodys", "no such method", "ours"]),
         ("evaluate cube.gltf broken.glb --env sky.hdr --out o", &["broken.glb"]),
         ("evaluate none.glb --env sky.hdr --out o", &["none.glb", "there is no such file"]),
-        ("evaluate cube.gltf --out o", &["cube.gltf", "no light", "--env"]),
+        ("evaluate cube.gltf --preset room --out o", &["cube.gltf", "no light", "--env"]),
         ("evaluate cube.gltf --env sky.hdr --out o --budgets 20,20", &["--budgets", "twice"]),
         ("evaluate cube.gltf --env sky.hdr --out o --budgets 1", &["--budgets is 1"]),
         ("evaluate cube.gltf --env sky.hdr --out o --seeds 0", &["--seeds is 0"]),
@@ -396,7 +399,10 @@ fn cameras_of_a_file_are_a_method() {
     assert_eq!((qualities[1].0, qualities[0].1), (&Value::from("cameras:mine.json"), qualities[1].1));
     assert!(place.read("o/report.html").contains("cameras:mine.json"));
     assert!(place.read("o/table.md").contains("cameras:FILE are where the file has them"));
+    assert!(results["runs"][1]["seconds"].is_null() && results["runs"][0]["seconds"].is_f64(), "no time to choose");
     // As many as they are alone, whatever else is requested, and chosen once for all seeds.
+    let forget = || fs::remove_file(place.path("o/results.json")).unwrap();
+    forget();
     let budgets = tiny("cameras:mine.json", "o").replace("--budgets 4 --seeds 1", "--budgets 4,5 --seeds 2");
     let given = place.done(&budgets);
     assert_eq!(given.out.matches("complete cube").count(), 2, "{}", given.out);
@@ -404,6 +410,7 @@ fn cameras_of_a_file_are_a_method() {
     // Others under the same name are another choice.
     mine["cameras"].as_array_mut().unwrap().reverse();
     place.write("mine.json", mine.to_string());
+    forget();
     assert!(made(&place.done(&tiny("cameras:mine.json", "o")).out).len() == 3);
 
     fs::create_dir_all(place.path("other")).unwrap();
@@ -426,6 +433,101 @@ fn cameras_of_a_file_are_a_method() {
     ];
     let cases: Vec<(&str, &[&str])> = cases.iter().map(|(arguments, said)| (arguments.as_str(), *said)).collect();
     assert_refused(&place, &cases);
+}
+
+/// If this failed, a method of another program could not be compared as ours are: it would not get what they choose by, its cameras would be
+/// taken for another scene's, or the table would not say where they break the rules. And scenes would not be summed up.
+#[test]
+fn a_method_of_another_program_is_compared_on_several_scenes() {
+    let place = lit_cube();
+    let other = place.read("cube.gltf").replace("0.8, 0.4, 0.1", "0.1, 0.4, 0.8");
+    place.write("blue_cube.gltf", other);
+    let of = |methods: &str| {
+        format!("{} --out o", TINY.replace("cube.gltf", "cube.gltf blue_cube.gltf").replace("random,ours", methods))
+    };
+    let prepared = place.done(&format!("{} --prepare", of("random")));
+    assert!(prepared.out.contains("o/blue_cube/task") && !place.path("o/table.md").exists(), "{}", prepared.out);
+    fs::create_dir(place.path("mine")).unwrap();
+    for (scene, distance) in [("cube", 1.0), ("blue_cube", 9.0)] {
+        let task: Value = serde_json::from_str(&place.read(&format!("o/{scene}/task/task.json"))).unwrap();
+        let folder = format!("o/{scene}/task/{}", task["photos"].as_str().unwrap());
+        assert!(place.path(&format!("{folder}/transforms.json")).is_file(), "{task}");
+        assert!(place.path(&format!("o/{scene}/task/surface.ply")).is_file() && task["mesh"].is_null(), "{task}");
+        let shell = &task["region"]["shape"]["shell"];
+        let [near, far] = ["r_min", "r_max"].map(|key| shell[key].as_f64().unwrap_or_else(|| panic!("{task}")));
+        let radius = near + (far - near) * distance;
+        let cameras: Vec<Value> = (0..task["budgets"][0].as_u64().unwrap())
+            .map(|i| {
+                let turn = i as f64 * std::f64::consts::FRAC_PI_2;
+                // A camera looks along its z, here at the centre.
+                let half = 0.5 * (turn + std::f64::consts::PI);
+                let rotation = [0.0, half.sin(), 0.0, half.cos()];
+                json!({ "name": format!("{i}.png"), "intrinsics": task["camera"],
+                    "pose": { "position": [radius * turn.sin(), 0.0, radius * turn.cos()], "rotation": rotation } })
+            })
+            .collect();
+        place.write(&format!("mine/{scene}-4.json"), json!({ "cameras": cameras }).to_string());
+    }
+    let ran = place.done(&of("random,ring=cameras:mine/{scene}-{views}.json"));
+    assert!(!ran.out.contains("making   surface"), "the surface was there: {}", ran.out);
+    let table = place.read("o/table.md");
+    let row = |line: &str| table.lines().find(|row| row.starts_with(line)).unwrap_or_else(|| panic!("{line}: {table}"));
+    assert!(row("| blue_cube | ring | 4 |").ends_with(" – |"), "{table}");
+    assert!(row("Given cameras that stand outside").contains("blue_cube, ring, 4 views (4 of 4)."), "{table}");
+    assert!(!row("Given cameras that stand outside").contains(" cube, ring"), "{table}");
+    // The mean of the two scenes, and the difference from the first method.
+    let results = results(&place, "o");
+    let psnr = |row: usize| results["rows"][row]["measured"][0][3]["mean"].as_f64().unwrap();
+    let difference = 0.5 * ((psnr(1) - psnr(0)) + (psnr(3) - psnr(2)));
+    let mean = format!("| ring | 4 | 2 | {:.2} | ", 0.5 * (psnr(1) + psnr(3)));
+    assert!(row(&mean).contains(&format!("| {difference:.2} ± ")), "{table}");
+    assert!(row("| random | 4 | 2 |").contains("| – |"), "{table}");
+    let latex = place.read("o/table.tex");
+    assert!(latex.contains("blue\\_cube & ring & 4 & $") && latex.contains("\\mathbf{"), "{latex}");
+    assert_eq!((latex.matches("\\begin{tabular}").count(), latex.matches("\\end{tabular}").count()), (2, 2));
+    assert!(place.read("o/report.html").contains("mean over scenes"));
+}
+
+/// If this failed, an hour's table of many runs would be replaced by one of fewer, without a word.
+#[test]
+fn fewer_runs_never_replace_a_larger_table() {
+    let place = lit_cube();
+    let run = |methods: &str, more: &str| format!("{} {more} --out o", TINY.replace("random,ours", methods));
+    place.done(&run("random,fvs", "").replace("--seeds 1", "--seeds 2"));
+    let before = place.read("o/table.md");
+    assert_refused(
+        &place,
+        &[
+            (&run("random,fvs", ""), &["o/results.json", "cube, random, 4 views, seed 1 and 1 more", "another --out"]),
+            (&run("random", "").replace("--seeds 1", "--seeds 2"), &["cube, fvs, 4 views, seed 0 and 1 more"]),
+        ],
+    );
+    assert_eq!(place.read("o/table.md"), before);
+    // What is made otherwise is another evaluation, and more runs keep what there is.
+    place.done(&run("random,fvs,ours", "").replace("--seeds 1", "--seeds 2"));
+    assert_eq!(place.read("o/table.md").matches("| cube | fvs | 4 |").count(), 3);
+    place.done(&run("random", "--antialiased"));
+}
+
+/// If this failed, an object without lamps would be photographed in the dark, where every method looks good.
+#[test]
+fn an_object_without_a_lamp_stands_in_a_studio() {
+    let place = lit_cube();
+    // A display that glows is no lamp.
+    let glowing = place.read("cube.gltf").replace(r#"{"pbrM"#, r#"{"emissiveFactor": [0.02, 0, 0], "pbrM"#);
+    place.write("cube.gltf", glowing);
+    let run = TINY.replace("random,ours", "random").replace(" --env sky.hdr", "");
+    let ran = place.done(&format!("{run} --out o"));
+    assert!(ran.out.contains("cube.gltf: no lamps and no --env: the built-in studio lights it"), "{}", ran.out);
+    let table = place.read("o/table.md");
+    assert!(table.contains("No lamps and no `--env`: a built-in studio lights cube."), "{table}");
+    let photos = place.files("o/cube").into_iter().find(|name| name.ends_with("images/input_0000.png")).unwrap();
+    let photo = image::open(place.path(&format!("o/cube/{photos}"))).unwrap().into_rgba8();
+    let shown: Vec<u8> = photo.pixels().filter(|pixel| pixel[3] == 255).map(|pixel| pixel[0]).collect();
+    let mean = shown.iter().map(|red| f64::from(*red)).sum::<f64>() / shown.len() as f64;
+    assert!(!shown.is_empty() && mean > 60.0, "{mean} of {} pixels", shown.len());
+    place.done(&format!("{} --out lit", TINY.replace("random,ours", "random")));
+    assert!(!place.read("lit/table.md").contains("studio"));
 }
 
 /// If this failed, the quick evaluation would be meaningless: a plan must be worth more than views at random even there.

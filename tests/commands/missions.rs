@@ -300,6 +300,11 @@ fn a_house_on_its_lawn_is_the_subject() {
     let faces: Vec<String> = lines.map(|line| format!("f {}", face(line))).collect();
     place.write("house.obj", format!("{}\n{}\n", vertices.join("\n"), faces.join("\n")));
     place.write("box.json", r#"{"boxes": [[-6, -6, 1.5, 6, 6, 10]]}"#);
+    // The house alone, open at its bottom, as one object of the whole.
+    let own: Vec<&String> =
+        faces.iter().filter(|line| line[2..].split(' ').all(|i| i.parse::<u32>().unwrap() > 8)).collect();
+    let own: Vec<&str> = own.iter().skip(1).map(|line| line.as_str()).collect();
+    place.write("part.obj", format!("{}\n{}\n", vertices.join("\n"), own.join("\n")));
     let short = "--views 8 --held-out 60 --iterations 20 --checkpoint-every 10";
     let distances = |name: &str| -> Vec<f64> {
         let cameras = place.plan(name).cameras;
@@ -313,11 +318,12 @@ fn a_house_on_its_lawn_is_the_subject() {
         ("box", "house.ply --subject=-6,-6,1.5,6,6,10"),
         ("file", "house.ply --subject box.json"),
         ("obj", "house.obj --subject largest"),
+        ("part", "house.obj --subject part.obj"),
     ] {
         let told = place.done(&format!("plan {options} --out {name} {short}")).out;
         assert!(told.contains("subject  ") && told.contains("block rays and are not planned for"), "{told}");
         assert!(distances(name).iter().all(|distance| *distance < 40.0), "{name}: {:?}", distances(name));
-        assert_eq!(told.contains("up       +z, by the ground of house.obj"), name == "obj", "{told}");
+        assert_eq!(told.contains("up       +z, by the ground of house.obj"), name == "obj" || name == "part", "{told}");
     }
     // A score of the plan is of the same subject.
     let told = place.done("score house.ply file --held-out 60").out;

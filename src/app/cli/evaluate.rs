@@ -15,6 +15,7 @@ use crate::files::io::environment::read_environment;
 use crate::files::io::folder::write_files;
 use crate::lab::evaluate::artifact::ArtifactEvent;
 use crate::lab::evaluate::competitor::Competitor;
+use crate::lab::evaluate::destination;
 use crate::lab::evaluate::evaluation::{self, EvaluationEvent};
 use crate::lab::evaluate::kind::Kind;
 use crate::lab::evaluate::pool::Pool;
@@ -59,7 +60,8 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
     /// Methods to compare: any --method of `camsplat plan`, ours:KEY=VALUE or paper:KEY=VALUE (with a key of its configuration changed),
-    /// or cameras:FILE, a layout of your own in any format that `camsplat capture` reads, with the lens of the others [default: random,
+    /// or cameras:FILE, a layout of your own in any format that `camsplat capture` reads, with the lens of the others; in FILE,
+    /// {scene}, {views} and {seed} stand for those of a run, and NAME=cameras:FILE is called NAME in tables [default: random,
     /// fibonacci, fvs, fvs-chord, fvs-shared, acp, fisherrf, fisherrf-retrain, cover, manifold, paper-iterative, paper-no-vds, paper,
     /// ours; rooms: without fibonacci and manifold; pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
@@ -140,6 +142,10 @@ pub struct Arguments {
     /// Where around an object baselines may place cameras; the planner always has the whole region [default: region; paper: sphere]
     #[arg(long, value_enum)]
     baselines_from: Option<BaselinesFrom>,
+    /// Make what methods choose on and nothing else, for methods of other programs: the surface, the region and the input photos as
+    /// files in OUT/SCENE/task
+    #[arg(long, conflicts_with_all = ["pool", "shard", "devices"])]
+    prepare: bool,
     /// Devices to spread the runs over, each by index or part of its name
     #[arg(long, value_delimiter = ',', value_name = "NAMES", conflicts_with = "device")]
     devices: Vec<String>,
@@ -221,7 +227,7 @@ impl Arguments {
         // Ten photos of a floor or a wall give no surface to speak of, nor do noisy ones.
         let is_furnished = kind == Kind::Object && self.situation().furnishes();
         let shown = if self.quick && kind == Kind::Room || is_furnished { Shown::True } else { of.shown };
-        Ok(EvaluationRequest {
+        let mut request = EvaluationRequest {
             kind,
             methods: self.methods.clone().unwrap_or_else(named),
             budgets: self.budgets.clone().unwrap_or_else(budgets),
@@ -258,7 +264,18 @@ impl Arguments {
             limits: self.limits.read(Limits::default(), |file| {
                 Err(Error::input(file, "scenes of an evaluation lie nowhere on Earth; give a mesh or boxes"))
             })?,
-        })
+        };
+        // Layouts are there before those who make them have seen the scene.
+        if !self.prepare {
+            request.read_layouts(&self.names())?;
+        }
+        Ok(request)
+    }
+
+    /// The scenes' names in tables and in the files of layouts.
+    fn names(&self) -> Vec<String> {
+        let two_rooms = (self.situation() == Situation::TwoRooms).then(|| PathBuf::from(Situation::TwoRooms.name()));
+        self.scenes.iter().chain(&two_rooms).map(|path| Scene::name_of(path)).collect()
     }
 
     /// Reads all that is evaluated on; the notes say what was understood.
@@ -279,6 +296,9 @@ impl Arguments {
         let mut subjects = Vec::new();
         for path in &self.scenes {
             let scene = Scene::read(path, &setting, environment.as_ref(), &intrinsics, notes)?;
+            if scene.in_studio {
+                notes.push(format!("{}: no lamps and no --env: the built-in studio lights it", path.display()));
+            }
             subjects.push(Subject::Scene(Box::new(scene)));
         }
         if request.situation == Situation::TwoRooms {
@@ -362,7 +382,9 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let weights = arguments.lpips_vgg.as_deref().map(|file| Weights::read(file, Network::Vgg)).transpose()?;
     let mut notes = Vec::new();
     let subjects = arguments.subjects(&request, &mut notes)?;
-    evaluation::check(&arguments.out, &request, &subjects)?;
+    let shard = arguments.shard.unwrap_or(Shard::WHOLE);
+    // Files for other methods leave tables as they are.
+    destination::check(&arguments.out, &request, &subjects, shard.is_whole() && !arguments.prepare)?;
     for note in &notes {
         say!("{note}");
     }
@@ -399,7 +421,14 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         }
         go_on()
     };
-    let shard = arguments.shard.unwrap_or(Shard::WHOLE);
+    if arguments.prepare {
+        let weights = weights.as_ref();
+        let prepared = evaluation::prepare(&contexts[0], &request, &subjects, &arguments.out, weights, &mut |event| {
+            session.within(|| observe(EvaluationEvent::Artifact(event)))
+        });
+        contexts.iter().for_each(|context| print_messages(context));
+        return prepared_as(prepared, &arguments.out, &subjects);
+    }
     let outcome =
         evaluation::run(&contexts, &request, &subjects, shard, &arguments.out, weights.as_ref(), &mut |event| {
             session.within(|| observe(event))
@@ -429,6 +458,24 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     if let Some(page) = page {
         say!("written  {}, {}", arguments.out.join("table.md").display(), page.display());
     }
+    Ok(Ended::Done)
+}
+
+/// Says where the files for other methods lie.
+fn prepared_as(prepared: Result<()>, out: &Path, subjects: &[Subject]) -> Result<Ended> {
+    match prepared {
+        Err(Error::Interrupted) => {
+            say!("{}", super::STOPPED);
+            return Ok(Ended::Stopped);
+        }
+        prepared => prepared?,
+    }
+    for subject in subjects {
+        say!("written  {}", out.join(subject.name()).join("task").display());
+    }
+    say!(
+        "next     --methods cameras:DIR/{{scene}}-{{views}}-{{seed}}.json in place of --prepare, with the cameras that yours chooses"
+    );
     Ok(Ended::Done)
 }
 

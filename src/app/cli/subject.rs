@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::options::numbers;
-use crate::files::io::volume::read_volume;
+use crate::files::io::volume::{closed, read_faces};
 use crate::scene::proxy::{Orientation, Proxy};
-use crate::scene::subject::largest;
+use crate::scene::subject::{is_part_of, largest};
 use crate::scene::surface::Surface;
 use crate::scene::volume::{Volume, box_triangles};
 use crate::{Error, Result};
@@ -19,7 +19,7 @@ pub enum SubjectOption {
     Largest,
     /// What is in a box.
     Box(DVec3, DVec3),
-    /// What is in a volume.
+    /// What is in a volume, or a mesh that is a part of the surface.
     File(PathBuf),
 }
 
@@ -38,7 +38,7 @@ pub fn parse_subject(text: &str) -> Result<SubjectOption, String> {
 /// The volume of what is to be seen, and the height along up of what it stands on.
 ///
 /// # Errors
-/// Where a file holds no volume, or nothing stands on anything.
+/// Where a file holds neither a volume nor a part of the surface, or nothing stands on anything.
 pub fn subject_of(subject: &SubjectOption, surface: &Surface, up: DVec3) -> Result<(Volume, f64)> {
     let volume = match subject {
         SubjectOption::Largest => return largest(&Proxy::new(surface, Orientation::Trusted)?, up),
@@ -48,7 +48,16 @@ pub fn subject_of(subject: &SubjectOption, surface: &Surface, up: DVec3) -> Resu
         SubjectOption::Box(..) => {
             return Err(Error::request("--subject: give the lower corner of the box, then the higher one"));
         }
-        SubjectOption::File(file) => read_volume(file)?,
+        SubjectOption::File(file) => {
+            let faces = read_faces(file)?;
+            let own = match surface {
+                Surface::Mesh(mesh) => {
+                    is_part_of(&faces, mesh.triangles.iter().map(|t| t.map(|v| mesh.positions[v as usize])))
+                }
+                Surface::Points(_) => false,
+            };
+            if own { faces } else { closed(faces)? }
+        }
     };
     let bottom = volume.triangles.iter().flatten().map(|p| p.dot(up)).fold(f64::INFINITY, f64::min);
     Ok((volume, bottom))

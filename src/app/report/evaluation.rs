@@ -14,8 +14,9 @@ use super::text::{address, escape};
 use crate::Result;
 use crate::lab::evaluate::request::EvaluationRequest;
 use crate::lab::evaluate::results::{Entry, Interval, Outcome, Row, measured};
+use crate::lab::evaluate::scene_means::means_over_scenes;
 use crate::lab::evaluate::subject::Subject;
-use crate::lab::evaluate::table::{DECIMALS, apart, ceilings, cell, description, drowned};
+use crate::lab::evaluate::table::{DECIMALS, cell, description, facts, paired, warnings};
 
 /// Triangles of all 3D views of a page together, of one of them, and views at most: browsers draw no more.
 const MAX_TRIANGLES: usize = 120_000;
@@ -56,6 +57,7 @@ pub fn html(request: &EvaluationRequest, outcome: &Outcome, subjects: &[Subject]
         sections += &pictures(scene, &of_scene, request.sets());
         sections += "</section>\n";
     }
+    sections = over_scenes(rows) + &sections;
     let document = Document {
         kind: "evaluation",
         pictures: true,
@@ -71,17 +73,17 @@ pub fn html(request: &EvaluationRequest, outcome: &Outcome, subjects: &[Subject]
 }
 
 fn heading(request: &EvaluationRequest, outcome: &Outcome) -> String {
-    let Outcome { rows, left, .. } = outcome;
+    let left = &outcome.left;
     let badge = match left {
         0 => "<span class=\"badge\">complete</span>".into(),
         left => format!("<span class=\"badge warn\">{left} runs to come</span>"),
     };
     let mut html =
         format!("<h1>Evaluation {badge}</h1>\n<p class=\"line\">{}</p>\n", with_code(&description(request, *left)));
-    if let Some(line) = ceilings(outcome) {
-        let _ = writeln!(html, "<p class=\"line\">{}</p>", escape(&line));
+    for line in facts(outcome) {
+        let _ = writeln!(html, "<p class=\"line\">{}</p>", with_code(&line));
     }
-    for notice in [drowned(outcome), apart(rows)].into_iter().flatten() {
+    for notice in warnings(outcome) {
         let _ = writeln!(html, "<p class=\"notice\" role=\"status\">{}</p>", with_code(&notice));
     }
     html
@@ -117,15 +119,36 @@ pub(super) fn table(rows: &[&Row], metric: usize, name: &str, columns: &[&str]) 
     let mut text = format!("<div class=\"scroll\"><table><thead><tr><th>{name}</th><th>views</th>");
     columns.iter().for_each(|column| text += &format!("<th>{column}</th>"));
     text += "<th>choice, s</th></tr></thead>\n";
-    let cell = |interval: Option<Interval>, decimals: usize| {
-        format!("<td>{}</td>", interval.map_or_else(|| "–".to_owned(), |interval| cell(interval, decimals)))
-    };
     for row in rows {
         let _ = write!(text, "<tr><th scope=\"row\">{}</th><td>{}</td>", escape(row.method.name()), row.views);
-        row.measured[metric].iter().for_each(|measured| text += &cell(*measured, DECIMALS[metric]));
-        let _ = writeln!(text, "{}</tr>", cell(Some(row.seconds), 2));
+        row.measured[metric].iter().for_each(|measured| text += &cell_of(*measured, DECIMALS[metric]));
+        let _ = writeln!(text, "{}</tr>", cell_of(row.seconds, 2));
     }
     text + "</table></div>\n"
+}
+
+fn cell_of(interval: Option<Interval>, decimals: usize) -> String {
+    format!("<td>{}</td>", interval.map_or_else(|| "–".to_owned(), |interval| cell(interval, decimals)))
+}
+
+/// The means over scenes; nothing of one scene.
+fn over_scenes(rows: &[Row]) -> String {
+    let means = means_over_scenes(rows);
+    let Some(first) = means.first() else { return String::new() };
+    let mut text = format!("<section>\n<h2>All scenes</h2>\n<p class=\"hint\">{}</p>\n", escape(&paired(first)));
+    text += "<div class=\"scroll\"><table><thead><tr><th>mean over scenes</th><th>views</th><th>scenes</th>";
+    let metrics: Vec<(usize, &str)> = measured(rows).collect();
+    metrics.iter().for_each(|(_, name)| text += &format!("<th>{name}</th><th>difference</th>"));
+    text += "</tr></thead>\n";
+    for mean in &means {
+        let name = escape(mean.method.name());
+        let _ = write!(text, "<tr><th scope=\"row\">{name}</th><td>{}</td><td>{}</td>", mean.views, mean.scenes);
+        for (metric, _) in &metrics {
+            mean.shown(*metric).into_iter().for_each(|value| text += &cell_of(value, DECIMALS[*metric]));
+        }
+        text += "</tr>\n";
+    }
+    text + "</table></div>\n</section>\n"
 }
 
 /// Text of Markdown whose only marks are those of code.
@@ -165,7 +188,7 @@ pub(super) fn pictures(scene: &str, entries: &[&Entry], sets: &[&str]) -> String
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lab::evaluate::competitor::{Competitor, Given};
+    use crate::lab::evaluate::competitor::Competitor;
     use crate::lab::evaluate::kind::Kind;
     use crate::lab::evaluate::settings::{EvaluationSettings, Shown};
     use crate::lab::evaluate::situation::Situation;
@@ -183,13 +206,13 @@ mod tests {
     #[test]
     fn names_of_files_are_text() {
         let name = "cameras:a folder with a long name/<img src=x>.json";
-        let given = Given { name: name.into(), poses: Vec::new(), notes: Vec::new() };
         let entry = Entry {
             scene: "cup".into(),
-            method: Competitor::Cameras(std::sync::Arc::new(given)),
+            method: name.parse().unwrap(),
             views: 4,
             seed: 0,
-            seconds: 0.0,
+            seconds: None,
+            outside: 0,
             quality: vec![Quality { psnr: 20.0, ssim: 0.5, ..Quality::default() }; 3],
             diverged: Some([20.0, 15.0]),
             folder: "training-1".into(),
@@ -223,7 +246,8 @@ mod tests {
             method,
             views,
             seed: 3,
-            seconds: 0.1,
+            seconds: Some(0.1),
+            outside: 0,
             quality: vec![Quality { psnr: 20.0 + f64::from(views), ssim: 0.5, ..Quality::default() }; 3],
             diverged: None,
             folder: format!("training-{views}"),

@@ -56,6 +56,30 @@ fn opening(triangles: &[Triangle]) -> f64 {
 /// # Errors
 /// Where the file cannot be read, holds points instead of faces, or a box has no volume.
 pub fn read_volume(path: &Path) -> Result<Volume> {
+    closed(read_faces(path)?)
+}
+
+/// The same volume, where it is closed.
+///
+/// # Errors
+/// Where more of it than a tenth is open.
+pub fn closed(volume: Volume) -> Result<Volume> {
+    let open = opening(&volume.triangles);
+    if open > MAX_OPENING {
+        let what = format!(
+            "it is not closed: {:.0}% of it is open; close the mesh, or give boxes in a .json file",
+            100.0 * open
+        );
+        return Err(Error::input(&volume.file, what));
+    }
+    Ok(volume)
+}
+
+/// As [`read_volume`], of meshes that need not be closed.
+///
+/// # Errors
+/// As there.
+pub fn read_faces(path: &Path) -> Result<Volume> {
     let triangles = if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json")) {
         let text = read_file(path)?;
         let Boxes { boxes } = json(path, &text).map_err(|error| match error {
@@ -100,15 +124,5 @@ pub fn read_volume(path: &Path) -> Result<Volume> {
             Occluder::Discs(_) => Vec::new(),
         }
     };
-    let open = opening(&triangles);
-    if open > MAX_OPENING {
-        return Err(Error::input(
-            path,
-            format!(
-                "it is not closed: {:.0}% of it is open; close the mesh, or give boxes in a .json file",
-                100.0 * open
-            ),
-        ));
-    }
     Ok(Volume { file: path.to_string_lossy().into_owned(), triangles, ..Volume::default() })
 }

@@ -63,9 +63,9 @@ impl SceneArtifacts<'_> {
         let limits = &self.scene.limits;
         let photographs = matches!(method, Competitor::Method(placing) if placing.needs_photographs());
         let mut made_of = match method {
-            // Independent of their names and the seed.
+            // Independent of their names and, where the files are, of the seed.
             Competitor::Cameras(layout) => json!({
-                "surface": given.shown.key(), "given": layout.poses, "region": region, "camera": intrinsics, "device": device,
+                "surface": given.shown.key(), "given": layout.poses(&self.scene.name, views, seed), "region": region, "camera": intrinsics, "device": device,
                 "limits": limits, "viewers": config.viewers, "kept": kept,
             }),
             _ => json!({
@@ -97,7 +97,8 @@ impl SceneArtifacts<'_> {
             }
             (None, Competitor::Cameras(layout)) => {
                 let config = Config { seed: 0, ..config };
-                plan::pipeline::given(&self.context, &problem, layout.poses.clone(), method.name(), &config)?
+                let poses = layout.poses(&self.scene.name, views, seed).map(<[_]>::to_vec).unwrap_or_default();
+                plan::pipeline::given(&self.context, &problem, poses, method.name(), &config)?
             }
             (None, Competitor::Method(Method::OursTwoPasses)) => {
                 passes::run(self, given, &kept, &config, &mut *observe)?

@@ -1,17 +1,15 @@
 //! The methods that are compared.
 
 use std::fmt;
-use std::path::Path;
 use std::str::FromStr;
 use std::sync::Arc;
 
 use serde::Serialize;
 
+use super::given::Given;
 use super::kind::Kind;
-use crate::files::io;
 use crate::planner::methods::{METHODS, Method};
 use crate::planner::plan::config::{Config, Preset};
-use crate::scene::camera::Pose;
 use crate::{Error, Result};
 
 /// What is compared: a method, the planner with other settings, or cameras of the user's.
@@ -22,37 +20,14 @@ pub enum Competitor {
     /// The planner with some of its numbers set otherwise: `ours:KEY=VALUE[:KEY=VALUE...]`, where keys are those of
     /// [`Config`] as `plan.json` has them.
     Tuned(Arc<str>),
-    /// Cameras that are there already, `cameras:FILE`, at the budget of their number.
+    /// Cameras that are there already, `cameras:FILE`, at the budgets of their numbers.
     Cameras(Arc<Given>),
 }
-
-/// Cameras that were placed by other means.
-#[derive(Debug)]
-pub struct Given {
-    /// What they are called, as on the command line.
-    pub name: String,
-    /// Their poses in the scene's frame.
-    pub poses: Vec<Pose>,
-    /// What was understood of the file, for the user to check.
-    pub notes: Vec<String>,
-}
-
-/// Independent of their names.
-impl PartialEq for Given {
-    fn eq(&self, other: &Self) -> bool {
-        self.poses == other.poses
-    }
-}
-
-// Poses that were read are numbers.
-impl Eq for Given {}
 
 /// Keys that [`Competitor::Tuned`] leaves alone: the evaluation sets them itself.
 const OWN: [&str; 6] = ["views", "seed", "preset", "held_out", "checkpoint_every", "objective"];
 /// What [`Competitor::Tuned`] begins with, and the method whose configuration it changes.
 const SET: [(&str, Method); 2] = [("ours:", Method::Ours), ("paper:", Method::Paper)];
-/// What [`Competitor::Cameras`] begins with.
-const GIVEN: &str = "cameras:";
 
 impl Competitor {
     /// As on the command line and in tables.
@@ -88,9 +63,9 @@ impl Competitor {
         })
     }
 
-    /// Whether it supports this number of views: given cameras support only their own number.
+    /// Whether it supports this number of views: given cameras support only their own numbers.
     pub fn takes(&self, views: u32) -> bool {
-        !matches!(self, Self::Cameras(given) if given.poses.len() != views as usize)
+        !matches!(self, Self::Cameras(given) if !given.takes(views))
     }
 
     /// Whether it chooses by a model of the scene.
@@ -168,17 +143,11 @@ impl FromStr for Competitor {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
+        if let Some(given) = Given::parse(name) {
+            return given.map(|given| Self::Cameras(Arc::new(given)));
+        }
         if tuned(name).is_some() {
             return Ok(Self::Tuned(name.into()));
-        }
-        if let Some(file) = name.strip_prefix(GIVEN) {
-            if file.is_empty() {
-                return Err("name a file behind cameras:".into());
-            }
-            let read = io::read_cameras_with_notes(Path::new(file)).map_err(|error| error.to_string());
-            let (cameras, notes) = read?;
-            let poses = cameras.iter().map(|camera| camera.pose).collect();
-            return Ok(Self::Cameras(Arc::new(Given { name: name.into(), poses, notes })));
         }
         match Method::named(name) {
             Some(method) => Ok(Self::Method(method)),

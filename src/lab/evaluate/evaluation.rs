@@ -12,6 +12,9 @@ use std::thread;
 use serde_json::json;
 
 use super::artifact::{Artifact, ArtifactEvent, Observe};
+use super::competitor::Competitor;
+use super::destination::{ASKED, RESULTS};
+use super::latex::latex;
 use super::perceptual;
 use super::pool::Pool;
 use super::pool_artifacts::PoolArtifacts;
@@ -19,22 +22,19 @@ use super::request::{EvaluationRequest, Run};
 use super::results::{self, Entry, Outcome};
 use super::scene::Scene;
 use super::scene_artifacts::{MethodInputs, SceneArtifacts};
+use super::scene_means::means_over_scenes;
 use super::shard::Shard;
 use super::subject::Subject;
 use super::table;
+use super::task;
 use crate::engine::parallel::{lock, on_a_share};
 use crate::engine::vulkan::Context;
-use crate::files::io::folder::{check_folder, write_files};
+use crate::files::io::folder::write_files;
 use crate::scene::camera::Camera;
 use crate::splats::image_metrics::Weights;
 use crate::splats::run::outputs::PICTURES;
 use crate::splats::run::record::TrainRecord;
 use crate::{Error, Result};
-
-/// The file that marks a folder as an evaluation's.
-pub const ASKED: &str = "evaluation.json";
-/// Files beside the folders of subjects.
-const WRITTEN: [&str; 5] = [ASKED, "table.md", "table.csv", "results.json", "report.html"];
 
 /// Progress events.
 pub enum EvaluationEvent<'e> {
@@ -48,41 +48,6 @@ pub enum EvaluationEvent<'e> {
 
 /// Receives progress events and returns whether to continue.
 pub(crate) type Observer<'h> = &'h mut (dyn FnMut(EvaluationEvent<'_>) -> ControlFlow<()> + Send + 'h);
-
-/// Checks, before anything is computed, that an evaluation can be written into `folder`, which is empty, new or an earlier
-/// evaluation's; that no two subjects would share a folder there; and that methods and box fit so many
-/// subjects.
-///
-/// # Errors
-/// In a line that names the folder, the subject, the method or the option.
-pub fn check(folder: &Path, request: &EvaluationRequest, subjects: &[Subject]) -> Result<()> {
-    request.check_subjects(subjects.len())?;
-    for (i, subject) in subjects.iter().enumerate() {
-        if subjects[..i].iter().any(|other| other.name().eq_ignore_ascii_case(subject.name())) {
-            let what = "another subject has this name, and tables tell them by their names; rename it";
-            return Err(Error::input(subject.path(), what));
-        }
-    }
-    let bad = |name: &str| WRITTEN.contains(&name) || name.starts_with('.') || name.contains(char::is_control);
-    if let Some(subject) = subjects.iter().find(|subject| bad(subject.name())) {
-        let what = "its name cannot name a folder among the tables; rename it";
-        return Err(Error::input(subject.path(), what));
-    }
-    match check_folder(folder, false) {
-        Err(Error::NotEmpty { .. }) if holds_evaluation(folder) => check_folder(folder, true),
-        Err(Error::NotEmpty { path }) => {
-            Err(Error::input(path, "the folder is not empty and holds no evaluation; name another"))
-        }
-        checked => checked,
-    }
-}
-
-/// Whether a folder is an evaluation's, or another process is about to make it one.
-fn holds_evaluation(folder: &Path) -> bool {
-    let begun = fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut begun = begun.map(|entry| entry.file_name().to_string_lossy().into_owned());
-    begun.any(|name| name.starts_with(&format!(".{ASKED}"))) || folder.join(ASKED).is_file()
-}
 
 /// Runs the request on all devices; whenever a new run is complete, the tables of all complete runs are written into `folder`. Of a shard
 /// only its runs are made, and no tables are written: the whole request does that in the folder that holds the results of all shards.
@@ -105,9 +70,7 @@ pub fn run(
         subjects.iter().try_for_each(|subject| perceptual::check(contexts, weights, subject, &request.settings))?;
     }
     fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
-    let names: Vec<&str> = subjects.iter().map(Subject::name).collect();
-    let asked = json!({ "scenes": names, "request": request, "lpips_vgg": weights.map(Weights::fingerprint) });
-    let asked = format!("{asked:#}\n");
+    let asked = asked(request, subjects, weights);
     // Existing tables belong to the earlier request until they are rewritten.
     match fs::read_to_string(folder.join(ASKED)) {
         Ok(before) if before != asked && !shard.is_whole() => {
@@ -131,10 +94,49 @@ pub fn run(
         made: AtomicBool::new(false),
         entries: Mutex::default(),
         ceilings: Mutex::default(),
+        studio: subjects
+            .iter()
+            .filter(|subject| subject.in_studio())
+            .map(|subject| subject.name().to_owned())
+            .collect(),
     };
     spread(contexts, &board, subjects)?;
     let entries = lock(&board.entries);
     board.write(&entries)
+}
+
+/// The request, as it is written.
+fn asked(request: &EvaluationRequest, subjects: &[Subject], weights: Option<&Weights>) -> String {
+    let names: Vec<&str> = subjects.iter().map(Subject::name).collect();
+    let asked = json!({ "scenes": names, "request": request, "lpips_vgg": weights.map(Weights::fingerprint) });
+    format!("{asked:#}\n")
+}
+
+/// Makes what methods choose on, for methods of other programs, and nothing else: files in the folder `task` of each scene's. Of a pool
+/// there are none, as its photos are the user's. The same request goes on from there.
+///
+/// # Errors
+/// As [`run`].
+pub fn prepare(
+    context: &Arc<Context>,
+    request: &EvaluationRequest,
+    subjects: &[Subject],
+    folder: &Path,
+    weights: Option<&Weights>,
+    observe: Observe,
+) -> Result<()> {
+    fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
+    let marks = folder.join(ASKED);
+    if !marks.is_file() {
+        write_files(&[(&marks, asked(request, subjects, weights).as_bytes())])?;
+    }
+    for subject in subjects {
+        if let Subject::Scene(scene) = subject {
+            let observe = &mut made_for(subject.name().to_owned(), &mut *observe);
+            task::write(context, request, scene, &folder.join(subject.name()), observe)?;
+        }
+    }
+    Ok(())
 }
 
 /// What all workers share: the observer, and what is complete.
@@ -158,6 +160,8 @@ struct SharedProgress<'b> {
     entries: Mutex<Vec<([usize; 2], Entry)>>,
     /// As [`Outcome::ceilings`].
     ceilings: Mutex<BTreeMap<String, f64>>,
+    /// As [`Outcome::studio`].
+    studio: Vec<String>,
 }
 
 impl SharedProgress<'_> {
@@ -191,17 +195,20 @@ impl SharedProgress<'_> {
         let mut outcome =
             Outcome::new(request.kind, entries.iter().map(|(_, entry)| entry.clone()).collect(), self.runs.len());
         outcome.ceilings.clone_from(&lock(&self.ceilings));
+        outcome.studio.clone_from(&self.studio);
         if !self.has_tables {
             return Ok(outcome);
         }
-        let Outcome { rows, entries: runs, left, ceilings, .. } = &outcome;
+        let Outcome { rows, entries: runs, left, ceilings, studio, .. } = &outcome;
         let vgg = self.weights.map(Weights::fingerprint);
-        let written = json!({ "request": request, "lpips_vgg": vgg, "rows": rows, "runs": runs, "left": left, "ceilings": ceilings });
+        let written = json!({ "request": request, "lpips_vgg": vgg, "rows": rows, "scene_means": means_over_scenes(rows), "runs": runs,
+            "left": left, "ceilings": ceilings, "studio": studio });
         write_files(&[
             (&folder.join(ASKED), self.asked.as_bytes()),
             (&folder.join("table.md"), table::markdown(request, &outcome).as_bytes()),
             (&folder.join("table.csv"), table::csv(request, rows).as_bytes()),
-            (&folder.join("results.json"), format!("{written:#}\n").as_bytes()),
+            (&folder.join("table.tex"), latex(request, &outcome).as_bytes()),
+            (&folder.join(RESULTS), format!("{written:#}\n").as_bytes()),
         ])?;
         let _ = self.report(EvaluationEvent::Written(&outcome));
         Ok(outcome)
@@ -229,7 +236,7 @@ impl Runs<'_, '_> {
         &self,
         run: Run<'_>,
         cameras: Vec<Camera>,
-        seconds: f64,
+        (seconds, outside): (Option<f64>, usize),
         (artifact, record): &(Artifact, TrainRecord),
     ) -> Result<()> {
         let sets = self.board.request.sets();
@@ -244,6 +251,7 @@ impl Runs<'_, '_> {
             views: run.views,
             seed: run.seed,
             seconds,
+            outside,
             quality: results::by_set(record, sets),
             diverged: record.diverged(),
             folder: artifact.key().to_owned(),
@@ -299,7 +307,11 @@ impl Runs<'_, '_> {
             let photos = artifacts.photographs(&cameras, observe)?;
             let mut trained = artifacts.training(&photos, Some(&tests), run.seed, observe)?;
             self.measured(context, &mut trained, observe)?;
-            self.complete(run, cameras, plan.seconds, &trained)?;
+            let of_choice = match run.method {
+                Competitor::Cameras(_) => (None, scene.outside(&plan.cameras)),
+                _ => (Some(plan.seconds), 0),
+            };
+            self.complete(run, cameras, of_choice, &trained)?;
         }
         Ok(())
     }
@@ -319,7 +331,7 @@ impl Runs<'_, '_> {
             let chosen = artifacts.choice(run, model, observe)?;
             let mut trained = artifacts.training(&chosen, run.seed, observe)?;
             self.measured(context, &mut trained, observe)?;
-            self.complete(run, artifacts.cameras(&chosen), chosen.seconds, &trained)?;
+            self.complete(run, artifacts.cameras(&chosen), (Some(chosen.seconds), 0), &trained)?;
         }
         Ok(())
     }
@@ -409,7 +421,6 @@ fn spread(contexts: &[Arc<Context>], board: &SharedProgress<'_>, subjects: &[Sub
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lab::evaluate::competitor::Competitor;
     use crate::lab::evaluate::kind::Kind;
     use crate::lab::evaluate::settings::EvaluationSettings;
     use crate::lab::evaluate::situation::Situation;
@@ -422,7 +433,19 @@ mod tests {
         let quality = vec![Quality { psnr: 20.0, ssim: 0.5, ..Quality::default() }; 3];
         let (folder, pictures, cameras) = (String::new(), Vec::new(), Vec::new());
         let (scene, diverged) = ("s".into(), None);
-        Entry { scene, method, views: 4, seed: 0, seconds: 0.1, quality, diverged, folder, pictures, cameras }
+        Entry {
+            scene,
+            method,
+            views: 4,
+            seed: 0,
+            seconds: Some(0.1),
+            outside: 0,
+            quality,
+            diverged,
+            folder,
+            pictures,
+            cameras,
+        }
     }
 
     /// If this failed, a complete evaluation would lose its tables when a repeated call is stopped, runs would be in the order in
@@ -460,6 +483,7 @@ mod tests {
             made: AtomicBool::new(false),
             entries: Mutex::default(),
             ceilings: Mutex::default(),
+            studio: Vec::new(),
         };
         let product = |event| board.report(EvaluationEvent::Artifact(event));
         assert!(product(ArtifactEvent::Kept).is_continue());

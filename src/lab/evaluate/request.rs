@@ -1,6 +1,7 @@
 //! What is compared, and how.
 
 use std::fmt;
+use std::sync::Arc;
 
 use serde::Serialize;
 
@@ -89,7 +90,8 @@ impl EvaluationRequest {
     pub fn validate(&self) -> Result<()> {
         let Self { kind, methods, budgets, seeds, first_seed, settings, .. } = self;
         let twice = |what: &str| Err(Error::request(format!("{what} names something twice; give each once")));
-        if (1..methods.len()).any(|i| methods[..i].contains(&methods[i])) {
+        let same = |a: &Competitor, b: &Competitor| a == b || a.name() == b.name();
+        if (1..methods.len()).any(|i| methods[..i].iter().any(|other| same(other, &methods[i]))) {
             return twice("--methods");
         }
         if (1..budgets.len()).any(|i| budgets[..i].contains(&budgets[i])) {
@@ -104,7 +106,7 @@ impl EvaluationRequest {
                 && !budgets.is_empty()
                 && !budgets.iter().any(|budget| method.takes(*budget))
             {
-                let count = given.poses.len();
+                let count = given.count();
                 let what = match (2..=1000).contains(&count) {
                     true => {
                         format!("these are {count} cameras; give --budgets {count}, beside others if there are some")
@@ -174,12 +176,28 @@ impl EvaluationRequest {
                 "--box: it lies in one room, and there are {subjects}; evaluate that one by itself"
             )));
         }
-        match self.methods.iter().find(|method| matches!(method, Competitor::Cameras(_))) {
+        let of_one = |method: &&Competitor| matches!(method, Competitor::Cameras(given) if !given.of_each_scene());
+        match self.methods.iter().find(of_one) {
             Some(method) if subjects > 1 => Err(Error::request(format!(
-                "method {method}: cameras stand around one scene, and there are {subjects}; evaluate that one by itself"
+                "method {method}: cameras stand around one scene, and there are {subjects}; give a file for each, as \
+                 cameras:{{scene}}.json, or evaluate that one by itself"
             ))),
             _ => Ok(()),
         }
+    }
+
+    /// Reads the files of layouts for subjects of these names.
+    ///
+    /// # Errors
+    /// Where one cannot be read, or has another number of cameras than it should have.
+    pub fn read_layouts(&mut self, subjects: &[String]) -> Result<()> {
+        let first = u64::from(self.first_seed);
+        for method in &mut self.methods {
+            if let Competitor::Cameras(given) = method {
+                *given = Arc::new(given.read(subjects, &self.budgets, first..first + u64::from(self.seeds))?);
+            }
+        }
+        Ok(())
     }
 
     /// Whether any method chooses by a model of the subject.
@@ -202,10 +220,8 @@ impl EvaluationRequest {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
-    use crate::lab::evaluate::competitor::Given;
+    use crate::lab::evaluate::given::Given;
 
     /// If this failed, an empty comparison would be refused for another reason.
     #[test]
@@ -217,8 +233,7 @@ mod tests {
             EvaluationRequest { kind, methods, budgets, seeds: 1, first_seed: 0, settings, viewers, situation, limits }
                 .validate()
         };
-        let given = Given { name: "cameras:a".into(), poses: Vec::new(), notes: Vec::new() };
-        let given = Competitor::Cameras(Arc::new(given));
+        let given = Competitor::Cameras(Arc::new(Given::parse("cameras:a").unwrap().unwrap()));
         for nothing in [of(vec![Competitor::Method(Method::Ours), given.clone()], Vec::new()), of(Vec::new(), vec![4])]
         {
             assert!(nothing.is_err_and(|error| error.to_string().contains("nothing to compare")));

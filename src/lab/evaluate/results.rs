@@ -22,8 +22,11 @@ pub struct Entry {
     pub views: u32,
     /// Seed of choice and training.
     pub seed: u64,
-    /// Seconds that the choice took, without its preparation.
-    pub seconds: f64,
+    /// Seconds that the choice took, without its preparation; none where cameras were given.
+    pub seconds: Option<f64>,
+    /// Of given cameras the ones that stand outside of the region and the limits of all other methods.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub outside: usize,
     /// Means over each set of tests.
     pub quality: Vec<Quality>,
     /// Where the training diverged, what [`TrainRecord::diverged`] reports.
@@ -63,10 +66,17 @@ pub struct Row {
     pub seeds: usize,
     /// Of these the ones whose training diverged.
     pub diverged: usize,
-    /// Seconds of the choice.
-    pub seconds: Interval,
+    /// Seconds of the choice; none where cameras were given.
+    pub seconds: Option<Interval>,
+    /// Given cameras of all runs that stand outside of the region and the limits.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub outside: usize,
     /// [`METRICS`] by [`Kind::columns`](super::kind::Kind::columns); none where one was not measured.
     pub measured: [Vec<Option<Interval>>; METRICS.len()],
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// The results of an evaluation, so far or in the end.
@@ -82,13 +92,15 @@ pub struct Outcome {
     pub left: usize,
     /// Decibels that a perfect model would have for the noise of a scene's test photographs, where that is known.
     pub ceilings: BTreeMap<String, f64>,
+    /// Names of scenes that the built-in studio lights, as they have no lamps and no environment was given.
+    pub studio: Vec<String>,
 }
 
 impl Outcome {
     /// Of these runs out of `all`.
     pub fn new(kind: Kind, entries: Vec<Entry>, all: usize) -> Self {
         let (rows, left) = (rows(&entries), all.saturating_sub(entries.len()));
-        Self { kind, rows, left, entries, ceilings: BTreeMap::new() }
+        Self { kind, rows, left, entries, ceilings: BTreeMap::new(), studio: Vec::new() }
     }
 }
 
@@ -166,7 +178,8 @@ fn row(group: &[&Entry]) -> Row {
         views: first.views,
         seeds: group.len(),
         diverged: group.iter().filter(|entry| entry.diverged.is_some()).count(),
-        seconds: interval(&group.iter().map(|entry| entry.seconds).collect::<Vec<_>>()),
+        seconds: of(&|entry: &Entry| entry.seconds),
+        outside: group.iter().map(|entry| entry.outside).sum(),
         measured: [metric(|q| Some(q.psnr)), metric(|q| Some(q.ssim)), metric(|q| q.lpips), metric(|q| q.lpips_vgg)],
     }
 }
@@ -223,7 +236,8 @@ mod tests {
             method,
             views,
             seed,
-            seconds: 0.5,
+            seconds: Some(0.5),
+            outside: 0,
             quality: [0.0, 3.0, 6.0]
                 .map(|more| Quality { psnr: psnr + more, ssim: 0.5, ..Quality::default() })
                 .to_vec(),

@@ -20,6 +20,7 @@ use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::limits::Limits;
 use crate::scene::model::{Environment, Model};
 use crate::scene::region::Region;
+use crate::scene::samples::studio;
 use crate::scene::surface::Surface;
 use crate::{Error, Result};
 
@@ -27,6 +28,8 @@ use crate::{Error, Result};
 pub(crate) const UP: DVec3 = DVec3::Y;
 /// Seed of test views where the user specifies the viewers.
 const TESTS: u64 = 0x7465_7374;
+/// Of the region's radius: by so much a camera on its boundary may stand outside, as decimals are rounded.
+const TOLERANCE: f64 = 1e-6;
 /// Points of the surface that test views of an object are checked against.
 const POINTS: usize = 256;
 
@@ -46,6 +49,8 @@ pub struct Scene {
     pub limits: Limits,
     /// The situation in which it is photographed.
     pub situation: Situation,
+    /// Whether the built-in studio lights it.
+    pub in_studio: bool,
     /// Where input and test cameras come from.
     pub views: Around,
 }
@@ -117,10 +122,11 @@ impl Scene {
         Self::new(path, setting, (model, environment), io::read_surface(path)?, intrinsics)
     }
 
-    /// Makes one of a model under an environment and its mesh, +Y up; errors and tables call it by its path.
+    /// Makes one of a model under an environment and its mesh, +Y up; errors and tables call it by its path. An object without lamps under
+    /// no environment stands in the built-in studio: what it emits itself, like a display, leaves the rest of it black.
     ///
     /// # Errors
-    /// Where it has no light, or leaves cameras no free space.
+    /// Where a room has no light, or cameras have no free space.
     pub fn new(
         path: &Path,
         setting: &Setting,
@@ -134,7 +140,9 @@ impl Scene {
         };
         let Setting { preset, situation, .. } = *setting;
         let target = setting.target(path, &mut model, &mut surface, intrinsics).map_err(named)?;
-        let assembly = Assembly::new(&model, environment).map_err(named)?;
+        let is_lit = environment.is_some() || !model.lamps.is_empty() || model.materials.iter().all(|m| m.unlit);
+        let studio = (preset == Preset::Object && !is_lit).then(studio);
+        let assembly = Assembly::new(&model, environment.or(studio.as_ref())).map_err(named)?;
         let (region, limits) = (target.region, target.limits.clone());
         let views = match preset {
             Preset::Object => {
@@ -145,8 +153,32 @@ impl Scene {
             }
             Preset::Room => Around::Room(Box::new(EmptySpace::new(target).map_err(named)?)),
         };
-        let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-        Ok(Self { path: path.to_owned(), name, assembly, surface, region, limits, situation, views })
+        let name = Self::name_of(path);
+        Ok(Self {
+            path: path.to_owned(),
+            name,
+            assembly,
+            surface,
+            region,
+            limits,
+            situation,
+            in_studio: studio.is_some(),
+            views,
+        })
+    }
+
+    /// What a scene in this file is called in tables.
+    pub fn name_of(path: &Path) -> String {
+        path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
+    }
+
+    /// How many of these cameras stand outside of the region, behind a wall or where cameras are kept out.
+    pub fn outside(&self, cameras: &[Camera]) -> usize {
+        let tolerance = TOLERANCE * self.region.bounding_sphere().1;
+        let is_outside = |p: DVec3| {
+            self.region.nearest(p).distance(p) > tolerance || self.limits.behind_a_wall(p) || self.limits.in_a_volume(p)
+        };
+        cameras.iter().filter(|camera| is_outside(camera.pose.position)).count()
     }
 
     /// Its mesh in its region, within its limits.

@@ -22,6 +22,11 @@ impl Subject {
         }
     }
 
+    /// Whether the built-in studio lights it.
+    pub fn in_studio(&self) -> bool {
+        matches!(self, Self::Scene(scene) if scene.in_studio)
+    }
+
     /// Where it was read from.
     pub fn path(&self) -> &Path {
         match self {

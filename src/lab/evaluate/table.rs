@@ -6,6 +6,7 @@ use super::competitor::Competitor;
 use super::kind::Kind;
 use super::request::EvaluationRequest;
 use super::results::{Interval, METRICS, Outcome, Row, measured};
+use super::scene_means::{SceneMean, means_over_scenes};
 use super::settings::{BaselinesFrom, InputsFrom, Shown, Space};
 use crate::planner::plan::target::RegionChoice;
 use crate::planner::quality::viewers::Viewers;
@@ -54,7 +55,7 @@ fn seeds(request: &EvaluationRequest) -> String {
 pub(crate) fn markdown(request: &EvaluationRequest, outcome: &Outcome) -> String {
     let Outcome { rows, left, .. } = outcome;
     let mut text = description(request, *left) + "\n";
-    for line in [ceilings(outcome), drowned(outcome), apart(rows)].into_iter().flatten() {
+    for line in facts(outcome).chain(warnings(outcome)) {
         text += &format!("\n{line}\n");
     }
     let columns = request.columns();
@@ -70,14 +71,72 @@ pub(crate) fn markdown(request: &EvaluationRequest, outcome: &Outcome) -> String
                 let cell = mean.map_or_else(|| "–".into(), |interval| cell(interval, DECIMALS[metric]));
                 let _ = write!(text, " {cell} |");
             }
-            let _ = writeln!(text, " {} |", cell(row.seconds, 2));
+            let _ = writeln!(text, " {} |", row.seconds.map_or_else(|| "–".into(), |seconds| cell(seconds, 2)));
         }
+    }
+    text + &over_scenes(rows)
+}
+
+/// The means over scenes as Markdown; nothing of one scene.
+fn over_scenes(rows: &[Row]) -> String {
+    let means = means_over_scenes(rows);
+    let Some(first) = means.first() else { return String::new() };
+    let mut text = format!("\n## Means over scenes\n\n{}\n\n| method | views | scenes |", paired(first));
+    let metrics: Vec<(usize, &str)> = measured(rows).collect();
+    metrics.iter().for_each(|(_, name)| text += &format!(" {name} | difference |"));
+    let _ = writeln!(text, "\n|{}", "---|".repeat(3 + 2 * metrics.len()));
+    for mean in &means {
+        let name = mean.method.name().replace('|', "\\|");
+        let _ = write!(text, "| {name} | {} | {} |", mean.views, mean.scenes);
+        for (metric, _) in &metrics {
+            for value in mean.shown(*metric) {
+                let _ = write!(text, " {} |", value.map_or_else(|| "–".into(), |of| cell(of, DECIMALS[*metric])));
+            }
+        }
+        text.push('\n');
     }
     text
 }
 
+/// What means over scenes are, in words.
+pub(crate) fn paired(mean: &SceneMean) -> String {
+    format!(
+        "The last column of each scene, mean over the scenes that all methods have, and the difference from {} on the same scenes with half \
+         of its 95% interval over scenes (Student's t).",
+        mean.reference
+    )
+}
+
+/// What the numbers were made under.
+pub(crate) fn facts(outcome: &Outcome) -> impl Iterator<Item = String> {
+    [ceilings(outcome), in_studio(outcome)].into_iter().flatten()
+}
+
+/// What a reader must be warned of.
+pub(crate) fn warnings(outcome: &Outcome) -> impl Iterator<Item = String> {
+    [outside(&outcome.rows), drowned(outcome), apart(&outcome.rows)].into_iter().flatten()
+}
+
+/// Scenes that the built-in studio lights.
+fn in_studio(outcome: &Outcome) -> Option<String> {
+    let scenes = &outcome.studio;
+    (!scenes.is_empty()).then(|| format!("No lamps and no `--env`: a built-in studio lights {}.", scenes.join(", ")))
+}
+
+/// Given cameras that stand where no other method may put any.
+fn outside(rows: &[Row]) -> Option<String> {
+    let of = |row: &Row| {
+        let Row { scene, views, seeds, outside, .. } = row;
+        format!("{scene}, {}, {views} views ({outside} of {})", row.method.name(), *seeds * *views as usize)
+    };
+    let rows: Vec<String> = rows.iter().filter(|row| row.outside > 0).map(of).collect();
+    (!rows.is_empty()).then(|| {
+        format!("Given cameras that stand outside of the region and limits of the other methods: {}.", rows.join("; "))
+    })
+}
+
 /// Rows of which some trainings diverged, if any.
-pub fn apart(rows: &[Row]) -> Option<String> {
+fn apart(rows: &[Row]) -> Option<String> {
     let of = |row: &Row| {
         let Row { scene, views, seeds, diverged, .. } = row;
         format!("{scene}, {}, {views} views ({diverged} of {seeds})", row.method.name())
@@ -90,13 +149,13 @@ pub fn apart(rows: &[Row]) -> Option<String> {
 }
 
 /// What the noise of the test photographs keeps any model from.
-pub(crate) fn ceilings(outcome: &Outcome) -> Option<String> {
+fn ceilings(outcome: &Outcome) -> Option<String> {
     let of: Vec<String> = outcome.ceilings.iter().map(|(scene, psnr)| format!("{scene} {psnr:.1} dB")).collect();
     (!of.is_empty()).then(|| format!("PSNR of a perfect model, for the noise of the test photos: {}.", of.join(", ")))
 }
 
 /// Rows whose error is so little above the noise's that this decides.
-pub(crate) fn drowned(outcome: &Outcome) -> Option<String> {
+fn drowned(outcome: &Outcome) -> Option<String> {
     let drowned = |row: &&Row| {
         let psnr = row.measured[0].last().copied().flatten().map(|interval| interval.mean);
         psnr.zip(outcome.ceilings.get(&row.scene)).is_some_and(|(psnr, ceiling)| psnr > ceiling - TWICE_DB)
@@ -194,7 +253,7 @@ pub fn csv(request: &EvaluationRequest, rows: &[Row]) -> String {
                 line(set, name, *mean);
             }
         }
-        line("", "choice_seconds", Some(row.seconds));
+        line("", "choice_seconds", row.seconds);
         if row.diverged > 0 {
             line("", "diverged", Some(Interval { mean: row.diverged as f64, half: None }));
         }
@@ -213,7 +272,6 @@ pub fn cell(Interval { mean, half }: Interval, decimals: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lab::evaluate::competitor::Given;
     use crate::lab::evaluate::settings::EvaluationSettings;
     use crate::lab::evaluate::situation::Situation;
     use crate::planner::methods::Method;
@@ -227,7 +285,8 @@ mod tests {
             views: 20,
             seeds: 3,
             diverged: 0,
-            seconds: Interval { mean: 1.5, half: None },
+            seconds: of(1.5, None),
+            outside: 0,
             measured: [
                 vec![of(20.0, Some(0.5)), of(21.0, Some(0.25)), of(19.0, None), of(20.0, Some(0.3))],
                 vec![of(0.81, Some(0.01)); 4],
@@ -293,9 +352,11 @@ mod tests {
         assert_eq!(lines[1], "\"cup, \"\"red\"\"\",paper-no-vds,20,3,half,PSNR,20,0.5");
         assert!(lines[3].ends_with("random,PSNR,19,") && lines[9].ends_with("half,LPIPS,,"), "{csv}");
         assert!(lines[13].ends_with(",,choice_seconds,1.5,"));
-        let given = Given { name: "cameras:a|\"b\".json".into(), poses: Vec::new(), notes: Vec::new() };
-        let given = Row { method: Competitor::Cameras(std::sync::Arc::new(given)), ..row() };
-        assert!(markdown(&request, &outcome(std::slice::from_ref(&given))).contains("| cameras:a\\|\"b\".json | 20 |"));
+        let given: Competitor = "cameras:a|\"b\".json".parse().unwrap();
+        let given = Row { method: given, seconds: None, outside: 7, ..row() };
+        let text = markdown(&request, &outcome(std::slice::from_ref(&given)));
+        assert!(text.contains("| cameras:a\\|\"b\".json | 20 |") && text.contains("20.00 ± 0.30 | – |"), "{text}");
+        assert!(text.contains("cup, \"red\", cameras:a|\"b\".json, 20 views (7 of 60)."), "{text}");
         assert!(super::csv(&request, &[given]).contains(",\"cameras:a|\"\"b\"\".json\",20,3,half,PSNR,20,0.5"));
     }
 

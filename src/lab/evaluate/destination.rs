@@ -1,0 +1,110 @@
+//! The folder that an evaluation is written into: what may be in it already.
+
+use std::fs;
+use std::path::Path;
+
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::request::EvaluationRequest;
+use super::subject::Subject;
+use crate::files::io::folder::check_folder;
+use crate::{Error, Result};
+
+/// The file that marks a folder as an evaluation's.
+pub const ASKED: &str = "evaluation.json";
+/// The file of all runs and means.
+pub(super) const RESULTS: &str = "results.json";
+/// Files beside the folders of subjects.
+const WRITTEN: [&str; 6] = [ASKED, "table.md", "table.csv", "table.tex", RESULTS, "report.html"];
+/// What of a request says which runs there are; all else says how they are made.
+const WHICH: [&str; 4] = ["methods", "budgets", "seeds", "first_seed"];
+
+/// Checks, before anything is computed, that an evaluation can be written into `folder`, which is empty, new or an earlier
+/// evaluation's; that no two subjects would share a folder there; that methods and box fit so many
+/// subjects; and, where it writes tables, that these do not replace tables of more runs.
+///
+/// # Errors
+/// In a line that names the folder, the subject, the method or the option.
+pub fn check(folder: &Path, request: &EvaluationRequest, subjects: &[Subject], has_tables: bool) -> Result<()> {
+    request.check_subjects(subjects.len())?;
+    for (i, subject) in subjects.iter().enumerate() {
+        if subjects[..i].iter().any(|other| other.name().eq_ignore_ascii_case(subject.name())) {
+            let what = "another subject has this name, and tables tell them by their names; rename it";
+            return Err(Error::input(subject.path(), what));
+        }
+    }
+    let bad = |name: &str| WRITTEN.contains(&name) || name.starts_with('.') || name.contains(char::is_control);
+    if let Some(subject) = subjects.iter().find(|subject| bad(subject.name())) {
+        let what = "its name cannot name a folder among the tables; rename it";
+        return Err(Error::input(subject.path(), what));
+    }
+    match check_folder(folder, false) {
+        Err(Error::NotEmpty { .. }) if holds_evaluation(folder) => {
+            check_folder(folder, true)?;
+            let names: Vec<&str> = subjects.iter().map(Subject::name).collect();
+            if has_tables { nothing_is_lost(&folder.join(RESULTS), request, &names) } else { Ok(()) }
+        }
+        Err(Error::NotEmpty { path }) => {
+            Err(Error::input(path, "the folder is not empty and holds no evaluation; name another"))
+        }
+        checked => checked,
+    }
+}
+
+/// Whether a folder is an evaluation's, or another process is about to make it one.
+fn holds_evaluation(folder: &Path) -> bool {
+    let begun = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut begun = begun.map(|entry| entry.file_name().to_string_lossy().into_owned());
+    begun.any(|name| name.starts_with(&format!(".{ASKED}"))) || folder.join(ASKED).is_file()
+}
+
+/// The part of `results.json` that is needed here.
+#[derive(Deserialize)]
+struct Before {
+    request: Value,
+    runs: Vec<Run>,
+}
+
+#[derive(Deserialize)]
+struct Run {
+    scene: String,
+    method: String,
+    views: u32,
+    seed: u64,
+}
+
+/// Refuses to replace tables by some of their own rows and seeds. Tables that were made otherwise, or cannot be read, are no such tables.
+fn nothing_is_lost(file: &Path, request: &EvaluationRequest, subjects: &[&str]) -> Result<()> {
+    let before = fs::read(file).ok().and_then(|text| serde_json::from_slice::<Before>(&text).ok());
+    let Some(mut before) = before else { return Ok(()) };
+    // An object, as requests are.
+    let mut now = serde_json::to_value(request).unwrap_or_default();
+    for side in [&mut now, &mut before.request] {
+        WHICH.into_iter().for_each(|key| _ = side.as_object_mut().and_then(|object| object.remove(key)));
+    }
+    if now != before.request {
+        return Ok(());
+    }
+    let is_made = |run: &&Run| {
+        let same = |own: super::request::Run<'_>| {
+            (own.method.name(), own.views, own.seed) == (run.method.as_str(), run.views, run.seed)
+        };
+        subjects.contains(&run.scene.as_str()) && request.runs().any(same)
+    };
+    let lost: Vec<String> = before
+        .runs
+        .iter()
+        .filter(|run| !is_made(run))
+        .map(|Run { scene, method, views, seed }| format!("{scene}, {method}, {views} views, seed {seed}"))
+        .collect();
+    let Some(first) = lost.first() else { return Ok(()) };
+    let others = if lost.len() > 1 { format!(" and {} more", lost.len() - 1) } else { String::new() };
+    Err(Error::input(
+        file,
+        format!(
+            "these tables have runs that would be lost ({first}{others}); ask for them too, as finished runs are not made again, or give \
+             another `out`, or remove this file"
+        ),
+    ))
+}
