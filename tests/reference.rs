@@ -61,7 +61,7 @@ fn python_type(arg: &clap::Arg) -> String {
     let form = arg.get_value_names().unwrap_or_default().join(" ");
     let one = match form.as_str() {
         _ if !arg.get_action().takes_values() => "bool".into(),
-        _ if ["keep", "viewers"].contains(&name) => "Union[File, Cameras, Plan]".into(),
+        _ if ["keep", "viewers"].contains(&name) => "Union[File, Cameras, Plan, npt.ArrayLike]".into(),
         _ if name == "surface" && values.is_empty() => "Scene".into(),
         _ if !values.is_empty() => format!("Literal[{}]", values.join(", ")),
         "WxH" => "tuple[int, int]".into(),
@@ -94,6 +94,8 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, TypedDict, Union
+
+import numpy.typing as npt
 
 if TYPE_CHECKING:
     from ._cameras import Cameras, Scene

@@ -247,9 +247,10 @@ def render_settings_kept(scene: bpy.types.Scene) -> Iterator[None]:
         scene.camera = camera
 
 
-def expected_line(db: float, sd: float, unseen: float, against: str) -> str:
+def expected_line(db: float, sd: float, unseen: float, against: str, reason: str = "") -> str:
     """Expected quality as the command prints it."""
-    return f"{db:+.2f} dB (sd {sd:.2f}) against {against}; no camera sees {100 * unseen:.1f}% of what viewers look at"
+    line = f"{db:+.2f} dB (sd {sd:.2f}) against {against}; no camera sees {100 * unseen:.1f}% of what viewers look at"
+    return f"{line}; {reason}" if reason else line
 
 
 CLASSES = (CAMSPLAT_OT_plan, CAMSPLAT_OT_score, CAMSPLAT_OT_render)

@@ -89,7 +89,8 @@ def test_the_score_is_the_commands(planned, tmp_path):
     """If this failed, the panel would show another expected quality than `camsplat score` for the same cameras."""
     of_plan = planned.camsplat.expected
     bpy.ops.camsplat.score()
-    assert planned.camsplat.expected == of_plan
+    # A plan that gains nothing says why, too.
+    assert of_plan.startswith(planned.camsplat.expected)
     planned.camsplat.cameras.objects[2].location.z += 2.5
     bpy.ops.camsplat.score()
     assert planned.camsplat.expected != of_plan

@@ -322,6 +322,11 @@ def surface_file(scene: Any, faces: Any, folder: Path, name: str = "scene") -> P
     return file
 
 
+def has_lens(cameras: Any) -> bool:
+    """Whether these are cameras or a file of them, and not poses alone."""
+    return isinstance(cameras, (Cameras, str, os.PathLike)) or hasattr(cameras, "cameras")
+
+
 def cameras_file(cameras: Any, folder: Path, name: str) -> PathLike:
     """A file that a command can read of cameras, in `folder` where it is none yet."""
     if isinstance(cameras, (str, os.PathLike)):

@@ -16,6 +16,7 @@ def run(
     arguments: Sequence[str],
     on_line: Callable[[str], object],
     on_progress: Callable[[str, int, int], object],
+    drops_parts: bool = False,
 ) -> None: ...
 def read_cameras(
     path: Union[str, os.PathLike[str]],

@@ -39,7 +39,7 @@ _logger = logging.getLogger("camsplat")
 def command(name: str, /, *arguments: Union[str, os.PathLike[str]], progress: Progress = False, **options: Any) -> list[str]:
     """Runs any command of the command line, and returns the lines that it prints.
 
-    The lines go to the logger `camsplat` as well, warnings among them at the level WARNING. `name` may have several words, such as
+    The lines go to the logger `camsplat` as well, with options as keywords, warnings among them at the level WARNING. `name` may have several words, such as
     "vdsf fit". Options are keywords: `max_splats=50000`; `True` for a flag; a tuple of numbers for numbers between commas; a list of
     words, files or tuples for an option that is repeated. What is `None` or `False` is left out.
 
@@ -56,22 +56,24 @@ def run(
     options: Mapping[str, Any],
     progress: Progress,
     temporary: Optional[Path] = None,
+    drops_parts: bool = False,
 ) -> list[str]:
-    """As `command`; an error about a file in the folder `temporary`, which stands for an argument, names the argument."""
+    """As `command`; an error about a file in the folder `temporary`, which stands for an argument, names the argument. Where it
+    `drops_parts`, a run that is stopped makes no effort to finish what it has."""
     if not isinstance(progress, bool) and not callable(progress):
         raise _camsplat.Error(f"progress is {progress!r}; give True, False or a function of what is done, the units done, and all of them")
     lines: list[str] = []
 
     def on_line(line: str) -> None:
         lines.append(line)
-        _logger.log(logging.WARNING if line.startswith(("warning", "validation")) else logging.INFO, "%s", line)
+        _logger.log(logging.WARNING if line.startswith(("warning", "validation")) else logging.INFO, "%s", in_python(line, name))
 
     words = [*name.split(), *options_of(options)]
     if arguments:
         words += ["--", *(os.fspath(argument) for argument in arguments)]
     with _Bar() if progress is True else _Callback(progress) as on_progress:
         try:
-            _camsplat.run(words, on_line, on_progress)
+            _camsplat.run(words, on_line, on_progress, drops_parts)
         except _camsplat.Error as error:
             message = str(error)
             if temporary is not None:

@@ -6,6 +6,8 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, TypedDict, Union
 
+import numpy.typing as npt
+
 if TYPE_CHECKING:
     from ._cameras import Cameras, Scene
     from ._plan import Plan
@@ -74,10 +76,10 @@ class PlanOptions(TypedDict, total=False):
     size: tuple[int, int]
     """Image size in pixels [default: that of the capture or of the cameras to keep, else 800x800]"""
 
-    viewers: Union[File, Cameras, Plan]
+    viewers: Union[File, Cameras, Plan, npt.ArrayLike]
     """Where the trained model will be viewed from: shell:CX,CY,CZ,RMIN,RMAX; box:X0,Y0,Z0,X1,Y1,Z1; cone:DEGREES,X,Y,Z, the default within a cone around this direction; heights:LOW,HIGH, the default between these; or a file or folder of cameras [default: around an object, between half of the region's outer radius and all of it; in rooms, anywhere; with `select`, where the photos were taken]"""
 
-    keep: Union[File, Cameras, Plan]
+    keep: Union[File, Cameras, Plan, npt.ArrayLike]
     """Existing cameras (COLMAP or NSVF folder, transforms.json, plan.json or .log): they count and are never moved"""
 
     connect: float
@@ -255,7 +257,7 @@ class ScoreOptions(TypedDict, total=False):
     debug_sync: bool
     """Wait after every stage, so that a device-lost error names the stage that failed; no effect while stages are timed"""
 
-    viewers: Union[File, Cameras, Plan]
+    viewers: Union[File, Cameras, Plan, npt.ArrayLike]
     """Where the trained model will be viewed from: shell:CX,CY,CZ,RMIN,RMAX; box:X0,Y0,Z0,X1,Y1,Z1; cone:DEGREES,X,Y,Z, the default within a cone around this direction; heights:LOW,HIGH, the default between these; or a file or folder of cameras [default: around an object, between half of the region's outer radius and all of it; in rooms, anywhere; with `select`, where the photos were taken]"""
 
     all: bool
@@ -325,7 +327,7 @@ class SelectOptions(TypedDict, total=False):
     margin: float
     """Metres that cameras and the tour keep from polygons of --keep-out: GPS drifts [default: 3]"""
 
-    viewers: Union[File, Cameras, Plan]
+    viewers: Union[File, Cameras, Plan, npt.ArrayLike]
     """Where the trained model will be viewed from: shell:CX,CY,CZ,RMIN,RMAX; box:X0,Y0,Z0,X1,Y1,Z1; cone:DEGREES,X,Y,Z, the default within a cone around this direction; heights:LOW,HIGH, the default between these; or a file or folder of cameras [default: around an object, between half of the region's outer radius and all of it; in rooms, anywhere; with `select`, where the photos were taken]"""
 
     fov: float
@@ -537,7 +539,7 @@ class EvaluateOptions(TypedDict, total=False):
     tests: int
     """Test views of each set: three of objects, one of rooms [default: 200; quick: 12]"""
 
-    viewers: Union[File, Cameras, Plan]
+    viewers: Union[File, Cameras, Plan, npt.ArrayLike]
     """Where the trained model will be viewed from: shell:CX,CY,CZ,RMIN,RMAX; box:X0,Y0,Z0,X1,Y1,Z1; cone:DEGREES,X,Y,Z, the default within a cone around this direction; heights:LOW,HIGH, the default between these; or a file or folder of cameras [default: around an object, between half of the region's outer radius and all of it; in rooms, anywhere; with `select`, where the photos were taken]"""
 
     situation: Literal["free", "floor", "wall", "corner", "clutter", "one-side", "front", "two-rooms"]

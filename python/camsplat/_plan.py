@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import json
-import os
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _show
-from ._cameras import Cameras, Floats, PathLike, Scene, cameras_file, read_cameras, read_surface, surface_file
+from ._cameras import Cameras, Floats, PathLike, Scene, cameras_file, has_lens, read_cameras, read_surface, surface_file
 from ._camsplat import Error
 from ._command import Progress, run
 from ._keywords import keywords
@@ -47,7 +46,8 @@ class Plan(Report):
 
     def __repr__(self) -> str:
         expected = "" if self.expected is None else f", {self.expected:+.2f} dB expected"
-        return f"<camsplat.Plan: {len(self.cameras)} cameras{expected}>"
+        because = "" if self.reason is None else f": {self.reason}"
+        return f"<camsplat.Plan: {len(self.cameras)} cameras{expected}{because}>"
 
     @property
     def poses(self) -> Floats:
@@ -71,6 +71,13 @@ class Plan(Report):
         """PSNR in decibels that trained splats are expected to gain over the best simple layout; `None` where it was not computed."""
         expected = self.record.get("expected")
         return None if expected is None else float(expected["db"])
+
+    @property
+    def reason(self) -> Optional[str]:
+        """Why `expected` is 0.00: the plan is the best simple layout itself. `None` where it is another."""
+        expected = self.record.get("expected") or {}
+        reason: Optional[str] = expected.get("reason")
+        return reason
 
     @property
     def points(self) -> Floats:
@@ -156,20 +163,21 @@ def plan(
         views: cameras to place.
         out: folder to write; `None` for a temporary one that goes with the plan.
         progress: `True` for a bar (needs tqdm), or a function of what is being done, the units that are done, and all of them.
-        options: those of `camsplat plan`. `keep` and `viewers` also take `Cameras` or a `Plan`, `surface` also arrays.
+        options: those of `camsplat plan`. `keep` and `viewers` also take `Cameras`, a `Plan` or poses (N, 4, 4), which have the
+            plan's lens; `surface` also arrays.
 
     Returns:
         The plan. Lengths and positions are in the units and the frame of the surface.
 
     Raises:
         Error: where the request makes no sense, files cannot be read, or the device fails; with the line that the command prints.
-        KeyboardInterrupt: after Ctrl-C. The plan so far is in `out`, where one was given.
+        KeyboardInterrupt: after Ctrl-C. The plan so far is scored and in `out`, where one was given.
     """
     temporary = _show.Temporary()
     folder = temporary.folder / "plan" if out is None else Path(out)
     source = surface_file(scene, faces, temporary.folder)
     given = _files("plan", options, PlanOptions, temporary.folder)
-    run("plan", [source], {"views": views, "out": folder, **given}, progress, temporary.folder)
+    run("plan", [source], {"views": views, "out": folder, **given}, progress, temporary.folder, out is None)
     return Plan(folder, _temporary=temporary if out is None else None)
 
 
@@ -199,10 +207,9 @@ def score(
     with tempfile.TemporaryDirectory(prefix="camsplat-") as temporary:
         folder = Path(temporary)
         source = surface_file(scene, faces, folder)
-        if not isinstance(cameras, (Cameras, Plan, str, os.PathLike)) and not hasattr(cameras, "cameras"):
-            cameras = Cameras(cameras, size=(800, 800) if size is None else size, fov=fov, K=K)
-        elif not (size is None and fov is None and K is None):
+        if has_lens(cameras) and not (size is None and fov is None and K is None):
             raise Error("size, fov and K are the lens of poses, and the cameras that are given have their own; leave them out")
+        cameras = _with_lens(cameras, (800, 800) if size is None else size, fov, K)
         of = cameras.folder if isinstance(cameras, Plan) else cameras_file(cameras, folder, "cameras")
         file = folder / "score.json"
         run("score", [source, of], {"json": file, **_files("score", options, ScoreOptions, folder)}, False, folder)
@@ -233,6 +240,11 @@ def quality_curve(
     return QualityCurve(views, db, unseen, svg)
 
 
+def _with_lens(cameras: Any, size: npt.ArrayLike, fov: Optional[float], K: Optional[npt.ArrayLike] = None) -> Any:
+    """Poses as cameras of this lens; all else as it is."""
+    return cameras if has_lens(cameras) else Cameras(cameras, size=size, fov=fov, K=K)
+
+
 def _files(name: str, options: Mapping[str, Any], known: type, folder: Path) -> dict[str, Any]:
     """Options with files in place of arrays; refuses those that the function does not have, as Python does."""
     for option in options:
@@ -242,8 +254,15 @@ def _files(name: str, options: Mapping[str, Any], known: type, folder: Path) -> 
     if files.get("surface") is not None:
         files["surface"] = surface_file(files["surface"], None, folder, "surface")
     for key in ("keep", "viewers"):
-        if isinstance(files.get(key), Cameras) and len(files[key]) == 0:
+        if files.get(key) is None:
+            continue
+        size = options.get("size", 800)
+        try:
+            cameras = _with_lens(files[key], (size, size) if isinstance(size, int) else size, options.get("fov"))
+        except Error as error:
+            raise Error(f"{key}: {error}") from None
+        if isinstance(cameras, Cameras) and len(cameras) == 0:
             del files[key]
-        elif files.get(key) is not None:
-            files[key] = cameras_file(files[key], folder, key)
+        else:
+            files[key] = cameras_file(cameras, folder, key)
     return files

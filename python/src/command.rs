@@ -39,6 +39,7 @@ struct Mailbox {
     /// A line has come, or the end.
     arrived: Condvar,
     stop: AtomicBool,
+    drops_parts: bool,
 }
 
 impl Mailbox {
@@ -67,21 +68,27 @@ impl Listener for Mailbox {
     fn stops(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
+
+    fn drops_parts(&self) -> bool {
+        self.drops_parts
+    }
 }
 
 /// Runs a command: its arguments without the program's name. `on_line` is called with every line that it prints, `on_progress` a few times
 /// a second with what is being done, the units that are done, and all of them. The command runs on a thread of its own and the
 /// interpreter goes on; callbacks run on the caller's thread. Where one raises, or Ctrl-C is pressed, the command is stopped as Ctrl-C on a
-/// terminal stops it, and the exception is raised once it has ended.
+/// terminal stops it, and the exception is raised once it has ended. What is stopped is not worth finishing where it `drops_parts`.
 #[pyfunction]
+#[pyo3(signature = (arguments, on_line, on_progress, drops_parts=false))]
 pub fn run(
     py: Python<'_>,
     arguments: Vec<OsString>,
     on_line: &Bound<'_, PyAny>,
     on_progress: &Bound<'_, PyAny>,
+    drops_parts: bool,
 ) -> PyResult<()> {
     unless_forked()?;
-    let mailbox = Arc::new(Mailbox::default());
+    let mailbox = Arc::new(Mailbox { drops_parts, ..Mailbox::default() });
     let worker = Arc::clone(&mailbox);
     thread::spawn(move || {
         let listener = Arc::clone(&worker);

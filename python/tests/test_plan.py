@@ -80,6 +80,16 @@ def test_kept_cameras_count_and_stay(ball: Ball) -> None:
     assert not np.allclose(second.poses, camsplat.plan(*ball, views=4, **QUICK).poses)
     by_cameras = camsplat.plan(*ball, views=4, keep=first.cameras, **QUICK)
     assert np.array_equal(by_cameras.poses, second.poses)
+    by_poses = camsplat.plan(*ball, views=4, keep=first.poses, viewers=first.poses, **QUICK)
+    same = camsplat.plan(*ball, views=4, keep=first, viewers=first, **QUICK)
+    assert np.array_equal(by_poses.poses, same.poses) and np.allclose(by_poses.kept.K, first.cameras.K)
+
+
+def test_a_plan_that_is_a_simple_layout_says_so(ball: Ball) -> None:
+    """If this failed, +0.00 dB would look like a planner that did nothing."""
+    plan = camsplat.plan(*ball, views=5, **QUICK)
+    is_layout = plan.expected == 0.0
+    assert is_layout == (plan.reason is not None) and is_layout == ("the plan is that layout itself" in repr(plan))
 
 
 def test_progress_is_reported_and_other_threads_run(ball: Ball, caplog: pytest.LogCaptureFixture) -> None:
@@ -141,6 +151,24 @@ def test_ctrl_c_stops_a_plan_and_keeps_it(ball: Ball, tmp_path: Path) -> None:
         _, errors = process.communicate(timeout=60)
     assert "KeyboardInterrupt" in errors, errors
     assert camsplat.Plan(tmp_path / "plan").record["status"] == "interrupted"
+
+
+def test_a_stopped_plan_that_nobody_gets_is_not_scored(ball: Ball, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If this failed, Ctrl-C in a notebook would be followed by seconds of work on a plan that is thrown away."""
+
+    class Stop(Exception):
+        pass
+
+    def progress(doing: str, done: int, total: int) -> None:
+        raise Stop
+
+    # A folder that outlives the call.
+    monkeypatch.setattr(camsplat._show, "Temporary", lambda: SimpleNamespace(folder=tmp_path))
+    with pytest.raises(Stop):
+        camsplat.plan(*ball, views=50, iterations=10**6, progress=progress)
+    assert not (tmp_path / "plan").exists()
+    camsplat.plan(*ball, views=5, **QUICK)
+    assert (tmp_path / "plan/plan.json").is_file()
 
 
 def test_a_forked_process_is_refused_and_not_left_waiting(ball: Ball, tmp_path: Path) -> None:
@@ -250,7 +278,7 @@ def test_rerun_takes_the_cameras(ball: Ball, tmp_path: Path) -> None:
         ({"scene": np.full((5, 3), np.inf)}, "vertices[0] is not finite"),
         ({"scene": np.zeros((0, 3))}, "there are none"),
         ({"scene": "nowhere.ply"}, "nowhere.ply: there is no such file"),
-        ({"keep": np.eye(4)}, "ndarray"),
+        ({"keep": np.eye(4)}, "keep: poses: the shape is (4, 4)"),
         ({"scene": {}}, "the surface is a dict; give"),
         ({"scene": None}, "the surface is a NoneType; give"),
         # A path of trimesh, lines of open3d.

@@ -17,6 +17,7 @@ mod convert;
 mod demo;
 mod devices;
 mod evaluate;
+mod exif_exposure;
 mod export;
 mod frames;
 mod manual;

@@ -2,7 +2,6 @@
 
 use crate::planner::metrics::Metrics;
 use crate::planner::plan::pipeline::Plan;
-use crate::planner::quality::law::Fitted;
 use crate::scene::region::Shape;
 
 /// Unconnected part of the free space from which on it is mentioned: insides of furniture are less.
@@ -51,11 +50,8 @@ pub fn print_plan(plan: &Plan) {
     }
     if let Some(expected) = &record.expected {
         say!("expected {}", expected.line());
-        if record.began_from.as_ref() == Some(&expected.against) && expected.db == 0.0 {
-            let least = Fitted::embedded().spread(0.0);
-            say!(
-                "         the plan is that layout itself: the descent gains less than {least:.2} dB, too little to be distinguished"
-            );
+        if let Some(reason) = &expected.reason {
+            say!("         {reason}");
         }
     }
     if let Some(hidden) = record.out_of_sight() {

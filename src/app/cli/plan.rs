@@ -13,7 +13,7 @@ use super::overwrite_guard::{check_output_file, check_output_folder};
 use super::place;
 use super::progress::{Progress, leave_on_interrupt, stop_on_interrupt};
 use super::region::RegionOptions;
-use super::session::{Ended, go_on};
+use super::session::{self, Ended, go_on};
 use super::vds;
 use super::viewers::ViewerOptions;
 use crate::app::report;
@@ -261,10 +261,17 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     stop_on_interrupt()?;
     let mut profile = (arguments.profile || arguments.trace.is_some()).then(Profile::default);
     let progress = Progress::new(config.iterations);
-    let tools = Tools { profile: profile.as_mut(), capture: renderdoc.as_ref().zip(arguments.renderdoc.clone()) };
+    let capture = renderdoc.as_ref().zip(arguments.renderdoc.clone());
+    let tools = Tools { profile: profile.as_mut(), capture, whole_only: session::current().drops_parts() };
     let plan = pipeline::run(&context, &problem, config, tools, |event| progress.observe(event));
     progress.finish();
-    let mut plan = plan?;
+    let mut plan = match plan {
+        Err(Error::Interrupted) => {
+            say!("stopped before there was a plan; nothing is written");
+            return Ok(Ended::Stopped);
+        }
+        plan => plan?,
+    };
     order.apply(&mut plan);
     print_messages(&context);
     let path = folder.path().to_owned();

@@ -186,6 +186,7 @@ impl Progress {
     pub fn observe(&self, event: PlanEvent) -> ControlFlow<()> {
         match event {
             PlanEvent::Iterations(done, all) => return self.advance(done, all),
+            PlanEvent::Preparing => {}
             PlanEvent::Captured(path) => self.line(&format!("capture  {}", path.display())),
             PlanEvent::Scoring => {
                 self.bar.set_style(

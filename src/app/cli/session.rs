@@ -16,6 +16,10 @@ pub trait Listener: Send + Sync {
     fn progress(&self, doing: &str, done: u64, all: u64);
     /// Whether the command is to stop: asked every few milliseconds while it may. What is finished by then is written.
     fn stops(&self) -> bool;
+    /// Whether what a stopped command leaves is of no use, and is not worth the time to make.
+    fn drops_parts(&self) -> bool {
+        false
+    }
 }
 
 /// How a command ended that did not fail.
@@ -94,6 +98,11 @@ impl Session {
             Some(listener) => text.lines().for_each(|line| listener.line(line)),
             None => self.printed(writeln!(std::io::stdout(), "{text}")),
         }
+    }
+
+    /// See [`Listener::drops_parts`]; at a terminal what is finished is kept.
+    pub fn drops_parts(&self) -> bool {
+        self.listener.as_ref().is_some_and(|listener| listener.drops_parts())
     }
 
     /// As [`Self::say`], to standard error.

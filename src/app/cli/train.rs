@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::convert::size;
+use super::exif_exposure;
 use super::options::{DeviceOptions, ImageOptions, print_messages};
 use super::overwrite_guard::check_output_file;
 use super::progress::{Progress, stop_on_interrupt};
@@ -169,6 +170,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         config,
     };
     let (photos, tests) = (request.split.train.photos.len(), request.split.test.len());
+    let exposures = exif_exposure::note(&request.split.train.photos).filter(|_| !arguments.exposure);
     let all = request.config.iterations;
     let complete = arguments.resume && is_complete(&request);
     let cameras = [&request.split.train.photos, &request.split.test].map(|photos| cameras(photos, request.shrink));
@@ -181,6 +183,9 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         return Ok(Ended::Done);
     }
     say!("photos   {photos} to train on, {tests} to test with");
+    if let Some(note) = exposures {
+        say!("note     {note}");
+    }
     if complete {
         say!("complete {all} iterations were trained already; nothing is left to do");
         write_formats(arguments)?;

@@ -310,11 +310,12 @@ fn figures(record: &PlanRecord) -> String {
     let expected = record.expected.iter().map(|expected| {
         format!(
             "<div class=\"figure\"><span class=\"name\">Expected quality</span><strong>{:+.2} dB</strong><span>against {}, \
-             standard deviation {:.2} dB; no camera sees {:.1}% of what viewers look at</span></div>\n",
+             standard deviation {:.2} dB; no camera sees {:.1}% of what viewers look at{}</span></div>\n",
             expected.db,
             escape(&expected.against),
             expected.sd,
-            100.0 * expected.unseen
+            100.0 * expected.unseen,
+            expected.reason.as_ref().map_or_else(String::new, |reason| format!("; {}", escape(reason)))
         )
     });
     let geometry = ROWS.iter().take(if record.expected.is_some() { 3 } else { 4 }).map(|row| {

@@ -4,6 +4,7 @@ mod convention;
 pub(crate) mod decode;
 mod describe;
 mod header;
+pub(crate) mod orientation;
 pub mod preview;
 mod space;
 pub mod volume;

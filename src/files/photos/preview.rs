@@ -7,6 +7,7 @@ use std::collections::HashMap;
 use glam::{DVec2, DVec3};
 use image::{Rgb, RgbImage};
 
+use super::orientation::quarter_turn;
 use super::{Photo, PhotoSet};
 use crate::engine::parallel;
 use crate::scene::camera::Camera;
@@ -117,7 +118,10 @@ pub fn unseen(picture: &RgbImage) -> f64 {
 /// Where it cannot be read.
 pub fn small(photo: &Photo) -> Result<RgbImage> {
     let path = photo.image.as_ref().ok_or_else(|| Error::request(format!("{} has no image", photo.camera.name)))?;
-    let whole = image::open(path).map_err(|e| Error::input(path, e.to_string()))?;
+    let mut whole = image::open(path).map_err(|e| Error::input(path, e.to_string()))?;
+    if let Some(orientation) = quarter_turn(path, (whole.width(), whole.height()), &photo.camera.intrinsics) {
+        whole.apply_orientation(orientation);
+    }
     Ok(whole.thumbnail(LONGEST, LONGEST).into_rgb8())
 }
 

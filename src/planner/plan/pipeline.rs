@@ -24,6 +24,7 @@ use crate::files::io::folder::make_parent;
 use crate::planner::metrics::score_point::{Field, Scorer, aggregate};
 use crate::planner::metrics::{Metrics, PointMetrics};
 use crate::planner::quality::expected::Expectation;
+use crate::planner::quality::law::Fitted;
 use crate::planner::quality::map::ErrorMap;
 use crate::scene::camera::{Camera, Pose};
 use crate::scene::layouts;
@@ -51,6 +52,8 @@ pub struct Plan {
 
 /// Progress events.
 pub enum PlanEvent {
+    /// The surface and the simple layouts are looked at; there is no plan yet.
+    Preparing,
     /// Iterations done, and the total.
     Iterations(u32, u32),
     /// A capture was taken and lies here.
@@ -66,12 +69,15 @@ pub struct Tools<'t> {
     pub profile: Option<&'t mut Profile>,
     /// Captures the first iteration into files that start with this path.
     pub capture: Option<(&'t RenderDoc, PathBuf)>,
+    /// Whether nobody wants a plan that was stopped: it is not scored.
+    pub whole_only: bool,
 }
 
 /// Makes a plan. `observe` receives the progress and may stop the optimisation; the plan so far is then scored.
 ///
 /// # Errors
-/// A request that makes no sense, a plan that does not fit the device, or a device that fails.
+/// A request that makes no sense, a plan that does not fit the device, or a device that fails; [`Error::Interrupted`] where it was stopped
+/// before there was a plan, or where only a whole one is wanted.
 pub fn run(
     context: &Arc<Context>,
     problem: &Problem<'_>,
@@ -79,10 +85,11 @@ pub fn run(
     tools: Tools<'_>,
     mut observe: impl FnMut(PlanEvent) -> ControlFlow<()>,
 ) -> Result<Plan> {
-    let Tools { mut profile, capture } = tools;
+    let Tools { mut profile, capture, whole_only } = tools;
     let start = Instant::now();
     let preparation = Preparation::new(context, problem, config.clone())?;
     mark(&mut profile, "preparation", start);
+    Error::unless_stopped(observe(PlanEvent::Preparing))?;
     let scene = Arc::new(problem.on(context)?);
     if let Some((renderdoc, template)) = capture {
         let planner = Planner::new(context, &scene, preparation.clone())?;
@@ -95,7 +102,10 @@ pub fn run(
     }
     let start = Instant::now();
     let reference = match config.of_quality() {
-        Some(_) => Some(Reference::new(context, problem, &scene, &config)?),
+        Some(_) => {
+            let go_on = &mut || observe(PlanEvent::Preparing);
+            Some(Reference::observed(context, problem, &scene, &config, go_on)?)
+        }
         None => None,
     };
     let preparation = match &reference {
@@ -107,6 +117,9 @@ pub fn run(
         observe(PlanEvent::Iterations(done, all))
     })?;
 
+    if whole_only && outcome.status == Status::Interrupted {
+        return Err(Error::Interrupted);
+    }
     // A stop at this point has no effect.
     let _ = observe(PlanEvent::Scoring);
     let start = Instant::now();
@@ -132,6 +145,15 @@ pub fn run(
         .map_err(|e| Error::request(format!("the configuration cannot be written: {e}")))?;
     let placed = Placed { method: config.method().name(), configuration, outcome, prediction };
     let mut plan = conclude(context, problem, &scene, &config, placed)?;
+    if let Some(expected) = &mut plan.record.expected
+        && expected.db == 0.0
+        && began_from.as_ref() == Some(&expected.against)
+    {
+        let least = Fitted::embedded().spread(0.0);
+        expected.reason = Some(format!(
+            "the plan is that layout itself: the descent gains less than {least:.2} dB, too little to be distinguished"
+        ));
+    }
     plan.record.began_from = began_from;
     plan.record.connection = connection;
     mark(&mut profile, "metrics", start);

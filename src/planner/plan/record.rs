@@ -83,6 +83,9 @@ pub struct Expected {
     pub unseen: f64,
     /// The layout it is measured against.
     pub against: String,
+    /// Why a plan gains nothing, where it is that layout itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
 }
 
 impl Expected {

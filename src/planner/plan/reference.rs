@@ -1,5 +1,6 @@
 //! What a plan is measured against: the expected quality of simple layouts in the same region.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -65,6 +66,20 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// Viewers without a place, or a device that fails.
     pub fn new(context: &Arc<Context>, problem: &Problem<'_>, scene: &'a DeviceScene, config: &Config) -> Result<Self> {
+        Self::observed(context, problem, scene, config, &mut || ControlFlow::Continue(()))
+    }
+
+    /// The same; `go_on` is asked between the layouts and may stop it.
+    ///
+    /// # Errors
+    /// As there, and [`Error::Interrupted`] where it was stopped.
+    pub fn observed(
+        context: &Arc<Context>,
+        problem: &Problem<'_>,
+        scene: &'a DeviceScene,
+        config: &Config,
+        go_on: &mut dyn FnMut() -> ControlFlow<()>,
+    ) -> Result<Self> {
         let Problem { target, lens: intrinsics, kept, .. } = problem;
         let inward = config.preset == Preset::Object;
         let seed = config.seed ^ JUDGE_SEED;
@@ -77,7 +92,8 @@ impl<'a> Reference<'a> {
         let (intrinsics, mine) = (*intrinsics, kept.to_vec());
         let mut reference = Self { judge, scene, around, intrinsics, kept: mine, links, layouts: Vec::new() };
         for (name, ways) in simple_layouts::layouts(config, &scene.geometry, kept) {
-            let poses = reference.best_way(&fewer, ways)?;
+            let poses = reference.best_way(&fewer, ways, go_on)?;
+            Error::unless_stopped(go_on())?;
             let expectation = reference.expect(&poses)?;
             if expectation.viewers.iter().all(Option::is_none) {
                 return Err(match config.viewers {
@@ -93,10 +109,16 @@ impl<'a> Reference<'a> {
     }
 
     /// Of some ways to place a layout the one of which `judge` expects most.
-    fn best_way(&self, judge: &Judge, mut ways: Vec<Vec<Pose>>) -> Result<Vec<Pose>> {
+    fn best_way(
+        &self,
+        judge: &Judge,
+        mut ways: Vec<Vec<Pose>>,
+        go_on: &mut dyn FnMut() -> ControlFlow<()>,
+    ) -> Result<Vec<Pose>> {
         let mut best = (f64::INFINITY, 0);
         if ways.len() > 1 {
             for (index, poses) in ways.iter().enumerate() {
+                Error::unless_stopped(go_on())?;
                 let error = judge.expect(&self.cameras(poses))?.error_db;
                 if error < best.0 {
                     best = (error, index);
@@ -189,7 +211,8 @@ impl<'a> Reference<'a> {
     pub fn compare(&self, expectation: &Expectation) -> Expected {
         let best = self.best();
         let db = best.expectation.error_db - expectation.error_db;
-        Expected { db, sd: Fitted::embedded().spread(db), unseen: expectation.unseen, against: best.name.clone() }
+        let (sd, against) = (Fitted::embedded().spread(db), best.name.clone());
+        Expected { db, sd, unseen: expectation.unseen, against, reason: None }
     }
 }
 

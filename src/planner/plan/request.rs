@@ -173,7 +173,7 @@ impl PlanRequest<'_> {
         let target = Target::new(surface, "surface", config.preset, &choice, up, &lens)?.within(limits)?;
         let observe = |event| match event {
             PlanEvent::Iterations(done, all) => observe(done, all),
-            PlanEvent::Captured(_) | PlanEvent::Scoring => ControlFlow::Continue(()),
+            PlanEvent::Preparing | PlanEvent::Captured(_) | PlanEvent::Scoring => ControlFlow::Continue(()),
         };
         let problem = Problem::new(&target, lens, &kept)?;
         let mut plan = pipeline::run(context, &problem, config, Tools::default(), observe)?;

@@ -300,6 +300,7 @@ impl<'a> SelectionContext<'a> {
             sd: Fitted::embedded().spread(db),
             unseen: expectation.unseen,
             against: others.map_or("", |best| best.method.name()).into(),
+            reason: None,
         };
         subset.sort_unstable();
         let cameras = self.cameras(&subset);

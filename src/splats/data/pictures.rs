@@ -53,7 +53,7 @@ pub struct Picture {
 /// Starts to make pictures of photos, in their order, in parallel, in bounded memory: what [`cameras`] see.
 ///
 /// Where a lens bends, its photo is resampled to the pinhole of the same intrinsics, between the four nearest pixels in
-/// sRGB, as OpenCV does; colours are weighted by alpha. EXIF orientation is ignored.
+/// sRGB, as OpenCV does; colours are weighted by alpha.
 ///
 /// # Errors
 /// As [`Decoder`]: each photo on its own, in a line that names its file; also where straightening leaves nothing of it.
@@ -194,9 +194,9 @@ mod tests {
         [&jpeg[..2], &[0xff, 0xe1], &length, &segment, &jpeg[2..]].concat()
     }
 
-    /// If this failed, photos would be turned that the capture's program did not turn, and nothing would fit.
+    /// If this failed, photos would be turned that the capture's program did not turn, or not turned that it did, and nothing would fit.
     #[test]
-    fn exif_turns_nothing() {
+    fn exif_turns_what_fits_only_turned() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         RgbImage::from_fn(24, 16, |x, y| Rgb([10 * x as u8, 15 * y as u8, 90])).save(path("a.jpg")).unwrap();
@@ -207,6 +207,11 @@ mod tests {
         };
         assert_ne!(orientation("a.jpg"), orientation("b.jpg"));
         assert_eq!(one(&photo(path("b.jpg"), 24, 16), 1), one(&photo(path("a.jpg"), 24, 16), 1));
+        // Orientation 6: the stored image's left column is the top row, from the bottom up.
+        let stored = one(&photo(path("a.jpg"), 24, 16), 1);
+        let upright = one(&photo(path("b.jpg"), 16, 24), 1);
+        assert!((0..24 * 16).all(|i| upright[i] == stored[(15 - i % 16) * 24 + i / 16]));
+        assert!(all(&[photo(path("a.jpg"), 16, 24)], 1).remove(0).is_err(), "no EXIF data say how to turn it");
     }
 
     fn noisy(path: &Path, width: u32, height: u32, seed: u32) {

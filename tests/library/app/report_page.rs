@@ -295,7 +295,7 @@ fn points_alone_are_drawn() {
 fn doubts_are_on_the_page() {
     let mut stage = ball();
     assert!(!stage.page().contains("class=\"notice\">") && !stage.page().contains("look before you follow it"));
-    stage.record.expected = Some(Expected { db: 1.0, sd: 0.3, unseen: 0.4, against: "rings".into() });
+    stage.record.expected = Some(Expected { db: 1.0, sd: 0.3, unseen: 0.4, against: "rings".into(), reason: None });
     let page = stage.page();
     assert!(page.contains("look before you follow it") && page.contains("seen by no camera (40%)"));
     assert!(!page.contains("heights or ground keep cameras from"));

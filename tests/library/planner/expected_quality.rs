@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 
 use crate::support::device::{context, silent};
 use crate::support::plans::{Scene, intrinsics, object, planner, preparation, room};
+use camsplat::Error;
 use camsplat::engine::vulkan::Recorder;
 use camsplat::planner::plan::config::{Config, Preset};
 use camsplat::planner::plan::expected_quality::QualityPass;
@@ -188,6 +189,41 @@ fn planned(surface: &Surface, choice: &RegionChoice, config: &Config) -> (Target
     let go_on = |_: pipeline::PlanEvent| ControlFlow::Continue(());
     let plan = pipeline::run(&context(), &problem_of(&target, &[]), config.clone(), Tools::default(), go_on);
     (target, plan.expect("a plan"))
+}
+
+/// If this failed, a stop while simple layouts are looked at would be heard after all of them only, a stopped plan that is wanted would be
+/// lost, or one that nobody wants would be scored first.
+#[test]
+fn a_plan_stops_where_it_is() {
+    let config = Config::new(Preset::Object, 6);
+    let target =
+        Target::new(&samples::object(), "sample", config.preset, &RegionChoice::default(), DVec3::Z, &intrinsics());
+    let target = target.expect("a target");
+    let run = |whole_only: bool, stops: &dyn Fn(&pipeline::PlanEvent, u32) -> bool| {
+        let (mut asked, mut scored) = (0, false);
+        let plan = pipeline::run(
+            &context(),
+            &problem_of(&target, &[]),
+            config.clone(),
+            Tools { whole_only, ..Tools::default() },
+            |event| {
+                asked += 1;
+                scored |= matches!(event, pipeline::PlanEvent::Scoring);
+                if stops(&event, asked) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            },
+        );
+        (plan, asked, scored)
+    };
+    for at in [1, 2, 5] {
+        let (plan, asked, _) =
+            run(false, &|event, asked| matches!(event, pipeline::PlanEvent::Preparing) && asked == at);
+        assert!(matches!(plan, Err(Error::Interrupted)) && asked == at, "{asked} of {at}");
+    }
+    let begun = |event: &pipeline::PlanEvent, _| matches!(event, pipeline::PlanEvent::Iterations(done, _) if *done > 0);
+    let (plan, _, scored) = run(false, &begun);
+    assert!(plan.is_ok_and(|plan| plan.interrupted() && plan.record.cameras.len() == 6) && scored);
+    let (plan, _, scored) = run(true, &begun);
+    assert!(matches!(plan, Err(Error::Interrupted)) && !scored);
 }
 
 /// A ball on a thin, wide sheet, as a car on a cloth: points even over the surface sent nearly all cameras above it, where

@@ -2,6 +2,7 @@
 
 use std::path::{Component, Path, PathBuf};
 
+use crate::files::photos::orientation::quarter_turn;
 use crate::files::photos::{Header, Photo};
 use crate::scene::camera::Intrinsics;
 
@@ -97,7 +98,7 @@ pub(crate) fn size(path: &Path) -> Option<(u32, u32)> {
 pub(crate) fn disagreement(camera: &Intrinsics, width: u32, height: u32) -> String {
     let turned = camera.resized(height, width).is_some();
     let remedy = match turned {
-        true => "it lies on its side: turn the file itself, for turns in EXIF data are not applied",
+        true => "it lies on its side, and no EXIF data say how to turn it: turn the file itself",
         false => "give the image that the camera was calibrated for, or a copy of it that was scaled as a whole",
     };
     format!("the image is {width} x {height} pixels and its camera {} x {}; {remedy}", camera.width, camera.height)
@@ -110,6 +111,8 @@ pub(crate) struct Settled {
     pub missing: Vec<String>,
     /// Photos whose intrinsics were rescaled to the stored image.
     pub rescaled: usize,
+    /// Photos that are stored on their side and turned as their EXIF data say.
+    pub turned: usize,
 }
 
 /// Reads the header of every image and mask. Images that cannot be read, are of another shape than their camera, or whose mask is, are
@@ -125,6 +128,9 @@ pub(crate) fn settle(photos: &mut [Photo]) -> Settled {
         let fitted = match Header::read(image) {
             Err(e) => Err(unreadable(image, &e)),
             Ok(Header { width, height, .. }) => {
+                let turned = quarter_turn(image, (width, height), &given);
+                settled.turned += usize::from(turned.is_some());
+                let (width, height) = if turned.is_some() { (height, width) } else { (width, height) };
                 given.resized(width, height).ok_or_else(|| disagreement(&given, width, height))
             }
         };

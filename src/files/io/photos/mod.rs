@@ -91,7 +91,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<PhotoSet> {
     if !found.unposed.is_empty() {
         found.notes.push(format!("left out, for they have no pose: {}", some(&found.unposed)));
     }
-    let Settled { mut missing, rescaled } = files::settle(&mut found.photos);
+    let Settled { mut missing, rescaled, turned } = files::settle(&mut found.photos);
     missing.append(&mut found.missing_masks);
     if !missing.is_empty() && options.images == Images::Needed {
         let all = found.photos.iter().all(|photo| photo.image.is_none());
@@ -103,6 +103,11 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<PhotoSet> {
     if rescaled > 0 {
         let what = format!("the intrinsics of {rescaled} cameras were rescaled to the size of their stored images");
         found.notes.push(what);
+    }
+    if turned > 0 {
+        let what = "photos are stored on their side and turned as their EXIF data say, which their cameras fit; other trainers may need \
+                    the files themselves turned";
+        found.notes.push(format!("{turned} {what}"));
     }
     let Found { photos, convention, points, tracks, errors, notes, .. } = found;
     // Phones that measure depth give metres.

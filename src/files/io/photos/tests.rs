@@ -118,6 +118,25 @@ fn shrunk_copies_rescale_the_lens() {
     assert!(set.notes.iter().any(|note| note.contains("of 2 cameras were rescaled")), "{:?}", set.notes);
 }
 
+/// If this failed, portrait photos of phones, of which other programs turned the pixels before they found the poses, would be refused.
+#[test]
+fn photos_on_their_side_are_turned_as_exif_says() {
+    let place = Place::colmap();
+    place.image("images/a.png", 40, 20);
+    place.image("images/sub/b.jpg", 20, 40);
+    let file = place.path("images/sub/b.jpg");
+    assert!(place.read(Images::Needed).unwrap_err().to_string().contains("no EXIF data say how to turn it"));
+    let plain = fs::read(&file).unwrap();
+    // TIFF of one entry: tag 0x112, orientation 6.
+    let tiff = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
+    let length = (tiff.len() as u16 + 2).to_be_bytes();
+    fs::write(&file, [&plain[..2], &[0xff, 0xe1], &length, tiff, &plain[2..]].concat()).unwrap();
+    let set = place.read(Images::Needed).unwrap();
+    let sizes: Vec<_> = set.photos.iter().map(|p| [p.camera.intrinsics.width, p.camera.intrinsics.height]).collect();
+    assert_eq!(sizes, [[40, 20]; 2]);
+    assert!(set.notes.iter().any(|note| note.starts_with("1 photos are stored on their side")), "{:?}", set.notes);
+}
+
 /// If this failed, a capture would be used as if it were whole, or a user would not learn which files are missing.
 #[test]
 fn missing_images_are_listed_skipped_or_borne() {

@@ -1,7 +1,7 @@
 //! Decoding photos in the background: in order, in parallel, in bounded memory.
 //!
-//! EXIF orientation is ignored, as trainers and COLMAP's models ignore it: pixels are taken as they are stored. Colours are
-//! straight (an alpha channel does not darken them) and taken for sRGB; embedded colour profiles are ignored.
+//! Pixels are taken as they are stored, as COLMAP's models and trainers take them, but for photos that fit their cameras only when they
+//! are turned as their EXIF data say ([`super::orientation`]). Colours are straight (an alpha channel does not darken them) and taken for sRGB; embedded colour profiles are ignored.
 
 mod budget;
 mod pixels;

@@ -5,10 +5,12 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use half::f16;
+use image::metadata::Orientation;
 use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
 
 use super::{Channels, DecodeSettings, Decoded, Encoded, Precision, Values};
 use crate::error::{Error, Result};
+use crate::files::photos::orientation::{self, quarter_turn};
 use crate::files::photos::{Header, Photo};
 use crate::scene::colour;
 
@@ -26,14 +28,16 @@ struct Stored {
 
 /// Bytes that decoding a photo takes at its height besides the result; none where that is unknown.
 pub(super) fn estimate(photo: &Photo) -> Option<u64> {
+    let k = &photo.camera.intrinsics;
     let file = |path: &Path| -> Option<u64> {
         let header = Header::read(path).ok()?;
         // The bytes of the file are there twice: here and in the decoder.
         let length = 2 * std::fs::metadata(path).ok()?.len();
-        let per_pixel = header.pixel_bytes + header.scratch_bytes;
+        // A photo on its side is there twice while it is turned.
+        let copies = if (header.width, header.height) == (k.height, k.width) { 2 } else { 1 };
+        let per_pixel = copies * header.pixel_bytes + header.scratch_bytes;
         Some(length + u64::from(header.width) * u64::from(header.height) * per_pixel)
     };
-    let k = &photo.camera.intrinsics;
     let image = file(photo.image.as_deref()?)?;
     let mask = photo.mask.as_deref().map_or(Some(0), file)?;
     // The mask is held while the image is decoded, reduced to a byte per pixel.
@@ -51,6 +55,10 @@ pub(super) fn decode(photo: &Photo, index: usize, settings: &DecodeSettings) -> 
     let k = &photo.camera.intrinsics;
     let mask = photo.mask.as_deref().map(|mask| coverage(mask, k.width, k.height)).transpose()?;
     let stored = read(path)?;
+    let stored = match quarter_turn(path, (stored.width, stored.height), k) {
+        Some(orientation) => stored.turned(orientation),
+        None => stored,
+    };
     if (stored.width, stored.height) != (k.width, k.height) {
         let what = format!(
             "the image is {} x {} pixels and its camera {} x {}; read the capture again",
@@ -137,6 +145,21 @@ fn coverage(path: &Path, width: u32, height: u32) -> Result<Vec<u8>> {
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|v| colour::linear(v as u8) as f32));
 
 impl Stored {
+    /// The image after a quarter turn.
+    fn turned(self, orientation: Orientation) -> Self {
+        let (width, height) = (self.height, self.width);
+        let step = self.samples * if self.wide { 2 } else { 1 };
+        let mut bytes = Vec::with_capacity(self.bytes.len());
+        for y in 0..height {
+            for x in 0..width {
+                let [u, v] = orientation::source(orientation, [x, y], [self.width, self.height]);
+                let at = (v as usize * self.width as usize + u as usize) * step;
+                bytes.extend(&self.bytes[at..at + step]);
+            }
+        }
+        Self { width, height, bytes, ..self }
+    }
+
     /// Whether the last sample is alpha.
     fn has_alpha(&self) -> bool {
         self.samples.is_multiple_of(2)
