@@ -39,9 +39,9 @@ _logger = logging.getLogger("camsplat")
 def command(name: str, /, *arguments: Union[str, os.PathLike[str]], progress: Progress = False, **options: Any) -> list[str]:
     """Runs any command of the command line, and returns the lines that it prints.
 
-    The lines go to the logger `camsplat` as well, with options as keywords, warnings among them at the level WARNING. `name` may have several words, such as
-    "vdsf fit". Options are keywords: `max_splats=50000`; `True` for a flag; a tuple of numbers for numbers between commas; a list of
-    words, files or tuples for an option that is repeated. What is `None` or `False` is left out.
+    The lines go to the logger `camsplat` as well, with options as keywords, warnings among them at the level WARNING. `name` may have
+    several words, such as "vdsf fit". Options are keywords: `max_splats=50000`; `True` for a flag; a tuple of numbers for numbers between
+    commas; a list of words, files or tuples for an option that is repeated. What is `None` or `False` is left out.
 
     >>> camsplat.command("export", "plan", out="mission", format="ros")  # doctest: +SKIP
 
