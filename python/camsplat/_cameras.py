@@ -322,6 +322,13 @@ def surface_file(scene: Any, faces: Any, folder: Path, name: str = "scene") -> P
     return file
 
 
+def is_of_gltf(scene: Any) -> bool:
+    """Whether a scene or mesh of trimesh was loaded from glTF, where up is +y."""
+    file_type = getattr(getattr(scene, "source", None), "file_type", None)
+    metadata = getattr(scene, "metadata", None)
+    return file_type in ("glb", "gltf") or (isinstance(metadata, dict) and "from_gltf_primitive" in metadata)
+
+
 def has_lens(cameras: Any) -> bool:
     """Whether these are cameras or a file of them, and not poses alone."""
     return isinstance(cameras, (Cameras, str, os.PathLike)) or hasattr(cameras, "cameras")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 import json
+import logging
+import os
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _show
-from ._cameras import Cameras, Floats, PathLike, Scene, cameras_file, has_lens, read_cameras, read_surface, surface_file
+from ._cameras import Cameras, Floats, PathLike, Scene, cameras_file, has_lens, is_of_gltf, read_cameras, read_surface, surface_file
 from ._camsplat import Error
 from ._command import Progress, run
 from ._keywords import keywords
@@ -23,6 +25,8 @@ from ._show import Report
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
+
+_logger = logging.getLogger("camsplat")
 
 
 class Plan(Report):
@@ -158,7 +162,8 @@ def plan(
 
     Args:
         scene: a file or folder that `camsplat plan` reads (mesh, points, splats, capture); vertices, (V, 3); (vertices, faces); or a mesh,
-            scene or point cloud of trimesh, open3d or pyvista. All but files have +z up unless `up` says otherwise.
+            scene or point cloud of trimesh, open3d or pyvista. All but files have +z up, what trimesh loaded from glTF +y as the file
+            has, unless `up` says otherwise; the log says which.
         faces: (F, 3) vertex indices, counter-clockwise from outside. Vertices without faces are points.
         views: cameras to place.
         out: folder to write; `None` for a temporary one that goes with the plan.
@@ -177,7 +182,7 @@ def plan(
     folder = temporary.folder / "plan" if out is None else Path(out)
     source = surface_file(scene, faces, temporary.folder)
     given = _files("plan", options, PlanOptions, temporary.folder)
-    run("plan", [source], {"views": views, "out": folder, **given}, progress, temporary.folder, out is None)
+    run("plan", [source], {"views": views, "out": folder, **_up(scene, given), **given}, progress, temporary.folder, out is None)
     return Plan(folder, _temporary=temporary if out is None else None)
 
 
@@ -212,7 +217,10 @@ def score(
         cameras = _with_lens(cameras, (800, 800) if size is None else size, fov, K)
         of = cameras.folder if isinstance(cameras, Plan) else cameras_file(cameras, folder, "cameras")
         file = folder / "score.json"
-        run("score", [source, of], {"json": file, **_files("score", options, ScoreOptions, folder)}, False, folder)
+        given = _files("score", options, ScoreOptions, folder)
+        # Of a plan up is known.
+        up = {} if isinstance(cameras, Plan) else _up(scene, given)
+        run("score", [source, of], {"json": file, **up, **given}, False, folder)
         metrics = json.loads(file.read_text())
     return Score(**metrics.pop("expected"), metrics=metrics)
 
@@ -233,11 +241,22 @@ def quality_curve(
         folder = Path(temporary) / "curve"
         source = surface_file(scene, faces, Path(temporary))
         given = _files("quality_curve", options, PlanOptions, Path(temporary))
-        run("plan", [source], {"curve": True, "out": folder, **given}, progress, Path(temporary))
+        run("plan", [source], {"curve": True, "out": folder, **_up(scene, given), **given}, progress, Path(temporary))
         points = json.loads((folder / "curve.json").read_text())
         svg = (folder / "curve.svg").read_text()
     views, db, unseen = (np.array([point[key] for point in points]) for key in ("views", "db", "unseen"))
     return QualityCurve(views, db, unseen, svg)
+
+
+def _up(scene: Any, given: Mapping[str, Any]) -> dict[str, str]:
+    """Up of a scene in memory as of the file that it is from, where that is known; what is assumed is said."""
+    if isinstance(scene, (str, os.PathLike)) or given.get("up") is not None:
+        return {}
+    if is_of_gltf(scene):
+        _logger.info("up       +y, as in the glTF file that this was loaded from (up says another)")
+        return {"up": "y"}
+    _logger.info("up       +z, as no file says otherwise (up says another)")
+    return {}
 
 
 def _with_lens(cameras: Any, size: npt.ArrayLike, fov: Optional[float], K: Optional[npt.ArrayLike] = None) -> Any:

@@ -361,6 +361,30 @@ def test_meshes_of_other_libraries_are_taken_for_what_they_are(ball: Ball) -> No
         assert np.allclose(poses, of_points, atol=1e-6), name
 
 
+def test_up_is_that_of_the_file_a_mesh_is_from(ball: Ball, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """If this failed, a room of a glTF file would lie on its side as soon as a script had loaded it, without a word."""
+    vertices, faces = ball
+
+    def up_of(plan: camsplat.Plan) -> list[float]:
+        up: list[float] = plan.record["region"]["up"]
+        return up
+
+    with caplog.at_level(logging.INFO, logger="camsplat"):
+        loaded = SimpleNamespace(vertices=vertices, faces=faces, metadata={"from_gltf_primitive": False})
+        assert up_of(camsplat.plan(loaded, views=4, **QUICK)) == [0, 1, 0]
+        assert up_of(camsplat.plan(loaded, views=4, up="x", **QUICK)) == [1, 0, 0]
+        assert up_of(camsplat.plan(ball, views=4, **QUICK)) == [0, 0, 1]
+    said = [line for line in caplog.messages if line.startswith("up ")]
+    assert len(said) == 2 and "+y, as in the glTF file" in said[0] and "+z, as no file says" in said[1], said
+    trimesh = pytest.importorskip("trimesh", reason="skipped: trimesh is not installed")
+    file = tmp_path / "ball.glb"
+    trimesh.Trimesh(vertices, faces, process=False).export(file)
+    known = camsplat.plan(file, views=4, **QUICK)
+    for mesh in (trimesh.load_scene(file), trimesh.load_mesh(file)):
+        plan = camsplat.plan(mesh, views=4, **QUICK)
+        assert up_of(plan) == [0, 1, 0] and np.allclose(plan.poses, known.poses, atol=1e-6)
+
+
 def test_poses_are_scored_with_their_lens(ball: Ball) -> None:
     """If this failed, one could not ask what poses are worth, or would be answered for another lens."""
     plan = camsplat.plan(*ball, views=5, fov=60, size=(640, 480), **QUICK)
