@@ -49,7 +49,7 @@ const TYPED: [(&str, &[&str]); 5] = [
     ("score", &["json"]),
     ("select", &["count", "out"]),
     ("train", &["out", "dry-run"]),
-    ("evaluate", &["out"]),
+    ("evaluate", &["out", "prepare"]),
 ];
 
 /// The type of an option in Python.

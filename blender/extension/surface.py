@@ -14,6 +14,10 @@ MESH_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 """Types of objects that Blender evaluates to a mesh."""
 
 
+MOST_AROUND = 20_000_000
+"""Triangles of what is not selected, at most: more would take gigabytes."""
+
+
 class Surface(NamedTuple):
     """A triangle mesh in world space: vertices, (V, 3) float64, and faces, (F, 3), counter-clockwise from outside."""
 
@@ -47,12 +51,21 @@ def read_surface(depsgraph: bpy.types.Depsgraph, objects: Iterable[bpy.types.Obj
 def read_surroundings(depsgraph: bpy.types.Depsgraph, objects: Iterable[bpy.types.Object], aside: Iterable[bpy.types.Object]) -> Surface:
     """The evaluated meshes of all other objects that the viewport and renders show, but for those `aside`, joined; may be empty."""
     left_out = {object.original for object in (*objects, *aside)}
+    rendered = set(_rendered(depsgraph.scene.original.collection))
 
-    def is_shown(owner: bpy.types.Object) -> bool:
-        collections = owner.users_collection
-        return not owner.hide_render and not (collections and all(collection.hide_render for collection in collections))
+    def is_around(owner: bpy.types.Object, object: bpy.types.Object) -> bool:
+        return owner in rendered and owner not in left_out and not owner.hide_render and not object.hide_render
 
-    return join(*_meshes(depsgraph, lambda owner, object: owner not in left_out and is_shown(owner) and not object.hide_render))
+    parts, faces = [], 0
+    for part in _meshes(depsgraph, is_around):
+        parts.append(part)
+        faces += len(part.faces)
+        if faces > MOST_AROUND:
+            raise camsplat.Error(
+                f"what is not selected has more than {MOST_AROUND:,} triangles, instances counted; hide what is far away or small "
+                "in the viewport or in renders"
+            )
+    return join(*parts)
 
 
 def read_volumes(depsgraph: bpy.types.Depsgraph, collection: bpy.types.Collection) -> dict[str, Surface]:
@@ -105,6 +118,14 @@ def write_obj(file: Path, surface: Surface) -> None:
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in surface.vertices.tolist()]
     lines += [f"f {a} {b} {c}" for a, b, c in (surface.faces + 1).tolist()]
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _rendered(collection: bpy.types.Collection) -> Iterable[bpy.types.Object]:
+    """Objects of a collection and of those in it, but for collections that are disabled in renders."""
+    if not collection.hide_render:
+        yield from collection.objects
+        for child in collection.children:
+            yield from _rendered(child)
 
 
 def join(*parts: Surface) -> Surface:

@@ -144,8 +144,13 @@ def test_what_is_not_selected_hides_and_blocks(scene, extension):
     assert "camsplat coverage" in sphere.data.color_attributes and "camsplat coverage" not in wall.data.color_attributes
     bpy.ops.camsplat.score()
 
-    # What renders do not show is not there.
-    wall.hide_render = True
+    # What renders do not show is not there: here as its collection lies in one that is disabled.
+    outer, inner = bpy.data.collections.new("outer"), bpy.data.collections.new("inner")
+    scene.collection.children.link(outer)
+    outer.children.link(inner)
+    inner.objects.link(wall)
+    scene.collection.objects.unlink(wall)
+    outer.hide_render = True
     bpy.ops.camsplat.plan()
     assert (planned_poses(scene)[:, 0, 3] > 0.9).any()
     request = extension.planning.read_request(bpy.context, [sphere])

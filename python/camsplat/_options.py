@@ -578,9 +578,6 @@ class EvaluateOptions(TypedDict, total=False):
     baselines_from: Literal["region", "sphere"]
     """Where around an object baselines may place cameras; the planner always has the whole region [default: region; paper: sphere]"""
 
-    prepare: bool
-    """Make what methods choose on and nothing else, for methods of other programs: the surface, the region and the input photos as files in OUT/SCENE/task"""
-
     devices: Union[Union[str, int], Sequence[Union[str, int]]]
     """Devices to spread the runs over, each by index or part of its name"""
 

@@ -168,8 +168,8 @@ def plan(
         views: cameras to place.
         out: folder to write; `None` for a temporary one that goes with the plan.
         progress: `True` for a bar (needs tqdm), or a function of what is being done, the units that are done, and all of them.
-        options: those of `camsplat plan`. `keep` and `viewers` also take `Cameras`, a `Plan` or poses (N, 4, 4), which have the
-            plan's lens; `surface` also arrays.
+        options: those of `camsplat plan`. `keep` and `viewers` also take `Cameras`, a `Plan` or poses (N, 4, 4) with the lens of
+            `fov` and `size`; `surface` also arrays.
 
     Returns:
         The plan. Lengths and positions are in the units and the frame of the surface.
@@ -218,8 +218,7 @@ def score(
         of = cameras.folder if isinstance(cameras, Plan) else cameras_file(cameras, folder, "cameras")
         file = folder / "score.json"
         given = _files("score", options, ScoreOptions, folder)
-        # Of a plan up is known.
-        up = {} if isinstance(cameras, Plan) else _up(scene, given)
+        up = {} if _is_plan(cameras) else _up(scene, given)
         run("score", [source, of], {"json": file, **up, **given}, False, folder)
         metrics = json.loads(file.read_text())
     return Score(**metrics.pop("expected"), metrics=metrics)
@@ -246,6 +245,14 @@ def quality_curve(
         svg = (folder / "curve.svg").read_text()
     views, db, unseen = (np.array([point[key] for point in points]) for key in ("views", "db", "unseen"))
     return QualityCurve(views, db, unseen, svg)
+
+
+def _is_plan(cameras: Any) -> bool:
+    """Whether these are a plan, which knows its region and up."""
+    if isinstance(cameras, (str, os.PathLike)):
+        path = Path(cameras)
+        return path.name == "plan.json" or (path / "plan.json").is_file()
+    return isinstance(cameras, Plan)
 
 
 def _up(scene: Any, given: Mapping[str, Any]) -> dict[str, str]:
@@ -275,9 +282,11 @@ def _files(name: str, options: Mapping[str, Any], known: type, folder: Path) -> 
     for key in ("keep", "viewers"):
         if files.get(key) is None:
             continue
-        size = options.get("size", 800)
+        size = options.get("size")
+        if isinstance(size, str):
+            size = size.split("x")
         try:
-            cameras = _with_lens(files[key], (size, size) if isinstance(size, int) else size, options.get("fov"))
+            cameras = _with_lens(files[key], np.resize(np.asarray(800 if size is None else size, dtype=float), 2), options.get("fov"))
         except Error as error:
             raise Error(f"{key}: {error}") from None
         if isinstance(cameras, Cameras) and len(cameras) == 0:

@@ -19,6 +19,9 @@ const FLAT: f64 = 0.01;
 /// Rounds of fitting the ground to what does not rise above it.
 const ROUNDS: usize = 12;
 
+/// Part of the faces of a mesh that a surface has too from which on it is a part of that surface: reading may drop some.
+pub const MOST: f64 = 0.9;
+
 /// Corners of a triangle as bits, in one order.
 type Key = [[u64; 3]; 3];
 
@@ -29,30 +32,62 @@ fn key(triangle: &Triangle) -> Key {
     corners
 }
 
-/// Whether some of a surface's triangles are the very faces of a subject, which is then a part of the surface and need not be closed.
-pub fn is_part_of(subject: &Volume, surface: impl IntoIterator<Item = Triangle>) -> bool {
+/// Part of a subject's faces that are the very triangles of a surface.
+pub fn shared_faces(subject: &Volume, surface: impl IntoIterator<Item = Triangle>) -> f64 {
     let faces: HashSet<Key> = subject.triangles.iter().map(key).collect();
-    surface.into_iter().any(|triangle| faces.contains(&key(&triangle)))
+    let shared: HashSet<Key> =
+        surface.into_iter().map(|triangle| key(&triangle)).filter(|key| faces.contains(key)).collect();
+    shared.len() as f64 / faces.len().max(1) as f64
 }
 
-/// Leaves in a proxy only the subject to be planned for: where it is a part of the surface, the triangles that are its faces, else what lies
-/// in it by the middles of the primitives. No point is drawn from the rest, and the sphere is that around the subject. Returns how many
-/// primitives are left.
+/// Which primitives of a surface a subject consists of, where it is a part of that surface.
+fn part(subject: &Volume, surface: &Occluder) -> Result<Option<Vec<bool>>> {
+    let Occluder::Triangles(triangles) = surface else { return Ok(None) };
+    if let Some(end) = subject.part.iter().map(|[_, end]| *end).max() {
+        if end > triangles.len() {
+            return Err(Error::request("`subject`: it is a part of another surface; give a box or a file"));
+        }
+        let is_in = |i: usize| subject.part.iter().any(|[start, end]| (*start..*end).contains(&i));
+        return Ok(Some((0..triangles.len()).map(is_in).collect()));
+    }
+    if shared_faces(subject, triangles.iter().copied()) < MOST {
+        return Ok(None);
+    }
+    let faces: HashSet<Key> = subject.triangles.iter().map(key).collect();
+    Ok(Some(triangles.iter().map(|triangle| faces.contains(&key(triangle))).collect()))
+}
+
+/// The runs of what is set: where each starts, and where it ends without that.
+fn runs(set: &[bool]) -> Vec<[usize; 2]> {
+    let mut runs: Vec<[usize; 2]> = Vec::new();
+    for (i, _) in set.iter().enumerate().filter(|(_, is_set)| **is_set) {
+        match runs.last_mut() {
+            Some([_, end]) if *end == i => *end += 1,
+            _ => runs.push([i, i + 1]),
+        }
+    }
+    runs
+}
+
+/// Leaves in a proxy only the subject to be planned for: where nearly all of its faces are triangles of the surface these, else what lies in
+/// it by the middles of the primitives. No point is drawn from the rest, and the sphere is that around the subject. Returns how many
+/// primitives are left, and the subject as plans keep it: a part by the numbers of its triangles.
 ///
 /// # Errors
-/// Where none is.
-pub fn focus(proxy: &mut Proxy, subject: &Volume) -> Result<usize> {
+/// Where none is, or it is a part of another surface.
+pub fn focus(proxy: &mut Proxy, subject: &Volume) -> Result<(usize, Volume)> {
+    let part = part(subject, &proxy.occluder)?;
     let mut corners = Vec::new();
     // Around the volume first: a file's has many faces, and a surface many triangles.
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     subject.triangles.iter().flatten().for_each(|p| (min, max) = (min.min(*p), max.max(*p)));
     let holds = |p: DVec3| p.cmpge(min).all() && p.cmple(max).all() && subject.holds(p);
     let inside: Vec<bool> = match &proxy.occluder {
-        Occluder::Triangles(triangles) if is_part_of(subject, triangles.iter().copied()) => {
-            let faces: HashSet<Key> = subject.triangles.iter().map(key).collect();
-            let is_face: Vec<bool> = triangles.iter().map(|triangle| faces.contains(&key(triangle))).collect();
-            corners.extend(triangles.iter().zip(&is_face).filter(|(_, is_face)| **is_face).flat_map(|(t, _)| *t));
-            is_face
+        Occluder::Triangles(triangles) if part.is_some() => {
+            let part = part.clone().unwrap_or_default();
+            corners
+                .extend(triangles.iter().zip(&part).filter(|(_, is_in)| **is_in).flat_map(|(triangle, _)| *triangle));
+            part
         }
         Occluder::Triangles(triangles) => triangles
             .iter()
@@ -88,7 +123,11 @@ pub fn focus(proxy: &mut Proxy, subject: &Volume) -> Result<usize> {
     for (buried, inside) in proxy.buried.iter_mut().zip(inside) {
         *buried |= !inside;
     }
-    Ok(left)
+    let subject = match part {
+        Some(part) => Volume { file: subject.file.clone(), part: runs(&part), ..Volume::default() },
+        None => subject.clone(),
+    };
+    Ok((left, subject))
 }
 
 /// The largest thing that stands on the ground of a surface, by the volume below its top, as an axis-aligned box from the ground up.
@@ -247,12 +286,23 @@ mod tests {
         let turned = |[a, b, c]: Triangle| [b, c, a];
         let subject = Volume { triangles: dish.map(turned).to_vec(), ..Volume::default() };
         let mut focused = proxy.clone();
-        assert!(is_part_of(&subject, dish) && !is_part_of(&subject, table));
-        assert_eq!(focus(&mut focused, &subject).unwrap(), 2);
+        assert_eq!([shared_faces(&subject, dish), shared_faces(&subject, table)], [1.0, 0.0]);
+        let (left, kept) = focus(&mut focused, &subject).unwrap();
+        assert_eq!((left, &*kept.part, kept.triangles.len()), (2, &[[0, 2]][..], 0));
         assert!(focused.sample(100, 3, 1).iter().all(|point| (point.position.z - 0.5).abs() < 1e-6));
         assert!(focused.sphere.0.distance(DVec3::new(0.0, 0.0, 0.5)) < 1e-9, "{:?}", focused.sphere);
         let table = Volume { triangles: quad(-1.0, 1.0, 0.0).to_vec(), ..Volume::default() };
-        assert_eq!(focus(&mut proxy.clone(), &table).unwrap(), 2);
+        assert_eq!(focus(&mut proxy.clone(), &table).unwrap().1.part, [[2, 4]]);
+        // As a plan has it, and of a plan of something larger.
+        let mut again = proxy.clone();
+        assert_eq!((focus(&mut again, &kept).unwrap().0, again.sphere), (2, focused.sphere));
+        let larger = Volume { part: vec![[3, 5]], ..kept };
+        assert!(focus(&mut proxy.clone(), &larger).unwrap_err().to_string().contains("another surface"));
+        // A hull that rests on one of the table's triangles is a volume: what is in it counts.
+        let mut hull = box_triangles(DVec3::new(-2.0, -2.0, 0.2), DVec3::splat(2.0)).to_vec();
+        hull.push(table.triangles[0]);
+        let (left, hull) = focus(&mut proxy.clone(), &Volume { triangles: hull, ..Volume::default() }).unwrap();
+        assert!(left >= 2 && hull.part.is_empty(), "{left}");
     }
 
     /// If this failed, cameras would stand around a lawn of 160 m with a house somewhere in it, or around a pole.
@@ -263,7 +313,7 @@ mod tests {
             let mut proxy = garden(up, slope);
             let whole = proxy.sphere.1;
             let (subject, ground) = largest(&proxy, up).unwrap();
-            let left = focus(&mut proxy, &subject).unwrap();
+            let (left, _) = focus(&mut proxy, &subject).unwrap();
             let (across, along) = up.any_orthonormal_pair();
             let middle = 16.0 * across + 1.0 * along + 4.0 * up;
             let (centre, radius) = proxy.sphere;

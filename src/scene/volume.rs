@@ -30,6 +30,9 @@ pub struct Volume {
     /// Its faces.
     #[serde(default)]
     pub triangles: Vec<Triangle>,
+    /// Of a subject that is a part of the surface the numbers of its triangles there, in place of faces: from one up to another without it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub part: Vec<[usize; 2]>,
 }
 
 fn is_zero(margin: &f64) -> bool {

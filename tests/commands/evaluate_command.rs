@@ -447,6 +447,10 @@ fn a_method_of_another_program_is_compared_on_several_scenes() {
     };
     let prepared = place.done(&format!("{} --prepare", of("random")));
     assert!(prepared.out.contains("o/blue_cube/task") && !place.path("o/table.md").exists(), "{}", prepared.out);
+    // Machines may share what was prepared, whatever they compare.
+    let apart = of("random").replace("--out o", "--out apart");
+    place.done(&format!("{apart} --prepare"));
+    place.done(&format!("{} --shard 1/4", apart.replace("random", "fvs")));
     fs::create_dir(place.path("mine")).unwrap();
     for (scene, distance) in [("cube", 1.0), ("blue_cube", 9.0)] {
         let task: Value = serde_json::from_str(&place.read(&format!("o/{scene}/task/task.json"))).unwrap();
@@ -503,6 +507,12 @@ fn fewer_runs_never_replace_a_larger_table() {
         ],
     );
     assert_eq!(place.read("o/table.md"), before);
+    // Nor does a part of a larger evaluation, where that is stopped.
+    let larger = run("random,ours,fvs", "").replace("--seeds 1", "--seeds 2");
+    let mut child = place.command(&larger).spawn().unwrap();
+    let output = read_until(&mut child, "complete cube, ours");
+    let stopped = stop(child, output, "-INT");
+    assert_eq!((stopped.code, place.read("o/table.md")), (Some(130), before), "{}", stopped.err);
     // What is made otherwise is another evaluation, and more runs keep what there is.
     place.done(&run("random,fvs,ours", "").replace("--seeds 1", "--seeds 2"));
     assert_eq!(place.read("o/table.md").matches("| cube | fvs | 4 |").count(), 3);

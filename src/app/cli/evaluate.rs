@@ -1,18 +1,17 @@
 //! `camsplat evaluate`.
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use clap::Args;
 
+use super::evaluation_page::Page;
 use super::options::{DeviceOptions, print_messages};
 use super::progress::stop_on_interrupt;
 use super::region::{LimitOptions, box_of};
 use super::session::{self, Ended, go_on};
 use super::viewers::ViewerOptions;
-use crate::app::report;
 use crate::files::io::environment::read_environment;
-use crate::files::io::folder::write_files;
 use crate::lab::evaluate::artifact::ArtifactEvent;
 use crate::lab::evaluate::competitor::Competitor;
 use crate::lab::evaluate::destination;
@@ -20,7 +19,7 @@ use crate::lab::evaluate::evaluation::{self, EvaluationEvent};
 use crate::lab::evaluate::kind::Kind;
 use crate::lab::evaluate::pool::Pool;
 use crate::lab::evaluate::request::EvaluationRequest;
-use crate::lab::evaluate::results::{Entry, Outcome};
+use crate::lab::evaluate::results::Entry;
 use crate::lab::evaluate::scene::{Scene, Setting};
 use crate::lab::evaluate::settings::{BaselinesFrom, EvaluationSettings, InputsFrom, Shown, Space};
 use crate::lab::evaluate::shard::Shard;
@@ -227,7 +226,7 @@ impl Arguments {
         // Ten photos of a floor or a wall give no surface to speak of, nor do noisy ones.
         let is_furnished = kind == Kind::Object && self.situation().furnishes();
         let shown = if self.quick && kind == Kind::Room || is_furnished { Shown::True } else { of.shown };
-        let mut request = EvaluationRequest {
+        Ok(EvaluationRequest {
             kind,
             methods: self.methods.clone().unwrap_or_else(named),
             budgets: self.budgets.clone().unwrap_or_else(budgets),
@@ -264,12 +263,7 @@ impl Arguments {
             limits: self.limits.read(Limits::default(), |file| {
                 Err(Error::input(file, "scenes of an evaluation lie nowhere on Earth; give a mesh or boxes"))
             })?,
-        };
-        // Layouts are there before those who make them have seen the scene.
-        if !self.prepare {
-            request.read_layouts(&self.names())?;
-        }
-        Ok(request)
+        })
     }
 
     /// The scenes' names in tables and in the files of layouts.
@@ -320,60 +314,18 @@ impl Arguments {
     }
 }
 
-/// The HTML page, which is made again as runs are completed, but takes no more than a small part of the time: it takes up to half a second
-/// for each scene of many triangles, and a run of one of them takes ten.
-struct Page<'a> {
-    file: PathBuf,
-    request: &'a EvaluationRequest,
-    subjects: &'a [Subject],
-    /// What the page does not show yet.
-    pending: Option<Outcome>,
-    /// When it was made, and how long that took.
-    made: Option<(Instant, Duration)>,
-    result: Result<()>,
-}
-
-impl<'a> Page<'a> {
-    /// Of the time between two pages, they may take one part in so many.
-    const PART: u32 = 20;
-
-    fn new(folder: &Path, request: &'a EvaluationRequest, subjects: &'a [Subject]) -> Self {
-        Self { file: folder.join("report.html"), request, subjects, pending: None, made: None, result: Ok(()) }
-    }
-
-    /// Shows an outcome, now or later.
-    fn show(&mut self, outcome: &Outcome) {
-        self.pending = Some(outcome.clone());
-        if outcome.left == 0 || self.made.is_none_or(|(made, took)| made.elapsed() > Self::PART * took) {
-            self.make();
-        }
-    }
-
-    fn make(&mut self) {
-        let Some(outcome) = self.pending.take() else { return };
-        let start = Instant::now();
-        let html = report::evaluation::html(self.request, &outcome, self.subjects);
-        self.result = html.and_then(|html| write_files(&[(&self.file, html.as_bytes())]));
-        self.made = Some((Instant::now(), start.elapsed()));
-    }
-
-    /// Shows what is yet to be shown; the page's place, where there is one.
-    ///
-    /// # Errors
-    /// Where the page could not be made or written.
-    fn finish(mut self) -> Result<Option<PathBuf>> {
-        self.make();
-        self.result.map(|()| self.made.is_some().then_some(self.file))
-    }
-}
-
 /// Evaluates, writes and prints the tables.
 pub fn run(arguments: &Arguments) -> Result<Ended> {
     arguments.check_scenes()?;
-    let request = arguments.request()?;
+    let mut request = arguments.request()?;
     request.validate()?;
     // Before any is read: a box that is of another room would be called wrong first.
     request.check_subjects((arguments.scenes.len() + arguments.pool.len()).max(1))?;
+    // Who asks for what methods choose on has no layouts yet.
+    if !arguments.prepare {
+        request.read_layouts(&arguments.names())?;
+        request.validate()?;
+    }
     if arguments.devices.iter().any(|name| name.trim().is_empty()) {
         return Err(Error::request(
             "--devices: an empty name names no device; give numbers or names, as `camsplat devices` has them",
@@ -422,8 +374,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         go_on()
     };
     if arguments.prepare {
-        let weights = weights.as_ref();
-        let prepared = evaluation::prepare(&contexts[0], &request, &subjects, &arguments.out, weights, &mut |event| {
+        let prepared = evaluation::prepare(&contexts[0], &request, &subjects, &arguments.out, &mut |event| {
             session.within(|| observe(EvaluationEvent::Artifact(event)))
         });
         contexts.iter().for_each(|context| print_messages(context));
@@ -481,15 +432,7 @@ fn prepared_as(prepared: Result<()>, out: &Path, subjects: &[Subject]) -> Result
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser;
-
     use super::*;
-
-    #[derive(Parser)]
-    struct Given {
-        #[command(flatten)]
-        arguments: Arguments,
-    }
 
     /// If this failed, a method that the help promises would be left out without a word.
     #[test]
@@ -499,30 +442,5 @@ mod tests {
                 name.parse::<Competitor>().unwrap().check(kind).unwrap();
             }
         }
-    }
-
-    /// A page of many scenes takes seconds: one after every run would make whole evaluations slower, and without one at the end the last
-    /// runs would be missing.
-    #[test]
-    fn pages_take_a_small_part_of_the_time_and_the_last_one_shows_everything() {
-        let folder = tempfile::tempdir().unwrap();
-        let request = Given::parse_from(["evaluate", "object.glb", "--out", "o"]).arguments.request().unwrap();
-        let mut page = Page::new(folder.path(), &request, &[]);
-        let shows = |left: usize| {
-            let text = std::fs::read_to_string(folder.path().join("report.html")).unwrap_or_default();
-            text.contains(&format!("{left} runs to come"))
-        };
-        let outcome = |left| Outcome { left, ..Outcome::new(Kind::Object, Vec::new(), 0) };
-        page.show(&outcome(3));
-        assert!(shows(3), "the first is made at once");
-        page.made = Some((Instant::now(), Duration::from_secs(3600)));
-        page.show(&outcome(2));
-        assert!(shows(3) && !shows(2), "it took an hour, and there is another now");
-        page.made = Some((Instant::now(), Duration::ZERO));
-        page.show(&outcome(2));
-        assert!(shows(2), "it took no time, and there is none now");
-        page.made = Some((Instant::now(), Duration::from_secs(3600)));
-        page.show(&outcome(1));
-        assert!(page.finish().unwrap().is_some() && shows(1), "what was stopped does not show its last run");
     }
 }

@@ -17,6 +17,7 @@ mod convert;
 mod demo;
 mod devices;
 mod evaluate;
+mod evaluation_page;
 mod exif_exposure;
 mod export;
 mod frames;

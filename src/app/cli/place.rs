@@ -171,6 +171,7 @@ pub fn areas(file: &Path, geo: Option<&str>, margin: f64, region: &Region) -> Re
         areas: rings,
         margin: margin / earth.scale(),
         triangles,
+        ..Volume::default()
     })
 }
 

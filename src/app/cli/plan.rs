@@ -267,7 +267,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     progress.finish();
     let mut plan = match plan {
         Err(Error::Interrupted) => {
-            say!("stopped before there was a plan; nothing is written");
+            say!("stopped; nothing is written");
             return Ok(Ended::Stopped);
         }
         plan => plan?,

@@ -186,7 +186,11 @@ impl Progress {
     pub fn observe(&self, event: PlanEvent) -> ControlFlow<()> {
         match event {
             PlanEvent::Iterations(done, all) => return self.advance(done, all),
-            PlanEvent::Preparing => {}
+            PlanEvent::Preparing => {
+                if let Some(listener) = self.session.listener() {
+                    listener.progress("preparing", 0, 1);
+                }
+            }
             PlanEvent::Captured(path) => self.line(&format!("capture  {}", path.display())),
             PlanEvent::Scoring => {
                 self.bar.set_style(

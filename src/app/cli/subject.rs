@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::options::numbers;
 use crate::files::io::volume::{closed, read_faces};
 use crate::scene::proxy::{Orientation, Proxy};
-use crate::scene::subject::{is_part_of, largest};
+use crate::scene::subject::{MOST, largest, shared_faces};
 use crate::scene::surface::Surface;
 use crate::scene::volume::{Volume, box_triangles};
 use crate::{Error, Result};
@@ -50,13 +50,24 @@ pub fn subject_of(subject: &SubjectOption, surface: &Surface, up: DVec3) -> Resu
         }
         SubjectOption::File(file) => {
             let faces = read_faces(file)?;
-            let own = match surface {
+            let shared = match surface {
                 Surface::Mesh(mesh) => {
-                    is_part_of(&faces, mesh.triangles.iter().map(|t| t.map(|v| mesh.positions[v as usize])))
+                    shared_faces(&faces, mesh.triangles.iter().map(|t| t.map(|v| mesh.positions[v as usize])))
                 }
-                Surface::Points(_) => false,
+                Surface::Points(_) => 0.0,
             };
-            if own { faces } else { closed(faces)? }
+            match closed(faces.clone()) {
+                Ok(volume) => volume,
+                Err(_) if shared >= MOST => faces,
+                Err(error) if shared == 0.0 => return Err(error),
+                Err(_) => {
+                    let what = format!(
+                        "it is neither closed nor a part of the surface, of which it has only {:.0}% of its faces; export both from one scene",
+                        100.0 * shared
+                    );
+                    return Err(Error::input(file, what));
+                }
+            }
         }
     };
     let bottom = volume.triangles.iter().flatten().map(|p| p.dot(up)).fold(f64::INFINITY, f64::min);

@@ -1,5 +1,6 @@
 //! The folder that an evaluation is written into: what may be in it already.
 
+use std::fmt;
 use std::fs;
 use std::path::Path;
 
@@ -7,12 +8,15 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::request::EvaluationRequest;
+use super::results::Entry;
 use super::subject::Subject;
 use crate::files::io::folder::check_folder;
 use crate::{Error, Result};
 
 /// The file that marks a folder as an evaluation's.
 pub const ASKED: &str = "evaluation.json";
+/// What that file has where only what methods choose on was made: any evaluation may go on from there.
+pub(super) const PREPARED: &str = "{\"prepared\": true}\n";
 /// The file of all runs and means.
 pub(super) const RESULTS: &str = "results.json";
 /// Files beside the folders of subjects.
@@ -43,7 +47,20 @@ pub fn check(folder: &Path, request: &EvaluationRequest, subjects: &[Subject], h
         Err(Error::NotEmpty { .. }) if holds_evaluation(folder) => {
             check_folder(folder, true)?;
             let names: Vec<&str> = subjects.iter().map(Subject::name).collect();
-            if has_tables { nothing_is_lost(&folder.join(RESULTS), request, &names) } else { Ok(()) }
+            let mut before = if has_tables { earlier(folder, request) } else { Vec::new() };
+            let made = |run: &Earlier| {
+                let same = |own: super::request::Run<'_>| {
+                    (own.method.name(), own.views, own.seed) == (run.method.as_str(), run.views, run.seed)
+                };
+                names.contains(&run.scene.as_str()) && request.runs().any(same)
+            };
+            before.retain(|run| !made(run));
+            let Some(first) = before.first() else { return Ok(()) };
+            let others = if before.len() > 1 { format!(" and {} more", before.len() - 1) } else { String::new() };
+            let what = format!(
+                "these tables have runs that would be lost ({first}{others}); ask for them too, or give another `out`, or remove this file"
+            );
+            Err(Error::input(folder.join(RESULTS), what))
         }
         Err(Error::NotEmpty { path }) => {
             Err(Error::input(path, "the folder is not empty and holds no evaluation; name another"))
@@ -63,48 +80,41 @@ fn holds_evaluation(folder: &Path) -> bool {
 #[derive(Deserialize)]
 struct Before {
     request: Value,
-    runs: Vec<Run>,
+    runs: Vec<Earlier>,
 }
 
+/// A run that tables have.
 #[derive(Deserialize)]
-struct Run {
+pub(super) struct Earlier {
     scene: String,
     method: String,
     views: u32,
     seed: u64,
 }
 
-/// Refuses to replace tables by some of their own rows and seeds. Tables that were made otherwise, or cannot be read, are no such tables.
-fn nothing_is_lost(file: &Path, request: &EvaluationRequest, subjects: &[&str]) -> Result<()> {
-    let before = fs::read(file).ok().and_then(|text| serde_json::from_slice::<Before>(&text).ok());
-    let Some(mut before) = before else { return Ok(()) };
+impl Earlier {
+    /// Whether this is that run.
+    pub fn is(&self, entry: &Entry) -> bool {
+        (&*self.scene, &*self.method, self.views, self.seed)
+            == (&*entry.scene, entry.method.name(), entry.views, entry.seed)
+    }
+}
+
+impl fmt::Display for Earlier {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { scene, method, views, seed } = self;
+        write!(f, "{scene}, {method}, {views} views, seed {seed}")
+    }
+}
+
+/// The runs of the tables in a folder. Tables that were made otherwise, or cannot be read, are those of another evaluation.
+pub(super) fn earlier(folder: &Path, request: &EvaluationRequest) -> Vec<Earlier> {
+    let before = fs::read(folder.join(RESULTS)).ok().and_then(|text| serde_json::from_slice::<Before>(&text).ok());
+    let Some(mut before) = before else { return Vec::new() };
     // An object, as requests are.
     let mut now = serde_json::to_value(request).unwrap_or_default();
     for side in [&mut now, &mut before.request] {
         WHICH.into_iter().for_each(|key| _ = side.as_object_mut().and_then(|object| object.remove(key)));
     }
-    if now != before.request {
-        return Ok(());
-    }
-    let is_made = |run: &&Run| {
-        let same = |own: super::request::Run<'_>| {
-            (own.method.name(), own.views, own.seed) == (run.method.as_str(), run.views, run.seed)
-        };
-        subjects.contains(&run.scene.as_str()) && request.runs().any(same)
-    };
-    let lost: Vec<String> = before
-        .runs
-        .iter()
-        .filter(|run| !is_made(run))
-        .map(|Run { scene, method, views, seed }| format!("{scene}, {method}, {views} views, seed {seed}"))
-        .collect();
-    let Some(first) = lost.first() else { return Ok(()) };
-    let others = if lost.len() > 1 { format!(" and {} more", lost.len() - 1) } else { String::new() };
-    Err(Error::input(
-        file,
-        format!(
-            "these tables have runs that would be lost ({first}{others}); ask for them too, as finished runs are not made again, or give \
-             another `out`, or remove this file"
-        ),
-    ))
+    if now == before.request { before.runs } else { Vec::new() }
 }

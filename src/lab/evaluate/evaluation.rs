@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::artifact::{Artifact, ArtifactEvent, Observe};
 use super::competitor::Competitor;
-use super::destination::{ASKED, RESULTS};
+use super::destination::{self, ASKED, Earlier, PREPARED, RESULTS};
 use super::latex::latex;
 use super::perceptual;
 use super::pool::Pool;
@@ -70,9 +70,12 @@ pub fn run(
         subjects.iter().try_for_each(|subject| perceptual::check(contexts, weights, subject, &request.settings))?;
     }
     fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
-    let asked = asked(request, subjects, weights);
+    let names: Vec<&str> = subjects.iter().map(Subject::name).collect();
+    let asked = json!({ "scenes": names, "request": request, "lpips_vgg": weights.map(Weights::fingerprint) });
+    let asked = format!("{asked:#}\n");
     // Existing tables belong to the earlier request until they are rewritten.
     match fs::read_to_string(folder.join(ASKED)) {
+        Ok(before) if before == PREPARED => write_files(&[(&folder.join(ASKED), asked.as_bytes())])?,
         Ok(before) if before != asked && !shard.is_whole() => {
             let what =
                 "another evaluation is in this folder; give the shard the options of the others, or another `out`";
@@ -94,6 +97,7 @@ pub fn run(
         made: AtomicBool::new(false),
         entries: Mutex::default(),
         ceilings: Mutex::default(),
+        earlier: if shard.is_whole() { destination::earlier(folder, request) } else { Vec::new() },
         studio: subjects
             .iter()
             .filter(|subject| subject.in_studio())
@@ -105,15 +109,8 @@ pub fn run(
     board.write(&entries)
 }
 
-/// The request, as it is written.
-fn asked(request: &EvaluationRequest, subjects: &[Subject], weights: Option<&Weights>) -> String {
-    let names: Vec<&str> = subjects.iter().map(Subject::name).collect();
-    let asked = json!({ "scenes": names, "request": request, "lpips_vgg": weights.map(Weights::fingerprint) });
-    format!("{asked:#}\n")
-}
-
 /// Makes what methods choose on, for methods of other programs, and nothing else: files in the folder `task` of each scene's. Of a pool
-/// there are none, as its photos are the user's. The same request goes on from there.
+/// there are none, as its photos are the user's. Requests of any methods go on from there.
 ///
 /// # Errors
 /// As [`run`].
@@ -122,13 +119,12 @@ pub fn prepare(
     request: &EvaluationRequest,
     subjects: &[Subject],
     folder: &Path,
-    weights: Option<&Weights>,
     observe: Observe,
 ) -> Result<()> {
     fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
     let marks = folder.join(ASKED);
     if !marks.is_file() {
-        write_files(&[(&marks, asked(request, subjects, weights).as_bytes())])?;
+        write_files(&[(&marks, PREPARED.as_bytes())])?;
     }
     for subject in subjects {
         if let Subject::Scene(scene) = subject {
@@ -162,6 +158,8 @@ struct SharedProgress<'b> {
     ceilings: Mutex<BTreeMap<String, f64>>,
     /// As [`Outcome::studio`].
     studio: Vec<String>,
+    /// Runs of the tables that are there.
+    earlier: Vec<Earlier>,
 }
 
 impl SharedProgress<'_> {
@@ -183,7 +181,9 @@ impl SharedProgress<'_> {
         entries.insert(at, (place, entry));
         // A stop requested here takes effect before the next run.
         let _ = self.report(EvaluationEvent::Complete(&entries[at].1, [entries.len(), self.runs.len()]));
-        if self.made.swap(false, Ordering::Relaxed) {
+        // Tables of more are not replaced by those of what is passed so far.
+        let is_larger = self.earlier.iter().all(|run| entries.iter().any(|(_, entry)| run.is(entry)));
+        if is_larger && self.made.swap(false, Ordering::Relaxed) {
             self.write(&entries)?;
         }
         Ok(())
@@ -308,7 +308,11 @@ impl Runs<'_, '_> {
             let mut trained = artifacts.training(&photos, Some(&tests), run.seed, observe)?;
             self.measured(context, &mut trained, observe)?;
             let of_choice = match run.method {
-                Competitor::Cameras(_) => (None, scene.outside(&plan.cameras)),
+                Competitor::Cameras(_) => {
+                    let given = MethodInputs { inputs: &inputs, shown: &shown };
+                    let space = artifacts.target(given, &scene.region, false)?.geometry()?;
+                    (None, scene.outside(&space, &plan.cameras))
+                }
                 _ => (Some(plan.seconds), 0),
             };
             self.complete(run, cameras, of_choice, &trained)?;
@@ -484,6 +488,7 @@ mod tests {
             entries: Mutex::default(),
             ceilings: Mutex::default(),
             studio: Vec::new(),
+            earlier: Vec::new(),
         };
         let product = |event| board.report(EvaluationEvent::Artifact(event));
         assert!(product(ArtifactEvent::Kept).is_continue());

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::files::io;
+use crate::planner::methods::Method;
 use crate::scene::camera::Pose;
 use crate::{Error, Result};
 
@@ -57,6 +58,7 @@ impl Given {
             None if label.trim().is_empty() || label != name && label.contains(':') => {
                 Err("give a name without a colon before =cameras:".into())
             }
+            None if Method::named(label).is_some() => Err(format!("{label} is a method here; give another name")),
             None => Ok(Self {
                 name: label.to_owned(),
                 pattern: pattern.to_owned(),
@@ -113,9 +115,9 @@ impl Given {
         self.layouts.values().any(|poses| poses.len() == views as usize)
     }
 
-    /// How many cameras the files hold, of which the first is named.
-    pub fn count(&self) -> usize {
-        self.layouts.values().next().map_or(0, Vec::len)
+    /// How many cameras the first of the files holds; none before they are read.
+    pub fn count(&self) -> Option<usize> {
+        self.layouts.values().next().map(Vec::len)
     }
 
     /// Whether each scene has cameras of its own.
@@ -185,6 +187,7 @@ mod tests {
             ("cameras:{object}.json", "{object} stands for nothing"),
             ("=cameras:a.json", "without a colon"),
             ("ours:x=cameras:a.json", "without a colon"),
+            ("ours=cameras:a.json", "ours is a method here"),
         ] {
             let error = Given::parse(wrong).unwrap().unwrap_err();
             assert!(error.contains(what), "{wrong}: {error}");

@@ -5,16 +5,18 @@ use std::fmt::Write;
 use super::request::EvaluationRequest;
 use super::results::{Interval, Outcome, Row, measured};
 use super::scene_means::means_over_scenes;
-use super::table::{DECIMALS, description};
+use super::table::{DECIMALS, description, warnings};
 
 /// The tables: every row, of the best of a scene and budget in bold, and the means over scenes where there are several.
 pub(crate) fn latex(request: &EvaluationRequest, outcome: &Outcome) -> String {
     let Outcome { rows, left, .. } = outcome;
     let metrics: Vec<(usize, &str)> = measured(rows).collect();
     let column = request.columns().last().copied().unwrap_or_default();
-    let mut text = format!(
-        "% {}\n% Column: {column}. Needs \\usepackage{{booktabs}}.\n\\begin{{tabular}}{{llr{}}}\n\\toprule\nScene & Method & Views",
-        description(request, *left).replace('\n', " "),
+    let comment = |line: String| format!("% {}\n", line.replace(['\n', '\r'], " "));
+    let mut text: String = std::iter::once(description(request, *left)).chain(warnings(outcome)).map(comment).collect();
+    let _ = write!(
+        text,
+        "% Column: {column}. Needs \\usepackage{{booktabs}}.\n\\begin{{tabular}}{{llr{}}}\n\\toprule\nScene & Method & Views",
         "r".repeat(metrics.len())
     );
     heads(&mut text, &metrics, |name| vec![name.to_owned()]);
@@ -24,7 +26,8 @@ pub(crate) fn latex(request: &EvaluationRequest, outcome: &Outcome) -> String {
             text += "\\midrule\n";
         }
         before = Some(row);
-        let _ = write!(text, "{} & {} & {}", escaped(&row.scene), escaped(row.method.name()), row.views);
+        // Braces: a line end takes a star or a bracket behind it for its own.
+        let _ = write!(text, "{{}}{} & {} & {}", escaped(&row.scene), escaped(row.method.name()), row.views);
         let rivals = || rows.iter().filter(|other| other.scene == row.scene && other.views == row.views);
         for (metric, name) in &metrics {
             let last = |row: &Row| row.measured[*metric].last().copied().flatten();
@@ -38,14 +41,13 @@ pub(crate) fn latex(request: &EvaluationRequest, outcome: &Outcome) -> String {
     let Some(first) = means.first() else { return text };
     let _ = write!(
         text,
-        "\n\\medskip\n\n% Means over {} scenes; differences from {} on the same scenes.\n\\begin{{tabular}}{{lr{}}}\n\\toprule\nMethod & Views",
-        first.scenes,
+        "\n\\medskip\n\n% Means over scenes; differences from {} on the same scenes.\n\\begin{{tabular}}{{lr{}}}\n\\toprule\nMethod & Views",
         first.reference,
         "rr".repeat(metrics.len())
     );
     heads(&mut text, &metrics, |name| vec![name.to_owned(), "Difference".into()]);
     for mean in &means {
-        let _ = write!(text, "{} & {}", escaped(mean.method.name()), mean.views);
+        let _ = write!(text, "{{}}{} & {}", escaped(mean.method.name()), mean.views);
         let rivals = || means.iter().filter(|other| other.views == mean.views);
         for (metric, name) in &metrics {
             let best = best(name, rivals().filter_map(|other| other.measured[*metric][0]));

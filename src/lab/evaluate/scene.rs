@@ -22,6 +22,7 @@ use crate::scene::model::{Environment, Model};
 use crate::scene::region::Region;
 use crate::scene::samples::studio;
 use crate::scene::surface::Surface;
+use crate::visibility::device_scene::SceneGeometry;
 use crate::{Error, Result};
 
 /// Up in glTF.
@@ -140,7 +141,8 @@ impl Scene {
         };
         let Setting { preset, situation, .. } = *setting;
         let target = setting.target(path, &mut model, &mut surface, intrinsics).map_err(named)?;
-        let is_lit = environment.is_some() || !model.lamps.is_empty() || model.materials.iter().all(|m| m.unlit);
+        let unlit = model.faces.iter().all(|face| model.materials[face.material as usize].unlit);
+        let is_lit = environment.is_some() || !model.lamps.is_empty() || unlit;
         let studio = (preset == Preset::Object && !is_lit).then(studio);
         let assembly = Assembly::new(&model, environment.or(studio.as_ref())).map_err(named)?;
         let (region, limits) = (target.region, target.limits.clone());
@@ -172,11 +174,11 @@ impl Scene {
         path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
     }
 
-    /// How many of these cameras stand outside of the region, behind a wall or where cameras are kept out.
-    pub fn outside(&self, cameras: &[Camera]) -> usize {
+    /// How many of these cameras stand outside of the region, or of the limits within which methods choose in `space`.
+    pub fn outside(&self, space: &SceneGeometry, cameras: &[Camera]) -> usize {
         let tolerance = TOLERANCE * self.region.bounding_sphere().1;
         let is_outside = |p: DVec3| {
-            self.region.nearest(p).distance(p) > tolerance || self.limits.behind_a_wall(p) || self.limits.in_a_volume(p)
+            self.region.nearest(p).distance(p) > tolerance || !space.keeps_limits(space.to_internal.point(p))
         };
         cameras.iter().filter(|camera| is_outside(camera.pose.position)).count()
     }

@@ -32,8 +32,16 @@ impl SceneMean {
 }
 
 /// The means of all methods and budgets, in the order of the rows; none of a budget of which fewer than two scenes have all methods. The
-/// reference is the planner, or where it is not compared the first method.
+/// reference is the planner, or where it is not compared the first method that all budgets have; without one there are no means.
 pub fn means_over_scenes(rows: &[Row]) -> Vec<SceneMean> {
+    let at_all = |method: &Competitor| {
+        rows.iter().all(|row| rows.iter().any(|other| other.views == row.views && other.method == *method))
+    };
+    let ours = Competitor::Method(Method::Ours);
+    let others = rows.iter().map(|row| &row.method);
+    let Some(reference) = std::iter::once(&ours).chain(others).find(|method| at_all(method)) else {
+        return Vec::new();
+    };
     let mut means: Vec<SceneMean> = Vec::new();
     for row in rows {
         if means.iter().any(|mean| mean.method == row.method && mean.views == row.views) {
@@ -53,12 +61,9 @@ pub fn means_over_scenes(rows: &[Row]) -> Vec<SceneMean> {
             }
         }
         scenes.retain(|scene| methods.iter().all(|method| at(scene, method).is_some()));
-        let ours = Competitor::Method(Method::Ours);
-        let (Some(reference), 2..) =
-            (methods.iter().find(|method| ***method == ours).or(methods.first()), scenes.len())
-        else {
+        if scenes.len() < 2 {
             continue;
-        };
+        }
         // The last column is the mean over the sets, or the only set.
         let value = |scene: &str, method: &Competitor, metric: usize| {
             at(scene, method).and_then(|row| row.measured[metric].last().copied().flatten()).map(|of| of.mean)
@@ -69,9 +74,9 @@ pub fn means_over_scenes(rows: &[Row]) -> Vec<SceneMean> {
         let measured = std::array::from_fn(|metric| {
             let mean = over(&|scene| value(scene, &row.method, metric));
             let difference = over(&|scene| Some(value(scene, &row.method, metric)? - value(scene, reference, metric)?));
-            [mean, difference.filter(|_| row.method != **reference)]
+            [mean, difference.filter(|_| row.method != *reference)]
         });
-        let (method, reference) = (row.method.clone(), (*reference).clone());
+        let (method, reference) = (row.method.clone(), reference.clone());
         means.push(SceneMean { method, views: row.views, scenes: scenes.len(), reference, measured });
     }
     means

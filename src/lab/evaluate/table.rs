@@ -254,6 +254,9 @@ pub fn csv(request: &EvaluationRequest, rows: &[Row]) -> String {
             }
         }
         line("", "choice_seconds", row.seconds);
+        if row.outside > 0 {
+            line("", "outside", Some(Interval { mean: row.outside as f64, half: None }));
+        }
         if row.diverged > 0 {
             line("", "diverged", Some(Interval { mean: row.diverged as f64, half: None }));
         }

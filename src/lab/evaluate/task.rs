@@ -6,10 +6,10 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde_json::json;
 
-use super::artifact::{Artifact, Observe};
+use super::artifact::Observe;
 use super::request::EvaluationRequest;
 use super::scene::Scene;
-use super::scene_artifacts::{SURFACE, SceneArtifacts};
+use super::scene_artifacts::{MethodInputs, SURFACE, SceneArtifacts};
 use super::settings::Shown;
 use crate::engine::vulkan::Context;
 use crate::files::io;
@@ -24,7 +24,8 @@ const TASK: &str = "task.json";
 const MESH: &str = "mesh.ply";
 
 /// Makes what methods choose on and writes it into `root`, which is the scene's folder: the scored surface, the mesh where methods are
-/// shown it, and the region, limits, lens, budgets, seeds and input photographs. All in the scene's frame, metres or whatever its unit is,
+/// shown it, and the region, limits, viewers, lens, budgets, seeds, kept photos and
+/// input photographs. All in the scene's frame, metres or whatever its unit is,
 /// +Y up.
 ///
 /// # Errors
@@ -53,15 +54,30 @@ pub(crate) fn write(
         _ => None,
     };
     let first = u64::from(request.first_seed);
-    let photos = |artifact: &Artifact| format!("../{}", artifact.key());
+    let seeds: Vec<u64> = (first..first + u64::from(request.seeds)).collect();
+    let intrinsics = request.settings.intrinsics();
+    // Photos that are there already, of each run.
+    let mut kept = Vec::new();
+    for views in &request.budgets {
+        for seed in &seeds {
+            let cameras = scene.kept(intrinsics, *views, *seed)?;
+            if !cameras.is_empty() {
+                kept.push(json!({ "views": views, "seed": seed, "cameras": cameras }));
+            }
+        }
+    }
+    let space = artifacts.target(MethodInputs { inputs: &inputs, shown: &shown }, &scene.region, false)?;
     let task = json!({
-        "scene": scene.name, "surface": SURFACE, "mesh": mesh.as_ref().map(|_| MESH),
-        "photos": photos(&inputs), "region": scene.region, "limits": scene.limits,
-        "camera": request.settings.intrinsics(), "budgets": request.budgets,
-        "seeds": (first..first + u64::from(request.seeds)).collect::<Vec<_>>(),
+        "scene": scene.name, "surface": SURFACE, "mesh": mesh.as_ref().map(|_| MESH), "photos": format!("../{}", inputs.key()),
+        "region": space.region, "limits": space.limits, "viewers": request.viewers, "camera": intrinsics,
+        "budgets": request.budgets, "seeds": seeds, "kept": kept,
     });
     let task = format!("{task:#}\n");
     let [surface_file, mesh_file, task_file] = [SURFACE, MESH, TASK].map(|name| folder.join(name));
+    if mesh.is_none() && mesh_file.is_file() {
+        // Of an earlier request.
+        std::fs::remove_file(&mesh_file).map_err(|source| Error::io(&mesh_file, source))?;
+    }
     let mut files = vec![(&*surface_file, &surface[..]), (&*task_file, task.as_bytes())];
     files.extend(mesh.as_ref().map(|mesh| (&*mesh_file, &mesh[..])));
     write_files(&files)

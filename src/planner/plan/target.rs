@@ -98,9 +98,7 @@ impl Target {
         {
             exposure::expose(&mut proxy)?;
         }
-        if let Some(volume) = subject {
-            focus(&mut proxy, volume)?;
-        }
+        let subject = subject.map(|subject| focus(&mut proxy, subject)).transpose()?.map(|(_, subject)| subject);
         let region = match (choice.shape, preset) {
             (Some(shape), _) => {
                 // As in the default regions: by the object's radius, or the smallest side of the room itself.
@@ -136,7 +134,7 @@ impl Target {
             kind: kind.into(),
             primitives: proxy.occluder.len() - proxy.assumed,
             assumed: Some(proxy.assumed),
-            subject: subject.cloned(),
+            subject,
             min,
             max,
         };
