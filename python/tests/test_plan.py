@@ -123,12 +123,18 @@ def test_what_a_callback_raises_stops_the_run(ball: Ball, tmp_path: Path) -> Non
     class Mistake(Exception):
         pass
 
-    calls = []
+    calls: list[int] = []
 
     def progress(doing: str, done: int, total: int) -> None:
-        calls.append(done)
-        raise Mistake
+        if doing == at:
+            calls.append(done)
+            raise Mistake
 
+    at = "preparing"
+    with pytest.raises(Mistake):
+        camsplat.plan(*ball, views=50, iterations=10**6, out=tmp_path / "plan", progress=progress)
+    assert not (tmp_path / "plan").exists() and len(calls) == 1, "there was no plan yet"
+    at, calls = "planning", []
     with pytest.raises(Mistake):
         camsplat.plan(*ball, views=50, iterations=10**6, out=tmp_path / "plan", progress=progress)
     assert camsplat.Plan(tmp_path / "plan").record["status"] == "interrupted" and len(calls) == 1
@@ -139,7 +145,7 @@ def test_ctrl_c_stops_a_plan_and_keeps_it(ball: Ball, tmp_path: Path) -> None:
     np.save(tmp_path / "vertices.npy", ball[0])
     program = (
         "import camsplat, numpy as np\n"
-        "def progress(*call): print('going', flush=True)\n"
+        "def progress(doing, done, total): doing == 'planning' and print('going', flush=True)\n"
         "camsplat.plan(np.load('vertices.npy'), views=50, iterations=10**6, out='plan', progress=progress)\n"
     )
     with subprocess.Popen(
@@ -160,7 +166,8 @@ def test_a_stopped_plan_that_nobody_gets_is_not_scored(ball: Ball, tmp_path: Pat
         pass
 
     def progress(doing: str, done: int, total: int) -> None:
-        raise Stop
+        if doing == "planning":
+            raise Stop
 
     # A folder that outlives the call.
     monkeypatch.setattr(camsplat._show, "Temporary", lambda: SimpleNamespace(folder=tmp_path))
