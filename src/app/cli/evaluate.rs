@@ -26,6 +26,7 @@ use crate::lab::evaluate::shard::Shard;
 use crate::lab::evaluate::situation::Situation;
 use crate::lab::evaluate::subject::Subject;
 use crate::lab::evaluate::table;
+use crate::lab::evaluate::task;
 use crate::lab::path_tracer::lightmap::Light;
 use crate::planner::plan::config::Preset;
 use crate::planner::plan::target::RegionChoice;
@@ -374,7 +375,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         go_on()
     };
     if arguments.prepare {
-        let prepared = evaluation::prepare(&contexts[0], &request, &subjects, &arguments.out, &mut |event| {
+        let prepared = task::prepare(&contexts[0], &request, &subjects, &arguments.out, &mut |event| {
             session.within(|| observe(EvaluationEvent::Artifact(event)))
         });
         contexts.iter().for_each(|context| print_messages(context));

@@ -26,7 +26,6 @@ use super::scene_means::means_over_scenes;
 use super::shard::Shard;
 use super::subject::Subject;
 use super::table;
-use super::task;
 use crate::engine::parallel::{lock, on_a_share};
 use crate::engine::vulkan::Context;
 use crate::files::io::folder::write_files;
@@ -107,32 +106,6 @@ pub fn run(
     spread(contexts, &board, subjects)?;
     let entries = lock(&board.entries);
     board.write(&entries)
-}
-
-/// Makes what methods choose on, for methods of other programs, and nothing else: files in the folder `task` of each scene's. Of a pool
-/// there are none, as its photos are the user's. Requests of any methods go on from there.
-///
-/// # Errors
-/// As [`run`].
-pub fn prepare(
-    context: &Arc<Context>,
-    request: &EvaluationRequest,
-    subjects: &[Subject],
-    folder: &Path,
-    observe: Observe,
-) -> Result<()> {
-    fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
-    let marks = folder.join(ASKED);
-    if !marks.is_file() {
-        write_files(&[(&marks, PREPARED.as_bytes())])?;
-    }
-    for subject in subjects {
-        if let Subject::Scene(scene) = subject {
-            let observe = &mut made_for(subject.name().to_owned(), &mut *observe);
-            task::write(context, request, scene, &folder.join(subject.name()), observe)?;
-        }
-    }
-    Ok(())
 }
 
 /// What all workers share: the observer, and what is complete.
@@ -342,7 +315,10 @@ impl Runs<'_, '_> {
 }
 
 /// Forwards events; adds to every artifact and note what it is for.
-fn made_for<'o>(what: String, observe: Observe<'o>) -> impl FnMut(ArtifactEvent<'_>) -> ControlFlow<()> + Send + 'o {
+pub(super) fn made_for<'o>(
+    what: String,
+    observe: Observe<'o>,
+) -> impl FnMut(ArtifactEvent<'_>) -> ControlFlow<()> + Send + 'o {
     move |event| match event {
         ArtifactEvent::Begins(product) => observe(ArtifactEvent::Begins(&format!("{product} for {what}"))),
         ArtifactEvent::Note(note) => observe(ArtifactEvent::Note(format!("{note} ({what})"))),

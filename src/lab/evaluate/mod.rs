@@ -33,6 +33,6 @@ pub mod shard;
 pub mod situation;
 pub(crate) mod subject;
 pub(crate) mod table;
-mod task;
+pub(crate) mod task;
 pub(crate) mod training;
 pub(crate) mod views;

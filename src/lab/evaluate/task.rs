@@ -7,10 +7,13 @@ use glam::DVec3;
 use serde_json::json;
 
 use super::artifact::Observe;
+use super::destination::{ASKED, PREPARED};
+use super::evaluation::made_for;
 use super::request::EvaluationRequest;
 use super::scene::Scene;
 use super::scene_artifacts::{MethodInputs, SURFACE, SceneArtifacts};
 use super::settings::Shown;
+use super::subject::Subject;
 use crate::engine::vulkan::Context;
 use crate::files::io;
 use crate::files::io::folder::write_files;
@@ -23,14 +26,39 @@ const TASK: &str = "task.json";
 /// The scene's own mesh, where that is what methods are shown.
 const MESH: &str = "mesh.ply";
 
-/// Makes what methods choose on and writes it into `root`, which is the scene's folder: the scored surface, the mesh where methods are
-/// shown it, and the region, limits, viewers, lens, budgets, seeds, kept photos and
-/// input photographs. All in the scene's frame, metres or whatever its unit is,
-/// +Y up.
+/// Makes what methods choose on, for methods of other programs, and nothing else: files in the folder `task` of each scene's. Of a pool
+/// there are none, as its photos are the user's. Requests of any methods go on from there.
 ///
 /// # Errors
 /// Where the photographs give no surface, `observe` stopped it, or a file cannot be written.
-pub(crate) fn write(
+pub fn prepare(
+    context: &Arc<Context>,
+    request: &EvaluationRequest,
+    subjects: &[Subject],
+    folder: &Path,
+    observe: Observe,
+) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
+    let marks = folder.join(ASKED);
+    if !marks.is_file() {
+        write_files(&[(&marks, PREPARED.as_bytes())])?;
+    }
+    for subject in subjects {
+        if let Subject::Scene(scene) = subject {
+            let observe = &mut made_for(subject.name().to_owned(), &mut *observe);
+            write(context, request, scene, &folder.join(subject.name()), observe)?;
+        }
+    }
+    Ok(())
+}
+
+/// Makes what methods choose on and writes it into `root`, which is the scene's folder: the scored surface, the mesh where methods are
+/// shown it, and the region, limits, viewers, lens, budgets, seeds, kept photos and input photographs. All in the scene's frame, metres or
+/// whatever its unit is, +Y up.
+///
+/// # Errors
+/// Where the photographs give no surface, `observe` stopped it, or a file cannot be written.
+fn write(
     context: &Arc<Context>,
     request: &EvaluationRequest,
     scene: &Scene,
