@@ -43,12 +43,14 @@ pub fn shared_faces(subject: &Volume, surface: impl IntoIterator<Item = Triangle
 /// Which primitives of a surface a subject consists of, where it is a part of that surface.
 fn part(subject: &Volume, surface: &Occluder) -> Result<Option<Vec<bool>>> {
     let Occluder::Triangles(triangles) = surface else { return Ok(None) };
-    if let Some(end) = subject.part.iter().map(|[_, end]| *end).max() {
-        if end > triangles.len() {
-            return Err(Error::request("`subject`: it is a part of another surface; give a box or a file"));
+    if !subject.part.is_empty() {
+        let mut is_in = vec![false; triangles.len()];
+        for [start, end] in &subject.part {
+            let run = is_in.get_mut(*start..*end);
+            run.ok_or_else(|| Error::request("`subject`: it is a part of another surface; give a box or a file"))?
+                .fill(true);
         }
-        let is_in = |i: usize| subject.part.iter().any(|[start, end]| (*start..*end).contains(&i));
-        return Ok(Some((0..triangles.len()).map(is_in).collect()));
+        return Ok(Some(is_in));
     }
     if shared_faces(subject, triangles.iter().copied()) < MOST {
         return Ok(None);
@@ -82,14 +84,12 @@ pub fn focus(proxy: &mut Proxy, subject: &Volume) -> Result<(usize, Volume)> {
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     subject.triangles.iter().flatten().for_each(|p| (min, max) = (min.min(*p), max.max(*p)));
     let holds = |p: DVec3| p.cmpge(min).all() && p.cmple(max).all() && subject.holds(p);
-    let inside: Vec<bool> = match &proxy.occluder {
-        Occluder::Triangles(triangles) if part.is_some() => {
-            let part = part.clone().unwrap_or_default();
-            corners
-                .extend(triangles.iter().zip(&part).filter(|(_, is_in)| **is_in).flat_map(|(triangle, _)| *triangle));
-            part
+    let inside: Vec<bool> = match (&proxy.occluder, &part) {
+        (Occluder::Triangles(triangles), Some(part)) => {
+            corners.extend(triangles.iter().zip(part).filter(|(_, is_in)| **is_in).flat_map(|(triangle, _)| *triangle));
+            part.clone()
         }
-        Occluder::Triangles(triangles) => triangles
+        (Occluder::Triangles(triangles), None) => triangles
             .iter()
             .map(|triangle| {
                 let middle = triangle.iter().sum::<DVec3>() / 3.0;
@@ -102,7 +102,7 @@ pub fn focus(proxy: &mut Proxy, subject: &Volume) -> Result<(usize, Volume)> {
                 inside
             })
             .collect(),
-        Occluder::Discs(discs) => discs
+        (Occluder::Discs(discs), _) => discs
             .iter()
             .map(|disc| {
                 let inside = holds(disc.centre);
@@ -296,8 +296,10 @@ mod tests {
         // As a plan has it, and of a plan of something larger.
         let mut again = proxy.clone();
         assert_eq!((focus(&mut again, &kept).unwrap().0, again.sphere), (2, focused.sphere));
-        let larger = Volume { part: vec![[3, 5]], ..kept };
-        assert!(focus(&mut proxy.clone(), &larger).unwrap_err().to_string().contains("another surface"));
+        for wrong in [[3, 5], [2, 1]] {
+            let other = Volume { part: vec![wrong], ..Volume::default() };
+            assert!(focus(&mut proxy.clone(), &other).unwrap_err().to_string().contains("another surface"));
+        }
         // A hull that rests on one of the table's triangles is a volume: what is in it counts.
         let mut hull = box_triangles(DVec3::new(-2.0, -2.0, 0.2), DVec3::splat(2.0)).to_vec();
         hull.push(table.triangles[0]);

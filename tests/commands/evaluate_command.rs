@@ -7,19 +7,18 @@ use crate::support::command::gltf::lit_cube;
 use crate::support::command::{Place, assert_refused, ended, read_until, stop};
 use crate::support::data::data_folder;
 use crate::support::lpips_weights;
-use serde_json::{Value, json};
+use serde_json::Value;
 
-/// A cube whose material is not the same all over, and the light on it.
 /// An evaluation of seconds.
-const TINY: &str = "evaluate cube.gltf --env sky.hdr --quick --methods random,ours --budgets 4 --seeds 1 --size 48 --spp 2 \
+pub const TINY: &str = "evaluate cube.gltf --env sky.hdr --quick --methods random,ours --budgets 4 --seeds 1 --size 48 --spp 2 \
                     --inputs 8 --tests 2 --iterations 20 --max-splats 200";
 
-fn results(place: &Place, folder: &str) -> Value {
+pub fn results(place: &Place, folder: &str) -> Value {
     serde_json::from_str(&place.read(&format!("{folder}/results.json"))).unwrap()
 }
 
 /// Method and qualities of every run.
-fn qualities(results: &Value) -> Vec<(&Value, &Value)> {
+pub fn qualities(results: &Value) -> Vec<(&Value, &Value)> {
     results["runs"].as_array().unwrap().iter().map(|run| (&run["method"], &run["quality"])).collect()
 }
 
@@ -373,123 +372,6 @@ fn bad_input_is_refused_and_nothing_is_written() {
     ];
     assert_refused(&place, &cases);
     assert_eq!(place.files("other"), ["cube.gltf"]);
-}
-
-/// If this failed, a layout of one's own could not be compared, or would be compared with other cameras than those of the file.
-#[test]
-fn cameras_of_a_file_are_a_method() {
-    let place = lit_cube();
-    let tiny = |methods: &str, out: &str| format!("{} --out {out}", TINY.replace("random,ours", methods));
-    place.done(&tiny("random", "o"));
-    let plan = place.files("o").into_iter().find(|file| file.ends_with("plan.json")).unwrap();
-    let mut mine: Value = serde_json::from_str(&place.read(&format!("o/{plan}"))).unwrap();
-    // Another lens, which does not count.
-    let lens = json!({ "width": 640, "height": 480, "focal": [300.0, 300.0], "principal": [320.0, 240.0] });
-    mine["cameras"].as_array_mut().unwrap().iter_mut().for_each(|camera| camera["intrinsics"] = lens.clone());
-    place.write("mine.json", mine.to_string());
-
-    // The same places: photographed and trained already.
-    let given = place.done(&tiny("random,cameras:mine.json", "o"));
-    let made = |out: &str| -> Vec<String> {
-        out.lines().filter(|line| line.starts_with("making")).map(|line| line[9..].replace("-", " ")).collect()
-    };
-    assert!(matches!(&made(&given.out)[..], [choice] if choice.starts_with("choice ")), "{}", given.out);
-    let results = results(&place, "o");
-    let qualities = qualities(&results);
-    assert_eq!((qualities[1].0, qualities[0].1), (&Value::from("cameras:mine.json"), qualities[1].1));
-    assert!(place.read("o/report.html").contains("cameras:mine.json"));
-    assert!(place.read("o/table.md").contains("cameras:FILE are where the file has them"));
-    assert!(results["runs"][1]["seconds"].is_null() && results["runs"][0]["seconds"].is_f64(), "no time to choose");
-    // As many as they are alone, whatever else is requested, and chosen once for all seeds.
-    let forget = || fs::remove_file(place.path("o/results.json")).unwrap();
-    forget();
-    let budgets = tiny("cameras:mine.json", "o").replace("--budgets 4 --seeds 1", "--budgets 4,5 --seeds 2");
-    let given = place.done(&budgets);
-    assert_eq!(given.out.matches("complete cube").count(), 2, "{}", given.out);
-    assert!(matches!(&made(&given.out)[..], [training] if training.starts_with("training ")), "{}", given.out);
-    // Others under the same name are another choice.
-    mine["cameras"].as_array_mut().unwrap().reverse();
-    place.write("mine.json", mine.to_string());
-    forget();
-    assert!(made(&place.done(&tiny("cameras:mine.json", "o")).out).len() == 3);
-
-    fs::create_dir_all(place.path("other")).unwrap();
-    place.write("other/second.gltf", place.read("cube.gltf"));
-    place.write("mine.txt", "no cameras");
-    mine["cameras"].as_array_mut().unwrap().truncate(1);
-    place.write("one.json", mine.to_string());
-    let given = tiny("cameras:mine.json", "p");
-    let cases: [(String, &[&str]); 7] = [
-        (given.replace("--budgets 4", "--budgets 5,6"), &["cameras:mine.json", "4 cameras", "give --budgets 4"]),
-        (given.replace("mine.json", "one.json"), &["cameras:one.json", "1 cameras; give 2 to 1000"]),
-        (given.replace("mine.json", "mine.json,cameras:./mine.json"), &["--methods", "twice"]),
-        (given.replace("cube.gltf", "cube.gltf other/second.gltf"), &["cameras:mine.json", "one scene"]),
-        (given.replace("mine.json", "none.json"), &["none.json"]),
-        (given.replace("mine.json", "mine.txt"), &["mine.txt"]),
-        (
-            "evaluate --pool cube.gltf --methods cameras:mine.json --out p".into(),
-            &["cameras:mine.json", "places cameras"],
-        ),
-    ];
-    let cases: Vec<(&str, &[&str])> = cases.iter().map(|(arguments, said)| (arguments.as_str(), *said)).collect();
-    assert_refused(&place, &cases);
-}
-
-/// If this failed, a method of another program could not be compared as ours are: it would not get what they choose by, its cameras would be
-/// taken for another scene's, or the table would not say where they break the rules. And scenes would not be summed up.
-#[test]
-fn a_method_of_another_program_is_compared_on_several_scenes() {
-    let place = lit_cube();
-    let other = place.read("cube.gltf").replace("0.8, 0.4, 0.1", "0.1, 0.4, 0.8");
-    place.write("blue_cube.gltf", other);
-    let of = |methods: &str| {
-        format!("{} --out o", TINY.replace("cube.gltf", "cube.gltf blue_cube.gltf").replace("random,ours", methods))
-    };
-    let prepared = place.done(&format!("{} --prepare", of("random")));
-    assert!(prepared.out.contains("o/blue_cube/task") && !place.path("o/table.md").exists(), "{}", prepared.out);
-    // Machines may share what was prepared, whatever they compare.
-    let apart = of("random").replace("--out o", "--out apart");
-    place.done(&format!("{apart} --prepare"));
-    place.done(&format!("{} --shard 1/4", apart.replace("random", "fvs")));
-    fs::create_dir(place.path("mine")).unwrap();
-    for (scene, distance) in [("cube", 1.0), ("blue_cube", 9.0)] {
-        let task: Value = serde_json::from_str(&place.read(&format!("o/{scene}/task/task.json"))).unwrap();
-        let folder = format!("o/{scene}/task/{}", task["photos"].as_str().unwrap());
-        assert!(place.path(&format!("{folder}/transforms.json")).is_file(), "{task}");
-        assert!(place.path(&format!("o/{scene}/task/surface.ply")).is_file() && task["mesh"].is_null(), "{task}");
-        let shell = &task["region"]["shape"]["shell"];
-        let [near, far] = ["r_min", "r_max"].map(|key| shell[key].as_f64().unwrap_or_else(|| panic!("{task}")));
-        let radius = near + (far - near) * distance;
-        let cameras: Vec<Value> = (0..task["budgets"][0].as_u64().unwrap())
-            .map(|i| {
-                let turn = i as f64 * std::f64::consts::FRAC_PI_2;
-                // A camera looks along its z, here at the centre.
-                let half = 0.5 * (turn + std::f64::consts::PI);
-                let rotation = [0.0, half.sin(), 0.0, half.cos()];
-                json!({ "name": format!("{i}.png"), "intrinsics": task["camera"],
-                    "pose": { "position": [radius * turn.sin(), 0.0, radius * turn.cos()], "rotation": rotation } })
-            })
-            .collect();
-        place.write(&format!("mine/{scene}-4.json"), json!({ "cameras": cameras }).to_string());
-    }
-    let ran = place.done(&of("random,ring=cameras:mine/{scene}-{views}.json"));
-    assert!(!ran.out.contains("making   surface"), "the surface was there: {}", ran.out);
-    let table = place.read("o/table.md");
-    let row = |line: &str| table.lines().find(|row| row.starts_with(line)).unwrap_or_else(|| panic!("{line}: {table}"));
-    assert!(row("| blue_cube | ring | 4 |").ends_with(" – |"), "{table}");
-    assert!(row("Given cameras that stand outside").contains("blue_cube, ring, 4 views (4 of 4)."), "{table}");
-    assert!(!row("Given cameras that stand outside").contains(" cube, ring"), "{table}");
-    // The mean of the two scenes, and the difference from the first method.
-    let results = results(&place, "o");
-    let psnr = |row: usize| results["rows"][row]["measured"][0][3]["mean"].as_f64().unwrap();
-    let difference = 0.5 * ((psnr(1) - psnr(0)) + (psnr(3) - psnr(2)));
-    let mean = format!("| ring | 4 | 2 | {:.2} | ", 0.5 * (psnr(1) + psnr(3)));
-    assert!(row(&mean).contains(&format!("| {difference:.2} ± ")), "{table}");
-    assert!(row("| random | 4 | 2 |").contains("| – |"), "{table}");
-    let latex = place.read("o/table.tex");
-    assert!(latex.contains("blue\\_cube & ring & 4 & $") && latex.contains("\\mathbf{"), "{latex}");
-    assert_eq!((latex.matches("\\begin{tabular}").count(), latex.matches("\\end{tabular}").count()), (2, 2));
-    assert!(place.read("o/report.html").contains("mean over scenes"));
 }
 
 /// If this failed, an hour's table of many runs would be replaced by one of fewer, without a word.

@@ -12,6 +12,7 @@ mod depth_maps;
 mod determinism;
 mod evaluate_command;
 mod evaluate_kinds;
+mod evaluate_layouts;
 mod evaluate_situations;
 mod export_command;
 mod frames;

@@ -63,28 +63,14 @@ mod tests {
     use super::*;
     use crate::lab::evaluate::competitor::Competitor;
     use crate::lab::evaluate::kind::Kind;
-    use crate::lab::evaluate::settings::EvaluationSettings;
-    use crate::lab::evaluate::situation::Situation;
     use crate::planner::methods::Method;
-    use crate::planner::quality::viewers::Viewers;
-    use crate::scene::limits::Limits;
 
     /// A page of many scenes takes seconds: one after every run would make whole evaluations slower, and without one at the end the last
     /// runs would be missing.
     #[test]
     fn pages_take_a_small_part_of_the_time_and_the_last_one_shows_everything() {
         let folder = tempfile::tempdir().unwrap();
-        let request = EvaluationRequest {
-            kind: Kind::Object,
-            methods: vec![Competitor::Method(Method::Ours)],
-            budgets: vec![4],
-            seeds: 1,
-            first_seed: 0,
-            settings: EvaluationSettings::QUICK,
-            viewers: Viewers::Region,
-            situation: Situation::Free,
-            limits: Limits::default(),
-        };
+        let request = EvaluationRequest::quick(Kind::Object, vec![Competitor::Method(Method::Ours)], vec![4]);
         let mut page = Page::new(folder.path(), &request, &[]);
         let shows = |left: usize| {
             let text = std::fs::read_to_string(folder.path().join("report.html")).unwrap_or_default();

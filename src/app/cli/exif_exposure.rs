@@ -6,6 +6,7 @@ use std::path::Path;
 
 use exif::{Exif, In, Tag, Value};
 
+use crate::app::export::gps;
 use crate::files::photos::Photo;
 
 /// Stops between photos from which on their colours differ visibly.
@@ -24,14 +25,14 @@ pub fn note(photos: &[Photo]) -> Option<String> {
 /// The exposure in stops: of time, sensitivity and aperture (as APEX counts them, from some zero).
 fn stops(path: &Path) -> Option<f64> {
     let exif = exif::Reader::new().read_from_container(&mut BufReader::new(File::open(path).ok()?)).ok()?;
-    let (time, aperture) = (number(&exif, Tag::ExposureTime)?, number(&exif, Tag::FNumber)?);
+    let (time, aperture) = (rational(&exif, Tag::ExposureTime)?, rational(&exif, Tag::FNumber)?);
     let sensitivity = f64::from(exif.get_field(Tag::PhotographicSensitivity, In::PRIMARY)?.value.get_uint(0)?);
     Some((time * sensitivity / aperture.powi(2)).log2()).filter(|stops| stops.is_finite())
 }
 
-fn number(exif: &Exif, tag: Tag) -> Option<f64> {
+fn rational(exif: &Exif, tag: Tag) -> Option<f64> {
     match &exif.get_field(tag, In::PRIMARY)?.value {
-        Value::Rational(numbers) => numbers.first().filter(|n| n.denom != 0).map(exif::Rational::to_f64),
+        Value::Rational(numbers) => gps::number(numbers.first()?),
         _ => None,
     }
 }
@@ -41,6 +42,7 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
+    use crate::files::photos::orientation::with_exif;
     use crate::scene::camera::{Camera, Intrinsics, Pose};
     use crate::scene::lens::Distortion;
 
@@ -60,10 +62,7 @@ mod tests {
         tiff.extend([0; 4]);
         [1, time, 2, 1].iter().for_each(|value: &u32| tiff.extend(value.to_be_bytes()));
         image::RgbImage::new(8, 8).save(path).unwrap();
-        let plain = std::fs::read(path).unwrap();
-        let segment = [&b"Exif\0\0"[..], &tiff].concat();
-        let length = (segment.len() as u16 + 2).to_be_bytes();
-        std::fs::write(path, [&plain[..2], &[0xff, 0xe1], &length, &segment, &plain[2..]].concat()).unwrap();
+        std::fs::write(path, with_exif(&std::fs::read(path).unwrap(), &tiff)).unwrap();
     }
 
     /// If this failed, who has photos of an automatic exposure would not learn what makes them dull, or everybody would be told.

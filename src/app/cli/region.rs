@@ -64,8 +64,9 @@ pub struct RegionOptions {
     /// a capture with GPS, as for `export`
     #[arg(long, value_name = "PLACE", allow_hyphen_values = true)]
     pub geo: Option<String>,
-    /// What of the surface is to be seen, where it holds more: a box X0,Y0,Z0,X1,Y1,Z1, a closed mesh or boxes as for --keep-out, a
-    /// mesh that is a part of the surface, or `largest`, the largest thing that stands on the ground; the rest blocks views, and its ground is the floor [default: all of the surface]
+    /// What of the surface is to be seen, where it holds more: a box X0,Y0,Z0,X1,Y1,Z1, a closed mesh or boxes as for --keep-out, a mesh
+    /// that is a part of the surface, or `largest`, the largest thing that stands on the ground; the rest blocks views, and its ground is
+    /// the floor [default: all of the surface]
     #[arg(long, value_name = "SUBJECT", value_parser = parse_subject, allow_hyphen_values = true)]
     pub subject: Option<SubjectOption>,
     /// Metres that cameras and the tour keep from polygons of --keep-out: GPS drifts [default: 3]

@@ -40,7 +40,8 @@ fn degrees(exif: &Exif, tag: Tag) -> Option<f64> {
     }
 }
 
-fn number(rational: &Rational) -> Option<f64> {
+/// A number of EXIF data; none where it is divided by nothing.
+pub fn number(rational: &Rational) -> Option<f64> {
     (rational.denom != 0).then(|| rational.to_f64())
 }
 

@@ -191,10 +191,7 @@ mod tests {
     use crate::lab::evaluate::competitor::Competitor;
     use crate::lab::evaluate::kind::Kind;
     use crate::lab::evaluate::settings::{EvaluationSettings, Shown};
-    use crate::lab::evaluate::situation::Situation;
     use crate::planner::methods::Method;
-    use crate::planner::quality::viewers::Viewers;
-    use crate::scene::limits::Limits;
     use crate::splats::run::record::Quality;
 
     /// The page without its data and scripts.
@@ -219,17 +216,7 @@ mod tests {
             pictures: ["half", "full", "random"].map(|set| format!("{set}_0000.png")).to_vec(),
             cameras: Vec::new(),
         };
-        let request = EvaluationRequest {
-            kind: Kind::Object,
-            methods: vec![entry.method.clone()],
-            budgets: vec![4],
-            seeds: 1,
-            first_seed: 0,
-            settings: EvaluationSettings::QUICK,
-            viewers: Viewers::Region,
-            situation: Situation::Free,
-            limits: Limits::default(),
-        };
+        let request = EvaluationRequest::quick(Kind::Object, vec![entry.method.clone()], vec![4]);
         let page = html(&request, &Outcome::new(Kind::Object, vec![entry], 1), &[]).unwrap();
         assert!(!page.contains("<img src=x>"), "{page}");
         // That its training diverged, three tables, three pictures; in two charts its end, and twice all of it to be pointed at.
@@ -255,15 +242,12 @@ mod tests {
             cameras: Vec::new(),
         };
         let request = |budgets: &[u32]| EvaluationRequest {
-            kind: Kind::Object,
-            methods: vec![Competitor::Method(Method::Ours), Competitor::Method(Method::PaperNoVds)],
-            budgets: budgets.to_vec(),
-            seeds: 1,
             first_seed: 3,
-            settings: EvaluationSettings::QUICK,
-            viewers: Viewers::Region,
-            situation: Situation::Free,
-            limits: Limits::default(),
+            ..EvaluationRequest::quick(
+                Kind::Object,
+                vec![Competitor::Method(Method::Ours), Competitor::Method(Method::PaperNoVds)],
+                budgets.to_vec(),
+            )
         };
         let entries: Vec<Entry> = [Competitor::Method(Method::Ours), Competitor::Method(Method::PaperNoVds)]
             .into_iter()

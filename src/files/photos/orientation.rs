@@ -39,6 +39,18 @@ pub fn source(orientation: Orientation, [x, y]: [u32; 2], [width, height]: [u32;
     }
 }
 
+/// A JPEG with EXIF data, a TIFF file, behind its start.
+#[cfg(test)]
+pub(crate) fn with_exif(jpeg: &[u8], tiff: &[u8]) -> Vec<u8> {
+    let segment = [b"Exif\0\0", tiff].concat();
+    let length = (segment.len() as u16 + 2).to_be_bytes();
+    [&jpeg[..2], &[0xff, 0xe1], &length, &segment, &jpeg[2..]].concat()
+}
+
+/// EXIF data that say a quarter turn: one entry, tag 0x112, orientation 6.
+#[cfg(test)]
+pub(crate) const QUARTER: &[u8] = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
+
 #[cfg(test)]
 mod tests {
     use image::{DynamicImage, GenericImageView, Rgb, RgbImage};

@@ -402,11 +402,7 @@ fn spread(contexts: &[Arc<Context>], board: &SharedProgress<'_>, subjects: &[Sub
 mod tests {
     use super::*;
     use crate::lab::evaluate::kind::Kind;
-    use crate::lab::evaluate::settings::EvaluationSettings;
-    use crate::lab::evaluate::situation::Situation;
     use crate::planner::methods::Method;
-    use crate::planner::quality::viewers::Viewers;
-    use crate::scene::limits::Limits;
     use crate::splats::run::record::Quality;
 
     fn entry(method: Competitor) -> Entry {
@@ -436,17 +432,7 @@ mod tests {
         let table = folder.path().join("table.md");
         fs::write(&table, "of an earlier run").unwrap();
         let methods = vec![Competitor::Method(Method::Ours), Competitor::Method(Method::PaperNoVds)];
-        let request = EvaluationRequest {
-            kind: Kind::Object,
-            methods,
-            budgets: vec![4],
-            seeds: 1,
-            first_seed: 0,
-            settings: EvaluationSettings::QUICK,
-            viewers: Viewers::Region,
-            situation: Situation::Free,
-            limits: Limits::default(),
-        };
+        let request = EvaluationRequest::quick(Kind::Object, methods, vec![4]);
         let mut observe = |event: EvaluationEvent<'_>| match event {
             EvaluationEvent::Complete(..) => ControlFlow::Break(()),
             _ => ControlFlow::Continue(()),

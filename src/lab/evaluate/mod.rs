@@ -3,9 +3,10 @@
 //! [`request`] specifies what is compared and how, [`kind`] what differs between kinds of subjects. A [`subject`] is read and checked
 //! first: a [`scene`] with [`views`] around an object or in the empty space of a [`room`], or a [`mod@pool`] of photos.
 //! [`artifact`] keeps every artifact under a key of its inputs; [`scene_artifacts`] makes those of a scene, [`pool_artifacts`]
-//! those of a pool, [`training`] and [`perceptual`] what both share. [`destination`] guards what a folder holds already, [`evaluation`] runs the whole request or a [`shard`] of it,
-//! [`results`] means and intervals over seeds, [`scene_means`] those over scenes, [`table`] and [`latex`] the tables; [`task`] writes what methods of other programs
-//! choose by; [`demo`] is the demo's pipeline. `docs/reference/evaluation.md` has the protocol.
+//! those of a pool, [`training`] and [`perceptual`] what both share. [`destination`] guards what a folder holds already, [`evaluation`] runs
+//! the whole request or a [`shard`] of it, [`results`] means and intervals over seeds, [`scene_means`] those over scenes, [`table`] and
+//! [`latex`] the tables; [`given`] reads layouts of the user's, [`task`] writes what methods of other programs choose by; [`demo`] is the
+//! demo's pipeline. `docs/reference/evaluation.md` has the protocol.
 
 pub(crate) mod artifact;
 mod baseline;

@@ -61,6 +61,16 @@ pub struct EvaluationRequest {
     pub limits: Limits,
 }
 
+#[cfg(test)]
+impl EvaluationRequest {
+    /// A small one for tests, of one seed from 0.
+    pub fn quick(kind: Kind, methods: Vec<Competitor>, budgets: Vec<u32>) -> Self {
+        let (settings, viewers) = (EvaluationSettings::QUICK, Viewers::Region);
+        let (situation, limits) = (Situation::Free, Limits::default());
+        Self { kind, methods, budgets, seeds: 1, first_seed: 0, settings, viewers, situation, limits }
+    }
+}
+
 impl EvaluationRequest {
     /// Sets of test views; of several, by what their names begin with.
     pub fn sets(&self) -> &'static [&'static str] {
@@ -227,11 +237,7 @@ mod tests {
     #[test]
     fn nothing_to_compare_is_said() {
         let of = |methods: Vec<Competitor>, budgets: Vec<u32>| {
-            let (kind, settings) = (Kind::Object, EvaluationSettings::QUICK);
-            let viewers = Viewers::Region;
-            let (situation, limits) = (Situation::Free, Limits::default());
-            EvaluationRequest { kind, methods, budgets, seeds: 1, first_seed: 0, settings, viewers, situation, limits }
-                .validate()
+            EvaluationRequest::quick(Kind::Object, methods, budgets).validate()
         };
         let given = Competitor::Cameras(Arc::new(Given::parse("cameras:a").unwrap().unwrap()));
         for nothing in [of(vec![Competitor::Method(Method::Ours), given.clone()], Vec::new()), of(Vec::new(), vec![4])]

@@ -119,5 +119,9 @@ mod tests {
         assert!((difference.half.unwrap() - 4.303 / 3f64.sqrt()).abs() < 1e-9 && mean.half.unwrap() > 20.0);
         assert_eq!((ours.measured[0][1], ours.measured[1]), (None, [None; 2]));
         assert!(means_over_scenes(&rows[..2]).is_empty(), "one scene has no mean over scenes");
+        // Differences are from a method that all budgets have.
+        let more = ["a", "b"].map(|scene| Row { views: 50, ..row(scene, Method::Random, 40.0) });
+        rows.extend(more);
+        assert!(means_over_scenes(&rows).iter().all(|mean| mean.reference == Competitor::Method(Method::Random)));
     }
 }

@@ -275,10 +275,7 @@ pub fn cell(Interval { mean, half }: Interval, decimals: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lab::evaluate::settings::EvaluationSettings;
-    use crate::lab::evaluate::situation::Situation;
     use crate::planner::methods::Method;
-    use crate::scene::limits::Limits;
 
     fn row() -> Row {
         let of = |mean, half| Some(Interval { mean, half });
@@ -326,15 +323,9 @@ mod tests {
     #[test]
     fn known_numbers_stand_where_they_belong() {
         let request = EvaluationRequest {
-            kind: Kind::Object,
-            methods: vec![Competitor::Method(Method::PaperNoVds)],
-            budgets: vec![20],
             seeds: 3,
             first_seed: 7,
-            settings: EvaluationSettings::QUICK,
-            viewers: Viewers::Region,
-            situation: Situation::Free,
-            limits: Limits::default(),
+            ..EvaluationRequest::quick(Kind::Object, vec![Competitor::Method(Method::PaperNoVds)], vec![20])
         };
         let text = markdown(&request, &outcome(&[row()]));
         assert!(text.contains(", 3 seeds from 7. Mean"), "{text}");
@@ -368,15 +359,8 @@ mod tests {
     fn a_kind_has_its_own_columns() {
         let one = Row { measured: row().measured.map(|all| all[..1].to_vec()), ..row() };
         let request = EvaluationRequest {
-            kind: Kind::Pool,
-            methods: vec![Competitor::Method(Method::Ours)],
-            budgets: vec![20],
             seeds: 3,
-            first_seed: 0,
-            settings: EvaluationSettings::QUICK,
-            viewers: Viewers::Region,
-            situation: Situation::Free,
-            limits: Limits::default(),
+            ..EvaluationRequest::quick(Kind::Pool, vec![Competitor::Method(Method::Ours)], vec![20])
         };
         let text = markdown(&request, &outcome(std::slice::from_ref(&one)));
         assert!(text.contains("| scene | method | views | held-out | choice, s |\n|---|---|---|---|---|\n"), "{text}");

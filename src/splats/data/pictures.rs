@@ -132,6 +132,7 @@ mod tests {
     use image::{GrayImage, Rgb, RgbImage, Rgba, RgbaImage};
 
     use super::*;
+    use crate::files::photos::orientation::{QUARTER, with_exif};
     use crate::scene::camera::{Intrinsics, Pose};
     use crate::scene::lens::Distortion;
 
@@ -186,21 +187,13 @@ mod tests {
         assert_eq!(one(&photo(path("b.png"), 3, 2), 2), [[188, 188, 188, 255]]);
     }
 
-    /// The same JPEG with an EXIF segment that specifies a quarter turn (TIFF, one entry: tag 0x112, orientation 6).
-    fn turned(jpeg: &[u8]) -> Vec<u8> {
-        let tiff = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
-        let segment = [&b"Exif\0\0"[..], tiff].concat();
-        let length = (segment.len() as u16 + 2).to_be_bytes();
-        [&jpeg[..2], &[0xff, 0xe1], &length, &segment, &jpeg[2..]].concat()
-    }
-
     /// If this failed, photos would be turned that the capture's program did not turn, or not turned that it did, and nothing would fit.
     #[test]
     fn exif_turns_what_fits_only_turned() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         RgbImage::from_fn(24, 16, |x, y| Rgb([10 * x as u8, 15 * y as u8, 90])).save(path("a.jpg")).unwrap();
-        std::fs::write(path("b.jpg"), turned(&std::fs::read(path("a.jpg")).unwrap())).unwrap();
+        std::fs::write(path("b.jpg"), with_exif(&std::fs::read(path("a.jpg")).unwrap(), QUARTER)).unwrap();
         let orientation = |name: &str| {
             let mut decoder = image::ImageReader::open(path(name)).unwrap().into_decoder().unwrap();
             image::ImageDecoder::orientation(&mut decoder).unwrap()

@@ -5,6 +5,7 @@ use image::RgbImage;
 use tempfile::TempDir;
 
 use super::*;
+use crate::files::photos::orientation::{QUARTER, with_exif};
 
 /// A hand-written capture: cameras a.jpg and sub/b.jpg of 40 x 20 pixels look along z at two points.
 const CAMERAS: &str = "1 OPENCV 40 20 30 30 20 10 0.1 0 0 0\n";
@@ -126,11 +127,7 @@ fn photos_on_their_side_are_turned_as_exif_says() {
     place.image("images/sub/b.jpg", 20, 40);
     let file = place.path("images/sub/b.jpg");
     assert!(place.read(Images::Needed).unwrap_err().to_string().contains("no EXIF data say how to turn it"));
-    let plain = fs::read(&file).unwrap();
-    // TIFF of one entry: tag 0x112, orientation 6.
-    let tiff = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
-    let length = (tiff.len() as u16 + 2).to_be_bytes();
-    fs::write(&file, [&plain[..2], &[0xff, 0xe1], &length, tiff, &plain[2..]].concat()).unwrap();
+    fs::write(&file, with_exif(&fs::read(&file).unwrap(), QUARTER)).unwrap();
     let set = place.read(Images::Needed).unwrap();
     let sizes: Vec<_> = set.photos.iter().map(|p| [p.camera.intrinsics.width, p.camera.intrinsics.height]).collect();
     assert_eq!(sizes, [[40, 20]; 2]);

@@ -1,7 +1,8 @@
 //! Decoding photos in the background: in order, in parallel, in bounded memory.
 //!
 //! Pixels are taken as they are stored, as COLMAP's models and trainers take them, but for photos that fit their cameras only when they
-//! are turned as their EXIF data say ([`super::orientation`]). Colours are straight (an alpha channel does not darken them) and taken for sRGB; embedded colour profiles are ignored.
+//! are turned as their EXIF data say ([`super::orientation`]). Colours are straight (an alpha channel does not darken them) and taken for
+//! sRGB; embedded colour profiles are ignored.
 
 mod budget;
 mod pixels;
